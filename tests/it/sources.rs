@@ -235,6 +235,68 @@ fn figures_of_ma_are_those_of_the_page() {
     hold("ma", &table(&["figure", "article", "here"], rows));
 }
 
+// --- Brecher et al.
+
+/// What the program says of the dish that is turned, with its drive at so many volts.
+fn turned(volts: u32) -> Value {
+    let job = format!("fixtures/sources/brecher/dish-{volts}v.toml");
+    changed(&["compare", "--systems", "z-range,tool-servo", "--nurbs", "dish.nurbs.json"], &job, &[])
+}
+
+/// A figure of the table of the tool servo.
+fn of_tool(found: &Value, figure: &str, key: &str) -> f64 {
+    let row = list(found, "tool_servo").iter().find(|row| row["figure"] == figure);
+    number(row.unwrap_or_else(|| panic!("no {figure}")), key)
+}
+
+#[test]
+#[ignore = "slow: make test-all, make sources"]
+fn figures_of_brecher_are_those_of_the_page_and_close_to_the_article() {
+    let folder = Path::new(ROOT).join("fixtures/sources/brecher");
+    let out = Command::new(env!("CARGO_BIN_EXE_terrace"))
+        .args(["inspect", "--nurbs", "dish.nurbs.json", "--json"])
+        .current_dir(&folder)
+        .output()
+        .expect("the program starts");
+    assert!(out.status.success(), "{}", said(&out));
+    let surface: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    let [low, high] = [50, 200].map(turned);
+    let both = |figure: &str, key: &str, digits: usize| {
+        [&low, &high].map(|found| format!("{:.digits$}", of_tool(found, figure, key))).join(" and ")
+    };
+    let close =
+        |found: f64, printed: f64, share: f64| assert!((found / printed - 1.0).abs() <= share, "{found} {printed}");
+    close(of_tool(&low, "jerk", "limit"), 133_547.0, 0.005);
+    close(of_tool(&high, "jerk", "limit"), 534_188.0, 0.005);
+    for (found, ms, m_s) in [(&low, 12.41, 1.289), (&high, 7.82, 2.047)] {
+        close(of_tool(found, "time of the full stroke", "needed"), ms, 0.04);
+        close(of_tool(found, "top speed of the full stroke", "needed"), m_s, 0.04);
+    }
+    let operations = |key: &str| whole(number(&surface["operations"], key));
+    for (key, printed) in [("point", 141.0), ("algorithm_ii", 149.0), ("newton_step", 561.0)] {
+        close(number(&surface["operations"], key), printed, 0.1);
+    }
+    let times = |figure: &str| format!("{:.2}", of_tool(&low, figure, "of_the_limit_percent") / 100.0);
+    let most = &surface["algorithm_iii"]["cold"];
+    let rows = vec![
+        cells(["jerk of the drive at 50 and 200 V, m/s3", "134,000 and 536,000", &both("jerk", "limit", 0)]),
+        cells(["time of 8 mm, ms", "12 and 7.8", &both("time of the full stroke", "needed", 2)]),
+        cells(["top speed, m/s", "1.29 and 2", &both("top speed of the full stroke", "needed", 3)]),
+        cells(["4 mm at 64 Hz at 50 V, jerk in terms of the drive's", "reached", &times("jerk of 4000 um at 64 Hz")]),
+        cells(["300 um at 300 Hz", "reached at 200 V", &{
+            let share = of_tool(&high, "jerk of 300 um at 300 Hz", "of_the_limit_percent") / 100.0;
+            format!("{share:.2} of the drive's jerk at 200 V: not reached")
+        }]),
+        cells(["operations of a point of degree 2", "140", &operations("point")]),
+        cells(["algorithm II", "150", &operations("algorithm_ii")]),
+        cells(["full Newton step of algorithm III", "600", &operations("newton_step")]),
+        cells(["Gauss-Newton step", "", &operations("gauss_newton_step")]),
+        cells(["steps from a linear guess at most", "3 to 7", &whole(number(most, "most_steps"))]),
+        cells(["turning of the dish", "", &time(total(&low, "tool-servo"))]),
+    ];
+    hold("brecher", &table(&["figure", "article", "here"], rows));
+}
+
 // --- All systems
 
 #[test]
