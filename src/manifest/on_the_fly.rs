@@ -143,7 +143,7 @@ impl OnTheFlySummary {
         deviations: Deviations,
         lengths: FlyLengths,
         blend_mm: f64,
-        (budget, warnings): (Budget, &[Diag]),
+        warnings: &[Diag],
     ) -> Self {
         let figures = checked.figures();
         let program = checked.program();
@@ -166,7 +166,7 @@ impl OnTheFlySummary {
             servo_period_s: SERVO_S,
             laser_error_mm: figures.laser_error_mm,
             blend_mm,
-            budget,
+            budget: Budget::default(),
             curves: None,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
             warnings: warnings.iter().map(Message::from).collect(),
