@@ -152,7 +152,7 @@ impl OnTheFlySummary {
         deviations: Deviations,
         lengths: FlyLengths,
         blend_mm: f64,
-        (budget, warnings): (Budget, &[Diag]),
+        warnings: &[Diag],
     ) -> Self {
         let figures = checked.figures();
         let program = checked.program();
@@ -174,7 +174,7 @@ impl OnTheFlySummary {
             mark_speed_mm_s: figures.mark_speed,
             laser: Vec::new(),
             blend_mm,
-            budget,
+            budget: Budget::default(),
             curves: None,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
             warnings: warnings.iter().map(Message::from).collect(),

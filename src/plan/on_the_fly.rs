@@ -100,7 +100,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
             let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
             warnings.extend(budget.warning(&job, &inputs.machine));
-            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, (budget, &warnings));
+            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
+            summary.budget = budget;
             summary.curves = inputs.curves;
             summary.laser = laser(&job, &inputs.machine, &checked);
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
