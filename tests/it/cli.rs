@@ -358,7 +358,15 @@ fn every_built_in_machine_is_listed_and_its_file_compiles() {
     let dir = job_folder_fixture();
     let list = done(dir.path(), &["machines"]);
     let names: Vec<&str> = list.lines().map(|l| l.split_whitespace().next().expect("a name")).collect();
-    assert_eq!(names, ["xyz-galvo-40", "xyz-galvo-100", "xyz-tilt-galvo-40", "xyz-zoom-40", "xyzac-galvo-10"]);
+    let built_in = [
+        "xyz-galvo-40",
+        "xyz-galvo-100",
+        "xyz-tilt-galvo-40",
+        "xyz-headtilt-galvo-40",
+        "xyz-zoom-40",
+        "xyzac-galvo-10",
+    ];
+    assert_eq!(names, built_in);
     assert_eq!(json(&done(dir.path(), &["machines", "--json"])), serde_json::json!(names));
     for name in names {
         write(dir.path().join("machine.toml"), done(dir.path(), &["machines", name]));
