@@ -107,7 +107,7 @@ pub fn in_order(
         OffPart::default()
     };
     let slips: Vec<_> = inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
-    warnings::warn(job, &found, (&off_part, &slips), Nm(0), everything, &mut notes)?;
+    warnings::warn(job, &found, (&off_part, &slips), Nm(0), [everything, Nm(0)], &mut notes)?;
     let shares = Shares::of(job, &texture, &program, inputs.part_box(job), machine);
     let Fragments { texture_mm, skipped, .. } = found;
     Ok(Strokes {

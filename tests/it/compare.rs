@@ -37,7 +37,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     let limits = &found["limits"];
     let systems = found["systems"].as_array().expect("systems");
     let of = |name: &str| systems.iter().find(|s| s["system"] == name).unwrap_or_else(|| panic!("no {name}"));
-    assert_eq!(systems.len(), 12);
+    assert_eq!(systems.len(), 13);
     // Of another process, for which this machine has no tool.
     for s in systems.iter().filter(|s| s["system"] != "tool-servo") {
         let parts = ["stage_s", "settle_s", "zoom_s", "mark_s", "jump_s", "delay_s"].map(|k| number(s, k));
@@ -56,6 +56,9 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     // A zoom optic moves the stage once a field.
     assert_eq!(number(of("zoom"), "stops"), number(of("flat"), "stops"));
     assert!(number(of("zoom"), "total_s") < number(of("z-range"), "total_s"));
+    // A head that tilts divides the part as a table does.
+    assert_eq!(number(of("head-tilt"), "stops"), number(of("tilt"), "stops"));
+    assert!(of("head-tilt")["notes"].to_string().contains("rob-scan"), "{}", of("head-tilt"));
     // Where five axes follow the mark itself nothing is off; smoothing lets it be off and saves time.
     assert!(number(of("5-axis"), "worst_fod_um") < 1e-6);
     assert!(number(of("7-axis-smooth"), "total_s") < number(of("5-axis"), "total_s"));
