@@ -3,10 +3,15 @@
 //! The stage carries the pivot. With the commands at which a head without a tilt has the centre of its field at S of the
 //! table frame, a head turned by R about the pivot q (from that centre) has it at F = S + q - R q. So the stage goes to
 //! S = F - (q - R q), which is rounded to its increments; F is then found back from what was commanded, and the stop
-//! takes it, to the nanometre, as its centre and focal plane.
+//! takes it, to the nanometre, as its centre and focal plane. Sideways the field makes up for what rounding has moved;
+//! the height of the focal plane counts. A step of x or y raises or lowers a leaning focal plane by less than an
+//! increment, so of the positions around the one that was wanted one is taken that meets the height.
 
 use super::{Carries, Commanded, Machine, Origin, TiltAngles};
 use crate::geom::{Nm, P2, P3, Turned};
+
+/// How near to the height that is wanted a focal plane comes where a step of x or y can bring it there, nm.
+const MET: f64 = 1.0;
 
 /// Where a stop stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,8 +28,14 @@ impl Machine {
         self.tilt.as_ref().is_some_and(|tilt| tilt.carries == Carries::Head)
     }
 
-    /// The commands that bring the centre of the field nearest to the point `p` of the turned part, at the height
-    /// `focus`. The height is met to half an increment; sideways a field can make up for what remains.
+    /// How far from the place that is wanted a tilted head may stand sideways, nm.
+    pub fn stand_room(&self) -> Nm {
+        Nm(20_000).max(self.increment_nm() * 8)
+    }
+
+    /// The commands that bring the centre of the field to the point `p` of the turned part, at the height `focus`. The
+    /// height is met to [`MET`], where a tilt is so small that no position within [`Machine::stand_room`] does, to half
+    /// an increment.
     pub fn stand(&self, tilt: TiltAngles, p: P2<Turned>, focus: Nm, origin: Origin) -> Stand {
         let Some(head) = self.tilt.as_ref().filter(|_| self.tilts_head() && !tilt.is_upright()) else {
             return Stand { stage: self.stage_from_part(p, focus, origin), by: [0; 3] };
@@ -36,8 +47,29 @@ impl Machine {
         let mut at = [0, 1, 2].map(|k| ((field[k] + origin[k] as f64 - swing[k]) / step).round() * step);
         let reached = |at: [f64; 3]| turn.apply(P3::new([0, 1, 2].map(|k| at[k] - origin[k] as f64 + swing[k]))).at;
         // What x and y are rounded by lifts or lowers the leaning focal plane too: z makes up for it.
-        let off = wanted[2] - reached(at)[2];
-        at[2] += (off / turn.up()[2] / step).round() * step;
+        let [ux, uy, uz] = turn.up();
+        let off = (wanted[2] - reached(at)[2]) / (uz * step);
+        let most = ((self.stand_room().f64() / step - 2.0) * uz).max(0.0) as i64;
+        // In steps of z: what is left after i steps of x and j of y, of which the fewest are taken.
+        let left = |[i, j]: [i64; 2]| off - (i as f64 * ux + j as f64 * uy) / uz;
+        let miss = |steps: [i64; 2]| (left(steps) - left(steps).round()).abs() * uz * step;
+        let mut best = [0; 2];
+        'found: for n in 0..=most {
+            for i in -n..=n {
+                let j = n - i.abs();
+                for steps in [[i, j], [i, -j]] {
+                    if miss(best) <= MET {
+                        break 'found;
+                    }
+                    if miss(steps) < miss(best) {
+                        best = steps;
+                    }
+                }
+            }
+        }
+        for (k, n) in [best[0] as f64, best[1] as f64, left(best).round()].into_iter().enumerate() {
+            at[k] += n * step;
+        }
         let found = reached(at);
         let by = [0, 1, 2].map(|k| (found[k] - wanted[k]).round() as i64);
         let axes = self.axes();
@@ -71,14 +103,17 @@ mod tests {
         let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
         let origin = Origin([-225_000_000, -224_000_000, 3_000_100]);
         let (wanted, focus) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
-        for commands in [[12_345_600, -3_210_900], [0, 100], [-20_000_000, 20_000_000]].map(TiltAngles) {
+        for commands in [[12_345_600, -3_210_900], [0, 100], [-20_000_000, 20_000_000], [0, 230_000]].map(TiltAngles) {
             let Stand { stage, by } = machine.stand(commands, wanted, focus, origin);
             assert!(stage.0.iter().all(|v| v % machine.increment_nm().0 == 0), "{stage:?}");
             let back = machine.turn(commands, origin).apply(machine.field_centre(stage, commands, origin));
             let meant = [wanted.x + by[0], wanted.y + by[1], focus.0 + by[2]];
             let off = (0..3).map(|k| (back[k] - meant[k] as f64).abs()).fold(0.0, f64::max);
             assert!(off <= 0.51, "{commands:?}: {off}");
-            assert!(by[2].abs() <= 50 && by[0].abs().max(by[1].abs()) <= 100, "{by:?}");
+            let room = machine.stand_room().0;
+            assert!(by[0].abs().max(by[1].abs()) <= room, "{by:?}");
+            // A ten-thousandth of a degree tilts no focal plane by enough.
+            assert!(by[2].abs() <= if commands[1] == 100 { 50 } else { 1 }, "{by:?}");
         }
         let upright = machine.stand(TiltAngles::UPRIGHT, wanted, focus, origin);
         assert_eq!(upright, Stand { stage: machine.stage_from_part(wanted, focus, origin), by: [0; 3] });

@@ -265,8 +265,8 @@ impl<'a> Draft<'a> {
         emit::faults(&job.formats, checked.program(), machine)?;
         frames::may_be_shown(job, machine, &checked)?;
         let placed = (&off_part, self.slips.as_slice());
-        // The focal plane of a tilted head is met to half an increment.
-        let met = if machine.tilts_head() { machine.increment_nm() } else { Nm(0) };
+        // The focal plane of a tilted head is met to a nanometre, and two are rounded.
+        let met = if machine.tilts_head() { Nm(4) } else { Nm(0) };
         let depth = [grid.lattice.depth, met];
         warnings::warn(job, &best.split, placed, best.worst_defocus, depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));

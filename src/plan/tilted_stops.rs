@@ -13,9 +13,8 @@ const MAX_CELLS: u64 = 20_000_000;
 
 /// The stops; None where the texture's box holds too many windows.
 pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid, task: Task<'_>) -> Option<Stops> {
-    // The commands of a tilted head are rounded: its field makes up for less than two increments in x and in
-    // y, at tilts of up to 63 deg.
-    let spare = if machine.tilts_head() { ROUNDING + machine.increment_nm() * 2 } else { ROUNDING };
+    // A tilted head stands a little beside the place, and its field makes up for it.
+    let spare = if machine.tilts_head() { ROUNDING + machine.stand_room() } else { ROUNDING };
     let tilted = tilted_sections::TiltSite {
         machine,
         origin: grid.origin,

@@ -18,7 +18,7 @@ pub(super) fn warn(
     split: &Fragments,
     (off_part, slips): (&OffPart, &[(usize, Slip)]),
     worst_defocus: Nm,
-    [depth, step]: [Nm; 2],
+    [depth, met]: [Nm; 2],
     warnings: &mut Vec<Diag>,
 ) -> Result<(), Error> {
     let limits = &job.limits;
@@ -59,7 +59,7 @@ pub(super) fn warn(
             format!("{} of texture is in fragments shorter than partition.min_mark", length(split.skipped.small));
         warnings.push(Diag::warning("small", text));
     }
-    if worst_defocus > (depth + step) / 2 {
+    if worst_defocus > (depth + met) / 2 {
         let text = format!(
             "marks lie up to {:.1} um from the focal plane, more than half the depth range of {:.1} um",
             worst_defocus.f64() / 1000.0,

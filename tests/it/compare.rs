@@ -58,7 +58,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     assert!(number(of("zoom"), "total_s") < number(of("z-range"), "total_s"));
     // A head that tilts divides the part as a table does.
     assert_eq!(number(of("head-tilt"), "stops"), number(of("tilt"), "stops"));
-    assert!(of("head-tilt")["notes"].to_string().contains("rob-scan"), "{}", of("head-tilt"));
+    assert!(of("head-tilt")["note"].to_string().contains("rob-scan"), "{}", of("head-tilt"));
     // Where five axes follow the mark itself nothing is off; smoothing lets it be off and saves time.
     assert!(number(of("5-axis"), "worst_fod_um") < 1e-6);
     assert!(number(of("7-axis-smooth"), "total_s") < number(of("5-axis"), "total_s"));
