@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::OnceLock;
 
-use crate::budget::Budget;
 use crate::job::{Job, Mode, Overrides};
 use crate::job_folder::write_on_the_fly;
 use crate::machine::Machine;
@@ -177,7 +176,7 @@ impl Bench {
             machine: self.machine.clone(),
             summary: OnTheFlySummary {
                 laser: crate::plan::laser(&self.job, &self.machine, &checked),
-                ..OnTheFlySummary::new(&checked, Deviations::default(), lengths, 0.0, (Budget::default(), &[]))
+                ..OnTheFlySummary::new(&checked, Deviations::default(), lengths, 0.0, &[])
             },
             checked,
             left_out: Vec::new(),
