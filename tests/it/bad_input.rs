@@ -86,7 +86,7 @@ const SURFACES: &[(&str, Outcome)] = &[
     ("3mf_missing_model_part.3mf", Refused("3mf-part", ".3mf")),
     ("3mf_nan_transform.3mf", Refused("3mf-transform", ".3mf")),
     ("3mf_no_build_items.3mf", Refused("3mf-object", ".3mf")),
-    ("3mf_path_traversal.3mf", Compiled(&["incidence", "off-part"])),
+    ("3mf_path_traversal.3mf", Compiled(&["incidence", "off-part", "depth-budget"])),
     ("3mf_singular_transform.3mf", Refused("3mf-transform", ".3mf")),
     ("3mf_target_outside.3mf", Refused("3mf-part", ".3mf")),
     ("3mf_truncated_zip.3mf", Refused("3mf-archive", ".3mf")),
