@@ -28,9 +28,11 @@ impl Machine {
         self.tilt.as_ref().is_some_and(|tilt| tilt.carries == Carries::Head)
     }
 
-    /// How far from the place that is wanted a tilted head may stand sideways, nm.
+    /// How far from the place that is wanted a tilted head may stand sideways: where increments are coarser than a focal
+    /// plane is to be met, far enough to choose among positions.
     pub fn stand_room(&self) -> Nm {
-        Nm(20_000).max(self.increment_nm() * 8)
+        let step = self.increment_nm();
+        if step.f64() <= 2.0 * MET { step * 2 } else { Nm(20_000).max(step * 8) }
     }
 
     /// The commands that bring the centre of the field to the point `p` of the turned part, at the height `focus`. The

@@ -26,6 +26,8 @@ pub struct TiltSite<'a> {
     pub area: Box2,
     /// Window of a stop.
     pub window: [Nm; 2],
+    /// By how much it is smaller on each side than that of a stage that stands where it is to.
+    pub room: Nm,
     /// Lattice of the focal planes.
     pub lattice: Lattice,
 }
@@ -42,7 +44,7 @@ const UNSEEN: f64 = 20_000.0;
 impl TiltSite<'_> {
     /// The grid in whose cells sample points are taken: some forty along a window.
     pub fn samples(&self) -> Sections {
-        let pitch = self.window.map(|w| (w / 40).max(Nm(2)));
+        let pitch = self.window.map(|w| ((w + self.room * 2) / 40).max(Nm(2)));
         let size = self.area.size();
         let count = [0, 1].map(|k| (size[k] / pitch[k] + 1) as u32);
         Sections { origin: self.area.lo, pitch, count }

@@ -14,13 +14,14 @@ const MAX_CELLS: u64 = 20_000_000;
 /// The stops; None where the texture's box holds too many windows.
 pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid, task: Task<'_>) -> Option<Stops> {
     // A tilted head stands a little beside the place, and its field makes up for it.
-    let spare = if machine.tilts_head() { ROUNDING + machine.stand_room() } else { ROUNDING };
+    let room = if machine.tilts_head() { machine.stand_room() } else { Nm(0) };
     let tilted = tilted_sections::TiltSite {
         machine,
         origin: grid.origin,
         // Sections of later passes begin elsewhere.
         area: Box2 { lo: grid.sections.origin, hi: sweep.texture.bounds().hi },
-        window: grid.window.map(|w| (w / 2 * 2 - spare * 2).max(Nm(2))),
+        window: grid.window.map(|w| (w / 2 * 2 - (ROUNDING + room) * 2).max(Nm(2))),
+        room,
         lattice: grid.lattice,
     };
     let samples = tilted.samples();

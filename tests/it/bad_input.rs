@@ -97,7 +97,7 @@ const SURFACES: &[(&str, Outcome)] = &[
     ("tiff_huge_strip.tif", Refused("heightmap-samples", ".tif")),
     ("xyz_all_one_line.xyz", Refused("points-no-surface", ".xyz")),
     ("xyz_mixed_columns.xyz", Refused("points-columns", ".xyz:2")),
-    ("xyz_nan.xyz", Compiled(&["points-not-finite", "incidence"])),
+    ("xyz_nan.xyz", Compiled(&["points-not-finite", "incidence", "depth-budget"])),
 ];
 
 /// Without a size in the job: a page that has none of its own is refused.

@@ -128,8 +128,9 @@ fn a_tilted_head_marks_what_a_tilted_part_gets_to_a_nanometre() {
     write_stl(&part, &mesh(24, [0.0, 0.0, 110.0, 90.0], |x, y| dome(3.0 * x, 3.0 * y)));
     let table = with_tilt("xyz-tilt-galvo-40", "part", [0.0; 3], [("A", false), ("B", false)]);
     let head = with_tilt(PROFILE, "head", [1.5, -2.0, 250.0], [("B", true), ("A", true)]);
-    let head = head.replacen("field = [\"40 mm\", \"40 mm\"]", "field = [\"40.04 mm\", \"40.04 mm\"]", 1);
-    let [table, head] = [(table, "table.txt"), (head, "head.txt")].map(|(text, name)| {
+    let [table, head] = [(table, "table.txt", "40.00002 mm"), (head, "head.txt", "40.000024 mm")];
+    let [table, head] = [table, head].map(|(text, name, field)| {
+        let text = text.replacen("field = [\"40 mm\", \"40 mm\"]", &format!("field = [{field:?}, {field:?}]"), 1);
         let mut job = job(dir.path(), &part, &text, name);
         job.more = "[placement]\norigin = [\"-55 mm\", \"-45 mm\", \"3.2 mm\"]\n".into();
         planned(&job.write(dir.path(), &format!("{name}.toml")))
