@@ -68,9 +68,9 @@ mod tests {
         let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
         let (program, _) = crate::program::sample::program();
         let mut block = program.blocks[0].clone();
-        // A first, B nearer to the head: its z is (sin b, -sin a cos b, cos a cos b).
+        // B first, A nearer to the head: its z is (sin b cos a, -sin a, cos b cos a).
         for (a, b) in [(0.0, 0.0), (10.0, 0.0), (0.0, -7.0), (12.0, 5.0), (-20.0, 20.0)] {
-            block.stop.tilt = TiltAngles([a, b].map(|v: f64| (v * 1e6) as i64));
+            block.stop.tilt = TiltAngles([b, a].map(|v: f64| (v * 1e6) as i64));
             let pose = Pose::of(&machine, &block, Origin([1_000_000, 2_000_000, 3_000_000]));
             let [_, _, _, rz, ry, rx] = pose.values().map(f64::to_radians);
             let column = [
@@ -79,7 +79,7 @@ mod tests {
                 ry.cos() * rx.cos(),
             ];
             let ((sa, ca), (sb, cb)) = (f64::to_radians(a).sin_cos(), f64::to_radians(b).sin_cos());
-            let wanted = [sb, -sa * cb, ca * cb];
+            let wanted = [sb * ca, -sa, cb * ca];
             let off = (0..3).map(|k| (column[k] - wanted[k]).abs()).fold(0.0, f64::max);
             assert!(off < 3e-8, "{a} {b}: {column:?} {wanted:?}");
         }

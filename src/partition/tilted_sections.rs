@@ -38,6 +38,9 @@ const PARTS: i64 = 4;
 /// Sections along an axis that are tried beyond the fewest.
 const MORE: i64 = 3;
 
+/// How far the focal plane of a tilted head may lie from the middle of its level.
+const MET: Nm = Nm(2);
+
 /// Allowance for marks between the sample points, nm.
 const UNSEEN: f64 = 20_000.0;
 
@@ -210,9 +213,13 @@ impl TiltSite<'_> {
 
     /// The stops: for every field the fewest levels that hold what lies in it.
     pub fn stops(&self, fields: &TiltedFields, held: &Turned, sections: &Sections) -> Stops {
-        let lattice = &self.lattice;
+        // A tilted head meets any height to a nanometre, and two are rounded.
+        let depth = (self.lattice.depth - MET * 2).max(Nm(2));
+        let any = Lattice { step: Nm(1), depth, ..self.lattice };
         let mut stops = Vec::new();
         for (field, held) in fields.list.iter().zip(&held.0) {
+            let is_free = self.machine.tilts_head() && !field.tilt.is_upright();
+            let lattice = if is_free { &any } else { &self.lattice };
             let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
             let heights = super::join(held.heights(), deep);
             let middle = P3::new([field.centre.x as f64, field.centre.y as f64, lattice.depth.f64()]);
@@ -225,7 +232,7 @@ impl TiltSite<'_> {
                 stops.push((stop, Tilted { turn: field.turn, area: (!field.is_wide).then_some(field.area) }));
             }
         }
-        Stops::tilted(stops, self.window, lattice.depth)
+        Stops::tilted(stops, self.window, self.lattice.depth)
     }
 }
 
