@@ -208,10 +208,10 @@ impl Legs {
         let times = spot.times();
         let end = if last + 1 == times.len() { spot.total() } else { times[last][0] };
         let apart = 1e-9 * (end - times[first][0]).max(1e-3);
+        let arrives = times[last][0];
         for (i, axes) in axes.iter().enumerate().take(last + 1).skip(first) {
-            let at = if i == last { end } else { times[i][0] };
-            let is_first = i == first;
-            if is_first && !self.at.is_empty() || !is_first && i < last && end - at <= apart {
+            let (at, is_first) = (times[i][0], i == first);
+            if is_first && !self.at.is_empty() || !is_first && i < last && arrives - at <= apart {
                 continue;
             }
             if self.at.last().is_some_and(|before| at - before <= apart) {
@@ -220,6 +220,11 @@ impl Legs {
             self.push(at, listed(axes));
         }
         self.end();
+        // The stage rests while the spot waits at the end of the path.
+        if end - arrives > apart {
+            self.push(end, listed(&axes[last]));
+            self.end();
+        }
     }
 
     fn evened(&mut self, spot: &SpotMotion, tools: &StagePath, first: usize, last: usize, window: f64) {
