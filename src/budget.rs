@@ -163,6 +163,7 @@ impl Budget {
             let name = match term.cause {
                 Cause::Slope => continue,
                 Cause::Tilt => "tilt axes (not modelled)",
+                Cause::Projection => "projection (no spacing, or slopes that may be upright)",
                 cause => cause.key().unwrap_or(cause.name()),
             };
             if !out.contains(&name) {
@@ -207,7 +208,12 @@ impl Budget {
             depth.known()
         );
         let twice = if job.focus.rule == DepthRule::Range { 2.0 } else { 1.0 };
-        let hint = format!("focus.reserve = \"{:.0} um\" keeps room for them", (twice * depth.sum_um).ceil());
+        let reserve_um = (twice * depth.sum_um).ceil();
+        let hint = if reserve_um < job.focus.pdof.f64() / 1e3 {
+            format!("focus.reserve = \"{reserve_um:.0} um\" keeps room for them")
+        } else {
+            "no focus.reserve can keep room for them: it takes a larger PDOF or smaller errors".into()
+        };
         let key = if self.reserve_mm > 0.0 { "focus.reserve" } else { "focus" };
         Some(Diag::warning("depth-budget", text).at(job.place_of(key)).hint(hint))
     }
@@ -276,7 +282,7 @@ impl<'a> Stated<'a> {
         self.at(&Seen {
             defocus: (block.z_hi - focus).max(focus - block.z_lo).f64() / 1e3,
             cos,
-            cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(f64::MIN_POSITIVE) } else { cos },
+            cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(0.0) } else { cos },
             is_tilted,
             relief: None,
         })
@@ -319,7 +325,8 @@ impl<'a> Stated<'a> {
     fn at(&self, seen: &Seen) -> Errors {
         let Self { job, machine, .. } = *self;
         let (cos, tan) = (seen.cos, (1.0 - seen.cos * seen.cos).max(0.0).sqrt() / seen.cos);
-        let term = |cause, um| Term { cause, um };
+        // Nothing bounds what goes with 1 / cos at a right angle.
+        let term = |cause, um: Option<f64>| Term { cause, um: um.filter(|um| um.is_finite()) };
         let [residual, residual_z] = job.placement.residual;
         let moved = [
             term(Cause::Stage, um(machine.stage.accuracy).map(|a| std::f64::consts::SQRT_2 * a)),
@@ -362,5 +369,28 @@ impl Serialize for Errors {
         }
         map.serialize_entry("depth_left", &self.left_um)?;
         map.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::Overrides;
+    use std::path::Path;
+
+    #[test]
+    fn a_slope_that_may_be_upright_leaves_terms_unknown_and_sums_finite() {
+        let text = "surface.file = \"a.stl\"\nsurface.unit = \"mm\"\nfocus.pdof = \"0.07 mm\"\n\
+                    machine.profile = \"xyz-galvo-40\"\n[[texture]]\npattern = \"hatch\"\npitch = \"1 mm\"\n\
+                    [[pen]]\nname = \"a\"\nspeed = \"1 m/s\"\npower = \"50 %\"\nfrequency = \"60 kHz\"\n";
+        let job = Job::parse(Path::new("a.toml"), text, &Overrides::default()).expect("a job");
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let stated = Stated::new(&job, &machine, Some(0.001));
+        let at = |cos_in_plan| stated.at(&Seen { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None });
+        let projection = |errors: &Errors| errors.lateral.terms.iter().find(|t| t.cause == Cause::Projection).copied();
+        assert_eq!(projection(&at(0.5)).and_then(|t| t.um), Some(1000.0));
+        let upright = at(0.0);
+        assert_eq!(projection(&upright).map(|t| t.um), Some(None));
+        assert!(upright.lateral.sum_um.is_finite() && upright.depth.sum_um.is_finite());
     }
 }

@@ -59,6 +59,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let mut surface = surface_input(&file.surface, f);
     let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length).0)));
     let focus = focus(&file.focus, f);
+    errors_stated(file, f);
     // Facets of exact surfaces may use a tenth of the depth.
     let is_cad = surface::is_cad(&surface.file);
     surface.options.tessellation = is_cad.then(|| surface::Tessellation::within(focus.pdof.mm() / 10.0));
@@ -177,6 +178,21 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             NonManifold::Topmost => surface::NonManifold::Topmost,
         },
         tessellation: keys.tessellation,
+    }
+}
+
+/// Errors that the file states for the budget: as far as those of a machine go.
+fn errors_stated(file: &JobFile, f: &mut Faults<'_>) {
+    let stated = [
+        ("surface.tessellation", file.surface.tessellation),
+        ("placement.residual", file.placement.residual),
+        ("placement.residual_z", file.placement.residual_z),
+    ];
+    for (key, error) in stated {
+        if let Some(error) = error.filter(|error| error.as_mm() > 10.0) {
+            let text = format!("{key} is {error}, more than 10 mm");
+            f.push(key, Diag::input("error-range", text).hint("state how far the part may be off, or leave the key out"));
+        }
     }
 }
 

@@ -94,6 +94,16 @@ fn the_terms_of_a_plane_are_those_of_their_formulae() {
 }
 
 #[test]
+fn errors_as_large_as_pdof_have_no_reserve_to_suggest() {
+    let dir = folder();
+    let placed = "[placement]\nresidual_z = \"0.1 mm\"\n";
+    let summary = summary_of(&job(dir.path(), "", "", placed, "pdof = \"0.07 mm\""));
+    let hint = summary["warnings"].as_array().expect("a list").iter().find(|w| w["code"] == "depth-budget");
+    let hint = hint.expect("told")["help"].to_string();
+    assert!(hint.contains("no focus.reserve can keep room"), "{hint}");
+}
+
+#[test]
 fn what_nobody_states_is_named_and_is_not_zero() {
     let dir = folder();
     let job = job(dir.path(), "", "", "", "pdof = \"0.07 mm\"");
@@ -151,6 +161,8 @@ fn a_reserve_as_large_as_pdof_and_the_tessellation_of_step_are_refused_at_their_
     assert!(text.contains("error[focus-reserve]") && text.contains("reserve = \"70 um\""), "{text}");
     let text = refused("", "pdof = \"0.07 mm\"\nreserve = \"-1 um\"");
     assert!(text.contains("must not be negative"), "{text}");
+    let text = refused("tessellation = \"11 mm\"", "pdof = \"0.07 mm\"");
+    assert!(text.contains("error[error-range]") && text.contains("surface.tessellation is 11 mm"), "{text}");
     let step = "[surface]\nfile = \"a.step\"\ntessellation = \"1 um\"\n";
     let path = job(dir.path(), "", "", "", "pdof = \"0.07 mm\"");
     let text = std::fs::read_to_string(&path).expect("a job");
