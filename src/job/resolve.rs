@@ -191,7 +191,10 @@ fn errors_stated(file: &JobFile, f: &mut Faults<'_>) {
     for (key, error) in stated {
         if let Some(error) = error.filter(|error| error.as_mm() > 10.0) {
             let text = format!("{key} is {error}, more than 10 mm");
-            f.push(key, Diag::input("error-range", text).hint("state how far the part may be off, or leave the key out"));
+            f.push(
+                key,
+                Diag::input("error-range", text).hint("state how far the part may be off, or leave the key out"),
+            );
         }
     }
 }

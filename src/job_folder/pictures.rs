@@ -83,8 +83,9 @@ impl<'a> Pictures<'a> {
                     told("layout.svg", &drawing)?;
                     let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
                     told("slope.svg", &report::layout_svg(&by_slope))?;
-                    told("energy.svg", &report::energy_svg(&layout))?;
-                    told("report.html", &report::report_html(&layout))?;
+                    let energy = report::EnergyMap::of(&layout);
+                    told("energy.svg", &report::energy_svg(layout.job, &energy))?;
+                    told("report.html", &report::report_html(&layout, &energy))?;
                 }
                 Ok(())
             }

@@ -14,7 +14,7 @@ pub use on_the_fly::{
     AxisPeaks, Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest,
 };
 pub use registration::{Registered, registered, registration};
-pub use stepped::{beam_of, energy_of, manifest};
+pub use stepped::manifest;
 
 use serde::{Deserialize, Serialize};
 

@@ -10,7 +10,7 @@ use crate::emit::Files;
 use crate::geom::{Nm, P2, Turned};
 use crate::job::{DepthRule, Level};
 use crate::machine::{Machine, Origin};
-use crate::motion::{Beam, GalvoModel, LineEnergy, Rest};
+use crate::motion::{LineEnergy, Rest};
 use crate::program::{self, PassId, Pen, Program};
 use crate::texture::Directions;
 use crate::units::Time;
@@ -221,8 +221,7 @@ struct EnergyEntry {
 }
 
 impl EnergyEntry {
-    fn of(program: &Program, block: &program::Block, machine: &Machine) -> Option<Self> {
-        let energy = energy_of(program, block, machine);
+    fn of(energy: &LineEnergy, block: &program::Block) -> Option<Self> {
         let (worst, centre) = (energy.worst()?, block.stop.centre);
         let at: P2<Turned> = P2::new(centre.x + i64::from(worst.at.x), centre.y + i64::from(worst.at.y));
         Some(Self {
@@ -233,21 +232,6 @@ impl EnergyEntry {
             worst_where: worst.rest,
         })
     }
-}
-
-/// Line energy of the marks of a block.
-pub fn energy_of(program: &Program, block: &program::Block, machine: &Machine) -> LineEnergy {
-    let mut out = LineEnergy::default();
-    for stroke in program.strokes_of(block) {
-        out.add(program.points_of(stroke), beam_of(&program.pens[stroke.pen.index()], machine));
-    }
-    out
-}
-
-/// Laser and scanner of a pen.
-pub fn beam_of(pen: &Pen, machine: &Machine) -> Beam {
-    let (speed, power) = (pen.speed.as_mm_s(), pen.power.as_w(machine.laser.max_power));
-    Beam { model: GalvoModel::of(machine), speed, power, spot: machine.lens.spot.as_mm() }
 }
 
 /// Means and worst.
@@ -298,6 +282,6 @@ fn block_entry<'a>(facts: &'a Facts<'a>, stated: &Stated<'_>, index: usize) -> B
             dose: figures.slope.dose(),
         },
         errors_um: stated.of_block(block, figures),
-        line_energy: EnergyEntry::of(program, block, facts.machine),
+        line_energy: EnergyEntry::of(&figures.energy, block),
     }
 }

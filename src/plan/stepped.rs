@@ -250,7 +250,7 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, off_part, slivers, grid, clearance, .. } = self;
+        let Self { job, machine, mut best, tried, passes, off_part, slivers, grid, clearance, .. } = self;
         let (origins, curves, inputs) = (self.origins, self.curves, self.inputs);
         let limits = Limits {
             machine,
@@ -288,6 +288,8 @@ impl<'a> Draft<'a> {
             curves,
             budget,
         };
+        let energies = checked.program().line_energies(machine);
+        best.figures.iter_mut().zip(energies).for_each(|(figures, energy)| figures.energy = energy);
         let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         Ok(SteppedPlan {
             job: job.clone(),
@@ -391,8 +393,11 @@ impl Ready {
         let fragments = parts.iter().map(|p| p.list.len()).sum();
         let split = parts.into_iter().fold(Fragments::default(), join);
         let (times, block_times) = times(machine, &self.start, &program);
-        let figures =
-            block_times.into_iter().zip(slopes).map(|(time_s, slope)| BlockFigures { time_s, slope }).collect();
+        let figures = block_times
+            .into_iter()
+            .zip(slopes)
+            .map(|(time_s, slope)| BlockFigures { time_s, slope, ..BlockFigures::default() })
+            .collect();
         Candidate {
             method,
             times,

@@ -1,4 +1,9 @@
-//! What is estimated of a block: its time, and how the surface lies under its marks.
+//! What is estimated of a block: its time, how the surface lies under its marks, and what energy its lines get.
+
+use super::{Block, Pen, Program};
+use crate::machine::Machine;
+use crate::motion::{Beam, GalvoModel, LineEnergy};
+use crate::parallel;
 
 /// The figures of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -7,6 +12,31 @@ pub struct BlockFigures {
     pub time_s: f64,
     /// Slope under its marks, against the beam.
     pub slope: Slope,
+    /// What energy its lines get.
+    pub energy: LineEnergy,
+}
+
+impl Pen {
+    /// Laser and scanner as the pen sets them.
+    pub fn beam(&self, machine: &Machine) -> Beam {
+        let (speed, power) = (self.speed.as_mm_s(), self.power.as_w(machine.laser.max_power));
+        Beam { model: GalvoModel::of(machine), speed, power, spot: machine.lens.spot.as_mm() }
+    }
+}
+
+impl Program {
+    /// What energy the lines of each block get.
+    pub fn line_energies(&self, machine: &Machine) -> Vec<LineEnergy> {
+        let beams: Vec<Beam> = self.pens.iter().map(|pen| pen.beam(machine)).collect();
+        let of = |block: &Block| {
+            let mut out = LineEnergy::default();
+            for stroke in self.strokes_of(block) {
+                out.add(self.points_of(stroke), beams[stroke.pen.index()]);
+            }
+            out
+        };
+        parallel::map(self.blocks.len(), |i| of(&self.blocks[i]))
+    }
 }
 
 /// How the surface lies under the marks of a block, and what dose they get; means are over the length of

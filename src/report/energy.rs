@@ -9,15 +9,14 @@ use super::energy_map::EnergyMap;
 use super::page::escape;
 use super::{Layout, mm, plain};
 use crate::geom::Nm;
-use crate::manifest::energy_of;
-use crate::motion::{LineEnergy, Overshoot, Rest};
+use crate::motion::{Overshoot, Rest};
 use crate::program::BlockId;
 
 /// Blocks that are listed.
 const LISTED: usize = 10;
 
 /// Writes the section.
-pub(super) fn section(h: &mut String, job: &Layout<'_>) {
+pub(super) fn section(h: &mut String, job: &Layout<'_>, map: &EnergyMap) {
     let program = job.checked.program();
     h.push_str(
         "<h2>Line energy</h2>\n<div class=\"wide\"><table id=\"energy\">\n<tr><th>pen</th><th>P / v, J/m</th></tr>\n",
@@ -27,7 +26,7 @@ pub(super) fn section(h: &mut String, job: &Layout<'_>) {
         let _ = writeln!(h, "<tr><td>{}</td><td>{}</td></tr>", escape(&pen.name), plain(nominal, 4));
     }
     h.push_str("</table></div>\n");
-    if let Some((median, times, [x, y], cell)) = EnergyMap::of(job).worst() {
+    if let Some((median, times, [x, y], cell)) = map.worst() {
         let _ = writeln!(
             h,
             "<p><a href=\"energy.svg\">Map of the energy by area (energy.svg)</a>: median {} J/cm2 of surface in cells of {} \
@@ -39,12 +38,9 @@ pub(super) fn section(h: &mut String, job: &Layout<'_>) {
             plain(y, 2),
         );
     }
-    let all: Vec<LineEnergy> = job.blocks().iter().map(|b| energy_of(program, b, job.machine)).collect();
-    let mut worst: Vec<(usize, Overshoot, f64, f64)> = all
-        .iter()
-        .enumerate()
-        .filter_map(|(i, e)| Some((i, e.worst()?, e.mean_j_per_m()?, e.share_at_speed()?)))
-        .collect();
+    let energies = job.figures.iter().map(|figures| &figures.energy).enumerate();
+    let mut worst: Vec<(usize, Overshoot, f64, f64)> =
+        energies.filter_map(|(i, e)| Some((i, e.worst()?, e.mean_j_per_m()?, e.share_at_speed()?))).collect();
     if worst.is_empty() {
         h.push_str(
             "<p>Of corners and ends nothing is known: the machine file does not state scanner.acceleration, and the spot \

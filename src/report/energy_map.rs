@@ -11,16 +11,19 @@ use super::colour::{hex, of_height};
 use super::page::escape;
 use super::{Layout, image, plain};
 use crate::geom::{NM_PER_MM, Turn};
-use crate::manifest::beam_of;
 use crate::motion::deposits;
+use crate::parallel;
 
 /// Cells along the longer side of the texture; no smaller than the spot.
 const CELLS: f64 = 400.0;
 /// Colours, half a power of two each, from a quarter of the median up.
 const COLOURS: i64 = 13;
 
-/// Energy by area over the texture.
-pub(super) struct EnergyMap {
+/// Lists of blocks that are summed beside each other: a fixed number, so that sums are the same on any computer.
+const LISTS: usize = 16;
+
+/// Energy by area over the texture, that of all passes together.
+pub struct EnergyMap {
     /// Lower left corner, part frame.
     lo: [f64; 2],
     cell: f64,
@@ -32,13 +35,13 @@ pub(super) struct EnergyMap {
 }
 
 impl EnergyMap {
-    pub(super) fn of(job: &Layout<'_>) -> Self {
+    /// Of the marks of a job.
+    pub fn of(job: &Layout<'_>) -> Self {
         let (lo, size) = (job.texture.lo.mm(), job.texture_size().map(|v| v.mm()));
         let cell = (size[0].max(size[1]) / CELLS).max(job.machine.lens.spot.as_mm());
         let count = size.map(|v| ((v / cell).ceil() as usize).max(1));
-        let mut energy = vec![0.0; count[0] * count[1]];
         let program = job.checked.program();
-        for i in job.blocks.clone() {
+        let add = |energy: &mut [f64], i: usize| {
             let block = &program.blocks[i];
             let centre = Turn::drawn(block.stop.centre).mm();
             // J/mm² to J/cm².
@@ -52,14 +55,22 @@ impl EnergyMap {
             };
             for stroke in program.strokes_of(block) {
                 let (pen, points) = (&program.pens[stroke.pen.index()], program.points_of(stroke));
-                let (beam, passes) = (beam_of(pen, job.machine), f64::from(pen.passes));
+                let (beam, passes) = (pen.beam(job.machine), f64::from(pen.passes));
                 deposits(points, beam, cell / 4.0, |at, joule| put(at, passes * joule));
                 if let ([dot], Some(dwell)) = (points, pen.dwell) {
                     let at = [dot.x, dot.y].map(|v| f64::from(v) / NM_PER_MM);
                     put(at, passes * beam.power * dwell.as_s());
                 }
             }
-        }
+        };
+        let blocks = program.blocks.len();
+        let lists = parallel::map(LISTS, |k| {
+            let mut energy = vec![0.0; count[0] * count[1]];
+            (k * blocks / LISTS..(k + 1) * blocks / LISTS).for_each(|i| add(&mut energy, i));
+            energy
+        });
+        let sum = |cell: usize| lists.iter().map(|list| list[cell]).sum();
+        let energy: Vec<f64> = (0..count[0] * count[1]).map(sum).collect();
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
@@ -85,11 +96,10 @@ impl EnergyMap {
     }
 }
 
-/// The text of the file.
-pub fn energy_svg(job: &Layout<'_>) -> String {
+/// The text of the file, of the job of a name.
+pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     const WIDTH: f64 = 900.0;
     const KEY: f64 = 60.0;
-    let map = EnergyMap::of(job);
     let colours: Vec<_> = (0..COLOURS).map(|k| of_height(k, [0, COLOURS - 1])).collect();
     let palette: Vec<[u8; 4]> =
         std::iter::once([255, 255, 255, 0]).chain(colours.iter().map(|[r, g, b]| [*r, *g, *b, 255])).collect();
@@ -104,7 +114,7 @@ pub fn energy_svg(job: &Layout<'_>) -> String {
          <title>{}: energy by area</title>\n<rect width=\"{WIDTH}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
          <image width=\"{WIDTH}\" height=\"{height}\" preserveAspectRatio=\"none\" \
          style=\"image-rendering:pixelated\" href=\"{address}\"/>\n",
-        escape(job.job),
+        escape(job),
         total = height + KEY,
     );
     let step = WIDTH / COLOURS as f64;

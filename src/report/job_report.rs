@@ -6,6 +6,7 @@
 use std::fmt::Write;
 
 use super::colour::hex;
+use super::energy_map::EnergyMap;
 use super::legend::seconds;
 use super::page::{self, escape};
 use super::table::share as shown_share;
@@ -16,7 +17,7 @@ use crate::manifest::duration;
 use crate::program::{Block, BlockId, PassId, Slope};
 
 /// The report as the text of an HTML file.
-pub fn report_html(job: &Layout<'_>) -> String {
+pub fn report_html(job: &Layout<'_>, energy_map: &EnergyMap) -> String {
     let is_gridded = job.is_gridded();
     let job = &job.whole();
     let mut h = String::with_capacity(16_000 + 200 * job.blocks().len());
@@ -47,7 +48,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
     budget::section(&mut h, &job.summary.budget);
     defocus(&mut h, job);
     slopes(&mut h, job);
-    energy::section(&mut h, job);
+    energy::section(&mut h, job, energy_map);
     record::pens(&mut h, &job.checked.program().pens, job.machine);
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");

@@ -42,7 +42,7 @@ mod tests;
 mod travel;
 mod unmarked;
 
-pub use energy_map::energy_svg;
+pub use energy_map::{EnergyMap, energy_svg};
 pub use fly_report::on_the_fly_html;
 pub use fly_sheet::on_the_fly_txt;
 pub use job_report::{NOT_VERIFIED, report_html};

@@ -6,11 +6,16 @@ use super::blocks::TIERS;
 use super::layout::{LIMIT, within};
 use super::outline::{PaddedMap, area2, simplify, trace};
 use super::sample::Sample;
-use super::{NOT_VERIFIED, layout_svg, report_html};
+use super::{EnergyMap, NOT_VERIFIED, layout_svg, report_html};
 use crate::block_map::BlockMap;
 use crate::geom::{Box2, FieldPoint, Nm, P2};
 use crate::machine::Origin;
 use crate::random::Random;
+
+fn report(sample: &Sample) -> String {
+    let layout = sample.layout();
+    report_html(&layout, &EnergyMap::of(&layout))
+}
 
 fn map(columns: u32, labels: &[u32]) -> BlockMap {
     let rows = labels.len() as u32 / columns;
@@ -194,7 +199,7 @@ fn the_dome_of_3500_blocks_fits_the_budget_and_shows_every_block() {
     }
     assert!(counts[1..].iter().sum::<i32>() > 2 * counts[0], "most of 3,500 numbers need a large sheet: {counts:?}");
 
-    let html = report_html(&sample.layout());
+    let html = report(&sample);
     assert!(html.len() < 3_000_000, "{} bytes", html.len());
     assert_eq!(html.matches("<tr><td>B").count(), blocks);
 }
@@ -260,7 +265,7 @@ fn equal_input_gives_equal_bytes_and_no_job_name_breaks_the_files() {
     let mut sample = Sample::ripple();
     assert_eq!(layout_svg(&sample.layout()), layout_svg(&sample.layout()));
     sample.name = "</title><script>alert(1)</script> & \"quoted\" \u{1} ".repeat(20);
-    let (svg, html) = (layout_svg(&sample.layout()), report_html(&sample.layout()));
+    let (svg, html) = (layout_svg(&sample.layout()), report(&sample));
     ids(&svg);
     assert!(!html.contains("<script") && !svg.contains("<script"));
     assert!(!html.contains('\u{1}'));
@@ -272,7 +277,7 @@ fn empty_program_and_random_map_are_drawn() {
     sample.checked = crate::check::Checked::unchecked(Default::default(), Origin([0; 3]));
     sample = sample.with_scene();
     ids(&layout_svg(&sample.layout()));
-    report_html(&sample.layout());
+    report(&sample);
     sample = Sample::flat();
     sample.map.labels_mut().fill(u32::MAX);
     sample.map = BlockMap::blank(Box2::EMPTY, Nm(0));
@@ -348,7 +353,7 @@ fn windows_that_lie_freely_fit_the_budget_and_show_every_block() {
     let width: f64 = line.attribute("stroke-width").and_then(|w| w.parse().ok()).expect("a width");
     assert!(width < 0.5, "{width} mm");
     assert!(!found.contains("stage-stops"));
-    let html = report_html(&sample.layout());
+    let html = report(&sample);
     assert!(html.contains("<th>window x</th>") && html.contains("windows lie freely"));
     assert_eq!(html.matches("<tr><td>B").count(), blocks);
 }
@@ -359,7 +364,7 @@ fn stops_on_the_grid_show_sections_and_no_windows() {
     let svg = layout_svg(&sample.layout());
     let found = ids(&svg);
     assert!(found.contains("layer-sections") && !found.contains("layer-windows"));
-    assert!(report_html(&sample.layout()).contains("<th>section</th>"));
+    assert!(report(&sample).contains("<th>section</th>"));
 }
 
 #[test]
@@ -369,7 +374,7 @@ fn the_report_begins_with_what_needs_attention_and_a_picture() {
     (s.texture_mm, s.mark_mm) = (2000.0, 1890.0);
     (s.skipped_mm, s.skipped_off_part_mm, s.skipped_steep_mm, s.skipped_small_mm) = (110.0, 100.0, 0.0, 10.0);
     (s.by_hand.needed, s.by_hand.total_s, s.by_hand.load_s) = (true, 725.2, 15.0);
-    let html = report_html(&sample.layout());
+    let html = report(&sample);
     let count = sample.summary.blocks;
     for said in [
         "<li>Not marked of 2000.0 mm: off the part 100.0 mm (5.0 %), too small 10.0 mm (0.5 %).</li>".to_owned(),
@@ -387,7 +392,7 @@ fn the_report_begins_with_what_needs_attention_and_a_picture() {
     sample.summary.warnings.clear();
     (sample.summary.skipped_off_part_mm, sample.summary.skipped_small_mm) = (0.0, 0.0);
     sample.summary.by_hand.needed = false;
-    let html = report_html(&sample.layout());
+    let html = report(&sample);
     for said in
         ["<li>No warnings.</li>", "<li>All of the texture is marked: 2000.0 mm.</li>", "<li>Nobody has to attend: "]
     {
