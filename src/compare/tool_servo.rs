@@ -18,7 +18,7 @@ use super::follow::Follower;
 use super::{Beyond, Figures, Split};
 use crate::diag::{Diag, Error};
 use crate::machine::ToolServo;
-use crate::motion::rest_to_rest;
+use crate::motion::RestToRest;
 use crate::nurbs::{Decoupled, Inversion, Method, Surface};
 use crate::on_the_fly::axes::following_error::{Axis, Servo};
 use crate::parallel;
@@ -172,9 +172,9 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         figure("worst following error", "um", 1000.0 * whole.following[0]);
         figure("mean following error", "um", 1000.0 * whole.following[1] / counted as f64);
     }
-    let (stroke_s, peak) = full_stroke(tool);
-    figure("time of the full stroke", "ms", 1000.0 * stroke_s);
-    figure("top speed of the full stroke", "m/s", peak / 1000.0);
+    let full = full_stroke(tool);
+    figure("time of the full stroke", "ms", 1000.0 * full.total_s());
+    figure("top speed of the full stroke", "m/s", full.peak() / 1000.0);
     let mut notes = vec![
         format!("spiral of {radius:.1} mm about the middle of the texture"),
         format!("the part's facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
@@ -209,14 +209,11 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     })
 }
 
-/// Time of the full stroke from rest to rest, s, and its top speed, mm/s.
-fn full_stroke(tool: &ToolServo) -> (f64, f64) {
-    let [speed, acceleration] =
-        [tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s()), tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2())];
-    let (length, jerk) = (tool.stroke.as_mm(), tool.jerk_mm_s3());
-    let time = rest_to_rest(length, speed, acceleration, Some(jerk));
-    // Where the top speed is not kept, the mean is half of it.
-    (time, speed.min(2.0 * length / time))
+/// The full stroke from rest to rest.
+fn full_stroke(tool: &ToolServo) -> RestToRest {
+    let speed = tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s());
+    let acceleration = tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2());
+    RestToRest::new(tool.stroke.as_mm(), speed, acceleration, Some(tool.jerk_mm_s3()))
 }
 
 /// How far the surface lies off the part under the marks at most, mm.
