@@ -203,7 +203,6 @@ mod tests {
                 assert!(most(&speeds) <= v * (1.0 + 1e-9) && acceleration <= a * (1.0 + 1e-6), "{v} {a} {length}");
                 assert!(j.is_none_or(|j| jerk <= j * 1.001), "{jerk} of {j:?} at {length}");
                 for (k, way) in ways.iter().enumerate().step_by(37) {
-                    let time = k as f64 * step;
                     assert!((motion.way_at(motion.time_at(*way)) - way).abs() < 1e-12 * length);
                     let time = k as f64 * step;
                     let mean = (motion.way_at(time + step / 2.0) - motion.way_at(time - step / 2.0)) / step;
