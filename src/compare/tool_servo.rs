@@ -11,8 +11,8 @@
 //!
 //! # Limits
 //! The nose of the tool has no radius; spindle and feed run evenly; the approach is left out. Only places on the
-//! NURBS surface count: beside it the tool may move as it likes. Of long cuts some revolutions are looked at, spread
-//! evenly; the note says how many.
+//! NURBS surface count: beside it the tool may move as it likes. Of long cuts some revolutions, or stretches of long
+//! ones, are looked at, spread evenly; the note says how many.
 
 use super::follow::Follower;
 use super::{Beyond, Figures, Split};
@@ -24,7 +24,7 @@ use crate::on_the_fly::axes::following_error::{Axis, Servo};
 use crate::parallel;
 
 /// Most set-points that are looked at.
-const MOST: f64 = 2e5;
+const MOST: usize = 200_000;
 /// Places at which the surface is held against the part.
 const COMPARED: usize = 10_000;
 /// A speed, mm/s, and an acceleration, mm/s², that limit nothing.
@@ -109,7 +109,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     };
     let decoupled = Decoupled::of(surface).ok();
     let inversion = Inversion::new(surface, Method::GaussNewton);
-    let off = distance(follower, surface, &inversion)?;
+    let (off, compared) = distance(follower, surface, &inversion)?;
     let area = follower.texture();
     let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
     let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
@@ -119,9 +119,10 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let time_s = radius / spiral.feed;
     let revolution_s = std::f64::consts::TAU / spiral.turns;
     let all = (time_s / spiral.cycle).floor() as usize + 1;
-    let run = ((revolution_s / spiral.cycle).round() as usize).max(4);
+    let revolution = ((revolution_s / spiral.cycle).round() as usize).max(4);
+    let run = revolution.min(MOST);
     let runs = all.div_ceil(run);
-    let every = ((all as f64 / MOST).ceil() as usize).max(1);
+    let every = runs.div_ceil(MOST / run);
     let servo = tool.servo.map(|s| Servo::new(s.frequency.as_khz() * 1000.0, s.damping)).transpose()?;
     let jerk = tool.jerk_mm_s3();
     let limits = [
@@ -129,7 +130,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         tool.acceleration.map_or(f64::INFINITY, |a| a.as_mm_s2()),
         jerk,
     ];
-    // Each run of a revolution is looked at by itself; the revolution before it lets a servo settle.
+    // Each run, of a revolution where one is not too long, is looked at by itself; the one before it lets a servo settle.
     let found = parallel::map(runs.div_ceil(every), |k| {
         let first = k * every * run;
         let settle = servo.map_or(0, |_| run.min(first));
@@ -177,11 +178,12 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     figure("top speed of the full stroke", "m/s", full.peak() / 1000.0);
     let mut notes = vec![
         format!("spiral of {radius:.1} mm about the middle of the texture"),
-        format!("the part's facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
+        format!("at {compared} points of the marks the facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
         format!("heights by algorithm {}", if decoupled.is_some() { "II" } else { "III" }),
     ];
     if every > 1 {
-        notes.push(format!("1 of {every} revolutions looked at"));
+        let of = if run < revolution { format!("stretches of {run} set-points") } else { "revolutions".into() };
+        notes.push(format!("1 of {every} {of} looked at"));
     }
     for oscillation in &tool.oscillations {
         let [stroke, hz] = [oscillation.stroke.as_mm(), oscillation.frequency.as_khz() * 1000.0];
@@ -216,18 +218,18 @@ fn full_stroke(tool: &ToolServo) -> RestToRest {
     RestToRest::new(tool.stroke.as_mm(), speed, acceleration, Some(tool.jerk_mm_s3()))
 }
 
-/// How far the surface lies off the part under the marks at most, mm.
+/// How far the surface lies off the part at points of the marks at most, mm, and at how many of these.
 ///
 /// # Errors
 /// `compare-tool-servo` where it is beyond the focal offset that is allowed, or the surface is not there at all.
-fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<f64, Error> {
+fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<(f64, usize), Error> {
     let allowed = follower.subject().limits.focus;
     let refused = |text: String| {
         let hint = "give the NURBS surface of this part, in mm and in the frame of the placed part";
         Err(Diag::limit("compare-nurbs", text).hint(hint).into())
     };
     let nodes = &follower.path().nodes;
-    let mut worst = 0.0f64;
+    let (mut worst, mut compared) = (0.0f64, 0);
     let mut inversion = inversion.clone();
     for node in nodes.iter().step_by(nodes.len().div_ceil(COMPARED).max(1)).filter(|node| node.pen.is_some()) {
         let [x, y, z] = node.at;
@@ -235,6 +237,7 @@ fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_
             return refused(format!("the NURBS surface is not under the mark at {x:.3}, {y:.3} mm"));
         };
         worst = worst.max((found.at[2] - z).abs());
+        compared += 1;
     }
     if worst > allowed {
         let [lo, hi] = surface.hull();
@@ -243,7 +246,7 @@ fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_
             lo[2], hi[2]
         ));
     }
-    Ok(worst)
+    Ok((worst, compared))
 }
 
 /// Peaks of the set-points from `first` to `end`, of a servo that starts at rest at `settle`; `height` tells none where
