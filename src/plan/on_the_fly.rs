@@ -13,7 +13,7 @@ use crate::emit::{self, FlyFile, TARGETS, Target};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
-use crate::manifest::{Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
+use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
@@ -100,10 +100,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
             let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
             warnings.extend(budget.warning(&job, &inputs.machine));
-            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
-            summary.budget = budget;
-            summary.curves = inputs.curves;
-            summary.laser = laser(&job, &inputs.machine, &checked);
+            let accuracy = FlyAccuracy { deviations, blend_mm, laser: laser(&job, &inputs.machine, &checked), budget };
+            let summary = OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, &warnings);
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
         }
