@@ -446,7 +446,7 @@ const BETWEEN_RESTS: f64 = 8.0;
 fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
     let path = &found.path;
     let times = found.times();
-    let step_s = STEP_S.max(found.total_s() / WAYPOINTS);
+    let longest_s = STEP_S.max(found.total_s() / WAYPOINTS);
     let mut reader = found.read(model);
     let mut motion = Motion::default();
     let mut put = |time: f64, Instant { axes, field: [u, v], .. }: Instant, pen, stroke| {
@@ -458,11 +458,11 @@ fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
     put(0.0, reader.at_node(0, 0.0), None, path.nodes[0].stroke);
     for rests in Rests::Corners.of(path).windows(2) {
         let (first, last) = (rests[0], rests[1]);
-        let step_s = step_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
+        let step_s = longest_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
         for i in first..last {
             let ([come, go], stroke) = (times[i], path.nodes[i].stroke);
             // The spot waits with the laser off, and the stage goes on.
-            let count = ((go - come) / STEP_S).ceil() as usize;
+            let count = ((go - come) / longest_s).ceil() as usize;
             for k in 1..=count {
                 let time = come + (go - come) * k as f64 / count as f64;
                 put(time, reader.at_node(i, time), None, stroke);
