@@ -120,9 +120,8 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let revolution_s = std::f64::consts::TAU / spiral.turns;
     let all = (time_s / spiral.cycle).floor() as usize + 1;
     let revolution = ((revolution_s / spiral.cycle).round() as usize).max(4);
-    let run = revolution.min(MOST);
+    let [run, every] = looked_at(all, revolution);
     let runs = all.div_ceil(run);
-    let every = runs.div_ceil(MOST / run);
     let servo = tool.servo.map(|s| Servo::new(s.frequency.as_khz() * 1000.0, s.damping)).transpose()?;
     let jerk = tool.jerk_mm_s3();
     let limits = [
@@ -211,6 +210,12 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     })
 }
 
+/// Of how many set-points each run is that is looked at, and of how many runs one.
+fn looked_at(all: usize, revolution: usize) -> [usize; 2] {
+    let run = revolution.min(MOST);
+    [run, all.div_ceil(run).div_ceil(MOST / run)]
+}
+
 /// The full stroke from rest to rest.
 fn full_stroke(tool: &ToolServo) -> RestToRest {
     let speed = tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s());
@@ -297,5 +302,20 @@ fn joined(a: Peaks, b: Peaks) -> Peaks {
         rates: std::array::from_fn(|k| a.rates[k].max(b.rates[k])),
         following: [a.following[0].max(b.following[0]), a.following[1] + b.following[1]],
         counts: [0, 1].map(|k| a.counts[k] + b.counts[k]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_set_points_are_looked_at_than_the_bound() {
+        assert_eq!(looked_at(1000, 300), [300, 1], "all of a short cut");
+        for (all, revolution) in [(1_000_000, 300), (600_001, 150_001), (900_000_000, 60_000_000), (200_001, 200_000)] {
+            let [run, every] = looked_at(all, revolution);
+            let looked = all.div_ceil(run).div_ceil(every) * run;
+            assert!(looked <= MOST && looked + run > MOST / 2, "{all} {revolution}: {looked}");
+        }
     }
 }
