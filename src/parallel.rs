@@ -35,6 +35,17 @@ pub fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     rayon::join(a, b)
 }
 
+/// What `work` makes on a thread whose stack has so many bytes, for recursion of bounded depth.
+///
+/// # Errors
+/// Where the system has no room for one.
+pub fn on_stack<T: Send>(bytes: usize, work: impl FnOnce() -> T + Send) -> std::io::Result<T> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(bytes).spawn_scoped(scope, work)?;
+        Ok(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })
+}
+
 /// What folding makes of 0 to `count`: `add` adds an index to something that begins as `none`, and `merge` joins two of
 /// these. Which indices are added to which one is chance: neither order nor grouping may matter.
 pub fn fold<T: Send>(

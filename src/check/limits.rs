@@ -176,19 +176,26 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     Some(Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint))
 }
 
-/// How much too near a head that tilts comes on its way to block `i` from above, and where it turns there.
+/// How much too near a head that tilts comes on its way to block `i` from above, and where it turns there: before a
+/// set-up by way of upright, in which it goes to registration points.
 fn leaning(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
     let block = &program.blocks[i];
-    let before = i.checked_sub(1).map_or(TiltAngles::UPRIGHT, |i| program.blocks[i].stop.tilt);
-    let tilt = block.stop.tilt;
-    if !limits.machine.tilts_head() || before.is_upright() && tilt.is_upright() {
+    let before = i.checked_sub(1).map(|i| &program.blocks[i]);
+    let (from, tilt) = (before.map_or(TiltAngles::UPRIGHT, |b| b.stop.tilt), block.stop.tilt);
+    if !limits.machine.tilts_head() || from.is_upright() && tilt.is_upright() {
         return Nm::MIN;
     }
     let (machine, clearance) = (limits.machine, limits.clearance);
     let head = Head { machine, origin: limits.origins[block.setup.index()], clearance };
-    let turns = i == 0 || block.retract;
-    let swing = if turns { head.over_swing(before, tilt, machine.retract_z().0) } else { Nm::MIN };
-    swing.max(head.over_lift(tilt, block.stage))
+    let swing = |from, to| head.over_swing(from, to, machine.retract_z().0);
+    let swings = if before.is_none_or(|b| b.setup != block.setup) {
+        swing(from, TiltAngles::UPRIGHT).max(swing(TiltAngles::UPRIGHT, tilt))
+    } else if block.retract {
+        swing(from, tilt)
+    } else {
+        Nm::MIN
+    };
+    swings.max(head.over_lift(tilt, block.stage))
 }
 
 /// Blocks with more strokes than the controller takes.
@@ -233,8 +240,10 @@ const SMALLEST_MM: f64 = 0.5;
 mod tests {
     use super::*;
     use crate::check::tests::{faults_with, mast};
+    use crate::clearance::Clearance;
     use crate::diag::Error;
     use crate::machine::Machine;
+    use crate::program::SetupId;
     use crate::units::Length;
 
     /// The one limit that the sample program breaks after a change of its machine.
@@ -243,6 +252,39 @@ mod tests {
         let diags = found.as_ref().map_or_else(Error::diags, |_| &[]);
         let [d] = diags else { panic!("{diags:?}") };
         d.clone()
+    }
+
+    #[test]
+    fn a_head_swings_by_way_of_upright_between_set_ups() {
+        let (mut program, origin) = crate::program::sample::program();
+        let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
+        let tilts = [30, 40].map(|deg| TiltAngles([0, deg * 1_000_000]));
+        for (block, tilt) in program.blocks.iter_mut().zip(tilts) {
+            (block.stop.tilt, block.retract) = (tilt, true);
+            block.stage = machine.stand(tilt, P2::new(0, 0), Nm(0), origin).stage;
+        }
+        let place = Box2 { lo: P2::new(900_000_000, 0), hi: P2::new(900_000_001, 1) };
+        let found = |top: Nm, program: &Program| {
+            let clearance = Clearance::new(&[(place, top)], &machine);
+            let limits = Limits {
+                machine: &machine,
+                origins: &[origin, origin],
+                setups_needed: [1, 1],
+                depth: Nm(70_000),
+                max_slope: 2.0,
+                clearance: &clearance,
+            };
+            leaning(program, &limits, 1)
+        };
+        // Where the head just keeps clear on the straight way it is too near when it goes by way of upright.
+        let straight = found(Nm(0), &program);
+        program.blocks[1].setup = SetupId(1);
+        let over = found(Nm(0), &program);
+        assert!(over > straight + Nm(1_000_000), "{over:?} {straight:?}");
+        let top = Nm(-(straight + (over - straight) / 2).0);
+        assert!(found(top, &program) > Nm(0));
+        program.blocks[1].setup = SetupId(0);
+        assert!(found(top, &program) < Nm(0));
     }
 
     #[test]

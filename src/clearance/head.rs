@@ -51,10 +51,12 @@ impl Head<'_> {
             let near = |&(b, top): &(Box2<Turned>, Nm)| {
                 let over = top - limit;
                 // What stands below the top of a tile, and still above the limit, lies beside it as the head sees it.
-                let down = over.max(Nm(0)).f64() / up;
+                // As a head lies down that is ever farther away.
+                let down = over.max(Nm(0)).f64() / up.max(0.0);
                 let [dx, dy] = [0, 1].map(|k| (lean[k] * down) as i64);
                 let reaches = |lo: i64, hi: i64, d: i64, from: i64, to: i64| {
-                    lo + d.min(0) - 1 <= to + r && from - r <= hi + d.max(0) + 1
+                    lo.saturating_add(d.min(0)).saturating_sub(1) <= to + r
+                        && from - r <= hi.saturating_add(d.max(0)).saturating_add(1)
                 };
                 let is_near = reaches(b.lo.x, b.hi.x, dx, path.lo.x, path.hi.x)
                     && reaches(b.lo.y, b.hi.y, dy, path.lo.y, path.hi.y);
@@ -149,6 +151,19 @@ mod tests {
         assert!(head.over_lift(leaning, at(0.0, leaning)) > Nm(0));
         assert!(head.over_lift(leaning, at(-40.0, leaning)) <= Nm(0));
         assert!(head.over_move((at(-40.0, level), level), (at(-40.0, leaning), leaning)) > Nm(0), "it must lift first");
+    }
+
+    #[test]
+    fn a_head_that_lies_down_is_near_to_whatever_rises_above_it() {
+        let machine = machine();
+        let clearance = Clearance::new(&[tile([1e4, -5.0], [1.1e4, 5.0], 300.0)], &machine);
+        let head = Head { machine: &machine, origin: Origin::default(), clearance: &clearance };
+        let near =
+            |deg: f64| head.over_way(TiltAngles([0, (deg * 1e6) as i64]), Commanded::default(), Commanded::default());
+        assert!(near(0.0) < Nm(0));
+        for deg in [90.0, 90.0 - 1e-6, 95.0] {
+            assert!(near(deg).max(near(-deg)) > Nm(0), "{deg}");
+        }
     }
 
     #[test]

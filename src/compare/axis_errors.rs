@@ -50,9 +50,10 @@ impl AxisErrors {
         self.sum[axis] / self.samples.max(1) as f64
     }
 
-    /// Mean size of an axis's speed.
+    /// Mean size of an axis's speed; 0 of a single sample.
     pub(super) fn speed(&self, axis: usize) -> f64 {
-        self.way[axis] / (self.samples.saturating_sub(1) as f64 * self.step_s)
+        let time = self.samples.saturating_sub(1) as f64 * self.step_s;
+        if time > 0.0 { self.way[axis] / time } else { 0.0 }
     }
 }
 
@@ -63,6 +64,9 @@ mod tests {
     #[test]
     fn errors_are_averaged_over_the_samples_and_ways_are_summed() {
         let mut errors = AxisErrors::new(0.5, 1.0);
+        errors.add([0.0; AXES], [0.0; AXES]);
+        assert_eq!(errors.speed(0), 0.0, "of one sample");
+        errors = AxisErrors::new(0.5, 1.0);
         for (i, at) in [0.0, 2.0, 1.0, 1.0].into_iter().enumerate() {
             let mut command = [0.0; AXES];
             let mut error = [0.0; AXES];

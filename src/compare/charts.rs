@@ -41,12 +41,17 @@ pub(super) fn velocities(curves: &Curves) -> Option<Plot> {
     if curves.velocities.is_empty() {
         return None;
     }
-    let panel = |(k, name): (usize, &str)| {
-        let points = curves.velocities.iter().map(|(t, v)| [*t, v[k]]).collect();
-        Panel { y: Axis::new(name, "mm/s"), series: vec![Series::new("", points)], limits: Vec::new() }
-    };
-    let names = ["stage X", "stage Y", "stage Z", "scanner U", "scanner V"];
+    let names = ["stage X", "stage Y", "stage Z", "scanner U", "scanner V"].map(|name| (name, "mm/s"));
     let title = "Scanner and stage synchronised: velocities at the start of the path".into();
-    let (x, panels) = (Axis::new("time", "s"), names.into_iter().enumerate().map(panel).collect());
-    Some(LineChart { title, x, panels, limits: Vec::new() }.draw())
+    Some(over_time(title, &names, &curves.velocities))
+}
+
+/// Quantities over time, s, each with its name and its unit, in a panel of its own.
+pub(super) fn over_time<const N: usize>(title: String, names: &[(&str, &str)], samples: &[(f64, [f64; N])]) -> Plot {
+    let panel = |(k, (name, unit)): (usize, &(&str, &str))| {
+        let points = samples.iter().map(|(t, values)| [*t, values[k]]).collect();
+        Panel { y: Axis::new(name, unit), series: vec![Series::new("", points)], limits: Vec::new() }
+    };
+    let panels = names.iter().enumerate().map(panel).collect();
+    LineChart { title, x: Axis::new("time", "s"), panels, limits: Vec::new() }.draw()
 }

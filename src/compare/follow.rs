@@ -13,7 +13,7 @@ use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo}
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Family, Limits, choose_average};
-use crate::on_the_fly::kinematic_model::KinematicModel;
+use crate::on_the_fly::kinematic_model::{BeyondTravel, KinematicModel};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::spot::Rests;
@@ -297,10 +297,13 @@ impl<'a> Follower<'a> {
             curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
             curves.rests = self.rests(&model, &decomposed, &made)?;
+            if curves.rests.iter().any(|row| row.total_s.is_none()) {
+                notes.push("no time with the stage in step with the spot was found".into());
+            }
         }
         let mut travel: Vec<Beyond> = Vec::new();
         travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
-        travel.extend(turns_too_far(model.machine, &made.axes));
+        travel.extend(turns_too_far(&model, &made.axes));
         let nodes: Vec<[f64; AXES]> =
             made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
         let model_s = Some(stop_at_every_point(&nodes, &model.all_limits()).total_s);
@@ -320,10 +323,10 @@ impl<'a> Follower<'a> {
         // Every vertex of a stroke is a node of the whole path.
         let tools = ToolPath::Gaussian { sigma: made.strength.unwrap_or_default() };
         let whole = decompose(&self.path, &self.subject.height_field, model, decomposed.limits, tools)?;
-        let [scanner_s, in_step_s] = decomposed.in_step_s(model, Rests::Corners)?;
-        let [every_s, every_in_step_s] = whole.in_step_s(model, Rests::EveryPoint)?;
+        let (scanner_s, in_step_s) = decomposed.in_step_s(model, Rests::Corners)?;
+        let (every_s, every_in_step_s) = whole.in_step_s(model, Rests::EveryPoint)?;
         Ok(vec![
-            RestTimes { rests: Rests::Corners, in_step: false, total_s: made.total_s(), scanner_s },
+            RestTimes { rests: Rests::Corners, in_step: false, total_s: Some(made.total_s()), scanner_s },
             RestTimes { rests: Rests::Corners, in_step: true, total_s: in_step_s, scanner_s },
             RestTimes { rests: Rests::EveryPoint, in_step: true, total_s: every_in_step_s, scanner_s: every_s },
         ])
@@ -537,18 +540,12 @@ fn too_far(machine: &Machine, ends: BoxMm<3>) -> Option<Beyond> {
     (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
 }
 
-/// Which turning axes need more travel than they have, and how much; None where none does.
-fn turns_too_far(machine: &Machine, axes: &[Axes]) -> Option<Beyond> {
-    let table = machine.tilt.as_ref()?;
-    let picks: [fn(&Axes) -> f64; 2] = [|axes| axes.a, |axes| axes.c];
-    let names = table.axes.iter().zip(picks).filter_map(|(axis, pick)| {
-        let none = [f64::INFINITY, f64::NEG_INFINITY];
-        let [lo, hi] = axes.iter().map(pick).fold(none, |[lo, hi], v| [lo.min(v), hi.max(v)]);
-        let needs = (hi - lo).to_degrees();
-        let [from, to] = axis.travel.ends()?.map(|end| end.as_deg());
-        (needs > to - from).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
-    });
-    let names: Vec<String> = names.collect();
+/// Which turning axes need more travel than they have; None where none does.
+fn turns_too_far(model: &KinematicModel<'_>, axes: &[Axes]) -> Option<Beyond> {
+    let said = |BeyondTravel { letter, needed: [least, most], .. }: BeyondTravel| {
+        format!("{} needs {least:.0} to {most:.0} deg of travel", letter.char())
+    };
+    let names: Vec<String> = model.beyond_travel(axes).into_iter().map(said).collect();
     (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
 }
 

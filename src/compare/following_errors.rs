@@ -8,11 +8,11 @@
 //! # Limits
 //! That rule holds where the speed changes slowly against the time constant of the servo.
 
-use super::Comparison;
 use super::axis_errors::AxisErrors;
 use super::system::{Kind, SYSTEMS};
+use super::{Comparison, charts};
 use crate::on_the_fly::axes::motion::AXES;
-use crate::report::plot::{Axis, LineChart, Panel, Plot, Series};
+use crate::report::plot::Plot;
 use crate::report::table::{Cell, Column, Table};
 
 /// Name and units of every axis: of its way and of its error, with how many of the latter a mm or a radian is.
@@ -67,15 +67,12 @@ pub(super) fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     let seven = of(c, Kind::SevenAxes).find(|(name, _)| *name == "7-axis").map(|(_, e)| ("following-7-axis", e, AXES));
     let five = of(c, Kind::FiveAxes).next().map(|(_, e)| ("following-5-axis", e, 5));
     let chart = |(file, errors, axes): (&'static str, &AxisErrors, usize)| {
-        let panel = |k: usize| {
-            let (name, _, unit, scale) = NAMES[k];
-            let points = errors.first.iter().map(|(t, e)| [*t, scale * e[k]]).collect();
-            Panel { y: Axis::new(name, unit), series: vec![Series::new("", points)], limits: Vec::new() }
-        };
-        let title =
-            format!("{} axes: following errors at the start of the path", ["Five", "Seven"][usize::from(axes > 5)]);
-        let (x, panels) = (Axis::new("time", "s"), (0..axes).map(panel).collect());
-        (file, LineChart { title, x, panels, limits: Vec::new() }.draw())
+        let number = if axes > 5 { "Seven" } else { "Five" };
+        let title = format!("{number} axes: following errors at the start of the path");
+        let names = NAMES.map(|(name, _, unit, _)| (name, unit));
+        let scaled = |(t, e): &(f64, [f64; AXES])| (*t, std::array::from_fn::<f64, AXES, _>(|k| NAMES[k].3 * e[k]));
+        let samples: Vec<_> = errors.first.iter().map(scaled).collect();
+        (file, charts::over_time(title, &names[..axes], &samples))
     };
     seven.into_iter().chain(five).map(chart).collect()
 }

@@ -143,8 +143,8 @@ pub struct RestTimes {
     pub rests: Rests,
     /// Whether the stage keeps in step with the spot, as the article's does; by a model that knows no jerk of the stage.
     pub in_step: bool,
-    /// Whole time, s.
-    pub total_s: f64,
+    /// Whole time, s; None where the model finds none.
+    pub total_s: Option<f64>,
     /// What the scanner alone would take, s.
     pub scanner_s: f64,
 }

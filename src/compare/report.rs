@@ -357,16 +357,8 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     }
     if !c.curves.axes.is_empty() {
         let names = [("X", "mm"), ("Y", "mm"), ("Z", "mm"), ("A", "deg"), ("C", "deg"), ("U", "mm"), ("V", "mm")];
-        let panels = names
-            .iter()
-            .enumerate()
-            .map(|(k, (name, unit))| {
-                let points = c.curves.axes.iter().map(|(t, a)| [*t, a[k]]).collect();
-                panel(Axis::new(name, unit), vec![Series::new("", points)], Vec::new())
-            })
-            .collect();
         let title = format!("Seven axes: motion of the first {} points", c.curves.axes.len());
-        out.push(("axes", LineChart { title, x: Axis::new("time", "s"), panels, limits: Vec::new() }.draw()));
+        out.push(("axes", charts::over_time(title, &names, &c.curves.axes)));
     }
     if !c.curves.along.is_empty() {
         let column = |k: usize| vec![Series::new("", c.curves.along.iter().map(|r| [r[0], r[k]]).collect())];

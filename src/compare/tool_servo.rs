@@ -11,20 +11,20 @@
 //!
 //! # Limits
 //! The nose of the tool has no radius; spindle and feed run evenly; the approach is left out. Only places on the
-//! NURBS surface count: beside it the tool may move as it likes. Of long cuts some revolutions are looked at, spread
-//! evenly; the note says how many.
+//! NURBS surface count: beside it the tool may move as it likes. Of long cuts some revolutions, or stretches of long
+//! ones, are looked at, spread evenly; the note says how many.
 
 use super::follow::Follower;
 use super::{Beyond, Figures, Split};
 use crate::diag::{Diag, Error};
 use crate::machine::ToolServo;
-use crate::motion::rest_to_rest;
+use crate::motion::RestToRest;
 use crate::nurbs::{Decoupled, Inversion, Method, Surface};
 use crate::on_the_fly::axes::following_error::{Axis, Servo};
 use crate::parallel;
 
 /// Most set-points that are looked at.
-const MOST: f64 = 2e5;
+const MOST: usize = 200_000;
 /// Places at which the surface is held against the part.
 const COMPARED: usize = 10_000;
 /// A speed, mm/s, and an acceleration, mm/s², that limit nothing.
@@ -109,7 +109,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     };
     let decoupled = Decoupled::of(surface).ok();
     let inversion = Inversion::new(surface, Method::GaussNewton);
-    let off = distance(follower, surface, &inversion)?;
+    let (off, compared) = distance(follower, surface, &inversion)?;
     let area = follower.texture();
     let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
     let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
@@ -119,9 +119,9 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let time_s = radius / spiral.feed;
     let revolution_s = std::f64::consts::TAU / spiral.turns;
     let all = (time_s / spiral.cycle).floor() as usize + 1;
-    let run = ((revolution_s / spiral.cycle).round() as usize).max(4);
+    let revolution = ((revolution_s / spiral.cycle).round() as usize).max(4);
+    let [run, every] = looked_at(all, revolution);
     let runs = all.div_ceil(run);
-    let every = ((all as f64 / MOST).ceil() as usize).max(1);
     let servo = tool.servo.map(|s| Servo::new(s.frequency.as_khz() * 1000.0, s.damping)).transpose()?;
     let jerk = tool.jerk_mm_s3();
     let limits = [
@@ -129,7 +129,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         tool.acceleration.map_or(f64::INFINITY, |a| a.as_mm_s2()),
         jerk,
     ];
-    // Each run of a revolution is looked at by itself; the revolution before it lets a servo settle.
+    // Each run, of a revolution where one is not too long, is looked at by itself; the one before it lets a servo settle.
     let found = parallel::map(runs.div_ceil(every), |k| {
         let first = k * every * run;
         let settle = servo.map_or(0, |_| run.min(first));
@@ -172,16 +172,17 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         figure("worst following error", "um", 1000.0 * whole.following[0]);
         figure("mean following error", "um", 1000.0 * whole.following[1] / counted as f64);
     }
-    let (stroke_s, peak) = full_stroke(tool);
-    figure("time of the full stroke", "ms", 1000.0 * stroke_s);
-    figure("top speed of the full stroke", "m/s", peak / 1000.0);
+    let full = full_stroke(tool);
+    figure("time of the full stroke", "ms", 1000.0 * full.total_s());
+    figure("top speed of the full stroke", "m/s", full.peak() / 1000.0);
     let mut notes = vec![
         format!("spiral of {radius:.1} mm about the middle of the texture"),
-        format!("the part's facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
+        format!("at {compared} points of the marks the facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
         format!("heights by algorithm {}", if decoupled.is_some() { "II" } else { "III" }),
     ];
     if every > 1 {
-        notes.push(format!("1 of {every} revolutions looked at"));
+        let of = if run < revolution { format!("stretches of {run} set-points") } else { "revolutions".into() };
+        notes.push(format!("1 of {every} {of} looked at"));
     }
     for oscillation in &tool.oscillations {
         let [stroke, hz] = [oscillation.stroke.as_mm(), oscillation.frequency.as_khz() * 1000.0];
@@ -209,28 +210,31 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     })
 }
 
-/// Time of the full stroke from rest to rest, s, and its top speed, mm/s.
-fn full_stroke(tool: &ToolServo) -> (f64, f64) {
-    let [speed, acceleration] =
-        [tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s()), tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2())];
-    let (length, jerk) = (tool.stroke.as_mm(), tool.jerk_mm_s3());
-    let time = rest_to_rest(length, speed, acceleration, Some(jerk));
-    // Where the top speed is not kept, the mean is half of it.
-    (time, speed.min(2.0 * length / time))
+/// Of how many set-points each run is that is looked at, and of how many runs one.
+fn looked_at(all: usize, revolution: usize) -> [usize; 2] {
+    let run = revolution.min(MOST);
+    [run, all.div_ceil(run).div_ceil(MOST / run)]
 }
 
-/// How far the surface lies off the part under the marks at most, mm.
+/// The full stroke from rest to rest.
+fn full_stroke(tool: &ToolServo) -> RestToRest {
+    let speed = tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s());
+    let acceleration = tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2());
+    RestToRest::new(tool.stroke.as_mm(), speed, acceleration, Some(tool.jerk_mm_s3()))
+}
+
+/// How far the surface lies off the part at points of the marks at most, mm, and at how many of these.
 ///
 /// # Errors
 /// `compare-tool-servo` where it is beyond the focal offset that is allowed, or the surface is not there at all.
-fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<f64, Error> {
+fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<(f64, usize), Error> {
     let allowed = follower.subject().limits.focus;
     let refused = |text: String| {
         let hint = "give the NURBS surface of this part, in mm and in the frame of the placed part";
         Err(Diag::limit("compare-nurbs", text).hint(hint).into())
     };
     let nodes = &follower.path().nodes;
-    let mut worst = 0.0f64;
+    let (mut worst, mut compared) = (0.0f64, 0);
     let mut inversion = inversion.clone();
     for node in nodes.iter().step_by(nodes.len().div_ceil(COMPARED).max(1)).filter(|node| node.pen.is_some()) {
         let [x, y, z] = node.at;
@@ -238,6 +242,7 @@ fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_
             return refused(format!("the NURBS surface is not under the mark at {x:.3}, {y:.3} mm"));
         };
         worst = worst.max((found.at[2] - z).abs());
+        compared += 1;
     }
     if worst > allowed {
         let [lo, hi] = surface.hull();
@@ -246,7 +251,7 @@ fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_
             lo[2], hi[2]
         ));
     }
-    Ok(worst)
+    Ok((worst, compared))
 }
 
 /// Peaks of the set-points from `first` to `end`, of a servo that starts at rest at `settle`; `height` tells none where
@@ -297,5 +302,20 @@ fn joined(a: Peaks, b: Peaks) -> Peaks {
         rates: std::array::from_fn(|k| a.rates[k].max(b.rates[k])),
         following: [a.following[0].max(b.following[0]), a.following[1] + b.following[1]],
         counts: [0, 1].map(|k| a.counts[k] + b.counts[k]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_set_points_are_looked_at_than_the_bound() {
+        assert_eq!(looked_at(1000, 300), [300, 1], "all of a short cut");
+        for (all, revolution) in [(1_000_000, 300), (600_001, 150_001), (900_000_000, 60_000_000), (200_001, 200_000)] {
+            let [run, every] = looked_at(all, revolution);
+            let looked = all.div_ceil(run).div_ceil(every) * run;
+            assert!(looked <= MOST && looked + run > MOST / 2, "{all} {revolution}: {looked}");
+        }
     }
 }

@@ -13,6 +13,9 @@ use crate::geom::{Nm, P2, P3, Turned};
 /// How near to the height that is wanted a focal plane comes where a step of x or y can bring it there, nm.
 const MET: f64 = 1.0;
 
+/// Positions that are tried at most: all of them where increments are 0.1 um.
+const TRIALS: usize = 100_000;
+
 /// Where a stop stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stand {
@@ -55,18 +58,15 @@ impl Machine {
         // In steps of z: what is left after i steps of x and j of y, of which the fewest are taken.
         let left = |[i, j]: [i64; 2]| off - (i as f64 * ux + j as f64 * uy) / uz;
         let miss = |steps: [i64; 2]| (left(steps) - left(steps).round()).abs() * uz * step;
+        // Fewer steps do not move the height by what is missing.
+        let first = ((miss([0; 2]) - MET) / step / ux.abs().max(uy.abs())).max(0.0) as i64;
         let mut best = [0; 2];
-        'found: for n in 0..=most {
-            for i in -n..=n {
-                let j = n - i.abs();
-                for steps in [[i, j], [i, -j]] {
-                    if miss(best) <= MET {
-                        break 'found;
-                    }
-                    if miss(steps) < miss(best) {
-                        best = steps;
-                    }
-                }
+        for steps in (first.min(most)..=most).flat_map(ring).take(TRIALS) {
+            if miss(steps) < miss(best) {
+                best = steps;
+            }
+            if miss(best) <= MET {
+                break;
             }
         }
         for (k, n) in [best[0] as f64, best[1] as f64, left(best).round()].into_iter().enumerate() {
@@ -96,9 +96,30 @@ impl Machine {
     }
 }
 
+/// Steps of x and y that are `n` together.
+fn ring(n: i64) -> impl Iterator<Item = [i64; 2]> {
+    (-n..=n).flat_map(move |i| [[i, n - i.abs()], [i, i.abs() - n]])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::Length;
+
+    #[test]
+    fn height_is_met_to_half_an_increment_with_fine_increments_at_any_tilt() {
+        let mut machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
+        let (wanted, focus) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
+        for step in [1, 3, 7, 20] {
+            machine.stage.increment = Length::mm(f64::from(step) * 1e-6);
+            for commands in [[0, 100], [0, 3_000], [30_000_000, 0], [20_000_000, -90], [-12_345_600, 3_210_900]] {
+                let commands = TiltAngles(commands);
+                let Stand { by, .. } = machine.stand(commands, wanted, focus, Origin::default());
+                assert!(by[2].abs() <= i64::from(step / 2 + 1), "{step} {commands:?}: {by:?}");
+                assert!(by[0].abs().max(by[1].abs()) <= machine.stand_room().0, "{step} {commands:?}: {by:?}");
+            }
+        }
+    }
 
     #[test]
     fn a_tilted_head_stands_where_its_field_meets_the_place_to_the_nanometre() {

@@ -512,7 +512,8 @@ impl Machine {
             let text = "stage.increment is not between 1 nm and 1 mm";
             fault("machine-increment", "stage.increment", text.into(), "0.1 um is usual");
         }
-        for (name, servo) in [("stage", self.stage.servo), ("scanner", self.scanner.servo)] {
+        let tool = self.tool_servo.as_ref().and_then(|tool| tool.servo);
+        for (name, servo) in [("stage", self.stage.servo), ("scanner", self.scanner.servo), ("tool_servo", tool)] {
             if servo.is_some_and(|s| !(0.01..=10.0).contains(&s.damping)) {
                 let key = format!("{name}.servo.damping");
                 let text = format!("{key} is not between 0.01 and 10");

@@ -91,6 +91,7 @@ fn tool_servo(out: &mut Vec<Range>, tool: Option<&ToolServo>) {
     let servo = tool.and_then(|t| t.servo);
     hold(out, "tool_servo.servo.frequency", servo.map(|s| s.frequency), ["0.1 Hz", "1 MHz"]);
     let oscillations = tool.map_or(&[][..], |t| &t.oscillations);
+    // Without any oscillation the ranges are still there, for the document.
     for oscillation in oscillations.iter().map(Some).chain([None]) {
         hold(out, "tool_servo.oscillations.stroke", oscillation.map(|o| o.stroke), ["1 nm", "1 m"]);
         hold(out, "tool_servo.oscillations.frequency", oscillation.map(|o| o.frequency), ["0.01 Hz", "1 MHz"]);

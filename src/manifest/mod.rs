@@ -11,7 +11,8 @@ mod stepped;
 
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
 pub use on_the_fly::{
-    AxisPeaks, Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest,
+    AxisPeaks, Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary,
+    on_the_fly_manifest,
 };
 pub use registration::{Registered, registered, registration};
 pub use stepped::manifest;

@@ -123,6 +123,19 @@ pub struct OnTheFlySummary {
     pub warnings: Vec<Message>,
 }
 
+/// How far the marks of a program may lie from where they should.
+#[derive(Clone, Debug, Default)]
+pub struct FlyAccuracy {
+    /// On the part itself.
+    pub deviations: Deviations,
+    /// How far blending rounds a corner, mm.
+    pub blend_mm: f64,
+    /// By switching the laser.
+    pub laser: Vec<LaserSwitching>,
+    /// By all causes together.
+    pub budget: Budget,
+}
+
 /// How early the laser of a program may be switched.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaserSwitching {
@@ -146,14 +159,15 @@ pub struct AxisPeaks {
 }
 
 impl OnTheFlySummary {
-    /// The figures of a checked program; `laser` and `curves` are for the caller to add.
+    /// The figures of a checked program.
     pub fn new(
         checked: &Checked,
-        deviations: Deviations,
         lengths: FlyLengths,
-        blend_mm: f64,
+        accuracy: FlyAccuracy,
+        curves: Option<SpaceCurves>,
         warnings: &[Diag],
     ) -> Self {
+        let FlyAccuracy { deviations, blend_mm, laser, budget } = accuracy;
         let figures = checked.figures();
         let program = checked.program();
         let letters = program.kind.letters().chars().map(String::from);
@@ -172,10 +186,10 @@ impl OnTheFlySummary {
             deviations,
             worst_displacement_mm: figures.displacement_mm,
             mark_speed_mm_s: figures.mark_speed,
-            laser: Vec::new(),
+            laser,
             blend_mm,
-            budget: Budget::default(),
-            curves: None,
+            budget,
+            curves,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
             warnings: warnings.iter().map(Message::from).collect(),
         }

@@ -2,7 +2,7 @@
 //!
 //! The model is that of the machine file, the same for every way of marking: see [`GalvoModel`].
 
-use super::{RestToRest, rest_to_rest};
+use super::RestToRest;
 use crate::geom::{FieldPoint, NM_PER_MM};
 use crate::machine::Machine;
 use crate::units::{Speed, Time};
@@ -76,13 +76,7 @@ impl GalvoModel {
 
     /// Time of a run at most at `speed` mm/s along it, s.
     pub fn run_s(self, run: Run, speed: f64) -> f64 {
-        match self {
-            Self::AtSpeed => run.length / speed,
-            Self::RestToRest { acceleration, jerk } if run.length > 0.0 => {
-                rest_to_rest(run.length, speed, acceleration / run.share, jerk.map(|j| j / run.share))
-            }
-            Self::RestToRest { .. } => 0.0,
-        }
+        self.motion(run, speed).map_or(run.length / speed, |motion| motion.total_s())
     }
 
     /// How the spot moves along a run; None where it is always at speed.
@@ -119,7 +113,7 @@ pub fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// The runs of a stroke from corner to corner, in their order.
-pub fn runs(points: &[FieldPoint]) -> impl Iterator<Item = Run> {
+pub(super) fn runs(points: &[FieldPoint]) -> impl Iterator<Item = Run> {
     pieces(points).map(|(run, _)| run)
 }
 
@@ -189,8 +183,8 @@ pub fn marking<'a>(machine: &Machine, strokes: impl IntoIterator<Item = Mark<'a>
         let speed = stroke.speed.as_mm_s();
         let mark_s = match model {
             GalvoModel::AtSpeed => {
-                let length: f64 = stroke.points.windows(2).map(|w| distance_mm(w[0], w[1])).sum();
-                length / speed
+                let steps = stroke.points.windows(2).map(|w| way_mm(w[0], w[1]));
+                model.run_s(steps.fold(Run::default(), Run::then), speed)
             }
             GalvoModel::RestToRest { .. } => runs(stroke.points).map(|run| model.run_s(run, speed)).sum(),
         };
@@ -207,12 +201,6 @@ pub fn marking<'a>(machine: &Machine, strokes: impl IntoIterator<Item = Mark<'a>
 /// Way between two field points along x and y, mm.
 pub(super) fn way_mm(a: FieldPoint, b: FieldPoint) -> [f64; 2] {
     [f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y)].map(|v| v / NM_PER_MM)
-}
-
-/// Distance of two field points, mm.
-fn distance_mm(a: FieldPoint, b: FieldPoint) -> f64 {
-    let [x, y] = way_mm(a, b);
-    x.hypot(y)
 }
 
 #[cfg(test)]

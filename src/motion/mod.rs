@@ -17,6 +17,6 @@ mod profile;
 mod stage;
 
 pub use energy::{Beam, LineEnergy, Overshoot, Rest, deposits};
-pub use galvo::{CORNER, DelaysS, GalvoModel, Mark, Marking, Run, angle, is_corner, marking, runs};
+pub use galvo::{CORNER, DelaysS, GalvoModel, Mark, Marking, Run, angle, is_corner, marking};
 pub use profile::{RestToRest, rest_to_rest};
 pub use stage::{StageMove, stage_move, tilting_move};

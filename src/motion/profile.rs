@@ -1,36 +1,11 @@
 //! The time of one axis from rest to rest under limits of speed, acceleration and jerk.
 
-/// Time in s of a move of `length` mm from rest to rest at most `speed` mm/s, `acceleration` mm/s² and
-/// `jerk` mm/s³; without a jerk limit the acceleration steps.
-///
-/// The profile is the symmetric S-curve that is fastest under its limits. Which of them bind:
-/// - neither speed nor acceleration: T = (32 L / j)^(1/3);
-/// - acceleration only: T = a/j + sqrt((a/j)² + 4 L / a);
-/// - speed, after the acceleration was reached: T = L/v + v/a + a/j;
-/// - speed, but never the acceleration: T = L/v + 2 sqrt(v/j).
-///
-/// T is continuous in L and grows with it.
+/// Time in s of a move from rest to rest: that of [`RestToRest`].
 pub fn rest_to_rest(length: f64, speed: f64, acceleration: f64, jerk: Option<f64>) -> f64 {
-    let (l, v, a) = (length.abs(), speed, acceleration);
-    if l == 0.0 {
-        return 0.0;
-    }
-    let Some(j) = jerk else {
-        return if l * a >= v * v { l / v + v / a } else { 2.0 * (l / a).sqrt() };
-    };
-    // Time of the ramp up to full speed; the move covers v * ramp on the two ramps alone.
-    let reaches_acceleration = v * j >= a * a;
-    let ramp = if reaches_acceleration { v / a + a / j } else { 2.0 * (v / j).sqrt() };
-    if l >= v * ramp {
-        l / v + ramp
-    } else if reaches_acceleration && l * j * j >= 2.0 * a.powi(3) {
-        a / j + ((a / j).powi(2) + 4.0 * l / a).sqrt()
-    } else {
-        (32.0 * l / j).cbrt()
-    }
+    RestToRest::new(length, speed, acceleration, jerk).total_s()
 }
 
-/// The motion behind [`rest_to_rest`]: up to a peak speed, on at it, and down to rest as it came up.
+/// A motion from rest to rest: up to a peak speed, on at it, and down to rest as it came up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RestToRest {
     length: f64,
@@ -46,7 +21,16 @@ pub struct RestToRest {
 }
 
 impl RestToRest {
-    /// Over `length` mm under limits as those of [`rest_to_rest`].
+    /// Over `length` mm at most `speed` mm/s, `acceleration` mm/s² and `jerk` mm/s³; without a jerk limit the
+    /// acceleration steps.
+    ///
+    /// The profile is the symmetric S-curve that is fastest under its limits. Which of them bind:
+    /// - neither speed nor acceleration: T = (32 L / j)^(1/3);
+    /// - acceleration only: T = a/j + sqrt((a/j)² + 4 L / a);
+    /// - speed, after the acceleration was reached: T = L/v + v/a + a/j;
+    /// - speed, but never the acceleration: T = L/v + 2 sqrt(v/j).
+    ///
+    /// T is continuous in L and grows with it.
     pub fn new(length: f64, speed: f64, acceleration: f64, jerk: Option<f64>) -> Self {
         let (length, a) = (length.abs(), acceleration);
         let Some(j) = jerk else {
@@ -65,7 +49,7 @@ impl RestToRest {
         }
     }
 
-    /// Time of the whole, s: that of [`rest_to_rest`].
+    /// Time of the whole, s.
     pub fn total_s(&self) -> f64 {
         if self.length == 0.0 { 0.0 } else { self.length / self.peak + self.ramp_s }
     }
@@ -75,46 +59,49 @@ impl RestToRest {
         self.peak
     }
 
-    /// Speed at a time after the start, mm/s.
-    pub fn speed_at(&self, time: f64) -> f64 {
-        let t = time.min(self.total_s() - time).clamp(0.0, self.ramp_s);
-        if t < self.rise_s {
-            self.jerk * t * t / 2.0
-        } else if t <= self.ramp_s - self.rise_s {
-            self.acceleration * (t - self.rise_s / 2.0)
-        } else {
-            self.peak - self.jerk * (self.ramp_s - t).powi(2) / 2.0
+    /// Peak acceleration on its ramps, mm/s².
+    pub fn acceleration(&self) -> f64 {
+        self.acceleration
+    }
+
+    /// Way and speed at a time after the start, mm and mm/s.
+    pub fn at(&self, time: f64) -> [f64; 2] {
+        let total = self.total_s();
+        if 2.0 * time <= total {
+            return self.rising(time.max(0.0));
         }
+        let [way, speed] = self.rising((total - time).max(0.0));
+        [self.length - way, speed]
     }
 
     /// Way at a time after the start, mm.
     pub fn way_at(&self, time: f64) -> f64 {
-        let total = self.total_s();
-        if time > total / 2.0 {
-            return self.length - self.way_up((total - time).max(0.0));
-        }
-        self.way_up(time.max(0.0))
+        self.at(time)[0]
     }
 
-    /// Way at a time of the first half.
-    fn way_up(&self, t: f64) -> f64 {
-        let ramp = self.peak * self.ramp_s / 2.0;
-        if t >= self.ramp_s {
-            ramp + self.peak * (t - self.ramp_s)
-        } else if t < self.rise_s {
-            self.jerk * t.powi(3) / 6.0
-        } else if t <= self.ramp_s - self.rise_s {
-            let u = t - self.rise_s;
-            let [way, speed] = if self.rise_s > 0.0 {
-                [self.jerk * self.rise_s.powi(3) / 6.0, self.jerk * self.rise_s.powi(2) / 2.0]
-            } else {
-                [0.0; 2]
-            };
-            way + speed * u + self.acceleration * u * u / 2.0
-        } else {
-            let u = self.ramp_s - t;
-            ramp - self.peak * u + self.jerk * u.powi(3) / 6.0
+    /// Way and speed at a time of the first half.
+    fn rising(&self, t: f64) -> [f64; 2] {
+        let (j, a, rise) = (self.jerk, self.acceleration, self.rise_s);
+        if t < rise {
+            return [j * t * t * t / 6.0, 0.5 * j * t * t];
         }
+        let left = self.ramp_s - t;
+        if left >= rise {
+            let u = t - rise;
+            let (way, speed) = (a * rise * rise / 6.0, 0.5 * a * rise);
+            return [way + u * (speed + 0.5 * a * u), speed + a * u];
+        }
+        let way = 0.5 * self.peak * self.ramp_s;
+        if left <= 0.0 {
+            return [way - self.peak * left, self.peak];
+        }
+        [way - left * (self.peak - j * left * left / 6.0), self.peak - 0.5 * j * left * left]
+    }
+
+    /// Times at which its jerk changes, s, without its start and its end.
+    pub fn corners(&self) -> [f64; 6] {
+        let (total, [p, q, r]) = (self.total_s(), [self.rise_s, self.ramp_s - self.rise_s, self.ramp_s]);
+        [p, q, r, total - r, total - q, total - p]
     }
 
     /// The time after the start at which it has come so far, s.
@@ -129,7 +116,7 @@ impl RestToRest {
             let [mut lo, mut hi] = [0.0, self.ramp_s];
             for _ in 0..54 {
                 let middle = f64::midpoint(lo, hi);
-                *(if self.way_up(middle) < near { &mut lo } else { &mut hi }) = middle;
+                *(if self.rising(middle)[0] < near { &mut lo } else { &mut hi }) = middle;
             }
             hi
         };
@@ -201,9 +188,7 @@ mod tests {
         for (v, a, j) in LIMITS {
             for length in [1e-4, 0.07, 0.15686, 1.0, 3.9, 10.0, 40.0, 450.0] {
                 let motion = RestToRest::new(length, v, a, j);
-                let total = rest_to_rest(length, v, a, j);
-                assert!((motion.total_s() - total).abs() < 1e-12 * total, "{v} {a} {j:?} {length}");
-                assert!(motion.peak() <= v && motion.speed_at(total / 2.0) > 0.999_999 * motion.peak());
+                let total = motion.total_s();
                 let step = total / 4000.0;
                 let ways: Vec<f64> = (0..=4000).map(|k| motion.way_at(f64::from(k) * step)).collect();
                 assert!(ways[0] == 0.0 && (ways[4000] - length).abs() < 1e-12 * length);
@@ -211,14 +196,18 @@ mod tests {
                 let most = |list: &[f64]| list.iter().fold(0.0f64, |m, v| m.max(v.abs()));
                 let speeds = d(&ways);
                 let [acceleration, jerk] = [d(&speeds), d(&d(&speeds))].map(|list| most(&list));
+                assert!(
+                    motion.peak() <= v && motion.at(total / 2.0)[1] > 0.999_999 * motion.peak(),
+                    "{v} {a} {length}"
+                );
                 assert!(most(&speeds) <= v * (1.0 + 1e-9) && acceleration <= a * (1.0 + 1e-6), "{v} {a} {length}");
                 assert!(j.is_none_or(|j| jerk <= j * 1.001), "{jerk} of {j:?} at {length}");
                 for (k, way) in ways.iter().enumerate().step_by(37) {
-                    let time = k as f64 * step;
                     assert!((motion.way_at(motion.time_at(*way)) - way).abs() < 1e-12 * length);
+                    let time = k as f64 * step;
                     let mean = (motion.way_at(time + step / 2.0) - motion.way_at(time - step / 2.0)) / step;
                     let is_inside = k > 0 && k < 4000;
-                    assert!(!is_inside || (mean - motion.speed_at(time)).abs() < 2e-3 * motion.peak(), "{length} {k}");
+                    assert!(!is_inside || (mean - motion.at(time)[1]).abs() < 2e-3 * motion.peak(), "{length} {k}");
                 }
             }
         }

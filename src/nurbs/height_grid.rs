@@ -11,8 +11,9 @@ const REACH: usize = 3;
 const NODES: usize = 2 * REACH + 1;
 /// k over the distance of the nodes where nothing else is asked for.
 const KERNEL: f64 = 0.9;
-/// Most nodes that are kept.
+/// Most nodes that are kept, and most that are inverted for.
 const MOST: f64 = 2e7;
+const INVERSIONS: f64 = 1e6;
 
 /// Heights on a grid.
 #[derive(Clone, Debug)]
@@ -31,11 +32,11 @@ impl HeightGrid {
     /// nodes are those of algorithm III, exact.
     ///
     /// # Errors
-    /// `nurbs-grid` where the grid is empty or too large, or a distance is not positive.
+    /// `nurbs-grid` where the grid is empty or has more than a million nodes, or a distance is not positive.
     pub fn over(surface: &Surface, step: f64, kernel: Option<f64>) -> Result<Self, Error> {
         let [lo, hi] = surface.hull();
         let mut inversion = Inversion::new(surface, Method::GaussNewton);
-        Self::of([[lo[0], lo[1]], [hi[0], hi[1]]], step, kernel, |xy| {
+        Self::within(INVERSIONS, [[lo[0], lo[1]], [hi[0], hi[1]]], step, kernel, |xy| {
             inversion.next(xy).map_or(f64::NAN, |found| found.at[2])
         })
     }
@@ -43,8 +44,18 @@ impl HeightGrid {
     /// Over the box from `lo` to `hi` mm, of heights by (x, y); no number where there is none.
     ///
     /// # Errors
-    /// As [`Self::over`].
+    /// As [`Self::over`], of 20 million nodes.
     pub fn of(
+        area: [[f64; 2]; 2],
+        step: f64,
+        kernel: Option<f64>,
+        height: impl FnMut([f64; 2]) -> f64,
+    ) -> Result<Self, Error> {
+        Self::within(MOST, area, step, kernel, height)
+    }
+
+    fn within(
+        most: f64,
         [lo, hi]: [[f64; 2]; 2],
         step: f64,
         kernel: Option<f64>,
@@ -57,8 +68,11 @@ impl HeightGrid {
             return refused("the distance of the grid's nodes, or its kernel, is not positive".into());
         }
         let size = [0, 1].map(|k| ((hi[k] - lo[k]) / step + 1e-9).floor() + 1.0);
-        if size.iter().any(|&n| n < NODES as f64) || size[0] * size[1] > MOST {
-            let text = format!("a grid of {} x {} nodes {step} mm apart is too small or too large", size[0], size[1]);
+        if size.iter().any(|&n| n < NODES as f64) || size[0] * size[1] > most {
+            let text = format!(
+                "a grid of {} x {} nodes {step} mm apart is not between {NODES} x {NODES} and {most} nodes",
+                size[0], size[1]
+            );
             return refused(text);
         }
         let count = size.map(|n| n as usize);

@@ -51,6 +51,8 @@ const UP_TO: [usize; 3] = [1, 3, 6];
 const FARTHEST: f64 = 1e4;
 /// Largest ratio of two weights.
 const WEIGHTS: f64 = 1e6;
+/// Farthest knot from 0, and the least distance of two knots that differ, as shares of the range of the parameter.
+const KNOTS: [f64; 2] = [1e6, 1e-9];
 
 impl Surface {
     /// Of control points (`points[i][j]`: i along u, j along v), their weights, and knots as in STEP with every
@@ -95,29 +97,41 @@ impl Surface {
             if knots[p] >= knots[n] {
                 return refused(format!("knots along {name} leave no range of the parameter"), "check the knots");
             }
+            let range = knots[n] - knots[p];
+            if !(range.is_normal() && knots.iter().all(|t| t.abs() <= KNOTS[0] * range)) {
+                let text = format!("knots along {name} lie beyond 1e6 times the range of the parameter, {range}");
+                return refused(text, "let them begin at 0");
+            }
+            if knots.windows(2).any(|w| w[0] < w[1] && w[1] - w[0] < KNOTS[1] * range) {
+                let text = format!("two knots along {name} differ by less than 1e-9 of the range of the parameter");
+                return refused(text, "write them as one knot of a higher multiplicity");
+            }
             // More would tear the surface apart.
             if (1..n).any(|i| knots[i] == knots[i + p]) {
                 let text = format!("a knot along {name} inside the range is there more than {p} times");
                 return refused(text, "divide the surface there");
             }
         }
+        // Only their ratios count.
+        let largest = weights.into_iter().flatten().flatten().fold(0.0, |most: f64, &w| most.max(w));
         let mut net = Vec::with_capacity(count[0] * count[1]);
         for (i, row) in points.iter().enumerate() {
             for (j, point) in row.iter().enumerate() {
-                let w = weights.map_or(1.0, |all| all[i][j]);
+                let stated = weights.map_or(1.0, |all| all[i][j]);
                 if !point.iter().all(|c| c.abs() <= FARTHEST) {
                     return refused(format!("point {i}, {j} is not within 10 m of the origin"), "check the unit");
                 }
-                if !(w > 0.0 && w.is_finite()) {
+                if !(stated > 0.0 && stated.is_finite()) {
                     return refused(format!("weight {i}, {j} is not positive"), "1 is the weight of a plain B-spline");
                 }
+                if largest > WEIGHTS * stated {
+                    let text = format!("weight {i}, {j} is {stated}, the largest {largest}");
+                    return refused(text, "a factor of 1e6 is the most");
+                }
+                let w = if weights.is_some() { stated / largest } else { 1.0 };
                 let [x, y, z] = point.map(|c| c * w);
                 net.push([x, y, z, w]);
             }
-        }
-        let (least, most) = net.iter().fold((f64::MAX, 0.0f64), |(lo, hi), p| (lo.min(p[3]), hi.max(p[3])));
-        if most > WEIGHTS * least {
-            return refused(format!("weights from {least} to {most}"), "a factor of 1e6 is the most");
         }
         Ok(Self { degree, knots, count, net })
     }

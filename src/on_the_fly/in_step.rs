@@ -11,8 +11,9 @@ use crate::on_the_fly::topp::Limit;
 const MOST: f64 = 1.1;
 const ROUNDS: usize = 400;
 
-/// The whole time, s, for the scanner's times between positions of the stage.
-pub fn in_step_s(scanner_s: &[f64], positions: &[[f64; STAGE]], limits: &[Limit; STAGE]) -> f64 {
+/// The whole time, s, for the scanner's times between positions of the stage; None where the accelerations do not hold
+/// after [`ROUNDS`].
+pub fn in_step_s(scanner_s: &[f64], positions: &[[f64; STAGE]], limits: &[Limit; STAGE]) -> Option<f64> {
     let ways: Vec<[f64; STAGE]> = positions.windows(2).map(|w| std::array::from_fn(|k| w[1][k] - w[0][k])).collect();
     let at_speed = |way: &[f64; STAGE]| (0..STAGE).map(|k| way[k].abs() / limits[k].speed).fold(0.0, f64::max);
     let mut times: Vec<f64> = scanner_s.iter().zip(&ways).map(|(t, way)| t.max(at_speed(way))).collect();
@@ -32,11 +33,11 @@ pub fn in_step_s(scanner_s: &[f64], positions: &[[f64; STAGE]], limits: &[Limit;
             }
         }
         if slower.iter().all(|by| *by == 1.0) {
-            break;
+            return Some(times.iter().sum());
         }
         times.iter_mut().zip(&slower).for_each(|(t, by)| *t *= by);
     }
-    times.iter().sum()
+    None
 }
 
 #[cfg(test)]
@@ -48,10 +49,13 @@ mod tests {
         let limits = [Limit { speed: 10.0, acceleration: 50.0, jerk: None }; STAGE];
         let along = |list: &[f64]| -> Vec<[f64; STAGE]> { list.iter().map(|x| [*x, 0.0, 0.0, 0.0, 0.0]).collect() };
         // The scanner is slower; the stage at its speed is; a turn back that takes acceleration.
-        assert_eq!(in_step_s(&[1.0, 1.0], &along(&[0.0, 1.0, 2.0]), &limits), 2.0);
-        assert_eq!(in_step_s(&[1e-3, 1e-3], &along(&[0.0, 1.0, 2.0]), &limits), 0.2);
-        let turned = in_step_s(&[0.1, 0.1], &along(&[0.0, 1.0, 0.0]), &limits);
+        assert_eq!(in_step_s(&[1.0, 1.0], &along(&[0.0, 1.0, 2.0]), &limits), Some(2.0));
+        assert_eq!(in_step_s(&[1e-3, 1e-3], &along(&[0.0, 1.0, 2.0]), &limits), Some(0.2));
+        let turned = in_step_s(&[0.1, 0.1], &along(&[0.0, 1.0, 0.0]), &limits).expect("a time");
         // 2 x 1 mm / T over T is 50 mm/s2 at T = 0.2 s; a round may overshoot by its tenth.
         assert!((0.4..0.4 * MOST).contains(&turned), "{turned}");
+        // An acceleration of nothing is never kept.
+        let still = [Limit { acceleration: 0.0, ..limits[0] }; STAGE];
+        assert_eq!(in_step_s(&[0.1, 0.1], &along(&[0.0, 1.0, 0.0]), &still), None);
     }
 }

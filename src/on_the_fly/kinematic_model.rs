@@ -30,6 +30,17 @@ pub struct KinematicModel<'a> {
     pub pivot: [f64; 3],
 }
 
+/// A rotary axis that a motion turns beyond its travel; angles in deg.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeyondTravel {
+    /// The axis.
+    pub letter: Letter,
+    /// Its lowest and its highest command.
+    pub needed: [f64; 2],
+    /// Its travel.
+    pub travel: [f64; 2],
+}
+
 impl<'a> KinematicModel<'a> {
     /// Of a part whose origin lies at `origin` in the machine; None where the machine is not one of a swivel A under a
     /// turntable C that states what all its axes can do.
@@ -96,6 +107,23 @@ impl<'a> KinematicModel<'a> {
         [x, y, z, a, c, spot, spot]
     }
 
+    /// The rotary axes that a motion turns beyond their travel.
+    pub fn beyond_travel(&self, axes: &[Axes]) -> Vec<BeyondTravel> {
+        // A positive C of the motion turns the part the other way than a positive command.
+        type Pick = fn(&Axes) -> f64;
+        let picks: [(Pick, f64); 2] = [(|a| a.a, 1.0), (|a| a.c, -1.0)];
+        let table = self.machine.tilt.iter().flat_map(|table| &table.axes);
+        let beyond = table.zip(picks).filter_map(|(axis, (pick, sign))| {
+            let travel = axis.travel.ends()?.map(|end| end.as_deg());
+            let sign = if axis.reversed { -sign } else { sign };
+            let commands = axes.iter().map(|axes| (sign * pick(axes)).to_degrees());
+            let needed = commands.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(v), hi.max(v)]);
+            let holds = needed[0] >= travel[0] - 1e-6 && needed[1] <= travel[1] + 1e-6;
+            (!holds).then_some(BeyondTravel { letter: axis.letter, needed, travel })
+        });
+        beyond.collect()
+    }
+
     /// Axis values at a node of the path: X, Y, Z, A, C, U, V.
     pub fn values(&self, axes: &Axes, p: [f64; 3]) -> [f64; AXES] {
         let [u, v, _] = axes.field_from_part(self.from_pivot(p));
@@ -109,5 +137,31 @@ impl<'a> KinematicModel<'a> {
         let Some(pen) = path.nodes[i].pen else { return self.machine.scanner.jump_speed.as_mm_s() };
         let (plan, rise) = (way[i] - way[i - 1], path.nodes[i].at[2] - path.nodes[i - 1].at[2]);
         self.pens[pen.index()].speed.as_mm_s() * plan / plan.hypot(rise)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::AxisTravel;
+    use crate::units::Angle;
+
+    #[test]
+    fn travel_is_exceeded_by_an_end_as_by_the_width_and_counts_commands() {
+        let mut machine = Machine::built_in("xyzac-galvo-10").expect("a profile");
+        let travel = |lo: f64, hi: f64| AxisTravel::Ends([lo, hi].map(Angle::deg));
+        let table = machine.tilt.as_mut().expect("a table");
+        (table.axes[0].travel, table.axes[1].travel) = (travel(0.0, 30.0), travel(-20.0, 90.0));
+        let axes = |a: f64, c: f64| Axes { xyz: [0.0; 3], a: a.to_radians(), c: c.to_radians() };
+        let beyond = |axes: &[Axes]| {
+            let model = KinematicModel::of(&machine, &[], [0.0; 3]).expect("seven axes");
+            model.beyond_travel(axes).into_iter().map(|b| (b.letter, b.needed.map(f64::round))).collect::<Vec<_>>()
+        };
+        assert_eq!(beyond(&[axes(0.0, 20.0), axes(30.0, -90.0)]), []);
+        // 20 deg wide, but from below the lower end; C turns against its command.
+        assert_eq!(
+            beyond(&[axes(-10.0, 0.0), axes(10.0, 60.0)]),
+            [(Letter::A, [-10.0, 10.0]), (Letter::C, [-60.0, 0.0])]
+        );
     }
 }

@@ -19,6 +19,7 @@ pub mod in_step;
 pub mod kinematic_model;
 pub mod path;
 pub mod program;
+mod spline;
 pub mod spot;
 pub mod stage_path;
 pub mod statistics;

@@ -12,8 +12,8 @@ use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::decompose::{Method, stage};
 use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::Path;
+use crate::on_the_fly::spline;
 use crate::on_the_fly::spot::SpotMotion;
-use crate::on_the_fly::topp;
 use crate::parallel;
 
 /// Nodes of the path per window, and the fewest of a leg.
@@ -40,8 +40,8 @@ impl StagePath {
     fn new(at: Vec<f64>, positions: Vec<f64>, stops: Vec<usize>) -> Self {
         let mut bends = vec![0.0; positions.len()];
         for w in stops.windows(2) {
-            let path = topp::Path { positions: &positions, s: &at, caps: &[], stops: &[] };
-            topp::bends(&path, STAGE, w[0], w[1], &mut bends[w[0] * STAGE..w[1] * STAGE]);
+            let (nodes, run) = (w[0]..w[1] + 1, w[0] * STAGE..(w[1] + 1) * STAGE);
+            spline::bends(&positions[run.clone()], &at[nodes], STAGE, &mut bends[run]);
         }
         Self { at, positions, bends, stops }
     }
@@ -79,20 +79,13 @@ impl StagePath {
 
     /// Positions at a parameter; `hint` is the segment of the last call.
     pub fn position(&self, at: f64, hint: &mut usize) -> [f64; STAGE] {
-        let last = self.at.len() - 2;
-        let at = at.clamp(self.at[0], self.at[last + 1]);
-        let here = |i: usize| i <= last && self.at[i] <= at && at <= self.at[i + 1];
-        let i = match [*hint, *hint + 1].into_iter().find(|&i| here(i)) {
-            Some(i) => i,
-            None => self.at.partition_point(|&x| x <= at).clamp(1, last + 1) - 1,
-        };
-        *hint = i;
+        let (i, at) = spline::cell(&self.at, at, hint);
         let (h, x) = (self.at[i + 1] - self.at[i], at - self.at[i]);
         // The bend at a stop is zero from both sides.
         std::array::from_fn(|k| {
             let (m, n) = (i * STAGE + k, (i + 1) * STAGE + k);
             let ends = [self.positions[m], self.positions[n]];
-            topp::spline(ends, [self.bends[m], self.bends[n]], h, x)[0]
+            spline::segment(ends, [self.bends[m], self.bends[n]], h, x)[0]
         })
     }
 

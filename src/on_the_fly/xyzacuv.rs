@@ -18,7 +18,7 @@ use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose, follow};
 use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stages};
 use crate::on_the_fly::in_step::in_step_s;
-use crate::on_the_fly::kinematic_model::KinematicModel;
+use crate::on_the_fly::kinematic_model::{BeyondTravel, KinematicModel};
 use crate::on_the_fly::path::c_rewind::{Rewound, rewound};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, Path};
@@ -193,48 +193,35 @@ impl Decomposed {
     /// # Errors
     /// `travel`, with the travel that would be needed.
     pub fn within_travel(&self, model: &KinematicModel<'_>) -> Result<(), Error> {
-        let Some(table) = &model.machine.tilt else { return Ok(()) };
-        // A positive C of the motion turns the part the other way than a positive command.
-        type Pick = fn(&Axes) -> f64;
-        let picks: [(Pick, f64); 2] = [(|a| a.a, 1.0), (|a| a.c, -1.0)];
-        let mut faults = Vec::new();
-        for (axis, (pick, sign)) in table.axes.iter().zip(picks) {
-            let Some([lo, hi]) = axis.travel.ends().map(|ends| ends.map(|end| end.as_deg())) else { continue };
-            let sign = if axis.reversed { -sign } else { sign };
-            let none = [f64::INFINITY, f64::NEG_INFINITY];
-            let commands = self.axes.iter().map(|axes| (sign * pick(axes)).to_degrees());
-            let [least, most] = commands.fold(none, |[l, m], v| [l.min(v), m.max(v)]);
-            if least >= lo - 1e-6 && most <= hi + 1e-6 {
-                continue;
-            }
-            let letter = axis.letter.char();
+        let fault = |BeyondTravel { letter, needed: [least, most], travel: [lo, hi] }| {
             let text = format!(
-                "{letter} would have to turn from {least:.2} to {most:.2} deg, {:.2} deg in all; its travel is {lo} to \
-                 {hi} deg",
+                "{} would have to turn from {least:.2} to {most:.2} deg, {:.2} deg in all; its travel is {lo} to {hi} deg",
+                letter.char(),
                 most - least
             );
-            let hint = if axis.letter == Letter::C {
+            let hint = if letter == Letter::C {
                 "jumps are where C can turn back: mark with more of them, or on a turntable without ends \
                  (travel = \"continuous\")"
             } else {
                 "see the travel of A in the machine file; a part may lean no more than that"
             };
-            faults.push(Diag::limit("travel", text).hint(hint));
-        }
+            Diag::limit("travel", text).hint(hint)
+        };
+        let faults: Vec<Diag> = model.beyond_travel(&self.axes).into_iter().map(fault).collect();
         if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
     }
 
     /// The scanner's time of the whole path, s, if the stage took nothing of its limits and were never too slow; and the
-    /// time with the stage in step with it ([`in_step`](super::in_step)).
+    /// time with the stage in step with it, where one is found ([`in_step`](super::in_step)).
     ///
     /// # Errors
     /// As [`Decomposed::timed`].
-    pub fn in_step_s(&self, model: &KinematicModel<'_>, rests: Rests) -> Result<[f64; 2], Error> {
+    pub fn in_step_s(&self, model: &KinematicModel<'_>, rests: Rests) -> Result<(f64, Option<f64>), Error> {
         let nodes = rests.of(&self.path);
         let spot = SpotMotion::new(&self.path, &self.axes, model, &nodes, &[], false)?;
         let times: Vec<f64> = nodes.windows(2).map(|w| spot.times()[w[1]][0] - spot.times()[w[0]][0]).collect();
         let positions: Vec<[f64; STAGE]> = nodes.iter().map(|&i| listed(&self.axes[i])).collect();
-        Ok([spot.total(), in_step_s(&times, &positions, &model.limits)])
+        Ok((spot.total(), in_step_s(&times, &positions, &model.limits)))
     }
 
     /// Cells and least times, s, of the first `length` mm of the path on grids that are 1, 2 and 4 times as fine.

@@ -124,7 +124,7 @@ pub(super) fn assemble(
     program.strokes.reserve_exact(members.len());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
-    let mut last = stage.start.before.clone();
+    let mut last = stage.start.before.clone().map(|(stop, cell)| (stop, cell, stage.start.from));
     for &(at, t) in &tour {
         let (Placed { index, stop, z }, Position { stop: stand, target, by, cell, .. }) = (&placed[t], &positions[at]);
         let [stop, stand] = [stop, stand].map(|stop| moved(stop, *by));
@@ -138,8 +138,9 @@ pub(super) fn assemble(
             *p = FieldPoint::new(p.x - by[0] as i32, p.y - by[1] as i32);
         }
         let origin = setups.origin(*cell, stage.origin);
-        let retract =
-            last.as_ref().is_some_and(|(before, of)| of != cell || stage.lifts_between(before, &stand, origin));
+        let retract = last.as_ref().is_some_and(|(before, of, from)| {
+            of != cell || stage.lifts_between((before, *from), (&stand, *target), origin)
+        });
         worst[0] = worst[0].max((z[1] - stop.focus).max(stop.focus - z[0]));
         program.blocks.push(Block {
             pass: stage.start.pass,
@@ -152,7 +153,7 @@ pub(super) fn assemble(
             strokes: first_stroke..program.strokes.len(),
             stop,
         });
-        last = Some((stand, *cell));
+        last = Some((stand, *cell, *target));
     }
     let ids: Vec<StopId> = tour.iter().map(|&(_, t)| placed[t].index).collect();
     let slopes = ids.iter().map(|id| slopes[id.index()]).collect();
@@ -424,8 +425,8 @@ impl Stage<'_> {
         self.machine.tilts_head() && !stop.tilt.is_upright()
     }
 
-    /// Whether the stage must lift between two stops of a part that lies at `origin`.
-    fn lifts_between(&self, a: &Stop, b: &Stop, origin: Origin) -> bool {
+    /// Whether the stage must lift between two stops with their commands, of a part that lies at `origin`.
+    fn lifts_between(&self, (a, from): (&Stop, Commanded), (b, to): (&Stop, Commanded), origin: Origin) -> bool {
         if !self.rounds(a) && !self.rounds(b) {
             return self.lifts(a, b);
         }
@@ -433,8 +434,7 @@ impl Stage<'_> {
         let Origin([x, y, z]) = origin;
         let head =
             Head { machine: self.machine, origin: Origin([x, y, z + self.start.lowered.0]), clearance: self.clearance };
-        let stands = |s: &Stop| (self.machine.stand(s.tilt, s.centre, s.focus, origin).stage, s.tilt);
-        head.over_move(stands(a), stands(b)) > Nm(0)
+        head.over_move((from, a.tilt), (to, b.tilt)) > Nm(0)
     }
 
     /// Whether the stage must lift between two stops.

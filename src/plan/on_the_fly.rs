@@ -13,7 +13,7 @@ use crate::emit::{self, FlyFile, TARGETS, Target};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
-use crate::manifest::{Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
+use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
@@ -100,10 +100,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
             let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
             warnings.extend(budget.warning(&job, &inputs.machine));
-            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
-            summary.budget = budget;
-            summary.curves = inputs.curves;
-            summary.laser = laser(&job, &inputs.machine, &checked);
+            let accuracy = FlyAccuracy { deviations, blend_mm, laser: laser(&job, &inputs.machine, &checked), budget };
+            let summary = OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, &warnings);
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
         }
@@ -448,7 +446,7 @@ const BETWEEN_RESTS: f64 = 8.0;
 fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
     let path = &found.path;
     let times = found.times();
-    let step_s = STEP_S.max(found.total_s() / WAYPOINTS);
+    let longest_s = STEP_S.max(found.total_s() / WAYPOINTS);
     let mut reader = found.read(model);
     let mut motion = Motion::default();
     let mut put = |time: f64, Instant { axes, field: [u, v], .. }: Instant, pen, stroke| {
@@ -460,11 +458,11 @@ fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
     put(0.0, reader.at_node(0, 0.0), None, path.nodes[0].stroke);
     for rests in Rests::Corners.of(path).windows(2) {
         let (first, last) = (rests[0], rests[1]);
-        let step_s = step_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
+        let step_s = longest_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
         for i in first..last {
             let ([come, go], stroke) = (times[i], path.nodes[i].stroke);
             // The spot waits with the laser off, and the stage goes on.
-            let count = ((go - come) / STEP_S).ceil() as usize;
+            let count = ((go - come) / longest_s).ceil() as usize;
             for k in 1..=count {
                 let time = come + (go - come) * k as f64 / count as f64;
                 put(time, reader.at_node(i, time), None, stroke);

@@ -111,14 +111,25 @@ fn hostile_drawings_are_refused_or_bounded() {
     let deep_uses: String =
         (0..2000).map(|i| format!(r##"<g id="d{i}"><use href="#d{}"/></g>"##, i + 1)).collect::<String>()
             + "<g id='d2000'/>";
+    // A box is asked for around a chain of uses.
+    let chain: String = (0..100_000).map(|i| format!(r##"<use id="u{i}" href="#u{}"/>"##, i + 1)).collect();
+    let boxed = "<clipPath id='b' clipPathUnits='objectBoundingBox'><path d='M0 0h1v1z'/></clipPath>";
+    let chain = format!("<defs>{boxed}{chain}</defs><use href='#u0' clip-path='url(#b)'/>");
     let rules: String = (0..20_000).map(|i| format!(".c{i} g{{fill:none}}")).collect();
     // Each clip path asks thirty times for the one before it.
     let circles = |k: u32| format!("<circle r='9' clip-path='url(#c{k})'/>").repeat(30);
     let clips: String = (1..6).map(|k| format!("<clipPath id='c{k}'>{}</clipPath>", circles(k - 1))).collect();
     let clips = format!("<clipPath id='c0'><circle r='9'/></clipPath>{clips}<path clip-path='url(#c5)' d='M0 0L9 9'/>");
+    // Each clip path is cut at the one before it.
+    let nested = |k: u32| format!("<clipPath id='n{k}'><circle r='9' clip-path='url(#n{})'/></clipPath>", k - 1);
+    let nested: String = (1..200).map(nested).collect();
+    let nested =
+        format!("<clipPath id='n0'><circle r='9'/></clipPath>{nested}<path clip-path='url(#n199)' d='M0 0L9 9'/>");
     let attributes: String = (0..100_000).map(|i| format!(" a{i}=''")).collect();
     for (name, body, outcome) in [
         ("deep_uses", deep_uses, (Err("svg-deep"), &[][..])),
+        ("nested_clips", nested, (Err("svg-deep"), &[])),
+        ("chain", chain, (Err("svg-deep"), &[])),
         ("rules", format!("<style>{rules}</style>{}", "<g/>".repeat(20_000)), (Err("svg-css"), &[])),
         ("attributes", format!("<path{attributes}/>"), (Err("svg-large"), &[])),
         ("clips", clips, (Err("svg-large"), &[])),

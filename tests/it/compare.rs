@@ -514,7 +514,7 @@ fn jerk_of_a_tool_servo_is_stated_once() {
     for (bad, code, says) in [
         (neither, "machine-tool-servo", "twice or not at all"),
         (both, "machine-tool-servo", "twice or not at all"),
-        (text.replace("damping = 0.7", "damping = 70.0"), "machine-tool-servo", "damping"),
+        (text.replace("damping = 0.7", "damping = 70.0"), "machine-servo", "damping"),
         (text.replace("1.6 kg", "1.6 mg"), "toml", "unknown unit"),
         (text.replace("200 1/min", "2e6 1/min"), "machine-range", "tool_servo.spindle"),
         (text.replace("1.8 mm/min", "0 mm/min"), "toml", "greater than zero"),

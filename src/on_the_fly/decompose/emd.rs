@@ -11,6 +11,8 @@
 //! # Limits
 //! Coordinates know nothing of each other: a curve may be slow in x where it is quick in y.
 
+use crate::on_the_fly::spline;
+
 /// Siftings of a mode.
 const SIFTINGS: usize = 10;
 /// Modes at most: each has about twice the mean period of the one before.
@@ -60,10 +62,8 @@ fn modes(mut rest: Vec<f64>) -> Vec<(f64, Vec<f64>)> {
                 break;
             }
             extrema = low.len() + high.len();
-            let [low, high] = [low, high].map(|points| Spline::through(mirrored(&points, mode.len())));
-            for (i, x) in mode.iter_mut().enumerate() {
-                *x -= 0.5 * (low.at(i as f64) + high.at(i as f64));
-            }
+            let [low, high] = [low, high].map(|points| envelope(&mirrored(&points, mode.len()), mode.len()));
+            mode.iter_mut().zip(low.iter().zip(&high)).for_each(|(x, (low, high))| *x -= 0.5 * (low + high));
         }
         if extrema == 0 {
             break;
@@ -119,41 +119,18 @@ fn mirrored(points: &[[f64; 2]], samples: usize) -> Vec<[f64; 2]> {
     before.chain(points.iter().copied()).chain(after).collect()
 }
 
-/// A natural cubic spline.
-struct Spline {
-    knots: Vec<[f64; 2]>,
-    /// Second derivatives at the knots.
-    bends: Vec<f64>,
-}
-
-impl Spline {
-    /// Through knots whose places rise; one at least.
-    fn through(knots: Vec<[f64; 2]>) -> Self {
-        // Thomas's algorithm for the tridiagonal system of the second derivatives, 0 at both ends.
-        let n = knots.len();
-        let mut bends = vec![0.0; n];
-        let mut upper = vec![0.0; n];
-        for i in 1..n.saturating_sub(1) {
-            let [g, h] = [knots[i][0] - knots[i - 1][0], knots[i + 1][0] - knots[i][0]];
-            let slope = |i: usize, h: f64| (knots[i + 1][1] - knots[i][1]) / h;
-            let pivot = 2.0 * (g + h) - g * upper[i - 1];
-            upper[i] = h / pivot;
-            bends[i] = (6.0 * (slope(i, h) - slope(i - 1, g)) - g * bends[i - 1]) / pivot;
-        }
-        for i in (1..n.saturating_sub(1)).rev() {
-            bends[i] -= upper[i] * bends[i + 1];
-        }
-        Self { knots, bends }
-    }
-
-    fn at(&self, t: f64) -> f64 {
-        let knots = &self.knots;
-        let next = knots.partition_point(|k| k[0] <= t).clamp(1, (knots.len() - 1).max(1));
-        let ([a, x], Some(&[b, y])) = (knots[next - 1], knots.get(next)) else { return knots[0][1] };
-        let h = b - a;
-        let [q, p] = [(t - a) / h, (b - t) / h];
-        p * x + q * y + ((p.powi(3) - p) * self.bends[next - 1] + (q.powi(3) - q) * self.bends[next]) * h * h / 6.0
-    }
+/// The natural cubic spline through points whose places rise, around all of the samples.
+fn envelope(points: &[[f64; 2]], samples: usize) -> Vec<f64> {
+    let [places, values] = [0, 1].map(|k| points.iter().map(|p| p[k]).collect::<Vec<f64>>());
+    let mut bends = vec![0.0; points.len()];
+    spline::bends(&values, &places, 1, &mut bends);
+    let mut hint = 0;
+    let at = |i: usize| {
+        let (k, t) = spline::cell(&places, i as f64, &mut hint);
+        spline::segment([values[k], values[k + 1]], [bends[k], bends[k + 1]], places[k + 1] - places[k], t - places[k])
+            [0]
+    };
+    (0..samples).map(at).collect()
 }
 
 #[cfg(test)]
@@ -177,16 +154,6 @@ mod tests {
         // What is left after all modes has no oscillation.
         let rest: Vec<f64> = modes.slow(f64::INFINITY).iter().map(|p| p[0]).collect();
         assert!(turning_points(&rest, 1e-6).iter().map(Vec::len).sum::<usize>() < 3);
-    }
-
-    #[test]
-    fn spline_meets_its_knots_and_the_closed_form_of_three() {
-        let spline = Spline::through(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]);
-        // 3/2 t - 1/2 t^3 on the first half.
-        for t in [0.0, 0.25, 0.5, 1.0] {
-            assert!((spline.at(t) - (1.5 * t - 0.5 * t.powi(3))).abs() < 1e-14, "{t}");
-            assert!((spline.at(2.0 - t) - spline.at(t)).abs() < 1e-14, "{t}");
-        }
     }
 
     #[test]

@@ -1,44 +1,7 @@
-//! A run laid out: its spline, its cells, and what the axes do there per unit of b.
+//! A run laid out: its cells, and what the axes do there per unit of b.
 
 use super::{Limit, Options, Path};
-
-/// Second derivatives of the natural cubic spline of every axis at the nodes `first..last`; that at `last` is
-/// zero, as is the first.
-pub(crate) fn bends(path: &Path, axes: usize, first: usize, last: usize, out: &mut [f64]) {
-    let n = last - first;
-    // h₀ m₋ + 2 (h₀ + h₁) m + h₁ m₊ = 6 (slope₁ - slope₀) at every inner node, m the second derivatives.
-    let width = |i: usize| path.s[first + i + 1] - path.s[first + i];
-    let at = |i: usize, a: usize| path.positions[(first + i) * axes + a];
-    // Thomas' method; the upper factors are the same for all axes.
-    let mut upper = vec![0.0; n];
-    for i in 1..n {
-        let (h0, h1) = (width(i - 1), width(i));
-        let pivot = 2.0 * (h0 + h1) - h0 * upper[i - 1];
-        upper[i] = h1 / pivot;
-        for a in 0..axes {
-            let turn = (at(i + 1, a) - at(i, a)) / h1 - (at(i, a) - at(i - 1, a)) / h0;
-            out[i * axes + a] = (6.0 * turn - h0 * out[(i - 1) * axes + a]) / pivot;
-        }
-    }
-    for i in (1..n.saturating_sub(1)).rev() {
-        for a in 0..axes {
-            out[i * axes + a] -= upper[i] * out[(i + 1) * axes + a];
-        }
-    }
-}
-
-/// Value, first and second derivative of a spline's segment of width `h`, `x` after its start.
-#[inline]
-pub(crate) fn spline(ends: [f64; 2], bends: [f64; 2], h: f64, x: f64) -> [f64; 3] {
-    let v = x / h;
-    let u = 1.0 - v;
-    let [m, n] = bends;
-    [
-        u * ends[0] + v * ends[1] - u * v * ((1.0 + u) * m + (1.0 + v) * n) * h * h / 6.0,
-        (ends[1] - ends[0]) / h + ((3.0 * v * v - 1.0) * n - (3.0 * u * u - 1.0) * m) * h / 6.0,
-        u * m + v * n,
-    ]
-}
+use crate::on_the_fly::spline;
 
 /// A run on its cells.
 #[derive(Debug)]
@@ -85,7 +48,7 @@ impl Grid {
                 let ends = [path.positions[node * axes + a], path.positions[(node + 1) * axes + a]];
                 let from = (node - first) * axes + a;
                 let [_, d1, d2] =
-                    spline(ends, [bends[from], bends.get(from + axes).copied().unwrap_or(0.0)], width, offset);
+                    spline::segment(ends, [bends[from], bends.get(from + axes).copied().unwrap_or(0.0)], width, offset);
                 cap = cap.min((limit.speed / d1).powi(2));
                 out.d1.push(d1 / limit.acceleration);
                 out.d2.push(d2 / limit.acceleration);
@@ -169,7 +132,7 @@ fn fine(path: &Path, limits: &[Limit], options: &Options, first: usize, last: us
             let ends = [path.positions[node * k + a], path.positions[(node + 1) * k + a]];
             let from = (node - first) * k + a;
             let bent = [bends[from], bends.get(from + k).copied().unwrap_or(0.0)];
-            let slope = spline(ends, bent, width, end * width)[1].abs();
+            let slope = spline::segment(ends, bent, width, end * width)[1].abs();
             acceleration = acceleration.min(l.acceleration / slope);
             jerk = jerk.min(l.jerk.map_or(f64::INFINITY, |j| j / slope));
         }

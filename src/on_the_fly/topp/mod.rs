@@ -37,9 +37,9 @@ mod ratio;
 mod reachability;
 
 use crate::diag::{Diag, Error};
+use crate::on_the_fly::spline::{self, cell};
 use crate::parallel;
 use grid::Grid;
-pub(crate) use grid::{bends, spline};
 use reachability::Reach;
 
 /// Most axes.
@@ -201,7 +201,7 @@ pub fn time_optimal(path: &Path, limits: &[Limit], options: &Options) -> Result<
         rest = tail;
     }
     let solved: Vec<Solved> = parallel::map_items(parts, |_, (first, last, bends)| {
-        grid::bends(path, axes, first, last, bends);
+        spline::bends(&path.positions[first * axes..(last + 1) * axes], &path.s[first..=last], axes, bends);
         run(path, limits, options, first, last, bends)
     });
     Ok(join(path, axes, bends, &solved))
@@ -346,11 +346,6 @@ impl Timed {
         self.at_node.iter().map(|&i| self.rate[i as usize])
     }
 
-    /// Time, parameter and ds/dt at the borders of cells.
-    pub fn borders(&self) -> impl ExactSizeIterator<Item = (f64, f64, f64)> + '_ {
-        (0..self.s.len()).map(|i| (self.time[i], self.s[i], self.rate[i]))
-    }
-
     /// The axes at `time`, s, held at its ends before and after.
     ///
     /// `hint` is the cell of the last call, and becomes that of this one: rising times cost no search.
@@ -412,26 +407,12 @@ impl Timed {
         for a in 0..k {
             let ends = [self.positions[from + a], self.positions[to + a]];
             let bends = [self.bends[from + a], self.bends.get(to + a).copied().unwrap_or(0.0)];
-            let [q, d1, d2] = grid::spline(ends, bends, s1 - s0, state.s - s0);
+            let [q, d1, d2] = spline::segment(ends, bends, s1 - s0, state.s - s0);
             state.position[a] = q;
             state.velocity[a] = d1 * state.rate;
             state.acceleration[a] = d2 * state.rate * state.rate + d1 * gain;
         }
     }
-}
-
-/// The cell of rising `borders` that holds a value, and the value within them all.
-fn cell(borders: &[f64], value: f64, hint: &mut usize) -> (usize, f64) {
-    let cells = borders.len() - 1;
-    let v = value.clamp(borders[0], borders[cells]);
-    let near = (*hint).min(cells - 1);
-    let here = |i: usize| i < cells && borders[i] <= v && v <= borders[i + 1];
-    let i = match [near, near + 1].into_iter().find(|&i| here(i)) {
-        Some(i) => i,
-        None => borders.partition_point(|&b| b <= v).clamp(1, cells) - 1,
-    };
-    *hint = i;
-    (i, v)
 }
 
 #[cfg(test)]

@@ -39,6 +39,7 @@ use super::page::Wanted;
 use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
+use crate::parallel;
 use page::Frame;
 pub(super) use source::{foreign_name, is_svg, text};
 use style::Style;
@@ -48,6 +49,8 @@ use walk::{State, Walk, style_text};
 
 /// Most nodes of the XML tree.
 const MAX_NODES: u32 = 4_000_000;
+/// Stack for the levels of a drawing, bytes: several times of what an unoptimised build takes.
+const STACK: usize = 16 << 20;
 
 /// Reads the text of a drawing; the size that is `wanted` wins over the file's own size.
 ///
@@ -79,7 +82,7 @@ pub(super) fn load(
     }
     let texts: Vec<String> = doc.descendants().filter_map(style_text).map(without_comments).collect();
     let sheet = Sheet::new(&texts).map_err(here)?;
-    let mut walk = Walk::new(&doc, sheet, site, frame.map.enlarges(), marking);
+    let walk = Walk::new(&doc, sheet, site, frame.map.enlarges(), marking);
     let state = State {
         map: frame.map,
         style: Style::INITIAL,
@@ -89,8 +92,11 @@ pub(super) fn load(
         stretch: 1.0,
         depth: 0,
     };
-    walk.root(root, state).map_err(here)?;
-    let Walk { mut art, mut tally, .. } = walk;
+    let drawn = parallel::on_stack(STACK, || walk.drawn(root, state)).map_err(|e| {
+        let text = format!("the drawing needs a stack of {} MB to be read in: {e}", STACK >> 20);
+        here(Diag::limit("memory", text).hint("raise the limit of memory or of threads").into())
+    })?;
+    let (mut art, mut tally) = drawn.map_err(here)?;
     art.size = frame.size;
     overhangs(&art, site.tolerance, &mut tally);
     let (unseen, faults) = (tally.count(Issue::Hidden), tally.refused());

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::str::FromStr;
 
-use roxmltree::{Node, NodeId};
+use roxmltree::Node;
 
 use super::outline::Map;
 use super::page::{self, view_map};
@@ -300,25 +300,24 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(BoxMm::of(aside?.lines.points.iter().copied()))
     }
 
-    /// Looks at what an element holds and uses.
-    fn look_into(
-        &mut self,
-        node: Node<'a, 'input>,
-        seen: &mut HashSet<NodeId>,
-        inside: &mut Inside,
-    ) -> Result<(), Box<Diag>> {
-        for inner in node.descendants().filter(Node::is_element) {
-            let own = self.declared(inner)?;
-            inside.is_stroked |= own.get("stroke").is_some_and(|stroke| stroke != "none");
-            inside.is_turned |= inner != node && transform(inner, &own).is_some_and(|t| !t.is_aligned());
-            let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(|h| h.strip_prefix('#'));
-            if let Some(target) = used.and_then(|id| self.target(id)).filter(|t| seen.insert(t.id())) {
-                let own = self.declared(target)?;
-                inside.is_turned |= transform(target, &own).is_some_and(|t| !t.is_aligned());
-                self.look_into(target, seen, inside)?;
+    /// What an element holds and uses is like.
+    fn look_into(&mut self, node: Node<'a, 'input>, is_stroked: bool) -> Result<Inside, Box<Diag>> {
+        let mut inside = Inside { is_turned: false, is_stroked };
+        let (mut seen, mut left) = (HashSet::new(), vec![node]);
+        while let Some(node) = left.pop() {
+            for inner in node.descendants().filter(Node::is_element) {
+                let own = self.declared(inner)?;
+                inside.is_stroked |= own.get("stroke").is_some_and(|stroke| stroke != "none");
+                inside.is_turned |= inner != node && transform(inner, &own).is_some_and(|t| !t.is_aligned());
+                let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(|h| h.strip_prefix('#'));
+                if let Some(target) = used.and_then(|id| self.target(id)).filter(|t| seen.insert(t.id())) {
+                    let own = self.declared(target)?;
+                    inside.is_turned |= transform(target, &own).is_some_and(|t| !t.is_aligned());
+                    left.push(target);
+                }
             }
         }
-        Ok(())
+        Ok(inside)
     }
 
     /// The area of a shape, cut at its clip.
@@ -376,8 +375,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if wants_box {
             // SVG 2, 8.10 has the tightest box; some programs turn the box of each shape and get a larger one. The
             // frame of a mask reaches a tenth beyond either, unless it says otherwise: it could cut strokes alone.
-            let mut inside = Inside { is_turned: false, is_stroked: state.style.has_stroke() };
-            self.look_into(node, &mut HashSet::new(), &mut inside)?;
+            let inside = self.look_into(node, state.style.has_stroke())?;
             let sides = ["x", "y", "width", "height"];
             let is_roomy = attribute == "maskUnits" && !sides.iter().any(|name| server.has_attribute(*name));
             if inside.is_turned && (inside.is_stroked || !is_roomy) {

@@ -134,10 +134,12 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
     }
 
-    /// Walks the children of the root.
-    pub(super) fn root(&mut self, root: Node<'a, 'input>, state: State<'a>) -> Done {
-        let Some(state) = self.enter(root, state)? else { return Ok(()) };
-        self.children(root, state)
+    /// What the children of the root draw.
+    pub(super) fn drawn(mut self, root: Node<'a, 'input>, state: State<'a>) -> Result<(Artwork, Tally), Box<Diag>> {
+        if let Some(state) = self.enter(root, state)? {
+            self.children(root, state)?;
+        }
+        Ok((self.art, self.tally))
     }
 
     pub(super) fn children(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {

@@ -37,18 +37,18 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
         Some(pen) => pens.get(pen).map_or(mark, |pen| pen.speed.as_mm_s()),
         None => jump.max(mark),
     });
-    let (Some(first), Some(last)) = (places.first(), places.last()) else { return };
-    let turns = places.windows(3).filter(|w| {
+    if places.is_empty() {
+        return;
+    }
+    let turns = places.windows(3).map(|w| {
         let [a, b] = [0, 1].map(|i| [0, 1].map(|k| w[i + 1].at[k] - w[i].at[k]));
         (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1]) > CORNER + ROUNDED
     });
-    let mut from = first;
-    let mut speeds = places.iter().map(|p| (p.line, p.us[0], p.speed)).peekable();
-    for rest in turns.map(|w| &w[1]).chain([last]) {
-        let mut speed = 0.0f64;
-        while let Some((_, _, own)) = speeds.next_if(|(_, us, _)| *us <= rest.us[0]) {
-            speed = speed.max(own);
-        }
+    let rests = turns.zip(1..).filter_map(|(turns, i)| turns.then_some(i)).chain([places.len() - 1]);
+    let mut first = 0;
+    for last in rests {
+        let (from, rest) = (&places[first], &places[last]);
+        let speed = places[first + 1..=last].iter().fold(0.0, |speed: f64, place| speed.max(place.speed));
         rule.checked += 1;
         let needed = [0, 1].map(|k| {
             let way = ((rest.at[k] - from.at[k]).abs() - 2.0 * APART).max(0.0) * 1e-6;
@@ -64,7 +64,7 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
             );
             rule.broken("", format!("{name}:{}", rest.line), text);
         }
-        from = rest;
+        first = last;
     }
 }
 

@@ -10,21 +10,35 @@ use crate::verify::read::on_the_fly::{FlyProgram, Step};
 /// A whole turn, millionths of a degree.
 const TURN: i64 = 360_000_000;
 
+fn is_in_turn(angle: i64) -> bool {
+    (0..TURN).contains(&angle)
+}
+
 /// Lets the angles of axes run on that are commanded modulo a turn.
 pub(super) fn unwind(program: &mut FlyProgram, name: &str, machine: &Machine, rule: &mut Rule) {
     let Some(table) = &machine.tilt else { return };
     for (k, axis) in table.axes.iter().enumerate().filter(|(_, axis)| axis.commands == AngleCommands::Modulo) {
         let (slot, letter) = (3 + k, axis.letter.char());
         let mut at = program.start.0[slot];
+        if !is_in_turn(at) {
+            rule.broken("", name.to_owned(), format!("{letter} begins at {} deg, not 0 to 360", at as f64 / 1e6));
+            return;
+        }
         for Step { line, to, .. } in &mut program.steps {
             rule.checked += 1;
-            let commanded = to.0[slot];
-            if !(0..TURN).contains(&commanded) {
-                let deg = commanded as f64 / 1e6;
-                rule.broken("", format!("{name}:{line}"), format!("{letter} is commanded to {deg} deg, not 0 to 360"));
+            let (commanded, deg) = (to.0[slot], to.0[slot] as f64 / 1e6);
+            let way = (commanded - at).rem_euclid(TURN);
+            let fault = if !is_in_turn(commanded) {
+                Some(format!("{letter} is commanded to {deg} deg, not 0 to 360"))
+            } else if way == TURN / 2 {
+                Some(format!("{letter} is commanded by half a turn, to {deg} deg: either way is as short"))
+            } else {
+                None
+            };
+            if let Some(fault) = fault {
+                rule.broken("", format!("{name}:{line}"), fault);
                 return;
             }
-            let way = (commanded - at).rem_euclid(TURN);
             at += if way > TURN / 2 { way - TURN } else { way };
             to.0[slot] = at;
         }
@@ -56,5 +70,10 @@ mod tests {
         assert_eq!((angles, rule.violated), (vec![370, 460, 360, 200, 30], 0));
         unwind(&mut program(&[10, 360]), "fly.pmc", &machine, &mut rule);
         assert_eq!(rule.violated, 1);
+        unwind(&mut program(&[10, 190]), "fly.pmc", &machine, &mut rule);
+        assert_eq!(rule.violated, 2, "half a turn");
+        let begun = FlyProgram { start: at(360), ..program(&[0]) };
+        unwind(&mut { begun }, "fly.pmc", &machine, &mut rule);
+        assert_eq!(rule.violated, 3, "its start");
     }
 }

@@ -107,6 +107,8 @@ impl Head<'_> {
     fn stage_program(&mut self, stage: &StageFile) {
         let letters = self.machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter as usize));
         let mut at: [Option<i64>; 6] = [None; 6];
+        // Whatever else is moved by hand at a stop, the tilt axes stand as they were.
+        let mut tilted: Option<TiltAngles> = None;
         let mut block = 0;
         for moved in Positions::of(stage) {
             if moved.is_anew {
@@ -130,7 +132,9 @@ impl Head<'_> {
                 block += found.unwrap_or_default();
             }
             if let Some(to) = pose(&at) {
-                self.go(block, pose(&from).unwrap_or(to), to, &stage.place(moved.line));
+                let anew = Pose { tilt: tilted.unwrap_or(to.tilt), ..to };
+                self.go(block, pose(&from).unwrap_or(anew), to, &stage.place(moved.line));
+                tilted = Some(to.tilt);
             }
         }
     }

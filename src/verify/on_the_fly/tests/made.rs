@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use crate::job::{Job, Mode, Overrides};
 use crate::job_folder::write_on_the_fly;
 use crate::machine::Machine;
-use crate::manifest::{Deviations, FlyLengths, OnTheFlySummary};
+use crate::manifest::{FlyAccuracy, FlyLengths, OnTheFlySummary};
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::check::Checked;
 use crate::on_the_fly::path;
@@ -171,13 +171,12 @@ impl Bench {
 
     fn stating(&self, checked: Checked, lengths: FlyLengths) -> PathBuf {
         let inputs = Arc::new(Inputs::load(&self.job).expect("inputs"));
+        let laser = crate::plan::laser(&self.job, &self.machine, &checked);
+        let accuracy = FlyAccuracy { laser, ..FlyAccuracy::default() };
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),
-            summary: OnTheFlySummary {
-                laser: crate::plan::laser(&self.job, &self.machine, &checked),
-                ..OnTheFlySummary::new(&checked, Deviations::default(), lengths, 0.0, &[])
-            },
+            summary: OnTheFlySummary::new(&checked, lengths, accuracy, None, &[]),
             checked,
             left_out: Vec::new(),
             warnings: Vec::new(),
