@@ -159,7 +159,7 @@ mod tests {
         let clearance = Clearance::new(&[tile([1e4, -5.0], [1.1e4, 5.0], 300.0)], &machine);
         let head = Head { machine: &machine, origin: Origin::default(), clearance: &clearance };
         let near =
-            |deg: f64| head.over_way(TiltAngles([0, (deg * 1e6) as i64]), Commanded::default(), Commanded::default());
+            |deg: f64| head.over_way(TiltAngles([(deg * 1e6) as i64, 0]), Commanded::default(), Commanded::default());
         assert!(near(0.0) < Nm(0));
         for deg in [90.0, 90.0 - 1e-6, 95.0] {
             assert!(near(deg).max(near(-deg)) > Nm(0), "{deg}");

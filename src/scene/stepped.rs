@@ -182,26 +182,35 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Along the surface under a beam that leans.
+    /// Along the surface under a beam that leans. Marks end where the part turns away: what their ends lie on is looked
+    /// at a little inside of them.
     fn leaning(&mut self, turn: &Turn, points: &[FieldPoint]) {
+        const INSIDE: f64 = 0.01;
         let up = turn.up();
-        let look = |maker: &mut Self, [x, y]: [f64; 2]| {
+        let look = |maker: &mut Self, at: [f64; 2], inside: Option<[f64; 2]>| {
             let [cx, cy, focus] = maker.lies.centre;
-            let at = turn.back(P3::<Turned>::new([cx + x, cy + y, focus])).at;
-            let hit = maker.beams.hit(at, up, maker.height);
+            let place = |[x, y]: [f64; 2]| turn.back(P3::<Turned>::new([cx + x, cy + y, focus])).at;
+            let hit = maker.beams.hit(place(at), up, maker.height);
             maker.height = hit.map_or(maker.height, |hit| hit.height);
+            let hit = inside.map_or(hit, |p| maker.beams.hit(place(p), up, maker.height));
             let tan = hit.map_or(0.0, |hit| hit.cos.clamp(1e-6, 1.0).acos().tan());
-            maker.line.push(([x, y, maker.height], tan));
+            maker.line.push(([at[0], at[1], maker.height], tan));
         };
         let flat = |p: &FieldPoint| [f64::from(p.x), f64::from(p.y)];
-        look(self, flat(&points[0]));
-        for w in points.windows(2) {
+        for (i, w) in points.windows(2).enumerate() {
             let [a, b] = [flat(&w[0]), flat(&w[1])];
             let steps = ((b[0] - a[0]).hypot(b[1] - a[1]) / SPACING).ceil().max(1.0) as usize;
-            for k in 1..=steps {
-                let t = k as f64 / steps as f64;
-                look(self, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+            let at = |k: f64| [0, 1].map(|c| a[c] + k / steps as f64 * (b[c] - a[c]));
+            if i == 0 {
+                look(self, a, Some(at(INSIDE)));
             }
+            for k in 1..=steps {
+                let ends = k == steps && i + 2 == points.len();
+                look(self, at(k as f64), ends.then(|| at(k as f64 - INSIDE)));
+            }
+        }
+        if let [dot] = points {
+            look(self, flat(dot), None);
         }
     }
 }

@@ -34,6 +34,9 @@ const SERIES = [
   [150, 92, 48],
 ];
 
+/** Rotation by rows and shift of a part that is not turned. */
+const STANDS = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
+
 /** The colour at a share of a ramp. */
 function along(anchors, value, low, high) {
   const share = high > low ? Math.min(Math.max((value - low) / (high - low), 0), 1) * 8 : 4;
@@ -82,6 +85,28 @@ export async function checks(page, manifest, check, options) {
       .map((e) => e.id),
   );
   check("every control has a name", nameless.length === 0, nameless.join(" "));
+
+  // --- the first look: all texture, marked or not, but for what lies beside the part
+  const lost = head.skipped.filter((s) => s.reason !== "beyond").map((s) => s.box);
+  if (lost.length > 0) {
+    const corners = lost.flatMap(([x0, y0, x1, y1]) => [
+      [x0, y0],
+      [x1, y0],
+      [x0, y1],
+      [x1, y1],
+    ]);
+    const places = corners.flatMap((p) => head.box.map((end) => [...p, end[2]]));
+    const seen = await view((v, ps) => ps.map((p) => v.project(p)), places);
+    const size = await page.locator("#scene").boundingBox();
+    const inside = seen.filter(([x, y]) => x >= 0 && x <= size.width && y >= 0 && y <= size.height);
+    const marked = span(head.chunks.flatMap((c) => c.box.map((end) => end[0])));
+    const beside = lost.some(([x0, , x1]) => x0 < marked[0] || x1 > marked[1]);
+    check(
+      "the first look takes in texture that is not marked",
+      inside.length === seen.length,
+      `${inside.length} of ${seen.length} corners${beside ? ", beside all marks" : ""}`,
+    );
+  }
 
   /** The part of the picture that is not background, as one number for each of some pixels. */
   const picture = async () => {
@@ -332,7 +357,7 @@ export async function checks(page, manifest, check, options) {
     let out = 0;
     for (const mark of samples) {
       const b = manifest.blocks[mark.block];
-      const q = turned(blocks.turn?.[mark.block] ?? [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], mark.at);
+      const q = turned(blocks.turn?.[mark.block] ?? STANDS, mark.at);
       // Marks of a later pass are drawn on the part as it was, above the surface that this pass marks.
       q[2] -= manifest.passes?.[b.pass - 1]?.lowered_mm ?? 0;
       const reach = head.field.size.map((s) => s / 2 + 0.01);
@@ -345,10 +370,17 @@ export async function checks(page, manifest, check, options) {
     if (tilted >= 0) {
       await view((v, i) => v.goToBlock(i), tilted);
       const s = await state();
-      check(
-        "at a tilted stop the part is turned",
-        JSON.stringify(s.turn) === JSON.stringify(blocks.turn[tilted]) && s.up[2] === 1,
-      );
+      const up = blocks.turn[tilted].slice(6, 9);
+      if (head.head_tilts)
+        check(
+          "at a tilted stop the head leans and the part stands",
+          JSON.stringify(s.turn) === JSON.stringify(STANDS) && apart(s.up, up) < 1e-6 && up[2] < 1,
+        );
+      else
+        check(
+          "at a tilted stop the part is turned",
+          JSON.stringify(s.turn) === JSON.stringify(blocks.turn[tilted]) && s.up[2] === 1,
+        );
       const i = blocks.turn.findIndex(
         (t, k) =>
           k > 0 && blocks.start[k] > blocks.begin[k] && JSON.stringify(t) !== JSON.stringify(blocks.turn[k - 1]),
@@ -356,10 +388,17 @@ export async function checks(page, manifest, check, options) {
       if (i > 0) {
         await view((v, t) => v.setTime(t), (blocks.begin[i] + blocks.start[i]) / 2);
         const half = await state();
-        check(
-          "between stops the part is between their turns",
-          half.does === "moves" && JSON.stringify(half.turn) !== JSON.stringify(blocks.turn[i]),
-        );
+        const ends = [i - 1, i].map((k) => (blocks.turn[k] ?? STANDS).slice(6, 9));
+        if (head.head_tilts)
+          check(
+            "between stops the head leans as between their turns",
+            half.does === "moves" && ends.every((up) => apart(half.up, up) <= apart(...ends) && apart(half.up, up) > 0),
+          );
+        else
+          check(
+            "between stops the part is between their turns",
+            half.does === "moves" && JSON.stringify(half.turn) !== JSON.stringify(blocks.turn[i]),
+          );
       }
     }
   } else {

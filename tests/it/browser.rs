@@ -40,6 +40,21 @@ fn passes_and_setups(dir: &Path) -> PathBuf {
     job.write(dir, "passes.toml")
 }
 
+/// A hatch under a head that tilts, on a part with a flank along one side that is too steep to be marked.
+fn tilted_head(dir: &Path) -> PathBuf {
+    let stl = dir.join("flank.stl");
+    let dome = |x: f64, y: f64| 6.0 - ((x - 25.0) / 12.0).powi(2) - ((y - 20.0) / 18.0).powi(2);
+    let facets = [
+        mesh(50, [0.0, 0.0, 50.0, 40.0], dome),
+        mesh(50, [50.0, 0.0, 52.0, 40.0], |x, y| dome(50.0, y) - 11.0 * (x - 50.0)),
+    ];
+    write_stl(&stl, &facets.concat());
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("tilt");
+    job.focus = "pdof = \"0.3 mm\"".into();
+    job.machine = "profile = \"xyz-headtilt-galvo-40\"".into();
+    job.write(dir, "headtilt.toml")
+}
+
 #[test]
 #[ignore = "slow"]
 fn every_control_of_the_view_works_in_a_browser_and_shows_what_the_manifest_says() {
@@ -57,6 +72,7 @@ fn every_control_of_the_view_works_in_a_browser_and_shows_what_the_manifest_says
         compiled(&fixture("hood.toml"), "stepped", at("hood.job")),
         compiled(&at("tilt.toml"), "stepped", at("tilt.job")),
         passes,
+        compiled(&tilted_head(dir.path()), "stepped", at("headtilt.job")),
         compiled(&at("try/job.toml"), "on-the-fly", at("try.fly.job")),
     ];
     node("view.mjs", jobs.iter().map(PathBuf::as_path));

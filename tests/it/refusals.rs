@@ -286,13 +286,12 @@ fn travel_error_suggests_an_origin_that_compiles() {
 }
 
 #[test]
-#[ignore = "slow"]
 fn travel_error_on_the_fly_suggests_an_origin_that_compiles() {
     let dir = folder();
-    let mut job = panel(dir.path());
-    job.textures = vec!["pattern = \"hatch\"\npitch = \"20 mm\"".into()];
+    let stl = dir.path().join("small.stl");
+    write_stl(&stl, &mesh(4, [0.0, 0.0, 6.0, 4.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"").method("z-range");
     job.focus = "pdof = \"1 mm\"".into();
-    job.method = "z-range";
     let mut at = |x: f64| {
         job.more = format!("[placement]\norigin = [\"{x} mm\", \"0 mm\", \"0 mm\"]\n");
         let job = job.write(dir.path(), "job.toml");

@@ -7,15 +7,17 @@
 //! where nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at
 //! a time.
 
-use super::stretch::{self, Run, Stretch, confirmed, note, whole};
+mod gaps;
+
+use super::stretch::Run;
 use super::texture_stroke::TextureStroke;
 use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
-use crate::geom::{NM_PER_MM, Nm, P2};
-use crate::program::{Block, PassId, PenId, Stroke};
+use crate::geom::{NM_PER_MM, P2};
+use crate::program::{PassId, PenId, Stroke};
 use crate::progress::Task;
 use crate::verify::Drawing;
-use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
+use crate::verify::geometry::{Geometry, Piece, Scratch, Slope};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::manifest::Manifest;
@@ -26,9 +28,6 @@ const NOISE: f64 = 0.5;
 
 /// By how much an overlap may be longer than declared, nm: both its ends are rounded.
 const ROUNDED: f64 = 2.0;
-
-/// How much of what follows a mark, nm, tells whether its block would have gone on.
-const SURE: f64 = 100.0;
 
 /// At most this many unmatched marks are looked for: the search is slow, and one is enough to refuse.
 const UNMATCHED: usize = 1000;
@@ -418,210 +417,6 @@ impl Cover<'_> {
         self.file.program.blocks.partition_point(|b| b.strokes.end <= mark as usize)
     }
 
-    /// Judges an unmarked part of the stroke.
-    fn gap(&mut self, number: usize, [from, to]: [f64; 2], passes: f64, beside: [Option<Span>; 2]) {
-        let per_nm = passes / NM_PER_MM;
-        self.out.doubt_mm += 2.0 * self.geometry.grain() * per_nm;
-        self.out.rounding_mm += NOISE * per_nm;
-        self.out.lengths.skipped_mm += (to - from) * per_nm;
-        let (mut off, mut steep, mut doubt, mut open) = (0.0, 0.0, 0.0, 0.0);
-        let mut list: Vec<Stretch> = Vec::new();
-        let mut scratch = std::mem::take(&mut self.scratch);
-        let (first, last) = (self.stroke.locate(from).0, self.stroke.locate(to).0);
-        // Each stretch of the gap is off the part, too steep, or could have been marked; only the last needs a reason.
-        for k in first..=last {
-            let line = self.stroke.line(k);
-            let d = [(from - self.stroke.along(k)).max(0.0), (to - self.stroke.along(k)).min(line.len)];
-            if d[1] <= d[0] {
-                continue;
-            }
-            self.geometry.along(&line.part(d, 0.0), &mut scratch, |p| match p.sheet.map(|s| s.slope) {
-                None => off += p.len(),
-                Some(Slope::Steep) => steep += p.len(),
-                Some(Slope::Doubtful) => (steep, doubt) = (steep + p.len(), doubt + p.len()),
-                Some(Slope::Gentle) => {
-                    open += p.len();
-                    note(&mut list, k, p.d.map(|x| x + d[0]), line.len);
-                }
-            });
-            doubt += self.border(&line, d, &mut scratch);
-        }
-        let gentle = |p: &Piece| whole(p, p.sheet.is_some_and(|s| s.slope == Slope::Gentle));
-        let runs = if list.is_empty() {
-            Vec::new()
-        } else {
-            confirmed(&list, self.geometry, &mut scratch, |k| self.stroke.line(k), gentle)
-        };
-        let small: f64 = runs.iter().map(|r| r.len).sum();
-        // What rounding may have put off the part counts as that; so does a cut through a wall.
-        let lengths = &mut self.out.lengths;
-        lengths.skipped_off_part_mm += (off + open - small) * per_nm;
-        lengths.skipped_steep_mm += steep * per_nm;
-        lengths.skipped_small_mm += small * per_nm;
-        self.out.doubt_mm += (doubt + open - small) * per_nm;
-        for run in &runs {
-            if self.is_small(run, [from, to], beside, &mut scratch) {
-                continue;
-            }
-            // What rounding decides may part a run that the job let go unmarked as a whole.
-            let around = self.around(run, [from, to], &mut scratch);
-            if !around.is_some_and(|around| self.is_small(&around, [from, to], beside, &mut scratch)) {
-                self.missing(number, run, beside);
-            }
-        }
-        self.scratch = scratch;
-    }
-
-    /// The run of a gap that holds this one, with all that could be marked if the line lay a little aside.
-    fn around(&self, run: &Run, [from, to]: [f64; 2], scratch: &mut Scratch) -> Option<Run> {
-        let (reach, grain) = (self.geometry.reach(), self.geometry.grain());
-        let mut list: Vec<Stretch> = Vec::new();
-        for k in self.stroke.locate(from).0..=self.stroke.locate(to).0 {
-            let line = self.stroke.line(k);
-            let d = [(from - self.stroke.along(k)).max(0.0), (to - self.stroke.along(k)).min(line.len)];
-            if d[1] <= d[0] {
-                continue;
-            }
-            let mut parts: Vec<[f64; 2]> = Vec::new();
-            for side in [0.0, reach, -reach] {
-                self.geometry.along(&line.part(d, side), scratch, |p| {
-                    if p.sheet.is_some_and(|s| s.slope != Slope::Steep) {
-                        parts.push([p.d[0] + d[0], p.d[1] + d[0]]);
-                    }
-                });
-            }
-            parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            for [a, b] in parts {
-                let a = if a <= grain { 0.0 } else { a };
-                let b = if b >= line.len - grain { line.len } else { b };
-                // Parts as near to each other as the grain are one.
-                let a = list.last().filter(|l| l.segment == k && a - l.d[1] <= grain).map_or(a, |l| a.min(l.d[1]));
-                note(&mut list, k, [a, b], line.len);
-            }
-        }
-        stretch::runs(&list).into_iter().find(|around| around.holds(run))
-    }
-
-    /// How much of a stretch runs along a border between gentle places, steep ones and none, so that
-    /// rounding decides which it is, nm.
-    fn border(&self, line: &Line, d: [f64; 2], scratch: &mut Scratch) -> f64 {
-        let reach = self.geometry.reach();
-        let [here, left, right] = [0.0, reach, -reach].map(|side| {
-            let mut found = [0.0; 2];
-            self.geometry.along(&line.part(d, side), scratch, |p| {
-                if let Some(s) = p.sheet {
-                    found[usize::from(s.slope == Slope::Gentle)] += p.len();
-                }
-            });
-            found
-        });
-        let differs = |beside: [f64; 2]| (beside[0] - here[0]).abs() + (beside[1] - here[1]).abs();
-        differs(left) + differs(right)
-    }
-
-    /// Whether the job lets so short a run in the gap between two marks go unmarked: shorter than `min_mark` between
-    /// two cuts, or cut again where its height leaves what a block accepts.
-    fn is_small(&self, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
-        let least = 2.0 * self.facts.min_mark_nm;
-        if self.facts.only_slivers {
-            return self.is_sliver(run, gap, beside, scratch);
-        }
-        // What tilted blocks would accept is not looked into.
-        if run.len < if self.drawn.is_empty() { least } else { 2.0 * least } {
-            return true;
-        }
-        if least == 0.0 {
-            return false;
-        }
-        let start = run.stretches.first().map(|s| self.stroke.line(s.segment).at(s.d[0])).unwrap_or_default();
-        // Sections of another pass have other borders.
-        let near = |b: &&Block| {
-            let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
-            b.pass == self.pass && (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
-        };
-        !self
-            .file
-            .program
-            .blocks
-            .iter()
-            .filter(near)
-            .any(|b| self.longest_inside(run, &self.facts.raised(b), self.facts.section_nm, scratch) >= least)
-    }
-
-    /// Whether the run is what cuts left over next to marks: shorter than `min_mark` for each end that is the end of a
-    /// mark, and not all within what the block of such a mark accepts, which then would have gone on.
-    fn is_sliver(&self, run: &Run, [from, to]: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
-        let [Some(first), Some(last)] = [run.stretches.first(), run.stretches.last()] else { return false };
-        let away =
-            [self.stroke.along(first.segment) + first.d[0] - from, to - self.stroke.along(last.segment) - last.d[1]];
-        let reach = self.geometry.grain() + self.known(beside);
-        let marks: Vec<Span> = (0..2).filter(|&k| away[k] <= reach).filter_map(|k| beside[k]).collect();
-        let is_short = run.len < marks.len() as f64 * self.facts.min_mark_nm + self.known(beside);
-        if marks.is_empty() || !is_short {
-            return false;
-        }
-        // Cuts in a zone or with an overlap lie elsewhere than where the block ends; without them the mark after would
-        // have begun with what its block accepts, too.
-        let goes_on: &[Option<Span>] = match () {
-            () if self.facts.has_zone => &[],
-            () if self.facts.overlap_nm > 0.0 => &beside[..1],
-            () => &beside,
-        };
-        let next_to = |k: usize| goes_on.get(k).copied().flatten().filter(|_| away[k] <= reach);
-        let begun = next_to(0).zip(run.begin(SURE));
-        let would_go_on = begun.is_some_and(|(mark, begin)| self.accepts(&mark, &begin, scratch));
-        !would_go_on && !next_to(1).is_some_and(|mark| self.accepts(&mark, run, scratch))
-    }
-
-    /// Whether the block of a mark accepts all of the run. Not looked into on machines with a tilt table or a zoom
-    /// optic, whose blocks need not be centred on their windows, nor where `depth` has found a fault.
-    fn accepts(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
-        let block = &self.file.program.blocks[self.block_of(mark.mark)];
-        let machine = &self.facts.machine;
-        let is_centred = machine.tilt.is_none() && machine.zoom.is_none();
-        let is_known = self.depth_holds && is_centred && run.len > 2.0 * ROUNDED;
-        let window = self.windows[block.pass.index()];
-        // Rounding in the plane moves heights by as much as the slope makes of it.
-        let undecided = Nm((self.geometry.grain() * self.facts.max_incidence_rad.tan().max(1.0)).ceil() as i64);
-        let mut sure = self.facts.raised(block);
-        (sure.stop.z_lo, sure.stop.z_hi) = (sure.stop.z_lo + undecided, sure.stop.z_hi - undecided);
-        is_known && self.longest_inside(run, &sure, window, scratch) > run.len - ROUNDED
-    }
-
-    /// How far lengths between two marks may be off, nm.
-    fn known(&self, [before, after]: [Option<Span>; 2]) -> f64 {
-        2.0 * noise(before.as_ref(), after.as_ref())
-    }
-
-    /// The longest part of the run in a block's window whose heights the block accepts.
-    fn longest_inside(&self, run: &Run, block: &Block, window: [f64; 2], scratch: &mut Scratch) -> f64 {
-        let (lo, hi) = (block.stop.z_lo.f64(), block.stop.z_hi.f64());
-        let centre = [block.stop.centre.x as f64, block.stop.centre.y as f64];
-        let half = window.map(|s| s / 2.0);
-        let (mut longest, mut length) = (0.0f64, 0.0);
-        for s in &run.stretches {
-            let line = self.stroke.line(s.segment);
-            let Some(d) = line.inside(s.d, centre, half) else {
-                length = 0.0;
-                continue;
-            };
-            if d[0] > s.d[0] {
-                length = 0.0;
-            }
-            self.geometry.along(&line.part(d, 0.0), scratch, |p| {
-                let Some(sheet) = p.sheet else { return length = 0.0 };
-                let inside = share(sheet.z, [lo, hi]);
-                // A piece that leaves the interval ends the part; its share may begin another.
-                length = if inside == 1.0 { length + p.len() } else { inside * p.len() };
-                longest = longest.max(length);
-            });
-            if d[1] < s.d[1] {
-                length = 0.0;
-            }
-        }
-        longest
-    }
-
     fn missing(&mut self, number: usize, run: &Run, beside: [Option<Span>; 2]) {
         let (Some(s), Some(e)) = (run.stretches.first(), run.stretches.last()) else { return };
         let ends = [self.stroke.line(s.segment).at(s.d[0]), self.stroke.line(e.segment).at(e.d[1])];
@@ -653,18 +448,6 @@ impl Cover<'_> {
                 self.report(&m);
             }
         }
-    }
-}
-
-/// How much of a stretch on which the height runs evenly between `z` lies within `[lo, hi]`, 0 to 1.
-fn share(z: [f64; 2], [lo, hi]: [f64; 2]) -> f64 {
-    let (a, b) = (z[0].min(z[1]), z[0].max(z[1]));
-    if a >= lo && b <= hi {
-        1.0
-    } else if a == b {
-        0.0
-    } else {
-        ((b.min(hi) - a.max(lo)) / (b - a)).clamp(0.0, 1.0)
     }
 }
 

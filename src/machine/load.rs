@@ -1,0 +1,144 @@
+//! How machine files are read: the built-in ones, those of a path, and what is wrong with values that can be read.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::{Cost, Fault, Machine, Tilt, ToolServo, range};
+use crate::diag::{self, Diag, Error, Place};
+use crate::geom::Nm;
+
+/// The built-in profiles: name and text.
+pub const PROFILES: [(&str, &str); 6] = [
+    ("xyz-galvo-40", include_str!("profiles/xyz-galvo-40.toml")),
+    ("xyz-galvo-100", include_str!("profiles/xyz-galvo-100.toml")),
+    ("xyz-tilt-galvo-40", include_str!("profiles/xyz-tilt-galvo-40.toml")),
+    ("xyz-headtilt-galvo-40", include_str!("profiles/xyz-headtilt-galvo-40.toml")),
+    ("xyz-zoom-40", include_str!("profiles/xyz-zoom-40.toml")),
+    ("xyzac-galvo-10", include_str!("profiles/xyzac-galvo-10.toml")),
+];
+
+/// Where all keys of a machine file are listed.
+const KEYS: &str =
+    "`terrace machines NAME` prints a built-in machine to start from; `terrace machines --schema` lists every key";
+
+/// Largest machine file that is read.
+const MAX_FILE: u64 = 1 << 20;
+
+impl Machine {
+    /// The built-in profile `name`.
+    ///
+    /// # Errors
+    /// `machine-unknown` with the names there are.
+    pub fn built_in(name: &str) -> Result<Self, Error> {
+        let Some((_, text)) = PROFILES.iter().find(|(n, _)| *n == name) else {
+            let names: Vec<_> = PROFILES.iter().map(|(n, _)| *n).collect();
+            return Err(Diag::input("machine-unknown", format!("there is no built-in machine {name:?}"))
+                .hint(format!("built in are {}; or name a file with machine.file", names.join(", ")))
+                .into());
+        };
+        Self::parse(&format!("built-in {name}"), text)
+    }
+
+    /// Reads and checks a machine file.
+    ///
+    /// # Errors
+    /// The file's faults with their places.
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        let shown = path.display().to_string();
+        let bytes = diag::read_file(path, MAX_FILE)?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| Diag::input("machine-utf8", "the file is not UTF-8 text").at(Place::file(&shown)))?;
+        Self::parse(&shown, &text)
+    }
+
+    pub(super) fn parse(path: &str, text: &str) -> Result<Self, Error> {
+        let source: Arc<str> = text.into();
+        let machine: Self = diag::from_toml(path, &source, KEYS)?;
+        let at = |(key, d): Fault| d.at(diag::place_of(path, &source, &key));
+        let faults: Vec<Diag> = machine.faults().into_iter().map(at).collect();
+        if faults.is_empty() { Ok(machine) } else { Err(Error::many(faults)) }
+    }
+
+    /// What is wrong with values that can be read.
+    fn faults(&self) -> Vec<Fault> {
+        let mut faults: Vec<Fault> = range::faults(self).collect();
+        let mut fault = |code, key: &str, text: String, hint: &str| {
+            faults.push((key.to_owned(), Diag::input(code, text).hint(hint)));
+        };
+        for (name, axis) in self.axes() {
+            let key = format!("stage.{name}.travel");
+            if axis.travel[0] >= axis.travel[1] {
+                let text = format!("{key} [{}, {}] is empty", axis.travel[0], axis.travel[1]);
+                fault("machine-travel", &key, text, "write the lower end first");
+            }
+            if axis.travel.iter().any(|t| t.as_nm().is_none()) {
+                fault("machine-travel", &key, format!("{key} is beyond 4 m"), "check the unit");
+            }
+        }
+        const LEAST_FIELD: Nm = Nm(5_000);
+        let usable = self.usable_field();
+        if usable.iter().any(|&w| w < LEAST_FIELD) {
+            let [w, h] = usable.map(Nm::mm);
+            let text = format!("lens.field less lens.margin on every side leaves {w} x {h} mm, less than 0.005 mm");
+            fault("machine-field", "lens.field", text, "give the full sizes of the field; check their unit");
+        } else if self.lens.field.iter().any(|f| f.as_mm() > 1000.0) {
+            fault("machine-field", "lens.field", "lens.field is beyond 1 m".into(), "check the unit");
+        }
+        if !(1..=1_000_000).contains(&self.increment_nm().0) {
+            let text = "stage.increment is not between 1 nm and 1 mm";
+            fault("machine-increment", "stage.increment", text.into(), "0.1 um is usual");
+        }
+        let tool = self.tool_servo.as_ref().and_then(|tool| tool.servo);
+        for (name, servo) in [("stage", self.stage.servo), ("scanner", self.scanner.servo), ("tool_servo", tool)] {
+            if servo.is_some_and(|s| !(0.01..=10.0).contains(&s.damping)) {
+                let key = format!("{name}.servo.damping");
+                let text = format!("{key} is not between 0.01 and 10");
+                fault("machine-servo", &key, text, "0.7 is usual");
+            }
+        }
+        if !(1.0..=1000.0).contains(&self.laser.m2) {
+            let text = "laser.m2 is not between 1 and 1000";
+            fault(
+                "machine-m2",
+                "laser.m2",
+                text.into(),
+                "1 is an ideal beam, single-mode fibre lasers have 1.1 to 1.3",
+            );
+        }
+        if !(40..=1_000_000).contains(&self.controller.max_line) {
+            let text = "controller.max_line is not between 40 and 1000000 characters";
+            fault("machine-line", "controller.max_line", text.into(), "255 is usual, 80 with GRBL");
+        }
+        let scales = [
+            ("lmc.units_per_mm", self.lmc.map(|lmc| lmc.units_per_mm)),
+            ("rtc.bits_per_mm", self.rtc.map(|rtc| rtc.bits_per_mm)),
+            ("rtc.focus_bits_per_mm", self.rtc.and_then(|rtc| rtc.focus_bits_per_mm)),
+        ];
+        for (key, scale) in scales {
+            if scale.is_some_and(|scale| !(1.0..=1e6).contains(&scale)) {
+                let hint = "it is the range of the card divided by the width of the field";
+                faults.push((
+                    key.into(),
+                    Diag::input("machine-scale", format!("{key} is not between 1 and 1e6")).hint(hint),
+                ));
+            }
+        }
+        if self.rtc.is_some_and(|rtc| !(100..=8_000_000).contains(&rtc.list_memory)) {
+            let text = "rtc.list_memory is not between 100 and 8000000 commands";
+            faults.push((
+                "rtc.list_memory".into(),
+                Diag::input("machine-list", text).hint("4000 is the default of the boards"),
+            ));
+        }
+        faults.extend(self.tilt.iter().flat_map(Tilt::faults));
+        faults.extend(self.cost.iter().flat_map(Cost::faults));
+        faults.extend(self.tool_servo.iter().flat_map(ToolServo::faults));
+        faults
+    }
+}
+
+/// The JSON schema of a machine file.
+pub fn json_schema() -> String {
+    let schema = schemars::schema_for!(Machine);
+    serde_json::to_string_pretty(&schema).expect("a schema is plain JSON")
+}
