@@ -178,6 +178,7 @@ mod tests {
     const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], focus: 0.035 };
 
     #[test]
+    #[ignore = "slow: make test-all"]
     fn stage_keeps_its_limits_and_marks_stay_in_field_and_focus() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));

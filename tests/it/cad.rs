@@ -139,6 +139,7 @@ fn assert_box(said: &Value, size: [f64; 3], lo: [f64; 3], name: &str) {
 const HOOD: ([f64; 3], [f64; 3]) = ([1279.54, 1493.02, 349.48], [0.45, -746.51, -154.703]);
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn step_in_inch_and_iges_lie_within_their_chord_tolerance_of_the_exact_surface() {
     let dir = folder();
     for (name, unit, tolerance, most) in
@@ -184,6 +185,7 @@ fn parts_of_nested_assemblies_are_placed_and_a_lost_face_is_said() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_job_names_the_step_file_and_is_verified_from_the_cache() {
     let dir = folder();
     let job = |keys: &str| {

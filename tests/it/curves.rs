@@ -120,6 +120,7 @@ fn cells(outline: &[[f64; 2]], pitch: f64, count: usize) -> Vec<Curve> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn fss_cells_in_space_need_the_stops_and_have_the_defocus_of_the_projected_cells() {
     let dir = folder();
     let part = part(dir.path(), 120.0, dome);
@@ -431,6 +432,7 @@ fn curves_turn_with_the_part_and_are_marked_in_every_pass() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn curves_are_marked_on_the_fly() {
     let dir = folder();
     let part = part(dir.path(), 20.0, plane);

@@ -196,6 +196,7 @@ fn every_method_and_placement_marks_the_same_lines() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn areas_of_drawings_follow_the_level_lines_with_every_method() {
     let dir = folder();
     let stl = dir.path().join("ridge.stl");

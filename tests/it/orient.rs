@@ -22,6 +22,7 @@ fn leaned([x, y, z]: [f64; 3], [about_x, about_y]: [f64; 2]) -> [f64; 3] {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn orient_levels_a_slope_and_the_compiled_job_agrees() {
     let dir = folder();
     let stl = dir.path().join("slope.stl");

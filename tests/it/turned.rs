@@ -37,6 +37,7 @@ const TEXTURES: [&str; 5] = [
 ];
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_texture_that_reaches_the_border_is_marked_whole_at_any_turn() {
     let dir = folder();
     let mut noise = Random::new(3);

@@ -150,6 +150,7 @@ fn trap(name: &str, facets: &Facets, texture: &str, path: Option<String>) {
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn parts_with_many_facets_in_one_place_compile_and_verify() {
     crowded([1_000, 30, 5_000, 50], 8_000);
 }

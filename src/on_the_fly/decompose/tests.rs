@@ -227,6 +227,7 @@ fn fitted_polynomials_come_back_and_the_classic_weights_are_met() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn least_acceleration_stays_in_the_corridor_and_beats_every_filter() {
     let path = wandering();
     let half = [2.0, 5.0];
@@ -415,6 +416,7 @@ fn least_acceleration_beats_every_filter_on_a_hatched_dome() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn speed_limited_corridor_equals_plain_corridor_if_limits_are_inactive() {
     let path: Vec<f64> = raster().iter().map(|x| x[0]).collect();
     let ends: Vec<[f64; 2]> = path.iter().map(|x| [x - 5.0, x + 5.0]).collect();

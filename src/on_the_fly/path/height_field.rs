@@ -277,6 +277,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: make test-all"]
     fn height_field_of_a_plane_is_exact_to_its_rim_and_beyond() {
         let height_field =
             HeightField::over(&surface(20, 20.0, |x, y| 0.2 * x - 0.1 * y), area(0.0, 20.0), 0.0, 1e-3).expect("part");
@@ -305,6 +306,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: make test-all"]
     fn smoothing_removes_facet_edges_within_tolerance() {
         // Facets of a millimetre on a sphere of 5 m.
         let z = |x: f64, y: f64| -((x - 25.0).powi(2) + (y - 25.0).powi(2)) / 10_000.0;

@@ -150,6 +150,7 @@ fn a_path_driven_backwards_takes_as_long() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn finer_cells_change_the_time_less_and_less() {
     let wave = Owned::wave(200);
     let time = |refine| wave.timed(&three(), &Options { refine, ..FINE }).total_s();
@@ -167,6 +168,7 @@ fn caps_hold_on_their_segments() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn node_rates_do_not_depend_on_the_number_of_windows() {
     // One window against several: what lies ahead by more than a stop's way changes nothing.
     let rates = |nodes| -> Vec<f64> { Owned::wave(nodes).timed(&three(), &Options::default()).node_rates().collect() };
@@ -220,6 +222,7 @@ fn hilbert(order: u32, index: u32) -> [f64; 2] {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn time_of_a_planar_hilbert_curve_matches_the_reference() {
     // Order 8 over 40 mm, one run, no jerk, sixteen cells a segment: 55.29 min.
     let pitch = 40.0 / 255.0;

@@ -191,6 +191,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: make test-all"]
     fn number_of_drawn_points_of_a_path_is_bounded() {
         let mut numbers = crate::random::Random::new(1);
         let mut random = || numbers.unit() * 800.0;

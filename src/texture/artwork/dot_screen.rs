@@ -257,6 +257,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: make test-all"]
     fn coverage_is_the_density_in_sixteen_steps() {
         for screen in [Screen::Halftone, Screen::Diffusion, Screen::Noise] {
             for step in 0..=15 {

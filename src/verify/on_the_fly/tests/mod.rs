@@ -86,6 +86,7 @@ fn mark(program: &Program, n: usize) -> std::ops::Range<usize> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn position_reports_marks_beside_their_stroke() {
     let bench = Bench::new(DOME);
     // Circles turn: 2 um to the side are 2 um off the stroke somewhere.
