@@ -283,7 +283,12 @@ impl<'a> Follower<'a> {
             }
         };
         let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
-        let decomposed = decompose(&self.thin, &subject.height_field, &model, allowed, tools)?;
+        let path = match tools {
+            // The stage would have to run up, not the scanner.
+            ToolPath::OnTheMark => self.thin.clone(),
+            _ => model.with_run_ups(&self.thin, &subject.job.skywriting),
+        };
+        let decomposed = decompose(&path, &subject.height_field, &model, allowed, tools)?;
         if tools == ToolPath::Filtered(Family::Gaussian) {
             curves.convergence = decomposed.convergence(&model, SHOWN)?;
         }

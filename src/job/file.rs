@@ -536,6 +536,9 @@ pub struct PenKeys {
     /// Pulses of a dot: the dwell is so many periods of `frequency`.
     #[serde(default)]
     pub pulses: Option<u32>,
+    /// Seven axes only: the spot gets to its speed before a mark and loses it after the mark, with the laser off.
+    #[serde(default)]
+    pub skywriting: bool,
 }
 
 fn once() -> u32 {

@@ -123,6 +123,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         dose: file.dose,
         machine,
         pens,
+        skywriting: file.pen.iter().map(|pen| pen.skywriting).collect(),
         formats,
         names_formats: file.emit.formats.is_some(),
         frames,

@@ -62,6 +62,8 @@ pub struct Job {
     pub machine: MachineInput,
     /// Laser settings, at least one; names differ.
     pub pens: Vec<Pen>,
+    /// Whether the pens ask for skywriting, in their order.
+    pub skywriting: Vec<bool>,
     /// What is written, at least one.
     pub formats: Vec<Format>,
     /// Whether the job file names these formats; they are the default of its mode otherwise.

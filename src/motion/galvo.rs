@@ -74,6 +74,12 @@ impl GalvoModel {
         }
     }
 
+    /// Way along one axis in which the spot comes from rest to a speed, mm; 0 where it is always at speed.
+    pub fn run_up_mm(self, speed: f64) -> f64 {
+        let long = Run { length: f64::MAX.sqrt(), share: 1.0 };
+        self.motion(long, speed).map_or(0.0, |motion| motion.ramp_mm())
+    }
+
     /// Time of a run at most at `speed` mm/s along it, s.
     pub fn run_s(self, run: Run, speed: f64) -> f64 {
         self.motion(run, speed).map_or(run.length / speed, |motion| motion.total_s())

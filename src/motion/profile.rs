@@ -59,6 +59,11 @@ impl RestToRest {
         self.peak
     }
 
+    /// Way on each ramp, mm.
+    pub fn ramp_mm(&self) -> f64 {
+        0.5 * self.peak * self.ramp_s
+    }
+
     /// Peak acceleration on its ramps, mm/s².
     pub fn acceleration(&self) -> f64 {
         self.acceleration

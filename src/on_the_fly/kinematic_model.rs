@@ -131,10 +131,20 @@ impl<'a> KinematicModel<'a> {
         [x, y, z, axes.a, axes.c, u, v]
     }
 
+    /// The path with run-ups before and after the marks of pens that ask for skywriting, where the spot needs any.
+    pub fn with_run_ups(&self, path: &Path, skywriting: &[bool]) -> Path {
+        /// Of the way to the pen's speed: the stage takes a share of the scanner's limits meanwhile.
+        const LONGER: f64 = 1.5;
+        let galvo = GalvoModel::of(self.machine);
+        let way = |(pen, asks): (&Pen, &bool)| if *asks { LONGER * galvo.run_up_mm(pen.speed.as_mm_s()) } else { 0.0 };
+        path.with_run_ups(&self.pens.iter().zip(skywriting).map(way).collect::<Vec<_>>())
+    }
+
     /// The largest speed along the path, seen from the lens, on the stretch that ends at a node. The beam stands nearly
     /// upright on the part: a pen's speed is one along the part.
     pub fn cap(&self, path: &Path, way: &[f64], i: usize) -> f64 {
-        let Some(pen) = path.nodes[i].pen else { return self.machine.scanner.jump_speed.as_mm_s() };
+        let node = &path.nodes[i];
+        let Some(pen) = node.pen.or(node.run) else { return self.machine.scanner.jump_speed.as_mm_s() };
         let (plan, rise) = (way[i] - way[i - 1], path.nodes[i].at[2] - path.nodes[i - 1].at[2]);
         self.pens[pen.index()].speed.as_mm_s() * plan / plan.hypot(rise)
     }

@@ -147,7 +147,7 @@ impl SpotMotion {
         let mut later = 0.0;
         let visit = |(i, t): (usize, f64)| {
             let come = t + later;
-            let begins = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).is_some();
+            let begins = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).or(path.run_at(i + 1)).is_some();
             later += if begins { settle } else { 0.0 };
             [come, t + later]
         };

@@ -303,6 +303,7 @@ impl Planner<'_> {
     fn seven(&self, path: &Path, model: &KinematicModel<'_>) -> Result<Motion, Error> {
         let angle = self.job.limits.warn_incidence.as_rad();
         let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
+        let path = &model.with_run_ups(path, &self.job.skywriting);
         let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
         found.within_travel(model)?;
         Ok(turning(model, &found.timed(model, 1)?))

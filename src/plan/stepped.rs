@@ -270,6 +270,7 @@ impl<'a> Draft<'a> {
         let depth = [grid.lattice.depth, met];
         warnings::warn(job, &best.split, placed, best.worst_defocus, depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
+        warnings.extend(warnings::no_skywriting(job));
         warnings.extend(warnings::set_by_hand(job, checked.program()));
         warnings.extend(self.shares.warnings(job, best.times.total, machine));
         warnings.extend(self.warnings);

@@ -79,6 +79,14 @@ pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
     })
 }
 
+/// Skywriting, which no file of a stepped job asks a controller for.
+pub(super) fn no_skywriting(job: &Job) -> Option<Diag> {
+    let pen = job.skywriting.iter().position(|asks| *asks)?;
+    let text = format!("pen {:?} asks for skywriting, which no file of a stepped job carries", job.pens[pen].name);
+    let hint = "switch it on in the controller or the marking software";
+    Some(Diag::warning("skywriting-lost", text).at(job.place_of(&format!("pen.{pen}.skywriting"))).hint(hint))
+}
+
 /// A zoom optic, and no file that sets it.
 pub(super) fn set_by_hand(job: &Job, program: &Program) -> Option<Diag> {
     let carried = job.formats.iter().any(|f| f.target().carries_focus_shift);

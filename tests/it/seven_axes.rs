@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, fixture, folder, number, said, terrace};
+use crate::support::{JobText, fixture, folder, number, said, terrace, verify};
 use serde_json::Value;
 
 /// The stored figures.
@@ -88,4 +88,36 @@ fn mean_following_errors_fall_as_mean_speeds_do() {
     }
     // With five axes the scanner rests.
     assert!(rows[5..].iter().all(|row| row["5_axis_mean"].is_null() && number(row, "mean") > 0.0), "{rows:?}");
+}
+
+#[test]
+fn skywriting_marks_the_same_and_verifies_and_a_stepped_job_says_that_it_is_not_carried() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 16.0, 12.0], |x, y| 0.3 * (x / 8.0).sin() * (y / 7.0).cos()));
+    let made = |skywriting: &str| {
+        let mut job = JobText::on(&stl)
+            .texture("pattern = \"hatch\"\npitch = \"1.5 mm\"\narea = [\"4 mm\", \"3 mm\", \"12 mm\", \"9 mm\"]");
+        job.machine = "profile = \"xyzac-galvo-10\"".into();
+        job.focus = "pdof = \"0.2 mm\"".into();
+        let path = job.write(dir.path(), "job.toml");
+        let text = std::fs::read_to_string(&path).expect("a job");
+        let speed = "speed = \"1000 mm/s\"";
+        assert!(text.contains(speed), "{text}");
+        std::fs::write(&path, text.replace(speed, &format!("speed = \"100 mm/s\"\nskywriting = {skywriting}")))
+            .expect("written");
+        path
+    };
+    let marked = |skywriting: &str| {
+        let out = dir.path().join(skywriting);
+        let job = made(skywriting);
+        let run =
+            terrace([Path::new("compile"), &job, Path::new("--mode"), Path::new("on-the-fly"), Path::new("-o"), &out]);
+        assert!(run.status.success(), "{}", said(&run));
+        let proof = verify(&out);
+        number(&proof, "mark_mm")
+    };
+    assert!((marked("true") - marked("false")).abs() < 1e-3);
+    let stepped = terrace([Path::new("check"), &made("true")]);
+    assert!(said(&stepped).contains("warning[skywriting-lost]"), "{}", said(&stepped));
 }

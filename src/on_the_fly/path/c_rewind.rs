@@ -28,7 +28,8 @@ pub struct Rewound {
 /// The path with the nodes that turning back needs, and its axes.
 pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
     let way = path.distances();
-    let marks = |i: usize| path.pen_at(i).is_some();
+    // A mark goes with its run-ups.
+    let marks = |i: usize| path.pen_at(i).or(path.run_at(i)).is_some();
     // Invariant: all nodes before `at` are in `out`, with `turns.by` whole turns added to C at the last of them, which
     // ends a mark (or begins the path).
     let mut out = (Path::default(), Vec::with_capacity(axes.len()));

@@ -236,7 +236,38 @@ impl Path {
     /// towards every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one
     /// line that leave no room for that the path runs on. Of no time, the path as it is.
     pub fn with_skywriting(&self, time_s: f64, pens: &[Pen]) -> Self {
-        if time_s <= 0.0 {
+        self.with_runs(&pens.iter().map(|pen| time_s * pen.speed.as_mm_s()).collect::<Vec<_>>())
+    }
+
+    /// The same with run-ins and run-outs of so many mm for each pen, 0 for none, at whose far ends the spot rests. The
+    /// jumps between them get nodes.
+    pub fn with_run_ups(&self, run_mm: &[f64]) -> Self {
+        /// Between nodes of a jump, mm.
+        const STEP: f64 = 1.0;
+        if run_mm.iter().all(|mm| *mm <= 0.0) {
+            return self.clone();
+        }
+        let runs = self.with_runs(run_mm);
+        let jumps = |i: usize| runs.pen_at(i).or(runs.run_at(i)).is_none();
+        let mut out = Self::default();
+        for (i, node) in runs.nodes.iter().enumerate() {
+            let rests = i == 0 || i + 1 == runs.len() || jumps(i) != jumps(i + 1);
+            let kind = if rests { NodeKind::End } else { node.kind };
+            if let Some(last) = out.nodes.last().map(|last| last.at).filter(|_| jumps(i)) {
+                let count = ((node.at[0] - last[0]).hypot(node.at[1] - last[1]) / STEP).ceil();
+                for k in 1..count as usize {
+                    let at = [0, 1, 2].map(|c| last[c] + k as f64 / count * (node.at[c] - last[c]));
+                    out.node(at, None, node.stroke);
+                }
+            }
+            out.nodes.push(Node { kind, ..*node });
+        }
+        out
+    }
+
+    /// The same with run-ins and run-outs of so many mm for each pen.
+    fn with_runs(&self, run_mm: &[f64]) -> Self {
+        if run_mm.iter().all(|mm| *mm <= 0.0) {
             return self.clone();
         }
         let mut out = Self::default();
@@ -244,7 +275,7 @@ impl Path {
         let run = |from: usize, to: usize, pen: PenId| {
             let (a, b) = (self.nodes[from].at, self.nodes[to].at);
             let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-            let share = if length > 0.0 { time_s * pens[pen.index()].speed.as_mm_s() / length } else { 0.0 };
+            let share = if length > 0.0 { run_mm[pen.index()] / length } else { 0.0 };
             [0, 1, 2].map(|k| share * (b[k] - a[k]))
         };
         let mut ended: Option<([f64; 3], [f64; 3], PenId)> = None;
@@ -254,6 +285,9 @@ impl Path {
                 out.node(self.nodes[i].at, Some(pen), self.nodes[i].stroke);
                 if self.nodes[i].kind == NodeKind::End {
                     ended = Some((self.nodes[i].at, run(self.along(i, false), i, pen), pen));
+                    if run_mm[pen.index()] <= 0.0 {
+                        out.turn(NodeKind::End);
+                    }
                 } else if let Some(last) = out.nodes.last_mut() {
                     last.kind = self.nodes[i].kind;
                 }
@@ -266,17 +300,23 @@ impl Path {
                 );
                 let into = run(i, self.along(i, true), pen);
                 if !ended.is_some_and(|(from, way, _)| on_one_line(from, way, at, into)) {
-                    if let Some((from, way, pen)) = ended {
+                    if let Some((from, way, pen)) = ended.filter(|(_, way, _)| *way != [0.0; 3]) {
                         out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), before);
                     }
-                    out.node([0, 1, 2].map(|k| at[k] - into[k]), None, stroke);
+                    let begin = [0, 1, 2].map(|k| at[k] - into[k]);
+                    if out.nodes.last().is_none_or(|last| last.at != begin) {
+                        out.node(begin, None, stroke);
+                    }
+                    if run_mm[pen.index()] <= 0.0 {
+                        out.turn(NodeKind::End);
+                    }
                 }
                 if out.nodes.last().is_none_or(|last| last.at != at) {
                     out.laser_off(at, Some(pen), stroke);
                 }
             }
         }
-        if let Some((from, way, pen)) = ended {
+        if let Some((from, way, pen)) = ended.filter(|(_, way, _)| *way != [0.0; 3]) {
             out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), self.nodes[self.len() - 1].stroke);
         }
         out

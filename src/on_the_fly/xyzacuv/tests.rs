@@ -185,3 +185,57 @@ fn times_of_the_articles_part_match_the_reference() {
     machine.scanner.jerk = Some("5e6 mm/s3".parse().expect("a jerk"));
     near(minutes(&machine, &every, Rests::EveryPoint)[0], 10.7, 0.01);
 }
+
+#[test]
+fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
+    let machine = Machine::built_in("xyzac-galvo-10").expect("a profile");
+    let pens = pens(100.0);
+    let model = KinematicModel::of(&machine, &pens, [0.0; 3]).expect("seven axes");
+    // Two lines there and back and a square, under a stage that rests.
+    let mut path = Path::default();
+    let mut stroke = |number: u32, points: &[[f64; 2]]| {
+        for (i, [x, y]) in points.iter().enumerate() {
+            let kind = if i == 0 || i + 1 == points.len() { NodeKind::End } else { NodeKind::Corner };
+            let pen = (i > 0).then_some(PenId(0));
+            path.nodes.push(Node { at: [*x, *y, 0.0], pen, kind, stroke: PieceId(number), run: None });
+        }
+    };
+    stroke(0, &[[-2.0, 0.0], [2.0, 0.0]]);
+    stroke(1, &[[2.0, 1.0], [-2.0, 1.0]]);
+    stroke(2, &[[-1.0, -1.0], [1.0, -1.0], [1.0, -2.0]]);
+    let made = |skywriting: bool| {
+        let path = model.with_run_ups(&path, &[skywriting]);
+        let marks: Vec<Pose> = path.nodes.iter().map(|node| Pose { p: node.at, n: [0.0, 0.0, 1.0] }).collect();
+        let axes = vec![Axes { xyz: [0.0; 3], a: 0.0, c: 0.0 }; path.len()];
+        let tools = ToolPath::Gaussian { sigma: 1.0 };
+        let (back_off, rewinds) = (BackOff::new(), Vec::new());
+        let all = Decomposed { back_off, strength: None, path, axes, marks, tools, rewinds, limits: WIDE };
+        all.timed(&model, 1).expect("a motion")
+    };
+    // Speeds of the first and of the last tenth of a mm of every mark.
+    let speeds = |made: &TimedAxes| {
+        let (nodes, times) = (&made.path.nodes, made.times());
+        let mut reader = made.read(&model);
+        let mut out = Vec::new();
+        let lit = |i: usize| made.path.pen_at(i).is_some();
+        for i in 0..nodes.len() {
+            let end = if !lit(i) && lit(i + 1) { times[i][1] } else { times[i][0] };
+            if lit(i) != lit(i + 1) {
+                let to = end + if lit(i) { -1e-3 } else { 1e-3 };
+                let [a, b] = [end.min(to), end.max(to)].map(|t| reader.at(t).field);
+                out.push((b[0] - a[0]).hypot(b[1] - a[1]) / 1e-3);
+            }
+        }
+        out
+    };
+    let [plain, skywriting] = [false, true].map(made);
+    assert!(speeds(&plain).iter().all(|v| *v < 20.0), "{:?}", speeds(&plain));
+    assert_eq!(speeds(&skywriting).len(), 6);
+    assert!(speeds(&skywriting).iter().all(|v| (v - 100.0).abs() < 0.5), "{:?}", speeds(&skywriting));
+    // What is marked is the same.
+    let lit = |made: &TimedAxes| {
+        made.path.nodes.iter().filter(|node| node.pen.is_some()).map(|node| node.at).collect::<Vec<_>>()
+    };
+    assert_eq!(lit(&plain), lit(&skywriting));
+    assert!(made(true).path.len() > path.len() && model.with_run_ups(&path, &[false]).nodes == path.nodes);
+}

@@ -58,7 +58,7 @@ pub fn wrapped(text: &str) -> String {
 
 /// What the page states in figures apart from its tables: settings of the models, equations and years. Figures of a run
 /// belong into a region of `make sources`.
-const SETTINGS: [&str; 39] = [
+const SETTINGS: [&str; 37] = [
     "Ma et al. 2025",
     "Cui et al. 2021",
     "Cao and Zhu 2013",
