@@ -200,7 +200,7 @@ impl<'a> Follower<'a> {
             on,
         });
         let (following_error, _) =
-            following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, (sync.step_s, 0.0))?;
+            following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s, 0.0)?;
         let deviations = upright(self.subject, path, |i| nodes[i]);
         Ok(Followed {
             deviations,
@@ -402,7 +402,7 @@ impl<'a> Follower<'a> {
         let reach = machine.field_reach();
         let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
         let [_, until_s] = times[times.len().min(DRAWN) - 1];
-        let (following_error, axis_errors) = following(machine, &half, feed, samples, (step_s, until_s))?;
+        let (following_error, axis_errors) = following(machine, &half, feed, samples, step_s, until_s)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
         let followed = Followed { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
         let axis_errors = Some(axis_errors);
@@ -430,7 +430,8 @@ fn following(
     half: &dyn Fn([f64; 2]) -> [f64; 2],
     feed: Option<Protection>,
     samples: impl Iterator<Item = Sample>,
-    (step_s, until_s): (f64, f64),
+    step_s: f64,
+    until_s: f64,
 ) -> Result<(Vec<FollowingError>, AxisErrors), Error> {
     let feed = feed.map(|protection| protection.on(machine));
     let stage = Servo::of_stage(machine)?;

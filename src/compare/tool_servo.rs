@@ -14,6 +14,8 @@
 //! NURBS surface count: beside it the tool may move as it likes. Of long cuts some revolutions, or stretches of long
 //! ones, are looked at, spread evenly; the note says how many.
 
+use std::ops::Range;
+
 use super::follow::Follower;
 use super::{Beyond, Figures, Split};
 use crate::diag::{Diag, Error};
@@ -138,7 +140,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
             Some(decoupled) => decoupled.height(xy),
             None => warm.next(xy).ok().map(|found| found.at[2]),
         };
-        peaks(&spiral, (first - settle, first, (first + run).min(all)), servo, limits, height)
+        peaks(&spiral, first - settle, first..(first + run).min(all), servo, limits, height)
     });
     let whole = found.into_iter().reduce(joined).expect("a cut has set-points");
     let [counted, kept] = whole.counts;
@@ -254,11 +256,12 @@ fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_
     Ok((worst, compared))
 }
 
-/// Peaks of the set-points from `first` to `end`, of a servo that starts at rest at `settle`; `height` tells none where
+/// Peaks of a run of set-points, of a servo that starts at rest at `settle`; `height` tells none where
 /// the tool may move as it likes.
 fn peaks(
     spiral: &Spiral,
-    (settle, first, end): (usize, usize, usize),
+    settle: usize,
+    run: Range<usize>,
     servo: Option<Servo>,
     limits: [f64; 3],
     mut height: impl FnMut([f64; 2]) -> Option<f64>,
@@ -269,7 +272,7 @@ fn peaks(
     // The last three heights, and how many of them in a row are on the part.
     let (mut before, mut row) = ([0.0; 3], 0);
     // Three set-points of the run before, so that no difference is missed between runs.
-    for i in settle.min(first.saturating_sub(3))..end {
+    for i in settle.min(run.start.saturating_sub(3))..run.end {
         let Some(z) = height(spiral.at(i)) else {
             // It comes in at rest again.
             (row, axis) = (0, None);
@@ -280,7 +283,7 @@ fn peaks(
             let axis = axis.get_or_insert_with(|| Axis::new(servo, spiral.cycle, z));
             (axis.step(z) - z).abs()
         });
-        if i >= first && row > 3 {
+        if i >= run.start && row > 3 {
             let [a, b, c] = before;
             let differences = [z - a, z - 2.0 * a + b, z - 3.0 * a + 3.0 * b - c];
             let rates: [f64; 3] = std::array::from_fn(|k| differences[k].abs() / spiral.cycle.powi(k as i32 + 1));
