@@ -95,8 +95,10 @@ export async function checks(page, manifest, check, options) {
       [x0, y1],
       [x1, y1],
     ]);
-    const places = corners.flatMap((p) => head.box.map((end) => [...p, end[2]]));
-    const seen = await view((v, ps) => ps.map((p) => v.project(p)), places);
+    const heights = span(head.chunks.flatMap((c) => c.box.map((end) => end[2])));
+    const places = corners.flatMap((p) => heights.map((z) => [...p, z]));
+    // Of the part before a table turns it.
+    const seen = await view(({ app: { camera } }, ps) => ps.map((p) => camera.project(camera.matrices().both, p)), places);
     const size = await page.locator("#scene").boundingBox();
     const inside = seen.filter(([x, y]) => x >= 0 && x <= size.width && y >= 0 && y <= size.height);
     const marked = span(head.chunks.flatMap((c) => c.box.map((end) => end[0])));

@@ -46,7 +46,7 @@ fn tilted_head(dir: &Path) -> PathBuf {
     let dome = |x: f64, y: f64| 6.0 - ((x - 25.0) / 12.0).powi(2) - ((y - 20.0) / 18.0).powi(2);
     let facets = [
         mesh(50, [0.0, 0.0, 50.0, 40.0], dome),
-        mesh(50, [50.0, 0.0, 52.0, 40.0], |x, y| dome(50.0, y) - 11.0 * (x - 50.0)),
+        mesh(50, [50.0, 0.0, 70.0, 40.0], |x, y| dome(50.0, y) - 2.2 * (x - 50.0)),
     ];
     write_stl(&stl, &facets.concat());
     let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("tilt");
