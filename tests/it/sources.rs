@@ -276,7 +276,7 @@ fn of_tool(found: &Value, figure: &str, key: &str) -> f64 {
 fn figures_of_brecher_are_those_of_the_page_and_close_to_the_article() {
     let folder = Path::new(ROOT).join("fixtures/sources/brecher");
     let out = Command::new(env!("CARGO_BIN_EXE_terrace"))
-        .args(["inspect", "--nurbs", "dish.nurbs.json", "--json"])
+        .args(["inspect", "--nurbs", "patch.nurbs.json", "--json"])
         .current_dir(&folder)
         .output()
         .expect("the program starts");
