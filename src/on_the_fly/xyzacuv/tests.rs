@@ -214,12 +214,11 @@ fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
     };
     // Speeds of the first and of the last tenth of a mm of every mark.
     let speeds = |made: &TimedAxes| {
-        let (nodes, times) = (&made.path.nodes, made.times());
         let mut reader = made.read(&model);
         let mut out = Vec::new();
         let lit = |i: usize| made.path.pen_at(i).is_some();
-        for i in 0..nodes.len() {
-            let end = if !lit(i) && lit(i + 1) { times[i][1] } else { times[i][0] };
+        for (i, [comes, leaves]) in made.times().into_iter().enumerate() {
+            let end = if lit(i + 1) { leaves } else { comes };
             if lit(i) != lit(i + 1) {
                 let to = end + if lit(i) { -1e-3 } else { 1e-3 };
                 let [a, b] = [end.min(to), end.max(to)].map(|t| reader.at(t).field);
