@@ -12,7 +12,7 @@ const MOST: f64 = 1.1;
 const ROUNDS: usize = 400;
 
 /// The whole time, s, for the scanner's times between positions of the stage; None where the accelerations do not hold
-/// after [`ROUNDS`].
+/// after so many rounds.
 pub fn in_step_s(scanner_s: &[f64], positions: &[[f64; STAGE]], limits: &[Limit; STAGE]) -> Option<f64> {
     let ways: Vec<[f64; STAGE]> = positions.windows(2).map(|w| std::array::from_fn(|k| w[1][k] - w[0][k])).collect();
     let at_speed = |way: &[f64; STAGE]| (0..STAGE).map(|k| way[k].abs() / limits[k].speed).fold(0.0, f64::max);
