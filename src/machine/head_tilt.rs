@@ -39,7 +39,7 @@ impl Machine {
     }
 
     /// The commands that bring the centre of the field to the point `p` of the turned part, at the height `focus`. The
-    /// height is met to [`MET`], where a tilt is so small that no position within [`Machine::stand_room`] does, to half
+    /// height is met to `MET`, where a tilt is so small that no position within `stand_room` does, to half
     /// an increment.
     pub fn stand(&self, tilt: TiltAngles, p: P2<Turned>, focus: Nm, origin: Origin) -> Stand {
         let Some(head) = self.tilt.as_ref().filter(|_| self.tilts_head() && !tilt.is_upright()) else {
