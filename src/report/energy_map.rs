@@ -109,8 +109,8 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     let height = (WIDTH * rows as f64 / columns as f64).ceil();
     let (address, [x, y]) = (image::of_indices(map.size, &palette, &pixels), map.lo);
     let mut out = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" \
-         height=\"{total}\" viewBox=\"0 0 {WIDTH} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" \
+         viewBox=\"0 0 {WIDTH} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
          <title>{}: energy by area</title>\n<rect width=\"{WIDTH}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
          <image width=\"{WIDTH}\" height=\"{height}\" preserveAspectRatio=\"none\" \
          style=\"image-rendering:pixelated\" href=\"{address}\"/>\n",

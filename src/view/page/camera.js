@@ -98,12 +98,28 @@ class Camera {
     /** @type {Vec3} */
     this.target = [0, 0, 0];
     this.distance = 1;
+    this.first = "";
     this.reset();
   }
 
   /** Shows the subject, from the front and above. */
   reset() {
     this.look(-0.45, 0.9, this.subject);
+    this.first = this.stand();
+  }
+
+  /** Where it stands. */
+  stand() {
+    return [this.yaw, this.pitch, this.distance, ...this.target].join();
+  }
+
+  /** The picture has this size now, CSS pixels: as long as nobody has moved the camera it shows the subject.
+   * @param {number} width @param {number} height */
+  resize(width, height) {
+    const isChanged = width !== this.width || height !== this.height;
+    const isFirst = this.stand() === this.first;
+    [this.width, this.height] = [width, height];
+    if (isChanged && isFirst) this.reset();
   }
 
   /** Shows all from the same side. */

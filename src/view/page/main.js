@@ -217,9 +217,7 @@ class App {
       [canvas.width, canvas.height] = [pw, ph];
       this.isStale = true;
     }
-    const isFirst = this.camera.width === 1;
-    [this.camera.width, this.camera.height] = [w, h];
-    if (isFirst) this.camera.reset();
+    this.camera.resize(w, h);
   }
 
   /** @param {Moment} moment */
