@@ -158,8 +158,9 @@ pub fn decompose_and_time(
 const WINDOWS: [f64; 3] = [0.1, 0.05, 0.025];
 /// How many times longer the spot takes with the stage where least acceleration is looked for over that time again.
 const SLOWER: f64 = 1.1;
-/// Longest time between nodes of the stage that its jerk is looked at, s.
+/// Longest time between nodes of the stage that its jerk is looked at, s, and how many parts a cell gets at most.
 const FINE: f64 = 0.0125;
+const FINEST: usize = 4;
 
 impl Decomposed {
     /// Its motion, the stage's time found on a grid `refine` times as fine.
@@ -180,10 +181,15 @@ impl Decomposed {
         };
         let axes = stage.at_nodes(&spot);
         let deviation = deviations(&self.marks, &axes);
-        // Jerks are seen where cells are short.
+        // Jerks are seen where cells are short; a stage that is slower than the spot makes them long.
         let apart = stage.at.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
-        let finer = if carries { 1 } else { ((apart / FINE).ceil() as usize).clamp(1, 4) };
-        let stage = least_time(model, &stage, &caps, refine * finer)?;
+        let finer = |slower: f64| if carries { 1 } else { ((slower * apart / FINE).ceil() as usize).clamp(1, FINEST) };
+        let path = stage;
+        let mut stage = least_time(model, &path, &caps, refine * finer(1.0))?;
+        let slower = stage.total_s() / spot.total();
+        if finer(slower) > finer(1.0) {
+            stage = least_time(model, &path, &caps, refine * finer(slower))?;
+        }
         let Self { back_off, strength, path, .. } = self;
         Ok(TimedAxes { back_off, strength, path, axes, deviation, spot, stage, carries })
     }
