@@ -1,4 +1,4 @@
-//! `terrace batch`: lines as jobs end, the files that it writes beside job folders, and Ctrl-C.
+//! `terrace batch`: which of its steps is to be done, lines as jobs end, the files that it writes beside job folders, and Ctrl-C.
 
 use std::fs::File;
 use std::io::Write;
@@ -7,50 +7,86 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::args::{Args, Batch};
-use super::{durability, overrides, print, refuse_input, show, unwritable, write_file};
-use crate::batch::{self, Outcome, Settings};
+use super::fleet::Carrier;
+use super::{durability, fleet, overrides, print, refuse_input, show, unwritable, write_file};
+use crate::batch::collect::{Reasons, collect};
+use crate::batch::{self, Outcome, Report, Settings, Unit, units};
 use crate::diag::{Diag, Error, Place};
 use crate::job_folder::Durability;
 use crate::verify;
 
 pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
-    let list = batch::jobs(&asked.jobs, asked.output.as_deref(), &overrides(args, &asked.choice))?;
-    let inputs: Vec<PathBuf> = list.iter().flat_map(batch::Entry::inputs).chain(asked.jobs.iter().cloned()).collect();
+    if let (Some(file), Some(chosen)) = (&asked.units, &asked.unit) {
+        return fleet::work(args, file, chosen, asked.fleet.memory);
+    }
+    if let Some(file) = &asked.collect {
+        let units = units::read(file)?;
+        let found = collect(&units, &units::reports(file), &Reasons::new());
+        write_results(args, asked, &found, &inputs(&units, asked))?;
+        return Ok(found.exit_code());
+    }
+    let list = batch::plan(&asked.jobs, asked.output.as_deref(), &overrides(args, &asked.choice), asked.verify)?;
+    let inputs = inputs(&list, asked);
     // What cannot be written at the end of a night is found before it begins.
-    for file in [&asked.report, &asked.log, &asked.index].into_iter().flatten() {
+    for file in [&asked.report, &asked.log, &asked.index, &asked.plan].into_iter().flatten() {
         refuse_input(file, &inputs)?;
         std::fs::create_dir_all(folder_of(file))
             .map_err(|e| unwritable("make the folder", Place::file(folder_of(file).display().to_string()), &e))?;
     }
+    if let (Some(file), None) = (&asked.plan, asked.fleet.engine) {
+        return fleet::plan(args, &list, file);
+    }
     let mut log = asked.log.as_deref().map(|path| Log::open(path, durability(args))).transpose()?;
     let view = show::Progress::new(args.quiet, list.len(), "jobs");
-    let stop = stop_on_ctrl_c(&view);
-    let settings = Settings { durability: durability(args), verify: asked.verify.then_some(&verified), stop: &stop };
+    let stop = stop_on_ctrl_c(&view, asked.fleet.engine.is_some());
     let mut ended = 0;
-    let found = batch::run(&list, &settings, &mut |outcome| {
+    let mut told = |outcome: &Outcome| {
         ended += 1;
         view.job(outcome, [ended, list.len()]);
         log.iter_mut().for_each(|log| log.add(outcome));
-    });
-    view.finish();
-    let json = show::json(&found.to_json());
-    let write = |file: &Option<PathBuf>, text: &dyn Fn(&Path) -> Result<String, Error>| match file {
-        Some(path) => write_file(args, path, text(folder_of(path))?.as_bytes(), &inputs),
-        None => Ok(()),
     };
+    let found = if asked.fleet.engine.is_some() {
+        let around = asked.output.clone().unwrap_or_default();
+        let keep = asked.plan.as_deref();
+        let carrier = Carrier { args, asked: &asked.fleet, around: &around, keep, stop: &stop, view: &view };
+        fleet::batch(&carrier, &list, &mut told)?
+    } else {
+        batch::run(&list, &settings(args, &stop), &mut told)
+    };
+    view.finish();
     // Before the result is printed: where a file cannot be written, its error is the only JSON object.
-    let written = [
-        write(&asked.report, &|_| Ok(json.clone())),
-        write(&asked.index, &|folder| batch::index_html(&found, folder)),
-        log.map_or(Ok(()), Log::close),
-    ];
-    written.into_iter().collect::<Result<(), Error>>()?;
-    print(&if args.json { json } else { found.to_string() })?;
+    log.map_or(Ok(()), Log::close)?;
+    write_results(args, asked, &found, &inputs)?;
     Ok(found.exit_code())
 }
 
+/// How units are worked on in this process.
+pub(super) fn settings<'a>(args: &Args, stop: &'a AtomicBool) -> Settings<'a> {
+    Settings { durability: durability(args), verify: &verified, stop }
+}
+
+/// All files that are read, and those that name them.
+fn inputs(units: &[Unit], asked: &Batch) -> Vec<PathBuf> {
+    units.iter().flat_map(Unit::input_paths).chain(asked.jobs.iter().cloned()).collect()
+}
+
+/// Writes the report and the page to the files that were asked for, and prints the report.
+fn write_results(args: &Args, asked: &Batch, found: &Report, inputs: &[PathBuf]) -> Result<(), Error> {
+    let json = show::json(&found.to_json());
+    let write = |file: &Option<PathBuf>, text: &dyn Fn(&Path) -> Result<String, Error>| match file {
+        Some(path) => write_file(args, path, text(folder_of(path))?.as_bytes(), inputs),
+        None => Ok(()),
+    };
+    let written = [
+        write(&asked.report, &|_| Ok(json.clone())),
+        write(&asked.index, &|folder| batch::index_html(found, folder)),
+    ];
+    written.into_iter().collect::<Result<(), Error>>()?;
+    print(&if args.json { json } else { found.to_string() })
+}
+
 /// The folder in which a file lies.
-fn folder_of(file: &Path) -> &Path {
+pub(super) fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -78,7 +114,7 @@ fn verified(folder: &Path) -> Result<(), Error> {
 }
 
 /// Set by the first Ctrl-C; the second ends the program.
-fn stop_on_ctrl_c(view: &show::Progress) -> Arc<AtomicBool> {
+pub(super) fn stop_on_ctrl_c(view: &show::Progress, is_fleet: bool) -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let (stopped, view) = (stop.clone(), view.clone());
     // Where the system takes no handler, Ctrl-C ends the program at once. Folders are whole either way.
@@ -86,7 +122,11 @@ fn stop_on_ctrl_c(view: &show::Progress) -> Arc<AtomicBool> {
         if stopped.swap(true, Ordering::Relaxed) {
             std::process::exit(1);
         }
-        view.say("stopping: running jobs are completed, no others are started; press Ctrl-C again to quit at once");
+        view.say(if is_fleet {
+            "stopping: what has not begun is cancelled; workers complete what they have begun"
+        } else {
+            "stopping: running jobs are completed, no others are started; press Ctrl-C again to quit at once"
+        });
     });
     stop
 }
