@@ -11,10 +11,10 @@ use std::path::Path;
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
 
 use super::fragment::Fragment;
-use super::unit::Unit;
+use super::unit::{Task, Unit};
 use super::work::{Done, End};
 use crate::diag::{Diag, Error, Fault, Place};
-use crate::job_folder::Durability;
+use crate::job_folder::{self, Durability};
 
 /// Bytes of a process's last messages that are kept.
 const SAID: usize = 4096;
@@ -45,6 +45,9 @@ pub fn run(units: &[&Unit], how: &Isolation<'_>, told: &mut dyn FnMut(&Fragment)
         })?;
         // The process ended before it said of its next unit how that ended.
         let Some(unit) = left.first().copied() else { break };
+        if let Task::Compile(compile) = &unit.task {
+            job_folder::recover(&compile.folder)?;
+        }
         let fault = fault(unit, status, &said, how.memory);
         let done = Done { hash: unit.hash.clone(), end: End::failed(unit, &fault) };
         let fragment = Fragment::new(unit, done, 0.0);

@@ -59,6 +59,13 @@ impl Lock {
             }
         }
     }
+
+    /// The lock of a file that is there and that no process holds.
+    fn free(path: &Path) -> Option<Self> {
+        let file = File::options().append(true).open(path).ok()?;
+        let is_free = file.try_lock().is_ok() && is_same(&file, path);
+        is_free.then(|| Self { path: path.to_owned(), _file: file })
+    }
 }
 
 impl Drop for Lock {
@@ -95,6 +102,8 @@ impl Target {
             let lock = self.lock()?;
             self.tidy(&lock)?;
         }
+        // Of a process that was killed: it goes with the lock, unless another holds it.
+        drop(Lock::free(&self.claim));
         Ok(())
     }
 

@@ -50,6 +50,14 @@ pub fn prepare(target: &Path, mode: Mode) -> Result<(), Error> {
     target.may_be_replaced(mode, &[])
 }
 
+/// Finishes or undoes what a stopped run left next to `target`.
+///
+/// # Errors
+/// What the file system refuses.
+pub fn recover(target: &Path) -> Result<(), Error> {
+    Target::find(target, MANIFEST)?.recover()
+}
+
 /// Writes the folder of a plan and puts it in the place of `target`, on the disk itself. A run that writes there
 /// already is waited for.
 ///
