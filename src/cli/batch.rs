@@ -3,17 +3,14 @@
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::args::{Args, Batch};
-use super::fleet::Carrier;
+use super::fleet::{Carrier, settings, stop_on_ctrl_c};
 use super::{durability, fleet, overrides, print, refuse_input, show, unwritable, write_file};
 use crate::batch::collect::{Reasons, collect};
-use crate::batch::{self, Outcome, Report, Settings, Unit, units};
-use crate::diag::{Diag, Error, Place};
+use crate::batch::{self, Outcome, Report, Unit, units};
+use crate::diag::{Error, Place};
 use crate::job_folder::Durability;
-use crate::verify;
 
 pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
     if let (Some(file), Some(chosen)) = (&asked.units, &asked.unit) {
@@ -60,11 +57,6 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
     Ok(found.exit_code())
 }
 
-/// How units are worked on in this process.
-pub(super) fn settings<'a>(args: &Args, stop: &'a AtomicBool) -> Settings<'a> {
-    Settings { durability: durability(args), verify: &verified, stop }
-}
-
 /// All files that are read, and those that name them.
 fn inputs(units: &[Unit], asked: &Batch) -> Vec<PathBuf> {
     units.iter().flat_map(Unit::input_paths).chain(asked.jobs.iter().cloned()).collect()
@@ -88,47 +80,6 @@ fn write_results(args: &Args, asked: &Batch, found: &Report, inputs: &[PathBuf])
 /// The folder in which a file lies.
 pub(super) fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// Verifies the folder of a job.
-fn verified(folder: &Path) -> Result<(), Error> {
-    let proof = verify::verify(folder, None)?;
-    if proof.ok {
-        return Ok(());
-    }
-    let faults: Vec<String> = proof
-        .rules
-        .iter()
-        .filter(|rule| rule.violated > 0 || !rule.ran)
-        .map(|rule| {
-            if rule.violated > 0 {
-                format!("{}: {}", rule.code, rule.violated)
-            } else {
-                format!("{}: not checked", rule.code)
-            }
-        })
-        .collect();
-    let d = Diag::limit("batch-verify", format!("the folder does not verify ({})", faults.join(", ")));
-    let hint = format!("terrace verify {0} tells where; remove the folder to compile the job again", folder.display());
-    Err(d.at(Place::file(folder.display().to_string())).hint(hint).into())
-}
-
-/// Set by the first Ctrl-C; the second ends the program.
-pub(super) fn stop_on_ctrl_c(view: &show::Progress, is_fleet: bool) -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let (stopped, view) = (stop.clone(), view.clone());
-    // Where the system takes no handler, Ctrl-C ends the program at once. Folders are whole either way.
-    let _ = ctrlc::set_handler(move || {
-        if stopped.swap(true, Ordering::Relaxed) {
-            std::process::exit(1);
-        }
-        view.say(if is_fleet {
-            "stopping: what has not begun is cancelled; workers complete what they have begun"
-        } else {
-            "stopping: running jobs are completed, no others are started; press Ctrl-C again to quit at once"
-        });
-    });
-    stop
 }
 
 /// A file of JSON lines, one for each job that has ended.

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use super::args::{Args, FleetArgs};
-use super::batch::settings;
 use super::{durability, print, show, unwritable};
 use crate::batch::collect::{Reasons, collect};
 use crate::batch::engine::{self, Fleet, News};
@@ -14,10 +14,56 @@ use crate::batch::fragment::{Fragment, host};
 use crate::batch::isolated::{self, Isolation};
 use crate::batch::units::{self, Chosen};
 use crate::batch::work::{Done, End, up_to_date};
-use crate::batch::{Outcome, Report, Unit, work as work_on};
-use crate::diag::{Error, Place};
+use crate::batch::{Outcome, Report, Settings, Unit, work as work_on};
+use crate::diag::{Diag, Error, Place};
 use crate::job_folder::Durability;
-use crate::parallel;
+use crate::{parallel, verify};
+
+/// How units are worked on in this process.
+pub(super) fn settings<'a>(args: &Args, stop: &'a AtomicBool) -> Settings<'a> {
+    Settings { durability: durability(args), verify: &verified, stop }
+}
+
+/// Verifies the folder of a job.
+fn verified(folder: &Path) -> Result<(), Error> {
+    let proof = verify::verify(folder, None)?;
+    if proof.ok {
+        return Ok(());
+    }
+    let faults: Vec<String> = proof
+        .rules
+        .iter()
+        .filter(|rule| rule.violated > 0 || !rule.ran)
+        .map(|rule| {
+            if rule.violated > 0 {
+                format!("{}: {}", rule.code, rule.violated)
+            } else {
+                format!("{}: not checked", rule.code)
+            }
+        })
+        .collect();
+    let d = Diag::limit("batch-verify", format!("the folder does not verify ({})", faults.join(", ")));
+    let hint = format!("terrace verify {0} tells where; remove the folder to compile the job again", folder.display());
+    Err(d.at(Place::file(folder.display().to_string())).hint(hint).into())
+}
+
+/// Set by the first Ctrl-C; the second ends the program.
+pub(super) fn stop_on_ctrl_c(view: &show::Progress, is_fleet: bool) -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let (stopped, view) = (stop.clone(), view.clone());
+    // Where the system takes no handler, Ctrl-C ends the program at once. Folders are whole either way.
+    let _ = ctrlc::set_handler(move || {
+        if stopped.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+        view.say(if is_fleet {
+            "stopping: what has not begun is cancelled; workers complete what they have begun"
+        } else {
+            "stopping: running jobs are completed, no others are started; press Ctrl-C again to quit at once"
+        });
+    });
+    stop
+}
 
 /// `batch --plan`: writes the file and says what it holds.
 pub(super) fn plan(args: &Args, list: &[Unit], file: &Path) -> Result<u8, Error> {

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use super::args::{Args, Choice, FleetArgs};
-use super::batch::stop_on_ctrl_c;
-use super::fleet::Carrier;
+use super::fleet::{Carrier, stop_on_ctrl_c};
 use super::steps::Steps;
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
 use crate::batch::work::End;

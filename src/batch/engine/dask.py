@@ -4,6 +4,7 @@ Arguments: address of the scheduler, seconds to wait for one that is gone. Stand
 task to submit each; its end cancels what has not begun. Standard output: one JSON object a line, an event each.
 """
 
+import itertools
 import json
 import logging
 import queue
@@ -48,7 +49,7 @@ class Fleet:
         self.address, self.patience = address, patience
         self.inbox = queue.Queue()
         self.pending, self.futures = {}, {}
-        self.generation = 0
+        self.generation, self.tries = 0, itertools.count()
         self.client = None
 
     def connect(self):
@@ -76,7 +77,7 @@ class Fleet:
             work,
             task["argv"],
             task["cwd"],
-            key=f"terrace-{self.client.id}-{task['task']}",
+            key=f"terrace-{self.client.id}-{task['task']}-{next(self.tries)}",
             pure=False,
             retries=2,
             priority=-task["task"],
@@ -95,7 +96,11 @@ class Fleet:
         if generation != self.generation or task not in self.pending:
             return
         if future.status == "finished":
-            code, out, err, worker = future.result()
+            try:
+                # It lies on the worker, which may have died since.
+                code, out, err, worker = future.result(timeout=30)
+            except Exception:
+                return self.again(task)
             self.pending.pop(task)
             # Lets the scheduler forget it.
             self.futures.pop(task)
@@ -105,6 +110,22 @@ class Fleet:
             self.lost(task, f"{type(error).__name__}: {error}")
         else:
             self.come_back()
+
+    def again(self, task):
+        """The result of a task is lost: the task is given again, or all are where the scheduler is gone."""
+        try:
+            self.workers()
+        except Exception:
+            return self.come_back()
+        self.give(self.pending[task])
+
+    def give(self, task):
+        try:
+            self.submit(task)
+        except Exception:
+            # The scheduler is gone, which its other tasks tell; where there is none, this does.
+            if not self.futures:
+                self.come_back()
 
     def come_back(self):
         """The scheduler is gone: waits for one at the same address, and gives it all that is pending."""
@@ -150,7 +171,7 @@ class Fleet:
                 kind, rest = "look", []
             if kind == "task":
                 self.pending[rest[0]["task"]] = rest[0]
-                self.submit(rest[0])
+                self.give(rest[0])
             elif kind == "done":
                 self.done(*rest)
             elif kind == "end":

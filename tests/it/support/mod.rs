@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod fleet;
 pub mod image;
 pub mod linuxcncrsh;
 pub mod malformed;
