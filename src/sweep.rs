@@ -92,7 +92,12 @@ impl Sweep {
     ///
     /// # Errors
     /// The first fault where no combination can be planned.
-    pub fn of((job, text): (Job, &str), overrides: &Overrides, settings: &[Setting], rows: Vec<Row>) -> Result<Self, Error> {
+    pub fn of(
+        (job, text): (Job, &str),
+        overrides: &Overrides,
+        settings: &[Setting],
+        rows: Vec<Row>,
+    ) -> Result<Self, Error> {
         if rows.iter().all(|row| row.summary.is_err()) {
             // A fault holds what is shown of an error; the error itself is found again.
             let (_, edited) = edited((&job.path, text), settings, 0)?;

@@ -52,7 +52,9 @@ pub fn rows(units: &[Unit], reports: &Path, reasons: &Reasons) -> Vec<Row> {
 fn fragment(unit: &Unit, reports: &Path, reasons: &Reasons) -> Result<Fragment, Fault> {
     match Fragment::read(reports, unit.id) {
         Some(found) if found.hash == unit.hash => Ok(found),
-        Some(_) => Err(missing(unit, "its job file or an input has changed since the units were planned".into()).into()),
+        Some(_) => {
+            Err(missing(unit, "its job file or an input has changed since the units were planned".into()).into())
+        }
         None => {
             let why = reasons.get(&unit.id).map_or_else(|| "it left no report".into(), Clone::clone);
             Err(missing(unit, why).into())

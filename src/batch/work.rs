@@ -15,8 +15,8 @@ use crate::diag::{Diag, Error, Fault};
 use crate::job::{Job, read_file};
 use crate::job_folder::{self, Durability};
 use crate::manifest::{self, InputFact};
-use crate::sweep::{self, Row};
 use crate::plan;
+use crate::sweep::{self, Row};
 
 /// Verifies a job folder; an error where it cannot be verified or breaks a rule.
 pub type Verify<'a> = dyn Fn(&Path) -> Result<(), Error> + Sync + 'a;
@@ -47,7 +47,9 @@ impl End {
     pub fn failed(unit: &Unit, fault: &Fault) -> Self {
         match &unit.task {
             Task::Compile(_) => Self::Job(Outcome::of(unit, State::Failed(fault.clone()))),
-            Task::Sweep(some) => Self::Rows(sweep::unplanned(&some.settings, some.first..some.first + some.count, fault)),
+            Task::Sweep(some) => {
+                Self::Rows(sweep::unplanned(&some.settings, some.first..some.first + some.count, fault))
+            }
         }
     }
 

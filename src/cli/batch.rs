@@ -69,10 +69,8 @@ fn write_results(args: &Args, asked: &Batch, found: &Report, inputs: &[PathBuf])
         Some(path) => write_file(args, path, text(folder_of(path))?.as_bytes(), inputs),
         None => Ok(()),
     };
-    let written = [
-        write(&asked.report, &|_| Ok(json.clone())),
-        write(&asked.index, &|folder| batch::index_html(found, folder)),
-    ];
+    let written =
+        [write(&asked.report, &|_| Ok(json.clone())), write(&asked.index, &|folder| batch::index_html(found, folder))];
     written.into_iter().collect::<Result<(), Error>>()?;
     print(&if args.json { json } else { found.to_string() })
 }

@@ -201,11 +201,7 @@ impl Carrier<'_> {
 }
 
 /// `batch --engine`: units to a file, their work to the engine, one report of it all.
-pub(super) fn batch(
-    carrier: &Carrier<'_>,
-    list: &[Unit],
-    told: &mut dyn FnMut(&Outcome),
-) -> Result<Report, Error> {
+pub(super) fn batch(carrier: &Carrier<'_>, list: &[Unit], told: &mut dyn FnMut(&Outcome)) -> Result<Report, Error> {
     let carried = carrier.carry(list, &mut |fragment| {
         if let End::Job(outcome) = &fragment.end {
             told(outcome);

@@ -93,7 +93,14 @@ impl Target {
             hidden.push(what);
             path.with_file_name(hidden)
         };
-        Ok(Self { new: hidden(".new"), old: hidden(".old"), lock: hidden(".lock"), claim: hidden(".claim"), path, sign })
+        Ok(Self {
+            new: hidden(".new"),
+            old: hidden(".old"),
+            lock: hidden(".lock"),
+            claim: hidden(".claim"),
+            path,
+            sign,
+        })
     }
 
     /// Finishes or undoes what a stopped run left.

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use crate::batch::{assert_whole, drawing, hidden, in_state, small_jobs, twenty};
 use crate::support::fleet::{Fleet, until};
+use crate::support::slurm::Slurm;
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, files, folder, said, terrace};
 
@@ -153,7 +154,11 @@ fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
     let out = run.wait_with_output().expect("ended");
     let first = report(&out);
     let missing = in_state(&first, "missing");
-    assert!(out.status.code() == Some(1) && missing.ends_with(&["s1", "s2", "s3"].map(str::to_owned)), "{}", said(&out));
+    assert!(
+        out.status.code() == Some(1) && missing.ends_with(&["s1", "s2", "s3"].map(str::to_owned)),
+        "{}",
+        said(&out)
+    );
     let error = &first["jobs"][3]["errors"][0];
     assert!(error["code"] == "unit-missing" && error["message"].to_string().contains("stopped"), "{error}");
     drop(held);
@@ -245,7 +250,12 @@ fn units_are_worked_on_in_any_order_and_collected() {
         .map(|line| serde_json::from_str(line).expect("JSON"))
         .collect();
     assert_eq!(lines.len(), 5);
-    assert!(lines.iter().enumerate().all(|(i, u)| u["id"] == i && u["name"] == format!("s{i}") && u["cost_s"].as_f64() > Some(0.0)));
+    assert!(
+        lines
+            .iter()
+            .enumerate()
+            .all(|(i, u)| u["id"] == i && u["name"] == format!("s{i}") && u["cost_s"].as_f64() > Some(0.0))
+    );
     let (first, report) = collected(&units);
     assert_eq!((first.status.code(), &report["missing"]), (Some(1), &5.into()));
     for which in ["3", "2/2", "1/2"] {
@@ -370,7 +380,10 @@ fn two_hundred_jobs_on_a_fleet_are_those_of_a_batch_whatever_is_killed() {
     let here = local(&jobs, &one);
     let mut fleet = Fleet::of(2);
     let run = fleet.terrace(["batch", path(&jobs), "-o", path(&two), "--json"]).spawn().expect("it runs");
-    let done = || std::fs::read_dir(&two).map_or(0, |all| all.flatten().filter(|f| !f.file_name().to_string_lossy().starts_with('.')).count());
+    let done = || {
+        std::fs::read_dir(&two)
+            .map_or(0, |all| all.flatten().filter(|f| !f.file_name().to_string_lossy().starts_with('.')).count())
+    };
     until("a tenth is done", Duration::from_secs(600), || done() > 20);
     fleet.kill_worker(0);
     until("a quarter is done", Duration::from_secs(600), || done() > 50);
@@ -424,7 +437,11 @@ fn two_thousand_small_units_are_grouped() {
 /// A worker for which `out` is a disk of its own, filled to the last `free` KB.
 fn worker_with_own_disk(fleet: &mut Fleet, out: &Path, kb: usize, is_full: bool) {
     std::fs::create_dir_all(out).expect("made");
-    let fill = if is_full { format!("dd if=/dev/zero of='{0}/.fill' bs=1k count={kb} 2>/dev/null || true; ", out.display()) } else { String::new() };
+    let fill = if is_full {
+        format!("dd if=/dev/zero of='{0}/.fill' bs=1k count={kb} 2>/dev/null || true; ", out.display())
+    } else {
+        String::new()
+    };
     let mount = format!(
         "mount -t tmpfs -o size={kb}k own '{}' || {{ echo 'cannot mount: this test needs root'; exit 1; }}; {fill}exec \"$@\"",
         out.display()
@@ -493,4 +510,40 @@ fn a_unit_that_exceeds_its_memory_on_a_fleet_is_named_and_all_others_finish() {
     let most = carried(&fleet, &jobs, &dir.path().join("most"), &["--memory", "9000GB"]);
     assert!(most.status.code() == Some(1) && said(&most).contains("error[engine-workers]"), "{}", said(&most));
     fleet.end_worker(0);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn the_script_for_slurm_in_the_documents_gives_the_bytes_of_a_local_batch() {
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/fleet.md")).expect("the page");
+    let script = page.split("```sh slurm\n").nth(1).and_then(|rest| rest.split("```").next()).expect("the script");
+    assert!(script.lines().count() <= 10, "ten lines of shell");
+    let dir = folder();
+    let [jobs, out, one] = ["jobs", "out", "one"].map(|name| dir.path().join(name));
+    std::fs::create_dir(&jobs).expect("made");
+    twenty(&jobs);
+    assert_eq!(local(&jobs, &one).status.code(), Some(2));
+    let slurm = Slurm::start();
+    let program = Path::new(env!("CARGO_BIN_EXE_terrace")).parent().expect("a folder");
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
+    let run = || {
+        let mut command = slurm.command("sh");
+        command.args(["-c", script]).current_dir(dir.path()).env("PATH", &path).output().expect("sh starts")
+    };
+    let first = run();
+    assert_eq!(first.status.code(), Some(2), "{}", said(&first));
+    assert!(said(&first).contains("17 compiled, 0 unchanged, 3 failed"), "{}", said(&first));
+    assert_same(&one, &without_results(&out));
+    // Again: only what failed, and what has changed since, is done.
+    std::fs::remove_dir_all(out.join("b05.job")).expect("removed");
+    let second = run();
+    assert!(said(&second).contains("1 compiled, 16 unchanged, 3 failed"), "{}", said(&second));
+    assert_same(&one, &without_results(&out));
+    assert_eq!(hidden(&out), Vec::<PathBuf>::new());
+}
+
+/// The output folder without the report and the page that the script writes into it.
+fn without_results(out: &Path) -> PathBuf {
+    ["batch.json", "index.html"].iter().for_each(|name| std::fs::remove_file(out.join(name)).expect("written"));
+    out.to_owned()
 }

@@ -156,10 +156,14 @@ impl Session {
             let text = format!("a path cannot be given to the engine: {e}");
             Error::from(Diag::input("unit-path", text).hint("use file names that are UTF-8 text"))
         })?;
-        let given = self.stdin.as_mut().map(|to| to.write_all(format!("{line}\n").as_bytes()).and_then(|()| to.flush()));
+        let given =
+            self.stdin.as_mut().map(|to| to.write_all(format!("{line}\n").as_bytes()).and_then(|()| to.flush()));
         match given {
             Some(Ok(())) => Ok(()),
-            _ => Err(Diag::input("engine-unreachable", format!("the client of Dask ended: {}", self.last_words())).into()),
+            _ => {
+                Err(Diag::input("engine-unreachable", format!("the client of Dask ended: {}", self.last_words()))
+                    .into())
+            }
         }
     }
 

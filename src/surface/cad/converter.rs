@@ -67,7 +67,9 @@ pub(super) fn run(path: &Path, format: &str, fine: Tessellation) -> Result<Vec<u
     }
     let tried = if tried.is_empty() { "no Python was found".into() } else { tried.join("; ") };
     let text = format!("STEP and IGES are read through Open CASCADE, which is not installed ({tried})");
-    Err(Diag::input("cad-converter", text).at(place(path)).hint(format!("install it with: {}", python::install_line(PACKAGE))))
+    Err(Diag::input("cad-converter", text)
+        .at(place(path))
+        .hint(format!("install it with: {}", python::install_line(PACKAGE))))
 }
 
 fn run_with(

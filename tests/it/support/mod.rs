@@ -7,6 +7,7 @@ pub mod image;
 pub mod linuxcncrsh;
 pub mod malformed;
 pub mod nurbs;
+pub mod slurm;
 pub mod surfaces;
 
 use std::path::{Path, PathBuf};
