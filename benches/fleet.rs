@@ -36,11 +36,11 @@ fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// A wavy surface of 60 x 60 mm of `n` x `n` fields, as binary STL.
-fn surface(file: &Path, n: usize) {
+/// A wavy slope of 60 x 60 mm and this height, of `n` x `n` fields, as binary STL.
+fn surface(file: &Path, n: usize, height_mm: f32) {
     let at = |i: usize, j: usize| {
         let [x, y] = [i, j].map(|k| 60.0 * k as f32 / n as f32);
-        [x, y, 0.1 * x + (y / 9.0).sin()]
+        [x, y, height_mm * (x / 60.0 + (y / 9.0).sin() / 6.0)]
     };
     let mut bytes = vec![0; 80];
     bytes.extend((2 * n as u32 * n as u32).to_le_bytes());
@@ -109,7 +109,7 @@ fn worked(plan: &Path) -> f64 {
 fn paired(fleet: &Fleet, dir: &Path) {
     let jobs = dir.join("jobs");
     std::fs::create_dir(&jobs).expect("made");
-    surface(&jobs.join("wave.stl"), 40);
+    surface(&jobs.join("wave.stl"), 40, 6.0);
     let file = |i: usize| jobs.join(format!("t{i:03}.toml"));
     for i in 0..200 {
         job(&file(i), 6.0 / (1 + (i * 37) % 100) as f64, i % 180);
@@ -143,9 +143,9 @@ fn paired(fleet: &Fleet, dir: &Path) {
 fn grouped(fleet: &Fleet, dir: &Path) {
     let jobs = dir.join("small");
     std::fs::create_dir(&jobs).expect("made");
-    surface(&jobs.join("wave.stl"), 20);
+    surface(&jobs.join("wave.stl"), 20, 0.5);
     for i in 0..2000 {
-        job(&jobs.join(format!("s{i:04}.toml")), 1.0, i % 180);
+        job(&jobs.join(format!("s{i:04}.toml")), 3.0, i % 180);
     }
     let [out, plan] = ["small.out", "small.jsonl"].map(|name| dir.join(name));
     let (s, done) = timed(&mut carried(fleet, &jobs, &out, &plan));
@@ -162,7 +162,7 @@ fn grouped(fleet: &Fleet, dir: &Path) {
 fn sizes(dir: &Path) {
     let jobs = dir.join("sizes");
     std::fs::create_dir(&jobs).expect("made");
-    surface(&jobs.join("wave.stl"), 300);
+    surface(&jobs.join("wave.stl"), 300, 6.0);
     println!("One job on one core, 180,000 facets");
     println!("{}", ["pitch mm", "fragments", "time s", "memory MB", "folder MB"].map(|h| format!("{h:>12}")).join(""));
     for pitch in [0.1, 0.01, 0.001] {

@@ -1,5 +1,6 @@
 //! Units of `batch` and `sweep`: planned to a file, worked on by number, carried by an engine.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -156,7 +157,7 @@ impl Carrier<'_> {
     /// Has units worked on; what is up to date is found here, and the engine is asked for the rest only.
     pub(super) fn carry(&self, list: &[Unit], told: &mut dyn FnMut(&Fragment)) -> Result<Carried, Error> {
         let own = self.keep.is_none().then(|| OwnFolder::inside(self.around)).transpose()?;
-        let in_own = own.as_ref().map(|own| own.0.join("units.jsonl"));
+        let in_own = own.as_ref().map(|own| own.path.join("units.jsonl"));
         let file = in_own.or_else(|| self.keep.map(Path::to_owned)).unwrap_or_default();
         let (reports, durability) = (units::reports(&file), durability(self.args));
         units::write(list, &file, durability)?;
@@ -210,20 +211,46 @@ pub(super) fn batch(carrier: &Carrier<'_>, list: &[Unit], told: &mut dyn FnMut(&
     Ok(collect(list, &carried.reports, &carried.reasons))
 }
 
-/// A hidden folder that goes when it is dropped.
-struct OwnFolder(PathBuf);
+/// A hidden folder that goes when it is dropped; one whose process was killed goes when the next is made.
+struct OwnFolder {
+    path: PathBuf,
+    /// Holds the system's lock as long as it is open.
+    _lock: File,
+}
+
+/// How the names of these folders begin.
+const OWN: &str = ".fleet-";
 
 impl OwnFolder {
     fn inside(around: &Path) -> Result<Self, Error> {
-        let path = around.join(format!(".fleet-{}-{}", host(), std::process::id()));
-        std::fs::create_dir_all(&path)
-            .map_err(|e| unwritable("make the folder", Place::file(path.display().to_string()), &e))?;
-        Ok(Self(path))
+        let path = around.join(format!("{OWN}{}-{}", host(), std::process::id()));
+        let failed = |e: std::io::Error| unwritable("make the folder", Place::file(path.display().to_string()), &e);
+        std::fs::create_dir_all(around).map_err(failed)?;
+        remove_left(around);
+        std::fs::create_dir_all(&path).map_err(failed)?;
+        let lock = File::create(path.join("lock.new")).map_err(failed)?;
+        // It gets its name once it is locked; on a file system without locks never, and left folders stay.
+        if lock.try_lock().is_ok() {
+            std::fs::rename(path.join("lock.new"), path.join("lock")).map_err(failed)?;
+        }
+        Ok(Self { path: path.clone(), _lock: lock })
+    }
+}
+
+/// Removes what killed processes have left: the folders that nobody has locked.
+fn remove_left(around: &Path) {
+    let around = if around.as_os_str().is_empty() { Path::new(".") } else { around };
+    for entry in std::fs::read_dir(around).into_iter().flatten().flatten() {
+        let is_own = entry.file_name().to_string_lossy().starts_with(OWN);
+        let lock = || File::options().append(true).open(entry.path().join("lock"));
+        if is_own && lock().is_ok_and(|lock| lock.try_lock().is_ok()) {
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
     }
 }
 
 impl Drop for OwnFolder {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        let _ = std::fs::remove_dir_all(&self.path);
     }
 }

@@ -162,6 +162,9 @@ fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
     let error = &first["jobs"][3]["errors"][0];
     assert!(error["code"] == "unit-missing" && error["message"].to_string().contains("stopped"), "{error}");
     drop(held);
+    // What a killed run has left goes too.
+    std::fs::create_dir(two.join(".fleet-other-1")).expect("made");
+    std::fs::write(two.join(".fleet-other-1/lock"), "").expect("written");
     let second = carried(&fleet, &jobs, &two, &[]);
     assert_eq!(second.status.code(), Some(0), "{}", said(&second));
     assert!(given(&second) <= 3, "what is there is not done again: {}", said(&second));

@@ -72,7 +72,8 @@ class Fleet:
         if task.get("memory"):
             more["resources"] = {"memory": task["memory"]}
         if task.get("workers"):
-            more["workers"] = task["workers"]
+            # Others may have it where all of these are gone.
+            more["workers"], more["allow_other_workers"] = task["workers"], True
         future = self.client.submit(
             work,
             task["argv"],

@@ -42,7 +42,7 @@ pub(super) struct Submission {
     pub(super) cwd: PathBuf,
     /// Bytes of a worker's declared memory; None: it takes none.
     pub(super) memory: Option<u64>,
-    /// The workers that may have it; empty: all.
+    /// The workers that are to have it; empty: any.
     pub(super) workers: Vec<String>,
 }
 

@@ -26,6 +26,9 @@ use super::work::End;
 use crate::diag::{Diag, Error};
 use crate::job_folder::Durability;
 
+/// How often units are given to other workers because one could not write them.
+const MOST_TRIES: usize = 3;
+
 /// How long an engine is waited for that is gone, s.
 const PATIENCE_S: u64 = 120;
 
@@ -69,6 +72,8 @@ struct Group<'a> {
     units: Vec<&'a Unit>,
     /// Workers that could not write its folders.
     not: BTreeSet<String>,
+    /// How often it has been given before.
+    tries: usize,
 }
 
 /// Has all units worked on; answers with the reasons why some were not.
@@ -79,7 +84,7 @@ pub fn run(units: &[&Unit], fleet: &Fleet<'_>, told: &mut dyn FnMut(News<'_>)) -
     let mut session = Session::start(fleet.scheduler, PATIENCE_S)?;
     let slots = slots(&session, fleet)?;
     let list: Vec<Group<'_>> =
-        groups(units, slots).into_iter().map(|units| Group { units, not: BTreeSet::new() }).collect();
+        groups(units, slots).into_iter().map(|units| Group { units, not: BTreeSet::new(), tries: 0 }).collect();
     told(News::Submitted { groups: list.len(), workers: session.workers().len(), slots });
     let mut work = Work { fleet, open: BTreeMap::new(), given: 0, reasons: Reasons::new() };
     for group in list {
@@ -193,7 +198,8 @@ impl<'a> Work<'a, '_> {
     ) -> Result<(), Error> {
         let mut not = group.not;
         not.insert(worker.to_owned());
-        let has_other = session.workers().iter().any(|other| !not.contains(&other.address));
+        let tries = group.tries + 1;
+        let has_other = session.workers().iter().any(|other| !not.contains(&other.address)) && tries <= MOST_TRIES;
         let found: Vec<Fragment> = out.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
         let mut again = Vec::new();
         for unit in group.units {
@@ -214,7 +220,7 @@ impl<'a> Work<'a, '_> {
             return Ok(());
         }
         told(News::Said(format!("{} units could not be written on {worker}: given to other workers", again.len())));
-        self.submit(session, Group { units: again, not })
+        self.submit(session, Group { units: again, not, tries })
     }
 
     fn lost(&mut self, task: usize, why: &str) {

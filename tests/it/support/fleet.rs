@@ -38,7 +38,16 @@ impl Tree {
 }
 
 impl Drop for Tree {
+    /// Politely first: what is killed leaves its semaphores.
     fn drop(&mut self) {
+        let group = self.0.id().to_string();
+        let _ = Command::new("kill").args(["-TERM", "--", &format!("-{group}")]).stderr(Stdio::null()).status();
+        let begin = Instant::now();
+        let is_left =
+            || Command::new("pgrep").args(["-r", "R,S,D", "-g", &group]).output().is_ok_and(|o| o.status.success());
+        while begin.elapsed() < Duration::from_secs(3) && is_left() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
         self.kill();
     }
 }
@@ -70,6 +79,7 @@ impl Fleet {
     fn scheduler(port: u16, dir: &Path) -> Tree {
         let mut command = Command::new(venv().join("bin/dask"));
         command.args(["scheduler", "--host", "127.0.0.1", "--no-dashboard", "--port", &port.to_string()]);
+        command.env("DASK_TEMPORARY_DIRECTORY", dir);
         Tree::start(logged(&mut command, dir, "scheduler"))
     }
 
