@@ -38,8 +38,8 @@ check:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
 
-# Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces; prints tables.
-bench:
+# Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces, a fleet; prints tables.
+bench: setup
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench emit
 	$(CARGO) bench --bench pictures
@@ -49,6 +49,7 @@ bench:
 	$(CARGO) bench --bench compare
 	$(CARGO) bench --bench texture
 	$(CARGO) bench --bench nurbs
+	$(CARGO) bench --bench fleet
 
 # The tables of figures in docs/compare.md, from the jobs of fixtures/sources and the hood; some minutes.
 sources:

@@ -24,6 +24,7 @@ pub mod plan;
 pub mod program;
 pub mod progress;
 pub mod projection;
+mod python;
 #[cfg(test)]
 mod random;
 pub mod report;

@@ -5,10 +5,13 @@
 //! which they are given, the last setting changing first. The surface file is read once for all combinations that read
 //! and turn it alike. Nothing is written. A combination that cannot be planned says why in its row.
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use crate::diag::{Diag, Error, Place};
+use serde::{Deserialize, Serialize};
+
+use crate::diag::{Diag, Error, Fault, Place, Severity};
 use crate::job::{Job, KeyValue, Keys, Mode, Overrides, Setting};
 use crate::manifest::Summary;
 use crate::parallel;
@@ -21,12 +24,12 @@ use crate::surface::Surface;
 const MOST: usize = 10_000;
 
 /// One combination of values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The value of every setting.
     pub values: Vec<KeyValue>,
     /// The figures of the job so set, or why it cannot be planned.
-    pub summary: Result<Summary, Error>,
+    pub summary: Result<Summary, Fault>,
 }
 
 /// A whole sweep.
@@ -56,55 +59,110 @@ pub fn combinations(settings: &[Setting]) -> Result<usize, Error> {
 /// `done` is called after each.
 ///
 /// # Errors
-/// Faults of the job file as it is; `sweep-key` where a setting names no place in it; `sweep-many`; `sweep-mode`; the
-/// first fault where no combination can be planned.
+/// As [`prepared`]; the first fault where no combination can be planned.
 pub fn sweep(
     (path, text): (&Path, &str),
     overrides: &Overrides,
     settings: &[Setting],
     done: &(dyn Fn() + Sync),
 ) -> Result<Sweep, Error> {
+    let job = prepared((path, text), overrides, settings)?;
+    let count = combinations(settings)?;
+    let found = rows((path, text), overrides, settings, 0..count, done)?;
+    Sweep::of((job, text), overrides, settings, found)
+}
+
+/// The job as its file has it, if it can be swept.
+///
+/// # Errors
+/// Faults of the job file as it is; `sweep-key` where a setting names no place in it; `sweep-many`; `sweep-mode`.
+pub fn prepared((path, text): (&Path, &str), overrides: &Overrides, settings: &[Setting]) -> Result<Job, Error> {
     let job = Job::parse(path, text, overrides)?;
     if job.mode != Mode::Stepped {
         let text = "a sweep compares stepped jobs";
         return Err(Diag::input("sweep-mode", text).at(job.place_of("mode")).hint("add --mode stepped").into());
     }
-    let count = combinations(settings)?;
-    let keys = Keys::of(text).expect("the job was read from this text");
-    let mut rows: Vec<(Vec<KeyValue>, String)> = Vec::with_capacity(count);
-    for number in 0..count {
-        let (mut rest, mut values) = (number, Vec::new());
-        for setting in settings.iter().rev() {
-            values.push(setting.values[rest % setting.values.len()].clone());
-            rest /= setting.values.len();
+    combinations(settings)?;
+    edited((path, text), settings, 0)?;
+    Ok(job)
+}
+
+impl Sweep {
+    /// That of a job with a row for every combination.
+    ///
+    /// # Errors
+    /// The first fault where no combination can be planned.
+    pub fn of(
+        (job, text): (Job, &str),
+        overrides: &Overrides,
+        settings: &[Setting],
+        rows: Vec<Row>,
+    ) -> Result<Self, Error> {
+        if rows.iter().all(|row| row.summary.is_err()) {
+            // A fault holds what is shown of an error; the error itself is found again.
+            let (_, edited) = edited((&job.path, text), settings, 0)?;
+            planned((&job.path, &edited), overrides, &OnceLock::new())?;
         }
-        values.reverse();
-        let mut edited = keys.clone();
-        for (setting, value) in settings.iter().zip(&values) {
-            edited.set(&setting.key, value).map_err(|what| {
-                let d = Diag::input("sweep-key", format!("{} cannot be set: {what}", setting.key));
-                d.at(Place::file(path.display().to_string())).hint("name a key as docs/job-file.md does")
-            })?;
-        }
-        rows.push((values, edited.text()));
+        Ok(Self { keys: settings.iter().map(|s| s.key.clone()).collect(), rows, job })
     }
+}
+
+/// The values of a combination.
+fn values(settings: &[Setting], number: usize) -> Vec<KeyValue> {
+    let (mut rest, mut values) = (number, Vec::new());
+    for setting in settings.iter().rev() {
+        values.push(setting.values[rest % setting.values.len()].clone());
+        rest /= setting.values.len();
+    }
+    values.reverse();
+    values
+}
+
+/// The values of a combination, and the job's text with its keys so set.
+fn edited((path, text): (&Path, &str), settings: &[Setting], number: usize) -> Result<(Vec<KeyValue>, String), Error> {
+    let mut keys = Keys::of(text).expect("a job was read from this text");
+    let values = values(settings, number);
+    for (setting, value) in settings.iter().zip(&values) {
+        keys.set(&setting.key, value).map_err(|what| {
+            let d = Diag::input("sweep-key", format!("{} cannot be set: {what}", setting.key));
+            d.at(Place::file(path.display().to_string())).hint("name a key as docs/job-file.md does")
+        })?;
+    }
+    Ok((values, keys.text()))
+}
+
+/// The rows of some combinations of a job that was [`prepared`]; the surface is read once for all of them.
+///
+/// # Errors
+/// `sweep-key`.
+pub fn rows(
+    (path, text): (&Path, &str),
+    overrides: &Overrides,
+    settings: &[Setting],
+    some: Range<usize>,
+    done: &(dyn Fn() + Sync),
+) -> Result<Vec<Row>, Error> {
+    let texts = some.map(|number| edited((path, text), settings, number)).collect::<Result<Vec<_>, _>>()?;
     let shared = OnceLock::new();
     let one = |i: usize| {
-        let summary = planned((path, &rows[i].1), overrides, &shared);
+        let (values, text): &(Vec<KeyValue>, String) = &texts[i];
+        let summary = planned((path, text), overrides, &shared).map_err(|e| Fault::from(&e));
         done();
-        Row { values: rows[i].0.clone(), summary }
+        Row { values: values.clone(), summary }
     };
     // One after another until one has read the surface for the others.
-    let mut found = Vec::with_capacity(count);
-    while shared.get().is_none() && found.len() < count {
+    let mut found = Vec::with_capacity(texts.len());
+    while shared.get().is_none() && found.len() < texts.len() {
         found.push(one(found.len()));
     }
     let first = found.len();
-    found.extend(parallel::map(count - first, |i| one(first + i)));
-    if let (true, Some(Row { summary: Err(e), .. })) = (found.iter().all(|r| r.summary.is_err()), found.first()) {
-        return Err(e.clone());
-    }
-    Ok(Sweep { keys: settings.iter().map(|s| s.key.clone()).collect(), rows: found, job })
+    found.extend(parallel::map(texts.len() - first, |i| one(first + i)));
+    Ok(found)
+}
+
+/// Rows of combinations that could not be planned.
+pub fn unplanned(settings: &[Setting], some: Range<usize>, fault: &Fault) -> Vec<Row> {
+    some.map(|number| Row { values: values(settings, number), summary: Err(fault.clone()) }).collect()
 }
 
 /// The figures of one job; the surface that the first has read is shared where it can be.
@@ -158,7 +216,7 @@ pub fn table(sweep: &Sweep) -> Table {
             Err(e) => {
                 cells.push("-".into());
                 cells.extend((0..8).map(|_| Cell::from(None::<f64>)));
-                let why = e.diags().iter().find(|d| d.kind != crate::diag::Kind::Warning).map(|d| d.message.as_str());
+                let why = e.failure.errors.iter().find(|m| m.severity != Severity::Warning).map(|m| m.message.as_str());
                 cells.push(why.unwrap_or("cannot be planned").into());
             }
         }

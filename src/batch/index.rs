@@ -7,8 +7,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::{Outcome, Report, State};
-use crate::diag::{Error, Failure};
+use super::{Outcome, Report};
+use crate::diag::Error;
 use crate::job_folder;
 use crate::manifest::duration;
 use crate::report::page::{self, escape};
@@ -17,13 +17,13 @@ use crate::report::page::{self, escape};
 /// them the figures, each with its name.
 const STYLE: &str = "html{color-scheme:light dark}td{vertical-align:top}td.l{overflow-wrap:anywhere}.state{text-align:left}.l .warn{margin:.2em 0;text-align:left}\
 .pic{width:144px}.pic img{display:block;width:144px;height:108px;object-fit:contain;background:#fff;border:1px solid #ddd}\
-.failed b,.left b{color:#c2410c}\
+.failed b,.missing b,.left b{color:#c2410c}\
 @media(max-width:52em){body{margin:1em auto}table,tbody{display:block}thead{display:none}\
 tr{display:grid;grid-template-columns:144px 1fr;gap:0 .8em;padding:.6em 0;border-bottom:1px solid #ddd}\
 td{display:block;border:0;padding:.1em 0;text-align:left;white-space:normal}td[data-of]:before{content:attr(data-of) \" \";color:#666}\
 .pic{grid-row:1/9}.pic:empty{display:none}.pic:empty~td{grid-column:1/3}}\
 @media(prefers-color-scheme:dark){body{background:#161616;color:#ddd}th{background:#262626}th,td,tr{border-color:#444}\
-td[data-of]:before{color:#aaa}a{color:#8ab4f8}.warn{background:#33211a}.warn small{color:#bbb}.failed b,.left b{color:#ff9d6e}}";
+td[data-of]:before{color:#aaa}a{color:#8ab4f8}.warn{background:#33211a}.warn small{color:#bbb}.failed b,.missing b,.left b{color:#ff9d6e}}";
 
 /// The page as a file of `folder`.
 ///
@@ -55,9 +55,7 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
             "<tr class=\"{state}\"><td class=\"pic\"></td><td class=\"l\">{job}</td><td class=\"state\"><b>{state}</b></td>\
              <td class=\"l\" colspan=\"5\">"
         );
-        if let State::Failed(e) = &outcome.state {
-            Failure::from(e).errors.iter().for_each(|message| page::message(h, message));
-        }
+        outcome.errors().iter().for_each(|message| page::message(h, message));
         h.push_str("</td></tr>\n");
         return Ok(());
     };

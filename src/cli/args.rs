@@ -7,6 +7,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::{examples, explain};
 
+use crate::batch::units::Chosen;
 use crate::compare::{SYSTEMS, System};
 use crate::job::{FileUnit, Mode, Objective, Setting};
 use crate::machine::PROFILES;
@@ -182,6 +183,8 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         plot: Option<PathBuf>,
         #[command(flatten)]
+        fleet: FleetArgs,
+        #[command(flatten)]
         choice: Choice,
     },
     /// Write a job folder of what is left of a job that was marked in part. Blocks keep their names and bytes; the
@@ -264,7 +267,7 @@ pub enum Command {
 #[derive(Debug, clap::Args)]
 pub struct Batch {
     /// Folders of job files (*.toml), list files with one job file per line, or job files (*.toml).
-    #[arg(required = true)]
+    #[arg(required_unless_present_any = ["units", "collect"])]
     pub jobs: Vec<PathBuf>,
     /// Folder for the job folders; default: next to each job file.
     #[arg(short, long, value_name = "FOLDER")]
@@ -281,8 +284,70 @@ pub struct Batch {
     /// Write a page (HTML) with a picture of every job to this file when the batch ends.
     #[arg(long, value_name = "FILE")]
     pub index: Option<PathBuf>,
+    /// Compile nothing: write the jobs as units to this file (JSON lines), for an engine; with --engine, keep the file.
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
+    /// A file of units that --plan has written.
+    #[arg(long, value_name = "FILE", requires = "unit", conflicts_with_all = ["jobs", "output", "verify", "plan", "engine", "index", "report", "log"])]
+    pub units: Option<PathBuf>,
+    /// Work on these units (0-9,12), or on a share of all (3/40: the third of forty); each leaves a report beside the
+    /// file of units.
+    #[arg(long, value_name = "UNITS", requires = "units", value_parser = str::parse::<Chosen>)]
+    pub unit: Option<Chosen>,
+    /// Compile nothing: make one report of what the units of this file have left.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["jobs", "output", "verify", "plan", "units", "engine", "log"])]
+    pub collect: Option<PathBuf>,
+    #[command(flatten)]
+    pub fleet: FleetArgs,
     #[command(flatten)]
     pub choice: Choice,
+}
+
+/// Where units are worked on.
+#[derive(Debug, clap::Args)]
+pub struct FleetArgs {
+    /// Have the work done by the workers of this engine; they need the same folders at the same place.
+    #[arg(long, value_name = "NAME", value_parser = one_of(&[Engine::Dask], Engine::name))]
+    pub engine: Option<Engine>,
+    /// Address of the engine's scheduler.
+    #[arg(long, value_name = "ADDRESS", default_value = "tcp://127.0.0.1:8786", requires = "engine")]
+    pub scheduler: String,
+    /// Limit of memory of a unit, such as 4GB; it is then worked on in a process of its own. 0: no limit. Default with
+    /// --engine: the memory of the worker divided by its threads.
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    pub memory: Option<u64>,
+}
+
+/// Engines that carry units to other machines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// Dask, of Python.
+    Dask,
+}
+
+impl Engine {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dask => "dask",
+        }
+    }
+}
+
+/// A size such as 500MB, 4GB or 0, in bytes.
+fn bytes(text: &str) -> Result<u64, String> {
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let unit = match text[end..].trim().to_ascii_uppercase().as_str() {
+        "" if text == "0" => 1.0,
+        "MB" => 1e6,
+        "GB" => 1e9,
+        "" => return Err("add a unit: 500MB or 4GB".into()),
+        // As workers say it.
+        "B" => 1.0,
+        _ => return Err("give a size such as 500MB or 4GB".into()),
+    };
+    let number: f64 = text[..end].parse().map_err(|_| "give a size such as 500MB or 4GB".to_owned())?;
+    Ok((number * unit) as u64)
 }
 
 /// What is to be run, and how.

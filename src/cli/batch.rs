@@ -1,94 +1,83 @@
-//! `terrace batch`: lines as jobs end, the files that it writes beside job folders, and Ctrl-C.
+//! `terrace batch`: which of its steps is to be done, lines as jobs end, the files that it writes beside job folders, and Ctrl-C.
 
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::args::{Args, Batch};
-use super::{durability, overrides, print, refuse_input, show, unwritable, write_file};
-use crate::batch::{self, Outcome, Settings};
-use crate::diag::{Diag, Error, Place};
+use super::fleet::{Carrier, settings, stop_on_ctrl_c};
+use super::{durability, fleet, overrides, print, refuse_input, show, unwritable, write_file};
+use crate::batch::collect::{Reasons, collect};
+use crate::batch::{self, Outcome, Report, Unit, units};
+use crate::diag::{Error, Place};
 use crate::job_folder::Durability;
-use crate::verify;
 
 pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
-    let list = batch::jobs(&asked.jobs, asked.output.as_deref(), &overrides(args, &asked.choice))?;
-    let inputs: Vec<PathBuf> = list.iter().flat_map(batch::Entry::inputs).chain(asked.jobs.iter().cloned()).collect();
+    if let (Some(file), Some(chosen)) = (&asked.units, &asked.unit) {
+        return fleet::work(args, file, chosen, asked.fleet.memory);
+    }
+    if let Some(file) = &asked.collect {
+        let units = units::read(file)?;
+        let found = collect(&units, &units::reports(file), &Reasons::new());
+        write_results(args, asked, &found, &inputs(&units, asked))?;
+        return Ok(found.exit_code());
+    }
+    let list = batch::plan(&asked.jobs, asked.output.as_deref(), &overrides(args, &asked.choice), asked.verify)?;
+    let inputs = inputs(&list, asked);
     // What cannot be written at the end of a night is found before it begins.
-    for file in [&asked.report, &asked.log, &asked.index].into_iter().flatten() {
+    for file in [&asked.report, &asked.log, &asked.index, &asked.plan].into_iter().flatten() {
         refuse_input(file, &inputs)?;
         std::fs::create_dir_all(folder_of(file))
             .map_err(|e| unwritable("make the folder", Place::file(folder_of(file).display().to_string()), &e))?;
     }
+    if let (Some(file), None) = (&asked.plan, asked.fleet.engine) {
+        return fleet::plan(args, &list, file);
+    }
     let mut log = asked.log.as_deref().map(|path| Log::open(path, durability(args))).transpose()?;
     let view = show::Progress::new(args.quiet, list.len(), "jobs");
-    let stop = stop_on_ctrl_c(&view);
-    let settings = Settings { durability: durability(args), verify: asked.verify.then_some(&verified), stop: &stop };
+    let stop = stop_on_ctrl_c(&view, asked.fleet.engine.is_some());
     let mut ended = 0;
-    let found = batch::run(&list, &settings, &mut |outcome| {
+    let mut told = |outcome: &Outcome| {
         ended += 1;
         view.job(outcome, [ended, list.len()]);
         log.iter_mut().for_each(|log| log.add(outcome));
-    });
-    view.finish();
-    let json = show::json(&found.to_json());
-    let write = |file: &Option<PathBuf>, text: &dyn Fn(&Path) -> Result<String, Error>| match file {
-        Some(path) => write_file(args, path, text(folder_of(path))?.as_bytes(), &inputs),
-        None => Ok(()),
     };
+    let found = if asked.fleet.engine.is_some() {
+        let around = asked.output.clone().unwrap_or_default();
+        let keep = asked.plan.as_deref();
+        let carrier = Carrier { args, asked: &asked.fleet, around: &around, keep, stop: &stop, view: &view };
+        fleet::batch(&carrier, &list, &mut told)?
+    } else {
+        batch::run(&list, &settings(args, &stop), &mut told)
+    };
+    view.finish();
     // Before the result is printed: where a file cannot be written, its error is the only JSON object.
-    let written = [
-        write(&asked.report, &|_| Ok(json.clone())),
-        write(&asked.index, &|folder| batch::index_html(&found, folder)),
-        log.map_or(Ok(()), Log::close),
-    ];
-    written.into_iter().collect::<Result<(), Error>>()?;
-    print(&if args.json { json } else { found.to_string() })?;
+    log.map_or(Ok(()), Log::close)?;
+    write_results(args, asked, &found, &inputs)?;
     Ok(found.exit_code())
 }
 
+/// All files that are read, and those that name them.
+fn inputs(units: &[Unit], asked: &Batch) -> Vec<PathBuf> {
+    units.iter().flat_map(Unit::input_paths).chain(asked.jobs.iter().cloned()).collect()
+}
+
+/// Writes the report and the page to the files that were asked for, and prints the report.
+fn write_results(args: &Args, asked: &Batch, found: &Report, inputs: &[PathBuf]) -> Result<(), Error> {
+    let json = show::json(&found.to_json());
+    let write = |file: &Option<PathBuf>, text: &dyn Fn(&Path) -> Result<String, Error>| match file {
+        Some(path) => write_file(args, path, text(folder_of(path))?.as_bytes(), inputs),
+        None => Ok(()),
+    };
+    let written =
+        [write(&asked.report, &|_| Ok(json.clone())), write(&asked.index, &|folder| batch::index_html(found, folder))];
+    written.into_iter().collect::<Result<(), Error>>()?;
+    print(&if args.json { json } else { found.to_string() })
+}
+
 /// The folder in which a file lies.
-fn folder_of(file: &Path) -> &Path {
+pub(super) fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// Verifies the folder of a job.
-fn verified(folder: &Path) -> Result<(), Error> {
-    let proof = verify::verify(folder, None)?;
-    if proof.ok {
-        return Ok(());
-    }
-    let faults: Vec<String> = proof
-        .rules
-        .iter()
-        .filter(|rule| rule.violated > 0 || !rule.ran)
-        .map(|rule| {
-            if rule.violated > 0 {
-                format!("{}: {}", rule.code, rule.violated)
-            } else {
-                format!("{}: not checked", rule.code)
-            }
-        })
-        .collect();
-    let d = Diag::limit("batch-verify", format!("the folder does not verify ({})", faults.join(", ")));
-    let hint = format!("terrace verify {0} tells where; remove the folder to compile the job again", folder.display());
-    Err(d.at(Place::file(folder.display().to_string())).hint(hint).into())
-}
-
-/// Set by the first Ctrl-C; the second ends the program.
-fn stop_on_ctrl_c(view: &show::Progress) -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let (stopped, view) = (stop.clone(), view.clone());
-    // Where the system takes no handler, Ctrl-C ends the program at once. Folders are whole either way.
-    let _ = ctrlc::set_handler(move || {
-        if stopped.swap(true, Ordering::Relaxed) {
-            std::process::exit(1);
-        }
-        view.say("stopping: running jobs are completed, no others are started; press Ctrl-C again to quit at once");
-    });
-    stop
 }
 
 /// A file of JSON lines, one for each job that has ended.

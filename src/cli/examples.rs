@@ -104,6 +104,10 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
             ("terrace batch jobs -o out", "Every *.toml of the folder; unchanged jobs are skipped"),
             ("terrace batch jobs -o out --verify --report out/batch.json", "Verifies each, writes a report"),
             ("terrace batch jobs -o out --index out/index.html", "A page with a picture of every job"),
+            ("terrace batch jobs -o out --engine dask --scheduler tcp://first:8786", "By the workers of a fleet"),
+            ("terrace batch jobs -o out --plan units.jsonl", "For another engine: writes the jobs as units"),
+            ("terrace batch --units units.jsonl --unit 3/40", "Works on the third of forty shares of them"),
+            ("terrace batch --collect units.jsonl", "One report of all units"),
         ],
     ),
     (

@@ -8,6 +8,7 @@ mod batch;
 mod compare;
 mod examples;
 mod explain;
+mod fleet;
 mod import;
 mod inspect;
 mod manual;
@@ -156,8 +157,8 @@ fn run(args: &Args) -> Result<u8, Error> {
             }
             print(&if args.json { show::json(&compare::json(&found)) } else { compare::text(&found) })?;
         }
-        Command::Sweep { job, set, output, plot, choice } => {
-            sweep::run(args, (job, choice), set, [output, plot].map(Option::as_deref))?;
+        Command::Sweep { job, set, output, plot, fleet, choice } => {
+            sweep::run(args, (job, choice), (set, fleet), [output, plot].map(Option::as_deref))?;
         }
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch(asked) => return batch::run(args, asked),

@@ -2,31 +2,30 @@
 
 use std::path::Path;
 
-use super::args::{Args, Choice};
+use super::args::{Args, Choice, FleetArgs};
+use super::fleet::{Carrier, stop_on_ctrl_c};
 use super::steps::Steps;
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
+use crate::batch::work::End;
+use crate::batch::{self, collect};
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Setting, read_file};
 use crate::job_folder;
 use crate::progress::Task;
 use crate::report::table::TERMINAL;
-use crate::sweep;
+use crate::sweep::{self, Sweep};
 
 /// Plans all combinations and shows them; table and chart are written where files are named for them.
 pub(super) fn run(
     args: &Args,
     (job, choice): (&Path, &Choice),
-    settings: &[Setting],
+    (settings, fleet): (&[Setting], &FleetArgs),
     [csv, plot]: [Option<&Path>; 2],
 ) -> Result<(), Error> {
-    let (path, text) =
-        if job == Path::new("-") { (Path::new(STDIN), job_from_stdin()?) } else { (job, read_file(job)?) };
-    let steps = Steps::new(args.quiet);
-    let count = sweep::combinations(settings)?;
-    let task = Task::new(|percent| steps.told(&format!("planning {count} settings"), percent)).of_steps(count);
-    let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| task.step())?;
-    drop(task);
-    steps.done();
+    let found = match fleet.engine {
+        Some(_) => carried(args, (job, choice), settings, fleet)?,
+        None => planned(args, (job, choice), settings)?,
+    };
     let table = sweep::table(&found);
     let mut files = Vec::new();
     if let Some(file) = csv {
@@ -42,4 +41,45 @@ pub(super) fn run(
     let inputs = job_folder::input_paths(&found.job);
     files.iter().try_for_each(|(file, text)| write_file(args, file, text.as_bytes(), &inputs))?;
     print(&if args.json { show::json(&serde_json::json!({ "sweep": table })) } else { table.text(TERMINAL) })
+}
+
+/// In this process.
+fn planned(args: &Args, (job, choice): (&Path, &Choice), settings: &[Setting]) -> Result<Sweep, Error> {
+    let (path, text) =
+        if job == Path::new("-") { (Path::new(STDIN), job_from_stdin()?) } else { (job, read_file(job)?) };
+    let steps = Steps::new(args.quiet);
+    let count = sweep::combinations(settings)?;
+    let task = Task::new(|percent| steps.told(&format!("planning {count} settings"), percent)).of_steps(count);
+    let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| task.step())?;
+    drop(task);
+    steps.done();
+    Ok(found)
+}
+
+/// By an engine.
+fn carried(
+    args: &Args,
+    (path, choice): (&Path, &Choice),
+    settings: &[Setting],
+    fleet: &FleetArgs,
+) -> Result<Sweep, Error> {
+    if path == Path::new("-") {
+        let d = Diag::input("engine-stdin", "a job from standard input cannot be read by other machines");
+        return Err(d.hint("save it as a file in a folder that all machines share").into());
+    }
+    let (text, overrides) = (read_file(path)?, overrides(args, choice));
+    let job = sweep::prepared((path, &text), &overrides, settings)?;
+    let list = batch::plan_sweep(&job, &overrides, settings)?;
+    let view = show::Progress::new(args.quiet, sweep::combinations(settings)?, "settings");
+    let stop = stop_on_ctrl_c(&view, true);
+    let around = path.parent().unwrap_or(Path::new(""));
+    let carrier = Carrier { args, asked: fleet, around, keep: None, stop: &stop, view: &view };
+    let ended = carrier.carry(&list, &mut |fragment| {
+        if let End::Rows(rows) = &fragment.end {
+            rows.iter().for_each(|_| view.step());
+        }
+    })?;
+    view.finish();
+    let rows = collect::rows(&list, &ended.reports, &ended.reasons);
+    Sweep::of((job, &text), &overrides, settings, rows)
 }

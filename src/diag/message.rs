@@ -97,6 +97,36 @@ impl From<&Error> for Failure {
     }
 }
 
+/// What stopped the work, kept when its place is no longer at hand: as data, and as the command line shows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// Exit code and messages.
+    #[serde(flatten)]
+    pub failure: Failure,
+    /// All messages with their places, rendered without colour.
+    pub text: String,
+}
+
+impl Fault {
+    /// The sentence that says first of all what is wrong.
+    pub fn message(&self) -> &str {
+        self.failure.errors.first().map_or("unknown", |m| m.message.as_str())
+    }
+}
+
+impl From<&Error> for Fault {
+    fn from(e: &Error) -> Self {
+        let text = e.diags().iter().map(|d| d.render(false)).collect::<Vec<_>>().join("\n");
+        Self { failure: e.into(), text }
+    }
+}
+
+impl From<Diag> for Fault {
+    fn from(d: Diag) -> Self {
+        Self::from(&Error::from(d))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
 use crate::diag::{Diag, Error, Place};
 use crate::emit::Format;
@@ -13,7 +15,7 @@ use crate::units::{Angle, Length, Share};
 use crate::{surface, texture};
 
 /// What the command line sets, over the job file's own keys.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Overrides {
     /// Over `mode`.
     pub mode: Option<Mode>,

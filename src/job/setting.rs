@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 /// Most values of a setting.
@@ -12,7 +13,7 @@ const MOST_VALUES: usize = 10_000;
 const STEPS: usize = 6;
 
 /// The value of a key, as a job file has it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KeyValue(Value);
 
 impl fmt::Display for KeyValue {
@@ -49,7 +50,7 @@ impl Keys {
 }
 
 /// A key of the job file and the values that it takes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// The key with the tables around it: `focus.pdof`, `texture.0.pitch`.
     pub key: String,

@@ -3,7 +3,8 @@
 //! Consumes the path as given; links are followed, so the folder behind a link is replaced and the
 //! link stays. Beside the target `NAME` live, only while a run writes, `.NAME.new` (the folder in the
 //! making), `.NAME.old` (the one it replaces) and `.NAME.lock`. The lock is the system's own and ends
-//! with its process, however that ends; a second run on the same target waits for it.
+//! with its process, however that ends; a second run on the same target waits for it. `.NAME.claim` is another, held
+//! by a batch from before it looks whether the folder is up to date until it is: of two batches one compiles.
 //!
 //! Promises that under the final name there is the whole old folder, the whole new one, or, between
 //! two renames, none; [`Target::recover`] clears up what a stopped run left. This holds when a process is
@@ -29,21 +30,48 @@ pub(super) struct Target {
     pub(super) new: PathBuf,
     old: PathBuf,
     lock: PathBuf,
+    claim: PathBuf,
     /// The file without which a folder of this kind is not whole.
     sign: &'static str,
 }
 
-/// The right to write at a target; ends when dropped.
-pub(super) struct Lock<'a> {
-    path: &'a Path,
+/// A right at a target, such as that to write there; ends when dropped.
+#[derive(Debug)]
+pub(super) struct Lock {
+    path: PathBuf,
     /// Holds the system's lock as long as it is open.
     _file: File,
 }
 
-impl Drop for Lock<'_> {
+impl Lock {
+    /// Waits until no other process holds the lock of this file.
+    fn of(path: &Path) -> Result<Self, Error> {
+        let refused = |e: std::io::Error| failed("lock the output", path, &e);
+        loop {
+            let file = File::options().create(true).append(true).open(path).map_err(refused)?;
+            match file.lock() {
+                Err(e) if e.kind() != std::io::ErrorKind::Unsupported => return Err(refused(e)),
+                _ => {}
+            }
+            // The run that held it before has removed its file: a lock on that one is worth nothing.
+            if is_same(&file, path) {
+                return Ok(Self { path: path.to_owned(), _file: file });
+            }
+        }
+    }
+
+    /// The lock of a file that is there and that no process holds.
+    fn free(path: &Path) -> Option<Self> {
+        let file = File::options().append(true).open(path).ok()?;
+        let is_free = file.try_lock().is_ok() && is_same(&file, path);
+        is_free.then(|| Self { path: path.to_owned(), _file: file })
+    }
+}
+
+impl Drop for Lock {
     fn drop(&mut self) {
         // While it is still locked: whoever waits for it sees that it is gone, and makes its own.
-        let _ = fs::remove_file(self.path);
+        let _ = fs::remove_file(&self.path);
     }
 }
 
@@ -65,7 +93,14 @@ impl Target {
             hidden.push(what);
             path.with_file_name(hidden)
         };
-        Ok(Self { new: hidden(".new"), old: hidden(".old"), lock: hidden(".lock"), path, sign })
+        Ok(Self {
+            new: hidden(".new"),
+            old: hidden(".old"),
+            lock: hidden(".lock"),
+            claim: hidden(".claim"),
+            path,
+            sign,
+        })
     }
 
     /// Finishes or undoes what a stopped run left.
@@ -74,27 +109,23 @@ impl Target {
             let lock = self.lock()?;
             self.tidy(&lock)?;
         }
+        // Of a process that was killed: it goes with the lock, unless another holds it.
+        drop(Lock::free(&self.claim));
         Ok(())
     }
 
     /// Waits until no other run writes here.
-    pub(super) fn lock(&self) -> Result<Lock<'_>, Error> {
-        let refused = |e: std::io::Error| failed("lock the output", &self.lock, &e);
-        loop {
-            let file = File::options().create(true).append(true).open(&self.lock).map_err(refused)?;
-            match file.lock() {
-                Err(e) if e.kind() != std::io::ErrorKind::Unsupported => return Err(refused(e)),
-                _ => {}
-            }
-            // The run that held it before has removed its file: a lock on that one is worth nothing.
-            if is_same(&file, &self.lock) {
-                return Ok(Lock { path: &self.lock, _file: file });
-            }
-        }
+    pub(super) fn lock(&self) -> Result<Lock, Error> {
+        Lock::of(&self.lock)
+    }
+
+    /// Waits until no other run has the folder in work.
+    pub(super) fn claim(&self) -> Result<Lock, Error> {
+        Lock::of(&self.claim)
     }
 
     /// [`Target::recover`] under a lock that is held already.
-    pub(super) fn tidy(&self, _lock: &Lock<'_>) -> Result<(), Error> {
+    pub(super) fn tidy(&self, _lock: &Lock) -> Result<(), Error> {
         if is_there(&self.old) {
             // A replaced folder loses its sign first, so one that has it is whole.
             if !is_there(&self.path) && self.old.join(self.sign).is_file() {
@@ -137,7 +168,7 @@ impl Target {
 
     /// Puts the finished new folder in place. Where that fails the old one is put back. The new folder is flushed
     /// before its name changes, and the folder around it before the old one is removed.
-    pub(super) fn exchange(&self, _lock: &Lock<'_>, flush: &Flush<'_>) -> Result<(), Error> {
+    pub(super) fn exchange(&self, _lock: &Lock, flush: &Flush<'_>) -> Result<(), Error> {
         flush_tree(&self.new, flush).map_err(|e| failed("put the new folder on the disk", &self.new, &e))?;
         let replaces = is_there(&self.path);
         if replaces {

@@ -6,6 +6,7 @@
 mod exchange;
 mod files;
 mod flush;
+mod inputs;
 mod pictures;
 
 use std::fs;
@@ -15,6 +16,7 @@ use files::Fill;
 pub(crate) use files::put;
 pub use flush::Durability;
 use flush::{Flush, make_all};
+pub use inputs::{Hashes, inputs};
 pub use pictures::Pictures;
 
 use crate::diag::{Diag, Error, Place};
@@ -23,7 +25,7 @@ use crate::manifest::{FileFact, Head, InputFact, MANIFEST};
 #[cfg(test)]
 use crate::plan::{OnTheFlyPlan, SteppedPlan};
 use crate::plan::{Plan, Progress};
-use exchange::{Target, resolved};
+use exchange::{Lock, Target, resolved};
 
 fn place(path: &Path) -> Place {
     Place::file(path.display().to_string())
@@ -46,6 +48,14 @@ pub fn prepare(target: &Path, mode: Mode) -> Result<(), Error> {
     let target = Target::find(target, MANIFEST)?;
     target.recover()?;
     target.may_be_replaced(mode, &[])
+}
+
+/// Finishes or undoes what a stopped run left next to `target`.
+///
+/// # Errors
+/// What the file system refuses.
+pub fn recover(target: &Path) -> Result<(), Error> {
+    Target::find(target, MANIFEST)?.recover()
 }
 
 /// Writes the folder of a plan and puts it in the place of `target`, on the disk itself. A run that writes there
@@ -181,43 +191,36 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8], durability: Durability) -> R
     written.map_err(|e| failed("write the file", path, &e))
 }
 
-/// Every input file of a job but the job file itself, with its hash.
-///
-/// # Errors
-/// Where a file cannot be read.
-pub fn inputs(job: &Job) -> Result<Vec<InputFact>, Error> {
-    let mut list = job.input_files();
-    list.dedup();
-    list.into_iter()
-        .map(|(role, file)| {
-            let path = job.relative(file);
-            let mut hasher = blake3::Hasher::new();
-            let unreadable =
-                |e| Error::from(Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place(&path)));
-            let opened = fs::File::open(&path).map_err(unreadable)?;
-            hasher.update_reader(opened).map_err(unreadable)?;
-            let bytes = hasher.count();
-            let shown = file.to_string_lossy().replace('\\', "/");
-            Ok(InputFact { role: role.into(), file: shown, bytes, blake3: hasher.finalize().to_hex().to_string() })
-        })
-        .collect()
-}
-
 /// The job file and every other input file of a job, as they can be opened.
 pub fn input_paths(job: &Job) -> Vec<PathBuf> {
     let named = job.input_files().into_iter().map(|(_, file)| job.relative(file));
     std::iter::once(job.path.clone()).chain(named).collect()
 }
 
-/// Whether the folder was made from exactly this job by this program, and is whole.
-pub fn is_unchanged(job: &Job, folder: &Path) -> bool {
+/// Whether the folder was made from exactly this job and these inputs by this program, and is whole.
+pub fn is_unchanged(job: &Job, inputs: Vec<InputFact>, folder: &Path) -> bool {
     let made = || {
         let found = Head::read(folder).ok()?;
-        let wanted = Head::new(job, path_from(&job.path, folder).ok()?, inputs(job).ok()?);
+        let wanted = Head::new(job, path_from(&job.path, folder).ok()?, inputs);
         let is_there = |f: &FileFact| fs::metadata(folder.join(&f.file)).is_ok_and(|m| m.len() == f.bytes);
         Some(found.is_same(&wanted) && found.files.iter().all(is_there))
     };
     made().unwrap_or(false)
+}
+
+/// The right to bring a job folder up to date; ends when dropped, and with the process.
+#[derive(Debug)]
+pub struct Claim(#[expect(dead_code, reason = "held, not read")] Lock);
+
+/// Waits until no other batch brings the folder at `target` up to date.
+///
+/// # Errors
+/// What the file system refuses.
+pub fn claim(target: &Path) -> Result<Claim, Error> {
+    let target = Target::find(target, MANIFEST)?;
+    let parent = target.path.parent().unwrap_or(Path::new("/"));
+    make_all(parent).map_err(|e| failed("make the folder", parent, &e))?;
+    target.claim().map(Claim)
 }
 
 /// A file as seen from inside the folder at `target`; neither need exist yet.

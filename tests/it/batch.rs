@@ -20,7 +20,7 @@ fn heightmap(path: &Path) {
     write(path, height_map(40, &samples));
 }
 
-fn drawing(path: &Path, radius: u32) {
+pub(crate) fn drawing(path: &Path, radius: u32) {
     write(
         path,
         format!(
@@ -36,7 +36,7 @@ const DRAWING: &str = "file = \"a.svg\"\norigin = [\"5 mm\", \"5 mm\"]";
 const BROKEN: [(&str, &str); 3] = [("b07", "toml"), ("b11", "file-unreadable"), ("b15", "travel")];
 
 /// Twenty jobs in `dir`, three of them broken.
-fn twenty(dir: &Path) {
+pub(crate) fn twenty(dir: &Path) {
     let path = |name: &str| dir.join(name);
     write_stl(&path("panel.stl"), &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.01 * x + 0.2 * (y / 9.0).sin()));
     write(&path("plate.obj"), "v 0 0 0\nv 70 0 0\nv 70 60 0\nv 0 60 0\nf 1 2 3 4\n");
@@ -98,7 +98,7 @@ fn batch(jobs: &Path, out: &Path, more: &[&str]) -> Output {
 }
 
 /// The jobs of a report in the given state, without their extension.
-fn in_state(report: &Value, state: &str) -> Vec<String> {
+pub(crate) fn in_state(report: &Value, state: &str) -> Vec<String> {
     let jobs = report["jobs"].as_array().expect("a list");
     let stem =
         |j: &Value| Path::new(j["job"].as_str().expect("text")).file_stem().expect("a name").display().to_string();
@@ -115,13 +115,13 @@ fn report(jobs: &Path, out: &Path) -> (Output, Value) {
 }
 
 /// Hidden names in a folder.
-fn hidden(dir: &Path) -> Vec<PathBuf> {
+pub(crate) fn hidden(dir: &Path) -> Vec<PathBuf> {
     let all = std::fs::read_dir(dir).into_iter().flatten().map(|e| e.expect("readable").path());
     all.filter(|p| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'))).collect()
 }
 
 /// Panics where the folder lacks anything that its manifest lists.
-fn assert_whole(folder: &Path) {
+pub(crate) fn assert_whole(folder: &Path) {
     let bytes = std::fs::read(folder.join("manifest.json")).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
     let manifest: Value = serde_json::from_slice(&bytes).expect("a whole manifest");
     for f in manifest["files"].as_array().expect("a list") {
@@ -282,7 +282,7 @@ fn several_arguments_are_one_batch_and_a_job_named_twice_is_one_job() {
 }
 
 /// Jobs of many small files, so that most of a run's time is the writing of folders.
-fn small_jobs(jobs: &Path, count: usize) {
+pub(crate) fn small_jobs(jobs: &Path, count: usize) {
     std::fs::create_dir(jobs).expect("made");
     write_stl(&jobs.join("slope.stl"), &mesh(10, [0.0, 0.0, 60.0, 60.0], |x, y| 0.1 * x + 0.05 * y));
     for i in 0..count {

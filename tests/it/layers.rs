@@ -96,7 +96,8 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 34] = [
+const ORDER: [&str; 35] = [
+    "python",
     "parallel",
     "progress",
     "geom",

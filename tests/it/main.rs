@@ -22,6 +22,7 @@ mod docs;
 mod dose;
 mod dots;
 mod fill;
+mod fleet;
 mod foreign;
 mod frames;
 mod galvo;

@@ -1,8 +1,8 @@
 #!/bin/sh
 # Installs the foreign readers that the tests check the job folders with, below .venv in the root of the
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
-# unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt) and Chromium
-# with the packages that drive it (../browser/package.json). Running it again
+# unpacked without root; Dask, which carries fleets; with `all` also the packages that slow tests need
+# (requirements-all.txt), Chromium with the packages that drive it (../browser/package.json), and Slurm. Running it again
 # costs nothing. Ends with an error if anything is missing.
 set -eu
 
@@ -148,6 +148,17 @@ if [ "${1:-}" = all ]; then
             complain "the packages of $list (needs npm and its registry)"
         fi
     fi
+fi
+
+# --- Slurm, for the script of docs/fleet.md: controller, node and munge; the tests start them by themselves
+if [ "${1:-}" = all ]; then
+    for tool in slurmctld slurmd munged sbatch; do
+        if ! PATH="$PATH:/usr/sbin" command -v "$tool" >/dev/null; then
+            install_debian slurmctld slurmd slurm-client munge ||
+                complain "Slurm (apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge)"
+            break
+        fi
+    done
 fi
 
 if [ "$failed" = 0 ]; then

@@ -6,7 +6,7 @@
 
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use super::answer::{Header, MAX_LINE, greeting, header, refused};
 use super::{AGAIN, Tessellation};
 use crate::diag::{Diag, memory};
+use crate::python;
 use crate::surface::lines::place;
 
 /// The program that converts.
@@ -57,7 +58,7 @@ enum End {
 pub(super) fn run(path: &Path, format: &str, fine: Tessellation) -> Result<Vec<u8>, Diag> {
     let limits = Limits::from_environment()?;
     let mut tried = Vec::new();
-    for interpreter in interpreters() {
+    for interpreter in python::interpreters() {
         match run_with(&interpreter, path, format, fine, &limits) {
             Ok(bytes) => return Ok(bytes),
             Err(End::Fault(d)) => return Err(d.at(place(path))),
@@ -66,40 +67,9 @@ pub(super) fn run(path: &Path, format: &str, fine: Tessellation) -> Result<Vec<u
     }
     let tried = if tried.is_empty() { "no Python was found".into() } else { tried.join("; ") };
     let text = format!("STEP and IGES are read through Open CASCADE, which is not installed ({tried})");
-    Err(Diag::input("cad-converter", text).at(place(path)).hint(format!("install it with: {}", install_line())))
-}
-
-/// The Python programs that may have the bindings, in the order in which they are tried.
-fn interpreters() -> Vec<OsString> {
-    if let Some(named) = std::env::var_os("TERRACE_PYTHON").filter(|named| !named.is_empty()) {
-        return vec![named];
-    }
-    let own = environment().map(|folder| folder.join(if cfg!(windows) { r"Scripts\python.exe" } else { "bin/python" }));
-    let own = own.filter(|python| python.exists()).map(PathBuf::into_os_string);
-    own.into_iter().chain(["python3", "python"].map(OsString::from)).collect()
-}
-
-/// The folder of the virtual environment that the install line makes.
-fn environment() -> Option<PathBuf> {
-    let named = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
-    let around = if cfg!(windows) {
-        named("LOCALAPPDATA")
-    } else {
-        named("XDG_DATA_HOME").or_else(|| Some(named("HOME")?.join(".local").join("share")))
-    };
-    Some(around?.join("terrace").join("python"))
-}
-
-/// The line that installs the bindings.
-fn install_line() -> String {
-    let folder = environment().unwrap_or_else(|| PathBuf::from("terrace-python"));
-    if cfg!(windows) {
-        // Both of its shells run this.
-        let folder = folder.display();
-        return format!("cmd /c \"py -m venv {folder} && {folder}\\Scripts\\pip install {PACKAGE}\"");
-    }
-    let folder = folder.display();
-    format!("python3 -m venv '{folder}' && '{folder}/bin/pip' install {PACKAGE}")
+    Err(Diag::input("cad-converter", text)
+        .at(place(path))
+        .hint(format!("install it with: {}", python::install_line(PACKAGE))))
 }
 
 fn run_with(

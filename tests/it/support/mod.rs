@@ -2,10 +2,12 @@
 
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod fleet;
 pub mod image;
 pub mod linuxcncrsh;
 pub mod malformed;
 pub mod nurbs;
+pub mod slurm;
 pub mod surfaces;
 
 use std::path::{Path, PathBuf};

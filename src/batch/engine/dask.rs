@@ -1,0 +1,212 @@
+//! Dask (`distributed`, from PyPI): a scheduler and a worker a machine, each one command, nothing else to install and
+//! no administrator; alone on a few computers or inside allocations of a batch system.
+//!
+//! Its client is Python, so a small program (`dask.py`) runs beside this one, which gives it tasks on standard input
+//! and hears of them on standard output, a JSON object a line. It is isolated (`-I`) and in a process group of its own:
+//! Ctrl-C is for this program to act on.
+
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::diag::{Diag, Error};
+use crate::python;
+
+/// The program that speaks to the scheduler.
+const SCRIPT: &str = include_str!("dask.py");
+
+/// The package, in the version that the tests are run with.
+const PACKAGE: &str = "distributed==2026.8.0";
+
+/// A worker that is connected.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Worker {
+    pub(super) address: String,
+    pub(super) threads: usize,
+    /// Bytes; 0: no limit.
+    pub(super) memory: u64,
+    /// Bytes that it gives out, where it was started with `--resources memory=…`.
+    pub(super) declared: Option<f64>,
+}
+
+/// A task to be given.
+#[derive(Serialize)]
+pub(super) struct Submission {
+    pub(super) task: usize,
+    pub(super) argv: Vec<String>,
+    pub(super) cwd: PathBuf,
+    /// Bytes of a worker's declared memory; None: it takes none.
+    pub(super) memory: Option<u64>,
+    /// The workers that are to have it; empty: any.
+    pub(super) workers: Vec<String>,
+}
+
+/// What the scheduler tells.
+#[derive(Debug)]
+pub(super) enum Event {
+    /// A task has ended, with what it printed.
+    Ended { task: usize, code: i32, out: String, err: String, worker: String },
+    /// The engine has given a task up.
+    Lost { task: usize, why: String },
+    /// There are so many workers now.
+    Workers(usize),
+    /// The scheduler is gone.
+    SchedulerLost,
+    /// It is back, and has all tasks again.
+    SchedulerBack,
+    /// Nothing more will be told: why.
+    Closed(String),
+}
+
+/// A line of the program.
+#[derive(Deserialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
+enum Line {
+    Absent { why: String },
+    Unreachable { why: String },
+    Connected { workers: Vec<Worker> },
+    Ended { task: usize, code: i32, out: String, err: String, worker: String },
+    Lost { task: usize, why: String },
+    Workers { count: usize },
+    SchedulerLost,
+    SchedulerBack,
+}
+
+/// A connection to a scheduler. What has not begun is cancelled when it is dropped.
+pub(super) struct Session {
+    child: Child,
+    /// None once it is closed.
+    stdin: Option<ChildStdin>,
+    lines: Receiver<Line>,
+    messages: Receiver<String>,
+    workers: Vec<Worker>,
+}
+
+impl Session {
+    /// Connects; a scheduler that is gone later is waited for as long as `patience_s` says.
+    ///
+    /// # Errors
+    /// `engine-absent` where no Python has Dask, `engine-unreachable` where there is no scheduler.
+    pub(super) fn start(scheduler: &str, patience_s: u64) -> Result<Self, Error> {
+        let mut tried = Vec::new();
+        for interpreter in python::interpreters() {
+            match Self::with(&interpreter, scheduler, patience_s) {
+                Ok(Ok(session)) => return Ok(session),
+                Ok(Err(why)) => {
+                    let text = format!("there is no Dask scheduler at {scheduler} ({why})");
+                    return Err(Diag::input("engine-unreachable", text).hint(start_lines(scheduler)).into());
+                }
+                Err(why) => tried.push(format!("{}: {why}", interpreter.to_string_lossy())),
+            }
+        }
+        let text = format!("the engine is reached through Dask, which is not installed ({})", tried.join("; "));
+        Err(Diag::input("engine-absent", text)
+            .hint(format!("install it with: {}", python::install_line(PACKAGE)))
+            .into())
+    }
+
+    /// With this interpreter: Err where it has no Dask, Ok(Err) where it reaches no scheduler.
+    fn with(interpreter: &OsString, scheduler: &str, patience_s: u64) -> Result<Result<Self, String>, String> {
+        let mut command = Command::new(interpreter);
+        command.args(["-I", "-c", SCRIPT, scheduler, &patience_s.to_string()]);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.spawn().map_err(|e| format!("cannot be started: {e}"))?;
+        let (line, lines) = channel();
+        let (message, messages) = channel();
+        let (stdin, out, err) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        std::thread::spawn(move || {
+            let read = out.into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok);
+            read.filter_map(|text| serde_json::from_str(&text).ok()).try_for_each(|one: Line| line.send(one))
+        });
+        std::thread::spawn(move || {
+            let mut text = Vec::new();
+            let _ = err.into_iter().try_for_each(|mut err| err.read_to_end(&mut text).map(|_| ()));
+            message.send(String::from_utf8_lossy(&text).into_owned())
+        });
+        let mut session = Self { child, stdin, lines, messages, workers: Vec::new() };
+        match session.lines.recv() {
+            Ok(Line::Connected { workers }) => {
+                session.workers = workers;
+                Ok(Ok(session))
+            }
+            Ok(Line::Unreachable { why }) => Ok(Err(why)),
+            Ok(Line::Absent { why }) => Err(why),
+            _ => Err(session.last_words()),
+        }
+    }
+
+    /// The workers that were connected at the beginning.
+    pub(super) fn workers(&self) -> &[Worker] {
+        &self.workers
+    }
+
+    /// Gives a task.
+    ///
+    /// # Errors
+    /// Where the program that speaks to the scheduler has ended.
+    pub(super) fn submit(&mut self, task: &Submission) -> Result<(), Error> {
+        let line = serde_json::to_string(task).map_err(|e| {
+            let text = format!("a path cannot be given to the engine: {e}");
+            Error::from(Diag::input("unit-path", text).hint("use file names that are UTF-8 text"))
+        })?;
+        let given =
+            self.stdin.as_mut().map(|to| to.write_all(format!("{line}\n").as_bytes()).and_then(|()| to.flush()));
+        match given {
+            Some(Ok(())) => Ok(()),
+            _ => {
+                Err(Diag::input("engine-unreachable", format!("the client of Dask ended: {}", self.last_words()))
+                    .into())
+            }
+        }
+    }
+
+    /// The next event; None where there is none for so long.
+    pub(super) fn next(&mut self, longest: Duration) -> Option<Event> {
+        match self.lines.recv_timeout(longest) {
+            Ok(Line::Ended { task, code, out, err, worker }) => Some(Event::Ended { task, code, out, err, worker }),
+            Ok(Line::Lost { task, why }) => Some(Event::Lost { task, why }),
+            Ok(Line::Workers { count }) => Some(Event::Workers(count)),
+            Ok(Line::SchedulerLost) => Some(Event::SchedulerLost),
+            Ok(Line::SchedulerBack) => Some(Event::SchedulerBack),
+            Ok(Line::Absent { why } | Line::Unreachable { why }) => Some(Event::Closed(why)),
+            Ok(Line::Connected { .. }) | Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                Some(Event::Closed(format!("the client of Dask ended: {}", self.last_words())))
+            }
+        }
+    }
+
+    /// The last line that the program wrote to its stderr when it ended.
+    fn last_words(&mut self) -> String {
+        let said = self.messages.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
+        said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message").to_owned()
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.stdin.take();
+        // It cancels what has not begun; where it does not end by itself it is ended.
+        for _ in 0..50 {
+            if matches!(self.child.try_wait(), Ok(Some(_)) | Err(_)) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// How a scheduler and workers are started.
+fn start_lines(scheduler: &str) -> String {
+    let port = scheduler.rsplit_once(':').map_or("8786", |(_, port)| port);
+    format!("start it, then one worker on each machine: dask scheduler --port {port}; dask worker {scheduler}")
+}

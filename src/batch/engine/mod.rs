@@ -1,0 +1,252 @@
+//! Units on other machines: groups of them are given to an engine, which starts a process for each.
+//!
+//! Consumes units and a file of them that every machine can read; promises that every unit has been worked on, or a
+//! reason why it was not. What becomes of units is told by their processes on standard output, through the engine, so
+//! reports are complete where the folders of the machines are not shared. The engine's own means do the rest: it gives
+//! the next group to the next free worker, the largest first, starts a group again whose worker died, on another worker
+//! too, and gives up after some tries.
+
+mod dask;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use dask::{Event, Session, Submission};
+
+use super::collect::Reasons;
+use super::fragment::Fragment;
+use super::groups::groups;
+use super::outcome::State;
+use super::unit::Unit;
+use super::units::numbers;
+use super::work::End;
+use crate::diag::{Diag, Error};
+use crate::job_folder::Durability;
+
+/// How often units are given to other workers because one could not write them.
+const MOST_TRIES: usize = 3;
+
+/// How long an engine is waited for that is gone, s.
+const PATIENCE_S: u64 = 120;
+
+/// What a fleet is to do, and where.
+pub struct Fleet<'a> {
+    /// Address of the engine's scheduler.
+    pub scheduler: &'a str,
+    /// The file of units, as the machines can open it.
+    pub file: &'a Path,
+    /// The folder of reports.
+    pub reports: &'a Path,
+    /// Limit of memory of a unit, bytes; None: the worker's memory divided by its threads.
+    pub memory: Option<u64>,
+    /// Threads of a unit.
+    pub threads: usize,
+    /// Whether reports and folders are flushed to the disk.
+    pub durability: Durability,
+    /// Once this is set no group begins.
+    pub stop: &'a AtomicBool,
+}
+
+/// What a fleet tells while it works.
+pub enum News<'a> {
+    /// So many groups were given to so many workers, which do so many at a time.
+    Submitted {
+        /// Number of groups.
+        groups: usize,
+        /// Number of workers.
+        workers: usize,
+        /// Number of groups at a time.
+        slots: usize,
+    },
+    /// A unit has ended.
+    Ended(&'a Fragment),
+    /// Something that the user should know.
+    Said(String),
+}
+
+/// A group that was given to the engine.
+struct Group<'a> {
+    units: Vec<&'a Unit>,
+    /// Workers that could not write its folders.
+    not: BTreeSet<String>,
+    /// How often it has been given before.
+    tries: usize,
+}
+
+/// Has all units worked on; answers with the reasons why some were not.
+///
+/// # Errors
+/// `engine-absent`, `engine-unreachable`, `engine-workers`; what the file system refuses.
+pub fn run(units: &[&Unit], fleet: &Fleet<'_>, told: &mut dyn FnMut(News<'_>)) -> Result<Reasons, Error> {
+    let mut session = Session::start(fleet.scheduler, PATIENCE_S)?;
+    let slots = slots(&session, fleet)?;
+    let list: Vec<Group<'_>> =
+        groups(units, slots).into_iter().map(|units| Group { units, not: BTreeSet::new(), tries: 0 }).collect();
+    told(News::Submitted { groups: list.len(), workers: session.workers().len(), slots });
+    let mut work = Work { fleet, open: BTreeMap::new(), given: 0, reasons: Reasons::new() };
+    for group in list {
+        work.submit(&mut session, group)?;
+    }
+    while !work.open.is_empty() {
+        if fleet.stop.load(Ordering::Relaxed) {
+            work.give_up("the batch was stopped");
+            break;
+        }
+        match session.next(Duration::from_millis(200)) {
+            None => {}
+            Some(Event::Ended { task, code, out, err, worker }) => {
+                if let Some(group) = work.open.remove(&task) {
+                    work.ended(&mut session, group, &worker, (code, &out, &err), told)?;
+                }
+            }
+            Some(Event::Lost { task, why }) => work.lost(task, &why),
+            Some(Event::Workers(count)) => told(News::Said(format!("the engine has {count} workers now"))),
+            Some(Event::SchedulerLost) => told(News::Said(format!(
+                "the scheduler at {} is gone: waiting {PATIENCE_S} s for it and a worker to come back",
+                fleet.scheduler
+            ))),
+            Some(Event::SchedulerBack) => told(News::Said("the scheduler is back: the rest was given to it".into())),
+            Some(Event::Closed(why)) => {
+                work.give_up(&why);
+                break;
+            }
+        }
+    }
+    Ok(work.reasons)
+}
+
+/// How many groups the workers do at a time.
+fn slots(session: &Session, fleet: &Fleet<'_>) -> Result<usize, Error> {
+    let slots: usize = session.workers().iter().map(|worker| worker.threads).sum();
+    if slots == 0 {
+        let d = Diag::limit("engine-workers", format!("the scheduler at {} has no worker", fleet.scheduler));
+        return Err(d.hint(format!("start one on each machine: dask worker {}", fleet.scheduler)).into());
+    }
+    let most = session.workers().iter().map(|worker| worker.memory).max().unwrap_or(0);
+    match fleet.memory {
+        Some(wanted) if most > 0 && wanted > most => {
+            let text = format!("no worker has the {} MB of a unit; the largest has {} MB", wanted >> 20, most >> 20);
+            let hint = "ask for less with --memory, or start a worker with a larger --memory-limit";
+            Err(Diag::limit("engine-workers", text).hint(hint).into())
+        }
+        _ => Ok(slots),
+    }
+}
+
+/// What the engine has in work.
+struct Work<'a, 'f> {
+    fleet: &'f Fleet<'f>,
+    open: BTreeMap<usize, Group<'a>>,
+    /// Number of tasks that were given so far; those given first come first.
+    given: usize,
+    reasons: Reasons,
+}
+
+impl<'a> Work<'a, '_> {
+    fn submit(&mut self, session: &mut Session, group: Group<'a>) -> Result<(), Error> {
+        let ids: Vec<usize> = group.units.iter().map(|unit| unit.id).collect();
+        let workers: Vec<&str> = if group.not.is_empty() {
+            Vec::new()
+        } else {
+            session.workers().iter().map(|w| w.address.as_str()).filter(|w| !group.not.contains(*w)).collect()
+        };
+        // Workers that declare memory give each task its part; others have as many tasks as threads.
+        let declared = session.workers().iter().any(|worker| worker.declared.is_some());
+        let submission = Submission {
+            task: self.given,
+            argv: self.argv(&ids)?,
+            cwd: std::env::current_dir().map_err(|e| unstartable(&e))?,
+            memory: self.fleet.memory.filter(|_| declared),
+            workers: workers.into_iter().map(str::to_owned).collect(),
+        };
+        session.submit(&submission)?;
+        self.open.insert(self.given, group);
+        self.given += 1;
+        Ok(())
+    }
+
+    /// The command of a group on a worker.
+    fn argv(&self, ids: &[usize]) -> Result<Vec<String>, Error> {
+        let text = |part: OsString| {
+            part.into_string().map_err(|part| {
+                let text = format!("the path {} cannot be given to the engine", part.to_string_lossy());
+                Error::from(Diag::input("unit-path", text).hint("use file names that are UTF-8 text"))
+            })
+        };
+        let program = std::env::current_exe().map_err(|e| unstartable(&e))?;
+        let memory = self.fleet.memory.map_or_else(|| "{memory}B".to_owned(), |bytes| format!("{bytes}B"));
+        let mut argv = vec![text(program.into())?, "batch".into()];
+        argv.extend(["--units".into(), text(self.fleet.file.into())?, "--unit".into(), numbers(ids)]);
+        argv.extend(["--memory".into(), memory, "--json".into(), "-q".into(), format!("-j{}", self.fleet.threads)]);
+        if self.fleet.durability == Durability::Unsynced {
+            argv.push("--no-sync".into());
+        }
+        Ok(argv)
+    }
+
+    /// Takes up the reports of a group; units that the worker's disk had no room for are given to other workers.
+    fn ended(
+        &mut self,
+        session: &mut Session,
+        group: Group<'a>,
+        worker: &str,
+        (code, out, err): (i32, &str, &str),
+        told: &mut dyn FnMut(News<'_>),
+    ) -> Result<(), Error> {
+        let mut not = group.not;
+        not.insert(worker.to_owned());
+        let tries = group.tries + 1;
+        let has_other = session.workers().iter().any(|other| !not.contains(&other.address)) && tries <= MOST_TRIES;
+        let found: Vec<Fragment> = out.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        let mut again = Vec::new();
+        for unit in group.units {
+            match found.iter().find(|fragment| fragment.unit == unit.id) {
+                Some(fragment) if has_other && could_not_write(fragment) => again.push(unit),
+                Some(fragment) => {
+                    fragment.write(self.fleet.reports, self.fleet.durability)?;
+                    told(News::Ended(fragment));
+                }
+                None => {
+                    let last = err.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+                    let why = format!("its process on {worker} ended with exit code {code} and no report: {last}");
+                    self.reasons.insert(unit.id, why);
+                }
+            }
+        }
+        if again.is_empty() {
+            return Ok(());
+        }
+        told(News::Said(format!("{} units could not be written on {worker}: given to other workers", again.len())));
+        self.submit(session, Group { units: again, not, tries })
+    }
+
+    fn lost(&mut self, task: usize, why: &str) {
+        for unit in self.open.remove(&task).into_iter().flat_map(|group| group.units) {
+            self.reasons.insert(unit.id, format!("the engine gave it up: {why}"));
+        }
+    }
+
+    fn give_up(&mut self, why: &str) {
+        for unit in std::mem::take(&mut self.open).into_values().flat_map(|group| group.units) {
+            self.reasons.insert(unit.id, why.to_owned());
+        }
+    }
+}
+
+/// Whether a unit failed for want of room or rights on its machine.
+fn could_not_write(fragment: &Fragment) -> bool {
+    match &fragment.end {
+        End::Job(outcome) => match &outcome.state {
+            State::Failed(fault) => fault.failure.errors.iter().any(|m| m.code == "output-unwritable"),
+            _ => false,
+        },
+        End::Rows(_) => false,
+    }
+}
+
+fn unstartable(e: &std::io::Error) -> Error {
+    Diag::input("unit-process", format!("cannot find the program or the working folder: {e}")).into()
+}

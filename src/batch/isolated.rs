@@ -1,0 +1,114 @@
+//! Units in a process of their own, with a limit of memory: where that process dies, its unit has failed and the
+//! others go on.
+//!
+//! The limit is one of address space (`ulimit -v` of the shell), the only one that every Unix enforces without rights
+//! and that the program itself knows beforehand ([`crate::diag::memory`]). It counts what is reserved, not what is
+//! used, which for this program is some 50 MB more on each thread. Engines watch the memory of their own processes
+//! only.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{ChildStderr, Command, ExitStatus, Stdio};
+
+use super::fragment::Fragment;
+use super::unit::{Task, Unit};
+use super::work::{Done, End};
+use crate::diag::{Diag, Error, Fault, Place};
+use crate::job_folder::{self, Durability};
+
+/// Bytes of a process's last messages that are kept.
+const SAID: usize = 4096;
+
+/// How the process of a unit is made.
+pub struct Isolation<'a> {
+    /// The command that works on the units of these numbers, one after another, and prints a fragment as each ends.
+    pub command: &'a dyn Fn(&[usize]) -> Command,
+    /// Limit of memory, bytes; 0: none.
+    pub memory: u64,
+    /// The folder of reports.
+    pub reports: &'a Path,
+    /// Whether reports are flushed to the disk.
+    pub durability: Durability,
+}
+
+/// Works on units one after another; `told` hears of each as it ends.
+///
+/// # Errors
+/// `unit-process` where no process can be started.
+pub fn run(units: &[&Unit], how: &Isolation<'_>, told: &mut dyn FnMut(&Fragment)) -> Result<(), Error> {
+    let mut left = units.to_vec();
+    while !left.is_empty() {
+        let ids: Vec<usize> = left.iter().map(|unit| unit.id).collect();
+        let (status, said) = attempt(limited((how.command)(&ids), how.memory), &mut |fragment| {
+            left.retain(|unit| unit.id != fragment.unit);
+            told(&fragment);
+        })?;
+        // The process ended before it said of its next unit how that ended.
+        let Some(unit) = left.first().copied() else { break };
+        if let Task::Compile(compile) = &unit.task {
+            job_folder::recover(&compile.folder)?;
+        }
+        let fault = fault(unit, status, &said, how.memory);
+        let done = Done { hash: unit.hash.clone(), end: End::failed(unit, &fault) };
+        let fragment = Fragment::new(unit, done, 0.0);
+        fragment.write(how.reports, how.durability)?;
+        told(&fragment);
+        left.remove(0);
+    }
+    Ok(())
+}
+
+/// The command with a limit of address space.
+fn limited(command: Command, bytes: u64) -> Command {
+    if bytes == 0 {
+        return command;
+    }
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh"]);
+    shell.arg((bytes >> 10).to_string()).arg(command.get_program()).args(command.get_args());
+    shell
+}
+
+/// Runs the command to its end; answers with its status and its last messages.
+fn attempt(mut command: Command, heard: &mut dyn FnMut(Fragment)) -> Result<(ExitStatus, String), Error> {
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let program = command.get_program().to_string_lossy().into_owned();
+    let failed = |e: std::io::Error| {
+        let text = format!("cannot run {program}: {e}");
+        Error::from(Diag::input("unit-process", text).hint("a limit of memory needs a Unix with the shell sh"))
+    };
+    let mut child = command.spawn().map_err(failed)?;
+    let stderr = child.stderr.take().map(|stderr| std::thread::spawn(move || last_words(stderr)));
+    for line in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok) {
+        if let Ok(fragment) = serde_json::from_str(&line) {
+            heard(fragment);
+        }
+    }
+    let status = child.wait();
+    let said = stderr.and_then(|thread| thread.join().ok()).unwrap_or_default();
+    Ok((status.map_err(failed)?, said))
+}
+
+fn last_words(mut from: ChildStderr) -> String {
+    let (mut kept, mut chunk) = (Vec::new(), [0; 1024]);
+    while let Ok(n @ 1..) = from.read(&mut chunk) {
+        kept.extend_from_slice(&chunk[..n]);
+        kept.drain(..kept.len().saturating_sub(SAID));
+    }
+    String::from_utf8_lossy(&kept).into_owned()
+}
+
+/// Why a process ended without a word of its unit.
+fn fault(unit: &Unit, status: ExitStatus, said: &str, memory: u64) -> Fault {
+    let place = Place::file(unit.job.display().to_string());
+    let last = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+    // The standard library says so before it aborts.
+    if memory > 0 && said.contains("memory allocation of") {
+        let text = format!("memory limit exceeded: the unit needs more than {} MB ({last})", memory >> 20);
+        let d = Diag::limit("unit-memory", text).at(place);
+        return d.hint("give it more with --memory, on workers that have it").into();
+    }
+    let text = format!("the process of the unit ended without a report ({status}): {last}");
+    let d = Diag::limit("unit-ended", text).at(place);
+    d.hint("a system that is short of memory kills processes (signal 9): set a limit with --memory").into()
+}

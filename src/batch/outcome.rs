@@ -1,0 +1,167 @@
+//! What became of a unit, as JSON and as a line for people.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::unit::Unit;
+use crate::diag::{Fault, Message};
+use crate::manifest::{AnySummary, duration};
+
+/// What the manifest of a job's folder tells of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// Number of stops; None of on-the-fly jobs.
+    pub stops: Option<usize>,
+    /// Job time, s: that of the machine.
+    pub time_s: f64,
+    /// Time of the machine and of the person who loads the blocks, s; None where no person is needed.
+    pub by_hand_s: Option<f64>,
+    /// Number of warnings.
+    pub warnings: usize,
+}
+
+impl From<&AnySummary> for Figures {
+    fn from(summary: &AnySummary) -> Self {
+        match summary {
+            AnySummary::Stepped(s) => Self {
+                stops: Some(s.stops),
+                time_s: s.time_s.total,
+                by_hand_s: s.by_hand.needed.then_some(s.by_hand.total_s),
+                warnings: s.warnings.len(),
+            },
+            AnySummary::OnTheFly(s) => {
+                Self { stops: None, time_s: s.time_s, by_hand_s: None, warnings: s.warnings.len() }
+            }
+        }
+    }
+}
+
+/// What became of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// It was compiled.
+    Compiled(Figures),
+    /// Nothing had changed: the figures of the folder that is there.
+    Unchanged(Figures),
+    /// It could not be compiled, and any older folder is unchanged; or its folder does not verify.
+    Failed(Fault),
+    /// Nobody knows: it was given to an engine and left no report, or its folder is not here.
+    Missing(Fault),
+    /// The batch was stopped before this job began.
+    Left,
+}
+
+impl State {
+    /// Its name in reports.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Compiled(_) => "compiled",
+            Self::Unchanged(_) => "unchanged",
+            Self::Failed(_) => "failed",
+            Self::Missing(_) => "missing",
+            Self::Left => "left",
+        }
+    }
+
+    /// The figures of a job whose folder is there and holds.
+    pub fn figures(&self) -> Option<&Figures> {
+        match self {
+            Self::Compiled(figures) | Self::Unchanged(figures) => Some(figures),
+            Self::Failed(_) | Self::Missing(_) | Self::Left => None,
+        }
+    }
+
+    /// What is wrong with a job that has no folder.
+    pub fn fault(&self) -> Option<&Fault> {
+        match self {
+            Self::Failed(fault) | Self::Missing(fault) => Some(fault),
+            Self::Compiled(_) | Self::Unchanged(_) | Self::Left => None,
+        }
+    }
+
+    pub(super) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Compiled(_) | Self::Unchanged(_) => 0,
+            Self::Failed(fault) | Self::Missing(fault) => fault.failure.exit_code,
+            Self::Left => 1,
+        }
+    }
+}
+
+/// A job and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Job file.
+    pub job: PathBuf,
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What became of it.
+    pub state: State,
+    /// Whether its folder was verified, without a fault.
+    pub verified: bool,
+}
+
+impl Outcome {
+    /// That of a unit whose folder was not verified.
+    pub(super) fn of(unit: &Unit, state: State) -> Self {
+        Self { job: unit.job.clone(), folder: unit.folder().to_owned(), state, verified: false }
+    }
+
+    /// As the report lists it. Keys that do not apply are null.
+    pub fn to_json(&self) -> Value {
+        let mut v = json!({
+            "job": self.job.display().to_string(),
+            "folder": self.folder.display().to_string(),
+            "state": self.state.name(),
+        });
+        if let Some(f) = self.state.figures() {
+            v["stops"] = json!(f.stops);
+            v["time_s"] = json!(f.time_s);
+            v["by_hand_s"] = json!(f.by_hand_s);
+            v["warnings"] = json!(f.warnings);
+            v["verified"] = json!(self.verified.then_some(true));
+        }
+        if let Some(fault) = self.state.fault() {
+            v["exit_code"] = json!(fault.failure.exit_code);
+            v["errors"] = json!(fault.failure.errors);
+        }
+        v
+    }
+
+    /// The errors of a job that has no folder.
+    pub(super) fn errors(&self) -> &[Message] {
+        self.state.fault().map_or(&[], |fault| &fault.failure.errors)
+    }
+}
+
+/// One line: state, job, and its figures or what is wrong first of all.
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<9}  {}", self.state.name(), self.job.display())?;
+        if let Some(fault) = self.state.fault() {
+            write!(f, "  {}", fault.message())?;
+        }
+        if let Some(figures) = self.state.figures() {
+            write!(f, "  {figures}")?;
+        }
+        if self.verified { write!(f, ", verified") } else { Ok(()) }
+    }
+}
+
+/// `12 stops, 3 min 5 s, by hand 6 min 5 s, 1 warning`.
+impl fmt::Display for Figures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.stops.iter().try_for_each(|&n| write!(f, "{}, ", counted(n, "stop")))?;
+        write!(f, "{}", duration(self.time_s))?;
+        self.by_hand_s.iter().try_for_each(|&s| write!(f, ", by hand {}", duration(s)))?;
+        if self.warnings > 0 { write!(f, ", {}", counted(self.warnings, "warning")) } else { Ok(()) }
+    }
+}
+
+pub(super) fn counted(n: usize, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
