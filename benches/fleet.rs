@@ -165,6 +165,7 @@ fn sizes(dir: &Path) {
     surface(&jobs.join("wave.stl"), 300, 6.0);
     println!("One job on one core, 180,000 facets");
     println!("{}", ["pitch mm", "fragments", "time s", "memory MB", "folder MB"].map(|h| format!("{h:>12}")).join(""));
+    let mut measured = Vec::new();
     for pitch in [0.1, 0.01, 0.001] {
         let (file, out) = (jobs.join("size.toml"), jobs.join("size.job"));
         job(&file, pitch, 30);
@@ -174,8 +175,48 @@ fn sizes(dir: &Path) {
         let summary: Value = serde_json::from_slice(&done.stdout).expect("a summary");
         let mut line = String::new();
         let _ = write!(line, "{pitch:>12}{:>12}{s:>12.2}", summary["fragments"]);
-        println!("{line}{:>12}{:>12.1}", peak >> 20, size(&out) as f64 / 1e6);
+        let disk = size(&out) as f64;
+        println!("{line}{:>12}{:>12.1}", peak >> 20, disk / 1e6);
+        let fragments = summary["fragments"].as_f64().expect("a number");
+        measured.push(Size { fragments, hours: s / 3600.0, memory: peak as f64, disk });
     }
+    sizing(&measured);
+}
+
+/// What one job takes.
+#[derive(Clone, Copy)]
+struct Size {
+    fragments: f64,
+    hours: f64,
+    memory: f64,
+    disk: f64,
+}
+
+/// What work takes of a fleet, from the jobs that were measured; time, memory and disk grow with the fragments.
+fn sizing(measured: &[Size]) {
+    println!("\nSizing, by these figures; memory is that of one unit at a time on each core");
+    let head = ["work", "core hours", "4 x 16 cores, h", "memory GB", "disk GB"];
+    println!("{:<44}{}", head[0], head[1..].iter().map(|h| format!("{h:>17}")).collect::<String>());
+    // A job alone has one core.
+    let row = |what: &str, jobs: f64, one: Size| {
+        let hours = jobs * one.hours;
+        let memory = one.memory / 1e9;
+        println!(
+            "{what:<44}{hours:>17.1}{:>17.2}{memory:>17.2}{:>17.0}",
+            hours / jobs.min(64.0),
+            jobs * one.disk / 1e9
+        );
+    };
+    let [small, medium, large] = measured else { panic!("three sizes") };
+    for one in [small, medium, large] {
+        row(&format!("1,000 parts x 100 variants of {:.0} fragments", one.fragments), 1e5, *one);
+    }
+    for all in [1e8, 1e9] {
+        row(&format!("10^{:.0} fragments, in such largest jobs", all.log10()), all / large.fragments, *large);
+    }
+    let times = 1e8 / large.fragments;
+    let grown = Size { hours: large.hours * times, memory: large.memory * times, disk: large.disk * times, ..*large };
+    row("10^8 fragments in one job, on one core", 1.0, grown);
 }
 
 /// A command, its time and its peak of memory, bytes, as the system counts it.

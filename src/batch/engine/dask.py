@@ -49,6 +49,8 @@ class Fleet:
         self.address, self.patience = address, patience
         self.inbox = queue.Queue()
         self.pending, self.futures = {}, {}
+        # The workers of tasks that not all may have.
+        self.confined = {}
         self.generation, self.tries = 0, itertools.count()
         self.client = None
 
@@ -71,9 +73,12 @@ class Fleet:
         more = {}
         if task.get("memory"):
             more["resources"] = {"memory": task["memory"]}
-        if task.get("workers"):
-            # Others may have it where all of these are gone.
-            more["workers"], more["allow_other_workers"] = task["workers"], True
+        self.confined.pop(task["task"], None)
+        if task.get("not"):
+            others = {worker["address"] for worker in self.workers()} - set(task["not"])
+            if others:
+                self.confined[task["task"]] = others
+                more["workers"] = sorted(others)
         future = self.client.submit(
             work,
             task["argv"],
@@ -94,7 +99,7 @@ class Fleet:
         say(event="lost", task=task, why=why)
 
     def done(self, task, future, generation):
-        if generation != self.generation or task not in self.pending:
+        if generation != self.generation or task not in self.pending or self.futures.get(task) is not future:
             return
         if future.status == "finished":
             try:
@@ -127,6 +132,14 @@ class Fleet:
             # The scheduler is gone, which its other tasks tell; where there is none, this does.
             if not self.futures:
                 self.come_back()
+
+    def free(self, there):
+        """Gives tasks again whose workers are all gone; they would wait for them."""
+        for task in [task for task, workers in self.confined.items() if not workers & there]:
+            del self.confined[task]
+            if task in self.pending:
+                self.futures.pop(task).cancel()
+                self.give(self.pending[task])
 
     def come_back(self):
         """The scheduler is gone: waits for one at the same address, and gives it all that is pending."""
@@ -184,8 +197,9 @@ class Fleet:
                 except Exception:
                     continue
                 if len(now) != len(known):
-                    known = now
                     say(event="workers", count=len(now))
+                known = now
+                self.free({worker["address"] for worker in now})
         self.client.cancel(list(self.futures.values()), force=True)
         self.close()
 

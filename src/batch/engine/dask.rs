@@ -42,8 +42,8 @@ pub(super) struct Submission {
     pub(super) cwd: PathBuf,
     /// Bytes of a worker's declared memory; None: it takes none.
     pub(super) memory: Option<u64>,
-    /// The workers that are to have it; empty: any.
-    pub(super) workers: Vec<String>,
+    /// The workers that are not to have it.
+    pub(super) not: Vec<String>,
 }
 
 /// What the scheduler tells.

@@ -148,11 +148,6 @@ struct Work<'a, 'f> {
 impl<'a> Work<'a, '_> {
     fn submit(&mut self, session: &mut Session, group: Group<'a>) -> Result<(), Error> {
         let ids: Vec<usize> = group.units.iter().map(|unit| unit.id).collect();
-        let workers: Vec<&str> = if group.not.is_empty() {
-            Vec::new()
-        } else {
-            session.workers().iter().map(|w| w.address.as_str()).filter(|w| !group.not.contains(*w)).collect()
-        };
         // Workers that declare memory give each task its part; others have as many tasks as threads.
         let declared = session.workers().iter().any(|worker| worker.declared.is_some());
         let submission = Submission {
@@ -160,7 +155,7 @@ impl<'a> Work<'a, '_> {
             argv: self.argv(&ids)?,
             cwd: std::env::current_dir().map_err(|e| unstartable(&e))?,
             memory: self.fleet.memory.filter(|_| declared),
-            workers: workers.into_iter().map(str::to_owned).collect(),
+            not: group.not.iter().cloned().collect(),
         };
         session.submit(&submission)?;
         self.open.insert(self.given, group);
