@@ -1,8 +1,6 @@
 # terrace: `make demo` shows what it does, `make test` proves it. Both set up what they need.
 CARGO ?= cargo
 DEMO := target/demo/hood.job
-# A second build of the crate, not optimised: it takes less time than it costs. The slow unit tests are in test-all.
-UNIT_TESTS := $(CARGO) test --lib --config profile.dev.package.terrace.opt-level=0
 
 .PHONY: demo test tests test-all check bench sources method-table method-pictures setup setup-all clean
 
@@ -19,14 +17,11 @@ demo:
 
 # The tests of every change; installs the foreign readers first.
 test: setup tests
-	$(UNIT_TESTS)
-	$(CARGO) test --test it
-	$(CARGO) test --doc
+	$(CARGO) test
 
 # Builds them; with -j beside the set-up.
 tests:
-	$(CARGO) test --test it --no-run
-	$(UNIT_TESTS) --no-run
+	$(CARGO) test --no-run
 
 # The slow ones too, and those that read ../shared; they fail where it is absent. Lints first.
 test-all: setup-all check
