@@ -211,10 +211,11 @@ fn sizing(measured: &[Size]) {
     for one in [small, medium, large] {
         row(&format!("1,000 parts x 100 variants of {:.0} fragments", one.fragments), 1e5, *one);
     }
-    for all in [1e8, 1e9] {
+    for all in [1e8_f64, 1e9] {
         row(&format!("10^{:.0} fragments, in such largest jobs", all.log10()), all / large.fragments, *large);
     }
     let times = 1e8 / large.fragments;
+    // Of 10^9 all figures are ten times these.
     let grown = Size { hours: large.hours * times, memory: large.memory * times, disk: large.disk * times, ..*large };
     row("10^8 fragments in one job, on one core", 1.0, grown);
 }
