@@ -147,6 +147,11 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     } = strokes::in_order(job, machine, inputs, None, progress)?;
     warnings.extend(found);
     warnings.extend(formats(job, machine, &strokes.pens, origin)?);
+    if KinematicModel::of(machine, &strokes.pens, origin.mm()).is_none_or(|model| model.spot.is_none()) {
+        let why = "which is for seven axes with scanner.acceleration in the machine file";
+        let hint = "leave it out: without seven axes the quickest turnaround is chosen for all marks";
+        warnings.extend(super::warnings::no_skywriting(job, [why, hint]));
+    }
     let [field, motion, _rest] = Phase::Motion.task(progress).split([1, 8, 1]);
     let focus = job.focus.half_depth_mm();
     let Some(height_field) = HeightField::followed(&inputs.surface, texture, focus) else {

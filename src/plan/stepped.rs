@@ -270,7 +270,9 @@ impl<'a> Draft<'a> {
         let depth = [grid.lattice.depth, met];
         warnings::warn(job, &best.split, placed, best.worst_defocus, depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
-        warnings.extend(warnings::no_skywriting(job));
+        let why = "which no file of a stepped job carries";
+        let hint = "switch it on in the controller or the marking software";
+        warnings.extend(warnings::no_skywriting(job, [why, hint]));
         warnings.extend(warnings::set_by_hand(job, checked.program()));
         warnings.extend(self.shares.warnings(job, best.times.total, machine));
         warnings.extend(self.warnings);

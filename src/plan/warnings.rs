@@ -79,11 +79,10 @@ pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
     })
 }
 
-/// Skywriting, which no file of a stepped job asks a controller for.
-pub(super) fn no_skywriting(job: &Job) -> Option<Diag> {
+/// Skywriting that the job does not get; why, and what to do.
+pub(super) fn no_skywriting(job: &Job, [why, hint]: [&str; 2]) -> Option<Diag> {
     let pen = job.skywriting.iter().position(|asks| *asks)?;
-    let text = format!("pen {:?} asks for skywriting, which no file of a stepped job carries", job.pens[pen].name);
-    let hint = "switch it on in the controller or the marking software";
+    let text = format!("pen {:?} asks for skywriting, {why}", job.pens[pen].name);
     Some(Diag::warning("skywriting-lost", text).at(job.place_of(&format!("pen.{pen}.skywriting"))).hint(hint))
 }
 

@@ -449,7 +449,7 @@ mod tests {
             read_text(&text_of(&line(1e-2).collect::<Vec<_>>()), Some(1e3)).0,
             Ok(Content::Facets(19_998))
         ));
-        assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
+        assert!(start.elapsed().as_secs() < 2, "{:?}", start.elapsed());
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use tempfile::TempDir;
 
 use crate::batch::{assert_whole, drawing, hidden, in_state, small_jobs, twenty};
 use crate::support::fleet::{Fleet, until};
@@ -30,6 +31,15 @@ fn carried(fleet: &Fleet, jobs: &Path, out: &Path, more: &[&str]) -> Output {
 
 fn local(jobs: &Path, out: &Path) -> Output {
     terrace(["batch", path(jobs), "-o", path(out), "--json", "-j2"])
+}
+
+/// Folders of small jobs, of what a batch on this machine makes of them, and for what a fleet makes.
+fn compiled_here(count: usize) -> (TempDir, [PathBuf; 3]) {
+    let dir = folder();
+    let all = ["jobs", "one", "two"].map(|name| dir.path().join(name));
+    small_jobs(&all[0], count);
+    local(&all[0], &all[1]);
+    (dir, all)
 }
 
 /// A report without what names its output folder.
@@ -117,10 +127,7 @@ impl Drop for Held {
 
 #[test]
 fn a_killed_worker_and_a_killed_scheduler_cost_no_unit() {
-    let dir = folder();
-    let [jobs, one, two] = ["jobs", "one", "two"].map(|name| dir.path().join(name));
-    small_jobs(&jobs, 6);
-    local(&jobs, &one);
+    let (_dir, [jobs, one, two]) = compiled_here(6);
     let mut fleet = Fleet::of(2);
     // Both workers are at work on a unit that does not end.
     let held = ["s0", "s1"].map(|name| Held::new(&two, name));
@@ -140,10 +147,7 @@ fn a_killed_worker_and_a_killed_scheduler_cost_no_unit() {
 
 #[test]
 fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
-    let dir = folder();
-    let [jobs, one, two] = ["jobs", "one", "two"].map(|name| dir.path().join(name));
-    small_jobs(&jobs, 4);
-    local(&jobs, &one);
+    let (_dir, [jobs, one, two]) = compiled_here(4);
     let fleet = Fleet::of(1);
     let held = Held::new(&two, "s1");
     let run = fleet.terrace(["batch", path(&jobs), "-o", path(&two), "--json"]).spawn().expect("it runs");

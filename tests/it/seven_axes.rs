@@ -120,4 +120,10 @@ fn skywriting_marks_the_same_and_verifies_and_a_stepped_job_says_that_it_is_not_
     assert!((marked("true") - marked("false")).abs() < 1e-3);
     let stepped = terrace([Path::new("check"), &made("true")]);
     assert!(said(&stepped).contains("warning[skywriting-lost]"), "{}", said(&stepped));
+    // Without seven axes nothing carries it either.
+    let job = made("true");
+    let text = std::fs::read_to_string(&job).expect("a job").replace("xyzac-galvo-10", "xyz-galvo-40");
+    std::fs::write(&job, text).expect("written");
+    let upright = terrace([Path::new("check"), &job, Path::new("--mode"), Path::new("on-the-fly")]);
+    assert!(said(&upright).contains("which is for seven axes"), "{}", said(&upright));
 }

@@ -524,6 +524,11 @@ mod tests {
         let slow = Pen { speed: Speed::mm_s(20.0), ..pens()[0].clone() };
         assert_eq!(two.with_skywriting(0.02, &[pens()[0].clone(), slow]).len(), 8);
         assert!(Path::default().with_skywriting(0.02, &pens()).is_empty());
+        // Run-ups of one pen alone: the spot rests at their far ends, and at the ends of the other pen's mark.
+        let out = two.with_run_ups(&[1.5, 0.0]);
+        assert_eq!(lit(&out), lit(&two));
+        let rests = out.nodes.iter().filter(|node| node.kind == NodeKind::End).map(|node| node.at[0]);
+        assert_eq!(rests.collect::<Vec<_>>(), [-1.5, 6.5, 5.0, 9.0]);
     }
 
     #[test]

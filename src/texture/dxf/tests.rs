@@ -328,8 +328,7 @@ const ODD: [(&str, Outcome); 21] = [
 fn check(name: &str, bytes: &[u8], unit_mm: Option<f64>, (expected, warnings): Outcome) -> Option<Error> {
     let start = Instant::now();
     let (art, notes) = loaded(bytes, unit_mm);
-    // Forever, for a file that is meant to hang its reader; an unoptimised build on a busy computer takes some seconds.
-    assert!(start.elapsed() < Duration::from_secs(60), "{name}: {:?}", start.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());
     let codes: Vec<_> = notes.iter().map(|n| n.code).collect();
     assert_eq!(codes, warnings, "{name}: {art:?}");
     match (art, expected) {
