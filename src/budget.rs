@@ -163,7 +163,7 @@ impl Budget {
             let name = match term.cause {
                 Cause::Slope => continue,
                 Cause::Tilt => "tilt axes (not modelled)",
-                Cause::Projection => "projection (no spacing, or slopes that may be upright)",
+                Cause::Projection => "projection (no bound)",
                 cause => cause.key().unwrap_or(cause.name()),
             };
             if !out.contains(&name) {
