@@ -4,7 +4,7 @@
 //! steps, on one machine or on many:
 //!
 //! 1. [`plan`] makes a [`Unit`] of every job: what to compile, the hash of its inputs, the expected cost.
-//! 2. [`work`] brings the folder of one unit up to date and says what became of it. It may be done twice, on several
+//! 2. [`work()`] brings the folder of one unit up to date and says what became of it. It may be done twice, on several
 //!    machines at once, in any order: a folder is held while it is in work, and one that is up to date is left alone.
 //! 3. [`collect`] makes one report of what became of all units.
 //!
