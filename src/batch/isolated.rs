@@ -3,8 +3,8 @@
 //!
 //! The limit is one of address space (`ulimit -v` of the shell), the only one that every Unix enforces without rights
 //! and that the program itself knows beforehand ([`crate::diag::memory`]). It counts what is reserved, not what is
-//! used, which for this program is some 50 MB more on each thread. Engines watch the memory of their own processes
-//! only.
+//! used, so the allocator of glibc is told to keep one arena: each further one reserves 64 MB, and under a limit it
+//! depends on chance whether there is room for it. Engines watch the memory of their own processes only.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -66,6 +66,7 @@ fn limited(command: Command, bytes: u64) -> Command {
     let mut shell = Command::new("sh");
     shell.args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh"]);
     shell.arg((bytes >> 10).to_string()).arg(command.get_program()).args(command.get_args());
+    shell.env("MALLOC_ARENA_MAX", "1");
     shell
 }
 

@@ -306,7 +306,7 @@ fn units_are_worked_on_in_any_order_and_collected() {
 
 /// A surface whose mesh takes far more memory than the small jobs.
 fn large_job(jobs: &Path, name: &str) {
-    write_stl(&jobs.join("large.stl"), &mesh(500, [0.0, 0.0, 60.0, 60.0], |x, y| 0.1 * x + 0.05 * y));
+    write_stl(&jobs.join("large.stl"), &mesh(800, [0.0, 0.0, 60.0, 60.0], |x, y| 0.1 * x + 0.05 * y));
     JobText::on(Path::new("large.stl")).texture("pattern = \"hatch\"\npitch = \"5 mm\"").write(jobs, name);
 }
 

@@ -101,6 +101,18 @@ impl Grid {
         [d2 * (1.0 - v) - d1 / (2.0 * h), d2 * v + d1 / (2.0 * h)]
     }
 
+    /// The same at start, middle, end and both quarters of a cell.
+    ///
+    /// With even acceleration of s it is a parabola over the cell, which may pass a limit between three places that
+    /// keep it by an eighth.
+    pub fn accelerations(&self, cell: usize, axis: usize) -> impl Iterator<Item = [f64; 2]> {
+        let thirds = [0, 1, 2].map(|third| self.acceleration(cell, third, axis));
+        let [p, q, r] = thirds;
+        let quarter = |p: [f64; 2], r: [f64; 2]| [0, 1].map(|k| (3.0 * p[k] + 6.0 * q[k] - r[k]) / 8.0);
+        let quarters = (!self.is_end(cell)).then(|| [quarter(p, r), quarter(r, p)]);
+        thirds.into_iter().chain(quarters.into_iter().flatten())
+    }
+
     /// Time of a cell.
     #[inline]
     pub fn time(&self, cell: usize, b: [f64; 2]) -> f64 {

@@ -128,15 +128,11 @@ impl<'a> Stretch<'a> {
             rest: vec![0.0; n],
             target: vec![0.0; n],
         };
-        let mut rows = Vec::with_capacity(3 * grid.axes);
-        // Every cell that touches an unknown border: acceleration at start, middle and end, and the cap of the border.
+        let mut rows = Vec::with_capacity(5 * grid.axes);
+        // Every cell that touches an unknown border: acceleration, and the cap of the border.
         for cell in at - 1..until {
             rows.clear();
-            let accelerations = (0..grid.axes).flat_map(|axis| (0..3).map(move |third| (axis, third)));
-            rows.extend(accelerations.map(|(axis, third)| {
-                let [l, r] = grid.acceleration(cell, third, axis);
-                [l, r, 0.0]
-            }));
+            rows.extend((0..grid.axes).flat_map(|axis| grid.accelerations(cell, axis)).map(|[l, r]| [l, r, 0.0]));
             leave_out(&mut rows, [most[cell], most[cell + 1], 0.0], 1.0);
             if cell + 1 < until {
                 rows.push([0.0, most[cell + 1].recip(), 0.0]);

@@ -20,7 +20,7 @@ pub(super) struct Reach {
 pub(super) fn reach(grid: &Grid) -> Reach {
     // TOPP-RA (Pham and Pham 2018, algorithm 1): controllable sets backward, the greatest control forward.
     let n = grid.cells();
-    let mut rows: Vec<Half> = Vec::with_capacity(6 * grid.axes);
+    let mut rows: Vec<Half> = Vec::with_capacity(10 * grid.axes);
     // Backward: from how much can the next be reached, and so on to the end at rest?
     let mut most = grid.cap.clone();
     (most[0], most[n]) = (0.0, 0.0);
@@ -48,10 +48,7 @@ pub(super) fn reach(grid: &Grid) -> Reach {
 fn halves(grid: &Grid, cell: usize, out: &mut Vec<Half>) {
     out.clear();
     for axis in 0..grid.axes {
-        for third in 0..3 {
-            let [p, r] = grid.acceleration(cell, third, axis);
-            out.extend([[p, r], [-p, -r]]);
-        }
+        out.extend(grid.accelerations(cell, axis).flat_map(|[p, r]| [[p, r], [-p, -r]]));
     }
 }
 
