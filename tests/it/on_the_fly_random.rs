@@ -166,7 +166,7 @@ fn more_random_on_the_fly_jobs_verify_or_name_a_limit() {
 }
 
 #[test]
-#[ignore = "an hour; run by make test-all"]
+#[ignore = "slow: make test-all"]
 fn two_thousand_random_on_the_fly_jobs_verify_or_name_a_limit() {
     check(seeds(0..2000));
 }
