@@ -134,8 +134,11 @@ impl CoverageChecker<'_> {
         }
     }
 
-    /// A stretch that nobody marks, apart from what of it is stated as left out.
+    /// A stretch that nobody marks, apart from what of it is stated as left out; none where two marks overlap.
     fn gaps(&mut self, line: &Stroke, from: f64, to: f64, left_out: &[Cover], name: &str, coverage: &mut Rule) {
+        if to <= from {
+            return;
+        }
         let mut at = from;
         for out in left_out.iter().filter(|o| o.to + 2.0 * CUT > from && o.from - 2.0 * CUT < to) {
             let [begin, end] = [out.from - 2.0 * CUT, out.to + 2.0 * CUT].map(|v| v.clamp(at, to));
