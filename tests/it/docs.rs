@@ -378,6 +378,7 @@ fn outputs(text: &str) -> Vec<(&str, Range<usize>)> {
 /// The commands of every document run, and each block that is marked as output holds what its command
 /// prints. `DOCS=write` writes what is printed into the documents instead.
 #[test]
+#[ignore = "slow: make test-all"]
 #[cfg(unix)]
 fn commands_of_the_documents_run_and_print_what_is_shown() {
     let (mut commands, mut shown) = (0, 0);

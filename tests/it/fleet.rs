@@ -126,6 +126,7 @@ impl Drop for Held {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_killed_worker_and_a_killed_scheduler_cost_no_unit() {
     let (_dir, [jobs, one, two]) = compiled_here(6);
     let mut fleet = Fleet::of(2);
@@ -146,6 +147,7 @@ fn a_killed_worker_and_a_killed_scheduler_cost_no_unit() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
     let (_dir, [jobs, one, two]) = compiled_here(4);
     let fleet = Fleet::of(1);
@@ -203,6 +205,7 @@ fn a_fleet_that_is_not_there_is_told_how_to_start_it() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_sweep_on_a_fleet_is_the_sweep_on_this_machine() {
     let dir = folder();
     let stl = dir.path().join("wave.stl");

@@ -113,6 +113,7 @@ fn dome(dir: &Path, [w, h]: [f64; 2], rise: f64) -> PathBuf {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn text_of_five_jobs_can_be_read_at_480_px_and_at_1600() {
     let dir = folder();
     let init = terrace(["init", dir.path().join("try").to_str().expect("UTF-8")]);

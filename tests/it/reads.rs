@@ -33,6 +33,7 @@ fn opened(dir: &Path, args: &[&str]) -> BTreeMap<String, usize> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn every_command_opens_each_input_once_and_once_for_its_hash() {
     let dir = folder();
     let path = |name: &str| dir.path().join(name).display().to_string();

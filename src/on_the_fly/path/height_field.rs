@@ -329,6 +329,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: make test-all"]
     fn smoothing_leaves_the_height_of_a_hill_alone() {
         // The highest hill of the seven-axis part in facets of a quarter of a millimetre, smoothed within 10 um.
         let z = |x: f64, y: f64| 4.7 * (-((x - 10.0).powi(2) + (y - 10.0).powi(2)) / 162.0).exp();

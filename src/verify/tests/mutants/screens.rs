@@ -49,6 +49,7 @@ fn mark(program: &Program) -> usize {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn bitmaps_verify() {
     for keys in LINES.into_iter().chain(DOTS) {
         let proof = verified(&bench(keys).write());
@@ -58,6 +59,7 @@ fn bitmaps_verify() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn lines_of_a_screen_that_are_moved_missing_or_doubled_are_reported() {
     for keys in LINES {
         // A mark that is not what it claims to be covers nothing either.
@@ -73,6 +75,7 @@ fn lines_of_a_screen_that_are_moved_missing_or_doubled_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn dots_of_a_screen_that_are_moved_missing_or_doubled_are_reported() {
     for keys in DOTS {
         let proof = bench(keys).mutant(|program, _| {
