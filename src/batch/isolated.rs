@@ -3,8 +3,8 @@
 //!
 //! The limit is one of address space (`ulimit -v` of the shell), the only one that every Unix enforces without rights
 //! and that the program itself knows beforehand ([`crate::diag::memory`]). It counts what is reserved, not what is
-//! used, so the allocator of glibc is told to keep one arena: each further one reserves 64 MB, and under a limit it
-//! depends on chance whether there is room for it. Engines watch the memory of their own processes only.
+//! used, so glibc's allocator is given a single arena: every further one reserves 64 MB, and whether that fits under
+//! the limit would depend on the timing of threads. Engines watch the memory of their own processes only.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;

@@ -340,6 +340,7 @@ fn warnings_are_printed_with_the_error() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_style_sheet_takes_little_time_and_memory_whatever_it_holds() {
     style_sheets(100_000);
 }

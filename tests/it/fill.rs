@@ -170,6 +170,7 @@ fn ridge(x: f64, y: f64) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn every_method_and_placement_marks_the_same_lines() {
     let dir = folder();
     let stl = dir.path().join("ridge.stl");

@@ -179,6 +179,7 @@ fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_fleet_that_is_not_there_is_told_how_to_start_it() {
     let dir = folder();
     let jobs = dir.path().join("jobs");

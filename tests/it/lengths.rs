@@ -119,6 +119,7 @@ fn torus() -> Vec<[[f64; 3]; 3]> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn lengths_balance_on_undercuts() {
     let dir = folder();
     let stl = dir.path().join("torus.stl");

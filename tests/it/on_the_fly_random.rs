@@ -147,13 +147,18 @@ fn check(seeds: impl IntoIterator<Item = u64>) {
 }
 
 #[test]
+fn marks_that_overlap_by_rounding_beside_a_piece_left_out_verify() {
+    check([1281]);
+}
+
+#[test]
 #[ignore = "slow: make test-all"]
 fn random_on_the_fly_jobs_verify_or_name_a_limit() {
-    // Of 1013 a mark of a stroke that runs back over itself ends where the stroke turns. Of 1281 two marks overlap by
-    // less than a cut, beside a piece that is left out. Of 3027 beams lean by 60 degrees over facets that are not flat, of
-    // 3090 the last beam of a mark passes by the edge at which it ends. Of 3111 and 3222 axes start so slowly that a mark
-    // stands still at first; of 3222 two marks over one line differ in what is left out beside them.
-    check([1013, 1281, 3027, 3090, 3111, 3222]);
+    // Of 1013 a mark of a stroke that runs back over itself ends where the stroke turns. Of 3027 beams lean by 60 degrees
+    // over facets that are not flat, of 3090 the last beam of a mark passes by the edge at which it ends. Of 3111 and 3222
+    // axes start so slowly that a mark stands still at first; of 3222 two marks over one line differ in what is left out
+    // beside them.
+    check([1013, 3027, 3090, 3111, 3222]);
 }
 
 #[test]

@@ -323,6 +323,7 @@ fn length_between(texture: &Texture, [lo, hi]: [f64; 2]) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn coverage_falls_linearly_over_a_soft_border() {
     let dir = folder();
     let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"60mm\" height=\"40mm\" viewBox=\"0 0 60 40\">\

@@ -197,6 +197,7 @@ fn bosses(n: usize) -> Vec<[[f64; 3]; 3]> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn texture_occluded_by_a_boss_is_marked_untilted() {
     let dir = folder();
     let stl = dir.path().join("boss.stl");

@@ -101,10 +101,10 @@ impl Grid {
         [d2 * (1.0 - v) - d1 / (2.0 * h), d2 * v + d1 / (2.0 * h)]
     }
 
-    /// The same at start, middle, end and both quarters of a cell.
+    /// [`Grid::acceleration`] at start, middle, end and both quarters of a cell.
     ///
-    /// With even acceleration of s it is a parabola over the cell, which may pass a limit between three places that
-    /// keep it by an eighth.
+    /// Where s accelerates evenly it is quadratic over the cell: kept at start, middle and end alone, a limit may be
+    /// exceeded by a quarter in between.
     pub fn accelerations(&self, cell: usize, axis: usize) -> impl Iterator<Item = [f64; 2]> {
         let thirds = [0, 1, 2].map(|third| self.acceleration(cell, third, axis));
         let [p, q, r] = thirds;

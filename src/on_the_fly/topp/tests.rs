@@ -121,6 +121,20 @@ fn motion_keeps_every_limit_when_it_is_sampled() {
 }
 
 #[test]
+fn coarse_cells_keep_accelerations_between_their_borders_and_middles() {
+    // Wavy axes with few nodes a period: over a cell the acceleration of an axis goes from limit to limit.
+    for jerk in [None, Some(10_000.0)] {
+        let limits = [Limit { jerk, ..STAGE }; 3];
+        for step in [0.4, 0.8, 1.2] {
+            let wave = Owned::new(60, step, |s| vec![0.9 * s, 4.0 * (s / 5.0).sin(), 0.4 * (s / 0.9).cos()]);
+            let report = *wave.timed(&limits, &Options::default()).report();
+            assert_eq!(report.stretch, 1.0, "no run is slowed down as a whole: {report:?}");
+            assert!(report.ratio.acceleration <= 1.0 + TOLERANCE, "{report:?}");
+        }
+    }
+}
+
+#[test]
 fn nodes_are_passed_at_their_times() {
     let mut wave = Owned::wave(300);
     wave.stops = vec![100, 101, 150];
