@@ -2,16 +2,16 @@
 //!
 //! Consumes an SVG 1.1 / 2 file (also svgz). Promises an [`Artwork`] whose lower left corner is the origin, y up: lines,
 //! polylines, polygons, rectangles, circles, ellipses and paths, with groups, uses, symbols, nested drawings,
-//! transforms, viewBox, style sheets and the style attribute resolved, in the order of painting. A fill is an area by its
+//! transforms, viewBox and styles (`svg_style`) resolved, in the order of painting. A fill is an area by its
 //! rule. A stroke is the line along its centre, or, where it is wide or the job asks for it, the area that it covers with
 //! its caps and joins; dashes are cut out. Clip paths, masks of opaque black and white shapes, and patterns are applied.
-//! What cannot be reproduced (text, images, gradients, filters, blend modes, markers) is refused by name, or left out
-//! with a warning where the job asks for that. Faulty data is drawn up to its fault, as viewers do.
+//! What cannot be reproduced (text, images, gradients of several colours, filters, blend modes, markers, animations, and
+//! styles that are not understood) is refused by name, or left out with a warning where the job asks for that. Faulty
+//! data is drawn up to its fault, as viewers do.
 //!
-//! A closed subpath thinner than the tolerance is left out, with a count. No other file is ever opened, no network
-//! reached, no entity expanded; time and memory are bounded: 64 MB unpacked, 256 levels, 2 million elements once uses are
-//! expanded, 20 million points, 1 million copies of a pattern's shapes, 40 million comparisons with selectors of style
-//! sheets.
+//! A closed subpath thinner than the tolerance is left out, with a count. No other file is ever opened and no network
+//! reached; time and memory are bounded: 64 MB unpacked, 1 MB of expanded entities, 256 levels, 2 million elements once
+//! uses are expanded, 20 million points, 1 million copies of a pattern's shapes, and the bounds of `svg_style`.
 //!
 //! Everything is f64 from the text of the number to the page, and arcs are flattened as arcs: a reader
 //! in f32 that first makes Bézier curves of them misses a circle of 40 mm radius by up to 11 µm, and loses
@@ -20,13 +20,14 @@
 mod outline;
 mod page;
 mod path;
+mod remarks;
 mod servers;
 mod shape;
 mod source;
 mod stroke;
 mod style;
-mod style_sheet;
 mod tally;
+mod unseen;
 mod walk;
 
 use std::path::Path;
@@ -42,10 +43,9 @@ use crate::geom::BoxMm;
 use crate::parallel;
 use page::Frame;
 pub(super) use source::{foreign_name, is_svg, text};
-use style::Style;
-use style_sheet::{Sheet, without_comments};
+use svg_style::Cascade;
 use tally::{Issue, Tally};
-use walk::{State, Walk, style_text};
+use walk::{Walk, excess};
 
 /// Most nodes of the XML tree.
 const MAX_NODES: u32 = 4_000_000;
@@ -71,7 +71,9 @@ pub(super) fn load(
     };
     let doc = document(name, text, notes).map_err(here)?;
     let root = doc.root_element();
-    let frame = Frame::new(root, wanted).map_err(here)?;
+    let mut cascade = Cascade::new(&doc).map_err(|e| here(excess(e)))?;
+    let (style, _) = cascade.style(root, &svg_style::Style::initial()).map_err(|e| here(excess(e)))?;
+    let frame = Frame::new(root, &style, wanted).map_err(here)?;
     if frame.is_stretched {
         let text = format!("the drawing is stretched to a page of {} mm x {} mm", frame.size[0], frame.size[1]);
         notes.push(
@@ -80,28 +82,20 @@ pub(super) fn load(
                 .hint("give the texture a size in the drawing's proportions"),
         );
     }
-    let texts: Vec<String> = doc.descendants().filter_map(style_text).map(without_comments).collect();
-    let sheet = Sheet::new(&texts).map_err(here)?;
-    let walk = Walk::new(&doc, sheet, site, frame.map.enlarges(), marking);
-    let state = State {
-        map: frame.map,
-        style: Style::INITIAL,
-        port: frame.port,
-        clip: None,
-        labels: 0,
-        stretch: 1.0,
-        depth: 0,
-    };
-    let drawn = parallel::on_stack(STACK, || walk.drawn(root, state)).map_err(|e| {
+    let walk = Walk::new(&doc, cascade, site, &frame, marking);
+    let drawn = parallel::on_stack(STACK, || walk.drawn(root, &frame)).map_err(|e| {
         let text = format!("the drawing needs a stack of {} MB to be read in: {e}", STACK >> 20);
         here(Diag::limit("memory", text).hint("raise the limit of memory or of threads").into())
     })?;
-    let (mut art, mut tally) = drawn.map_err(here)?;
+    let (mut art, mut tally, remarks) = drawn.map_err(here)?;
     art.size = frame.size;
     overhangs(&art, site.tolerance, &mut tally);
-    let (unseen, faults) = (tally.count(Issue::Hidden), tally.refused());
-    let (errors, warnings) = tally.messages(name, marking);
+    let (unseen, faults) = (tally.count(Issue::Hidden), tally.refused() + remarks.refused());
+    let (mut errors, warnings) = tally.messages(name, marking);
     notes.extend(warnings);
+    let (unread, ignored) = remarks.messages(name, marking);
+    errors.extend(unread);
+    notes.extend(ignored);
     if !errors.is_empty() {
         return Err(Error::many(errors));
     }
@@ -121,9 +115,8 @@ fn document<'a>(name: &str, text: &'a str, notes: &mut Vec<Diag>) -> Result<Docu
     // A node of the tree for every tag and the text after it; of the text, three copies at most as numbers.
     let need = 3 * text.len() + 200 * text.bytes().filter(|&b| b == b'<').count();
     memory::ask("the drawing", need as u64)?;
-    // A document type without entities is harmless and common.
-    let options =
-        ParsingOptions { allow_dtd: !source::has_entities(text), nodes_limit: MAX_NODES, ..Default::default() };
+    // What its entities expand to has been bounded (`source`).
+    let options = ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let doc = Document::parse_with_options(text, options).map_err(|e| xml_fault(name, &e))?;
     let root = doc.root_element();
     match (root.tag_name().name(), root.tag_name().namespace()) {

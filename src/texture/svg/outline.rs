@@ -28,6 +28,11 @@ impl Map {
         Self { a: x, b: 0.0, c: 0.0, d: y, e: shift[0], f: shift[1] }
     }
 
+    /// Of the matrix of a style.
+    pub(super) fn of([a, b, c, d, e, f]: svg_style::Matrix) -> Self {
+        Self { a, b, c, d, e, f }
+    }
+
     pub(super) const fn shift(by: Point) -> Self {
         Self::scale(1.0, 1.0, by)
     }
@@ -113,6 +118,8 @@ pub(super) trait Sink {
 pub(super) struct Outline<'a> {
     map: Map,
     tolerance: f64,
+    /// Whether what is drawn is marked along itself, and bounds no area.
+    is_line: bool,
     lines: &'a mut Lines,
     start: Point,
     at: Point,
@@ -121,8 +128,8 @@ pub(super) struct Outline<'a> {
 }
 
 impl<'a> Outline<'a> {
-    pub(super) fn new(map: Map, tolerance: f64, lines: &'a mut Lines) -> Self {
-        Self { map, tolerance, lines, start: [0.0; 2], at: [0.0; 2], stop: None, dropped: Dropped::default() }
+    pub(super) fn new(map: Map, tolerance: f64, is_line: bool, lines: &'a mut Lines) -> Self {
+        Self { map, tolerance, is_line, lines, start: [0.0; 2], at: [0.0; 2], stop: None, dropped: Dropped::default() }
     }
 
     /// Ends the element: what was left out, or why it could not be drawn.
@@ -295,7 +302,7 @@ mod tests {
 
     fn drawn(map: Map, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Lines {
         let mut lines = Lines::default();
-        let mut outline = Outline::new(map, tolerance, &mut lines);
+        let mut outline = Outline::new(map, tolerance, false, &mut lines);
         draw(&mut outline);
         outline.end().expect("drawn");
         lines
@@ -419,7 +426,7 @@ mod tests {
         let id = Map::shift([0.0; 2]);
         let figure = |points: &[Point]| {
             let mut lines = Lines::default();
-            let mut o = Outline::new(id, 1e-3, &mut lines);
+            let mut o = Outline::new(id, 1e-3, false, &mut lines);
             o.move_to(points[0]);
             points[1..].iter().for_each(|&p| o.line_to(p));
             o.close();

@@ -3,7 +3,8 @@
 use std::str::FromStr;
 
 use roxmltree::Node;
-use svgtypes::{Align, AspectRatio, Length, LengthUnit, ViewBox, ViewBoxError};
+use svg_style::{Length, Style};
+use svgtypes::{Align, AspectRatio, ViewBox, ViewBoxError};
 
 use super::outline::Map;
 use crate::diag::Diag;
@@ -13,22 +14,6 @@ use crate::texture::page::Wanted;
 /// CSS pixels in a millimetre.
 const PX_PER_MM: f64 = 96.0 / 25.4;
 
-/// Pixels of a length that needs no reference; em and ex as browsers have them without a font.
-pub(super) fn px(length: Length) -> Option<f64> {
-    let unit = match length.unit {
-        LengthUnit::None | LengthUnit::Px => 1.0,
-        LengthUnit::Mm => PX_PER_MM,
-        LengthUnit::Cm => 10.0 * PX_PER_MM,
-        LengthUnit::In => 96.0,
-        LengthUnit::Pt => 96.0 / 72.0,
-        LengthUnit::Pc => 16.0,
-        LengthUnit::Em => 16.0,
-        LengthUnit::Ex => 8.0,
-        LengthUnit::Percent => return None,
-    };
-    Some(length.number * unit)
-}
-
 /// Size and map of the page.
 pub(super) struct Frame {
     /// mm.
@@ -37,18 +22,20 @@ pub(super) struct Frame {
     pub(super) map: Map,
     /// The user units that percentages refer to.
     pub(super) port: [f64; 2],
+    /// Length of a CSS pixel on the page, mm.
+    pub(super) pixel_mm: f64,
     /// Whether the wanted size changes the proportions.
     pub(super) is_stretched: bool,
 }
 
 impl Frame {
     /// The page of a root element; a wanted size wins over the file's own.
-    pub(super) fn new(root: Node<'_, '_>, wanted: Wanted) -> Result<Self, Box<Diag>> {
+    pub(super) fn new(root: Node<'_, '_>, style: &Style, wanted: Wanted) -> Result<Self, Box<Diag>> {
         let view = view_box(root).map_err(|e| {
             Diag::input("svg-viewbox", format!("the drawing's {e}"))
                 .hint("give the viewBox a positive width and height")
         })?;
-        let sides = [side(root, "width")?, side(root, "height")?];
+        let sides = [side(root, "width", style.width, style)?, side(root, "height", style.height, style)?];
         let viewport = viewport(sides, view).ok_or_else(|| Box::new(no_size()))?;
         let is_physical =
             sides.iter().all(|s| s.is_none_or(|(_, physical)| physical)) && sides.iter().any(Option::is_some);
@@ -70,6 +57,7 @@ impl Frame {
             size,
             map: page.after(view_map),
             port: view.map_or(viewport, |v| [v.w, v.h]),
+            pixel_mm: (stretch[0] * stretch[1]).sqrt(),
             is_stretched: (stretch[0] / stretch[1] - 1.0).abs() > 1e-3,
         })
     }
@@ -95,19 +83,29 @@ pub(super) fn aspect(node: Node<'_, '_>) -> AspectRatio {
     AspectRatio::from_str(text).unwrap_or(AspectRatio { defer: false, align: Align::XMidYMid, slice: false })
 }
 
-/// A side of the root in px, and whether it is physical; None where it is left open.
-fn side(root: Node<'_, '_>, name: &str) -> Result<Option<(f64, bool)>, Box<Diag>> {
-    let Some(text) = root.attribute(name).filter(|t| t.trim() != "auto") else { return Ok(None) };
+/// A side of the root in px, and whether it is physical; None where it is left open. Some programs write `100 mm`, with
+/// a blank, and mean it.
+fn side(root: Node<'_, '_>, name: &str, own: Option<Length>, style: &Style) -> Result<Option<(f64, bool)>, Box<Diag>> {
+    let text = root.attribute(name).unwrap_or_default().trim();
     let fault = |what: &str| {
         Box::new(Diag::input("svg-size", format!("the drawing's {name} {text:?} is {what}")).hint("write it as 100mm"))
     };
-    let length = Length::from_str(text.trim()).map_err(|_| fault("not a length"))?;
-    let Some(px) = px(length) else { return Ok(None) };
-    if !(px > 0.0 && px.is_finite()) {
+    let length = match own {
+        Some(length) => length,
+        None if text.is_empty() || text == "auto" => return Ok(None),
+        None => {
+            let joined: String = text.split_whitespace().collect();
+            let stated = Length::from_attribute(&joined, style.font_size.px, style.root_font_px);
+            stated.ok_or_else(|| fault("not a length"))?
+        }
+    };
+    if length.share != 0.0 {
+        return Ok(None);
+    }
+    if !(length.px > 0.0 && length.px.is_finite()) {
         return Err(fault("not a positive length"));
     }
-    let units = [LengthUnit::Mm, LengthUnit::Cm, LengthUnit::In, LengthUnit::Pt, LengthUnit::Pc];
-    Ok(Some((px, units.contains(&length.unit))))
+    Ok(Some((length.px, length.is_physical)))
 }
 
 /// Size of the root's viewport in px; an open side follows the other in the proportions of the viewBox.

@@ -107,7 +107,7 @@ mod tests {
 
     fn drawn(data: &str) -> (Vec<Vec<[f64; 2]>>, bool) {
         let mut lines = Lines::default();
-        let mut out = Outline::new(Map::shift([0.0; 2]), 0.01, &mut lines);
+        let mut out = Outline::new(Map::shift([0.0; 2]), 0.01, false, &mut lines);
         let whole = path(data, &mut out);
         out.end().expect("drawn");
         (lines.iter().map(<[_]>::to_vec).collect(), whole)

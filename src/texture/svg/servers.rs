@@ -1,14 +1,16 @@
 //! What elements refer to for their looks: clip paths, masks of plain shapes, and patterns.
 
 use std::collections::HashSet;
-use std::str::FromStr;
 
 use roxmltree::Node;
+use svg_style::{Reference, ReferenceBox};
 
 use super::outline::Map;
 use super::page::{self, view_map};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, SHAPES, State, Walk, href, transform};
+use super::shape::Ink;
+use super::style::{Coat, local, painted, rule};
+use super::walk::{Done, Purpose, SHAPES, State, Walk, href};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, WHITE};
@@ -25,29 +27,135 @@ const MAX_LINKS: usize = 32;
 
 const BLACK: [u8; 3] = [0; 3];
 
+/// How something is painted, its links followed.
+pub(super) enum Paint<'a, 'input> {
+    None,
+    Ink(Ink),
+    Pattern(Node<'a, 'input>),
+}
+
 impl<'a, 'input> Walk<'a, 'input> {
+    /// How the area or the stroke of a shape is painted; what cannot be is noted.
+    pub(super) fn paint(
+        &mut self,
+        node: Node<'a, 'input>,
+        state: &State,
+        is_fill: bool,
+    ) -> Result<Paint<'a, 'input>, Box<Diag>> {
+        let coat = if is_fill { state.fill() } else { state.stroke() };
+        let id = match coat {
+            Coat::None => return Ok(Paint::None),
+            Coat::Colour(colour, opacity) => return Ok(Paint::Ink(Ink { colour, opacity })),
+            // Without a context nothing is painted (SVG 2, 13.2).
+            Coat::Context if !state.is_copy => return Ok(Paint::None),
+            Coat::Context => {
+                self.note(Issue::Paint, node);
+                return Ok(Paint::None);
+            }
+            Coat::External => {
+                self.note(Issue::External, node);
+                return Ok(Paint::None);
+            }
+            Coat::Server(id) => id,
+        };
+        let server = self.target(&id);
+        match server.map(|s| s.tag_name().name()) {
+            Some("pattern") => return Ok(server.map_or(Paint::None, Paint::Pattern)),
+            Some("linearGradient" | "radialGradient") => {
+                let opacity = state.opacity * if is_fill { state.style.fill_opacity } else { state.style.stroke_opacity };
+                let Some(server) = server else { return Ok(Paint::None) };
+                return match self.only_colour(server, node, state)? {
+                    Some(coat) => Ok(match coat {
+                        Coat::Colour(colour, alpha) => Paint::Ink(Ink { colour, opacity: alpha * opacity as f32 }),
+                        _ => Paint::None,
+                    }),
+                    None => {
+                        self.note(Issue::Paint, node);
+                        Ok(Paint::None)
+                    }
+                };
+            }
+            // Browsers do not know these, other programs do.
+            Some("hatch" | "mesh" | "meshgradient" | "meshGradient" | "solidcolor" | "solidColor") => {
+                self.note(Issue::Paint, node);
+                return Ok(Paint::None);
+            }
+            _ => {}
+        }
+        Ok(match state.fallback(is_fill) {
+            Coat::Colour(colour, opacity) => Paint::Ink(Ink { colour, opacity }),
+            _ => Paint::None,
+        })
+    }
+
+    /// The colour of a gradient whose stops are all of one, with their opacity; None where they differ.
+    fn only_colour(
+        &mut self,
+        gradient: Node<'a, 'input>,
+        node: Node<'a, 'input>,
+        state: &State,
+    ) -> Result<Option<Coat>, Box<Diag>> {
+        let is_gradient = |n: &Node<'_, '_>| matches!(n.tag_name().name(), "linearGradient" | "radialGradient");
+        let Some(chain) = self.chain(gradient, is_gradient) else { return Ok(None) };
+        let is_stop = |n: &Node<'_, '_>| n.is_element() && n.tag_name().name() == "stop";
+        let Some(holder) = chain.iter().find(|g| g.children().any(|n| is_stop(&n))) else {
+            return Ok(Some(Coat::None));
+        };
+        let units = chain.iter().find_map(|g| g.attribute("gradientUnits"));
+        let bounds = self.bounds(node, state)?.size();
+        if units != Some("userSpaceOnUse") && !(bounds[0] > 0.0 && bounds[1] > 0.0) {
+            // The box of the shape, which the gradient is stretched to, has no size (SVG 2, 8.11).
+            return Ok(Some(Coat::None));
+        }
+        let outer = self.style_of(*holder)?;
+        let mut only = None;
+        for stop in holder.children().filter(is_stop) {
+            let style = self.style(stop, &outer)?;
+            let coat = painted(style.stop_color.resolved(style.current()), style.stop_opacity as f32);
+            if *only.get_or_insert_with(|| coat.clone()) != coat {
+                return Ok(None);
+            }
+        }
+        Ok(only)
+    }
+
+    /// A server and those that it takes what it does not say from; None where one is missing or there are too many.
+    fn chain(
+        &self,
+        server: Node<'a, 'input>,
+        is_meant: impl Fn(&Node<'a, 'input>) -> bool,
+    ) -> Option<Vec<Node<'a, 'input>>> {
+        let mut chain = vec![server];
+        while let Some(link) = chain.last().and_then(|p| href(*p)).filter(|link| !link.is_empty()) {
+            let next = self.target(&local(link)?).filter(|n| is_meant(n) && !chain.contains(n))?;
+            chain.push(next);
+            if chain.len() > MAX_LINKS {
+                return None;
+            }
+        }
+        Some(chain)
+    }
+
     /// Cuts what `state` holds at a clip path or mask; answers whether something of the element may be drawn.
     pub(super) fn cut(
         &mut self,
         node: Node<'a, 'input>,
-        value: &str,
+        link: &Reference,
         is_mask: bool,
-        state: &mut State<'a>,
+        state: &mut State,
     ) -> Result<bool, Box<Diag>> {
-        let Some(id) = value.strip_prefix("url(").and_then(|v| v.strip_suffix(')')) else {
-            self.note(Issue::Effect, node);
-            return Ok(false);
-        };
-        let id = id.trim_matches(|c: char| c.is_whitespace() || c == '"' || c == '\'');
         let tag = if is_mask { "mask" } else { "clipPath" };
-        let target = id.strip_prefix('#').and_then(|id| self.target(id)).filter(|t| t.tag_name().name() == tag);
+        let target = match link {
+            Reference::Link(link) => local(link).and_then(|id| self.target(&id)).filter(|t| t.tag_name().name() == tag),
+            _ => None,
+        };
         let Some(target) = target else {
             // Programs disagree on what a missing clip path hides.
             self.note(Issue::Effect, node);
             return Ok(false);
         };
         self.uses.push(target.id());
-        let area = if is_mask { self.mask(node, target, *state) } else { self.clip_path(node, target, *state) };
+        let area = if is_mask { self.mask(node, target, state) } else { self.clip_path(node, target, state) };
         self.uses.pop();
         let Some(area) = area? else {
             self.note(Issue::Effect, node);
@@ -64,19 +172,36 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(true)
     }
 
+    /// The state in which a clip path or mask draws what it holds: its style is that of its place in the document.
+    fn inside(&mut self, server: Node<'a, 'input>, outer: &State) -> Result<Option<State>, Box<Diag>> {
+        let parent = match server.parent_element() {
+            Some(parent) => self.style_of(parent)?,
+            None => self.style_of(server)?,
+        };
+        self.begin(server, &State { clip: None, opacity: 1.0, style: parent, ..outer.clone() })
+    }
+
     /// The area of a clip path on an element; None where it cannot be reproduced.
     fn clip_path(
         &mut self,
         node: Node<'a, 'input>,
         clip: Node<'a, 'input>,
-        outer: State<'a>,
+        outer: &State,
     ) -> Result<Option<Area>, Box<Diag>> {
-        let mut state = State { clip: None, style: self.style_of(clip)?, ..outer };
-        if !self.scaled_to_box(clip, "clipPathUnits", false, node, &mut state)? {
+        let purpose = std::mem::replace(&mut self.purpose, Purpose::Clip);
+        let inside = self.inside(clip, outer);
+        self.purpose = purpose;
+        let Some(mut state) = inside? else { return Ok(None) };
+        // Its transform is of the element's units, and the units of the box come within (SVG 2, 14.3.4).
+        if !self.moved(clip, &mut state)? {
+            return Ok(None);
+        }
+        if !self.scaled_to_box(clip, "clipPathUnits", false, node, outer, &mut state)? {
             return Ok(Some(Area::default()));
         }
-        // Its own transform, clip path and the like.
-        let Some(state) = self.enter(clip, state)? else { return Ok(None) };
+        if !self.shows_through(clip, &mut state)? {
+            return Ok(None);
+        }
         let plain = |n: &Node<'_, '_>| {
             let tag = n.tag_name().name();
             SHAPES.contains(&tag) || matches!(tag, "use" | "title" | "desc" | "metadata")
@@ -84,7 +209,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !clip.children().filter(Node::is_element).all(|n| plain(&n)) {
             return Ok(None);
         }
-        let art = self.aside(Purpose::Clip, |walk| walk.children(clip, state))?;
+        let art = self.aside(Purpose::Clip, |walk| walk.children(clip, &state))?;
         let areas: Result<Vec<Area>, TooMany> = art.shapes.iter().map(|s| self.area_of(&art, s)).collect();
         let union = areas.and_then(|areas| Area::union(areas.iter()));
         let area = match (union, state.clip) {
@@ -99,31 +224,33 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         mask: Node<'a, 'input>,
-        outer: State<'a>,
+        outer: &State,
     ) -> Result<Option<Area>, Box<Diag>> {
-        let mut state = State { clip: None, style: self.style_of(mask)?, ..outer };
-        let is_alpha = self.declared(mask)?.get("mask-type") == Some("alpha");
+        let Some(mut state) = self.inside(mask, outer)? else { return Ok(None) };
+        let is_alpha = state.style.is_alpha_mask;
         // Where the mask itself ends.
-        let mut frame = state;
-        if !self.scaled_to_box(mask, "maskUnits", true, node, &mut frame)? {
+        let mut frame = state.clone();
+        if !self.scaled_to_box(mask, "maskUnits", true, node, outer, &mut frame)? {
             return Ok(Some(Area::default()));
         }
         let is_box = mask.attribute("maskUnits") != Some("userSpaceOnUse");
         let side = |walk: &mut Self, name: &str, axis: usize, default: f64| match mask.attribute(name) {
             _ if is_box => share(mask, name).unwrap_or(default),
-            Some(_) => walk.length(mask, name, axis, state),
+            Some(_) => walk.length(mask, name, axis, &state),
             None => default * state.port[axis],
         };
         let at = [side(self, "x", 0, -0.1), side(self, "y", 1, -0.1)];
         let size = [side(self, "width", 0, 1.2), side(self, "height", 1, 1.2)];
         let corners = corners(at, size).map(|c| frame.map.at(c));
-        if !self.scaled_to_box(mask, "maskContentUnits", false, node, &mut state)? {
+        if !self.scaled_to_box(mask, "maskContentUnits", false, node, outer, &mut state)? {
             return Ok(Some(Area::default()));
         }
-        let Some(state) = self.enter(mask, state)? else { return Ok(None) };
-        let refused = self.tally.refused();
-        let art = self.aside(Purpose::Mask, |walk| walk.children(mask, state))?;
-        if self.tally.refused() > refused {
+        if !self.shows_through(mask, &mut state)? {
+            return Ok(None);
+        }
+        let refused = self.refused();
+        let art = self.aside(Purpose::Mask, |walk| walk.children(mask, &state))?;
+        if self.refused() > refused {
             return Ok(None);
         }
         let mut shown = Area::default();
@@ -145,15 +272,22 @@ impl<'a, 'input> Walk<'a, 'input> {
         shown.map(Some).map_err(|TooMany| self.tangled(mask))
     }
 
+    /// How many times something was met that is refused.
+    fn refused(&self) -> usize {
+        self.tally.refused() + self.remarks.refused()
+    }
+
     /// Fills a shape with a pattern.
-    pub(super) fn painted(&mut self, node: Node<'a, 'input>, tag: &str, state: State<'a>, id: &str) -> Done {
-        let target = self.target(id).filter(|t| t.tag_name().name() == "pattern");
-        let Some(pattern) = target else {
-            self.note(Issue::Paint, node);
-            return Ok(());
-        };
+    pub(super) fn painted(
+        &mut self,
+        node: Node<'a, 'input>,
+        tag: &str,
+        state: &State,
+        pattern: Node<'a, 'input>,
+    ) -> Done {
         let shape = self.aside(self.purpose, |walk| {
-            walk.subpaths(node, tag, State { clip: None, ..state }, BLACK, Figure::Fill(state.style.rule))
+            let whole = State { clip: None, ..state.clone() };
+            walk.subpaths(node, tag, &whole, Ink::plain(BLACK), Figure::Fill(rule(state.style.fill_rule))).map(|_| ())
         })?;
         let Some(area) = shape.shapes.first().map(|s| self.area_of(&shape, s)) else { return Ok(()) };
         let area = area.map_err(|TooMany| self.tangled(node))?;
@@ -206,26 +340,25 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         pattern: Node<'a, 'input>,
-        outer: State<'a>,
+        outer: &State,
     ) -> Result<Option<Tile>, Box<Diag>> {
         // A pattern takes what it does not say from the one that it refers to.
-        let mut chain = vec![pattern];
-        while let Some(next) = chain.last().and_then(|p| href(*p)).and_then(|h| h.strip_prefix('#')) {
-            let Some(next) = self.target(next).filter(|n| n.tag_name().name() == "pattern" && !chain.contains(n))
-            else {
-                return Ok(None);
-            };
-            chain.push(next);
-            if chain.len() > MAX_LINKS {
-                return Ok(None);
-            }
-        }
+        let Some(chain) = self.chain(pattern, |n| n.tag_name().name() == "pattern") else { return Ok(None) };
         let with = |name: &str| chain.iter().copied().find(|p| p.has_attribute(name));
         let content = chain.iter().copied().find(|p| p.children().any(|c| c.is_element())).unwrap_or(pattern);
-        let mut state = State { clip: None, style: self.style_of(content)?, ..outer };
-        if let Some(text) = with("patternTransform").and_then(|p| p.attribute("patternTransform")) {
-            let Ok(t) = svgtypes::Transform::from_str(text) else { return Ok(None) };
-            state.map = state.map.after(Map { a: t.a, b: t.b, c: t.c, d: t.d, e: t.e, f: t.f });
+        let style = self.style_of(content)?;
+        let mut state = State { clip: None, opacity: 1.0, style, ..outer.clone() };
+        for &own in &chain {
+            // The transform of the first that has one.
+            let moving = State { style: self.style_of(own)?, ..state.clone() };
+            if moving.style.has_transform() {
+                let mut moved = moving;
+                if !self.moved(own, &mut moved)? {
+                    return Ok(None);
+                }
+                state.map = moved.map;
+                break;
+            }
         }
         let is_box = with("patternUnits").and_then(|p| p.attribute("patternUnits")) != Some("userSpaceOnUse");
         let is_box_content =
@@ -258,17 +391,17 @@ impl<'a, 'input> Walk<'a, 'input> {
             None if is_box_content => state.map = map.after(Map::shift(at)).after(Map::scale(w, h, [0.0; 2])),
             None => state.map = map.after(Map::shift(at)),
         }
-        let refused = self.tally.refused();
+        let refused = self.refused();
         self.uses.extend(chain.iter().map(|n| n.id()));
-        let art = self.aside(Purpose::Mark, |walk| walk.children(content, state));
+        let art = self.aside(Purpose::Mark, |walk| walk.children(content, &state));
         self.uses.truncate(self.uses.len() - chain.len());
         let art = art?;
-        if self.tally.refused() > refused {
+        if self.refused() > refused {
             return Ok(None);
         }
-        let overflow = self.declared(content)?.get("overflow");
+        let overflows = state.style.overflows == Some(true);
         let frame = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
-        let frame = (!matches!(overflow, Some("visible" | "auto"))).then_some(&frame);
+        let frame = (!overflows).then_some(&frame);
         let art = self.cut_out(&art, frame).map_err(|TooMany| self.tangled(pattern))?;
         Ok(Some(Tile { art, map, at, size }))
     }
@@ -287,36 +420,38 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The box of an element without its strokes, in its own units.
-    fn bounds(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Result<BoxMm<2>, Box<Diag>> {
-        let own = self.declared(node)?;
-        // The element's own transform, which it applies once more, does not count.
-        let Some(own) = transform(node, &own).filter(|t| t.is_regular()) else { return Ok(BoxMm::EMPTY) };
-        let inner = State { map: own.inverse(), clip: None, ..state };
+    pub(super) fn bounds(&mut self, node: Node<'a, 'input>, state: &State) -> Result<BoxMm<2>, Box<Diag>> {
+        let map = Map::shift([0.0; 2]);
+        let inner = State { map, clip: None, style: state.parent.clone(), depth: state.depth, ..state.clone() };
         let tolerance = self.tolerance;
         self.tolerance = tolerance / state.map.enlarges();
         let quiet = std::mem::replace(&mut self.is_quiet, true);
-        let aside = self.aside(Purpose::Bounds, |walk| walk.element(node, inner));
-        (self.is_quiet, self.tolerance) = (quiet, tolerance);
+        let boxed = self.boxed.replace(node.id());
+        let aside = self.aside(Purpose::Bounds, |walk| walk.element(node, &inner));
+        (self.is_quiet, self.tolerance, self.boxed) = (quiet, tolerance, boxed);
         Ok(BoxMm::of(aside?.lines.points.iter().copied()))
     }
 
     /// What an element holds and uses is like.
-    fn look_into(&mut self, node: Node<'a, 'input>, is_stroked: bool) -> Result<Inside, Box<Diag>> {
-        let mut inside = Inside { is_turned: false, is_stroked };
+    fn look_into(&mut self, node: Node<'a, 'input>, state: &State) -> Result<Inside, Box<Diag>> {
+        let mut inside = Inside { is_turned: false, is_stroked: state.style.stroke != svg_style::Paint::None };
         let (mut seen, mut left) = (HashSet::new(), vec![node]);
-        while let Some(node) = left.pop() {
-            for inner in node.descendants().filter(Node::is_element) {
-                let own = self.declared(inner)?;
-                inside.is_stroked |= own.get("stroke").is_some_and(|stroke| stroke != "none");
-                inside.is_turned |= inner != node && transform(inner, &own).is_some_and(|t| !t.is_aligned());
-                let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(|h| h.strip_prefix('#'));
-                if let Some(target) = used.and_then(|id| self.target(id)).filter(|t| seen.insert(t.id())) {
-                    let own = self.declared(target)?;
-                    inside.is_turned |= transform(target, &own).is_some_and(|t| !t.is_aligned());
+        let quiet = std::mem::replace(&mut self.is_quiet, true);
+        while let Some(top) = left.pop() {
+            for inner in top.descendants().filter(Node::is_element) {
+                let style = self.style(inner, &state.parent)?;
+                inside.is_stroked |= style.stroke != svg_style::Paint::None;
+                // A box that transforms refer to is not known here.
+                let size = ReferenceBox { corner: [0.0; 2], size: state.port };
+                let is_turned = style.has_transform() && !Map::of(style.matrix(size)).is_aligned();
+                inside.is_turned |= inner != node && is_turned;
+                let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(local);
+                if let Some(target) = used.and_then(|id| self.target(&id)).filter(|t| seen.insert(t.id())) {
                     left.push(target);
                 }
             }
         }
+        self.is_quiet = quiet;
         Ok(inside)
     }
 
@@ -365,7 +500,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         attribute: &str,
         is_box: bool,
         node: Node<'a, 'input>,
-        state: &mut State<'a>,
+        outer: &State,
+        state: &mut State,
     ) -> Result<bool, Box<Diag>> {
         let wants_box = match server.attribute(attribute) {
             Some("objectBoundingBox") => true,
@@ -375,14 +511,14 @@ impl<'a, 'input> Walk<'a, 'input> {
         if wants_box {
             // SVG 2, 8.10 has the tightest box; some programs turn the box of each shape and get a larger one. The
             // frame of a mask reaches a tenth beyond either, unless it says otherwise: it could cut strokes alone.
-            let inside = self.look_into(node, state.style.has_stroke())?;
+            let inside = self.look_into(node, outer)?;
             let sides = ["x", "y", "width", "height"];
             let is_roomy = attribute == "maskUnits" && !sides.iter().any(|name| server.has_attribute(*name));
             if inside.is_turned && (inside.is_stroked || !is_roomy) {
                 self.note(Issue::Box, node);
                 return Ok(false);
             }
-            let bounds = self.bounds(node, *state)?;
+            let bounds = self.bounds(node, outer)?;
             let [w, h] = bounds.size();
             if !(w > 0.0 && h > 0.0) {
                 return Ok(false);

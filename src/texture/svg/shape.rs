@@ -2,15 +2,17 @@
 
 use std::ops::Range;
 
+use kurbo::Cap;
 use roxmltree::Node;
-use svgtypes::LengthListParser;
+use svg_style::{Layer, Style};
 
 use super::outline::{Dropped, Outline, Sink};
 use super::path;
 use super::stroke::{Curves, Pen, TooMany};
-use super::style::Coat;
+use super::servers::Paint;
+use super::style::{cap, join, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, State, Walk};
+use super::walk::{Done, Purpose, State, Walk, is_hairline, whole};
 use crate::diag::Diag;
 use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode, WHITE};
 
@@ -19,17 +21,21 @@ const FINE: f64 = 0.1;
 
 impl<'a, 'input> Walk<'a, 'input> {
     /// Draws a shape as the purpose asks for.
-    pub(super) fn shape(&mut self, node: Node<'a, 'input>, tag: &str, state: State<'a>) -> Done {
-        let Some(state) = self.enter(node, state)? else { return Ok(()) };
+    pub(super) fn shape(&mut self, node: Node<'a, 'input>, tag: &str, outer: &State) -> Done {
+        let Some(state) = &self.enter(node, outer)? else { return Ok(()) };
+        let style = &state.style;
+        let black = Colour::default();
         match self.purpose {
-            Purpose::Bounds => return self.subpaths(node, tag, state, [0; 3], Figure::Lines),
-            Purpose::Clip if state.style.is_visible() => {
-                return self.subpaths(node, tag, state, [0; 3], Figure::Fill(state.style.clip_rule));
+            Purpose::Bounds => return self.subpaths(node, tag, state, Ink::plain(black), Figure::Lines).map(|_| ()),
+            Purpose::Clip if style.visible => {
+                let figure = Figure::Fill(rule(style.clip_rule));
+                return self.subpaths(node, tag, state, Ink::plain(black), figure).map(|_| ());
             }
             Purpose::Clip => return Ok(()),
             Purpose::Mark | Purpose::Mask => {}
         }
-        if state.style.stroke_first {
+        let place = |layer: Layer| style.paint_order.iter().position(|l| *l == layer);
+        if place(Layer::Stroke) < place(Layer::Fill) {
             self.stroke(node, tag, state, None)?;
             return self.fill(node, tag, state).map(|_| ());
         }
@@ -37,48 +43,57 @@ impl<'a, 'input> Walk<'a, 'input> {
         self.stroke(node, tag, state, filled)
     }
 
-    /// Draws the area of a shape; answers with its polylines.
-    fn fill(&mut self, node: Node<'a, 'input>, tag: &str, state: State<'a>) -> Result<Option<Range<usize>>, Box<Diag>> {
-        let figure = Figure::Fill(state.style.rule);
-        match state.style.fill() {
-            Coat::Colour(colour) if tag != "line" => {
+    /// Draws the area of a shape; answers with its polylines, and whether it has points that are none.
+    fn fill(&mut self, node: Node<'a, 'input>, tag: &str, state: &State) -> Result<Option<Filled>, Box<Diag>> {
+        if tag == "line" {
+            return Ok(None);
+        }
+        match self.paint(node, state, true)? {
+            Paint::None => Ok(None),
+            Paint::Ink(ink) => {
                 let first = self.art.lines.len();
-                self.subpaths(node, tag, state, colour, figure)?;
-                Ok(Some(first..self.art.lines.len()))
+                let figure = Figure::Fill(rule(state.style.fill_rule));
+                let has_dots = self.subpaths(node, tag, state, ink, figure)?;
+                Ok(Some(Filled { lines: first..self.art.lines.len(), has_dots }))
             }
-            Coat::Server(id) if tag != "line" => self.painted(node, tag, state, id).map(|()| None),
-            _ => Ok(None),
+            Paint::Pattern(pattern) => self.painted(node, tag, state, pattern).map(|()| None),
         }
     }
 
     /// Draws the stroke of a shape along its centre, or as the area that it covers.
-    fn stroke(&mut self, node: Node<'a, 'input>, tag: &str, state: State<'a>, filled: Option<Range<usize>>) -> Done {
-        let colour = match state.style.stroke() {
-            Coat::Colour(colour) => colour,
-            Coat::Server(_) => {
+    fn stroke(&mut self, node: Node<'a, 'input>, tag: &str, state: &State, filled: Option<Filled>) -> Done {
+        let Some(mut pen) = self.pen(node, state) else { return Ok(()) };
+        let ink = match self.paint(node, state, false)? {
+            Paint::None => return Ok(()),
+            Paint::Ink(ink) => ink,
+            Paint::Pattern(_) => {
                 self.note(Issue::Paint, node);
                 return Ok(());
             }
-            _ => return Ok(()),
         };
-        let Some(pen) = self.pen(node, state) else { return Ok(()) };
         let width = pen.width * state.map.enlarges();
         // A line of the page's colour hides what it covers.
         let is_line = self.purpose == Purpose::Mark
-            && (colour != WHITE || self.marking.names(WHITE))
+            && (ink.colour != WHITE || self.marking.names(WHITE))
             && match self.marking.stroke {
                 StrokeMode::Centre => true,
-                StrokeMode::Shown => width <= self.widest_line,
-                StrokeMode::Outline | StrokeMode::Hatch => false,
+                StrokeMode::Shown => width <= self.widest_line || is_hairline(&state.style),
+                StrokeMode::Outline | StrokeMode::Hatch => is_hairline(&state.style),
             };
         if is_line && pen.dashes.is_empty() {
-            return match filled {
-                Some(lines) => {
-                    self.push(node, state, colour, Figure::Lines, lines);
-                    Ok(())
+            let has_dots = match filled {
+                Some(Filled { lines, has_dots }) => {
+                    self.push(node, state, ink, Figure::Lines, lines);
+                    has_dots
                 }
-                None => self.subpaths(node, tag, state, colour, Figure::Lines),
+                None => self.subpaths(node, tag, state, ink, Figure::Lines)?,
             };
+            if has_dots {
+                let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
+                self.draw(node, tag, state, &mut curves);
+                self.dots(node, state, ink, &pen, &curves.take_dots(), true)?;
+            }
+            return Ok(());
         }
         let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
         // What is wrong with the area is wrong with the line.
@@ -88,7 +103,9 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Fault, node);
         }
         self.is_quiet = quiet;
+        self.dots(node, state, ink, &pen, &curves.take_dots(), is_line)?;
         if !pen.dashes.is_empty() {
+            self.by_path_length(node, &curves, &mut pen);
             curves.dash(&pen).map_err(|TooMany| {
                 let text = format!("{} has more than a million dashes", self.called(node));
                 Box::new(Diag::limit("texture-large", text).hint("draw longer dashes"))
@@ -98,80 +115,120 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !is_line {
             curves.widen(&pen);
         }
-        let (lines, dropped) = self.flattened(node, state, |_, out| curves.draw(out))?;
+        let (lines, dropped) = self.flattened(node, state, figure, |_, out| curves.draw(out))?;
         // Of an area, contours without extent may be parts of its caps and joins.
-        if is_line || lines.is_empty() {
-            self.dropped(node, &dropped);
+        if is_line && dropped.hairlines {
+            self.note(Issue::Hairline, node);
         }
-        self.push(node, state, colour, figure, lines);
+        self.push(node, state, ink, figure, lines);
         Ok(())
     }
 
-    /// How the stroke of a shape is drawn, in its units; None where it has no width.
-    fn pen(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Option<Pen> {
-        let style = state.style;
-        let mut length = |text: Option<&str>| text.and_then(|t| self.parsed(node, t, 2, state)).unwrap_or(f64::NAN);
-        let width = style.width.map_or(1.0, |w| length(Some(w)));
-        let width = if width.is_finite() { width } else { 1.0 } * state.stretch;
-        let offset = length(style.dash_offset);
-        let offset = if offset.is_finite() { offset * state.stretch } else { 0.0 };
-        let mut dashes = Vec::new();
-        if let Some(text) = style.dashes.filter(|t| *t != "none") {
-            let lengths = LengthListParser::from(text);
-            dashes =
-                lengths.map(|l| l.map_or(f64::NAN, |l| self.resolved(node, l, 2, state) * state.stretch)).collect();
-            if !dashes.iter().all(|d| *d >= 0.0) || dashes.iter().sum::<f64>() <= 0.0 {
-                dashes.clear();
+    /// Draws points: discs or squares where the stroke is wider than a line, else dots of the pen.
+    fn dots(
+        &mut self,
+        node: Node<'a, 'input>,
+        state: &State,
+        ink: Ink,
+        pen: &Pen,
+        dots: &[[f64; 2]],
+        is_line: bool,
+    ) -> Done {
+        if pen.cap == Cap::Butt || dots.is_empty() {
+            if !dots.is_empty() {
+                self.note(Issue::Dot, node);
             }
-            if dashes.len() % 2 == 1 {
-                dashes.extend_from_within(..);
-            }
+            return Ok(());
         }
-        let Some(join) = style.join else {
+        if is_line {
+            let first = self.art.lines.len();
+            dots.iter().for_each(|&dot| self.art.lines.push(&[state.map.at(dot)]));
+            let lines = first..self.art.lines.len();
+            self.push(node, state, ink, Figure::Lines, lines);
+            return Ok(());
+        }
+        let half = pen.width / 2.0;
+        let (lines, _) = self.flattened(node, state, Figure::Stroke, |_, out| {
+            for &[x, y] in dots {
+                match pen.cap {
+                    Cap::Round => out.ellipse([x, y], half, half),
+                    _ => rect([x - half, y - half], [pen.width; 2], [0.0; 2], out),
+                }
+            }
+        })?;
+        self.push(node, state, ink, Figure::Stroke, lines);
+        Ok(())
+    }
+
+    /// Takes lengths of dashes from the units of the attribute `pathLength` (SVG 2, 9.6.1).
+    fn by_path_length(&mut self, node: Node<'a, 'input>, curves: &Curves, pen: &mut Pen) {
+        let Some(text) = node.attribute("pathLength") else { return };
+        let stated = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0);
+        let Some(stated) = stated else { return };
+        self.note(Issue::PathLength, node);
+        let factor = curves.length() / stated;
+        pen.dashes.iter_mut().for_each(|d| *d *= factor);
+        pen.offset *= factor;
+    }
+
+    /// How the stroke of a shape is drawn, in its units; None where it has no width.
+    fn pen(&mut self, node: Node<'a, 'input>, state: &State) -> Option<Pen> {
+        let style = &state.style;
+        let length = |l: svg_style::Length| l.of(whole(state.port, 2)) * state.stretch;
+        let width = length(style.stroke_width);
+        let mut dashes: Vec<f64> = style.stroke_dasharray.iter().map(|&d| length(d)).collect();
+        if dashes.iter().sum::<f64>() <= 0.0 || !dashes.iter().all(|d| *d >= 0.0) {
+            dashes.clear();
+        }
+        if dashes.len() % 2 == 1 {
+            dashes.extend_from_within(..);
+        }
+        if style.stroke == svg_style::Paint::None || !(width > 0.0 || style.hairline) {
+            return None;
+        }
+        let Some(join) = join(style.stroke_linejoin) else {
             self.note(Issue::Effect, node);
             return None;
         };
-        (width > 0.0).then_some(Pen { width, cap: style.cap, join, miter: style.miter, dashes, offset })
+        let (cap, miter) = (cap(style.stroke_linecap), style.stroke_miterlimit);
+        Some(Pen { width, cap, join, miter, dashes, offset: length(style.stroke_dashoffset) })
     }
 
-    /// Draws the subpaths of a shape as one figure.
+    /// Draws the subpaths of a shape as one figure; answers whether some are points, which a stroke may show.
     pub(super) fn subpaths(
         &mut self,
         node: Node<'a, 'input>,
         tag: &str,
-        state: State<'a>,
-        colour: Colour,
+        state: &State,
+        ink: Ink,
         figure: Figure,
-    ) -> Done {
+    ) -> Result<bool, Box<Diag>> {
         let mut whole = true;
-        let (lines, dropped) = self.flattened(node, state, |walk, out| whole = walk.draw(node, tag, state, out))?;
+        let (lines, dropped) = self.flattened(node, state, figure, |walk, out| whole = walk.draw(node, tag, state, out))?;
         if !whole {
             self.note(Issue::Fault, node);
         }
-        self.dropped(node, &dropped);
-        self.push(node, state, colour, figure, lines);
-        Ok(())
-    }
-
-    /// Notes what of an element is too small to be marked.
-    fn dropped(&mut self, node: Node<'a, 'input>, dropped: &Dropped) {
-        for (is_met, issue) in [(dropped.dots, Issue::Dot), (dropped.hairlines, Issue::Hairline)] {
-            if is_met {
-                self.note(issue, node);
-            }
+        if dropped.hairlines {
+            self.note(Issue::Hairline, node);
         }
+        if dropped.dots && figure != Figure::Lines && state.style.stroke == svg_style::Paint::None {
+            self.note(Issue::Dot, node);
+        }
+        self.push(node, state, ink, figure, lines);
+        Ok(dropped.dots)
     }
 
     /// The polylines of what is drawn.
     fn flattened(
         &mut self,
         node: Node<'a, 'input>,
-        state: State<'a>,
+        state: &State,
+        figure: Figure,
         draw: impl FnOnce(&mut Self, &mut Outline<'_>),
     ) -> Result<(Range<usize>, Dropped), Box<Diag>> {
         let mut lines = std::mem::take(&mut self.art.lines);
         let first = lines.len();
-        let mut out = Outline::new(state.map, self.tolerance, &mut lines);
+        let mut out = Outline::new(state.map, self.tolerance, figure == Figure::Lines, &mut lines);
         draw(self, &mut out);
         let ended = out.end();
         self.art.lines = lines;
@@ -180,52 +237,74 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Makes a shape of polylines.
-    fn push(&mut self, node: Node<'a, 'input>, state: State<'a>, colour: Colour, figure: Figure, lines: Range<usize>) {
-        if !lines.is_empty() {
-            let (name, State { labels, clip, .. }) = (self.name(node), state);
-            self.art.shapes.push(Shape { name, labels, colour, figure, lines, clip });
+    fn push(&mut self, node: Node<'a, 'input>, state: &State, ink: Ink, figure: Figure, lines: Range<usize>) {
+        if lines.is_empty() {
+            return;
         }
+        let (name, labels, clip) = (self.name(node), state.labels, state.clip);
+        if ink.opacity < 1.0 {
+            self.note(Issue::Translucent, node);
+        }
+        self.art.shapes.push(Shape { name, labels, colour: ink.colour, figure, lines, clip });
     }
 
     /// Draws a shape; answers whether its description was faultless.
-    fn draw(&mut self, node: Node<'a, 'input>, tag: &str, state: State<'a>, out: &mut impl Sink) -> bool {
+    fn draw(&mut self, node: Node<'a, 'input>, tag: &str, state: &State, out: &mut impl Sink) -> bool {
         let text = |name: &str| node.attribute(name).unwrap_or_default();
-        let mut get = |name: &str, axis: usize| self.length(node, name, axis, state);
+        let style = &state.style;
+        let of = |length: svg_style::Length, axis: usize| length.of(whole(state.port, axis));
         match tag {
-            "path" => return path::path(text("d"), out),
+            "path" => return path::path(style.d.as_deref().unwrap_or(text("d")), out),
             "polyline" => return path::points(text("points"), false, out),
             "polygon" => return path::points(text("points"), true, out),
             "line" => {
+                let mut get = |name: &str, axis: usize| self.length(node, name, axis, state);
                 out.move_to([get("x1", 0), get("y1", 1)]);
                 out.line_to([get("x2", 0), get("y2", 1)]);
             }
             "rect" => {
-                let (p, size) = ([get("x", 0), get("y", 1)], [get("width", 0), get("height", 1)]);
-                let radii = radii(node, size, &mut get);
-                rect(p, size, radii, out);
+                let side = |length: svg_style::Auto, axis: usize| length.map_or(0.0, |l| of(l, axis));
+                let (p, size) = ([of(style.x, 0), of(style.y, 1)], [side(style.width, 0), side(style.height, 1)]);
+                rect(p, size, radii(style, size, of), out);
             }
             "circle" => {
-                let r = get("r", 2);
-                ellipse([get("cx", 0), get("cy", 1)], [r, r], out);
+                let r = of(style.r, 2);
+                ellipse([of(style.cx, 0), of(style.cy, 1)], [r, r], out);
             }
-            _ => {
-                let centre = [get("cx", 0), get("cy", 1)];
-                let radii = radii(node, [f64::INFINITY; 2], &mut get);
-                ellipse(centre, radii, out);
-            }
+            _ => ellipse([of(style.cx, 0), of(style.cy, 1)], radii(style, [f64::INFINITY; 2], of), out),
         }
         true
     }
 }
 
+/// The area of a shape as it was drawn.
+struct Filled {
+    lines: Range<usize>,
+    /// Some of its subpaths are points.
+    has_dots: bool,
+}
+
+/// What something is painted with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ink {
+    pub(super) colour: Colour,
+    /// 0 to 1.
+    pub(super) opacity: f32,
+}
+
+impl Ink {
+    pub(super) const fn plain(colour: Colour) -> Self {
+        Self { colour, opacity: 1.0 }
+    }
+}
+
 /// Radii of a rectangle's corners or of an ellipse: one that is not given equals the other.
-fn radii(node: Node<'_, '_>, size: [f64; 2], get: &mut impl FnMut(&str, usize) -> f64) -> [f64; 2] {
-    let given = |name: &str| node.attribute(name).is_some_and(|t| t.trim() != "auto");
-    let [rx, ry] = match [given("rx"), given("ry")] {
-        [true, true] => [get("rx", 0), get("ry", 1)],
-        [true, false] => [get("rx", 0); 2],
-        [false, true] => [get("ry", 1); 2],
-        [false, false] => [0.0; 2],
+fn radii(style: &Style, size: [f64; 2], of: impl Fn(svg_style::Length, usize) -> f64) -> [f64; 2] {
+    let [rx, ry] = match [style.rx, style.ry] {
+        [Some(rx), Some(ry)] => [of(rx, 0), of(ry, 1)],
+        [Some(rx), None] => [of(rx, 0); 2],
+        [None, Some(ry)] => [of(ry, 1); 2],
+        [None, None] => [0.0; 2],
     };
     [rx.clamp(0.0, (size[0] / 2.0).max(0.0)), ry.clamp(0.0, (size[1] / 2.0).max(0.0))]
 }

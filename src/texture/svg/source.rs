@@ -1,8 +1,10 @@
 //! From the bytes of a drawing to text that is safe to parse.
 //!
-//! Understands UTF-8, UTF-16 with a byte order mark, declared Latin-1, and gzip (svgz). Refuses what
-//! would only cost time or memory further on: large files, bombs, endless nesting, entities.
+//! Understands UTF-8, UTF-16 with a byte order mark, declared Latin-1, and gzip (svgz). Refuses what would only cost time
+//! or memory further on: large files, bombs, endless nesting, and entities that hold markup, name other files or expand
+//! to more than [`MAX_EXPANDED`].
 
+use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
@@ -119,9 +121,87 @@ fn is_declared_latin1(bytes: &[u8]) -> bool {
     declaration.starts_with("<?xml") && (declaration.contains("iso-8859-1") || declaration.contains("latin1"))
 }
 
-/// Whether the text declares entities, which may expand without bound or name other files.
-pub(super) fn has_entities(text: &str) -> bool {
-    text.contains("<!ENTITY")
+/// Most bytes that the entities of a drawing make.
+const MAX_EXPANDED: usize = 1 << 20;
+
+/// Deepest reference from entity to entity; the XML parser expands ten levels.
+const MAX_ENTITY_DEPTH: usize = 8;
+
+/// The entities that a drawing declares: name and text.
+type Entities<'a> = HashMap<&'a str, &'a str>;
+
+/// Reads the declarations of entities; refuses those that hold markup or name other files.
+fn entities(text: &str) -> Result<Entities<'_>, Box<Fault>> {
+    let mut all = Entities::new();
+    let mut at = 0;
+    while let Some(start) = text[at..].find(ENTITY).map(|i| at + i) {
+        let fault = |what: &str| {
+            let d = Diag::input("svg-dtd", format!("the drawing declares an XML entity {what}, which is not read"))
+                .hint("save it as plain SVG, without a document type");
+            Box::new(Fault { diag: d, at: start })
+        };
+        let rest = text[start + ENTITY.len()..].trim_start();
+        let Some((name, rest)) = rest.split_once(char::is_whitespace) else { return Err(fault("without a value")) };
+        let rest = rest.trim_start();
+        if name == "%" {
+            return Err(fault("of parameters"));
+        }
+        let Some(quote) = rest.chars().next().filter(|c| matches!(c, '"' | '\'')) else {
+            return Err(fault("that stands in another file"));
+        };
+        let Some((value, after)) = rest[1..].split_once(quote) else { return Err(fault("without an end")) };
+        if value.contains('<') || value.contains("&#") {
+            return Err(fault("with markup"));
+        }
+        // The first of several counts (XML 1.0, 4.2).
+        all.entry(name).or_insert(value);
+        at = text.len() - after.len();
+    }
+    Ok(all)
+}
+
+const ENTITY: &str = "<!ENTITY";
+
+/// How many bytes a text has once its entities are put in; None where there are more than [`MAX_EXPANDED`] or they
+/// refer to each other too deep.
+fn expanded(text: &str, all: &Entities<'_>, depth: usize) -> Option<usize> {
+    let mut bytes = text.len();
+    for reference in text.split('&').skip(1) {
+        let Some(value) = reference.split_once(';').and_then(|(name, _)| all.get(name)) else { continue };
+        if depth == 0 {
+            return None;
+        }
+        bytes += expanded(value, all, depth - 1)?;
+        if bytes > text.len() + MAX_EXPANDED {
+            return None;
+        }
+    }
+    Some(bytes)
+}
+
+/// Refuses entities that could take any time and memory.
+fn check_entities(text: &str) -> Result<(), Box<Fault>> {
+    let Some(at) = text.find(ENTITY) else { return Ok(()) };
+    let all = entities(text)?;
+    // Each once, so that what is used often is bounded before it is gone through often.
+    let mut sizes = HashMap::new();
+    for (name, value) in &all {
+        let size = expanded(value, &all, MAX_ENTITY_DEPTH - 1);
+        sizes.insert(*name, size);
+    }
+    let references = text.split('&').skip(1).filter_map(|r| r.split_once(';')).filter_map(|(name, _)| sizes.get(name));
+    let total = references.copied().try_fold(0usize, |sum, size| Some(sum + size?)).filter(|sum| *sum <= MAX_EXPANDED);
+    match total {
+        Some(_) => Ok(()),
+        None => {
+            let text = format!(
+                "the entities of the drawing expand to more than {} MB, or refer to each other in a circle",
+                MAX_EXPANDED >> 20
+            );
+            let d = Diag::input("svg-dtd", text).hint("save it as plain SVG, without a document type");
+            Err(Fault { diag: d, at }.into())
+        }
+    }
 }
 
 /// A fault at a byte of the text.
@@ -132,11 +212,7 @@ struct Fault {
 
 /// Scans tags without building anything.
 fn check(text: &str) -> Result<(), Box<Fault>> {
-    if has_entities(text) {
-        let d = Diag::input("svg-dtd", "the drawing declares XML entities, which are not read")
-            .hint("save it as plain SVG, without a document type");
-        return Err(Fault { diag: d, at: text.find("<!ENTITY").unwrap_or_default() }.into());
-    }
+    check_entities(text)?;
     let (mut depth, mut at) = (0usize, 0usize);
     while let Some(open) = text[at..].find('<').map(|i| at + i) {
         let rest = &text[open..];
@@ -216,5 +292,28 @@ mod tests {
             assert_eq!(decoded(bytes).as_deref(), Ok(text));
         }
         assert!(decoded(b"<svg id='\xe9'/>".to_vec()).is_err(), "undeclared Latin-1");
+    }
+
+    #[test]
+    fn entities_are_bounded() {
+        let of = |declared: &str, body: &str| check_entities(&format!("<!DOCTYPE svg [{declared}]><svg>{body}</svg>"));
+        assert!(of("<!ENTITY ns \"http://x\"> <!ENTITY b '&ns;/&ns;'>", "&b; &amp; &other;").is_ok());
+        for (declared, body) in [
+            ("<!ENTITY a '&a;'>", "&a;"),
+            ("<!ENTITY a '&b;'><!ENTITY b '&a;'>", "&a;"),
+            ("<!ENTITY a '<g/>'>", ""),
+            ("<!ENTITY a SYSTEM 'file:///x'>", ""),
+            ("<!ENTITY % a 'x'>", ""),
+            ("<!ENTITY a 'x", ""),
+        ] {
+            assert!(of(declared, body).is_err(), "{declared}");
+        }
+        let tenfold: String =
+            (1..8).map(|i| format!("<!ENTITY e{i} '{}'>", format!("&e{};", i - 1).repeat(10))).collect();
+        assert!(of(&format!("<!ENTITY e0 'lol'>{tenfold}"), "&e3;").is_ok());
+        assert!(of(&format!("<!ENTITY e0 'lol'>{tenfold}"), "&e7;").is_err());
+        let long = format!("<!ENTITY a '{}'>", "x".repeat(20_000));
+        assert!(of(&long, &"&a;".repeat(40)).is_ok());
+        assert!(of(&long, &"&a;".repeat(60)).is_err());
     }
 }

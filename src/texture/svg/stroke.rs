@@ -1,9 +1,8 @@
 //! Wide and dashed lines (kurbo): dashes cut out of an element's subpaths, and the area that a wide line covers.
 
-use kurbo::{Arc, BezPath, PathEl, Point as At, Shape, StrokeOpts, SvgArc, Vec2};
+use kurbo::{Arc, BezPath, Cap, Join, PathEl, Point as At, Shape, StrokeOpts, SvgArc, Vec2};
 
 use super::outline::Sink;
-use super::style::{Cap, Join};
 
 /// Most dashes of one element.
 const MAX_DASHES: f64 = 1e6;
@@ -43,6 +42,38 @@ pub(super) struct Curves {
 impl Curves {
     pub(super) fn new(tolerance: f64) -> Self {
         Self { path: BezPath::new(), start: [0.0; 2], at: [0.0; 2], tolerance }
+    }
+
+    /// Takes out the subpaths that are drawn without leaving their first point; answers with these.
+    pub(super) fn take_dots(&mut self) -> Vec<Point> {
+        let mut dots = Vec::new();
+        let mut kept = BezPath::new();
+        let elements = self.path.elements();
+        let mut at = 0;
+        while at < elements.len() {
+            let len = elements[at + 1..].iter().take_while(|el| !matches!(el, PathEl::MoveTo(_))).count() + 1;
+            let subpath = &elements[at..at + len];
+            at += len;
+            let PathEl::MoveTo(start) = subpath[0] else { unreachable!("a subpath begins with a move") };
+            let stays = |el: &PathEl| match *el {
+                PathEl::MoveTo(p) | PathEl::LineTo(p) => p == start,
+                PathEl::QuadTo(c, p) => c == start && p == start,
+                PathEl::CurveTo(c, d, p) => c == start && d == start && p == start,
+                PathEl::ClosePath => true,
+            };
+            if !subpath.iter().all(stays) {
+                kept.extend(subpath.iter().copied());
+            } else if len > 1 {
+                dots.push([start.x, start.y]);
+            }
+        }
+        self.path = kept;
+        dots
+    }
+
+    /// Of all subpaths together.
+    pub(super) fn length(&self) -> f64 {
+        self.path.perimeter(self.tolerance)
     }
 
     /// Cuts the subpaths into dashes.

@@ -21,13 +21,17 @@ pub(super) enum Issue {
     Flat,
     Unit,
     Translucent,
+    Animation,
+    Background,
+    NonScaling,
+    PathLength,
     Dot,
     Hairline,
     Overhang,
 }
 
 /// Issue, weight, code, sentence after "elements", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 17] = [
+const ISSUES: [(Issue, Weight, &str, &str, &str); 21] = [
     (
         Issue::Hidden,
         Told,
@@ -55,7 +59,7 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 17] = [
         Issue::Paint,
         Refused,
         "svg-paint",
-        "are painted by a gradient, by a pattern that cannot be drawn, or have a stroke painted by either",
+        "are painted by a gradient of several colours, by a pattern that cannot be drawn, or have a stroke painted by either",
         "paint them in one colour, or draw the pattern as paths",
     ),
     (
@@ -79,7 +83,7 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 17] = [
         Issue::Transform,
         Refused,
         "svg-transform",
-        "have a transform that is faulty or sits on the drawing itself, or a transform-origin",
+        "have a transform that is faulty, sits on the drawing itself, or refers to the box of a stroke",
         "apply the transform in the drawing program",
     ),
     (
@@ -96,13 +100,48 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 17] = [
         "have a transform that flattens them to a line, and are not marked",
         "remove them, or repair the transform",
     ),
-    (Issue::Unit, Told, "svg-unit", "have lengths in em or ex, taken as 16 px and 8 px", "use mm or user units"),
+    (
+        Issue::Unit,
+        Told,
+        "svg-unit",
+        "have lengths in units that depend on the face of a font (ex, ch, ic), taken as half or all of its size",
+        "use mm or user units",
+    ),
     (
         Issue::Translucent,
         Told,
         "svg-opacity",
         "are partly transparent and are marked like opaque ones",
         "give them a colour and a pen of their own, or ignore this",
+    ),
+    (
+        Issue::Animation,
+        Refused,
+        "svg-animation",
+        "change over time (animate, set)",
+        "remove the animation, and draw what is meant",
+    ),
+    (
+        Issue::Background,
+        Refused,
+        "svg-background",
+        "have a background of CSS that is not white",
+        "draw the background as a rectangle, or remove it",
+    ),
+    (
+        Issue::NonScaling,
+        Told,
+        "svg-non-scaling",
+        "have a stroke that does not scale (vector-effect); its width is that at the size of the page, with 96 pixels \
+         to the inch",
+        "give the stroke a width in the units of the drawing, or mark strokes along their centre (stroke = \"centre\")",
+    ),
+    (
+        Issue::PathLength,
+        Told,
+        "svg-path-length",
+        "have dashes in units of pathLength, drawn as browsers do; other programs ignore it",
+        "give dashes in the units of the drawing, and remove pathLength",
     ),
     (
         Issue::Dot,

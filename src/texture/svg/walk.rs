@@ -1,22 +1,23 @@
 //! The walk over a drawing's elements: groups, uses, nested drawings and shapes, in document order.
 
 use std::collections::HashMap;
-use std::str::FromStr;
+use std::sync::Arc;
 
 use roxmltree::{Document, Node, NodeId};
-use svgtypes::{Length, LengthUnit};
+use svg_style::{Cascade, Display, Excess, Length, Reference, ReferenceBox, Style, TransformBox};
 
 use super::outline::Map;
-use super::page::{self, view_map};
+use super::page::{self, Frame, view_map};
+use super::remarks::Remarks;
 use super::source::MAX_DEPTH;
-use super::style::{Declared, Style};
-use super::style_sheet::{Sheet, Work};
+use super::style::{Coat, is_gone, local};
 use super::tally::{Issue, Tally};
 use crate::diag::Diag;
+use crate::geom::BoxMm;
 use crate::texture::artwork::{Area, Artwork, Labels, MAX_POINTS, Marking, Rule, Stop, TooMany};
 use crate::texture::place::Site;
 
-const SVG: &str = "http://www.w3.org/2000/svg";
+pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
 const INKSCAPE: &str = "http://www.inkscape.org/namespaces/inkscape";
 
@@ -26,12 +27,19 @@ const MAX_VISITS: usize = 2_000_000;
 /// Tags of shapes.
 pub(super) const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
 
+/// Tags of elements that change others over time.
+const ANIMATIONS: [&str; 5] = ["animate", "set", "animateTransform", "animateMotion", "animateColor"];
+
 /// What an element inherits.
-#[derive(Clone, Copy)]
-pub(super) struct State<'a> {
+#[derive(Clone)]
+pub(super) struct State {
     /// From the element's units to page mm.
     pub(super) map: Map,
-    pub(super) style: Style<'a>,
+    pub(super) style: Arc<Style>,
+    /// The style that the element inherits from.
+    pub(super) parent: Arc<Style>,
+    /// Of the element and all that hold it, 0 to 1.
+    pub(super) opacity: f64,
     /// Size of the nearest viewport, which percentages refer to.
     pub(super) port: [f64; 2],
     /// Index of the area that it is cut at.
@@ -41,6 +49,8 @@ pub(super) struct State<'a> {
     /// Factor of widths and dashes of strokes.
     pub(super) stretch: f64,
     pub(super) depth: usize,
+    /// Whether it is shown by a use.
+    pub(super) is_copy: bool,
 }
 
 /// What shapes are drawn for.
@@ -58,21 +68,24 @@ pub(super) enum Purpose {
 
 pub(super) struct Walk<'a, 'input> {
     pub(super) doc: &'a Document<'input>,
-    sheet: Sheet<'a>,
+    cascade: Cascade,
     ids: HashMap<&'a str, NodeId>,
     pub(super) tolerance: f64,
     pub(super) marking: &'a Marking,
     /// Width up to which a stroke is a line, mm.
     pub(super) widest_line: f64,
-    /// Enlargement of the drawing's own units.
-    pub(super) scale: f64,
+    /// Length of a CSS pixel on the page, mm.
+    pub(super) pixel_mm: f64,
+    /// The page, mm.
+    pub(super) page: BoxMm<2>,
     pub(super) purpose: Purpose,
+    /// The element whose own transform does not count while its box is looked for.
+    pub(super) boxed: Option<NodeId>,
     /// Elements that are being used right now, from the outside in.
     pub(super) uses: Vec<NodeId>,
     visits: usize,
     /// Edges of the areas that elements were cut at.
     pub(super) cut_edges: usize,
-    work: Work,
     /// Whether notes are dropped, where an element is drawn again.
     pub(super) is_quiet: bool,
     /// Number of each element among those of its tag, from 1, and its place in the names.
@@ -81,6 +94,7 @@ pub(super) struct Walk<'a, 'input> {
     labelled: HashMap<(u32, NodeId), u32>,
     pub(super) art: Artwork,
     pub(super) tally: Tally,
+    pub(super) remarks: Remarks,
 }
 
 pub(super) type Done = Result<(), Box<Diag>>;
@@ -88,16 +102,15 @@ pub(super) type Done = Result<(), Box<Diag>>;
 impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn new(
         doc: &'a Document<'input>,
-        sheet: Sheet<'a>,
+        cascade: Cascade,
         site: &Site,
-        scale: f64,
+        frame: &Frame,
         marking: &'a Marking,
     ) -> Self {
         let (tolerance, widest_line) = (site.tolerance, marking.widest_line_mm(site.spot_mm));
         let mut ids = HashMap::new();
         let mut counts: HashMap<&str, u32> = HashMap::new();
         let mut numbers = Vec::new();
-        let mut tally = Tally::default();
         for node in doc.descendants() {
             let n = counts.entry(node.tag_name().name()).or_default();
             *n += 1;
@@ -105,69 +118,102 @@ impl<'a, 'input> Walk<'a, 'input> {
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node.id());
             }
-            if style_text(node).is_some_and(|text| text.contains("@import")) {
-                tally.add(Issue::External, || format!("style {n}"));
-            }
         }
+        let mut remarks = Remarks::default();
+        cascade.remarks().iter().for_each(|remark| remarks.add(remark, String::new));
         let art = Artwork { labels: vec![Labels::default()], ..Artwork::default() };
-        let (uses, visits, cut_edges, work, named, labelled) = <_>::default();
-        let (purpose, is_quiet) = (Purpose::Mark, false);
+        let (uses, visits, cut_edges, named, labelled, tally, boxed) = <_>::default();
         Self {
             doc,
-            sheet,
+            cascade,
             ids,
             tolerance,
             marking,
             widest_line,
-            scale,
-            purpose,
+            pixel_mm: frame.pixel_mm,
+            page: BoxMm { lo: [0.0; 2], hi: frame.size },
+            purpose: Purpose::Mark,
+            boxed,
             uses,
             visits,
             cut_edges,
-            work,
-            is_quiet,
+            is_quiet: false,
             numbers,
             named,
             labelled,
             art,
             tally,
+            remarks,
         }
     }
 
-    /// What the children of the root draw.
-    pub(super) fn drawn(mut self, root: Node<'a, 'input>, state: State<'a>) -> Result<(Artwork, Tally), Box<Diag>> {
-        if let Some(state) = self.enter(root, state)? {
-            self.children(root, state)?;
+    /// What the children of the root draw, on a page of this frame.
+    pub(super) fn drawn(
+        mut self,
+        root: Node<'a, 'input>,
+        frame: &Frame,
+    ) -> Result<(Artwork, Tally, Remarks), Box<Diag>> {
+        let initial = Arc::new(Style::initial());
+        let state = State {
+            map: frame.map,
+            style: initial.clone(),
+            parent: initial,
+            opacity: 1.0,
+            port: frame.port,
+            clip: None,
+            labels: 0,
+            stretch: 1.0,
+            depth: 0,
+            is_copy: false,
+        };
+        if let Some(state) = self.enter(root, &state)? {
+            self.backdrop(root, &state);
+            self.children(root, &state)?;
         }
-        Ok((self.art, self.tally))
+        Ok((self.art, self.tally, self.remarks))
     }
 
-    pub(super) fn children(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {
+    /// Notes what lies behind the whole drawing and is not paper.
+    fn backdrop(&mut self, root: Node<'a, 'input>, state: &State) {
+        let is_paper = match &state.style.background {
+            svg_style::Background::None => true,
+            svg_style::Background::Colour(colour) => {
+                let rgba = colour.resolved(state.style.current());
+                rgba.alpha == 0.0 || rgba.rgb == [255; 3]
+            }
+            svg_style::Background::Other => false,
+        };
+        if !is_paper {
+            self.note(Issue::Background, root);
+        }
+    }
+
+    pub(super) fn children(&mut self, node: Node<'a, 'input>, state: &State) -> Done {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child, state))
     }
 
-    pub(super) fn element(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {
+    pub(super) fn element(&mut self, node: Node<'a, 'input>, state: &State) -> Done {
         if !is_svg(node) {
             return Ok(());
         }
         match node.tag_name().name() {
             "g" | "a" => match self.enter(node, state)? {
-                Some(state) => self.children(node, state),
+                Some(state) => self.children(node, &state),
                 None => Ok(()),
             },
             "svg" => match self.enter(node, state)? {
                 Some(inner) => {
-                    let sides = [self.side(node, "width", 0, state), self.side(node, "height", 1, state)];
+                    let sides = own_sides(&inner.style, state.port);
                     self.viewport(node, sides, inner)
                 }
                 None => Ok(()),
             },
             "use" => self.used(node, state),
             "switch" => match (self.enter(node, state)?, chosen(node)) {
-                (Some(state), Some(child)) => self.element(child, state),
+                (Some(state), Some(child)) => self.element(child, &state),
                 _ => Ok(()),
             },
-            "text" | "foreignObject" => self.unmarked(node, state, Issue::Text),
+            "text" | "foreignObject" | "flowRoot" => self.unmarked(node, state, Issue::Text),
             "image" => self.unmarked(node, state, Issue::Image),
             tag if SHAPES.contains(&tag) => self.shape(node, tag, state),
             _ => Ok(()),
@@ -175,13 +221,34 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The state inside an element; None where nothing of it is drawn.
-    pub(super) fn enter(
-        &mut self,
-        node: Node<'a, 'input>,
-        mut state: State<'a>,
-    ) -> Result<Option<State<'a>>, Box<Diag>> {
+    pub(super) fn enter(&mut self, node: Node<'a, 'input>, outer: &State) -> Result<Option<State>, Box<Diag>> {
+        let Some(mut state) = self.begin(node, outer)? else { return Ok(None) };
+        if state.style.display == Display::Contents {
+            if !matches!(node.tag_name().name(), "g" | "a") {
+                self.note(Issue::Effect, node);
+                return Ok(None);
+            }
+            // What it holds is drawn as if the group was not there (CSS Display 3, B).
+            return Ok(Some(State { opacity: outer.opacity, ..state }));
+        }
+        if !self.moved(node, &mut state)? || !self.shows_through(node, &mut state)? {
+            return Ok(None);
+        }
+        if SHAPES.contains(&node.tag_name().name()) && self.purpose != Purpose::Bounds {
+            if !self.judge(node, &state) {
+                return Ok(None);
+            }
+            if state.style.non_scaling_stroke {
+                self.unscaled(node, &mut state);
+            }
+        }
+        Ok(Some(state))
+    }
+
+    /// The state of an element before its transform; None where it is not drawn.
+    pub(super) fn begin(&mut self, node: Node<'a, 'input>, outer: &State) -> Result<Option<State>, Box<Diag>> {
         self.visits += 1;
-        state.depth += 1;
+        let mut state = State { depth: outer.depth + 1, parent: outer.style.clone(), ..outer.clone() };
         if self.visits > MAX_VISITS {
             let text = format!("the drawing has more than {MAX_VISITS} elements once its uses are expanded");
             return Err(Diag::input("svg-large", text)
@@ -193,61 +260,115 @@ impl<'a, 'input> Walk<'a, 'input> {
             return Err(Diag::input("svg-deep", text).hint("ungroup the drawing").into());
         }
         state.labels = self.labels(node, state.labels);
-        if self.is_left_out(node, state.labels) {
+        if self.purpose == Purpose::Mark && self.is_left_out(node, state.labels) {
             return Ok(None);
         }
-        let own = Declared::new(node, &self.sheet, &mut self.work)?;
-        if own.is_gone() {
+        let style = self.style(node, &outer.style)?;
+        let is_shape = SHAPES.contains(&node.tag_name().name());
+        let is_gone = is_gone(&style) || (is_shape && style.display == Display::Contents);
+        // Neither boxes nor clip paths ask for the opacity.
+        let has_opacity = matches!(self.purpose, Purpose::Mark | Purpose::Mask);
+        if is_gone || !holds_conditions(node) || (has_opacity && style.opacity <= 0.0) {
             self.note(Issue::Hidden, node);
             return Ok(None);
         }
-        state.style = state.style.with(&own, |id| self.ids.contains_key(id));
-        match transform(node, &own) {
-            Some(map) => state.map = state.map.after(map),
-            None => {
-                self.note(Issue::Transform, node);
-                return Ok(None);
-            }
+        if node.children().any(|c| ANIMATIONS.contains(&c.tag_name().name())) {
+            self.note(Issue::Animation, node);
         }
-        if !state.map.is_regular() {
-            self.note(Issue::Flat, node);
-            return Ok(None);
+        if has_opacity {
+            state.opacity *= style.opacity;
         }
-        let is_effect = own.has_any(&["filter"]) || own.get("mix-blend-mode").is_some_and(|v| v != "normal");
-        if is_effect && self.purpose != Purpose::Bounds {
-            self.note(Issue::Effect, node);
-            return Ok(None);
+        if style.needs_font() {
+            self.note(Issue::Unit, node);
         }
-        for (name, is_mask) in [("clip-path", false), ("mask", true)] {
-            let Some(value) = own.get(name).filter(|v| !matches!(*v, "" | "none")) else { continue };
-            if self.purpose != Purpose::Bounds && !self.cut(node, value, is_mask, &mut state)? {
-                return Ok(None);
-            }
-        }
-        if SHAPES.contains(&node.tag_name().name()) && self.purpose != Purpose::Bounds {
-            if !self.judge(node, &own, &state.style) {
-                return Ok(None);
-            }
-            if own.get("vector-effect") == Some("non-scaling-stroke") {
-                state = self.unscaled(node, state);
-            }
-        }
+        state.style = Arc::new(style);
         Ok(Some(state))
     }
 
-    /// What an element without a parent in the tree of what is drawn inherits: the style of its ancestors.
-    pub(super) fn style_of(&mut self, node: Node<'a, 'input>) -> Result<Style<'a>, Box<Diag>> {
-        let mut chain: Vec<_> = node.ancestors().filter(Node::is_element).collect();
-        chain.reverse();
-        let mut style = Style::INITIAL;
-        for node in chain {
-            style = style.with(&self.declared(node)?, |id| self.ids.contains_key(id));
+    /// The style of an element that inherits from another.
+    pub(super) fn style(&mut self, node: Node<'a, 'input>, parent: &Style) -> Result<Style, Box<Diag>> {
+        let (style, remarks) = self.cascade.style(node, parent).map_err(excess)?;
+        for remark in remarks {
+            match remark.property.as_str() {
+                // A page has its own words for its size.
+                "width" | "height" if node.parent_element().is_none() => {}
+                "transform" if node.has_attribute("transform") && remark.weight == svg_style::Weight::Ignored => {
+                    self.note(Issue::Transform, node);
+                }
+                name if GEOMETRY.contains(&name) && remark.weight == svg_style::Weight::Ignored => {
+                    self.note(Issue::Fault, node);
+                }
+                _ if self.is_quiet => {}
+                _ => self.remarks.add(&remark, || called(node, &self.numbers)),
+            }
         }
         Ok(style)
     }
 
-    pub(super) fn declared(&mut self, node: Node<'a, 'input>) -> Result<Declared<'a>, Box<Diag>> {
-        Declared::new(node, &self.sheet, &mut self.work)
+    /// Applies the transform of an element; answers whether anything is left of it.
+    pub(super) fn moved(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
+        if self.boxed == Some(node.id()) || !state.style.has_transform() {
+            return Ok(true);
+        }
+        let reference = match state.style.transform_box {
+            _ if !state.style.transform_needs_box() => ReferenceBox { corner: [0.0; 2], size: [0.0; 2] },
+            TransformBox::View => ReferenceBox { corner: [0.0; 2], size: state.port },
+            TransformBox::Fill => {
+                let bounds = self.bounds(node, state)?;
+                let is_empty = bounds.lo[0] > bounds.hi[0];
+                let corner = if is_empty { [0.0; 2] } else { bounds.lo };
+                ReferenceBox { corner, size: bounds.size().map(|side| side.max(0.0)) }
+            }
+            TransformBox::Stroke => {
+                self.note(Issue::Transform, node);
+                return Ok(false);
+            }
+        };
+        if node.parent_element().is_none() {
+            // It would turn the page itself.
+            self.note(Issue::Transform, node);
+            return Ok(false);
+        }
+        state.map = state.map.after(Map::of(state.style.matrix(reference)));
+        if !state.map.is_regular() {
+            self.note(Issue::Flat, node);
+            return Ok(false);
+        }
+        Ok(true)
+    }
+
+    /// Cuts an element at its clip path and mask; answers whether something of it may be drawn.
+    pub(super) fn shows_through(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
+        if self.purpose == Purpose::Bounds {
+            return Ok(true);
+        }
+        let style = state.style.clone();
+        // The parts of a clip path have neither effects nor masks.
+        let is_part = self.purpose == Purpose::Clip;
+        if !is_part && (style.filter != Reference::None || style.is_blended) {
+            self.note(Issue::Effect, node);
+            return Ok(false);
+        }
+        if style.clip_path != Reference::None && !self.cut(node, &style.clip_path, false, state)? {
+            return Ok(false);
+        }
+        Ok(is_part || style.mask == Reference::None || self.cut(node, &style.mask, true, state)?)
+    }
+
+    /// Whether no style sheet may move things.
+    pub(super) fn has_no_sheet(&self) -> bool {
+        self.cascade.is_empty()
+    }
+
+    /// The style of an element without a parent in the tree of what is drawn: that of its place in the document.
+    pub(super) fn style_of(&mut self, node: Node<'a, 'input>) -> Result<Arc<Style>, Box<Diag>> {
+        let mut chain: Vec<_> = node.ancestors().filter(Node::is_element).collect();
+        chain.reverse();
+        // What is remarked of them is remarked where they are drawn.
+        let quiet = std::mem::replace(&mut self.is_quiet, true);
+        let style = chain.into_iter().try_fold(Style::initial(), |style, node| self.style(node, &style));
+        self.is_quiet = quiet;
+        style.map(Arc::new)
     }
 
     /// The element of an id, unless it is being used right now.
@@ -289,82 +410,112 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Notes what of a shape's looks is not marked; answers whether the rest can be.
-    fn judge(&mut self, node: Node<'a, 'input>, own: &Declared<'_>, style: &Style<'a>) -> bool {
-        if !style.is_seen() {
-            self.note(Issue::Hidden, node);
-        } else if own.has_any(&["marker", "marker-start", "marker-mid", "marker-end"]) {
+    fn judge(&mut self, node: Node<'a, 'input>, state: &State) -> bool {
+        let style = &state.style;
+        if self.purpose == Purpose::Clip {
+            return true;
+        }
+        if style.visible && self.has_markers(node, style) {
             self.note(Issue::Marker, node);
             return false;
-        } else if style.is_translucent {
-            self.note(Issue::Translucent, node);
+        }
+        if !state.is_seen() {
+            self.note(Issue::Hidden, node);
         }
         true
     }
 
-    /// The state in which strokes have the width that they would have without the element's transforms.
-    fn unscaled(&mut self, node: Node<'a, 'input>, mut state: State<'a>) -> State<'a> {
-        if state.map.is_similar() {
-            state.stretch = self.scale / state.map.enlarges();
-        } else {
-            self.note(Issue::Effect, node);
-        }
-        state
+    /// Whether markers are drawn on a shape.
+    fn has_markers(&self, node: Node<'a, 'input>, style: &Style) -> bool {
+        let is_marker = |link: &Reference| match link {
+            Reference::None => false,
+            Reference::Other => true,
+            Reference::Link(link) => {
+                let marker = local(link).and_then(|id| self.target(&id)).filter(|t| t.tag_name().name() == "marker");
+                marker.is_some_and(|m| m.children().any(|c| c.is_element()))
+            }
+        };
+        let has_corners = matches!(node.tag_name().name(), "path" | "line" | "polyline" | "polygon");
+        has_corners && [&style.marker_start, &style.marker_mid, &style.marker_end].into_iter().any(is_marker)
     }
 
-    /// Notes an element of a kind that cannot be marked, unless it is hidden anyway.
-    fn unmarked(&mut self, node: Node<'a, 'input>, state: State<'a>, issue: Issue) -> Done {
-        if self.enter(node, state)?.is_some() {
-            self.note(issue, node);
-            let link = href(node).unwrap_or_default();
-            if issue == Issue::Image && !link.starts_with("data:") && !link.starts_with('#') {
-                self.note(Issue::External, node);
-            }
+    /// Gives strokes the width that they have on the screen whatever the transforms.
+    fn unscaled(&mut self, node: Node<'a, 'input>, state: &mut State) {
+        if !state.map.is_similar() {
+            self.note(Issue::Effect, node);
+            return;
+        }
+        state.stretch = self.pixel_mm / state.map.enlarges();
+        if !is_hairline(&state.style) && state.stroke() != Coat::None {
+            self.note(Issue::NonScaling, node);
+        }
+    }
+
+    /// Notes an element of a kind that cannot be marked, unless nothing is seen of it.
+    fn unmarked(&mut self, node: Node<'a, 'input>, state: &State, issue: Issue) -> Done {
+        let Some(inner) = self.enter(node, state)? else { return Ok(()) };
+        if !self.is_seen(node, &inner)? {
+            return Ok(());
+        }
+        self.note(issue, node);
+        let link = href(node).unwrap_or_default();
+        if issue == Issue::Image && !link.starts_with("data:") && !link.starts_with('#') {
+            self.note(Issue::External, node);
         }
         Ok(())
     }
 
-    fn used(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {
+    fn used(&mut self, node: Node<'a, 'input>, state: &State) -> Done {
         let Some(mut state) = self.enter(node, state)? else { return Ok(()) };
-        let Some(id) = href(node).and_then(|h| h.strip_prefix('#')) else {
-            self.note(Issue::External, node);
+        let link = href(node).unwrap_or_default();
+        let Some(id) = local(link) else {
+            self.note(if link.is_empty() { Issue::Use } else { Issue::External }, node);
             return Ok(());
         };
-        let Some(target) = self.target(id).filter(|t| !node.ancestors().any(|a| a == *t)) else {
+        let Some(target) = self.target(&id).filter(|t| !node.ancestors().any(|a| a == *t)) else {
             self.note(Issue::Use, node);
             return Ok(());
         };
-        let corner = [self.length(node, "x", 0, state), self.length(node, "y", 1, state)];
+        let tag = target.tag_name().name();
+        // A clip path holds copies of shapes and text alone (SVG 2, 14.3.2).
+        if self.purpose == Purpose::Clip && !(SHAPES.contains(&tag) || tag == "text") {
+            return Ok(());
+        }
+        let [width, height] = [state.style.width, state.style.height];
+        let port = state.port;
+        let corner = [state.style.x.of(port[0]), state.style.y.of(port[1])];
         state.map = state.map.after(Map::shift(corner));
+        state.is_copy = true;
         self.uses.push(target.id());
-        let done = match target.tag_name().name() {
-            "symbol" | "svg" if is_svg(target) => {
-                let sides = [0, 1].map(|k| {
-                    let name = ["width", "height"][k];
-                    let of = if node.has_attribute(name) { node } else { target };
-                    self.side(of, name, k, state)
-                });
-                match self.enter(target, state)? {
-                    Some(state) => self.viewport(target, sides, state),
-                    None => Ok(()),
+        let done = match tag {
+            "symbol" | "svg" if is_svg(target) => match self.enter(target, &state)? {
+                Some(inner) => {
+                    let own = match tag {
+                        "svg" => own_sides(&inner.style, port),
+                        _ => [self.side(target, "width", 0, &state), self.side(target, "height", 1, &state)],
+                    };
+                    let sides = [width.map_or(own[0], |w| w.of(port[0])), height.map_or(own[1], |h| h.of(port[1]))];
+                    self.viewport(target, sides, inner)
                 }
-            }
-            _ => self.element(target, state),
+                None => Ok(()),
+            },
+            _ => self.element(target, &state),
         };
         self.uses.pop();
         done
     }
 
     /// Draws the children of a nested drawing or a symbol.
-    fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: State<'a>) -> Done {
+    fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: State) -> Done {
         if !(size[0] > 0.0 && size[1] > 0.0) {
             self.note(Issue::Dot, node);
             return Ok(());
         }
         if node.tag_name().name() == "svg" {
-            let corner = [self.length(node, "x", 0, state), self.length(node, "y", 1, state)];
+            let corner = [state.style.x.of(state.port[0]), state.style.y.of(state.port[1])];
             state.map = state.map.after(Map::shift(corner));
         }
-        let overflow = self.declared(node)?.get("overflow");
+        let overflows = state.style.overflows == Some(true);
         let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| state.map.at(c));
         state.port = size;
         match page::view_box(node) {
@@ -379,8 +530,8 @@ impl<'a, 'input> Walk<'a, 'input> {
             }
         }
         let first = self.art.shapes.len();
-        self.children(node, state)?;
-        if matches!(overflow, Some("visible" | "auto")) { Ok(()) } else { self.frame(corners, first, node) }
+        self.children(node, &state)?;
+        if overflows { Ok(()) } else { self.frame(corners, first, node) }
     }
 
     /// Cuts the shapes from `first` on at a frame with these corners, page mm.
@@ -420,32 +571,21 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// A length in user units; 0 where it is not given or faulty. Axis 0 is x, 1 is y, 2 neither.
-    pub(super) fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State<'a>) -> f64 {
-        node.attribute(name).and_then(|text| self.parsed(node, text, axis, state)).unwrap_or(0.0)
-    }
-
-    /// As [`Walk::length`], of a text; None where it is faulty.
-    pub(super) fn parsed(&mut self, node: Node<'a, 'input>, text: &str, axis: usize, state: State<'a>) -> Option<f64> {
-        match Length::from_str(text.trim()).ok().filter(|l| l.number.is_finite()) {
-            Some(length) => Some(self.resolved(node, length, axis, state)),
-            None => {
-                self.note(Issue::Fault, node);
-                None
-            }
-        }
-    }
-
-    pub(super) fn resolved(&mut self, node: Node<'a, 'input>, length: Length, axis: usize, state: State<'a>) -> f64 {
-        if matches!(length.unit, LengthUnit::Em | LengthUnit::Ex) {
+    pub(super) fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &State) -> f64 {
+        let Some(text) = node.attribute(name) else { return 0.0 };
+        let (font, root) = (state.style.font_size.px, state.style.root_font_px);
+        let Some(length) = Length::from_attribute(text, font, root) else {
+            self.note(Issue::Fault, node);
+            return 0.0;
+        };
+        if length.needs_font {
             self.note(Issue::Unit, node);
         }
-        let [w, h] = state.port;
-        let whole = [w, h, ((w * w + h * h) / 2.0).sqrt()][axis];
-        page::px(length).unwrap_or(length.number / 100.0 * whole)
+        length.of(whole(state.port, axis))
     }
 
-    /// A side of a nested viewport: that of the outer one unless it says otherwise.
-    fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State<'a>) -> f64 {
+    /// A side of a symbol: that of the outer viewport unless it says otherwise.
+    fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &State) -> f64 {
         match node.attribute(name) {
             None | Some("auto") => state.port[axis],
             Some(_) => self.length(node, name, axis, state),
@@ -484,13 +624,36 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 }
 
-/// The transform of an element; None where it is faulty, or of a kind that is not read.
-pub(super) fn transform(node: Node<'_, '_>, own: &Declared<'_>) -> Option<Map> {
-    let Some(text) = own.get("transform").filter(|t| *t != "none") else { return Some(Map::shift([0.0; 2])) };
-    // On the root it would turn the page itself.
-    let is_plain = node.parent_element().is_some() && own.get("transform-origin").is_none();
-    let t = svgtypes::Transform::from_str(text).ok().filter(|_| is_plain)?;
-    Some(Map { a: t.a, b: t.b, c: t.c, d: t.d, e: t.e, f: t.f })
+/// Properties of geometry; a faulty one of an attribute is a fault of the shape.
+const GEOMETRY: [&str; 9] = ["x", "y", "width", "height", "cx", "cy", "r", "rx", "ry"];
+
+/// Sides of a nested drawing: those of the outer viewport unless it says otherwise.
+fn own_sides(style: &Style, port: [f64; 2]) -> [f64; 2] {
+    [style.width.map_or(port[0], |w| w.of(port[0])), style.height.map_or(port[1], |h| h.of(port[1]))]
+}
+
+/// What percentages along an axis refer to (SVG 2, 8.9).
+pub(super) fn whole([w, h]: [f64; 2], axis: usize) -> f64 {
+    [w, h, ((w * w + h * h) / 2.0).sqrt()][axis]
+}
+
+/// Whether a stroke is a line without a width at any zoom: Inkscape's hairline, or a pixel of the screen or less.
+pub(super) fn is_hairline(style: &Style) -> bool {
+    let width = style.stroke_width;
+    let is_pixel = style.non_scaling_stroke && width.share == 0.0 && !width.is_physical && width.px <= 1.0;
+    style.hairline || (is_pixel && width.px > 0.0)
+}
+
+pub(super) fn excess(excess: Excess) -> Box<Diag> {
+    let text = match excess {
+        Excess::Steps => "applying the style sheet takes more than 40 million comparisons",
+        Excess::Selectors => "the style sheet has more than 4 million selectors, or one of more than 1000 parts",
+        Excess::Depth => "the style sheet nests blocks or brackets deeper than 64",
+        Excess::Variables => "the variables of the style sheet make too much text",
+    };
+    Diag::input("svg-css", text)
+        .hint("save the drawing with presentation attributes instead of a style sheet, or with fewer rules")
+        .into()
 }
 
 /// The id of an element, or its tag and number, from 1, among all of its tag.
@@ -505,27 +668,35 @@ fn is_svg(node: Node<'_, '_>) -> bool {
     matches!(node.tag_name().namespace(), None | Some(SVG))
 }
 
-/// The style sheet that an element holds, if it is one.
-pub(super) fn style_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
-    let is_css = matches!(node.attribute("type"), None | Some("text/css"));
-    (is_svg(node) && node.tag_name().name() == "style" && is_css).then(|| node.text().unwrap_or_default())
-}
-
 /// What an element refers to; `href` wins over `xlink:href`.
 pub(super) fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
     let named = |ns: Option<&str>| node.attributes().find(|a| a.name() == "href" && a.namespace() == ns);
     named(None).or_else(|| named(Some(XLINK))).map(|a| a.value().trim())
 }
 
-/// The child of a switch that is drawn: the first that asks for nothing special.
+/// The child of a switch that is drawn: the first whose conditions hold.
 fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
-    switch.children().filter(Node::is_element).find(|n| {
-        let speaks = n.attribute("systemLanguage").is_none_or(|l| l.split(',').any(|l| l.trim().starts_with("en")));
-        is_svg(*n)
-            && speaks
-            && n.attribute("requiredExtensions").is_none_or(str::is_empty)
-            && n.tag_name().name() != "foreignObject"
-    })
+    let is_drawn = |tag: &str| {
+        SHAPES.contains(&tag) || matches!(tag, "g" | "a" | "svg" | "use" | "switch" | "text" | "image" | "foreignObject")
+    };
+    let mut children = switch.children().filter(|n| n.is_element() && is_svg(*n));
+    children.find(|n| is_drawn(n.tag_name().name()) && holds_conditions(*n))
+}
+
+/// Whether an element is for a viewer in English without extensions (SVG 2, 5.8; features are no longer asked for).
+fn holds_conditions(node: Node<'_, '_>) -> bool {
+    let speaks = |list: &str| {
+        list.split(',').map(str::trim).any(|lang| {
+            let primary = lang.get(..2).is_some_and(|l| l.eq_ignore_ascii_case("en"));
+            primary && (lang.len() == 2 || lang.eq_ignore_ascii_case("en-us"))
+        })
+    };
+    let extensions = |list: &str| {
+        let known = ["http://www.w3.org/1999/xhtml", "http://www.w3.org/1998/Math/MathML"];
+        let mut all = list.split_whitespace().peekable();
+        all.peek().is_some() && all.all(|e| known.contains(&e))
+    };
+    node.attribute("systemLanguage").is_none_or(speaks) && node.attribute("requiredExtensions").is_none_or(extensions)
 }
 
 /// A convex figure of four sides, page mm.

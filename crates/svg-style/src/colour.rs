@@ -1,0 +1,420 @@
+//! Colours of CSS Color 4 and 5, resolved to sRGB.
+
+use std::sync::Arc;
+
+use color::{AlphaColor, ColorSpaceTag, DynamicColor, Flags, HueDirection, Missing, Srgb};
+use cssparser::color::PredefinedColorSpace;
+use cssparser::{Parser, Token, match_ignore_ascii_case};
+use cssparser_color::{
+    AngleOrNumber, ColorParser, FromParsedColor, NumberOrPercentage, parse_color_with,
+};
+
+use super::value::{Fault, Length, Quantity, Reading, number_or_share, quantity};
+
+/// A colour, which may refer to that of the property `color`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Colour {
+    /// It is known.
+    Known(Rgba),
+    /// That of the property `color`.
+    Current,
+    /// A mixture of colours one of which refers to it.
+    Mix(Arc<Mix>),
+}
+
+/// Red, green and blue, 0 to 255, and opacity, 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rgba {
+    /// Red, green, blue.
+    pub rgb: [u8; 3],
+    /// 0 is transparent.
+    pub alpha: f32,
+}
+
+impl Rgba {
+    /// Opaque black.
+    pub const BLACK: Self = Self { rgb: [0; 3], alpha: 1.0 };
+}
+
+/// `color-mix()` of two colours.
+#[derive(Clone, Debug)]
+pub struct Mix {
+    space: ColorSpaceTag,
+    hue: HueDirection,
+    colours: [Unresolved; 2],
+    /// Share of the second, 0 to 1.
+    second: f32,
+    /// Factor of the opacity, 1 unless the shares sum up to less than 100 %.
+    alpha: f32,
+}
+
+impl PartialEq for Mix {
+    fn eq(&self, other: &Self) -> bool {
+        self.colours == other.colours && self.second == other.second && self.alpha == other.alpha
+    }
+}
+
+/// A colour as it is parsed, with what it says of its space.
+#[derive(Clone, Debug)]
+enum Unresolved {
+    Known(DynamicColor),
+    Current,
+    Mix(Arc<Mix>),
+}
+
+impl PartialEq for Unresolved {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Known(a), Self::Known(b)) => a.cs == b.cs && a.components == b.components,
+            (Self::Current, Self::Current) => true,
+            (Self::Mix(a), Self::Mix(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+impl Colour {
+    /// Black.
+    pub const BLACK: Self = Self::Known(Rgba::BLACK);
+
+    /// What it is where the property `color` is `current`.
+    pub fn resolved(&self, current: Rgba) -> Rgba {
+        match self {
+            Self::Known(known) => *known,
+            Self::Current => current,
+            Self::Mix(mix) => srgb(mix.resolved(current)),
+        }
+    }
+
+    fn new(colour: Unresolved) -> Self {
+        match colour {
+            Unresolved::Known(known) => Self::Known(srgb(known)),
+            Unresolved::Current => Self::Current,
+            Unresolved::Mix(mix) if mix.is_known() => Self::Known(srgb(mix.resolved(Rgba::BLACK))),
+            Unresolved::Mix(mix) => Self::Mix(mix),
+        }
+    }
+}
+
+/// What browsers show: components beyond sRGB are cut off (CSS Color 4, 13.2, leaves the mapping to the display).
+fn srgb(colour: DynamicColor) -> Rgba {
+    let AlphaColor { components: [r, g, b, alpha], .. } = colour.to_alpha_color::<Srgb>();
+    let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+    Rgba { rgb: [byte(r), byte(g), byte(b)], alpha: alpha.clamp(0.0, 1.0) }
+}
+
+impl Unresolved {
+    fn resolved(&self, current: Rgba) -> DynamicColor {
+        match self {
+            Self::Known(known) => *known,
+            Self::Current => {
+                let [r, g, b] = current.rgb.map(|v| f32::from(v) / 255.0);
+                DynamicColor::from_alpha_color(AlphaColor::<Srgb>::new([r, g, b, current.alpha]))
+            }
+            Self::Mix(mix) => mix.resolved(current),
+        }
+    }
+
+    fn is_known(&self) -> bool {
+        match self {
+            Self::Known(_) => true,
+            Self::Current => false,
+            Self::Mix(mix) => mix.is_known(),
+        }
+    }
+}
+
+impl Mix {
+    fn is_known(&self) -> bool {
+        self.colours.iter().all(Unresolved::is_known)
+    }
+
+    fn resolved(&self, current: Rgba) -> DynamicColor {
+        let [first, second] = self.colours.each_ref().map(|c| c.resolved(current));
+        let mut mixed = first.interpolate(second, self.space, self.hue).eval(self.second);
+        mixed.components[3] *= self.alpha;
+        mixed
+    }
+}
+
+/// A colour of a declaration.
+pub(crate) fn colour(reading: &Reading, css: &mut Parser<'_>) -> Result<Colour, Fault> {
+    unresolved(reading, css).map(Colour::new)
+}
+
+fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
+    let before = css.state();
+    let name = match css.next()? {
+        Token::Function(name) => Some((name.to_ascii_lowercase(), true)),
+        Token::Ident(name) => Some((name.to_ascii_lowercase(), false)),
+        _ => None,
+    };
+    match name.as_ref().map(|(name, is_function)| (name.as_str(), *is_function)) {
+        Some(("color-mix", true)) => return css.parse_nested_block(|css| mix(reading, css)),
+        // Of the two the one for light pages, as paper is.
+        Some(("light-dark", true)) => {
+            return css.parse_nested_block(|css| {
+                let light = unresolved(reading, css)?;
+                css.expect_comma()?;
+                unresolved(reading, css).map(|_| light)
+            });
+        }
+        Some((name @ ("contrast-color" | "device-cmyk" | "alpha" | "color-contrast"), true)) => {
+            return Err(reading.unknown(format!("{name}()")));
+        }
+        Some((name, false)) => {
+            if let Some((_, [r, g, b])) = SYSTEM.iter().find(|(system, _)| *system == name) {
+                return Ok(Parsed::from_rgba(*r, *g, *b, 1.0).0);
+            }
+        }
+        _ => {}
+    }
+    css.reset(&before);
+    let parsed = css.try_parse(|css| parse_color_with(&Components(reading), css));
+    if parsed.is_err() && name.is_some_and(|(_, is_function)| is_function) && is_relative(css) {
+        return Err(reading.unknown("a colour relative to another (from)"));
+    }
+    parsed.map(|Parsed(colour)| colour)
+}
+
+/// Whether a colour function takes its components from another colour (CSS Color 5).
+fn is_relative(css: &mut Parser<'_>) -> bool {
+    let is = css.expect_function().is_ok()
+        && css.parse_nested_block(|css| css.expect_ident_matching("from").map_err(Fault::from)).is_ok();
+    is
+}
+
+fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
+    let (mut space, mut hue) = (ColorSpaceTag::Oklab, HueDirection::Shorter);
+    if css.try_parse(|css| css.expect_ident_matching("in")).is_ok() {
+        let name = css.expect_ident()?.clone();
+        space = space_of(&name).ok_or_else(|| reading.unknown(format!("color-mix() in {name}")))?;
+        let way = css.try_parse(|css| {
+            let way = css.expect_ident()?.to_ascii_lowercase();
+            css.expect_ident_matching("hue")?;
+            Ok::<_, Fault>(match way.as_str() {
+                "shorter" => HueDirection::Shorter,
+                "longer" => HueDirection::Longer,
+                "increasing" => HueDirection::Increasing,
+                "decreasing" => HueDirection::Decreasing,
+                _ => return Err(Fault::unexpected_token()),
+            })
+        });
+        hue = way.unwrap_or(hue);
+        css.expect_comma()?;
+    }
+    let part = |css: &mut Parser<'_>| {
+        let before = css.try_parse(|css| share(reading, css)).ok();
+        let colour = unresolved(reading, css)?;
+        let share = before.or_else(|| css.try_parse(|css| share(reading, css)).ok());
+        Ok::<_, Fault>((colour, share))
+    };
+    let (first, of_first) = part(css)?;
+    css.expect_comma()?;
+    let (second, of_second) = part(css)?;
+    // CSS Color 5, 3.1.
+    let [a, b] = match [of_first, of_second] {
+        [None, None] => [0.5, 0.5],
+        [Some(a), None] => [a, 1.0 - a],
+        [None, Some(b)] => [1.0 - b, b],
+        [Some(a), Some(b)] => [a, b],
+    };
+    if a + b <= 0.0 {
+        return Err(Fault::unexpected_token());
+    }
+    let (second_share, alpha) = (b / (a + b), (a + b).min(1.0));
+    let colours = [first, second];
+    Ok(Unresolved::Mix(Arc::new(Mix { space, hue, colours, second: second_share, alpha })))
+}
+
+fn share(reading: &Reading, css: &mut Parser<'_>) -> Result<f32, Fault> {
+    match quantity(reading, css)? {
+        Quantity::Length(Length { px: 0.0, em: 0.0, rem: 0.0, share, .. }) if (0.0..=1.0).contains(&share) => {
+            Ok(share as f32)
+        }
+        _ => Err(Fault::unexpected_token()),
+    }
+}
+
+fn space_of(name: &str) -> Option<ColorSpaceTag> {
+    Some(match_ignore_ascii_case! { name,
+        "srgb" => ColorSpaceTag::Srgb,
+        "srgb-linear" => ColorSpaceTag::LinearSrgb,
+        "display-p3" => ColorSpaceTag::DisplayP3,
+        "a98-rgb" => ColorSpaceTag::A98Rgb,
+        "prophoto-rgb" => ColorSpaceTag::ProphotoRgb,
+        "rec2020" => ColorSpaceTag::Rec2020,
+        "lab" => ColorSpaceTag::Lab,
+        "lch" => ColorSpaceTag::Lch,
+        "oklab" => ColorSpaceTag::Oklab,
+        "oklch" => ColorSpaceTag::Oklch,
+        "hsl" => ColorSpaceTag::Hsl,
+        "hwb" => ColorSpaceTag::Hwb,
+        "xyz" | "xyz-d65" => ColorSpaceTag::XyzD65,
+        "xyz-d50" => ColorSpaceTag::XyzD50,
+        _ => return None,
+    })
+}
+
+/// Components of colour functions, in which `calc()` may stand.
+struct Components<'a>(&'a Reading);
+
+impl<'i> ColorParser<'i> for Components<'_> {
+    type Output = Parsed;
+    type Error = ();
+
+    fn parse_angle_or_number(&self, css: &mut Parser<'_>) -> Result<AngleOrNumber, Fault> {
+        match quantity(self.0, css)? {
+            Quantity::Number(value) => Ok(AngleOrNumber::Number { value: value as f32 }),
+            Quantity::Angle(degrees) => Ok(AngleOrNumber::Angle { degrees: degrees as f32 }),
+            Quantity::Length(_) => Err(Fault::unexpected_token()),
+        }
+    }
+
+    fn parse_percentage(&self, css: &mut Parser<'_>) -> Result<f32, Fault> {
+        match quantity(self.0, css)? {
+            Quantity::Length(Length { px: 0.0, em: 0.0, rem: 0.0, share, .. }) => Ok(share as f32),
+            _ => Err(Fault::unexpected_token()),
+        }
+    }
+
+    fn parse_number(&self, css: &mut Parser<'_>) -> Result<f32, Fault> {
+        super::value::number(self.0, css).map(|v| v as f32)
+    }
+
+    fn parse_number_or_percentage(&self, css: &mut Parser<'_>) -> Result<NumberOrPercentage, Fault> {
+        match quantity(self.0, css)? {
+            Quantity::Number(value) => Ok(NumberOrPercentage::Number { value: value as f32 }),
+            Quantity::Length(Length { px: 0.0, em: 0.0, rem: 0.0, share, .. }) => {
+                Ok(NumberOrPercentage::Percentage { unit_value: share as f32 })
+            }
+            _ => Err(Fault::unexpected_token()),
+        }
+    }
+}
+
+struct Parsed(Unresolved);
+
+impl Parsed {
+    /// A colour of four components, of which some may be missing (`none`).
+    fn new(cs: ColorSpaceTag, components: [Option<f32>; 4]) -> Self {
+        let mut missing = Missing::default();
+        for (i, _) in components.iter().enumerate().filter(|(_, c)| c.is_none()) {
+            missing.insert(i);
+        }
+        let components = components.map(Option::unwrap_or_default);
+        Self(Unresolved::Known(DynamicColor { cs, flags: Flags::from_missing(missing), components }))
+    }
+}
+
+/// A share as the crate of colours has it.
+fn percent(share: Option<f32>) -> Option<f32> {
+    share.map(|v| 100.0 * v)
+}
+
+impl FromParsedColor for Parsed {
+    fn from_current_color() -> Self {
+        Self(Unresolved::Current)
+    }
+
+    fn from_rgba(r: u8, g: u8, b: u8, alpha: f32) -> Self {
+        let [r, g, b] = [r, g, b].map(|v| Some(f32::from(v) / 255.0));
+        Self::new(ColorSpaceTag::Srgb, [r, g, b, Some(alpha)])
+    }
+
+    fn from_hsl(h: Option<f32>, s: Option<f32>, l: Option<f32>, alpha: Option<f32>) -> Self {
+        Self::new(ColorSpaceTag::Hsl, [h, percent(s.map(|v| v.max(0.0))), percent(l), alpha])
+    }
+
+    fn from_hwb(h: Option<f32>, w: Option<f32>, b: Option<f32>, alpha: Option<f32>) -> Self {
+        Self::new(ColorSpaceTag::Hwb, [h, percent(w), percent(b), alpha])
+    }
+
+    fn from_lab(l: Option<f32>, a: Option<f32>, b: Option<f32>, alpha: Option<f32>) -> Self {
+        Self::new(ColorSpaceTag::Lab, [l, a, b, alpha])
+    }
+
+    fn from_lch(l: Option<f32>, c: Option<f32>, h: Option<f32>, alpha: Option<f32>) -> Self {
+        Self::new(ColorSpaceTag::Lch, [l, c, h, alpha])
+    }
+
+    fn from_oklab(l: Option<f32>, a: Option<f32>, b: Option<f32>, alpha: Option<f32>) -> Self {
+        Self::new(ColorSpaceTag::Oklab, [l, a, b, alpha])
+    }
+
+    fn from_oklch(l: Option<f32>, c: Option<f32>, h: Option<f32>, alpha: Option<f32>) -> Self {
+        Self::new(ColorSpaceTag::Oklch, [l, c, h, alpha])
+    }
+
+    fn from_color_function(
+        space: PredefinedColorSpace,
+        c1: Option<f32>,
+        c2: Option<f32>,
+        c3: Option<f32>,
+        alpha: Option<f32>,
+    ) -> Self {
+        let tag = match space {
+            PredefinedColorSpace::Srgb => ColorSpaceTag::Srgb,
+            PredefinedColorSpace::SrgbLinear => ColorSpaceTag::LinearSrgb,
+            PredefinedColorSpace::DisplayP3 => ColorSpaceTag::DisplayP3,
+            PredefinedColorSpace::A98Rgb => ColorSpaceTag::A98Rgb,
+            PredefinedColorSpace::ProphotoRgb => ColorSpaceTag::ProphotoRgb,
+            PredefinedColorSpace::Rec2020 => ColorSpaceTag::Rec2020,
+            PredefinedColorSpace::XyzD50 => ColorSpaceTag::XyzD50,
+            PredefinedColorSpace::XyzD65 => ColorSpaceTag::XyzD65,
+            _ => ColorSpaceTag::Srgb,
+        };
+        Self::new(tag, [c1, c2, c3, alpha])
+    }
+}
+
+/// An opacity, 0 to 1.
+pub(crate) fn opacity(reading: &Reading, css: &mut Parser<'_>) -> Result<f64, Fault> {
+    number_or_share(reading, css).map(|v| v.clamp(0.0, 1.0))
+}
+
+/// System colours (CSS Color 4, 6.2 and appendix A) as Chromium has them on a light page.
+const SYSTEM: [(&str, [u8; 3]); 42] = [
+    ("accentcolor", [0, 117, 255]),
+    ("accentcolortext", [255, 255, 255]),
+    ("activetext", [255, 0, 0]),
+    ("buttonborder", [0, 0, 0]),
+    ("buttonface", [239, 239, 239]),
+    ("buttontext", [0, 0, 0]),
+    ("canvas", [255, 255, 255]),
+    ("canvastext", [0, 0, 0]),
+    ("field", [255, 255, 255]),
+    ("fieldtext", [0, 0, 0]),
+    ("graytext", [128, 128, 128]),
+    ("highlight", [25, 103, 210]),
+    ("highlighttext", [255, 255, 255]),
+    ("linktext", [0, 0, 238]),
+    ("mark", [255, 255, 0]),
+    ("marktext", [0, 0, 0]),
+    ("selecteditem", [25, 103, 210]),
+    ("selecteditemtext", [255, 255, 255]),
+    ("visitedtext", [85, 26, 139]),
+    ("activeborder", [0, 0, 0]),
+    ("activecaption", [255, 255, 255]),
+    ("appworkspace", [255, 255, 255]),
+    ("background", [255, 255, 255]),
+    ("buttonhighlight", [239, 239, 239]),
+    ("buttonshadow", [239, 239, 239]),
+    ("captiontext", [0, 0, 0]),
+    ("inactiveborder", [0, 0, 0]),
+    ("inactivecaption", [255, 255, 255]),
+    ("inactivecaptiontext", [128, 128, 128]),
+    ("infobackground", [255, 255, 255]),
+    ("infotext", [0, 0, 0]),
+    ("menu", [255, 255, 255]),
+    ("menutext", [0, 0, 0]),
+    ("scrollbar", [255, 255, 255]),
+    ("threeddarkshadow", [0, 0, 0]),
+    ("threedface", [239, 239, 239]),
+    ("threedhighlight", [0, 0, 0]),
+    ("threedlightshadow", [0, 0, 0]),
+    ("threedshadow", [0, 0, 0]),
+    ("window", [255, 255, 255]),
+    ("windowframe", [0, 0, 0]),
+    ("windowtext", [0, 0, 0]),
+];

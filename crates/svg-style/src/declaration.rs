@@ -1,0 +1,182 @@
+//! Declarations: names and values, judged before the cascade. One that is not valid is as if it had not been written
+//! (CSS 2.1, 4.2), so an earlier one that is valid stays.
+
+use std::sync::Arc;
+
+use cssparser::{Parser, Token};
+
+use super::property::{LASTING, NOTHING, Other, Property, Value, other, size_in_font};
+use super::value::{Fault, Reading, Source};
+use super::variables::has_variables;
+use super::{Remark, Weight};
+
+/// A value that is the same for all properties (CSS Cascade 5, 7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wide {
+    Inherit,
+    Initial,
+    Unset,
+    /// As the browser has it.
+    Revert,
+    /// As the layer below has it.
+    RevertLayer,
+}
+
+/// What is declared.
+#[derive(Clone, Debug)]
+pub(crate) enum Said {
+    Value(Value),
+    Wide(Wide),
+    /// Name and value of a declaration with variables, from which the value follows once they are known.
+    Pending(Arc<(String, String)>),
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Declaration {
+    pub(crate) property: Property,
+    pub(crate) said: Said,
+    pub(crate) is_important: bool,
+}
+
+/// Properties that stand for several.
+const SHORTHANDS: [(&str, &[Property]); 3] = [
+    ("marker", &[Property::MarkerStart, Property::MarkerMid, Property::MarkerEnd]),
+    ("font", &[Property::FontSize]),
+    ("background", &[Property::Background]),
+];
+
+/// Reads a declaration whose name is in lower case; says what of it is not read.
+pub(crate) fn declare(
+    name: &str,
+    text: &str,
+    is_important: bool,
+    source: Source,
+    out: &mut Vec<Declaration>,
+) -> Option<Remark> {
+    let text = text.trim();
+    let mut say = |properties: &[Property], said: &Said| {
+        out.extend(properties.iter().map(|&property| Declaration { property, said: said.clone(), is_important }));
+    };
+    let longhand = Property::of(name).map(|p| [p]);
+    let shorthand = SHORTHANDS.iter().find(|(n, _)| *n == name && source == Source::Css).map(|(_, all)| *all);
+    let properties: &[Property] = match (&longhand, shorthand) {
+        (_, Some(all)) => all,
+        (Some(one), None) => one,
+        (None, None) if name == "all" => Property::ALL,
+        (None, None) => return other_remark(name, text),
+    };
+    if let Some(wide) = wide(text) {
+        say(properties, &Said::Wide(wide));
+        return None;
+    }
+    if name == "all" {
+        return Some(Remark::new(Weight::Ignored, name, text));
+    }
+    if has_variables(text) {
+        say(properties, &Said::Pending(Arc::new((name.to_owned(), text.to_owned()))));
+        return None;
+    }
+    let reading = Reading::new(source);
+    match value_of(name, text, properties[0], &reading) {
+        Ok(Some(value)) => {
+            let value = |property: Property| match (&value, property) {
+                (Value::MarkerStart(r), Property::MarkerMid) => Value::MarkerMid(r.clone()),
+                (Value::MarkerStart(r), Property::MarkerEnd) => Value::MarkerEnd(r.clone()),
+                (value, _) => value.clone(),
+            };
+            properties.iter().for_each(|&p| say(&[p], &Said::Value(value(p))));
+            None
+        }
+        Ok(None) => None,
+        Err(_) => Some(match reading.take_unknown() {
+            Some(what) => Remark::new(Weight::Unknown(what), name, text),
+            None => Remark::new(Weight::Ignored, name, text),
+        }),
+    }
+}
+
+/// The value of the first of the properties; None where the text says nothing of it.
+fn value_of(name: &str, text: &str, property: Property, reading: &Reading) -> Result<Option<Value>, Fault> {
+    let mut css = Parser::new(text);
+    match name {
+        "font" => Ok(size_in_font(reading, &mut css).map(Value::FontSize)),
+        _ => property.parse(reading, &mut css).map(Some),
+    }
+}
+
+fn wide(text: &str) -> Option<Wide> {
+    let words = [
+        ("inherit", Wide::Inherit),
+        ("initial", Wide::Initial),
+        ("unset", Wide::Unset),
+        ("revert", Wide::Revert),
+        ("revert-layer", Wide::RevertLayer),
+    ];
+    words.iter().find(|(word, _)| text.eq_ignore_ascii_case(word)).map(|(_, wide)| *wide)
+}
+
+fn other_remark(name: &str, text: &str) -> Option<Remark> {
+    match other(name) {
+        Other::Harmless => None,
+        Other::Visible => {
+            let is_any = |word: &str, of: &[&str]| of.iter().any(|n| word.eq_ignore_ascii_case(n));
+            let mut words = text.split([' ', ',']).filter(|word| !word.is_empty());
+            let is_nothing = match name.starts_with("animation") {
+                // What is left when it has ended is what the other properties say.
+                true => !words.any(|word| is_any(word, LASTING)),
+                false => words.all(|word| is_any(word, NOTHING)),
+            };
+            (!is_nothing).then(|| Remark::new(Weight::Unknown(format!("the property {name}")), name, text))
+        }
+        Other::Unheard => Some(Remark::new(Weight::Ignored, name, text)),
+    }
+}
+
+/// Whether a declaration is valid in browsers.
+pub(crate) enum Support {
+    Yes,
+    No,
+    Unknown,
+}
+
+/// Whether browsers support a declaration.
+pub(crate) fn supports(name: &str, text: &str) -> Support {
+    if name.starts_with("--") {
+        return Support::Yes;
+    }
+    if Property::of(name).is_none() {
+        return if matches!(other(name), Other::Unheard) { Support::No } else { Support::Unknown };
+    }
+    let mut out = Vec::new();
+    match declare(name, text, false, Source::Css, &mut out) {
+        None => Support::Yes,
+        Some(Remark { weight: Weight::Unknown(_), .. }) => Support::Unknown,
+        Some(_) => Support::No,
+    }
+}
+
+/// A value without its `!important`, and whether it had one.
+pub(crate) fn without_important(text: &str) -> (&str, bool) {
+    match text.rsplit_once('!') {
+        Some((value, word)) if word.trim().eq_ignore_ascii_case("important") => (value.trim_end(), true),
+        _ => (text, false),
+    }
+}
+
+/// The text up to where the parser ends; a fault where it holds a block in braces or something broken.
+pub(crate) fn raw<'i>(css: &mut Parser<'i>, may_hold_blocks: bool) -> Result<&'i str, Fault> {
+    css.skip_whitespace();
+    let start = css.position();
+    while let Ok(token) = css.next_including_whitespace_and_comments() {
+        let is_broken = match token {
+            Token::CurlyBracketBlock => !may_hold_blocks,
+            Token::BadString(_) | Token::BadUrl(_) => true,
+            Token::CloseParenthesis | Token::CloseSquareBracket | Token::CloseCurlyBracket => true,
+            _ => false,
+        };
+        if is_broken {
+            return Err(Fault::unexpected_token());
+        }
+    }
+    Ok(css.slice_from(start).trim())
+}

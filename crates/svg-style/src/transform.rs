@@ -1,0 +1,364 @@
+//! Transforms: the attribute of SVG, and the properties of CSS Transforms 1 and 2 in the plane.
+
+use std::str::FromStr;
+use std::sync::Arc;
+
+use cssparser::Parser;
+
+use super::property::Style;
+use super::value::{Fault, Length, Reading, Source, angle, is_next, keyword, length, number, number_or_share};
+
+/// An affine map: x' = a x + c y + e, y' = b x + d y + f, in the order a to f.
+pub type Matrix = [f64; 6];
+
+const IDENTITY: Matrix = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+
+/// A box in the units of an element: its corner and size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// x and y.
+    pub corner: [f64; 2],
+    /// Width and height.
+    pub size: [f64; 2],
+}
+
+/// One step of a transform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Step {
+    Matrix(Matrix),
+    Translate([Length; 2]),
+}
+
+/// The steps of a transform, the outermost first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Transform(pub(crate) Arc<[Step]>);
+
+/// The box that percentages and origins of transforms refer to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransformBox {
+    /// The nearest viewport.
+    View,
+    /// The box of the element without its strokes.
+    Fill,
+    /// The box of the element with its strokes.
+    Stroke,
+}
+
+impl Style {
+    /// Whether it moves, turns or scales the element.
+    pub fn has_transform(&self) -> bool {
+        [&self.translate, &self.rotate, &self.scale, &self.transform].iter().any(|t| !t.0.is_empty())
+    }
+
+    /// Whether its transform depends on the reference box.
+    pub fn transform_needs_box(&self) -> bool {
+        let all = [&self.translate, &self.rotate, &self.scale, &self.transform];
+        let steps = || all.iter().flat_map(|t| t.0.iter());
+        let has_share = steps().any(|s| matches!(s, Step::Translate(by) if by.iter().any(|l| l.share != 0.0)));
+        let is_moved = self.transform_box != TransformBox::View;
+        self.has_transform() && (has_share || is_moved || self.transform_origin.iter().any(|l| l.share != 0.0))
+    }
+
+    /// The map of its transform properties together (CSS Transforms 2, 6).
+    pub fn matrix(&self, reference: Reference) -> Matrix {
+        let origin = [0, 1].map(|k| reference.corner[k] + self.transform_origin[k].of(reference.size[k]));
+        let mut map = shift(origin);
+        for part in [&self.translate, &self.rotate, &self.scale, &self.transform] {
+            for step in part.0.iter() {
+                let step = match step {
+                    Step::Matrix(m) => *m,
+                    Step::Translate(by) => shift([0, 1].map(|k| by[k].of(reference.size[k]))),
+                };
+                map = after(map, step);
+            }
+        }
+        after(map, shift(origin.map(|v| -v)))
+    }
+}
+
+fn shift([x, y]: [f64; 2]) -> Matrix {
+    [1.0, 0.0, 0.0, 1.0, x, y]
+}
+
+/// First `o`, then `m`.
+fn after(m: Matrix, o: Matrix) -> Matrix {
+    let linear = |x: f64, y: f64| [m[0] * x + m[2] * y, m[1] * x + m[3] * y];
+    let ([a, b], [c, d], [e, f]) = (linear(o[0], o[1]), linear(o[2], o[3]), linear(o[4], o[5]));
+    [a, b, c, d, e + m[4], f + m[5]]
+}
+
+fn turn(degrees: f64) -> Matrix {
+    // Quarter turns are exact.
+    let (sin, cos) = match degrees.rem_euclid(360.0) {
+        0.0 => (0.0, 1.0),
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        270.0 => (-1.0, 0.0),
+        other => other.to_radians().sin_cos(),
+    };
+    [cos, sin, -sin, cos, 0.0, 0.0]
+}
+
+impl Transform {
+    pub(crate) fn compute(&mut self, font_px: f64, root_px: f64) {
+        if self.0.iter().any(|s| matches!(s, Step::Translate(_))) {
+            for step in Arc::make_mut(&mut self.0) {
+                if let Step::Translate(by) = step {
+                    by.iter_mut().for_each(|l| l.compute(font_px, root_px));
+                }
+            }
+        }
+    }
+
+    fn one(step: Step) -> Self {
+        Self(Arc::from([step]))
+    }
+}
+
+/// The value of `transform`.
+pub(crate) fn transform(reading: &Reading, css: &mut Parser<'_>) -> Result<Transform, Fault> {
+    if reading.source == Source::Attribute {
+        return attribute(css);
+    }
+    if is_next(css, "none") {
+        return Ok(Transform::default());
+    }
+    let mut steps = Vec::new();
+    while !css.is_exhausted() {
+        let name = css.expect_function()?.to_ascii_lowercase();
+        steps.push(css.parse_nested_block(|css| {
+            let step = function(reading, &name, css)?;
+            css.expect_exhausted()?;
+            Ok::<_, Fault>(step)
+        })?);
+    }
+    if steps.is_empty() { Err(Fault::unexpected_token()) } else { Ok(Transform(steps.into())) }
+}
+
+/// The attribute has a grammar of its own (SVG 2, 8.5; CSS Transforms 1, 8).
+fn attribute(css: &mut Parser<'_>) -> Result<Transform, Fault> {
+    let start = css.position();
+    while css.next_including_whitespace().is_ok() {}
+    let text = css.slice_from(start).trim();
+    if text.is_empty() || text.eq_ignore_ascii_case("none") {
+        return Ok(Transform::default());
+    }
+    let t = svgtypes::Transform::from_str(text).map_err(|_| Fault::unexpected_token())?;
+    Ok(Transform::one(Step::Matrix([t.a, t.b, t.c, t.d, t.e, t.f])))
+}
+
+/// A function without its depth: elements of a drawing lie in its plane.
+fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step, Fault> {
+    let degrees = |css: &mut Parser<'_>| angle(reading, css);
+    let skew = |x: f64, y: f64| Step::Matrix([1.0, y.to_radians().tan(), x.to_radians().tan(), 1.0, 0.0, 0.0]);
+    let next = |css: &mut Parser<'_>| css.try_parse(Parser::expect_comma).is_ok();
+    let zoom = |x: f64, y: f64| Step::Matrix([x, 0.0, 0.0, y, 0.0, 0.0]);
+    let zero = Length::px(0.0);
+    Ok(match name {
+        "matrix" => {
+            let mut m = IDENTITY;
+            for (k, v) in m.iter_mut().enumerate() {
+                if k > 0 {
+                    css.expect_comma()?;
+                }
+                *v = number(reading, css)?;
+            }
+            Step::Matrix(m)
+        }
+        "translate" => {
+            let x = length(reading, css)?;
+            Step::Translate([x, if next(css) { length(reading, css)? } else { zero }])
+        }
+        "translatex" => Step::Translate([length(reading, css)?, zero]),
+        "translatey" => Step::Translate([zero, length(reading, css)?]),
+        "translatez" => {
+            length(reading, css)?;
+            Step::Matrix(IDENTITY)
+        }
+        "translate3d" => {
+            let x = length(reading, css)?;
+            css.expect_comma()?;
+            let y = length(reading, css)?;
+            css.expect_comma()?;
+            length(reading, css)?;
+            Step::Translate([x, y])
+        }
+        "scale" => {
+            let x = number_or_share(reading, css)?;
+            zoom(x, if next(css) { number_or_share(reading, css)? } else { x })
+        }
+        "scalex" => zoom(number_or_share(reading, css)?, 1.0),
+        "scaley" => zoom(1.0, number_or_share(reading, css)?),
+        "scalez" => number_or_share(reading, css).map(|_| Step::Matrix(IDENTITY))?,
+        "scale3d" => {
+            let x = number_or_share(reading, css)?;
+            css.expect_comma()?;
+            let y = number_or_share(reading, css)?;
+            css.expect_comma()?;
+            number_or_share(reading, css)?;
+            zoom(x, y)
+        }
+        "rotate" | "rotatez" => Step::Matrix(turn(degrees(css)?)),
+        "skew" => {
+            let x = degrees(css)?;
+            skew(x, if next(css) { degrees(css)? } else { 0.0 })
+        }
+        "skewx" => skew(degrees(css)?, 0.0),
+        "skewy" => skew(0.0, degrees(css)?),
+        "rotatex" | "rotatey" | "rotate3d" | "matrix3d" | "perspective" => {
+            return Err(reading.unknown(format!("{name}()")));
+        }
+        _ => return Err(Fault::unexpected_token()),
+    })
+}
+
+/// The value of `translate`.
+pub(crate) fn translate(reading: &Reading, css: &mut Parser<'_>) -> Result<Transform, Fault> {
+    if is_next(css, "none") {
+        return Ok(Transform::default());
+    }
+    let x = length(reading, css)?;
+    let y = css.try_parse(|css| length(reading, css)).unwrap_or(Length::px(0.0));
+    // The depth of an element in its plane does not show.
+    let _ = css.try_parse(|css| length(reading, css));
+    Ok(Transform::one(Step::Translate([x, y])))
+}
+
+/// The value of `rotate`.
+pub(crate) fn rotate(reading: &Reading, css: &mut Parser<'_>) -> Result<Transform, Fault> {
+    if is_next(css, "none") {
+        return Ok(Transform::default());
+    }
+    let mut degrees = css.try_parse(|css| angle(reading, css)).ok();
+    let axis = css.try_parse(|css| keyword(css, &[("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])]));
+    let axis = axis.or_else(|_| {
+        css.try_parse(|css| {
+            let mut axis = [0.0; 3];
+            for v in &mut axis {
+                *v = number(reading, css)?;
+            }
+            Ok::<_, Fault>(axis)
+        })
+    });
+    if degrees.is_none() {
+        degrees = Some(angle(reading, css)?);
+    }
+    let degrees = degrees.unwrap_or_default();
+    match axis {
+        Err(_) => Ok(Transform::one(Step::Matrix(turn(degrees)))),
+        Ok([0.0, 0.0, z]) if z != 0.0 => Ok(Transform::one(Step::Matrix(turn(degrees * z.signum())))),
+        Ok(_) => Err(reading.unknown("rotate about an axis in the plane")),
+    }
+}
+
+/// The value of `scale`.
+pub(crate) fn scale(reading: &Reading, css: &mut Parser<'_>) -> Result<Transform, Fault> {
+    if is_next(css, "none") {
+        return Ok(Transform::default());
+    }
+    let x = number_or_share(reading, css)?;
+    let y = css.try_parse(|css| number_or_share(reading, css)).unwrap_or(x);
+    let _ = css.try_parse(|css| number_or_share(reading, css));
+    Ok(Transform::one(Step::Matrix([x, 0.0, 0.0, y, 0.0, 0.0])))
+}
+
+/// The value of `transform-origin`: a place along x and along y, and a depth that does not show.
+pub(crate) fn origin(reading: &Reading, css: &mut Parser<'_>) -> Result<[Length; 2], Fault> {
+    /// The axis that a word of it tells: 0 for x, 1 for y.
+    type Place = (Length, Option<usize>);
+    let share = |share: f64| Length { share, ..Length::px(0.0) };
+    let place = |css: &mut Parser<'_>| -> Result<Place, Fault> {
+        let word = css.try_parse(|css| {
+            let axes = [
+                ("left", (0.0, Some(0))),
+                ("right", (1.0, Some(0))),
+                ("top", (0.0, Some(1))),
+                ("bottom", (1.0, Some(1))),
+                ("center", (0.5, None)),
+            ];
+            keyword(css, &axes)
+        });
+        match word {
+            Ok((at, axis)) => Ok((share(at), axis)),
+            Err(_) => length(reading, css).map(|l| (l, None)),
+        }
+    };
+    let first = place(css)?;
+    let second = css.try_parse(place).ok();
+    let depth = css.try_parse(|css| length(reading, css)).ok();
+    if depth.is_some_and(|d| d.share != 0.0) {
+        return Err(Fault::unexpected_token());
+    }
+    match (first, second) {
+        ((at, Some(1)), None) => Ok([share(0.5), at]),
+        ((at, _), None) => Ok([at, share(0.5)]),
+        // Words may stand in either order; a length in the first place is along x.
+        ((a, Some(1)), Some((b, Some(0) | None))) if b.px == 0.0 || b.share != 0.0 => Ok([b, a]),
+        ((a, None), Some((b, Some(0)))) if a.share == 0.5 => Ok([b, a]),
+        ((a, Some(0) | None), Some((b, Some(1) | None))) => Ok([a, b]),
+        _ => Err(Fault::unexpected_token()),
+    }
+}
+
+/// The value of `transform-box`.
+pub(crate) fn reference_box(_: &Reading, css: &mut Parser<'_>) -> Result<TransformBox, Fault> {
+    let words = [
+        ("view-box", TransformBox::View),
+        ("fill-box", TransformBox::Fill),
+        ("content-box", TransformBox::Fill),
+        ("stroke-box", TransformBox::Stroke),
+        ("border-box", TransformBox::Stroke),
+    ];
+    keyword(css, &words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> Option<Matrix> {
+        let mut style = Style::initial();
+        let reading = Reading::new(Source::Css);
+        style.transform = Parser::new(text).parse_entirely(|css| transform(&reading, css)).ok()?;
+        Some(style.matrix(Reference { corner: [0.0; 2], size: [200.0, 100.0] }))
+    }
+
+    #[test]
+    fn functions_give_their_matrices() {
+        for (text, want) in [
+            ("translate(10px, 20%)", Some([1.0, 0.0, 0.0, 1.0, 10.0, 20.0])),
+            ("translate3d(1px, 2px, 3px)", Some([1.0, 0.0, 0.0, 1.0, 1.0, 2.0])),
+            ("scale(2) translateX(5px)", Some([2.0, 0.0, 0.0, 2.0, 10.0, 0.0])),
+            ("rotate(0.25turn)", Some([0.0, 1.0, -1.0, 0.0, 0.0, 0.0])),
+            ("matrix(1, 2, 3, 4, 5, 6)", Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])),
+            ("translate(10)", None),
+            ("rotate(45)", None),
+            ("rotateX(45deg)", None),
+            ("", None),
+        ] {
+            assert_eq!(parsed(text), want, "{text}");
+        }
+    }
+
+    #[test]
+    fn origins_are_read_in_both_orders() {
+        let of = |text: &str| {
+            let reading = Reading::new(Source::Css);
+            let origin = Parser::new(text).parse_entirely(|css| origin(&reading, css)).ok()?;
+            Some(origin.map(|l| l.of(100.0)))
+        };
+        for (text, want) in [
+            ("left", Some([0.0, 50.0])),
+            ("bottom", Some([50.0, 100.0])),
+            ("top right", Some([100.0, 0.0])),
+            ("right top 3px", Some([100.0, 0.0])),
+            ("center left", Some([0.0, 50.0])),
+            ("10px 20px", Some([10.0, 20.0])),
+            ("10px top", Some([10.0, 0.0])),
+            ("top 10px", None),
+            ("left right", None),
+        ] {
+            assert_eq!(of(text), want, "{text}");
+        }
+    }
+}

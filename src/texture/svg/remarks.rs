@@ -1,0 +1,121 @@
+//! What of the styles of a drawing is not read: told once for each kind, in the order in which it is met.
+
+use svg_style::{Remark, Weight};
+
+use crate::diag::{Diag, Place};
+use crate::texture::artwork::Marking;
+
+/// Most kinds that are told one by one.
+const MAX_KINDS: usize = 12;
+
+/// Most kinds that are told apart.
+const MAX_KEPT: usize = 1000;
+
+/// Remarks by what they are of.
+#[derive(Debug, Default)]
+pub(super) struct Remarks {
+    kinds: Vec<Kind>,
+    /// How many ignored declarations and rules there are, and the first.
+    ignored: Option<(usize, String, At)>,
+    more: usize,
+}
+
+/// Where something was met.
+#[derive(Debug)]
+enum At {
+    Line(usize),
+    Element(String),
+}
+
+impl At {
+    fn place(self, path: &str) -> Place {
+        match self {
+            Self::Line(line) => Place::line(path, line),
+            Self::Element(element) => Place::Element { path: path.to_owned(), element },
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Kind {
+    is_external: bool,
+    what: String,
+    text: String,
+    count: usize,
+    at: At,
+}
+
+impl Remarks {
+    /// Keeps a remark; `element` names that of a remark without a line.
+    pub(super) fn add(&mut self, remark: &Remark, element: impl FnOnce() -> String) {
+        let at = || match remark.line {
+            Some(line) => At::Line(line as usize),
+            None => At::Element(element()),
+        };
+        let (is_external, what) = match &remark.weight {
+            Weight::Ignored => {
+                match &mut self.ignored {
+                    Some((count, ..)) => *count += 1,
+                    none => *none = Some((1, remark.text.clone(), at())),
+                }
+                return;
+            }
+            Weight::Unknown(what) => (false, what),
+            Weight::External => (true, &remark.text),
+        };
+        let kept = self.kinds.len();
+        match self.kinds.iter_mut().find(|k| k.what == *what) {
+            Some(kind) => kind.count += 1,
+            None if kept < MAX_KEPT => {
+                let (what, text) = (what.clone(), remark.text.clone());
+                self.kinds.push(Kind { is_external, what, text, count: 1, at: at() });
+            }
+            None => self.more += 1,
+        }
+    }
+
+    /// How many times something was met that is refused.
+    pub(super) fn refused(&self) -> usize {
+        self.kinds.iter().map(|k| k.count).sum::<usize>() + self.more
+    }
+
+    /// One message per kind: errors, and warnings.
+    pub(super) fn messages(self, path: &str, marking: &Marking) -> (Vec<Diag>, Vec<Diag>) {
+        let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+        let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
+        for kind in self.kinds.into_iter().take(MAX_KINDS) {
+            let code = if kind.is_external { "svg-external" } else { "svg-css" };
+            let of = if kind.text.is_empty() || kind.is_external { String::new() } else { format!(" in {:?}", kind.text) };
+            let what = format!("{}{of}", kind.what);
+            let (text, hint) = match kind.is_external {
+                true => (format!("the style sheet {what} is in another file, which is never opened"), "embed it in a style element"),
+                false => (
+                    format!("the styles of the drawing hold {what}, which is not read and may change what is seen ({})", kind.count),
+                    "write what is meant as plain values or attributes",
+                ),
+            };
+            if marking.is_lenient {
+                let text = format!("{text}; it is left out");
+                warnings.push(Diag::warning(code, text).at(kind.at.place(path)).hint(hint));
+            } else {
+                let hint = format!("{hint}, or leave it out with on_unsupported = \"warn\"");
+                errors.push(Diag::input(code, text).at(kind.at.place(path)).hint(hint));
+            }
+        }
+        if rest > 0 {
+            let text = format!("the styles of the drawing hold {rest} more things that are not read");
+            let hint = "export the drawing with presentation attributes";
+            if marking.is_lenient {
+                warnings.push(Diag::warning("svg-css", text).at(Place::file(path)).hint(hint));
+            } else {
+                errors.push(Diag::input("svg-css", text).at(Place::file(path)).hint(hint));
+            }
+        }
+        if let Some((count, text, at)) = self.ignored {
+            let text = format!("styles are not valid and are ignored, as browsers do ({count}, first {text:?})");
+            let hint = "correct them, or ignore this where the drawing looks right in a browser";
+            warnings.push(Diag::warning("svg-css-ignored", text).at(at.place(path)).hint(hint));
+        }
+        (errors, warnings)
+    }
+}
