@@ -308,8 +308,15 @@ fn what_is_not_marked_is_said() {
         (r#"<rect width="5" height="5" filter="url(#f)"/>"#, "svg-effect"),
         (r#"<rect width="5" height="5" style="mix-blend-mode:multiply"/>"#, "svg-effect"),
         (r#"<rect width="5" height="5" clip-path="url(#none)"/>"#, "svg-effect"),
-        (r#"<linearGradient id="l"/><rect width="5" height="5" fill="url(#l)"/>"#, "svg-paint"),
-        (r#"<path d="M1 1h5" stroke="red" marker-end="url(#m)"/>"#, "svg-marker"),
+        (
+            r#"<linearGradient id="l"><stop/><stop stop-color="red"/></linearGradient>
+               <rect width="5" height="5" fill="url(#l)"/>"#,
+            "svg-paint",
+        ),
+        (
+            r#"<marker id="m"><path d="M0 0h1"/></marker><path d="M1 1h5" stroke="red" marker-end="url(#m)"/>"#,
+            "svg-marker",
+        ),
         (r#"<text x="3" y="3">a</text>"#, "svg-text"),
         (r#"<image href="data:," width="3" height="3"/>"#, "svg-image"),
         (

@@ -179,9 +179,12 @@ fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fau
 
 /// Whether a colour function takes its components from another colour (CSS Color 5).
 fn is_relative(css: &mut Parser<'_>) -> bool {
-    let is = css.expect_function().is_ok()
-        && css.parse_nested_block(|css| css.expect_ident_matching("from").map_err(Fault::from)).is_ok();
-    is
+    let begins_with_from = |css: &mut Parser<'_>| {
+        css.expect_ident_matching("from")?;
+        while css.next().is_ok() {}
+        Ok::<_, Fault>(())
+    };
+    css.expect_function().is_ok() && css.parse_nested_block(begins_with_from).is_ok()
 }
 
 fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {

@@ -170,16 +170,17 @@ impl Cascade {
     ///
     /// # Errors
     /// An [`Excess`] of comparisons or variables.
-    pub fn style(&mut self, node: Node<'_, '_>, parent: &Style) -> Result<(Style, Vec<Remark>), Excess> {
+    pub fn style(&mut self, node: Node<'_, '_>, parent: &Arc<Style>) -> Result<(Arc<Style>, Vec<Remark>), Excess> {
         let mut remarks = Vec::new();
-        let mut style = parent.child();
-        style.root_font_px = self.root_font_px;
         let hints = self.hints(node, &mut remarks);
         let inline = node.attribute("style").map(|text| sheet::style_attribute(text, &mut remarks));
         let matched = self.matched(node)?;
         if hints.is_empty() && inline.is_none() && matched.is_empty() {
+            let style = if parent.is_plain { parent.clone() } else { Arc::new(parent.child()) };
             return Ok((style, remarks));
         }
+        let mut style = parent.child();
+        style.root_font_px = self.root_font_px;
         let blocks = || {
             let rules = matched.iter().map(|&(rank, block)| (rank, &self.sheets.blocks[block]));
             let inline = inline.iter().map(|block| ((Origin::Inline, 0, 0), block));
@@ -224,7 +225,7 @@ impl Cascade {
             at = end;
         }
         style.compute_lengths();
-        Ok((style, remarks))
+        Ok((Arc::new(style), remarks))
     }
 
     /// The presentation attributes of an element.

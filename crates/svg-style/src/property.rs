@@ -2,9 +2,10 @@
 //!
 //! [`properties!`] has one row per property. What other properties do is said by [`other`].
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use cssparser::{Parser, Token};
+use rustc_hash::FxHashMap;
 
 use super::colour::{Colour, colour, opacity};
 use super::transform::{self, Transform, TransformBox};
@@ -132,6 +133,8 @@ macro_rules! properties {
         #[derive(Clone, Debug)]
         pub struct Style {
             $($(#[$doc])* pub $field: $type,)*
+            /// Whether it says nothing but what is inherited.
+            pub(crate) is_plain: bool,
             /// Size of the root's font, px.
             pub root_font_px: f64,
             pub(crate) variables: Variables,
@@ -159,24 +162,32 @@ macro_rules! properties {
         impl Style {
             /// What holds where nothing is said.
             pub fn initial() -> Self {
-                Self { $($field: $initial,)* root_font_px: FONT_PX, variables: Variables::default() }
+                let (root_font_px, variables) = (FONT_PX, Variables::default());
+                Self { $($field: $initial,)* is_plain: true, root_font_px, variables }
             }
 
             /// What an element has of its parent where nothing is said.
             pub fn child(&self) -> Self {
                 Self {
                     $($field: if inherits!($flow) { self.$field.clone() } else { $initial },)*
+                    is_plain: true,
                     root_font_px: self.root_font_px,
                     variables: self.variables.clone(),
                 }
             }
 
             pub(crate) fn set(&mut self, value: &Value) {
-                match value { $(Value::$variant(v) => self.$field = v.clone()),* }
+                match value {
+                    $(Value::$variant(v) => {
+                        self.$field = v.clone();
+                        self.is_plain &= inherits!($flow);
+                    })*
+                }
             }
 
             /// Takes a property from another style.
             pub(crate) fn take(&mut self, property: Property, from: &Self) {
+                self.is_plain &= property.is_inherited();
                 match property { $(Property::$variant => self.$field = from.$field.clone()),* }
             }
         }
@@ -330,8 +341,10 @@ impl Style {
 impl Property {
     /// The property of a name in lower case.
     pub(crate) fn of(name: &str) -> Option<Self> {
+        static BY_NAME: LazyLock<FxHashMap<&str, Property>> =
+            LazyLock::new(|| Property::ALL.iter().map(|p| (p.name(), *p)).collect());
         let name = name.strip_prefix("-webkit-").filter(|n| PREFIXED.contains(n)).unwrap_or(name);
-        Self::ALL.iter().copied().find(|p| p.name() == name)
+        BY_NAME.get(name).copied()
     }
 
     /// Whether the property has an attribute of the same name on an element (SVG 2, 6.6).

@@ -80,6 +80,11 @@ impl<'a, 'input> Walk<'a, 'input> {
                 self.note(Issue::Paint, node);
                 return Ok(Paint::None);
             }
+            // A pattern that is painted with itself.
+            None if self.has_id(&id) => {
+                self.note(Issue::Paint, node);
+                return Ok(Paint::None);
+            }
             _ => {}
         }
         Ok(match state.fallback(is_fill) {

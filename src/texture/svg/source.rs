@@ -130,8 +130,8 @@ const MAX_ENTITY_DEPTH: usize = 8;
 /// The entities that a drawing declares: name and text.
 type Entities<'a> = HashMap<&'a str, &'a str>;
 
-/// Reads the declarations of entities; refuses those that hold markup or name other files.
-fn entities(text: &str) -> Result<Entities<'_>, Box<Fault>> {
+/// Reads the declarations of entities, and says where they end; refuses those that hold markup or name other files.
+fn entities(text: &str) -> Result<(Entities<'_>, usize), Box<Fault>> {
     let mut all = Entities::new();
     let mut at = 0;
     while let Some(start) = text[at..].find(ENTITY).map(|i| at + i) {
@@ -157,7 +157,7 @@ fn entities(text: &str) -> Result<Entities<'_>, Box<Fault>> {
         all.entry(name).or_insert(value);
         at = text.len() - after.len();
     }
-    Ok(all)
+    Ok((all, at))
 }
 
 const ENTITY: &str = "<!ENTITY";
@@ -182,14 +182,14 @@ fn expanded(text: &str, all: &Entities<'_>, depth: usize) -> Option<usize> {
 /// Refuses entities that could take any time and memory.
 fn check_entities(text: &str) -> Result<(), Box<Fault>> {
     let Some(at) = text.find(ENTITY) else { return Ok(()) };
-    let all = entities(text)?;
+    let (all, end) = entities(text)?;
     // Each once, so that what is used often is bounded before it is gone through often.
     let mut sizes = HashMap::new();
     for (name, value) in &all {
         let size = expanded(value, &all, MAX_ENTITY_DEPTH - 1);
         sizes.insert(*name, size);
     }
-    let references = text.split('&').skip(1).filter_map(|r| r.split_once(';')).filter_map(|(name, _)| sizes.get(name));
+    let references = text[end..].split('&').skip(1).filter_map(|r| r.split_once(';')).filter_map(|(name, _)| sizes.get(name));
     let total = references.copied().try_fold(0usize, |sum, size| Some(sum + size?)).filter(|sum| *sum <= MAX_EXPANDED);
     match total {
         Some(_) => Ok(()),

@@ -65,7 +65,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             if is_gone(&style) {
                 continue;
             }
-            let inner = State { style: style.into(), ..state.clone() };
+            let inner = State { style, ..state.clone() };
             if self.has_letters(child, &inner, depth + 1)? {
                 return Ok(true);
             }

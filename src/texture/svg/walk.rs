@@ -4,7 +4,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use roxmltree::{Document, Node, NodeId};
-use svg_style::{Cascade, Display, Excess, Length, Reference, ReferenceBox, Style, TransformBox};
+use svg_style::{
+    Cascade, Display, Excess, Length, Reference, ReferenceBox, Remark, Style, TransformBox, Weight,
+};
 
 use super::outline::Map;
 use super::page::{self, Frame, view_map};
@@ -263,7 +265,11 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.purpose == Purpose::Mark && self.is_left_out(node, state.labels) {
             return Ok(None);
         }
-        let style = self.style(node, &outer.style)?;
+        let (style, remarks) = self.cascade.style(node, &outer.style).map_err(excess)?;
+        self.keep(node, &remarks);
+        if remarks.iter().any(|remark| is_faulty_transform(node, remark)) {
+            return Ok(None);
+        }
         let is_shape = SHAPES.contains(&node.tag_name().name());
         let is_gone = is_gone(&style) || (is_shape && style.display == Display::Contents);
         // Neither boxes nor clip paths ask for the opacity.
@@ -281,28 +287,31 @@ impl<'a, 'input> Walk<'a, 'input> {
         if style.needs_font() {
             self.note(Issue::Unit, node);
         }
-        state.style = Arc::new(style);
+        state.style = style;
         Ok(Some(state))
     }
 
     /// The style of an element that inherits from another.
-    pub(super) fn style(&mut self, node: Node<'a, 'input>, parent: &Style) -> Result<Style, Box<Diag>> {
+    pub(super) fn style(&mut self, node: Node<'a, 'input>, parent: &Arc<Style>) -> Result<Arc<Style>, Box<Diag>> {
         let (style, remarks) = self.cascade.style(node, parent).map_err(excess)?;
+        self.keep(node, &remarks);
+        Ok(style)
+    }
+
+    /// Keeps what is remarked of the style of an element.
+    fn keep(&mut self, node: Node<'a, 'input>, remarks: &[Remark]) {
         for remark in remarks {
             match remark.property.as_str() {
                 // A page has its own words for its size.
                 "width" | "height" if node.parent_element().is_none() => {}
-                "transform" if node.has_attribute("transform") && remark.weight == svg_style::Weight::Ignored => {
-                    self.note(Issue::Transform, node);
-                }
-                name if GEOMETRY.contains(&name) && remark.weight == svg_style::Weight::Ignored => {
+                _ if is_faulty_transform(node, remark) => self.note(Issue::Transform, node),
+                name if GEOMETRY.contains(&name) && remark.weight == Weight::Ignored => {
                     self.note(Issue::Fault, node);
                 }
                 _ if self.is_quiet => {}
-                _ => self.remarks.add(&remark, || called(node, &self.numbers)),
+                _ => self.remarks.add(remark, || called(node, &self.numbers)),
             }
         }
-        Ok(style)
     }
 
     /// Applies the transform of an element; answers whether anything is left of it.
@@ -366,15 +375,20 @@ impl<'a, 'input> Walk<'a, 'input> {
         chain.reverse();
         // What is remarked of them is remarked where they are drawn.
         let quiet = std::mem::replace(&mut self.is_quiet, true);
-        let style = chain.into_iter().try_fold(Style::initial(), |style, node| self.style(node, &style));
+        let style = chain.into_iter().try_fold(Arc::new(Style::initial()), |style, node| self.style(node, &style));
         self.is_quiet = quiet;
-        style.map(Arc::new)
+        style
     }
 
     /// The element of an id, unless it is being used right now.
     pub(super) fn target(&self, id: &str) -> Option<Node<'a, 'input>> {
         let node = self.ids.get(id).and_then(|&id| self.doc.get_node(id))?;
         (!self.uses.contains(&node.id())).then_some(node)
+    }
+
+    /// Whether an element has this id.
+    pub(super) fn has_id(&self, id: &str) -> bool {
+        self.ids.contains_key(id)
     }
 
     /// Whether the job leaves out an element by its labels.
@@ -622,6 +636,11 @@ impl<'a, 'input> Walk<'a, 'input> {
             u32::try_from(names.len() - 1).expect("fewer elements than visits")
         })
     }
+}
+
+/// Whether an attribute states a transform that cannot be read.
+fn is_faulty_transform(node: Node<'_, '_>, remark: &Remark) -> bool {
+    remark.property == "transform" && remark.weight == Weight::Ignored && node.has_attribute("transform")
 }
 
 /// Properties of geometry; a faulty one of an attribute is a fault of the shape.
