@@ -21,6 +21,7 @@ mod determinism;
 mod docs;
 mod dose;
 mod dots;
+mod drawings;
 mod fill;
 mod fleet;
 mod foreign;

@@ -20,8 +20,11 @@ pub const SPOT: f64 = 0.1;
 /// Longer side of a page that has no size of its own, mm.
 pub const SIDE: f64 = 40.0;
 
-/// Share of pixels that may differ.
+/// Share of the page's pixels that may differ.
 pub const LIMIT: f64 = 0.005;
+
+/// The same as a share of the pixels that are shown: a lost dot is less than [`LIMIT`] of a page.
+pub const INK_LIMIT: f64 = 0.05;
 
 /// What is marked of a drawing with its page's lower left corner at the origin, and the warnings.
 pub fn load(path: &Path, size: Size, spot: f64, marking: Marking) -> Result<(Texture, Vec<Diag>), Error> {
@@ -158,7 +161,12 @@ pub fn judge(path: &Path, size: Size, height_mm: f64, shown: &Ink, name: &str) -
         Ok((texture, notes)) => {
             let [extra, missing] = differ(&burnt(&texture, [shown.width, shown.height], height_mm), shown, name);
             let warnings = codes(&notes);
-            if extra + missing > LIMIT { Verdict::Wrong { extra, missing, warnings } } else { Verdict::Right(warnings) }
+            let ink = shown.is_ink.iter().filter(|&&is_ink| is_ink).count() as f64 / shown.is_ink.len() as f64;
+            if extra + missing > LIMIT.min(INK_LIMIT * ink) {
+                Verdict::Wrong { extra, missing, warnings }
+            } else {
+                Verdict::Right(warnings)
+            }
         }
     }
 }
