@@ -50,6 +50,7 @@ mod reads;
 mod refusals;
 mod repair;
 mod resume;
+mod resvg_suite;
 mod rob_scan;
 mod run;
 mod run_grbl;

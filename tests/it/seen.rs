@@ -7,25 +7,11 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg;
 
-use crate::support::chromium::{DARKEST_PAPER, Ink, Scale, pictures};
-use crate::support::seen::{PER_MM, SIDE, SPOT, Verdict, judge, load};
+use crate::support::chromium::{Picture, Scale, pictures};
+use crate::support::seen::{PER_MM, SIDE, SPOT, Verdict, by_resvg, judge, load};
 use crate::support::{fixture, shared};
 use terrace::texture::{Marking, Size};
-
-/// What resvg shows of a drawing, stretched to a square.
-fn shown_by_resvg(path: &Path) -> Ink {
-    let tree = usvg::Tree::from_data(&std::fs::read(path).expect("readable"), &usvg::Options::default()).expect("SVG");
-    let side = (SIDE * PER_MM) as u32;
-    let mut picture = Pixmap::new(side, side).expect("a picture");
-    let scale = [tree.size().width(), tree.size().height()].map(|v| side as f32 / v);
-    resvg::render(&tree, Transform::from_scale(scale[0], scale[1]), &mut picture.as_mut());
-    let is_ink = |p: resvg::tiny_skia::ColorU8| p.alpha() > 127 && p.red().min(p.green()).min(p.blue()) < DARKEST_PAPER;
-    let side = side as usize;
-    Ink { width: side, height: side, is_ink: picture.pixels().iter().map(|p| is_ink(p.demultiply())).collect() }
-}
 
 fn name(path: &Path) -> String {
     path.file_stem().expect("a name").to_string_lossy().into_owned()
@@ -33,7 +19,7 @@ fn name(path: &Path) -> String {
 
 /// The drawings whose marks are not what resvg shows, with what is wrong.
 fn unlike_resvg(paths: &[PathBuf]) -> Vec<String> {
-    let one = |path: &PathBuf| match judge(path, Size::Mm([SIDE; 2]), SIDE, &shown_by_resvg(path), &name(path)) {
+    let one = |path: &PathBuf| match judge(path, Size::Mm([SIDE; 2]), SIDE, &by_resvg(path, [SIDE; 2]), &name(path)) {
         Verdict::Right(_) => None,
         verdict => Some(format!("{}: {verdict}", name(path))),
     };
@@ -43,8 +29,8 @@ fn unlike_resvg(paths: &[PathBuf]) -> Vec<String> {
 /// The same with Chromium; the longer side of each page is [`SIDE`].
 fn unlike_chromium(paths: &[PathBuf]) -> Vec<String> {
     let pictures = pictures(paths, Scale::Side((SIDE * PER_MM) as u32));
-    let one = |(path, picture): (&PathBuf, &Result<_, String>)| {
-        let picture: &crate::support::chromium::Picture = match picture {
+    let one = |(path, picture): (&PathBuf, &Result<Picture, String>)| {
+        let picture = match picture {
             Ok(picture) => picture,
             Err(e) => return Some(format!("{}: Chromium: {e}", name(path))),
         };
@@ -102,7 +88,7 @@ fn resvg_shows_none_of_the_drawings_that_turn_on_css() {
     let pictures = pictures(&paths, Scale::Side((SIDE * PER_MM) as u32));
     let same = paths.iter().zip(&pictures.list).filter(|(path, picture)| {
         let browser = picture.as_ref().expect("a picture").ink();
-        let differ = shown_by_resvg(path).is_ink.iter().zip(&browser.is_ink).filter(|(a, b)| a != b).count();
+        let differ = by_resvg(path, [SIDE; 2]).is_ink.iter().zip(&browser.is_ink).filter(|(a, b)| a != b).count();
         differ * 200 < browser.is_ink.len()
     });
     let same: Vec<String> = same.map(|(path, _)| name(path)).collect();

@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use resvg::tiny_skia::{Color, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
+use resvg::tiny_skia::{Color, ColorU8, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
+use resvg::usvg;
 
-use super::chromium::Ink;
+use super::chromium::{DARKEST_PAPER, Ink};
 use terrace::diag::{Diag, Error};
 use terrace::geom::{BoxMm, P2};
 use terrace::program::PenId;
@@ -41,6 +42,18 @@ pub fn load(path: &Path, size: Size, spot: f64, marking: Marking) -> Result<(Tex
     let mut notes = Vec::new();
     let plate = BoxMm::rectangle(-1000.0, -1000.0, 1000.0, 1000.0);
     Texture::load(&[request], plate, 0.0, spot, &mut notes).map(|texture| (texture, notes))
+}
+
+/// What resvg shows of a drawing, stretched to a page of this size in mm.
+pub fn by_resvg(path: &Path, page_mm: [f64; 2]) -> Ink {
+    let tree = usvg::Tree::from_data(&std::fs::read(path).expect("readable"), &usvg::Options::default()).expect("SVG");
+    let [width, height] = page_mm.map(|mm| (mm * PER_MM).round() as u32);
+    let mut picture = Pixmap::new(width, height).expect("a picture");
+    let scale = [width as f32 / tree.size().width(), height as f32 / tree.size().height()];
+    resvg::render(&tree, Transform::from_scale(scale[0], scale[1]), &mut picture.as_mut());
+    let is_ink = |p: ColorU8| p.alpha() > 127 && p.red().min(p.green()).min(p.blue()) < DARKEST_PAPER;
+    let is_ink = picture.pixels().iter().map(|p| is_ink(p.demultiply())).collect();
+    Ink { width: width as usize, height: height as usize, is_ink }
 }
 
 /// The codes of messages, each once.
