@@ -16,6 +16,7 @@ mod cad;
 mod cli;
 mod closed_forms;
 mod compare;
+mod css_drawings;
 mod curves;
 mod determinism;
 mod docs;
