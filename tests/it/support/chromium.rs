@@ -20,32 +20,56 @@ pub enum Scale {
     Side(u32),
 }
 
-/// What is seen of a page: which pixels hold ink, row by row from the top.
+/// What is seen of a page, row by row from the top.
 pub struct Ink {
     pub width: usize,
     pub height: usize,
+    /// Pixels that are darker than paper.
     pub is_ink: Vec<bool>,
+    /// Pixels whose neighbours have the same colour: edges, which renderers blend, are between them.
+    pub is_flat: Vec<bool>,
+}
+
+/// A pixel with a channel below this is seen against white.
+const DARKEST_PAPER: u8 = 250;
+
+/// Whether neighbours have the same colour, but for rounding.
+fn is_same(a: [u8; 3], b: [u8; 3]) -> bool {
+    a.iter().zip(b).all(|(&a, b)| a.abs_diff(b) <= 6)
 }
 
 impl Ink {
-    /// The upper left part of a picture on white.
-    fn new(png: &Path, [width, height]: [usize; 2]) -> Self {
-        let picture = Pixmap::load_png(png).unwrap_or_else(|e| panic!("{}: {e}", png.display()));
-        let at = |x: usize, y: usize| {
-            let p = picture.pixel(u32::try_from(x).ok()?, u32::try_from(y).ok()?)?.demultiply();
-            Some(p.red().min(p.green()).min(p.blue()) < DARKEST_PAPER && p.alpha() > 127)
-        };
-        let is_ink = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        Self { width, height, is_ink: is_ink.map(|(x, y)| at(x, y).unwrap_or(false)).collect() }
+    /// The upper left part of a picture, on white.
+    pub fn new(picture: &Pixmap, [width, height]: [usize; 2]) -> Self {
+        let mut colours = vec![[255; 3]; width * height];
+        let (stride, data) = (picture.width() as usize, picture.data());
+        for (i, colour) in colours.iter_mut().enumerate() {
+            let (x, y) = (i % width, i / width);
+            if let (true, Some(p)) = (x < stride, data.get(4 * (y * stride + x)..).and_then(|p| p.first_chunk::<4>())) {
+                // Channels are multiplied by alpha.
+                *colour = [0, 1, 2].map(|k| p[k] + (255 - p[3]));
+            }
+        }
+        let is_ink: Vec<bool> = colours.iter().map(|c| c.iter().any(|&channel| channel < DARKEST_PAPER)).collect();
+        let mut is_flat = vec![true; width * height];
+        // Each pixel with the one to its right and the three below it.
+        for (i, &colour) in colours.iter().enumerate() {
+            let (x, y) = (i % width, i / width);
+            for (dx, dy) in [(1, 0), (-1, 1), (0, 1), (1, 1)] {
+                let Some(x) = x.checked_add_signed(dx).filter(|&x| x < width && y + dy < height) else { continue };
+                let k = (y + dy) * width + x;
+                if colours[k] != colour && (is_ink[k] != is_ink[i] || !is_same(colours[k], colour)) {
+                    (is_flat[i], is_flat[k]) = (false, false);
+                }
+            }
+        }
+        Self { width, height, is_ink, is_flat }
     }
 
     pub fn is_blank(&self) -> bool {
         !self.is_ink.contains(&true)
     }
 }
-
-/// A pixel with a channel below this is seen against white.
-pub const DARKEST_PAPER: u8 = 250;
 
 /// A rendered file.
 pub struct Picture {
@@ -70,7 +94,8 @@ impl Picture {
             Scale::Side(n) => f64::from(n) / longest,
         };
         // A page of 40 mm may measure 39.998 mm in Chromium, which lays out in 64ths of a pixel.
-        Ink::new(&self.png, self.page_mm.map(|mm| (mm * per_mm).round() as usize))
+        let picture = Pixmap::load_png(&self.png).unwrap_or_else(|e| panic!("{}: {e}", self.png.display()));
+        Ink::new(&picture, self.page_mm.map(|mm| (mm * per_mm).round() as usize))
     }
 }
 

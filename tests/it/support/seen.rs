@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use resvg::tiny_skia::{Color, ColorU8, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
+use resvg::tiny_skia::{Color, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
 use resvg::usvg;
 
-use super::chromium::{DARKEST_PAPER, Ink};
+use super::chromium::Ink;
 use terrace::diag::{Diag, Error};
 use terrace::geom::{BoxMm, P2};
 use terrace::program::PenId;
@@ -51,9 +51,7 @@ pub fn by_resvg(path: &Path, page_mm: [f64; 2]) -> Ink {
     let mut picture = Pixmap::new(width, height).expect("a picture");
     let scale = [width as f32 / tree.size().width(), height as f32 / tree.size().height()];
     resvg::render(&tree, Transform::from_scale(scale[0], scale[1]), &mut picture.as_mut());
-    let is_ink = |p: ColorU8| p.alpha() > 127 && p.red().min(p.green()).min(p.blue()) < DARKEST_PAPER;
-    let is_ink = picture.pixels().iter().map(|p| is_ink(p.demultiply())).collect();
-    Ink { width: width as usize, height: height as usize, is_ink }
+    Ink::new(&picture, [width as usize, height as usize])
 }
 
 /// The codes of messages, each once.
@@ -116,12 +114,7 @@ pub fn burnt(texture: &Texture, [width, height]: [usize; 2], height_mm: f64) -> 
 /// black is right, red is marked and not shown, blue is shown and not marked.
 pub fn differ(burnt: &[bool], shown: &Ink, name: &str) -> [f64; 2] {
     let (w, h, is_ink) = (shown.width, shown.height, &shown.is_ink);
-    let is_flat = |i: usize| {
-        let (x, y) = (i % w, i / w);
-        let near = |k: usize, n: usize| k.saturating_sub(1)..(k + 2).min(n);
-        near(y, h).all(|y| near(x, w).all(|x| is_ink[y * w + x] == is_ink[i]))
-    };
-    let wrong: Vec<usize> = (0..w * h).filter(|&i| burnt[i] != is_ink[i] && is_flat(i)).collect();
+    let wrong: Vec<usize> = (0..w * h).filter(|&i| burnt[i] != is_ink[i] && shown.is_flat[i]).collect();
     if let Ok(folder) = std::env::var("SEEN_PICTURES") {
         let colour = |(&burnt, &shown): (&bool, &bool)| match (burnt, shown) {
             (true, true) => [0, 0, 0, 255],
