@@ -58,12 +58,11 @@ fn drawings_of_packages_are_marked_as_shown_or_refused() {
     assert!(absent.is_empty(), "setup.sh all installs {absent:?}");
     let pictures = pictures(&files, Scale::Side((SIDE * PER_MM) as u32));
     let counts = Counts::default();
-    let list: Vec<((&(&str, &str), &PathBuf), &Result<Picture, String>)> =
-        rows.iter().zip(&files).zip(&pictures.list).collect();
-    let wrong: Vec<String> = list
+    let wrong: Vec<String> = (0..rows.len())
         .into_par_iter()
-        .filter_map(|(((was, name), file), picture)| {
-            Some(format!("{name}: {}", fault(was, name, file, picture, &counts)?))
+        .filter_map(|i| {
+            let (was, name) = rows[i];
+            Some(format!("{name}: {}", fault(was, name, &files[i], &pictures.list[i], &counts)?))
         })
         .collect();
     println!("right, refused, different: {counts:?}");
