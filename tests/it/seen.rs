@@ -1,120 +1,46 @@
-//! What is marked of a drawing is what resvg, an independent renderer, shows of it.
+//! What is marked of a drawing is what resvg and Chromium, two independent renderers, show of it.
+//!
+//! resvg reads CSS as this program once did: it knows neither the selectors nor the at-rules nor the colours of level 4,
+//! compares keywords by case, keeps the last declaration of a property whether valid or not, and ignores `pathLength`.
+//! What turns on any of these is in `fixtures/seen_css` and compared with Chromium alone.
 
 use std::path::{Path, PathBuf};
 
-use resvg::tiny_skia::{Color, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
-use resvg::usvg;
+use rayon::prelude::*;
 
+use crate::support::chromium::{Picture, Scale, pictures};
+use crate::support::seen::{PER_MM, SIDE, SPOT, Verdict, by_resvg, judge, load};
 use crate::support::{fixture, shared};
-use terrace::diag::Error;
-use terrace::geom::BoxMm;
-use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
+use terrace::texture::{Marking, Size};
 
-/// Pixels of a millimetre.
-const SCALE: f32 = 20.0;
+fn name(path: &Path) -> String {
+    path.file_stem().expect("a name").to_string_lossy().into_owned()
+}
 
-/// Diameter of the spot, mm.
-const SPOT: f64 = 0.1;
-
-/// Side of the page, mm.
-const SIDE: f64 = 40.0;
-
-fn load(path: &Path, marking: Marking) -> Result<Texture, Error> {
-    let kind = Kind::Drawing {
-        path: path.to_owned(),
-        size: Size::Mm([SIDE; 2]),
-        unit_mm: None,
-        position: Position::Origin([0.0; 2]),
-        turn_rad: 0.0,
-        tile: false,
-        marking: Box::new(marking),
+/// The drawings whose marks are not what resvg shows, with what is wrong.
+fn unlike_resvg(paths: &[PathBuf]) -> Vec<String> {
+    let one = |path: &PathBuf| match judge(path, Size::Mm([SIDE; 2]), SIDE, &by_resvg(path, [SIDE; 2]), &name(path)) {
+        Verdict::Right(_) => None,
+        verdict => Some(format!("{}: {verdict}", name(path))),
     };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
-    Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, SIDE, SIDE), 0.0, SPOT, &mut Vec::new())
+    paths.par_iter().filter_map(one).collect()
 }
 
-fn pixels() -> u32 {
-    (SIDE as f32 * SCALE) as u32
-}
-
-/// The pixels that a spot passes over, row by row from the top.
-fn burnt(texture: &Texture) -> Vec<bool> {
-    let mut path = PathBuilder::new();
-    let mut points = Vec::new();
-    for i in 0..texture.len() {
-        texture.stroke(i, &mut points);
-        for (k, p) in points.iter().map(|p| p.mm()).enumerate() {
-            let (x, y) = (p[0] as f32 * SCALE, (SIDE - p[1]) as f32 * SCALE);
-            if k == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
-        }
-    }
-    let mut picture = Pixmap::new(pixels(), pixels()).expect("a picture");
-    let pen = Stroke {
-        width: SPOT as f32 * SCALE,
-        line_cap: LineCap::Round,
-        line_join: LineJoin::Round,
-        ..Stroke::default()
-    };
-    let mut paint = Paint::default();
-    paint.set_color(Color::BLACK);
-    if let Some(path) = path.finish() {
-        picture.stroke_path(&path, &paint, &pen, Transform::identity(), None);
-    }
-    picture.pixels().iter().map(|p| p.alpha() > 127).collect()
-}
-
-/// The pixels that are neither blank nor white.
-fn shown(path: &Path) -> Vec<bool> {
-    let tree = usvg::Tree::from_data(&std::fs::read(path).expect("readable"), &usvg::Options::default()).expect("SVG");
-    let mut picture = Pixmap::new(pixels(), pixels()).expect("a picture");
-    let size = tree.size();
-    let side = SIDE as f32 * SCALE;
-    resvg::render(&tree, Transform::from_scale(side / size.width(), side / size.height()), &mut picture.as_mut());
-    let is_ink = |p: resvg::tiny_skia::ColorU8| p.alpha() > 127 && p.red().min(p.green()).min(p.blue()) < 250;
-    picture.pixels().iter().map(|p| is_ink(p.demultiply())).collect()
-}
-
-/// Share of pixels that differ and lie farther than a pixel from any edge of what is shown.
-fn differ(burnt: &[bool], shown: &[bool], name: &str) -> f64 {
-    let n = pixels() as usize;
-    let is_flat = |i: usize| {
-        let (x, y) = (i % n, i / n);
-        let near = |k: usize| k.saturating_sub(1)..(k + 2).min(n);
-        near(y).all(|y| near(x).all(|x| shown[y * n + x] == shown[i]))
-    };
-    let wrong: Vec<usize> = (0..n * n).filter(|&i| burnt[i] != shown[i] && is_flat(i)).collect();
-    if let Ok(folder) = std::env::var("SEEN_PICTURES") {
-        let mut picture = Pixmap::new(n as u32, n as u32).expect("a picture");
-        picture.fill(Color::WHITE);
-        let mut data = picture.take();
-        for i in 0..n * n {
-            let colour = match (burnt[i], shown[i]) {
-                (true, true) => [0, 0, 0, 255],
-                (true, false) => [255, 0, 0, 255],
-                (false, true) => [0, 0, 255, 255],
-                (false, false) => [255, 255, 255, 255],
-            };
-            data[4 * i..4 * i + 4].copy_from_slice(&colour);
-        }
-        let picture = Pixmap::from_vec(data, resvg::tiny_skia::IntSize::from_wh(n as u32, n as u32).expect("a size"));
-        picture.expect("a picture").save_png(Path::new(&folder).join(format!("{name}.png"))).expect("written");
-    }
-    wrong.len() as f64 / (n * n) as f64
-}
-
-/// Drawings with what they differ by, beyond what is allowed.
-fn differences(paths: &[PathBuf]) -> Vec<String> {
-    let one = |path: &PathBuf| {
-        let name = path.file_stem().expect("a name").to_string_lossy();
-        let texture = match load(path, Marking::default()) {
-            Ok(texture) => texture,
-            Err(e) => return Some(format!("{name}: {e}")),
+/// The same with Chromium; the longer side of each page is [`SIDE`].
+fn unlike_chromium(paths: &[PathBuf]) -> Vec<String> {
+    let pictures = pictures(paths, Scale::Side((SIDE * PER_MM) as u32));
+    let one = |(path, picture): (&PathBuf, &Result<Picture, String>)| {
+        let picture = match picture {
+            Ok(picture) => picture,
+            Err(e) => return Some(format!("{}: Chromium: {e}", name(path))),
         };
-        let share = differ(&burnt(&texture), &shown(path), &name);
-        (share > 0.005).then(|| format!("{name}: {:.2} % of pixels differ", share * 100.0))
+        let size = picture.scaled_to(SIDE);
+        match judge(path, Size::Mm(size), size[1], &picture.ink(), &name(path)) {
+            Verdict::Right(_) => None,
+            verdict => Some(format!("{}: {verdict}", name(path))),
+        }
     };
-    paths.iter().filter_map(one).collect()
+    paths.par_iter().zip(&pictures.list).filter_map(one).collect()
 }
 
 fn drawings(folder: &Path, begin: &str) -> Vec<PathBuf> {
@@ -132,8 +58,41 @@ fn drawings(folder: &Path, begin: &str) -> Vec<PathBuf> {
 fn marks_are_what_a_renderer_shows() {
     let paths = drawings(&fixture("seen"), "");
     assert!(paths.len() >= 40, "{} drawings", paths.len());
-    let wrong = differences(&paths);
+    let wrong = unlike_resvg(&paths);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn marks_are_what_a_browser_shows() {
+    let paths = drawings(&fixture("seen"), "");
+    assert!(paths.len() >= 40, "{} drawings", paths.len());
+    let wrong = unlike_chromium(&paths);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn marks_of_drawings_that_turn_on_css_are_what_a_browser_shows() {
+    let paths = drawings(&fixture("seen_css"), "");
+    assert!(paths.len() >= 12, "{} drawings", paths.len());
+    let wrong = unlike_chromium(&paths);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A drawing that resvg shows right belongs into `fixtures/seen`, where both renderers are asked.
+#[test]
+#[ignore = "slow: make test-all"]
+fn resvg_shows_none_of_the_drawings_that_turn_on_css() {
+    let paths = drawings(&fixture("seen_css"), "");
+    let pictures = pictures(&paths, Scale::Side((SIDE * PER_MM) as u32));
+    let same = paths.iter().zip(&pictures.list).filter(|(path, picture)| {
+        let browser = picture.as_ref().expect("a picture").ink();
+        let differ = by_resvg(path, [SIDE; 2]).is_ink.iter().zip(&browser.is_ink).filter(|(a, b)| a != b).count();
+        differ * 200 < browser.is_ink.len()
+    });
+    let same: Vec<String> = same.map(|(path, _)| name(path)).collect();
+    assert!(same.is_empty(), "{}", same.join("\n"));
 }
 
 #[test]
@@ -145,10 +104,13 @@ fn marks_of_foreign_cases_are_what_a_renderer_shows() {
     let mut drawn = Vec::new();
     for path in paths {
         match refused.iter().find(|(part, _)| path.display().to_string().contains(part)) {
-            Some((_, code)) => assert_eq!(load(&path, Marking::default()).expect_err("refused").diags()[0].code, *code),
+            Some((_, code)) => {
+                let refusal = load(&path, Size::Mm([SIDE; 2]), SPOT, Marking::default()).expect_err("refused");
+                assert_eq!(refusal.diags()[0].code, *code);
+            }
             None => drawn.push(path),
         }
     }
-    let wrong = differences(&drawn);
+    let wrong = unlike_resvg(&drawn);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -2,8 +2,8 @@
 # Installs the foreign readers that the tests check the job folders with, below .venv in the root of the
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
 # unpacked without root; Dask, which carries fleets; with `all` also the packages that slow tests need
-# (requirements-all.txt), Chromium with the packages that drive it (../browser/package.json), and Slurm. Running it again
-# costs nothing. Ends with an error if anything is missing.
+# (requirements-all.txt), Chromium with the packages that drive it and icons (../browser/package.json), the drawings of
+# Debian's inkscape, and Slurm. Running it again costs nothing. Ends with an error if anything is missing.
 set -eu
 
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -148,6 +148,15 @@ if [ "${1:-}" = all ]; then
             complain "the packages of $list (needs npm and its registry)"
         fi
     fi
+fi
+
+# --- Inkscape's share folder, whose drawings package_drawings.txt lists; it is read, nothing of it is run
+if [ "${1:-}" = all ] && [ ! -d "$venv/drawings/root/usr/share/inkscape" ]; then
+    drawings="$venv/drawings"
+    mkdir -p "$drawings/deb" "$drawings/root"
+    fetch() { (cd "$drawings/deb" && apt-get download inkscape >/dev/null 2>&1); }
+    { fetch || { apt-get update >/dev/null 2>&1 && fetch; }; } && dpkg -x "$drawings"/deb/inkscape_*.deb "$drawings/root" ||
+        complain "the drawings of inkscape (needs apt-get, dpkg and the packages of Debian 12)"
 fi
 
 # --- Slurm, for the script of docs/fleet.md: controller, node and munge; the tests start them by themselves

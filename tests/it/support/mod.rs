@@ -2,11 +2,13 @@
 
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod chromium;
 pub mod fleet;
 pub mod image;
 pub mod linuxcncrsh;
 pub mod malformed;
 pub mod nurbs;
+pub mod seen;
 pub mod slurm;
 pub mod surfaces;
 
