@@ -52,9 +52,11 @@ impl Sources {
                 stretched(load, wanted, path, notes)?
             }
             Source::Plot(bytes) => {
-                let tolerance = |growth: f64| site.tolerance / growth;
-                let load =
-                    |growth: f64, notes: &mut Vec<Diag>| hpgl::load(bytes, path, tolerance(growth), marking, notes);
+                let load = |growth: f64, notes: &mut Vec<Diag>| {
+                    let [tolerance, widest_line] =
+                        [site.tolerance, marking.widest_line_mm(site.spot_mm)].map(|length| length / growth);
+                    hpgl::load(bytes, &hpgl::How { path, tolerance, widest_line, marking }, notes)
+                };
                 stretched(load, wanted, path, notes)?
             }
         };

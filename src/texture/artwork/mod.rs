@@ -21,7 +21,7 @@ pub(super) use area::{Area, Polygon};
 pub(super) use choice::{Class, classes, selectors};
 pub(super) use crossings::TooMany;
 pub(super) use cut::{Cells, Cutter, Keep, distance};
-pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
+pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, disc, steps};
 use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;

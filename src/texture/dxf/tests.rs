@@ -353,6 +353,11 @@ fn odd_entities_have_one_outcome() {
     for (tags, outcome) in ODD {
         check(tags, &file(tags), Some(1.0), outcome);
     }
+    // There and back is one line, and flat lines alone are: z may differ.
+    for tags in ["0 LWPOLYLINE 70 1 10 1 20 1 10 9 20 1", "0 LWPOLYLINE 10 1 20 1 10 9 20 1 10 1 20 1"] {
+        let art = loaded(&file(tags), Some(1.0)).0.expect("read");
+        assert_eq!(art.lines.iter().collect::<Vec<_>>(), [[[0.0, 0.0], [8.0, 0.0]]], "{tags}");
+    }
     let mirrored = file("0 ARC 10 10 20 0 40 5 50 0 51 90 210 0 220 0 230 -1");
     let art = loaded(&mirrored, Some(1.0)).0.expect("read");
     assert!((art.corner.expect("a corner")[0] + 15.0).abs() < 1e-12, "x is mirrored: {:?}", art.corner);

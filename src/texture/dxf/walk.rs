@@ -151,6 +151,9 @@ impl<'a> Walk<'a> {
         if self.art.lines.len() == first {
             return;
         }
+        if figure == Figure::Lines {
+            self.art.lines.trace_once(first, self.tolerance);
+        }
         if look.is_dashed && !matches!(entity.kind, Kind::Hatch(_) | Kind::Solid(_)) {
             self.note(Issue::Dash, entity);
             if self.marking.is_lenient {
