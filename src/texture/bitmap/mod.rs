@@ -22,6 +22,7 @@ mod image;
 mod jpeg;
 mod png;
 mod tiff;
+mod tiff_tags;
 
 use std::path::Path;
 
