@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::artwork::{Artwork, Figure};
 use super::page::Wanted;
 use super::place::Site;
-use super::{Kind, Request, bitmap, dxf, hpgl, svg};
+use super::{Kind, Request, bitmap, dxf, foreign, hpgl, svg};
 use crate::diag::{self, Diag, Error, Place};
 
 /// Largest file of a drawing.
@@ -99,9 +99,12 @@ pub(crate) enum DrawingFormat {
 /// The file of a drawing, and what its first bytes or its name say that it is.
 ///
 /// # Errors
-/// `file-…`.
+/// `file-…`; `drawing-format`.
 pub(crate) fn read_drawing(path: &Path) -> Result<(Vec<u8>, DrawingFormat), Error> {
     let bytes = diag::read_file(path, MAX_FILE)?;
+    if let Some(d) = foreign::refused(&bytes) {
+        return Err(d.at(Place::file(path.display().to_string())).into());
+    }
     let is_text = svg::is_svg(&bytes);
     let format = match extension(path).as_str() {
         _ if bitmap::is_bitmap(&bytes) => DrawingFormat::Bitmap,

@@ -6,6 +6,7 @@
 
 mod area;
 mod choice;
+mod coverage;
 mod crossings;
 mod cut;
 mod dot_screen;
@@ -26,7 +27,7 @@ use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
-pub(super) use marks::{Page, Waits, marks};
+pub(super) use marks::{DIFFUSION_HINT, Page, Waits, marks};
 pub(super) use screen::Grey;
 
 use super::clip::Lines;
@@ -48,6 +49,8 @@ pub(super) struct Artwork {
     pub(super) clips: Vec<Area>,
     /// The pictures that shapes refer to; each fills the page.
     pub(super) greys: Vec<Grey>,
+    /// The dark share of a picture of two tones whose dark areas the shapes are.
+    pub(super) dark_share: Option<f64>,
     /// What elements are called in messages: their id, or tag and number.
     pub(super) names: Vec<String>,
     /// Sets of labels by which shapes can be chosen.

@@ -479,6 +479,65 @@ fn the_size_is_stated_and_that_of_the_file_is_used_only_where_the_job_asks_for_i
     assert_eq!(code(&sized(Some([1.0, 0.0]), None).expect_err("no size")), "bitmap-size");
 }
 
+/// A picture of 5 x 5 mm of pixels of 0.1 mm: dark where `is_dark` says.
+fn screened(is_dark: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    grey8(50, 50, |x, y| if is_dark(x, y) { 0 } else { 255 })
+}
+
+/// The notes on one marked with a spot of 0.04 mm.
+fn notes_on(bytes: &[u8], marking: Marking) -> Vec<Diag> {
+    let (_, mut notes) = load(bytes, Some([5.0, 5.0]), marking).expect("marked");
+    notes.retain(|n| n.code.starts_with("bitmap") || n.code == "texture-thin");
+    notes
+}
+
+#[test]
+fn a_threshold_that_loses_the_tone_of_a_screened_picture_is_told() {
+    let threshold = |pitch_mm| Marking { pitch_mm, tone: Some(tone(Screen::Threshold)), ..Marking::default() };
+    let board = screened(|x, y| (x + y) % 2 == 0);
+    // Squares of 0.1 mm with an inset of 0.045 mm hold one line of 0.01 mm at most: 0.05 x 0.04 mm of 0.01 mm².
+    let marking = Marking { inset_mm: Some(0.045), ..threshold(None) };
+    let notes = notes_on(&board, marking);
+    assert_eq!(notes.iter().map(|n| n.code).collect::<Vec<_>>(), ["bitmap-coverage"], "{notes:?}");
+    let covered: f64 = notes[0].message.split(' ').nth(3).expect("a number").parse().expect("a share");
+    assert!(covered < 0.15 && notes[0].message.ends_with("a coverage of 0.500"), "{}", notes[0].message);
+    assert!(notes[0].hint.contains("screen = \"diffusion\""), "{}", notes[0].hint);
+    // Lines that fill the squares keep it, and so do large areas; lines two spots apart cover half on purpose.
+    let half = screened(|x, _| x < 25);
+    for marking in [threshold(None), threshold(Some(0.08)), Marking { cross: true, ..threshold(Some(0.08)) }] {
+        let notes = notes_on(&half, marking);
+        assert!(notes.is_empty(), "{notes:?}");
+    }
+    // Nothing fits: the refusal names what does.
+    let marking = Marking { inset_mm: Some(0.06), ..threshold(None) };
+    let e = load(&board, Some([5.0, 5.0]), marking).expect_err("empty");
+    assert!(code(&e) == "texture-empty" && e.to_string().contains("screen = \"diffusion\""), "{e}");
+}
+
+#[test]
+fn a_halftone_that_beats_with_the_raster_of_a_picture_is_told() {
+    let halftone = |period_mm| {
+        let tone = Tone { period_mm: Some(period_mm), ..tone(Screen::Halftone) };
+        Marking { pitch_mm: Some(SPOT), tone: Some(tone), ..Marking::default() }
+    };
+    // In every cell at its corner, where thresholds are highest.
+    let dots = screened(|x, y| x % 4 == 0 && y % 4 == 1);
+    let notes = notes_on(&dots, halftone(0.4));
+    assert_eq!(notes.iter().map(|n| n.code).collect::<Vec<_>>(), ["bitmap-moire"], "{notes:?}");
+    assert!(notes[0].message.contains("0.400 mm") && notes[0].hint.contains("diffusion"), "{}", notes[0].message);
+    // Diffusion keeps the tone; a ramp and line art have no raster.
+    let diffusion = Marking { tone: Some(tone(Screen::Diffusion)), ..Marking::default() };
+    assert!(notes_on(&dots, diffusion).is_empty());
+    for picture in [
+        grey8(50, 50, |x, _| (x * 5) as u8),
+        grey8(50, 50, |_, _| 240),
+        screened(|x, y| (10..40).contains(&x) && (y < 12 || x > 30)),
+    ] {
+        let notes = notes_on(&picture, halftone(0.4));
+        assert!(notes.is_empty(), "{notes:?}");
+    }
+}
+
 #[test]
 fn joined_pixels_keep_the_mean() {
     let grey = Grey::new(5, 3, (0..15).map(|v| v * 1000).collect());
