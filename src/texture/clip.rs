@@ -1,5 +1,6 @@
 //! Polylines in mm, and what is left of one in a rectangle.
 
+use super::artwork::distance;
 use super::place::{LEAST, NM};
 use crate::geom::BoxMm;
 
@@ -82,6 +83,19 @@ impl Lines {
         self.ends.truncate(count);
     }
 
+    /// Replaces flat lines from `first` on that run there and back by the line that they run along, see
+    /// [`traced_twice`].
+    pub(super) fn trace_once(&mut self, first: usize, tolerance: f64) {
+        let once: Vec<_> = (first..self.len()).map(|i| traced_twice(self.get(i), tolerance)).collect();
+        if self.is_spatial || once.iter().all(Option::is_none) {
+            return;
+        }
+        let lines: Vec<_> =
+            once.into_iter().zip(first..).map(|(once, i)| once.unwrap_or_else(|| self.get(i).to_vec())).collect();
+        self.truncate(first);
+        lines.iter().for_each(|line| self.push(line));
+    }
+
     pub(super) fn clear(&mut self) {
         self.points.clear();
         self.heights.clear();
@@ -106,16 +120,85 @@ pub(super) fn is_closed(points: &[[f64; 2]]) -> bool {
 /// Whether a figure is closed and all its points lie between two lines nearer to each other than the
 /// tolerance: it would be marked as one line, twice.
 pub(super) fn is_hairline(line: &[[f64; 2]], tolerance: f64) -> bool {
-    if !is_closed(line) {
-        return false;
-    }
+    is_closed(line) && strip(line).width < tolerance
+}
+
+/// A straight strip about a figure, along the line from its first point to the one farthest from that.
+struct Strip {
+    /// Distance of its sides, mm.
+    width: f64,
+    /// The places of the points that lie nearest to its two ends.
+    ends: [usize; 2],
+}
+
+fn strip(line: &[[f64; 2]]) -> Strip {
     let [x, y] = line[0];
     let away = |p: &[f64; 2]| (p[0] - x).hypot(p[1] - y);
     let far = line.iter().copied().fold(line[0], |far, p| if away(&p) > away(&far) { p } else { far });
     let length = away(&far);
-    let sides = line.iter().map(|p| ((far[0] - x) * (p[1] - y) - (far[1] - y) * (p[0] - x)) / length);
-    let (lo, hi) = sides.fold((0.0_f64, 0.0_f64), |(lo, hi), s| (lo.min(s), hi.max(s)));
-    hi - lo < tolerance
+    let [dx, dy] = [(far[0] - x) / length, (far[1] - y) / length];
+    let (mut lo, mut hi) = (0.0_f64, 0.0_f64);
+    let mut ends = [(0.0, 0); 2];
+    for (k, p) in line.iter().enumerate() {
+        let (along, across) = (dx * (p[0] - x) + dy * (p[1] - y), dx * (p[1] - y) - dy * (p[0] - x));
+        (lo, hi) = (lo.min(across), hi.max(across));
+        ends[0] = if along < ends[0].0 { (along, k) } else { ends[0] };
+        ends[1] = if along > ends[1].0 { (along, k) } else { ends[1] };
+    }
+    Strip { width: hi - lo, ends: ends.map(|(_, k)| k) }
+}
+
+/// Most vertices of a figure that are tried as the end of a line: a line that runs back and forth on its way has more
+/// turns than ends, and none is drawn with so many.
+const MAX_TURNS: usize = 16;
+
+/// The open line that a closed polyline runs along there and back, within the tolerance, wherever it begins: it is to be
+/// marked once. None where the figure is open or encloses something. The line has points of the figure, and runs the
+/// way in which the figure reaches its first end and then its second. Cost: the number of points, at most
+/// [`MAX_TURNS`] times.
+pub(super) fn traced_twice(line: &[[f64; 2]], tolerance: f64) -> Option<Vec<[f64; 2]>> {
+    if !is_closed(line) {
+        return None;
+    }
+    let strip = strip(line);
+    if strip.width < tolerance {
+        let [a, b] = strip.ends;
+        return (a != b).then(|| vec![line[a.min(b)], line[a.max(b)]]);
+    }
+    let ring = &line[..line.len() - 1];
+    let turns = (0..ring.len()).filter(|&k| turns_back(ring, k, tolerance));
+    turns.take(MAX_TURNS).find_map(|k| halves(ring, k, tolerance))
+}
+
+/// Whether a ring leaves a vertex along the edge that it came by.
+fn turns_back(ring: &[[f64; 2]], k: usize, tolerance: f64) -> bool {
+    let n = ring.len();
+    let (at, before, after) = (ring[k], ring[(k + n - 1) % n], ring[(k + 1) % n]);
+    let ahead = (before[0] - at[0]) * (after[0] - at[0]) + (before[1] - at[1]) * (after[1] - at[1]);
+    // Where edges are shorter than the tolerance, every vertex is near its neighbours.
+    ahead > 0.0 && (distance(before, [at, after]) <= tolerance || distance(after, [at, before]) <= tolerance)
+}
+
+/// The way from vertex `turn` of a ring to where the ring turns back, if both ways there are one. They are followed side
+/// by side: of the two next vertices the one that the other way passes first must lie on it. The ways may have their
+/// vertices at different places.
+fn halves(ring: &[[f64; 2]], turn: usize, tolerance: f64) -> Option<Vec<[f64; 2]>> {
+    let n = ring.len();
+    let forth = |i: usize| ring[(turn + i) % n];
+    let back = |j: usize| ring[(turn + n - j) % n];
+    // The next vertices of both ways; the last step joins them, where all vertices have been passed.
+    let (mut i, mut j) = (1, 1);
+    while i + j < n {
+        let (next, other) = (forth(i), back(j));
+        if distance(next, [back(j - 1), other]) <= tolerance {
+            i += 1;
+        } else if distance(other, [forth(i - 1), next]) <= tolerance {
+            j += 1;
+        } else {
+            return None;
+        }
+    }
+    Some((0..=i).map(forth).collect())
 }
 
 /// Whether the whole polyline lies in the rectangle, borders included.
@@ -259,6 +342,53 @@ mod tests {
         let cut = clipped(&over);
         assert_eq!(cut.len(), 1);
         assert_eq!((cut[0].len(), cut[0][0][0], cut[0][3][0]), (4, 10.0, 10.0));
+    }
+
+    #[test]
+    fn a_line_there_and_back_is_one_line() {
+        let once = |points: &[[f64; 2]]| traced_twice(points, 1e-3);
+        let bent = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [6.0, 3.0]];
+        // There and back by the same points, from each of them.
+        let mut ring: Vec<_> = bent.iter().chain(bent[1..3].iter().rev()).copied().collect();
+        for _ in 0..ring.len() {
+            let closed: Vec<_> = ring.iter().chain(ring.first()).copied().collect();
+            let found = once(&closed).expect("one line");
+            assert!(found == bent || found.iter().rev().eq(&bent), "{closed:?}: {found:?}");
+            ring.rotate_left(1);
+        }
+        // The way back has points of its own, and lies beside the way there by less than the tolerance.
+        let back = [[6.0, 3.0], [5.0, 3.0], [4.0004, 2.9996], [4.0, 1.0], [3.9996, 0.0003], [1.0, 0.0], [0.0, 0.0]];
+        let closed: Vec<_> = bent.iter().chain(&back[1..]).copied().collect();
+        assert_eq!(once(&closed).expect("one line"), bent);
+        // Straight lines, closed at an end, in between, and run along more often.
+        for (closed, want) in [
+            (vec![[1.0, 1.0], [9.0, 1.0], [1.0, 1.0]], [[1.0, 1.0], [9.0, 1.0]]),
+            (vec![[5.0, 1.0], [9.0, 1.0], [1.0, 1.0], [5.0, 1.0]], [[9.0, 1.0], [1.0, 1.0]]),
+            (vec![[0.0, 0.0], [6.0, 8.0], [3.0, 4.0004], [0.0, 0.0]], [[0.0, 0.0], [6.0, 8.0]]),
+            (vec![[0.0, 0.0], [5.0, 0.0], [2.0, 0.0], [9.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [9.0, 0.0]]),
+        ] {
+            assert_eq!(once(&closed).expect("one line"), want, "{closed:?}");
+        }
+    }
+
+    #[test]
+    fn figures_that_enclose_something_and_open_lines_are_not_traced_twice() {
+        let arc = |k: i32| (f64::from(k) * 1e-4).sin_cos();
+        let dense: Vec<[f64; 2]> = (0..=62_832).map(|k| [arc(k).1, arc(k).0]).chain([[1.0, 0.0]]).collect();
+        for line in [
+            vec![[0.0, 0.0], [9.0, 0.0], [9.0, 0.002], [0.0, 0.0]],
+            vec![[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0], [0.0, 0.0]],
+            // A stem with a loop, and one with a spur on the way there alone.
+            vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [8.0, 4.0], [8.0, 0.0], [4.0, 0.0], [0.0, 0.0]],
+            vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [4.0, 0.0], [4.0, -3.0], [4.0, 0.0], [0.0, 0.0]],
+            vec![[0.0, 0.0], [9.0, 0.0], [0.0, 0.1]],
+            vec![[3.0, 3.0], [3.0, 3.0], [3.0, 3.0]],
+            vec![[3.0, 3.0]],
+            vec![],
+            dense,
+        ] {
+            assert_eq!(traced_twice(&line, 1e-3), None, "{:?}", line.get(..9));
+        }
     }
 
     #[test]

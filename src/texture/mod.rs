@@ -23,6 +23,7 @@ mod contour_areas;
 mod curves;
 mod drawing;
 mod dxf;
+mod foreign;
 mod hpgl;
 mod mask;
 mod page;
@@ -246,10 +247,7 @@ impl Texture {
             .map_err(|d| Error::from(d.at(file.clone())))?;
         notes.extend(told.into_iter().map(|d| d.at(file.clone())));
         if page.lines.len() == 0 && page.waits.is_empty() {
-            return Err(Diag::input("texture-empty", "nothing of the drawing is marked")
-                .at(file)
-                .hint("check fill, stroke, inset, only and except of the texture")
-                .into());
+            return Err(nothing_marked(art, marking).at(file).into());
         }
         Drawing::place(page, request, site)
     }
@@ -505,6 +503,24 @@ fn numbered(e: &Error, k: usize) -> Error {
         d.message = format!("texture {}: {}", k + 1, d.message);
     }
     Error::many(diags)
+}
+
+/// What is said of a drawing without marks.
+fn nothing_marked(art: &Artwork, marking: &Marking) -> Diag {
+    let is_line = |shape: &artwork::Shape| shape.figure == artwork::Figure::Lines;
+    let below = art.shapes.iter().position(is_line);
+    let has_cover = below.is_some_and(|first| art.shapes[first..].iter().any(|shape| !is_line(shape)));
+    let (why, hint) = if art.dark_share.is_some() {
+        (": all dark areas of the picture are thinner than twice the inset", artwork::DIFFUSION_HINT)
+    } else if marking.fill == FillMode::None && has_cover {
+        (
+            ": its areas, which fill = \"none\" leaves unmarked, hide the lines below them",
+            "leave the areas out by except or only, or mark them with another fill",
+        )
+    } else {
+        ("", "check fill, stroke, inset, only and except of the texture")
+    };
+    Diag::input("texture-empty", format!("nothing of the drawing is marked{why}")).hint(hint)
 }
 
 fn empty() -> Diag {

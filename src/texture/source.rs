@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::artwork::{Artwork, Figure};
 use super::page::Wanted;
 use super::place::Site;
-use super::{Kind, Request, bitmap, dxf, hpgl, svg};
+use super::{Kind, Request, bitmap, dxf, foreign, hpgl, svg};
 use crate::diag::{self, Diag, Error, Place};
 
 /// Largest file of a drawing.
@@ -52,9 +52,11 @@ impl Sources {
                 stretched(load, wanted, path, notes)?
             }
             Source::Plot(bytes) => {
-                let tolerance = |growth: f64| site.tolerance / growth;
-                let load =
-                    |growth: f64, notes: &mut Vec<Diag>| hpgl::load(bytes, path, tolerance(growth), marking, notes);
+                let load = |growth: f64, notes: &mut Vec<Diag>| {
+                    let [tolerance, widest_line] =
+                        [site.tolerance, marking.widest_line_mm(site.spot_mm)].map(|length| length / growth);
+                    hpgl::load(bytes, &hpgl::How { path, tolerance, widest_line, marking }, notes)
+                };
                 stretched(load, wanted, path, notes)?
             }
         };
@@ -97,9 +99,12 @@ pub(crate) enum DrawingFormat {
 /// The file of a drawing, and what its first bytes or its name say that it is.
 ///
 /// # Errors
-/// `file-…`.
+/// `file-…`; `drawing-format`.
 pub(crate) fn read_drawing(path: &Path) -> Result<(Vec<u8>, DrawingFormat), Error> {
     let bytes = diag::read_file(path, MAX_FILE)?;
+    if let Some(d) = foreign::refused(&bytes) {
+        return Err(d.at(Place::file(path.display().to_string())).into());
+    }
     let is_text = svg::is_svg(&bytes);
     let format = match extension(path).as_str() {
         _ if bitmap::is_bitmap(&bytes) => DrawingFormat::Bitmap,

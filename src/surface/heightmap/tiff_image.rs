@@ -94,9 +94,11 @@ fn decode(input: impl Read + Seek, length: u64, notes: &mut Vec<Diag>) -> Result
 fn check_samples<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<u64, Diag> {
     let photometric = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(damaged)?;
     let orientation = decoder.find_tag_unsigned::<u16>(Tag::Orientation).map_err(damaged)?.unwrap_or(1);
+    let fill_order = decoder.find_tag_unsigned::<u16>(Tag::FillOrder).map_err(damaged)?.unwrap_or(1);
     let what = match decoder.colortype().map_err(damaged)? {
         ColorType::Gray(bits @ (8 | 16 | 32 | 64)) => {
             let what = match (photometric, orientation) {
+                _ if fill_order != 1 => "stored with the lowest bit of each byte first".to_owned(),
                 (Some(0), _) => "stored with white as zero".to_owned(),
                 (_, 1) => return Ok(bits.into()),
                 (_, orientation) => format!("stored turned (orientation {orientation})"),
@@ -277,6 +279,7 @@ mod tests {
             (tiff::<Gray64>(&[1; 6], plain, &[]), &SCALE, "heightmap-samples", "64 bits"),
             (tiff::<Gray8>(&[1; 3], plain, &[]), &SCALE, "heightmap-size", "3 x 1"),
             (tiff::<Gray16>(&[7; 6], plain, &[(274, "3")]), &SCALE, "heightmap-samples", "orientation 3"),
+            (tiff::<Gray16>(&[7; 6], plain, &[(266, "2")]), &SCALE, "heightmap-samples", "lowest bit"),
             (tiff::<Gray16>(&[7; 6], plain, &[(42_113, "many")]), &SCALE, "tiff-damaged", "\"many\""),
             (
                 tiff::<Gray32Float>(&[1.0, f32::INFINITY, 3.0, 4.0, 5.0, 6.0], plain, &[]),

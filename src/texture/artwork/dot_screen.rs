@@ -12,6 +12,8 @@
 //! - *noise*: as halftone with a threshold mask of 64 x 64 sites that is blue noise (Ulichney, The void-and-cluster
 //!   method for dither array generation, 1993), of the seed.
 
+use std::collections::BTreeMap;
+
 use super::hatch::TooFine;
 use super::marking::{Marking, Screen};
 use super::screen::{Grey, Picture, pale};
@@ -42,6 +44,7 @@ pub(super) struct DotScreen {
     direction: [f64; 2],
     /// Thresholds of a mask, row by row, and its side; None where errors are diffused.
     mask: Option<(Vec<f64>, usize)>,
+    is_halftone: bool,
 }
 
 impl DotScreen {
@@ -56,11 +59,18 @@ impl DotScreen {
             }
             _ => None,
         };
-        Self { pitch_mm, spot_mm, direction: cos_sin(marking.direction_rad - page_rad), mask }
+        Self {
+            pitch_mm,
+            spot_mm,
+            direction: cos_sin(marking.direction_rad - page_rad),
+            mask,
+            is_halftone: tone.screen == Screen::Halftone,
+        }
     }
 
-    /// Appends the dots of a picture on a page, each as a line of one point.
-    pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<(), TooFine> {
+    /// Appends the dots of a picture on a page, each as a line of one point; answers with what is said where the cells of
+    /// a halftone beat with the picture.
+    pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
         let [c, s] = self.direction;
         let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size];
         let range = |of: &dyn Fn([f64; 2]) -> f64| {
@@ -84,6 +94,7 @@ impl DotScreen {
         };
         let (first, columns) = (along[0] as i64, count[0] as usize);
         let mut errors = [vec![0.0; columns + 2], vec![0.0; columns + 2]];
+        let mut tones = self.is_halftone.then(|| Tones::new(self.mask.as_ref().map_or(1, |(_, side)| *side)));
         for (row, k) in (across[0] as i64..=across[1] as i64).enumerate() {
             let is_back = row % 2 == 1;
             for n in 0..columns {
@@ -101,6 +112,9 @@ impl DotScreen {
                 if is_marked {
                     out.push(&[p]);
                 }
+                if let Some(tones) = &mut tones {
+                    tones.add([i, k], q, is_marked);
+                }
             }
             errors.swap(0, 1);
             errors[1].fill(0.0);
@@ -108,12 +122,69 @@ impl DotScreen {
                 return Err(TooFine);
             }
         }
-        Ok(())
+        Ok(tones.and_then(|tones| tones.beat(self.pitch_mm)))
     }
 
     /// What is said where the sites lie too far apart for the dark parts of a picture.
     pub(super) fn pale(&self, grey: &Grey) -> Option<Diag> {
         pale(grey, (self.spot_mm / self.pitch_mm).powi(2), self.pitch_mm, self.spot_mm, "dots")
+    }
+}
+
+/// Cells along a side of a window in which the dots of a halftone are compared with the picture.
+const WINDOW_CELLS: i64 = 4;
+
+/// How far the dots of a window may miss the picture's tone: half a dot of a cell, as a cell has whole dots, and a share.
+const MAX_CELL_OFF: f64 = 0.5;
+const MAX_SHARE_OFF: f64 = 0.1;
+
+/// The share of the tone in windows that miss it from which on it is told.
+const BEAT_SHARE: f64 = 0.25;
+
+/// Dots of a halftone, and those that the picture asks for, window by window. Where the picture has a raster of its own,
+/// dark places fall on high thresholds here and on low ones there (moire).
+struct Tones {
+    /// Sites along a side of a cell.
+    side: usize,
+    windows: BTreeMap<[i64; 2], Window>,
+}
+
+/// What the sites of a window come to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Window {
+    sites: usize,
+    wanted: f64,
+    dots: usize,
+}
+
+impl Tones {
+    fn new(side: usize) -> Self {
+        Self { side, windows: BTreeMap::new() }
+    }
+
+    fn add(&mut self, site: [i64; 2], share: f64, is_marked: bool) {
+        let window = self.windows.entry(site.map(|v| v.div_euclid(WINDOW_CELLS * self.side as i64))).or_default();
+        window.sites += 1;
+        window.wanted += share;
+        window.dots += usize::from(is_marked);
+    }
+
+    /// What is said where windows with much of the tone miss it.
+    fn beat(&self, pitch_mm: f64) -> Option<Diag> {
+        let is_off = |tone: &&Window| {
+            let cells = tone.sites as f64 / (self.side * self.side) as f64;
+            (tone.dots as f64 - tone.wanted).abs() > MAX_CELL_OFF * cells.max(1.0) + MAX_SHARE_OFF * tone.wanted
+        };
+        let all: f64 = self.windows.values().map(|tone| tone.wanted).sum();
+        let off = || self.windows.values().filter(is_off);
+        let (wanted, dots) = (off().map(|tone| tone.wanted).sum::<f64>(), off().map(|tone| tone.dots).sum::<usize>());
+        (wanted > BEAT_SHARE * all).then(|| {
+            let text = format!(
+                "halftone cells of {:.3} mm beat with the raster of the picture (moire): where they do, {dots} dots are marked for a tone of {wanted:.0}",
+                self.side as f64 * pitch_mm
+            );
+            Diag::warning("bitmap-moire", text).hint("use screen = \"diffusion\", or a picture that is not screened")
+        })
     }
 }
 

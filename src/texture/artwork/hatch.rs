@@ -7,9 +7,10 @@
 
 use super::area::{Area, Polygon};
 use super::crossings::edges;
+use super::cut::Keep;
 use super::marking::ContourPass;
 use crate::geom::{BoxMm, cos_sin};
-use crate::texture::clip::Lines;
+use crate::texture::clip::{Lines, is_closed};
 use crate::texture::place::{LEAST, NM};
 
 type Point = [f64; 2];
@@ -19,6 +20,11 @@ const LEAST_INSET: f64 = 2.0 * NM;
 
 /// A line that lies nearer to the inset than this keeps it, mm: f64 noise is far below.
 const SLACK: f64 = 1e-9;
+
+/// How far inside a ring another line is marked where the next ring does not come, in pitches. A stripe of up to one and
+/// a half pitches stays as it is: a line in its middle would be nearer to the others than three quarters of a pitch.
+/// At corners of 39 deg and more (2 arcsin 1/3) nothing lies so far from both rings.
+const BETWEEN: f64 = 0.75;
 
 /// Most ends of lines before those of one polygon are put together.
 const MAX_ENDS: f64 = 4e7;
@@ -98,20 +104,41 @@ impl Hatch {
         Ok(!inner.is_empty())
     }
 
-    /// Appends rings at the inset, and from there at each pitch, from outside in.
+    /// Appends rings at the inset, and from there at each pitch, from outside in. Where the next ring does not come, as
+    /// there is no room for it, a stripe of up to two pitches would stay blank in the middle: what of a contour lies
+    /// [`BETWEEN`] further in than a ring, and at least as far from the next one, is marked too.
     pub(super) fn rings(&self, area: &Area, out: &mut Lines) -> Result<(), TooFine> {
         let size = area.bounds().size();
         if size[0].min(size[1]) / self.pitch_mm * area.edge_count() as f64 > MAX_ENDS {
             return Err(TooFine);
         }
+        let mut ring = area.inset(self.inset());
         for k in 0.. {
-            let ring = area.inset(self.inset() + f64::from(k) * self.pitch_mm);
             if ring.is_empty() {
                 break;
             }
             push_contours(&ring, out);
+            let depth = self.inset() + f64::from(k) * self.pitch_mm;
+            let next = area.inset(depth + self.pitch_mm);
+            self.between(&area.inset(depth + BETWEEN * self.pitch_mm), &next, out);
+            ring = next;
         }
         Ok(())
+    }
+
+    /// Appends what of the contours of `inner`, which lie between two rings, is far from the second of them, `next`.
+    fn between(&self, inner: &Area, next: &Area, out: &mut Lines) {
+        if next.is_empty() {
+            return push_contours(inner, out);
+        }
+        let near = next.inset(-BETWEEN * self.pitch_mm).cutter();
+        let (mut contours, mut far) = (Lines::default(), Lines::default());
+        push_contours(inner, &mut contours);
+        contours.iter().for_each(|contour| near.cut(contour, Keep::Outside, &mut far));
+        let length =
+            |line: &[Point]| line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+        // Tips at sharp corners, shorter than a pitch, close no stripe.
+        far.iter().filter(|line| is_closed(line) || length(line) >= self.pitch_mm).for_each(|line| out.push(line));
     }
 
     fn contour(&self, polygon: &Polygon, out: &mut Lines) {
@@ -276,4 +303,76 @@ fn gap([p, q]: [Point; 2], v: f64, r: f64) -> Option<[f64; 2]> {
         }
     }
     (out[0] < out[1]).then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::artwork::{Marking, Rule, distance};
+
+    /// The rings of an area at a pitch of 1 mm and an inset of 0.5 mm.
+    fn rings(contours: &[&[Point]]) -> (Area, Lines) {
+        let area = Area::new(contours.iter().copied(), Rule::EvenOdd).expect("few");
+        let hatch = Marking { pitch_mm: Some(1.0), inset_mm: Some(0.5), ..Marking::default() }.hatch(1.0, 0.0);
+        let mut out = Lines::default();
+        hatch.rings(&area, &mut out).map_err(|TooFine| "fine").expect("rings");
+        (area, out)
+    }
+
+    /// The largest distance of a place inside the inset from all lines.
+    fn largest_gap(area: &Area, lines: &Lines) -> f64 {
+        let (inner, bounds) = (area.inset(0.5).cutter(), area.bounds());
+        let step = |k: usize, n: i32| bounds.lo[k] + f64::from(n) * 0.05;
+        let count = |k: usize| ((bounds.hi[k] - bounds.lo[k]) / 0.05) as i32;
+        let places =
+            (0..=count(0)).flat_map(|i| (0..=count(1)).map(move |j| (i, j))).map(|(i, j)| [step(0, i), step(1, j)]);
+        let near = |p: Point| {
+            lines.iter().flat_map(|l| l.windows(2)).map(|w| distance(p, [w[0], w[1]])).fold(f64::INFINITY, f64::min)
+        };
+        places.filter(|&p| inner.holds(p) == Some(true)).map(near).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn rings_leave_no_stripe_of_two_pitches_in_the_middle() {
+        for width in [2.9, 3.0, 3.1, 3.4, 3.6, 3.9, 4.0] {
+            let bar: &[Point] = &[[0.0, 0.0], [20.0, 0.0], [20.0, width], [0.0, width]];
+            // A bar beside a square that holds more rings.
+            let head: &[Point] = &[
+                [0.0, 0.0],
+                [20.0, 0.0],
+                [20.0, -4.0],
+                [30.0, -4.0],
+                [30.0, 8.0],
+                [20.0, 8.0],
+                [20.0, width],
+                [0.0, width],
+            ];
+            for (name, contour) in [("bar", bar), ("bar and square", head)] {
+                let (area, lines) = rings(&[contour]);
+                let gap = largest_gap(&area, &lines);
+                assert!(gap <= 0.8, "{name} {width} wide: {gap}");
+            }
+        }
+        // An annulus: the stripe is closed.
+        let circle = |r: f64| -> Vec<Point> {
+            (0..256)
+                .map(|k| (f64::from(k) * std::f64::consts::TAU / 256.0).sin_cos())
+                .map(|(s, c)| [r * c, r * s])
+                .collect()
+        };
+        let (area, lines) = rings(&[&circle(8.9), &circle(5.0)]);
+        assert!(largest_gap(&area, &lines) <= 0.8);
+    }
+
+    #[test]
+    fn rings_that_fill_their_area_are_rings_alone() {
+        // Depths 0.5, 1.5, 2.5 of 2.6; corners of 90 and of 60 deg.
+        let square: &[Point] = &[[0.0, 0.0], [5.2, 0.0], [5.2, 5.2], [0.0, 5.2]];
+        let triangle: &[Point] = &[[0.0, 0.0], [9.0, 0.0], [4.5, 4.5 * 3.0_f64.sqrt()]];
+        for contour in [square, triangle] {
+            let (area, lines) = rings(&[contour]);
+            assert_eq!(lines.len(), 3, "{contour:?}");
+            assert!(largest_gap(&area, &lines) <= 0.75);
+        }
+    }
 }

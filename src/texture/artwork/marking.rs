@@ -222,6 +222,17 @@ impl Marking {
         WIDEST_LINE * spot_mm
     }
 
+    /// The diameter of the disc that a point of a drawing (a mark without length) stands for, mm; None for a dot of the
+    /// pen. A point is as wide as the stroke or pen that draws it, and an area where a line of that width would be one.
+    pub(in crate::texture) fn point_disc_mm(&self, width_mm: Option<f64>, widest_line_mm: f64) -> Option<f64> {
+        let is_area = |width: &f64| match self.stroke {
+            StrokeMode::Shown => *width > widest_line_mm,
+            StrokeMode::Centre => false,
+            StrokeMode::Outline | StrokeMode::Hatch => *width > 0.0,
+        };
+        width_mm.filter(is_area)
+    }
+
     /// The hatch of areas on a page that is turned by `page_rad`.
     pub(super) fn hatch(&self, spot_mm: f64, page_rad: f64) -> Hatch {
         Hatch {

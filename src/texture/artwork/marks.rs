@@ -10,6 +10,7 @@ use rstar::{AABB, RTree};
 
 use super::area::{Area, Polygon};
 use super::choice::{Class, classes};
+use super::coverage::covered_share;
 use super::crossings::TooMany;
 use super::cut::Keep;
 use super::dot_screen::DotScreen;
@@ -94,6 +95,8 @@ struct Made {
     waits: Vec<Polygon>,
     /// Polygons that no line fits into.
     thin: usize,
+    /// What is said of how they reproduce a picture.
+    note: Option<Diag>,
 }
 
 /// The lines of a drawing on a page that is turned by `page_rad`.
@@ -143,7 +146,8 @@ pub(in crate::texture) fn marks(
         made.sort_by_key(|m| !m.waits.is_empty());
     }
     for made in made {
-        let Made { name, pen, lines, waits, thin: n } = made;
+        let Made { name, pen, lines, waits, thin: n, note } = made;
+        notes.extend(note);
         lines.iter().for_each(|line| page.lines.push(line));
         page.name_of.resize(page.lines.len(), name);
         page.pen_of.resize(page.lines.len(), pen);
@@ -163,9 +167,37 @@ pub(in crate::texture) fn marks(
             "areas thinner than twice the inset of the hatch hold no line and are not marked ({n}, first {})",
             art.names[name as usize]
         );
-        notes.push(Diag::warning("texture-thin", text).hint("lower inset, draw them wider, or ignore this"));
+        let hint = match art.dark_share {
+            Some(_) => DIFFUSION_HINT,
+            None => "lower inset, draw them wider, or ignore this",
+        };
+        notes.push(Diag::warning("texture-thin", text).hint(hint));
     }
+    notes.extend(tone_lost(art, marking, &page, spot_mm));
     Ok(page)
+}
+
+/// What keeps the tone of a picture that is screened.
+pub(in crate::texture) const DIFFUSION_HINT: &str =
+    "use screen = \"diffusion\", which keeps the tone of a picture that is already screened, or lower pitch and inset";
+
+/// How far the marks of a picture of two tones may miss its tone, as a share of it.
+const MAX_TONE_LOST: f64 = 0.1;
+
+/// What is said where filled areas of a picture of two tones cover less or more of the page than the picture is dark.
+/// Lines farther apart than a spot cover a share of an area on purpose.
+fn tone_lost(art: &Artwork, marking: &Marking, page: &Page, spot_mm: f64) -> Option<Diag> {
+    let is_filled = matches!(marking.fill, FillMode::Hatch | FillMode::Rings);
+    let dark =
+        art.dark_share.filter(|_| is_filled && spot_mm > 0.0 && page.lines.len() > 0 && page.waits.is_empty())?;
+    let blank = 1.0 - (spot_mm / marking.hatch(spot_mm, 0.0).pitch_mm).min(1.0);
+    let is_crossed = marking.cross && marking.fill == FillMode::Hatch;
+    let wanted = dark * (1.0 - if is_crossed { blank * blank } else { blank });
+    let covered = covered_share(&page.lines, art.size, spot_mm);
+    ((covered - wanted).abs() > MAX_TONE_LOST * wanted).then(|| {
+        let text = format!("the marks cover {covered:.3} of the page, where the picture has a coverage of {wanted:.3}");
+        Diag::warning("bitmap-coverage", text).hint(DIFFUSION_HINT)
+    })
 }
 
 /// Why a shape cannot be marked.
@@ -377,7 +409,8 @@ fn lines(art: &Artwork, seen: &Seen<'_>, above: &[usize], areas: &[Area]) -> Res
         [] => None,
         above => Some(Area::union(above.iter().map(|&j| &areas[j]))?.cutter()),
     };
-    let mut made = Made { name: shape.name, pen: *pen, lines: Lines::default(), waits: Vec::new(), thin: 0 };
+    let mut made =
+        Made { name: shape.name, pen: *pen, lines: Lines::default(), waits: Vec::new(), thin: 0, note: None };
     let page = BoxMm { lo: [0.0; 2], hi: art.size };
     let (mut on_page, mut clipped) = (Lines::default(), Lines::default());
     for k in shape.lines.clone() {
@@ -432,9 +465,10 @@ impl Raster {
         }
     }
 
-    fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<(), TooFine> {
+    /// Appends the lines or dots of a picture; answers with what is said of its tone.
+    fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
         match self {
-            Self::Lines(screen) => screen.mark(grey, size, out),
+            Self::Lines(screen) => screen.mark(grey, size, out).map(|()| None),
             Self::Dots(screen) => screen.mark(grey, size, out),
         }
     }
@@ -442,9 +476,10 @@ impl Raster {
 
 /// The lines or dots of a picture.
 fn screened(art: &Artwork, seen: &Seen<'_>, screen: &Raster) -> Result<Made, Fault> {
-    let mut made = Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), waits: Vec::new(), thin: 0 };
+    let mut made =
+        Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), waits: Vec::new(), thin: 0, note: None };
     if let Figure::Grey(k) = seen.shape.figure {
-        screen.mark(&art.greys[k as usize], art.size, &mut made.lines).map_err(|TooFine| Fault::Screen)?;
+        made.note = screen.mark(&art.greys[k as usize], art.size, &mut made.lines).map_err(|TooFine| Fault::Screen)?;
     }
     Ok(made)
 }
@@ -476,7 +511,14 @@ fn filled(
         parts.push(area);
     }
     let area = if let [one] = parts.as_slice() { one.clone() } else { Area::union(parts.iter())? };
-    let mut made = Made { name: first.shape.name, pen: first.pen, lines: Lines::default(), waits: Vec::new(), thin: 0 };
+    let mut made = Made {
+        name: first.shape.name,
+        pen: first.pen,
+        lines: Lines::default(),
+        waits: Vec::new(),
+        thin: 0,
+        note: None,
+    };
     if first.how == How::Rings {
         hatch.rings(&area, &mut made.lines)?;
         made.thin = usize::from(made.lines.len() == 0 && !area.is_empty());

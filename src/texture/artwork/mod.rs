@@ -6,6 +6,7 @@
 
 mod area;
 mod choice;
+mod coverage;
 mod crossings;
 mod cut;
 mod dot_screen;
@@ -21,12 +22,12 @@ pub(super) use area::{Area, Polygon};
 pub(super) use choice::{Class, classes, selectors};
 pub(super) use crossings::TooMany;
 pub(super) use cut::{Cells, Cutter, Keep, distance};
-pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
+pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, disc, steps};
 use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
-pub(super) use marks::{Page, Waits, marks};
+pub(super) use marks::{DIFFUSION_HINT, Page, Waits, marks};
 pub(super) use screen::Grey;
 
 use super::clip::Lines;
@@ -48,6 +49,8 @@ pub(super) struct Artwork {
     pub(super) clips: Vec<Area>,
     /// The pictures that shapes refer to; each fills the page.
     pub(super) greys: Vec<Grey>,
+    /// The dark share of a picture of two tones whose dark areas the shapes are.
+    pub(super) dark_share: Option<f64>,
     /// What elements are called in messages: their id, or tag and number.
     pub(super) names: Vec<String>,
     /// Sets of labels by which shapes can be chosen.

@@ -104,7 +104,7 @@ impl Grey {
     }
 
     /// The share of the picture that is darker.
-    pub(super) fn darker(&self, density: f64) -> f64 {
+    pub(in crate::texture) fn darker(&self, density: f64) -> f64 {
         let level = density * f64::from(u16::MAX);
         self.density.iter().filter(|&&d| f64::from(d) > level).count() as f64 / self.density.len().max(1) as f64
     }

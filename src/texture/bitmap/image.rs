@@ -145,22 +145,66 @@ pub(super) fn unread(what: &str) -> Diag {
         .hint("save it as PNG, grey or colour, of 1 to 16 bits")
 }
 
-/// The orientation that EXIF data state.
-pub(super) fn exif_orientation(exif: &[u8]) -> Option<u16> {
-    let exif = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
-    let is_little = exif.starts_with(b"II");
-    let short = |at: usize| {
-        let bytes: [u8; 2] = exif.get(at..at.checked_add(2)?)?.try_into().ok()?;
-        Some(if is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
-    };
-    let long = |at: usize| {
-        let halves = [u32::from(short(at)?), u32::from(short(at.checked_add(2)?)?)];
-        Some(if is_little { halves[1] << 16 | halves[0] } else { halves[0] << 16 | halves[1] } as usize)
-    };
-    let list = long(4)?;
-    let entry = |k: usize| list.checked_add(2 + 12 * k);
-    let found = (0..usize::from(short(list)?)).find(|&k| entry(k).and_then(short) == Some(0x112))?;
-    short(entry(found)? + 8)
+/// What EXIF data say of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Exif {
+    pub(super) orientation: Option<u16>,
+    /// Pixels in a mm along x and y, where they are stated per inch or cm.
+    pub(super) resolution: Option<[f64; 2]>,
+}
+
+impl Exif {
+    /// Reads the first directory of EXIF data, a TIFF in either byte order, with or without their name before them.
+    /// What lies beyond the data is not stated.
+    pub(super) fn read(data: &[u8]) -> Self {
+        let bytes = Bytes { is_little: false, data: data.strip_prefix(b"Exif\0\0").unwrap_or(data) };
+        let bytes = Bytes { is_little: bytes.data.starts_with(b"II"), ..bytes };
+        let value = |tag: u16| bytes.entry(tag).map(|at| at + 8);
+        let number = |tag: u16| value(tag).and_then(|at| bytes.short(at));
+        let ratio = |tag: u16| {
+            let at = bytes.long(value(tag)?)? as usize;
+            Some(f64::from(bytes.long(at)?) / f64::from(bytes.long(at.checked_add(4)?)?))
+        };
+        let (orientation, unit, sides) = (number(0x112), number(0x128), [ratio(0x11a), ratio(0x11b)]);
+        let mm = match unit {
+            None | Some(2) => 25.4,
+            Some(3) => 10.0,
+            _ => f64::NAN,
+        };
+        let resolution = if let [Some(x), Some(y)] = sides { Some([x / mm, y / mm]) } else { None };
+        Self { orientation, resolution: resolution.filter(|r| r.iter().all(|v| v.is_finite() && *v > 0.0)) }
+    }
+}
+
+/// Bytes of a TIFF.
+struct Bytes<'a> {
+    is_little: bool,
+    data: &'a [u8],
+}
+
+impl Bytes<'_> {
+    fn array<const N: usize>(&self, at: usize) -> Option<[u8; N]> {
+        self.data.get(at..at.checked_add(N)?)?.try_into().ok()
+    }
+
+    fn short(&self, at: usize) -> Option<u16> {
+        let bytes = self.array(at)?;
+        Some(if self.is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
+    }
+
+    fn long(&self, at: usize) -> Option<u32> {
+        let bytes = self.array(at)?;
+        Some(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
+    }
+
+    /// Where the entry of a tag stands in the first directory.
+    fn entry(&self, tag: u16) -> Option<usize> {
+        let list = self.long(4)? as usize;
+        let entry = |k: usize| list.checked_add(2 + 12 * k);
+        let found =
+            (0..usize::from(self.short(list)?)).find(|&k| entry(k).and_then(|at| self.short(at)) == Some(tag))?;
+        entry(found)
+    }
 }
 
 #[cfg(test)]
@@ -185,11 +229,33 @@ mod tests {
     fn exif_orientations_are_found_in_both_byte_orders() {
         let little = b"Exif\0\0II*\0\x08\0\0\0\x02\0\x0f\x01\x02\0\0\0\0\0\0\0\0\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0";
         let big = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0";
-        assert_eq!(exif_orientation(little), Some(6));
-        assert_eq!(exif_orientation(big), Some(3));
+        let orientation = |data: &[u8]| Exif::read(data).orientation;
+        assert_eq!(orientation(little), Some(6));
+        assert_eq!(orientation(big), Some(3));
         for cut in 0..little.len() - 4 {
-            assert_eq!(exif_orientation(&little[..cut]), None, "{cut}");
+            assert_eq!(orientation(&little[..cut]), None, "{cut}");
         }
         assert!(upright(Some(6)).is_err() && upright(Some(1)).is_ok() && upright(None).is_ok());
+    }
+
+    #[test]
+    fn exif_resolutions_are_found_with_their_unit() {
+        // 254 along x and 127 along y, of this unit.
+        let data = |unit: u16| {
+            let mut out = b"MM\0*\0\0\0\x08\0\x03".to_vec();
+            for (tag, kind, value) in [(0x11au16, 5u16, 50u32), (0x11b, 5, 58), (0x128, 3, u32::from(unit) << 16)] {
+                out.extend([tag.to_be_bytes(), kind.to_be_bytes()].concat());
+                out.extend([1u32.to_be_bytes(), value.to_be_bytes()].concat());
+            }
+            out.extend([0; 4]);
+            out.extend([508u32, 2, 127, 1].iter().flat_map(|v| v.to_be_bytes()));
+            out
+        };
+        for (unit, want) in [(2, Some([10.0, 5.0])), (3, Some([25.4, 12.7])), (1, None)] {
+            assert_eq!(Exif::read(&data(unit)).resolution, want, "{unit}");
+        }
+        for cut in 0..data(2).len() {
+            assert_eq!(Exif::read(&data(2)[..cut]).resolution, None, "{cut}");
+        }
     }
 }

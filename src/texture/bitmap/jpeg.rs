@@ -8,7 +8,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::image::{Bands, Form, Image, check_size, damaged, exif_orientation, truncated, unread, upright};
+use super::image::{Bands, Exif, Form, Image, check_size, damaged, truncated, unread, upright};
 use crate::diag::Diag;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
@@ -30,10 +30,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     };
     decoder.set_options(options.jpeg_set_out_colorspace(out));
     let samples = decoder.decode().map_err(|e| fault(bytes, &e))?;
-    upright(decoder.exif().and_then(|e| exif_orientation(e)))?;
+    let exif = decoder.exif().map(|data| Exif::read(data)).unwrap_or_default();
+    upright(exif.orientation)?;
     let mut image = Image::new(columns, rows);
     image.push(&samples, Form { bands, bits: 8 });
-    image.whole().map(|i| i.with_resolution(density(bytes)))
+    image.whole().map(|i| i.with_resolution(density(bytes).or(exif.resolution)))
 }
 
 /// The density of the JFIF header, where it is per inch or cm.
@@ -47,7 +48,8 @@ fn density(bytes: &[u8]) -> Option<[f64; 2]> {
         2 => 10.0,
         _ => return None,
     };
-    Some([[head[14], head[15]], [head[16], head[17]]].map(|v| f64::from(u16::from_be_bytes(v)) / mm))
+    let density = [[head[14], head[15]], [head[16], head[17]]].map(u16::from_be_bytes);
+    (!density.contains(&0)).then(|| density.map(|v| f64::from(v) / mm))
 }
 
 fn fault(bytes: &[u8], e: &DecodeErrors) -> Diag {

@@ -22,6 +22,7 @@ mod image;
 mod jpeg;
 mod png;
 mod tiff;
+mod tiff_tags;
 
 use std::path::Path;
 
@@ -123,7 +124,9 @@ fn artwork(
         Artwork { size, names: vec!["the bitmap".into()], labels: vec![Labels::default()], ..Artwork::default() };
     let figure = match tone.screen {
         Screen::Threshold => {
-            art.lines = areas(&grey, size, tone.threshold)?;
+            let borders = if levels(&grey).len() > 2 { Borders::Interpolated } else { Borders::Pixels };
+            art.lines = areas(&grey, size, tone.threshold, borders)?;
+            art.dark_share = (borders == Borders::Pixels).then(|| grey.darker(tone.threshold));
             Figure::Fill(Rule::EvenOdd)
         }
         _ => {
@@ -149,9 +152,7 @@ fn density(sample: u16, tone: &Tone) -> u16 {
 }
 
 /// The contours of what is darker than a threshold, on the page.
-fn areas(grey: &Grey, size: [f64; 2], threshold: f64) -> Result<Lines, Diag> {
-    let levels = levels(grey);
-    let borders = if levels.len() > 2 { Borders::Interpolated } else { Borders::Pixels };
+fn areas(grey: &Grey, size: [f64; 2], threshold: f64, borders: Borders) -> Result<Lines, Diag> {
     let [w, h] = [size[0] / grey.columns as f64, size[1] / grey.rows as f64];
     let mut lines = Lines::default();
     let mut page = Vec::new();

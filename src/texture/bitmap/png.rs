@@ -4,7 +4,7 @@
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Transformations, Unit};
 
-use super::image::{Bands, Form, Image, check_size, damaged, exif_orientation, truncated, upright};
+use super::image::{Bands, Exif, Form, Image, check_size, damaged, truncated, upright};
 use crate::diag::Diag;
 
 /// What the decoder may allocate for rows and chunks, in bytes.
@@ -49,9 +49,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     // The rest of the file, to its end: a copy that stopped early shows there.
     reader.finish().map_err(fault)?;
     let info = reader.info();
-    upright(info.exif_metadata.as_deref().and_then(exif_orientation))?;
-    let dims = info.pixel_dims.filter(|d| d.unit == Unit::Meter);
-    image.whole().map(|i| i.with_resolution(dims.map(|d| [d.xppu, d.yppu].map(|v| f64::from(v) / 1000.0))))
+    let exif = info.exif_metadata.as_deref().map(Exif::read).unwrap_or_default();
+    upright(exif.orientation)?;
+    let dims = info.pixel_dims.filter(|d| d.unit == Unit::Meter && d.xppu > 0 && d.yppu > 0);
+    let stated = dims.map(|d| [d.xppu, d.yppu].map(|v| f64::from(v) / 1000.0));
+    image.whole().map(|i| i.with_resolution(stated.or(exif.resolution)))
 }
 
 fn fault(e: DecodingError) -> Diag {

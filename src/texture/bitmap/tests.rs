@@ -309,6 +309,17 @@ fn tiff_and_jpeg_are_read() {
         assert!((f64::from(image.samples[at]) / 257.0 - f64::from(want)).abs() <= 1.0, "{at}: {:?}", image.samples);
     }
     assert!(image.resolution.is_some_and(|[x, y]| (x * 25.4 - 300.0).abs() < 1e-9 && (y * 25.4 - 150.0).abs() < 1e-9));
+    // EXIF counts where JFIF states an aspect alone: 254 pixels in an inch.
+    let mut aspect = bytes.clone();
+    aspect[13] = 0;
+    assert_eq!(read(&aspect).expect("read").resolution, None);
+    let exif = b"\xff\xe1\0\x40Exif\0\0II*\0\x08\0\0\0\x02\0\x1a\x01\x05\0\x01\0\0\0\x28\0\0\0\x1b\x01\x05\0\x01\0\0\0\
+        \x28\0\0\0\0\0\0\0\0\0\xfe\0\0\0\x01\0\0\0\0\0\0\0\0\0\0\0";
+    assert_eq!(exif.len(), 2 + 0x40);
+    aspect.splice(20..20, *exif);
+    assert_eq!(read(&aspect).expect("read").resolution, Some([10.0; 2]));
+    aspect[13] = 2;
+    assert_eq!(read(&aspect).expect("read").resolution, Some([30.0, 15.0]), "JFIF comes first");
     for cut in 3..bytes.len() - 2 {
         let e = read(&bytes[..cut]).expect_err("cut");
         assert_eq!(code(&e), "bitmap-truncated", "{cut}: {e}");
@@ -320,6 +331,107 @@ fn tiff_and_jpeg_are_read() {
             data[at] = value;
             let _ = read(&data);
         }
+    }
+}
+
+/// A TIFF of one strip, 16 x 4 pixels of 1 bit, with more tags of one short each.
+fn tiff_of_bits(compression: u16, more: &[(u16, u16)], data: &[u8]) -> Vec<u8> {
+    let own = [(256, 16), (257, 4), (258, 1), (259, compression), (262, 0), (273, 0), (277, 1), (278, 4)];
+    let mut tags: Vec<(u16, u16)> = own.iter().chain(&[(279, data.len() as u16)]).chain(more).copied().collect();
+    tags.sort_unstable();
+    let start = 8 + 2 + 12 * tags.len() as u16 + 4;
+    let mut out = b"II*\0\x08\0\0\0".to_vec();
+    out.extend((tags.len() as u16).to_le_bytes());
+    for (tag, value) in tags {
+        let value = if tag == 273 { start } else { value };
+        out.extend([tag, 3, 1, 0, value, 0].iter().flat_map(|v| v.to_le_bytes()));
+    }
+    out.extend([0; 4]);
+    out.extend(data);
+    out
+}
+
+#[test]
+fn tiff_with_low_bit_first_is_the_same_picture() {
+    use ::tiff::encoder::{Compression, DeflateLevel, TiffEncoder, colortype};
+    use ::tiff::tags::Tag;
+    // Compression, and the rows 0f0f, 8001, 0000 and ffff.
+    for (compression, data) in [
+        (1, &b"\x0f\x0f\x80\x01\0\0\xff\xff"[..]),
+        (32773, b"\x07\x0f\x0f\x80\x01\0\0\xff\xff"),
+        // Group 4: horizontal runs of 4, 4, 4 and 4; 0, 1, 14 and 1; none; 0 and 16.
+        (4, &fax_of_rows()),
+    ] {
+        let high = read(&tiff_of_bits(compression, &[], data)).expect("read");
+        let bits: Vec<u8> = high.samples.iter().map(|&s| u8::from(s == 0)).collect();
+        let row = |v: u16| (0..16).rev().map(move |k| (v >> k & 1) as u8);
+        assert_eq!(bits, [0x0f0f, 0x8001, 0, 0xffff].into_iter().flat_map(row).collect::<Vec<_>>(), "{compression}");
+        let turned: Vec<u8> = data.iter().map(|b| b.reverse_bits()).collect();
+        let low = read(&tiff_of_bits(compression, &[(266, 2)], &turned)).expect("read");
+        assert_eq!(low.samples, high.samples, "{compression}");
+        assert_eq!(read(&tiff_of_bits(compression, &[(266, 1)], data)).expect("read").samples, high.samples);
+    }
+    assert!(read(&tiff_of_bits(1, &[(266, 3)], &[0; 8])).expect_err("refused").to_string().contains("FillOrder is 3"));
+    // Packed data are turned as they are stored.
+    for packing in [Compression::Lzw, Compression::Deflate(DeflateLevel::Fast), Compression::Packbits] {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut bytes).expect("written").with_compression(packing);
+        let mut image = encoder.new_image::<colortype::Gray8>(3, 2).expect("written");
+        image.encoder().write_tag(Tag::FillOrder, 2u16).expect("written");
+        image.write_data(&[1, 2, 3, 4, 5, 128]).expect("written");
+        let mut bytes = bytes.into_inner();
+        let mut decoder = ::tiff::decoder::Decoder::new(std::io::Cursor::new(bytes.clone())).expect("a TIFF");
+        let mut of = |tag| decoder.get_tag_u64_vec(tag).expect("strips");
+        for (start, count) in of(Tag::StripOffsets).into_iter().zip(of(Tag::StripByteCounts)) {
+            bytes[start as usize..][..count as usize].iter_mut().for_each(|b| *b = b.reverse_bits());
+        }
+        let image = read(&bytes).expect("read");
+        assert_eq!(image.samples.iter().map(|s| s / 257).collect::<Vec<_>>(), [1, 2, 3, 4, 5, 128]);
+    }
+}
+
+/// Rows of Group 4 (ITU-T T.6): code words of modes and runs.
+fn fax_of_rows() -> Vec<u8> {
+    let (horizontal, vertical, pass) = ("001", "1", "0001");
+    let white = |n: usize| ["00110101", "000111", "", "", "1011"].get(n).copied().unwrap_or("110100");
+    let black = |n: usize| ["0000110111", "010", "", "", "011"].get(n).copied().unwrap_or("0000010111");
+    let mut bits = String::new();
+    // 0f0f against white.
+    bits += &[horizontal, white(4), black(4), horizontal, white(4), black(4)].concat();
+    // 8001: 0 white and 1 black, 14 white and 1 black.
+    bits += &[horizontal, white(0), black(1), horizontal, white(14), black(1)].concat();
+    // White: both runs above are passed.
+    bits += &[pass, pass, vertical].concat();
+    // Black.
+    bits += &[horizontal, white(0), black(16)].concat();
+    // The end of the block.
+    bits += "000000000001000000000001";
+    while bits.len() % 8 > 0 {
+        bits.push('0');
+    }
+    bits.as_bytes().chunks(8).map(|byte| byte.iter().fold(0, |v, b| v << 1 | (b - b'0'))).collect()
+}
+
+#[test]
+fn tags_that_change_samples_are_refused_by_name() {
+    let of = |tag, value| read(&tiff_of_bits(1, &[(tag, value)], &[0; 8]));
+    for (tag, value, say) in [
+        (254, 1, "NewSubfileType is 1"),
+        (254, 4, "NewSubfileType is 4"),
+        (255, 2, "SubfileType is 2"),
+        (293, 2, "T6Options is 2"),
+        (343, 7, "ClipPath is 7"),
+        (346, 1, "Indexed is 1"),
+        (532, 1, "ReferenceBlackWhite is 1"),
+        (32995, 1, "Matteing is 1"),
+        (32997, 2, "ImageDepth is 2"),
+        (4711, 1, "tag 4711, which may change what its samples mean"),
+    ] {
+        let e = of(tag, value).expect_err("refused");
+        assert!(code(&e) == "bitmap-samples" && e.to_string().contains(say), "{tag}: {e}");
+    }
+    for (tag, value) in [(254, 0), (254, 2), (263, 2), (280, 1), (291, 3), (297, 0), (346, 0), (32997, 1), (50000, 1)] {
+        assert!(of(tag, value).is_ok(), "{tag}");
     }
 }
 
@@ -365,6 +477,65 @@ fn the_size_is_stated_and_that_of_the_file_is_used_only_where_the_job_asks_for_i
     assert!(e.diags()[0].hint.contains("300.0 dpi, which makes 25.400 mm x 25.398 mm"), "{e}");
     assert_eq!(code(&sized(None, Some(Resolution::Dpi(0.5))).expect_err("far")), "texture-far");
     assert_eq!(code(&sized(Some([1.0, 0.0]), None).expect_err("no size")), "bitmap-size");
+}
+
+/// A picture of 5 x 5 mm of pixels of 0.1 mm: dark where `is_dark` says.
+fn screened(is_dark: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    grey8(50, 50, |x, y| if is_dark(x, y) { 0 } else { 255 })
+}
+
+/// The notes on one marked with a spot of 0.04 mm.
+fn notes_on(bytes: &[u8], marking: Marking) -> Vec<Diag> {
+    let (_, mut notes) = load(bytes, Some([5.0, 5.0]), marking).expect("marked");
+    notes.retain(|n| n.code.starts_with("bitmap") || n.code == "texture-thin");
+    notes
+}
+
+#[test]
+fn a_threshold_that_loses_the_tone_of_a_screened_picture_is_told() {
+    let threshold = |pitch_mm| Marking { pitch_mm, tone: Some(tone(Screen::Threshold)), ..Marking::default() };
+    let board = screened(|x, y| (x + y) % 2 == 0);
+    // Squares of 0.1 mm with an inset of 0.045 mm hold one line of 0.01 mm at most: 0.05 x 0.04 mm of 0.01 mm².
+    let marking = Marking { inset_mm: Some(0.045), ..threshold(None) };
+    let notes = notes_on(&board, marking);
+    assert_eq!(notes.iter().map(|n| n.code).collect::<Vec<_>>(), ["bitmap-coverage"], "{notes:?}");
+    let covered: f64 = notes[0].message.split(' ').nth(3).expect("a number").parse().expect("a share");
+    assert!(covered < 0.15 && notes[0].message.ends_with("a coverage of 0.500"), "{}", notes[0].message);
+    assert!(notes[0].hint.contains("screen = \"diffusion\""), "{}", notes[0].hint);
+    // Lines that fill the squares keep it, and so do large areas; lines two spots apart cover half on purpose.
+    let half = screened(|x, _| x < 25);
+    for marking in [threshold(None), threshold(Some(0.08)), Marking { cross: true, ..threshold(Some(0.08)) }] {
+        let notes = notes_on(&half, marking);
+        assert!(notes.is_empty(), "{notes:?}");
+    }
+    // Nothing fits: the refusal names what does.
+    let marking = Marking { inset_mm: Some(0.06), ..threshold(None) };
+    let e = load(&board, Some([5.0, 5.0]), marking).expect_err("empty");
+    assert!(code(&e) == "texture-empty" && e.to_string().contains("screen = \"diffusion\""), "{e}");
+}
+
+#[test]
+fn a_halftone_that_beats_with_the_raster_of_a_picture_is_told() {
+    let halftone = |period_mm| {
+        let tone = Tone { period_mm: Some(period_mm), ..tone(Screen::Halftone) };
+        Marking { pitch_mm: Some(SPOT), tone: Some(tone), ..Marking::default() }
+    };
+    // In every cell at its corner, where thresholds are highest.
+    let dots = screened(|x, y| x % 4 == 0 && y % 4 == 1);
+    let notes = notes_on(&dots, halftone(0.4));
+    assert_eq!(notes.iter().map(|n| n.code).collect::<Vec<_>>(), ["bitmap-moire"], "{notes:?}");
+    assert!(notes[0].message.contains("0.400 mm") && notes[0].hint.contains("diffusion"), "{}", notes[0].message);
+    // Diffusion keeps the tone; a ramp and line art have no raster.
+    let diffusion = Marking { tone: Some(tone(Screen::Diffusion)), ..Marking::default() };
+    assert!(notes_on(&dots, diffusion).is_empty());
+    for picture in [
+        grey8(50, 50, |x, _| (x * 5) as u8),
+        grey8(50, 50, |_, _| 240),
+        screened(|x, y| (10..40).contains(&x) && (y < 12 || x > 30)),
+    ] {
+        let notes = notes_on(&picture, halftone(0.4));
+        assert!(notes.is_empty(), "{notes:?}");
+    }
 }
 
 #[test]

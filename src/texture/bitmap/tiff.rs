@@ -1,31 +1,79 @@
 //! TIFF: the first image; grey of 1 to 16 bits and colour of 8 or 16, in strips or tiles; plain, PackBits, LZW, Deflate,
-//! fax and JPEG.
+//! fax and JPEG. `tiff_tags` says which tags are used.
 
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
 use super::image::{Bands, Form, Image, WHITE, check_size, damaged, truncated, unread, upright};
+use super::tiff_tags;
 use crate::diag::Diag;
 
 /// What the decoder may take for the list of strips or tiles, and for one of them, in bytes.
 const LIST_BYTES: usize = 16 << 20;
 const STRIP_BYTES: usize = 256 << 20;
 
+/// The compression JPEG.
+const JPEG: u16 = 7;
+
 /// Most bytes that one of the file stands for: LZW reaches some 2500, Deflate 1032.
 const MAX_RATIO: u64 = 4096;
 
-type Reader<'a> = Decoder<std::io::Cursor<&'a [u8]>>;
+pub(super) type Reader<'a> = Decoder<std::io::Cursor<&'a [u8]>>;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
+    let mut decoder = reader(bytes)?;
+    match short(&mut decoder, Tag::FillOrder)? {
+        None | Some(1) => read(bytes, decoder),
+        Some(2) => {
+            let high_bit_first = with_high_bit_first(bytes, &mut decoder)?;
+            read(&high_bit_first, reader(&high_bit_first)?)
+        }
+        Some(order) => Err(unread(&format!("a TIFF whose tag FillOrder is {order}"))),
+    }
+}
+
+fn reader(bytes: &[u8]) -> Result<Reader<'_>, Diag> {
     let mut limits = Limits::default();
     limits.ifd_value_size = LIST_BYTES;
     limits.intermediate_buffer_size = STRIP_BYTES;
     limits.decoding_buffer_size = STRIP_BYTES;
-    let mut decoder = Decoder::new(std::io::Cursor::new(bytes)).map_err(fault)?.with_limits(limits);
+    Ok(Decoder::new(std::io::Cursor::new(bytes)).map_err(fault)?.with_limits(limits))
+}
+
+/// The file with the bits of each byte of its strips or tiles in reverse: TIFF 6.0 has FillOrder 2 turn the bits of the
+/// data as they are stored, so before they are decoded, whatever their compression. JPEG data have an order of their own
+/// and stay (as in libtiff).
+fn with_high_bit_first(bytes: &[u8], decoder: &mut Reader<'_>) -> Result<Vec<u8>, Diag> {
+    let mut out = bytes.to_vec();
+    if short(decoder, Tag::Compression)? == Some(JPEG) {
+        return Ok(out);
+    }
+    let mut list = |tag| decoder.find_tag_unsigned_vec::<u64>(tag).map_err(fault).map(Option::unwrap_or_default);
+    let [offsets, counts] = match list(Tag::TileOffsets)? {
+        tiles if !tiles.is_empty() => [tiles, list(Tag::TileByteCounts)?],
+        _ => [list(Tag::StripOffsets)?, list(Tag::StripByteCounts)?],
+    };
+    let mut ranges: Vec<(u64, u64)> = offsets.into_iter().zip(counts).collect();
+    ranges.sort_unstable();
+    let mut end = 0;
+    for (offset, count) in ranges {
+        if offset < end {
+            return Err(damaged("its strips or tiles overlap"));
+        }
+        end = offset.saturating_add(count);
+        // What lies beyond the file is found when it is decoded.
+        let place = |v: u64| usize::try_from(v).unwrap_or(usize::MAX).min(bytes.len());
+        out[place(offset)..place(end)].iter_mut().for_each(|b| *b = b.reverse_bits());
+    }
+    Ok(out)
+}
+
+fn read(bytes: &[u8], mut decoder: Reader<'_>) -> Result<Image, Diag> {
     let (width, height) = decoder.dimensions().map_err(fault)?;
     check_size(width.into(), height.into(), 1)?;
     let (bands, bits) = form(&mut decoder)?;
+    tiff_tags::check(&mut decoder, bits)?;
     let size = u64::from(width) * u64::from(height);
     // Fax packs blank rows without bound.
     let is_fax = matches!(short(&mut decoder, Tag::Compression)?, Some(2..=4));
@@ -75,7 +123,7 @@ fn form(decoder: &mut Reader<'_>) -> Result<(Bands, u8), Diag> {
     if short(decoder, Tag::PhotometricInterpretation)? == Some(3) {
         return Err(unread("a TIFF with a palette"));
     }
-    let is_jpeg = short(decoder, Tag::Compression)? == Some(7);
+    let is_jpeg = short(decoder, Tag::Compression)? == Some(JPEG);
     let has_alpha = match decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).map_err(fault)?.as_deref() {
         Some([1, ..]) => return Err(unread("a TIFF whose colours are multiplied by their opacity")),
         extra => extra == Some(&[2]),
@@ -118,7 +166,7 @@ fn resolution(decoder: &mut Reader<'_>) -> Result<Option<[f64; 2]>, Diag> {
     Ok(if let [Some(x), Some(y)] = sides { Some([x / mm, y / mm]) } else { None })
 }
 
-fn fault(e: TiffError) -> Diag {
+pub(super) fn fault(e: TiffError) -> Diag {
     match e {
         TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => truncated("its data are cut"),
         TiffError::LimitsExceeded | TiffError::IntSizeError => damaged("it needs more memory than its size explains"),

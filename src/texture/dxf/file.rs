@@ -11,6 +11,7 @@ use super::record::Record;
 use super::space::Point;
 use super::tags::{At, EXPORT, Fault, Tag, Tags};
 use super::tally::{Issue, Tally};
+use super::text::is_blank;
 use crate::diag::Diag;
 
 /// The number of layer `0`.
@@ -41,9 +42,12 @@ pub(super) struct Block {
     pub(super) entities: Vec<Entity>,
 }
 
-#[derive(Debug, Default)]
-pub(super) struct LineTypeRow {
-    pub(super) is_dashed: bool,
+#[derive(Debug)]
+struct LineTypeRow {
+    name: String,
+    /// Whether it needs a row of the table, and the file has none.
+    is_undefined: bool,
+    is_dashed: bool,
 }
 
 /// A list of things that are known by names; case does not matter.
@@ -205,7 +209,8 @@ impl Parser {
             (Section::Tables, b"LTYPE") => {
                 let name = r.tag(2).map(Tag::text).unwrap_or_default();
                 let number = self.file.line_type(&name);
-                self.file.line_types.list[number as usize].is_dashed = r.whole(73)?.unwrap_or(0) > 0;
+                let row = &mut self.file.line_types.list[number as usize];
+                (row.is_undefined, row.is_dashed) = (false, r.whole(73)?.unwrap_or(0) > 0);
             }
             (Section::Blocks, b"BLOCK") => return self.begin_block(r),
             (Section::Blocks, b"ENDBLK") => {
@@ -313,6 +318,9 @@ impl Parser {
         if r.kind == b"ATTDEF" && place != Place::Model && !r.has(70, 2)? {
             kind = Kind::Unread(Issue::Ignored);
         }
+        if matches!(kind, Kind::Unread(Issue::Text)) && is_blank(r) {
+            kind = Kind::Unread(Issue::Ignored);
+        }
         let is_hidden = r.has(60, 1)? || (r.kind.starts_with(b"ATT") && r.has(70, 1)?);
         let line_type = match r.tag(6).map(Tag::text) {
             None => LineType::Layer,
@@ -397,7 +405,13 @@ impl File {
     }
 
     fn line_type(&mut self, name: &str) -> u32 {
-        self.line_types.number(name, LineTypeRow::default)
+        // Of names that stand for a solid line, or for the type of the layer or block, there may be no row.
+        let is_undefined = || !["", "CONTINUOUS", "BYLAYER", "BYBLOCK"].iter().any(|n| name.eq_ignore_ascii_case(n));
+        self.line_types.number(name, || LineTypeRow {
+            name: name.to_owned(),
+            is_undefined: is_undefined(),
+            is_dashed: false,
+        })
     }
 
     fn block(&mut self, name: &str) -> u32 {
@@ -419,6 +433,11 @@ impl File {
     /// What an entity is called in messages: type and handle, or type and place where it has none.
     pub(super) fn name(&self, entity: &Entity) -> String {
         name(self.type_of(entity), entity.handle, entity.at)
+    }
+
+    /// The name of a line type that the file does not define.
+    pub(super) fn undefined_line_type(&self, line_type: u32) -> Option<&str> {
+        self.line_types.list.get(line_type as usize).filter(|row| row.is_undefined).map(|row| &*row.name)
     }
 
     pub(super) fn is_dashed(&self, line_type: u32) -> bool {

@@ -52,7 +52,12 @@ pub(super) struct Family {
 
 const EXTERNAL: i64 = 1;
 const POLYLINE: i64 = 2;
+const TEXT_BOX: i64 = 8;
 const OUTERMOST: i64 = 16;
+
+/// Hatch styles (group 75): only the outermost area is filled, or all that the outer paths hold.
+const OUTER_STYLE: i64 = 1;
+const IGNORE_STYLE: i64 = 2;
 
 impl Hatch {
     /// # Errors
@@ -87,15 +92,23 @@ impl Hatch {
     }
 
     /// The paths that bound what is filled, by the style of the hatch: all, those of the outermost area, or the
-    /// outer ones alone.
+    /// outer ones alone; without those of texts.
     pub(super) fn bounds(&self) -> Vec<&Path> {
         let wanted = match self.style {
-            1 => EXTERNAL | OUTERMOST,
-            2 => EXTERNAL,
-            _ => return self.paths.iter().collect(),
+            IGNORE_STYLE => EXTERNAL,
+            OUTER_STYLE => EXTERNAL | OUTERMOST,
+            _ => i64::MAX,
         };
-        let some: Vec<&Path> = self.paths.iter().filter(|p| p.flags & wanted != 0).collect();
-        if some.is_empty() { self.paths.iter().collect() } else { some }
+        let bounds = || self.paths.iter().filter(|p| p.flags & TEXT_BOX == 0);
+        let some: Vec<&Path> = bounds().filter(|p| wanted == i64::MAX || p.flags & wanted != 0).collect();
+        if some.is_empty() { bounds().collect() } else { some }
+    }
+
+    /// The boxes about texts: what lies in them is never filled, whether they lie in the fill, in an island or across a
+    /// border. A hatch that ignores all inner paths ignores them too.
+    pub(super) fn text_boxes(&self) -> Vec<&Path> {
+        let is_text_box = |p: &&Path| p.flags & TEXT_BOX != 0 && self.style != IGNORE_STYLE;
+        self.paths.iter().filter(is_text_box).collect()
     }
 }
 

@@ -27,6 +27,7 @@ mod space;
 mod spline;
 mod tags;
 mod tally;
+mod text;
 mod units;
 mod walk;
 mod wide;

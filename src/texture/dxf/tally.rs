@@ -31,10 +31,11 @@ pub(super) enum Issue {
     Ignored,
     Outside,
     Area,
+    LineType,
 }
 
 /// Issue, weight, code, sentence after "entities", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
+const ISSUES: [(Issue, Weight, &str, &str, &str); 23] = [
     (Issue::Text, Refused, "dxf-text", "of text have no outlines", "explode text to lines in the drawing program"),
     (
         Issue::Dimension,
@@ -140,6 +141,13 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
         "dxf-area",
         "are areas, and space curves have none",
         "draw their borders as lines, or give the drawing as file",
+    ),
+    (
+        Issue::LineType,
+        Told,
+        "dxf-linetype",
+        "have a line type that the file does not define, and are marked as solid lines",
+        "load the line type in the drawing program, or use Continuous",
     ),
 ];
 

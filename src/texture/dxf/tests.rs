@@ -292,7 +292,7 @@ fn tolerance_holds_after_all_maps() {
 // --- Damaged files
 
 /// Files of one section of entities.
-const ODD: [(&str, Outcome); 21] = [
+const ODD: [(&str, Outcome); 24] = [
     ("0 LWPOLYLINE 43 1 10 0 20 0 10 10 20 0 10 0 20 2", (Ok(1), &["dxf-width"])),
     ("0 LWPOLYLINE 90 2000000000 70 1 10 0 20 0 10 5 20 5", (Ok(1), &[])),
     (
@@ -322,6 +322,9 @@ const ODD: [(&str, Outcome); 21] = [
         "0 LINE 10 0 20 0 11 9 21 0 0 LINE 10 9 20 0 11 9 21 9 0 LINE 10 9 20 9 11 0 21 9 0 LINE 10 0 20 9 11 0 21 0.1",
         (Ok(4), &["dxf-open"]),
     ),
+    ("0 TEXT 10 0 20 0 0 MTEXT 1 \\P 0 MTEXT 0 LINE 11 1", (Ok(1), &["dxf-ignored"])),
+    ("0 TEXT 1 a 0 LINE 11 1", (Ok(1), &["dxf-text"])),
+    ("0 LINE 6 HIDDEN 11 1 0 LINE 6 Continuous 11 2", (Ok(2), &["dxf-linetype"])),
     ("0 SOLID 10 0 20 0 11 1 21 0 12 0 22 1 0 FROB 5 1F 10 x", (Ok(1), &["dxf-unread"])),
 ];
 
@@ -353,9 +356,46 @@ fn odd_entities_have_one_outcome() {
     for (tags, outcome) in ODD {
         check(tags, &file(tags), Some(1.0), outcome);
     }
+    // There and back is one line, and flat lines alone are: z may differ.
+    for tags in ["0 LWPOLYLINE 70 1 10 1 20 1 10 9 20 1", "0 LWPOLYLINE 10 1 20 1 10 9 20 1 10 1 20 1"] {
+        let art = loaded(&file(tags), Some(1.0)).0.expect("read");
+        assert_eq!(art.lines.iter().collect::<Vec<_>>(), [[[0.0, 0.0], [8.0, 0.0]]], "{tags}");
+    }
+    let notes = loaded(&file("0 LINE 6 Hidden 11 1"), Some(1.0)).1;
+    assert!(notes[0].message.contains("1 Hidden (first: LINE at line"), "{}", notes[0].message);
     let mirrored = file("0 ARC 10 10 20 0 40 5 50 0 51 90 210 0 220 0 230 -1");
     let art = loaded(&mirrored, Some(1.0)).0.expect("read");
     assert!((art.corner.expect("a corner")[0] + 15.0).abs() < 1e-12, "x is mirrored: {:?}", art.corner);
+}
+
+/// A solid hatch of polyline paths: flags, and the lower left and upper right corner of each.
+fn hatch(style: i32, paths: &[(i32, [i32; 4])]) -> Vec<u8> {
+    let path = |(flags, [x0, y0, x1, y1]): &(i32, [i32; 4])| {
+        format!("92 {flags} 72 0 73 1 93 4 10 {x0} 20 {y0} 10 {x1} 20 {y0} 10 {x1} 20 {y1} 10 {x0} 20 {y1} 97 0 ")
+    };
+    let paths: (usize, String) = (paths.len(), paths.iter().map(path).collect());
+    file(&format!("0 HATCH 2 SOLID 70 1 91 {} {}75 {style} 76 1 98 0", paths.0, paths.1))
+}
+
+#[test]
+fn text_islands_of_hatches_are_not_filled() {
+    const OUTER: (i32, [i32; 4]) = (7, [0, 0, 30, 30]);
+    const ISLAND: (i32, [i32; 4]) = (22, [5, 5, 25, 25]);
+    for (name, style, text, want) in [
+        ("in the fill", 0, [1, 1, 4, 3], 900 - 400 - 6),
+        ("in the island", 0, [10, 10, 20, 20], 900 - 400),
+        ("across the border of the island", 0, [1, 10, 9, 20], 900 - 400 - 40),
+        ("of the outer style", 1, [1, 1, 4, 3], 900 - 400 - 6),
+        ("of the style that ignores what lies inside", 2, [1, 1, 4, 3], 900),
+    ] {
+        let art = loaded(&hatch(style, &[OUTER, ISLAND, (10, text)]), Some(1.0)).0.expect("read");
+        let rings = crate::texture::artwork::Area::new(art.lines.iter(), Rule::EvenOdd).expect("few");
+        let twice = |c: &Vec<[f64; 2]>| -> f64 {
+            (0..c.len()).map(|i| (c[i], c[(i + 1) % c.len()])).map(|(p, q)| p[0] * q[1] - q[0] * p[1]).sum()
+        };
+        let area = rings.contours().map(twice).sum::<f64>() / 2.0;
+        assert!((area - f64::from(want)).abs() < 1e-6, "{name}: {area}");
+    }
 }
 
 #[test]

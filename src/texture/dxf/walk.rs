@@ -14,7 +14,9 @@ use super::space::{Map, Point, cross, length, times, unit};
 use super::tally::{Issue, Tally};
 use super::wide::{areas, hairlines};
 use crate::diag::Diag;
-use crate::texture::artwork::{Artwork, Colour, Figure, Labels, MAX_POINTS, Marking, Rule, Shape, Stop, StrokeMode};
+use crate::texture::artwork::{
+    Area, Artwork, Colour, Figure, Labels, MAX_POINTS, Marking, Rule, Shape, Stop, StrokeMode, TooMany,
+};
 use crate::texture::clip::Lines;
 
 /// Most entities that are drawn, copies by inserts counted one by one.
@@ -120,6 +122,9 @@ impl<'a> Walk<'a> {
             return Ok(());
         }
         let (colour, is_dashed) = self.look(entity, layer, state);
+        if let Some(name) = self.undefined_line_type(entity, layer) {
+            self.tally.add(Issue::LineType, name, || self.file.name(entity));
+        }
         let issue = match &entity.kind {
             Kind::Insert(insert) => {
                 return self.insert(entity, insert, State { layer: number, colour, is_dashed, ..state });
@@ -150,6 +155,9 @@ impl<'a> Walk<'a> {
     fn shape(&mut self, entity: &Entity, figure: Figure, first: usize, look: State) {
         if self.art.lines.len() == first {
             return;
+        }
+        if figure == Figure::Lines {
+            self.art.lines.trace_once(first, self.tolerance);
         }
         if look.is_dashed && !matches!(entity.kind, Kind::Hatch(_) | Kind::Solid(_)) {
             self.note(Issue::Dash, entity);
@@ -217,6 +225,17 @@ impl<'a> Walk<'a> {
             LineType::Layer => self.file.is_dashed(layer.line_type),
         };
         (colour, is_dashed)
+    }
+
+    /// The name of the line type that an entity asks for and the file does not define.
+    fn undefined_line_type(&self, entity: &Entity, layer: &Layer) -> Option<&'a str> {
+        match entity.line_type {
+            _ if !has_line(&entity.kind) => None,
+            LineType::Own(own) => self.file.undefined_line_type(own),
+            LineType::Layer => self.file.undefined_line_type(layer.line_type),
+            // That of the insert, which is told there.
+            LineType::Block => None,
+        }
     }
 
     fn insert(&mut self, entity: &'a Entity, insert: &Insert, state: State) -> Done {
@@ -349,6 +368,17 @@ impl<'a> Walk<'a> {
         for path in hatch.bounds() {
             is_sound &= rings_of(path, map, self.tolerance / part, &mut rings)?;
         }
+        let mut texts = Lines::default();
+        for path in hatch.text_boxes() {
+            is_sound &= rings_of(path, map, self.tolerance / part, &mut texts)?;
+        }
+        if texts.len() > 0 {
+            self.spend(texts.points.len())?;
+            match without(&rings, &texts) {
+                Ok(open) => rings = open,
+                Err(TooMany) => is_sound = false,
+            }
+        }
         self.spend(rings.points.len())?;
         if rings.points.len() + self.art.lines.points.len() > MAX_POINTS {
             return Err(Stop::Full);
@@ -462,6 +492,11 @@ impl<'a> Walk<'a> {
     }
 }
 
+/// Whether line types apply to an entity, or to entities in its block.
+fn has_line(kind: &Kind) -> bool {
+    !matches!(kind, Kind::Dot(_) | Kind::Solid(_) | Kind::Hatch(_) | Kind::Unread(_))
+}
+
 /// Whether an entity is more than a curve.
 fn is_area(kind: &Kind) -> bool {
     match kind {
@@ -496,6 +531,17 @@ fn ring(corners: &[Point; 4], out: &mut Outline<'_>) {
     out.move_to(corners[0]);
     corners[1..].iter().for_each(|&p| out.line_to(p));
     out.close();
+}
+
+/// The borders of what rings hold by the rule evenodd, without what other rings go round.
+fn without(rings: &Lines, holes: &Lines) -> Result<Lines, TooMany> {
+    let filled = Area::new(rings.iter(), Rule::EvenOdd)?.without(&Area::new(holes.iter(), Rule::NonZero)?)?;
+    let mut out = Lines::default();
+    for contour in filled.contours() {
+        out.points.extend(contour.iter().chain(contour.first()));
+        out.finish();
+    }
+    Ok(out)
 }
 
 /// The closed lines of a boundary path, in mm; answers whether all its edges could be drawn.
