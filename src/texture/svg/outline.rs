@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use crate::texture::artwork::{MAX_MM, Stop, arc_steps, counted, steps};
-use crate::texture::clip::{Lines, extent, is_hairline};
+use crate::texture::clip::{Lines, extent, is_hairline, traced_twice};
 use crate::texture::place::LEAST;
 
 type Point = [f64; 2];
@@ -92,7 +92,7 @@ impl Map {
 pub(super) struct Dropped {
     /// Without extent.
     pub(super) dots: bool,
-    /// Closed and thinner than the tolerance.
+    /// Closed and thinner than the tolerance: they bound no area.
     pub(super) hairlines: bool,
 }
 
@@ -184,6 +184,13 @@ impl<'a> Outline<'a> {
         let line = &self.lines.points[tail..];
         if line.is_empty() {
             return;
+        }
+        if self.is_line
+            && self.stop.is_none()
+            && let Some(once) = traced_twice(line, self.tolerance)
+        {
+            self.lines.points.truncate(tail);
+            return self.lines.push(&once);
         }
         let [w, h] = extent(line);
         if self.stop.is_none() && w.max(h) >= LEAST && !is_hairline(line, self.tolerance) {

@@ -53,8 +53,8 @@ impl<'a, 'input> Walk<'a, 'input> {
             Paint::Ink(ink) => {
                 let first = self.art.lines.len();
                 let figure = Figure::Fill(rule(state.style.fill_rule));
-                let has_dots = self.subpaths(node, tag, state, ink, figure)?;
-                Ok(Some(Filled { lines: first..self.art.lines.len(), has_dots }))
+                let dropped = self.subpaths(node, tag, state, ink, figure)?;
+                Ok(Some(Filled { lines: first..self.art.lines.len(), dropped }))
             }
             Paint::Pattern(pattern) => self.painted(node, tag, state, pattern).map(|()| None),
         }
@@ -81,14 +81,14 @@ impl<'a, 'input> Walk<'a, 'input> {
                 StrokeMode::Outline | StrokeMode::Hatch => is_hairline(&state.style),
             };
         if is_line && pen.dashes.is_empty() {
-            let has_dots = match filled {
-                Some(Filled { lines, has_dots }) => {
+            let dropped = match filled {
+                Some(Filled { lines, dropped }) if !dropped.hairlines => {
                     self.push(node, state, ink, Figure::Lines, lines);
-                    has_dots
+                    dropped
                 }
-                None => self.subpaths(node, tag, state, ink, Figure::Lines)?,
+                _ => self.subpaths(node, tag, state, ink, Figure::Lines)?,
             };
-            if has_dots {
+            if dropped.dots {
                 let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
                 self.draw(node, tag, state, &mut curves);
                 self.dots(node, state, ink, &pen, &curves.take_dots(), true)?;
@@ -194,7 +194,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         Some(Pen { width, cap, join, miter, dashes, offset: length(style.stroke_dashoffset) })
     }
 
-    /// Draws the subpaths of a shape as one figure; answers whether some are points, which a stroke may show.
+    /// Draws the subpaths of a shape as one figure; answers with what of them is none.
     pub(super) fn subpaths(
         &mut self,
         node: Node<'a, 'input>,
@@ -202,20 +202,21 @@ impl<'a, 'input> Walk<'a, 'input> {
         state: &State,
         ink: Ink,
         figure: Figure,
-    ) -> Result<bool, Box<Diag>> {
+    ) -> Result<Dropped, Box<Diag>> {
         let mut whole = true;
         let (lines, dropped) = self.flattened(node, state, figure, |walk, out| whole = walk.draw(node, tag, state, out))?;
         if !whole {
             self.note(Issue::Fault, node);
         }
-        if dropped.hairlines {
+        let is_only_fill = figure != Figure::Lines && state.style.stroke == svg_style::Paint::None;
+        if dropped.hairlines && (is_only_fill || figure == Figure::Lines) {
             self.note(Issue::Hairline, node);
         }
-        if dropped.dots && figure != Figure::Lines && state.style.stroke == svg_style::Paint::None {
+        if dropped.dots && is_only_fill {
             self.note(Issue::Dot, node);
         }
         self.push(node, state, ink, figure, lines);
-        Ok(dropped.dots)
+        Ok(dropped)
     }
 
     /// The polylines of what is drawn.
@@ -280,8 +281,8 @@ impl<'a, 'input> Walk<'a, 'input> {
 /// The area of a shape as it was drawn.
 struct Filled {
     lines: Range<usize>,
-    /// Some of its subpaths are points.
-    has_dots: bool,
+    /// What bounds no area, and may still have a stroke.
+    dropped: Dropped,
 }
 
 /// What something is painted with.
