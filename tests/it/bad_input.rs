@@ -474,6 +474,35 @@ fn edited(dir: &Path, from: &str, to: &str) -> std::path::PathBuf {
 }
 
 #[test]
+fn job_file_error_says_what_to_write() {
+    let dir = folder();
+    for (from, to, fault, remedy) in [
+        (
+            "pitch = ",
+            "mirror = true\npitch = ",
+            "mirror = true does not say along which axis",
+            "write \"x\" (left and right",
+        ),
+        ("pitch = ", "mirror = \"z\"\npitch = ", "\"z\" is no axis to mirror along", "or \"y\" (top and bottom)"),
+        ("pitch = ", "mirror = false\npitch = ", "mirror = false does not name an axis", "leave it out"),
+        (
+            "\"hatch\"",
+            "\u{201c}hatch\u{201d}",
+            "these are typographic quotes: \u{201c}hatch\u{201d}",
+            "straight quotes",
+        ),
+        ("\"0.07 mm\"", "\u{201e}0.07 mm\u{201c}", "these are typographic quotes", "straight quotes"),
+        ("[[texture]]", "[texture]", "[texture] is a single table", "write [[texture]]"),
+        ("[[pen]]", "[pen]", "[pen] is a single table", "write [[pen]]"),
+    ] {
+        let done = compile(&edited(dir.path(), from, to), &dir.path().join("out.job"));
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{to}: {text}");
+        assert!(text.contains(&format!("error[toml]: {fault}")) && text.contains(remedy), "{to}: {text}");
+    }
+}
+
+#[test]
 fn job_file_error_shows_line_and_caret() {
     let dir = folder();
     for (from, to, code, line, caret) in [

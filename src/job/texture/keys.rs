@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::job::direction::Direction;
 use crate::job::file_unit::FileUnit;
@@ -120,7 +121,7 @@ pub struct TextureKeys {
     #[serde(default)]
     pub turn: Angle,
     /// Drawing: mirror the page about its middle, before it is turned: `"x"` exchanges left and right.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "mirror_axis")]
     pub mirror: Option<Mirror>,
     /// Drawing: repeat the page over the area.
     #[serde(default)]
@@ -227,7 +228,7 @@ pub struct PlacedMaskKeys {
     #[serde(default)]
     pub turn: Angle,
     /// Mirror the page about its middle, before it is turned.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "mirror_axis")]
     pub mirror: Option<Mirror>,
 }
 
@@ -282,6 +283,26 @@ pub enum OnUnsupported {
     Error,
     /// They are left out, with a warning.
     Warn,
+}
+
+/// The axis of `mirror`; of `true` and `false`, which name none, it says what to write.
+fn mirror_axis<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Mirror>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Switch(bool),
+        Text(String),
+    }
+    const WRITE: &str = "write \"x\" (left and right are exchanged) or \"y\" (top and bottom)";
+    match Written::deserialize(d).map_err(|_| D::Error::custom(format!("mirror is no axis; {WRITE}")))? {
+        Written::Text(axis) if axis == "x" => Ok(Some(Mirror::X)),
+        Written::Text(axis) if axis == "y" => Ok(Some(Mirror::Y)),
+        Written::Text(other) => Err(D::Error::custom(format!("{other:?} is no axis to mirror along; {WRITE}"))),
+        Written::Switch(true) => Err(D::Error::custom(format!("mirror = true does not say along which axis; {WRITE}"))),
+        Written::Switch(false) => {
+            Err(D::Error::custom(format!("mirror = false does not name an axis; leave it out, or {WRITE}")))
+        }
+    }
 }
 
 fn default_tolerance() -> Length {
