@@ -297,6 +297,43 @@ fn plate(dir: &Path) -> JobText {
 }
 
 #[test]
+fn paper_that_is_neither_a_colour_nor_a_lightness_is_refused() {
+    let dir = folder();
+    let svg = dir.path().join("a.svg");
+    std::fs::write(
+        &svg,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"9mm\" height=\"9mm\"><path d=\"M0 0h9v9z\"/></svg>",
+    )
+    .expect("writable");
+    std::fs::copy(crate::support::fixture("aerofoil.png"), dir.path().join("a.png")).expect("copied");
+    let of = |texture: &str| {
+        let done =
+            compile(&plate(dir.path()).texture(texture).write(dir.path(), "job.toml"), &dir.path().join("out.job"));
+        (done.status.code(), said(&done))
+    };
+    for (paper, says) in [
+        ("0.98", "paper has the lightness 1.0, which is not between 50 and 100"),
+        ("101", "paper has the lightness 101.0"),
+        ("nan", "paper has the lightness NaN"),
+        ("\"black\"", "paper has the lightness 0.0"),
+        ("\"cream\"", "\"cream\" is no colour"),
+        ("\"layer:A\"", "\"layer:A\" is no colour"),
+        ("true", "paper is a colour or a lightness"),
+    ] {
+        let (exit, text) = of(&format!("file = \"a.svg\"\npaper = {paper}"));
+        assert!(exit == Some(2) && text.contains(says), "{paper}: {text}");
+    }
+    let (exit, text) = of(&format!("{HATCH}\npaper = 98"));
+    assert!(exit == Some(2) && text.contains("paper does not apply to hatch"), "{text}");
+    let (exit, text) = of("file = \"a.png\"\nsize = [\"9 mm\", \"9 mm\"]\npaper = 95");
+    assert!(exit == Some(2) && text.contains("paper does not apply to a bitmap"), "{text}");
+    for paper in ["98", "97.5", "\"#fefefe\"", "\"white\""] {
+        let (exit, text) = of(&format!("file = \"a.svg\"\npaper = {paper}"));
+        assert!(exit == Some(0), "{paper}: {text}");
+    }
+}
+
+#[test]
 fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
     for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {

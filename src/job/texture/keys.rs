@@ -157,6 +157,11 @@ pub struct TextureKeys {
     /// Drawing: the colours and labels that do not exist.
     #[serde(default)]
     pub except: Vec<String>,
+    /// Drawing: which colours are the page, which hides what lies below and is not marked: a colour (`"#fefefe"`: it and
+    /// what lies between it and white) or a CIE lightness L* from 50 to 100; default: 98, what the eye cannot tell from
+    /// white.
+    #[serde(default)]
+    pub paper: Option<PaperKeys>,
     /// Bitmap: pixels in an inch, or `"file"` for what the file states; or give `size`.
     #[serde(default)]
     pub dpi: Option<DpiKeys>,
@@ -254,6 +259,16 @@ impl MaskKeys {
             None => (text, None),
         }
     }
+}
+
+/// Colours of the page.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged, expecting = "paper is a colour or a lightness; write \"#fefefe\", or a number from 50 to 100")]
+pub enum PaperKeys {
+    /// CIE L* from which on greys are the page.
+    Lightness(f64),
+    /// The darkest colour of the page.
+    Colour(String),
 }
 
 /// Resolution of a bitmap: a number, or `"file"`.

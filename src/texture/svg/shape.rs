@@ -183,7 +183,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     fn push(&mut self, node: Node<'a, 'input>, state: State<'a>, colour: Colour, figure: Figure, lines: Range<usize>) {
         if !lines.is_empty() {
             let (name, State { labels, clip, .. }) = (self.name(node), state);
-            self.art.shapes.push(Shape { name, labels, colour, figure, lines, clip });
+            self.art.shapes.push(Shape { name, labels, colour, opacity: 1.0, figure, lines, clip });
         }
     }
 
