@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::area::Area;
 use super::choice::Class;
 use super::paper::is_light;
-use super::{Artwork, Colour, Figure, Marking, Selector, Shape};
+use super::{Artwork, Colour, Figure, Marking, Paper, Selector, Shape};
 use crate::diag::Diag;
 
 /// Opacity from which on a shape in the colour of the page hides what lies below it. Below it, more is seen of what lies
@@ -47,7 +47,7 @@ pub(super) fn warnings(
             by_colour.into_iter().map(|(colour, shapes)| (colour, covered_mm2(&shapes, &area))).collect();
         colours.sort_by(|a, b| b.1.unwrap_or(0.0).total_cmp(&a.1.unwrap_or(0.0)));
         let element = &art.names[art.shapes[first].name as usize];
-        out.push(issue.warning(&colours, met.len(), element));
+        out.push(issue.warning(&colours, met.len(), element, marking.paper));
     }
     out
 }
@@ -72,7 +72,7 @@ fn covered_mm2(shapes: &[usize], area: &impl Fn(usize) -> Option<Area>) -> Optio
 }
 
 impl Issue {
-    fn warning(self, colours: &[(Colour, Option<f64>)], shapes: usize, first: &str) -> Diag {
+    fn warning(self, colours: &[(Colour, Option<f64>)], shapes: usize, first: &str, paper: Paper) -> Diag {
         let name = |colour| Selector::Colour(colour).to_string();
         let one = |(colour, mm2): &(Colour, Option<f64>)| match mm2 {
             Some(mm2) => format!("{} on {mm2:.2} mm2", name(*colour)),
@@ -85,10 +85,18 @@ impl Issue {
         let list = format!("{} ({shapes}, first {first})", list.join(", "));
         match self {
             Self::Light => {
-                let lightest = name(colours[0].0);
-                Diag::warning("texture-light", format!("shapes in light colours are marked: {list}")).hint(format!(
-                    "to make such a colour the page write paper = \"{lightest}\"; to mark it on purpose name it in pens or only"
-                ))
+                let (colour, _) = colours[0];
+                let hint = if paper.holds(colour) {
+                    "a label of pens gives them a pen: name the colours in pens that are to be marked, not the label"
+                        .into()
+                } else {
+                    let name = name(colour);
+                    format!(
+                        "to make such a colour the page write paper = \"{name}\"; to mark it on purpose name it in pens or \
+                         only"
+                    )
+                };
+                Diag::warning("texture-light", format!("shapes in light colours are marked: {list}")).hint(hint)
             }
             Self::HidesNothing => {
                 let text = "shapes in the colour of the page with less than half opacity hide nothing";
@@ -107,7 +115,7 @@ impl Issue {
 mod tests {
     use super::*;
     use crate::program::PenId;
-    use crate::texture::artwork::{Labels, Paper, Rule, marks};
+    use crate::texture::artwork::{Labels, Rule, marks};
 
     /// Squares of which each lies in the one before: side, colour, opacity.
     fn squares(all: &[(f64, u32, f32)]) -> Artwork {
@@ -188,6 +196,12 @@ mod tests {
         assert!(area == 96.0 && notes[0].message.contains("marked: #ffffe0 on 100.00 mm2 (1,"), "{area} {notes:?}");
         let pens = select(&["#f5f5f5", "#ffffe0"]).into_iter().map(|s| (s, PenId(1))).collect();
         assert_eq!(marked(&drawn, Marking { pens, ..Marking::default() }).1, []);
+        // A pen by a label marks the page of its layer too.
+        let mut labelled = squares(&[(10.0, 0xff_ffff, 1.0)]);
+        labelled.labels = vec![Labels { parent: None, own: vec!["layer:A".into()] }];
+        let pens = vec![(select(&["layer:A"])[0].clone(), PenId(1))];
+        let (area, notes) = marked(&labelled, Marking { pens, ..Marking::default() });
+        assert!(area == 100.0 && notes[0].hint.contains("a label of pens"), "{area} {notes:?}");
     }
 
     #[test]
