@@ -324,6 +324,10 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str)
             Some(span) => Place::Text { path: path.into(), source: source.clone(), span },
             None => Place::file(path),
         };
+        if let Some(quoted) = typographic(source, e.span()) {
+            let fault = format!("these are typographic quotes: {quoted}");
+            return Diag::input("toml", fault).at(place).hint("write straight quotes: \"...\"").into();
+        }
         // Where a value's own message ends in a remedy, that is the hint.
         let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((e.message().trim(), keys));
         let mut d = Diag::input("toml", fault).at(place).hint(remedy);
@@ -336,6 +340,16 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str)
         }
         d.into()
     })
+}
+
+/// The rest of the line from a fault on, where it begins with a quote that a text processor has curled.
+fn typographic(source: &str, span: Option<Range<usize>>) -> Option<&str> {
+    const QUOTES: [char; 8] =
+        ['\u{201c}', '\u{201d}', '\u{201e}', '\u{201f}', '\u{2018}', '\u{2019}', '\u{201a}', '\u{201b}'];
+    let from_fault = source.get(span?.start..)?;
+    let line = from_fault.split('\n').next()?.trim();
+    let end = line.char_indices().skip(1).find(|(_, c)| QUOTES.contains(c)).map(|(at, c)| at + c.len_utf8());
+    line.starts_with(QUOTES).then(|| &line[..end.unwrap_or(line.len())])
 }
 
 /// Whether the lines of a fault hold a double quote with a backslash after it, as a Windows path would.
@@ -393,6 +407,25 @@ mod tests {
             let e = from_toml::<toml::Table>("j.toml", &text.into(), "keys").expect_err("no value");
             assert_eq!(e.diags()[0].hint, "keys", "{text}: {e}");
         }
+    }
+
+    #[test]
+    fn typographic_quotes_are_named() {
+        for text in [
+            "a = \u{201c}hatch\u{201d}",
+            "a = [\u{201c}x\u{201d}]\n",
+            "a = \u{201e}x\u{201c} # b",
+            "a = \u{2018}x\u{2019}",
+            "\u{201c}a\u{201d} = 1",
+        ] {
+            let e = from_toml::<toml::Table>("j.toml", &text.into(), "keys").expect_err("curly quotes");
+            assert!(e.diags()[0].message.starts_with("these are typographic quotes: "), "{text}: {e}");
+            assert!(e.diags()[0].hint.contains("straight quotes"), "{text}: {e}");
+        }
+        // Within straight quotes and comments they are text.
+        assert!(from_toml::<toml::Table>("j.toml", &"a = \"\u{201c}x\u{201d}\" # \u{201c}".into(), "keys").is_ok());
+        let e = from_toml::<toml::Table>("j.toml", &"a = # \u{201c}x\u{201d}".into(), "keys").expect_err("no value");
+        assert!(!e.to_string().contains("typographic"), "{e}");
     }
 
     #[test]

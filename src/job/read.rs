@@ -4,6 +4,8 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
+use toml::de::{DeTable, DeValue};
+
 use super::faults::Faults;
 use super::file::JobFile;
 use super::resolve::resolve;
@@ -59,6 +61,9 @@ impl Job {
     /// As [`Job::load`].
     pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
+        if let Some(fault) = single_table(path, &source) {
+            return Err(fault.into());
+        }
         let file: JobFile = diag::from_toml(&path.display().to_string(), &source, KEYS)?;
         resolve(path, source, &file, overrides)
     }
@@ -67,4 +72,16 @@ impl Job {
     pub fn place_of(&self, key: &str) -> Place {
         Faults::new(&self.path, &self.source).place(key)
     }
+}
+
+/// The fault of a table that is written once, `[texture]`, where the file has a list of them.
+fn single_table(path: &Path, source: &Arc<str>) -> Option<Diag> {
+    let root = DeTable::parse(source).ok()?;
+    let (name, table) = ["texture", "pen"].into_iter().find_map(|name| {
+        let value = root.get_ref().get(name)?;
+        matches!(value.get_ref(), DeValue::Table(_)).then_some((name, value))
+    })?;
+    let place = Place::Text { path: path.display().to_string(), source: source.clone(), span: table.span() };
+    let text = format!("[{name}] is a single table, and a job has a list of them");
+    Some(Diag::input("toml", text).at(place).hint(format!("write [[{name}]]")))
 }

@@ -93,7 +93,7 @@ impl Slip {
 
 /// The box of all shapes that exist, mm; None where there are none.
 fn seen(art: &Artwork, marking: &Marking) -> Option<BoxMm<2>> {
-    let classes = classes(art, marking).ok()?;
+    let classes = classes(art, marking, None).ok()?;
     let mut all = BoxMm::EMPTY;
     for (shape, class) in art.shapes.iter().zip(classes) {
         if class != Class::Skip {

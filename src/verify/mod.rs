@@ -120,8 +120,8 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
         }
         let drawing = Drawing::of(&texture);
         let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
-        rules::drawing::check(&placed, &mut files, &mut findings.drawing);
         let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
+        rules::drawing::check(&placed, spot_mm, &mut files, &mut findings.drawing);
         rules::bitmap::check(&placed, &requests, spot_mm, &mut files, &mut findings.bitmap);
         rules::mask::check(&placed, &mut files, &mut findings.mask);
         drop(drawing);

@@ -8,7 +8,7 @@ use terrace::diag::{Diag, Error};
 use terrace::geom::{BoxMm, Nm, P2};
 use terrace::program::{PenId, Sections};
 use terrace::texture::{
-    Area, ContourPass, Directions, FillMode, Kind, Marking, Masks, Mirror, Position, Request, Selector, Size,
+    Area, ContourPass, Directions, FillMode, Kind, Marking, Masks, Mirror, Paper, Position, Request, Selector, Size,
     StrokeMode, Texture,
 };
 
@@ -411,4 +411,32 @@ fn pens_follow_colours_and_labels() {
         assert_eq!(error.diags()[0].code, "texture-pens");
         assert!(error.to_string().contains(says), "{error}");
     }
+}
+
+/// Paper as CorelDRAW writes it: a page and a knock-out in `#FEFEFE`, by classes.
+const COREL: &str = r#"<style>.fil0{fill:#2B2A29}.fil1{fill:#FEFEFE}</style><rect class="fil1" width="20" height="20"/>
+    <polygon class="fil0" points="2,2 12,2 12,12 2,12"/><polygon class="fil1" points="4,4 8,4 8,8 4,8"/>"#;
+
+#[test]
+fn near_white_page_and_knock_out_are_not_marked() {
+    let select = |names: &[&str]| names.iter().map(|n| Selector::parse(n).expect("a selector")).collect::<Vec<_>>();
+    let marking = || Marking { pitch_mm: Some(0.1), inset_mm: Some(0.0), ..Marking::default() };
+    // Area by pen, mm2, and the codes of the warnings.
+    let marked = |marking: Marking| {
+        let (texture, notes) = load(COREL, marking).expect("a texture");
+        let mut out = [0.0; 2];
+        strokes(&texture).iter().for_each(|(pen, points)| out[pen.0 as usize] += 0.1 * length(points));
+        (out.map(|v: f64| v.round()), notes.iter().map(|d| d.code).collect::<Vec<_>>())
+    };
+    assert_eq!(marked(marking()), ([84.0, 0.0], vec![]));
+    assert_eq!(marked(Marking { only: select(&["#2b2a29"]), ..marking() }), ([84.0, 0.0], vec![]));
+    assert_eq!(marked(Marking { except: select(&["#fefefe"]), ..marking() }), ([84.0, 0.0], vec![]));
+    assert_eq!(marked(Marking { paper: Paper::Colour([254; 3]), ..marking() }), ([84.0, 0.0], vec![]));
+    // What is named is marked; white alone as the page leaves the near-white to be marked, with a warning.
+    assert_eq!(marked(Marking { only: select(&["#fefefe"]), ..marking() }), ([400.0, 0.0], vec![]));
+    let pens = vec![(select(&["#fefefe"])[0].clone(), PenId(1))];
+    assert_eq!(marked(Marking { pens, ..marking() }), ([84.0, 316.0], vec![]));
+    assert_eq!(marked(Marking { paper: Paper::Colour([255; 3]), ..marking() }), ([400.0, 0.0], vec!["texture-light"]));
+    // A class is a label: what it leaves out does not exist.
+    assert_eq!(marked(Marking { only: select(&["class:fil0"]), ..marking() }), ([100.0, 0.0], vec![]));
 }

@@ -297,6 +297,43 @@ fn plate(dir: &Path) -> JobText {
 }
 
 #[test]
+fn paper_that_is_neither_a_colour_nor_a_lightness_is_refused() {
+    let dir = folder();
+    let svg = dir.path().join("a.svg");
+    std::fs::write(
+        &svg,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"9mm\" height=\"9mm\"><path d=\"M0 0h9v9z\"/></svg>",
+    )
+    .expect("writable");
+    std::fs::copy(crate::support::fixture("aerofoil.png"), dir.path().join("a.png")).expect("copied");
+    let of = |texture: &str| {
+        let done =
+            compile(&plate(dir.path()).texture(texture).write(dir.path(), "job.toml"), &dir.path().join("out.job"));
+        (done.status.code(), said(&done))
+    };
+    for (paper, says) in [
+        ("0.98", "paper has the lightness 1.0, which is not between 50 and 100"),
+        ("101", "paper has the lightness 101.0"),
+        ("nan", "paper has the lightness NaN"),
+        ("\"black\"", "paper has the lightness 0.0"),
+        ("\"cream\"", "\"cream\" is no colour"),
+        ("\"layer:A\"", "\"layer:A\" is no colour"),
+        ("true", "paper is a colour or a lightness"),
+    ] {
+        let (exit, text) = of(&format!("file = \"a.svg\"\npaper = {paper}"));
+        assert!(exit == Some(2) && text.contains(says), "{paper}: {text}");
+    }
+    let (exit, text) = of(&format!("{HATCH}\npaper = 98"));
+    assert!(exit == Some(2) && text.contains("paper does not apply to hatch"), "{text}");
+    let (exit, text) = of("file = \"a.png\"\nsize = [\"9 mm\", \"9 mm\"]\npaper = 95");
+    assert!(exit == Some(2) && text.contains("paper does not apply to a bitmap"), "{text}");
+    for paper in ["98", "97.5", "\"#fefefe\"", "\"white\""] {
+        let (exit, text) = of(&format!("file = \"a.svg\"\npaper = {paper}"));
+        assert!(exit == Some(0), "{paper}: {text}");
+    }
+}
+
+#[test]
 fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
     for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {
@@ -471,6 +508,35 @@ fn edited(dir: &Path, from: &str, to: &str) -> std::path::PathBuf {
     assert!(text.contains(from), "{from:?} stands in the job");
     std::fs::write(&path, text.replacen(from, to, 1)).expect("writable");
     path
+}
+
+#[test]
+fn job_file_error_says_what_to_write() {
+    let dir = folder();
+    for (from, to, fault, remedy) in [
+        (
+            "pitch = ",
+            "mirror = true\npitch = ",
+            "mirror = true does not say along which axis",
+            "write \"x\" (left and right",
+        ),
+        ("pitch = ", "mirror = \"z\"\npitch = ", "\"z\" is no axis to mirror along", "or \"y\" (top and bottom)"),
+        ("pitch = ", "mirror = false\npitch = ", "mirror = false does not name an axis", "leave it out"),
+        (
+            "\"hatch\"",
+            "\u{201c}hatch\u{201d}",
+            "these are typographic quotes: \u{201c}hatch\u{201d}",
+            "straight quotes",
+        ),
+        ("\"0.07 mm\"", "\u{201e}0.07 mm\u{201c}", "these are typographic quotes", "straight quotes"),
+        ("[[texture]]", "[texture]", "[texture] is a single table", "write [[texture]]"),
+        ("[[pen]]", "[pen]", "[pen] is a single table", "write [[pen]]"),
+    ] {
+        let done = compile(&edited(dir.path(), from, to), &dir.path().join("out.job"));
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{to}: {text}");
+        assert!(text.contains(&format!("error[toml]: {fault}")) && text.contains(remedy), "{to}: {text}");
+    }
 }
 
 #[test]

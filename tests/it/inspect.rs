@@ -146,6 +146,24 @@ fn inspect_lists_what_a_texture_can_choose() {
 }
 
 #[test]
+fn inspect_says_which_colours_are_the_page() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    let body: String = ["#000000", "#fefefe", "#ffffff", "#f5f5f5"]
+        .map(|c| format!("<rect width=\"9\" height=\"9\" fill=\"{c}\"/>"))
+        .concat();
+    let head = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"9mm\" height=\"9mm\" viewBox=\"0 0 9 9\">";
+    write(at.join("a.svg"), format!("{head}{body}</svg>"));
+    let text = done(at, &["inspect", "a.svg"]);
+    for line in ["#000000  1 shape", "#f5f5f5  1 shape", "#fefefe  1 shape, the page", "#ffffff  1 shape, the page"] {
+        assert!(text.contains(&format!("  {line}\n")), "{line}: {text}");
+    }
+    let found = json(&done(at, &["inspect", "--json", "a.svg"]));
+    let pages = found["selectors"].as_array().expect("a list").iter().map(|s| s["page"].as_bool().expect("yes or no"));
+    assert_eq!(pages.collect::<Vec<_>>(), [false, false, true, true]);
+}
+
+#[test]
 fn inspect_shows_bitmaps() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = dir.path();

@@ -190,6 +190,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
                 "src/verify/read/labels.rs",
                 "src/verify/read/lightburn.rs",
                 "src/verify/read/picture.rs",
+                "src/verify/read/unread.rs",
             ],
         ),
         ("svgtypes", &["src/texture/svg", "src/texture/artwork/marking.rs"]),

@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::{Shown, plural, triple};
 use crate::diag::{Diag, Error, Kind, Message};
 use crate::job::FileUnit;
-use crate::texture::Selector;
 use crate::texture::contents::{Contents, InSpace, Pixels, Shapes};
+use crate::texture::{Paper, Selector};
 
 /// Most names that are listed as text.
 const MAX_LISTED: usize = 40;
@@ -69,7 +69,7 @@ fn shapes(found: &Shapes) -> Shown {
     } else {
         text += "\nno physical size in the file: write width and height in mm into it, or state size = [...] with the texture\n";
     }
-    text += &names(&found.selectors, &mut json);
+    text += &names(&found.selectors, Some(Paper::default()), &mut json);
     json["refused"] = found.refused.iter().map(|d| json!(Message::from(d))).collect();
     if !found.refused.is_empty() {
         text += "a job with it is refused, as the warnings say; on_unsupported = \"warn\" leaves out what they name\n";
@@ -78,9 +78,13 @@ fn shapes(found: &Shapes) -> Shown {
     Shown { text, json, warnings }
 }
 
-/// The list of names that choose shapes.
-fn names(selectors: &[(Selector, usize)], json: &mut Value) -> String {
-    let named = |(selector, shapes): &(Selector, usize)| json!({"name": selector.to_string(), "shapes": shapes});
+/// The list of names that choose shapes; `paper` says which of the colours are the page.
+fn names(selectors: &[(Selector, usize)], paper: Option<Paper>, json: &mut Value) -> String {
+    let is_page = |selector: &Selector| match selector {
+        Selector::Colour(colour) => paper.is_some_and(|paper| paper.holds(*colour)),
+        Selector::Label(_) => false,
+    };
+    let named = |(selector, shapes): &(Selector, usize)| json!({"name": selector.to_string(), "shapes": shapes, "page": is_page(selector)});
     json["selectors"] = selectors.iter().map(named).collect();
     match selectors {
         [] => return String::new(),
@@ -91,7 +95,8 @@ fn names(selectors: &[(Selector, usize)], json: &mut Value) -> String {
     let width = listed.iter().map(|(selector, _)| selector.to_string().chars().count()).max().unwrap_or(0);
     let mut text = "pens, only and except can name\n".to_owned();
     for (selector, n) in listed {
-        text += &format!("  {:<width$}  {n} shape{}\n", selector.to_string(), plural(*n));
+        let page = if is_page(selector) { ", the page" } else { "" };
+        text += &format!("  {:<width$}  {n} shape{}{page}\n", selector.to_string(), plural(*n));
     }
     if selectors.len() > listed.len() {
         text += &format!("  and {} more, which --json lists\n", selectors.len() - listed.len());
@@ -146,6 +151,6 @@ fn in_space(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
         json[format!("lo{key}")] = json!(lo);
         json[format!("hi{key}")] = json!(hi);
     }
-    text += &names(&selectors, &mut json);
+    text += &names(&selectors, None, &mut json);
     Ok(Shown { text, json, warnings })
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::job::direction::Direction;
 use crate::job::file_unit::FileUnit;
@@ -120,7 +121,7 @@ pub struct TextureKeys {
     #[serde(default)]
     pub turn: Angle,
     /// Drawing: mirror the page about its middle, before it is turned: `"x"` exchanges left and right.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "mirror_axis")]
     pub mirror: Option<Mirror>,
     /// Drawing: repeat the page over the area.
     #[serde(default)]
@@ -156,6 +157,11 @@ pub struct TextureKeys {
     /// Drawing: the colours and labels that do not exist.
     #[serde(default)]
     pub except: Vec<String>,
+    /// Drawing: which colours are the page, which hides what lies below and is not marked: a colour (`"#fefefe"`: it and
+    /// what lies between it and white) or a CIE lightness L* from 50 to 100; default: 98, what the eye cannot tell from
+    /// white.
+    #[serde(default)]
+    pub paper: Option<PaperKeys>,
     /// Bitmap: pixels in an inch, or `"file"` for what the file states; or give `size`.
     #[serde(default)]
     pub dpi: Option<DpiKeys>,
@@ -227,7 +233,7 @@ pub struct PlacedMaskKeys {
     #[serde(default)]
     pub turn: Angle,
     /// Mirror the page about its middle, before it is turned.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "mirror_axis")]
     pub mirror: Option<Mirror>,
 }
 
@@ -253,6 +259,16 @@ impl MaskKeys {
             None => (text, None),
         }
     }
+}
+
+/// Colours of the page.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged, expecting = "paper is a colour or a lightness; write \"#fefefe\", or a number from 50 to 100")]
+pub enum PaperKeys {
+    /// CIE L* from which on greys are the page.
+    Lightness(f64),
+    /// The darkest colour of the page.
+    Colour(String),
 }
 
 /// Resolution of a bitmap: a number, or `"file"`.
@@ -282,6 +298,26 @@ pub enum OnUnsupported {
     Error,
     /// They are left out, with a warning.
     Warn,
+}
+
+/// The axis of `mirror`; of `true` and `false`, which name none, it says what to write.
+fn mirror_axis<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Mirror>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Switch(bool),
+        Text(String),
+    }
+    const WRITE: &str = "write \"x\" (left and right are exchanged) or \"y\" (top and bottom)";
+    match Written::deserialize(d).map_err(|_| D::Error::custom(format!("mirror is no axis; {WRITE}")))? {
+        Written::Text(axis) if axis == "x" => Ok(Some(Mirror::X)),
+        Written::Text(axis) if axis == "y" => Ok(Some(Mirror::Y)),
+        Written::Text(other) => Err(D::Error::custom(format!("{other:?} is no axis to mirror along; {WRITE}"))),
+        Written::Switch(true) => Err(D::Error::custom(format!("mirror = true does not say along which axis; {WRITE}"))),
+        Written::Switch(false) => {
+            Err(D::Error::custom(format!("mirror = false does not name an axis; leave it out, or {WRITE}")))
+        }
+    }
 }
 
 fn default_tolerance() -> Length {

@@ -15,10 +15,10 @@ use crate::geom::{BoxMm, Nm};
 use crate::program::{Pen, PenId};
 use crate::texture;
 use crate::units::{Angle, Length};
-use keys::{AreaKeys, AreaName, OnUnsupported, TextureKeys};
+use keys::{AreaKeys, AreaName, OnUnsupported, PaperKeys, TextureKeys};
 
 /// Keys of drawings.
-const DRAWING: [&str; 28] = [
+const DRAWING: [&str; 29] = [
     "size",
     "scale",
     "fit",
@@ -39,6 +39,7 @@ const DRAWING: [&str; 28] = [
     "pens",
     "only",
     "except",
+    "paper",
     "mirror",
     "dpi",
     "gamma",
@@ -261,9 +262,34 @@ impl Texture<'_> {
             only,
             except,
             lists_labels: false,
+            paper: self.paper(f),
             mirror: keys.mirror,
             tone: tone::resolve(keys, &|name| self.key(name), f),
         }
+    }
+
+    /// Which colours are the page.
+    fn paper(&self, f: &mut Faults<'_>) -> texture::Paper {
+        // What is darker than this is no paper, but a slip such as a share (0.98) or the colour of the marks.
+        const DARKEST: f64 = 50.0;
+        let (paper, lightness) = match &self.keys.paper {
+            None => return texture::Paper::default(),
+            Some(PaperKeys::Lightness(lightness)) => (texture::Paper::Lightness(*lightness), *lightness),
+            Some(PaperKeys::Colour(name)) => match texture::Selector::parse(name) {
+                Some(texture::Selector::Colour(colour)) => (texture::Paper::Colour(colour), texture::lightness(colour)),
+                _ => {
+                    let fault = Diag::input("texture-key", format!("{name:?} is no colour"));
+                    f.push(&self.key("paper"), fault.hint("write \"#fefefe\", or a lightness from 50 to 100"));
+                    return texture::Paper::default();
+                }
+            },
+        };
+        if !(DARKEST..=100.0).contains(&lightness) {
+            let text = format!("paper has the lightness {lightness:.1}, which is not between {DARKEST} and 100");
+            let hint = "write the colour of the page, or its CIE lightness: white has 100, #fafafa 98, #808080 54";
+            f.push(&self.key("paper"), Diag::input("texture-key", text).hint(hint));
+        }
+        paper
     }
 
     /// What a name chooses: shapes with a label, or of a colour.
@@ -347,6 +373,7 @@ impl Texture<'_> {
             ("pens", !keys.pens.is_empty()),
             ("only", !keys.only.is_empty()),
             ("except", !keys.except.is_empty()),
+            ("paper", keys.paper.is_some()),
             ("mirror", keys.mirror.is_some()),
             ("dpi", keys.dpi.is_some()),
             ("gamma", keys.gamma.is_some()),

@@ -7,7 +7,7 @@ use i_overlay::mesh::outline::offset::OutlineOffset;
 use i_overlay::mesh::style::{LineJoin, OutlineStyle};
 
 use super::Rule;
-use super::crossings::{TooMany, are_few};
+use super::crossings::{TooMany, are_few, edges};
 use super::cut::{Cutter, Keep};
 use crate::geom::BoxMm;
 use crate::texture::clip::Lines;
@@ -115,6 +115,12 @@ impl Area {
         self.0.iter().flatten()
     }
 
+    /// Its size, mm².
+    pub(super) fn size_mm2(&self) -> f64 {
+        // Outer contours are anticlockwise and holes clockwise, so that their signs differ (shoelace formula).
+        self.contours().flat_map(|c| edges(c)).map(|[a, b]| (a[0] * b[1] - b[0] * a[1]) / 2.0).sum()
+    }
+
     pub(in crate::texture) fn edge_count(&self) -> usize {
         self.contours().map(Vec::len).sum()
     }
@@ -136,14 +142,9 @@ fn open(contour: &[Point]) -> &[Point] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::artwork::crossings::edges;
 
     fn square(x: f64, y: f64, side: f64) -> Vec<Point> {
         vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]
-    }
-
-    fn size(area: &Area) -> f64 {
-        area.contours().flat_map(|c| edges(c).collect::<Vec<_>>()).map(|[a, b]| (a[0] * b[1] - b[0] * a[1]) / 2.0).sum()
     }
 
     #[test]
@@ -160,7 +161,8 @@ mod tests {
             (Area::union([&ring, &other].into_iter()).expect("few"), 64.0 + 100.0 - 16.0),
             (ring.inset(0.5), 81.0 - 49.0 + (1.0 - std::f64::consts::FRAC_PI_4)),
         ] {
-            assert!((size(&area) - want).abs() < 5e-3, "{} instead of {want}", size(&area));
+            let size = area.size_mm2();
+            assert!((size - want).abs() < 5e-3, "{size} instead of {want}");
         }
         assert!(full.inset(5.1).is_empty());
     }
@@ -170,6 +172,6 @@ mod tests {
         let back: Vec<Point> = square(0.0, 0.0, 4.0).into_iter().rev().collect();
         let a = Area::new([back.as_slice()].into_iter(), Rule::NonZero).expect("few");
         let b = Area::new([square(2.0, 0.0, 4.0).as_slice()].into_iter(), Rule::NonZero).expect("few");
-        assert!((size(&Area::union([&a, &b].into_iter()).expect("few")) - 24.0).abs() < 1e-6);
+        assert!((Area::union([&a, &b].into_iter()).expect("few").size_mm2() - 24.0).abs() < 1e-6);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Artwork, Colour, Marking, Selector, Shape, WHITE};
+use super::{Artwork, Colour, Marking, Paper, Selector, Shape};
 use crate::diag::Diag;
 use crate::program::PenId;
 
@@ -14,17 +14,26 @@ const MAX_LISTED: usize = 24;
 pub(in crate::texture) enum Class {
     /// It does not exist.
     Skip,
-    /// Painted like the page.
+    /// Painted like the page: it hides, and is not marked.
     Page,
     /// It is marked by this pen, or by that of the texture.
     Pen(Option<PenId>),
 }
 
-/// The class of each shape.
+/// The class of each shape; `paper` says which colours are the page, None where there is none.
+///
+/// Of shapes that `only` or `except` leave out by their colour, those in a colour of the page still hide what lies below:
+/// a drawing shows paper there, whichever of its colours are marked. All others that are left out do not exist, so that
+/// textures can divide the colours and layers of a drawing between them. What is left out by a label does not exist
+/// whatever its colour, like a layer that is switched off.
 ///
 /// # Errors
 /// `texture-pens` where a selector chooses nothing, or two give one shape different pens.
-pub(in crate::texture) fn classes(art: &Artwork, marking: &Marking) -> Result<Vec<Class>, Box<Diag>> {
+pub(in crate::texture) fn classes(
+    art: &Artwork,
+    marking: &Marking,
+    paper: Option<Paper>,
+) -> Result<Vec<Class>, Box<Diag>> {
     let holds = |s: &Selector, shape: &Shape| match s {
         Selector::Colour(c) => *c == shape.colour,
         Selector::Label(label) => art.labels(shape.labels).any(|l| l == label),
@@ -42,14 +51,21 @@ pub(in crate::texture) fn classes(art: &Artwork, marking: &Marking) -> Result<Ve
             return Err(Diag::input("texture-pens", text).hint(format!("the drawing holds {}", held(art))).into());
         }
     }
+    let colours: BTreeSet<Colour> = art.shapes.iter().map(|shape| shape.colour).collect();
+    let papers: BTreeSet<Colour> = colours.into_iter().filter(|c| paper.is_some_and(|p| p.holds(*c))).collect();
     let class = |shape: &Shape| {
         let any = |selectors: &[Selector]| selectors.iter().any(|s| holds(s, shape));
-        if (!marking.only.is_empty() && !any(&marking.only)) || any(&marking.except) {
-            return Ok(Class::Skip);
+        let is_paper = papers.contains(&shape.colour);
+        let is_chosen = marking.only.is_empty() || any(&marking.only);
+        let only_labels = !marking.only.iter().any(|s| matches!(s, Selector::Colour(_)));
+        let by_label = (!is_chosen && only_labels) || marking.excepts(art.labels(shape.labels));
+        if !is_chosen || any(&marking.except) {
+            return Ok(if is_paper && !by_label { Class::Page } else { Class::Skip });
         }
         let mut pens = marking.pens.iter().filter(|(s, _)| holds(s, shape));
         let Some((first, pen)) = pens.next() else {
-            return Ok(if shape.colour == WHITE { Class::Page } else { Class::Pen(None) });
+            let is_page = is_paper && marking.is_page(shape.colour);
+            return Ok(if is_page { Class::Page } else { Class::Pen(None) });
         };
         if let Some((second, _)) = pens.find(|(_, other)| other != pen) {
             let element = &art.names[shape.name as usize];

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use svgtypes::Color;
 
-use super::{Colour, Hatch};
+use super::{Colour, Hatch, Paper};
 use crate::program::PenId;
 
 /// How strokes of a drawing are marked.
@@ -207,6 +207,8 @@ pub struct Marking {
     pub except: Vec<Selector>,
     /// Whether the labels of shapes are kept though nothing chooses by them.
     pub lists_labels: bool,
+    /// Which colours are the page: they hide what lies below and are not marked.
+    pub paper: Paper,
     /// Whether the page is mirrored about its middle, before it is turned.
     pub mirror: Option<Mirror>,
     /// Where the drawing is a bitmap; None where nothing is said of it.
@@ -260,9 +262,14 @@ impl Marking {
         self.excepts(labels.clone()) || !(self.only.is_empty() || self.only.iter().any(has))
     }
 
-    /// Whether a colour has a pen of its own.
+    /// Whether `pens` or `only` name a colour, so that it is marked though it may be that of the page.
     pub(in crate::texture) fn names(&self, colour: Colour) -> bool {
-        self.pens.iter().any(|(selector, _)| *selector == Selector::Colour(colour))
+        self.pens.iter().map(|(s, _)| s).chain(&self.only).any(|s| *s == Selector::Colour(colour))
+    }
+
+    /// Whether what has this colour is the page, unless a label gives it a pen.
+    pub(in crate::texture) fn is_page(&self, colour: Colour) -> bool {
+        !self.names(colour) && self.paper.holds(colour)
     }
 
     /// Whether it tells shapes apart.

@@ -1,7 +1,7 @@
 //! From a drawing to the lines that are marked: what is seen of each shape, filled or outlined, with its pen.
 //!
 //! A shape is seen where no later shape lies over it. Areas of one pen that touch or overlap are one area, so that no
-//! place is hatched twice. White areas are the page: they hide, and are not marked.
+//! place is hatched twice. Areas in a colour of the page hide, and are not marked.
 
 use std::borrow::Cow;
 
@@ -15,6 +15,7 @@ use super::crossings::TooMany;
 use super::cut::Keep;
 use super::dot_screen::DotScreen;
 use super::hatch::{Hatch, TooFine, Waiting};
+use super::light::{self, HIDES};
 use super::screen::LineScreen;
 use super::{Artwork, ContourPass, Figure, FillMode, Grey, Marking, Rule, Shape, StrokeMode};
 use crate::diag::Diag;
@@ -112,7 +113,7 @@ pub(in crate::texture) fn marks(
 ) -> Result<Page, Box<Diag>> {
     let hatch = marking.hatch(spot_mm, page_rad);
     let screen = Raster::new(marking, spot_mm, page_rad);
-    let classes = classes(art, marking)?;
+    let classes = classes(art, marking, Some(marking.paper))?;
     let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
     let index = Index::new(&seen);
     let covered = covers(art, &index, &seen)?;
@@ -161,6 +162,11 @@ pub(in crate::texture) fn marks(
             thin = Some(thin.map_or((n, name), |(all, name)| (all + n, name)));
         }
     }
+    let own_area = |i: usize| match areas[i].is_empty() {
+        false => Some(areas[i].clone()),
+        true => area(art, &art.shapes[i]).ok().filter(|a| !a.is_empty()),
+    };
+    notes.extend(light::warnings(art, marking, &classes, own_area));
     notes.extend(art.greys.iter().filter_map(|grey| screen.pale(grey)));
     if let Some((n, name)) = thin {
         let text = format!(
@@ -245,6 +251,7 @@ impl<'a> Seen<'a> {
         let (mut how, pen) = match class {
             Class::Skip => (How::Skip, None),
             Class::Page if matches!(shape.figure, Figure::Lines | Figure::Grey(_)) => (How::Skip, None),
+            Class::Page if shape.opacity < HIDES => (How::Skip, None),
             Class::Page => (How::Hide, None),
             Class::Pen(pen) => (how(&shape.figure, marking), pen),
         };
@@ -359,21 +366,26 @@ fn covers(art: &Artwork, index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usi
 fn areas(art: &Artwork, seen: &[Seen<'_>], covered: &[Vec<usize>]) -> Result<Vec<Area>, Box<Diag>> {
     let mut needed: Vec<bool> = seen.iter().map(Seen::is_filled).collect();
     covered.iter().flatten().for_each(|&j| needed[j] = true);
-    let page = BoxMm { lo: [0.0; 2], hi: art.size };
     let of = |i: usize| {
         let shape = seen[i].shape;
-        let rule = match shape.figure {
-            Figure::Fill(rule) if needed[i] => rule,
-            Figure::Stroke if needed[i] => Rule::NonZero,
-            _ => return Ok(Area::default()),
-        };
-        let on_page = |c| if is_inside(c, page) { Cow::Borrowed(c) } else { Cow::Owned(clip_contour(c, page)) };
-        let contours: Vec<Cow<'_, [[f64; 2]]>> = shape.lines.clone().map(|k| on_page(art.lines.get(k))).collect();
-        let area = Area::new(contours.iter().map(|c| &**c), rule);
-        let area = area.and_then(|a| shape.clip.map_or(Ok(a.clone()), |clip| a.within(&art.clips[clip as usize])));
+        let area = if needed[i] { area(art, shape) } else { Ok(Area::default()) };
         area.map_err(|TooMany| Fault::Crossings.diag(&art.names[shape.name as usize]))
     };
     parallel::map(seen.len(), of).into_iter().collect()
+}
+
+/// The area of a shape on the page, cut at its clip; empty for lines.
+fn area(art: &Artwork, shape: &Shape) -> Result<Area, TooMany> {
+    let rule = match shape.figure {
+        Figure::Fill(rule) => rule,
+        Figure::Stroke => Rule::NonZero,
+        Figure::Lines | Figure::Grey(_) => return Ok(Area::default()),
+    };
+    let page = BoxMm { lo: [0.0; 2], hi: art.size };
+    let on_page = |c| if is_inside(c, page) { Cow::Borrowed(c) } else { Cow::Owned(clip_contour(c, page)) };
+    let contours: Vec<Cow<'_, [[f64; 2]]>> = shape.lines.clone().map(|k| on_page(art.lines.get(k))).collect();
+    let area = Area::new(contours.iter().map(|c| &**c), rule)?;
+    shape.clip.map_or(Ok(area.clone()), |clip| area.within(&art.clips[clip as usize]))
 }
 
 /// Shapes that are marked together, in the order of painting of their first: areas that are one, and single lines.

@@ -12,8 +12,10 @@ mod cut;
 mod dot_screen;
 mod flatten;
 mod hatch;
+mod light;
 mod marking;
 mod marks;
+mod paper;
 mod screen;
 
 use std::ops::Range;
@@ -28,6 +30,8 @@ pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 pub(super) use marks::{DIFFUSION_HINT, Page, Waits, marks};
+pub use paper::Paper;
+pub(crate) use paper::lightness;
 pub(super) use screen::Grey;
 
 use super::clip::Lines;
@@ -113,6 +117,8 @@ pub(super) struct Shape {
     /// Index of its set of labels.
     pub(super) labels: u32,
     pub(super) colour: Colour,
+    /// From 0, not seen, to 1, opaque.
+    pub(super) opacity: f32,
     pub(super) figure: Figure,
     /// Its polylines among those of the artwork.
     pub(super) lines: Range<usize>,
@@ -123,7 +129,8 @@ pub(super) struct Shape {
 /// Red, green, blue.
 pub(super) type Colour = [u8; 3];
 
-/// The colour of the page: what is painted in it hides what lies below, and is not marked unless a pen is given to it.
+/// White, which is the page whatever [`Paper`] says: what is painted in a colour of the page hides what lies below, and
+/// is not marked unless `pens` or `only` name its colour.
 pub(super) const WHITE: Colour = [255; 3];
 
 /// What the polylines of a shape mean.

@@ -26,7 +26,9 @@ mod tiff_tags;
 
 use std::path::Path;
 
-use super::artwork::{Artwork, Figure, Grey, Labels, Marking, Resolution, Rule, Screen, Shape, StrokeMode, Tone};
+use super::artwork::{
+    Artwork, Figure, Grey, Labels, Marking, Paper, Resolution, Rule, Screen, Shape, StrokeMode, Tone,
+};
 use super::clip::Lines;
 use super::page::Wanted;
 use super::place::Site;
@@ -114,6 +116,10 @@ fn artwork(
         let fault = Diag::input("texture-key", "stroke does not apply to a bitmap");
         return Err(fault.hint("leave it out: a bitmap has areas and grey, no strokes"));
     }
+    if marking.paper != Paper::default() {
+        let fault = Diag::input("texture-key", "paper does not apply to a bitmap");
+        return Err(fault.hint("leave it out, or use threshold to say how dark a pixel must be to be marked"));
+    }
     let tone = marking.tone.unwrap_or_default();
     let size = size(image, wanted, tone.resolution, notes)?;
     memory::ask("the bitmap's densities", 2 * image.samples.len() as u64)?;
@@ -139,7 +145,7 @@ fn artwork(
         }
     };
     let lines = 0..art.lines.len();
-    art.shapes.push(Shape { name: 0, labels: 0, colour: [0; 3], figure, lines, clip: None });
+    art.shapes.push(Shape { name: 0, labels: 0, colour: [0; 3], opacity: 1.0, figure, lines, clip: None });
     Ok(art)
 }
 

@@ -257,6 +257,7 @@ impl Reader {
             name: u32::try_from(names.len() - 1).expect("fewer curves than points"),
             labels,
             colour: [0; 3],
+            opacity: 1.0,
             figure: Figure::Lines,
             lines: i..i + 1,
             clip: None,

@@ -63,7 +63,7 @@ impl Curves {
         let file = Place::file(path.display().to_string());
         let art = read(path, *unit_mm, site, marking, notes)?;
         let slip = Slip::of(&art, &request.kind, site);
-        let classes = classes(&art, marking).map_err(|d| Error::from(d.at(file.clone())))?;
+        let classes = classes(&art, marking, None).map_err(|d| Error::from(d.at(file.clone())))?;
         let mut curves = Self {
             points: Vec::with_capacity(art.lines.points.len()),
             ends: Vec::new(),
@@ -74,9 +74,8 @@ impl Curves {
         };
         for (shape, class) in art.shapes.iter().zip(classes) {
             let pen = match class {
-                Class::Skip => continue,
                 // Curves have no page that they could be painted like.
-                Class::Page => None,
+                Class::Skip | Class::Page => continue,
                 Class::Pen(pen) => pen,
             };
             for i in shape.lines.clone() {

@@ -170,6 +170,7 @@ impl<'a> Walk<'a> {
             name: self.name(entity),
             labels: self.labels(look.chain, look.layer),
             colour: look.colour,
+            opacity: 1.0,
             figure,
             lines: first..self.art.lines.len(),
             clip: None,

@@ -14,7 +14,7 @@ use super::style::{cap, join, rule};
 use super::tally::Issue;
 use super::walk::{Done, Purpose, State, Walk, is_hairline, whole};
 use crate::diag::Diag;
-use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode, WHITE};
+use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode};
 
 /// How finely curves of strokes are approximated, as a share of the tolerance, before they are flattened.
 const FINE: f64 = 0.1;
@@ -74,7 +74,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let width = pen.width * state.map.enlarges();
         // A line of the page's colour hides what it covers.
         let is_line = self.purpose == Purpose::Mark
-            && (ink.colour != WHITE || self.marking.names(WHITE))
+            && !self.marking.is_page(ink.colour)
             && match self.marking.stroke {
                 StrokeMode::Centre => true,
                 StrokeMode::Shown => width <= self.widest_line || is_hairline(&state.style),
@@ -243,10 +243,11 @@ impl<'a, 'input> Walk<'a, 'input> {
             return;
         }
         let (name, labels, clip) = (self.name(node), state.labels, state.clip);
-        if ink.opacity < 1.0 {
+        // What is translucent in the colour of the page is told with the drawing as a whole.
+        if ink.opacity < 1.0 && !self.marking.is_page(ink.colour) {
             self.note(Issue::Translucent, node);
         }
-        self.art.shapes.push(Shape { name, labels, colour: ink.colour, figure, lines, clip });
+        self.art.shapes.push(Shape { name, labels, colour: ink.colour, opacity: ink.opacity, figure, lines, clip });
     }
 
     /// Draws a shape; answers whether its description was faultless.

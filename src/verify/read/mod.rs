@@ -21,6 +21,7 @@ pub(super) mod poses;
 pub(super) mod program;
 mod rtc;
 pub(super) mod runsheet;
+mod unread;
 
 use crate::machine::Machine;
 use crate::program::Block;

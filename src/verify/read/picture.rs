@@ -13,6 +13,7 @@ use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Tr
 use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
 
 use super::labels::{Known, Labels, UNKNOWN};
+use super::unread::unread;
 
 /// Most nodes of a drawing.
 const MAX_NODES: u32 = 2_000_000;
@@ -64,15 +65,21 @@ pub(in crate::verify) struct Picture {
     pub(in crate::verify) labels: Labels,
     /// How far outlines may lie off those of the drawing, px.
     pub(in crate::verify) slack: f64,
+    /// What usvg does not read of it, for the proof.
+    pub(in crate::verify) unread: Vec<&'static str>,
     root: Layer,
 }
 
 /// What is seen at a point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::verify) struct Ink {
     pub(in crate::verify) colour: [u8; 3],
+    /// Of its paint and of all groups around it: above 0, to 1.
+    pub(in crate::verify) opacity: f32,
     /// Its element among the labels.
     pub(in crate::verify) element: u32,
+    /// Whether it is the area of a fill, and neither a mask nor a pattern shows a part of it.
+    pub(in crate::verify) is_plain_fill: bool,
 }
 
 /// Reads groups and their paths.
@@ -81,6 +88,8 @@ struct Reader<'a> {
     /// How far steps may lie off their curves, px.
     fine: f64,
     slack: f64,
+    /// Of the groups that are open, together.
+    opacity: f32,
 }
 
 /// The elements of a group in the order of painting.
@@ -90,7 +99,7 @@ struct Layer {
 }
 
 enum Item {
-    Area { contours: Contours, band: Option<Band>, is_evenodd: bool, paint: Paint, element: u32, of: Of },
+    Area { contours: Contours, band: Option<Band>, is_evenodd: bool, paint: Paint, opacity: f32, element: u32, of: Of },
     Group { layer: Layer, clip: Option<Box<Clip>>, mask: Option<Box<Mask>> },
 }
 
@@ -163,10 +172,10 @@ impl Picture {
         let (labels, tagged) = Labels::tagged(&doc);
         let tree = Tree::from_str(&tagged, &usvg::Options::default()).ok()?;
         let size = [f64::from(tree.size().width()), f64::from(tree.size().height())];
-        let mut reader = Reader { labels: &labels, fine: CURVE * size[0].max(size[1]), slack: 0.0 };
+        let mut reader = Reader { labels: &labels, fine: CURVE * size[0].max(size[1]), slack: 0.0, opacity: 1.0 };
         let root = reader.layer(tree.root(), Transform::identity(), false, UNKNOWN);
         let slack = reader.slack;
-        Some(Self { size, labels, slack, root })
+        Some(Self { size, labels, slack, unread: unread(&doc), root })
     }
 
     /// What may be the topmost at a point of the elements that exist, the upper ones first: some of which it is not known,
@@ -287,7 +296,10 @@ impl Reader<'_> {
         let here = to.pre_concat(group.abs_transform());
         // What a use shows has no ids.
         let copied = if group.id().is_empty() { copied } else { self.labels.element(group.id()) };
+        let around = self.opacity;
+        self.opacity *= group.opacity().get();
         let layer = self.layer(group, to, is_clip, copied);
+        self.opacity = around;
         let clip = group.clip_path().map(|clip| Box::new(self.clip(clip, here)));
         let mask = group.mask().map(|mask| Box::new(self.mask(mask, here)));
         Some(Item::Group { layer, clip, mask })
@@ -307,7 +319,8 @@ impl Reader<'_> {
             let is_evenodd = fill.rule() == FillRule::EvenOdd;
             if let Some(paint) = self.paint(fill.paint(), here) {
                 let contours = contours(path.data(), here, self.fine);
-                items.push(Item::Area { contours, band: None, is_evenodd, paint, element, of: Of::Fill });
+                let opacity = self.opacity * fill.opacity().get();
+                items.push(Item::Area { contours, band: None, is_evenodd, paint, opacity, element, of: Of::Fill });
             }
         }
         let stroke = path.stroke().filter(|stroke| !is_clip && is_seen(stroke.opacity()));
@@ -332,7 +345,8 @@ impl Reader<'_> {
                 let half = f64::from(style.width) / 2.0 * least_scale(&here);
                 let band = Some(Band { lines: contours(&line, here, self.fine), half });
                 let contours = contours(&outline, here, self.fine);
-                items.push(Item::Area { contours, band, is_evenodd: false, paint, element, of });
+                let opacity = self.opacity * stroke.opacity().get();
+                items.push(Item::Area { contours, band, is_evenodd: false, paint, opacity, element, of });
             }
         }
         if path.paint_order() == PaintOrder::StrokeAndFill {
@@ -348,7 +362,9 @@ impl Reader<'_> {
                 let to = here.pre_concat(pattern.transform()).invert()?;
                 let r = pattern.rect();
                 let rect = [r.x(), r.y(), r.width(), r.height()].map(f64::from);
+                let around = std::mem::replace(&mut self.opacity, 1.0);
                 let tile = Box::new(self.layer(pattern.root(), Transform::identity(), false, UNKNOWN));
+                self.opacity = around;
                 Some(Paint::Pattern { to, rect, tile })
             }
             usvg::Paint::LinearGradient(_) | usvg::Paint::RadialGradient(_) => None,
@@ -423,9 +439,8 @@ impl Layer {
     fn has_contour(&self, p: [f64; 2], reach: f64, exists: &dyn Fn(Ink) -> bool) -> bool {
         let about = AABB::from_corners([p[0] - reach, p[1] - reach], [p[0] + reach, p[1] + reach]);
         self.index.locate_in_envelope_intersecting(&about).any(|e| match &self.items[e.data] {
-            Item::Area { contours, paint, element, .. } => nearest(contours, p, reach).is_some_and(|(q, _)| {
-                paint.colour_at(q).is_some_and(|colour| exists(Ink { colour, element: *element }))
-            }),
+            Item::Area { contours, paint, opacity, element, of, .. } => nearest(contours, p, reach)
+                .is_some_and(|(q, _)| paint.find(q, &mut |own| exists(own.within(*opacity, *element, of)))),
             Item::Group { layer, clip, mask } => {
                 let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
                 shows && layer.has_contour(p, reach, exists)
@@ -459,16 +474,16 @@ impl Item {
 
     fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         match self {
-            Self::Area { contours, band, is_evenodd, paint, element, .. } => {
+            Self::Area { contours, band, is_evenodd, paint, opacity, element, of } => {
                 let turns = turns(contours, p);
                 let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 }
                     || band.as_ref().is_some_and(|band| band.holds(p));
-                let colour = if is_inside { paint.colour_at(p) } else { None };
-                colour.is_some_and(|colour| take(Ink { colour, element: *element }))
+                is_inside && paint.find(p, &mut |own| take(own.within(*opacity, *element, of)))
             }
             Self::Group { layer, clip, mask } => {
                 let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
-                shows && layer.find(p, take)
+                let is_plain = mask.is_none();
+                shows && layer.find(p, &mut |ink| take(Ink { is_plain_fill: is_plain && ink.is_plain_fill, ..ink }))
             }
         }
     }
@@ -513,14 +528,24 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+impl Ink {
+    /// As the paint of an area of an element, of this opacity.
+    fn within(self, opacity: f32, element: u32, of: &Of) -> Self {
+        let is_plain_fill = self.is_plain_fill && matches!(of, Of::Fill);
+        Self { opacity: self.opacity * opacity, element, is_plain_fill, ..self }
+    }
+}
+
 impl Paint {
-    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+    /// Offers what is painted at a point to `take`, the upper ones first, until it takes one.
+    fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         match self {
-            Self::Colour(colour) => Some(*colour),
+            Self::Colour(colour) => take(Ink { colour: *colour, opacity: 1.0, element: UNKNOWN, is_plain_fill: true }),
             Self::Pattern { to, rect: [x, y, w, h], tile } => {
                 let [u, v] = mapped(to, p);
                 // The contents of a tile have their origin in its corner.
-                tile.colour_at([(u - x).rem_euclid(*w), (v - y).rem_euclid(*h)])
+                let at = [(u - x).rem_euclid(*w), (v - y).rem_euclid(*h)];
+                tile.find(at, &mut |ink| take(Ink { is_plain_fill: false, ..ink }))
             }
         }
     }

@@ -2,14 +2,20 @@
 //! the pen of its colour, layer, class or id.
 //!
 //! The drawing is read by the verifier's own readers (`read::picture`, `read::labels`) and placed by its own arithmetic
-//! ([`Page`]). Lines are sampled at three places each, at most [`MAX_LINES`] lines of a drawing, evenly.
+//! ([`Page`]). Lines are sampled at three places each, at most [`MAX_LINES`] lines of a drawing, evenly; that what the
+//! drawing shows is marked is held by [`shown`].
+
+mod shown;
+
+use shown::Shown;
 
 use super::files::{Content, Files};
 use super::page::{Page, Site};
+use super::paper::{Hides, hides, is_page};
 use crate::geom::{NM_PER_MM, P2};
 use crate::job::Job;
 use crate::program::PenId;
-use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture};
+use crate::texture::{FillMode, Kind, Marking, Paper, Request, Selector, Texture};
 use crate::verify::Drawing;
 use crate::verify::proof::Rule;
 use crate::verify::read::labels::{Having, Known};
@@ -28,8 +34,6 @@ const DIAGONAL: f64 = 1.5;
 /// CSS pixels in a mm.
 const PX_PER_MM: f64 = 96.0 / 25.4;
 
-const WHITE: [u8; 3] = [255; 3];
-
 impl Picture {
     /// The sides of its page, mm.
     pub(super) fn sides_mm(&self) -> [f64; 2] {
@@ -46,7 +50,7 @@ pub(in crate::verify) struct Placed<'a> {
 }
 
 /// Holds the rule for the textures of a pass.
-pub(in crate::verify) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mut Rule) {
+pub(in crate::verify) fn check(placed: &Placed<'_>, spot_mm: f64, files: &mut Files, rule: &mut Rule) {
     let Placed { job, texture, drawing, site } = placed;
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
@@ -54,7 +58,11 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mu
         match files.get(path) {
             // See `bitmap`.
             Ok(Content::Bitmap(_)) => {}
-            Ok(Content::Picture(picture)) => one(picture, request, (drawing, texture.strokes_of(number)), site, rule),
+            Ok(Content::Picture(picture)) if picture.unread.is_empty() => {
+                one(picture, (request, number), (drawing, texture.strokes_of(number)), (site, spot_mm), rule);
+            }
+            // What viewers show is not what is read.
+            Ok(Content::Picture(picture)) => picture.unread.iter().for_each(|why| rule.leaves_out(path, number, why)),
             Err(why) => rule.leaves_out(path, number, why),
         }
     }
@@ -63,9 +71,9 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mu
 /// Holds the rule for one texture.
 fn one(
     picture: &Picture,
-    request: &Request,
+    (request, number): (&Request, usize),
     (drawing, strokes): (&Drawing<'_>, std::ops::Range<usize>),
-    site: &Site,
+    (site, spot_mm): (&Site, f64),
     rule: &mut Rule,
 ) {
     let Kind::Drawing { marking, .. } = &request.kind else { return };
@@ -78,7 +86,7 @@ fn one(
     let stride = strokes.len().div_ceil(MAX_LINES).max(1);
     let is_outline = marking.fill == FillMode::Outline;
     let mut points = Vec::new();
-    for i in strokes.step_by(stride) {
+    for i in strokes.clone().step_by(stride) {
         let pen = (drawing.stroke)(i, &mut points);
         for p in samples(&points) {
             rule.checked += 1;
@@ -112,6 +120,8 @@ fn one(
             }
         }
     }
+    let shown = Shown { picture, page: &page, choice: &choice, site, spot_mm, slack_mm: slack };
+    shown.check(request, (drawing, strokes), number, rule);
 }
 
 /// What a texture chooses of a drawing, and by which pens.
@@ -119,6 +129,7 @@ struct Choice<'a> {
     pens: Vec<(Chosen<'a>, PenId)>,
     only: Vec<Chosen<'a>>,
     except: Vec<Chosen<'a>>,
+    paper: Paper,
     pen: PenId,
 }
 
@@ -147,11 +158,31 @@ impl<'a> Chosen<'a> {
 
 /// Whether one of them chooses it.
 fn any(all: &[Chosen<'_>], ink: Ink) -> Known {
-    let known = || all.iter().map(|c| c.holds(ink));
-    match (known().any(|k| k == Known::Yes), known().any(|k| k == Known::Maybe)) {
-        (true, _) => Known::Yes,
-        (false, true) => Known::Maybe,
-        (false, false) => Known::No,
+    any_of(all.iter(), ink)
+}
+
+fn any_of<'a>(all: impl Iterator<Item = &'a Chosen<'a>>, ink: Ink) -> Known {
+    let either = |a, b| match (a, b) {
+        (Known::Yes, _) | (_, Known::Yes) => Known::Yes,
+        (Known::No, Known::No) => Known::No,
+        _ => Known::Maybe,
+    };
+    all.map(|c| c.holds(ink)).fold(Known::No, either)
+}
+
+fn both(a: Known, b: Known) -> Known {
+    match (a, b) {
+        (Known::No, _) | (_, Known::No) => Known::No,
+        (Known::Yes, Known::Yes) => Known::Yes,
+        _ => Known::Maybe,
+    }
+}
+
+fn not(known: Known) -> Known {
+    match known {
+        Known::Yes => Known::No,
+        Known::No => Known::Yes,
+        Known::Maybe => Known::Maybe,
     }
 }
 
@@ -162,23 +193,57 @@ impl<'a> Choice<'a> {
             pens: marking.pens.iter().map(|(s, pen)| (Chosen::new(s, picture), *pen)).collect(),
             only: all(&marking.only),
             except: all(&marking.except),
+            paper: marking.paper,
             pen,
         }
     }
 
     /// Whether what `only` and `except` leave holds it.
-    fn exists(&self, ink: Ink) -> Known {
+    fn is_chosen(&self, ink: Ink) -> Known {
         let only = if self.only.is_empty() { Known::Yes } else { any(&self.only, ink) };
-        match (only, any(&self.except, ink)) {
-            (Known::No, _) | (_, Known::Yes) => Known::No,
-            (Known::Yes, Known::No) => Known::Yes,
-            _ => Known::Maybe,
-        }
+        both(only, not(any(&self.except, ink)))
     }
 
-    /// Whether it is not the page: white has to have a pen.
+    /// Whether it is there, marked or not: of what is left out by its colour, what has a colour of the page still hides;
+    /// and what has one and is translucent may hide nothing.
+    fn exists(&self, ink: Ink) -> Known {
+        let marked = self.marked(ink);
+        if marked == Known::Yes || !is_page(self.paper, ink.colour) {
+            return self.is_chosen(ink);
+        }
+        let shown = match hides(ink.opacity) {
+            Hides::All => Known::Yes,
+            Hides::Either => Known::Maybe,
+            // Where a label may give it a pen it may be there.
+            Hides::Nothing => marked,
+        };
+        both(self.is_read(ink), shown)
+    }
+
+    /// Whether no label leaves it out.
+    fn is_read(&self, ink: Ink) -> Known {
+        let is_label = |c: &&Chosen<'_>| matches!(c, Chosen::Label(_));
+        let except = any_of(self.except.iter().filter(is_label), ink);
+        let only = match self.only.iter().all(|c| is_label(&c)) && !self.only.is_empty() {
+            true => any(&self.only, ink),
+            false => Known::Yes,
+        };
+        both(only, not(except))
+    }
+
+    /// Whether it is chosen and not the page: of the colours of the page those that `only` or `pens` name, and those that
+    /// have a pen by their label.
+    fn marked(&self, ink: Ink) -> Known {
+        let by_name = self.only.iter().any(|c| matches!(c, Chosen::Colour(colour) if **colour == ink.colour));
+        let shown = match is_page(self.paper, ink.colour) && !by_name {
+            true => any_of(self.pens.iter().map(|(c, _)| c), ink),
+            false => Known::Yes,
+        };
+        both(self.is_chosen(ink), shown)
+    }
+
     fn is_marked(&self, ink: Ink) -> bool {
-        ink.colour != WHITE || self.pens.iter().any(|(c, _)| c.holds(ink) != Known::No)
+        self.marked(ink) != Known::No
     }
 
     /// Whether it may be marked with a pen.
@@ -265,7 +330,7 @@ mod tests {
         let mut rule = Rule::new("drawing", "");
         let site = Site { part_box: area, turn_rad: 0.3 };
         let placed = Placed { job: &job, texture: &texture, drawing: &Drawing::of(&texture), site };
-        check(&placed, &mut Files::default(), &mut rule);
+        check(&placed, 0.03, &mut Files::default(), &mut rule);
         rule
     }
 
@@ -340,6 +405,118 @@ mod tests {
             let rule = found(&format!("pens = {{}}\npitch = \"0.1 mm\"\n{keys}"), &red, &other);
             assert!(rule.violated > 0, "{keys}: {}", rule.checked);
             assert!(rule.violations[0].message.contains("shows nothing"), "{:?}", rule.violations);
+        }
+    }
+
+    /// A black square of 16 mm with a square of 8 mm in it.
+    fn on_black(inner: &str) -> String {
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20mm\" height=\"20mm\" viewBox=\"0 0 20 20\">\
+             <rect x=\"2\" y=\"2\" width=\"16\" height=\"16\"/>\
+             <rect x=\"6\" y=\"6\" width=\"8\" height=\"8\" {inner}/></svg>"
+        )
+    }
+
+    #[test]
+    fn near_white_is_the_page_and_grey_is_not() {
+        const NOTHING: &str = "shows nothing";
+        const UNMARKED: &str = "nothing is marked";
+        let drawn = |inner: &str| on_black(&format!("fill=\"{inner}\""));
+        for (keys, before, after, found_by) in [
+            ("", "#fefefe", "#fefefe", None),
+            ("", "#fafafa", "#fffffe", None),
+            ("", "#f5f5f5", "#e0e0e0", None),
+            ("", "#fefefe", "#f5f5f5", Some(UNMARKED)),
+            ("", "#ffffff", "#ffffe0", Some(UNMARKED)),
+            ("", "#f5f5f5", "#fefefe", Some(NOTHING)),
+            ("", "black", "white", Some(NOTHING)),
+            ("paper = \"#f5f5f5\"", "#f5f5f5", "#f8f8f8", None),
+            ("paper = \"#f5f5f5\"", "#f5f5f5", "#f4f4f4", Some(UNMARKED)),
+            ("paper = 90", "#e3e3e3", "#e2e2e2", Some(UNMARKED)),
+            ("paper = \"white\"", "#fefefe", "white", Some(NOTHING)),
+            // Left out by its colour the page still hides; what has another colour does not.
+            ("only = [\"black\"]", "#fefefe", "#ffffff", None),
+            ("only = [\"black\"]", "#fefefe", "#f5f5f5", Some(UNMARKED)),
+            ("except = [\"#fefefe\"]", "#fefefe", "#fefefe", None),
+            ("except = [\"#f5f5f5\"]", "#f5f5f5", "#fefefe", Some(NOTHING)),
+            ("only = [\"#fefefe\"]", "#fefefe", "#fefefe", None),
+        ] {
+            let keys = format!("pens = {{}}\npitch = \"0.1 mm\"\n{keys}");
+            let rule = found(&keys, &drawn(before), &drawn(after));
+            assert!(rule.checked > 200, "{}", rule.checked);
+            let messages: Vec<&str> = rule.violations.iter().map(|v| v.message.as_str()).collect();
+            assert_eq!(rule.violated > 0, found_by.is_some(), "{keys} {before} {after}: {messages:?}");
+            assert!(
+                messages.iter().all(|m| m.contains(found_by.unwrap_or_default())),
+                "{keys} {before} {after}: {messages:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn translucent_page_hides_from_half_opacity_on() {
+        // Placed where the square is opaque, or is not there; then the drawing changes.
+        let (opaque, absent) = (on_black("fill=\"white\""), on_black("fill=\"none\""));
+        for (inner, hides) in [
+            ("fill=\"white\" fill-opacity=\"0.6\"", true),
+            ("fill=\"#fefefe\" opacity=\"0.4\"", false),
+            ("fill=\"white\" opacity=\"0.7\" fill-opacity=\"0.7\"", false),
+            ("fill=\"#ffffff66\"", false),
+            ("fill=\"#ffffffcc\"", true),
+        ] {
+            let after = on_black(inner);
+            for (before, is_hidden) in [(&opaque, true), (&absent, false)] {
+                let rule = found("pens = {}\npitch = \"0.1 mm\"", before, &after);
+                assert_eq!(rule.violated > 0, hides != is_hidden, "{inner} {is_hidden}: {:?}", rule.violations);
+            }
+        }
+        // At half opacity both are accepted.
+        let after = on_black("fill=\"white\" opacity=\"0.5\"");
+        for before in [&opaque, &absent] {
+            assert_eq!(found("pens = {}\npitch = \"0.1 mm\"", before, &after).violated, 0);
+        }
+        // The groups around a shape count.
+        let group = absent.replace(
+            "</svg>",
+            "<g opacity=\"0.6\"><g opacity=\"0.6\"><path d=\"M6 6h8v8h-8z\" fill=\"white\"/></g></g></svg>",
+        );
+        assert_eq!(found("pens = {}\npitch = \"0.1 mm\"", &absent, &group).violated, 0);
+        assert!(found("pens = {}\npitch = \"0.1 mm\"", &opaque, &group).violated > 0);
+    }
+
+    #[test]
+    fn drawings_that_usvg_does_not_read_are_left_out() {
+        let drawn = on_black("fill=\"white\"");
+        let other = on_black("style=\"fill:white;fill:oklch(0 0 0)\"");
+        let rule = found("pens = {}\npitch = \"0.1 mm\"", &drawn, &other);
+        assert_eq!((rule.checked, rule.violated), (0, 0));
+        assert!(
+            rule.left_out[0].contains("texture 1, d.svg: usvg does not read some functions"),
+            "{:?}",
+            rule.left_out
+        );
+    }
+
+    #[test]
+    fn a_piece_that_is_not_marked_is_found_in_every_filled_drawing() {
+        let [drawn, other] = ["M4 4h2v2h-2z", ""].map(|hole| {
+            format!(
+                "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20mm\" height=\"20mm\" viewBox=\"0 0 20 20\">\
+                 <path fill-rule=\"evenodd\" d=\"M2 2h8v8h-8z{hole}\"/><path d=\"M2 15h12\" stroke=\"black\" stroke-width=\"3\"/></svg>"
+            )
+        });
+        for more in [
+            "",
+            "mirror = \"x\"",
+            "fill = \"rings\"",
+            "cross = true",
+            "size = [\"40 mm\", \"30 mm\"]",
+            "stroke = \"hatch\"",
+        ] {
+            let keys = format!("pens = {{}}\npitch = \"0.05 mm\"\n{more}");
+            let rule = found(&keys, &drawn, &drawn);
+            assert!(rule.checked > 300 && rule.violated == 0, "{more}: {} {:?}", rule.checked, rule.violations);
+            assert!(found(&keys, &drawn, &other).violated > 0, "{more}");
         }
     }
 

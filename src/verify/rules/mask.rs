@@ -55,6 +55,9 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mu
             let Kind::Drawing { path, .. } = &mask.drawing else { continue };
             match files.get(path) {
                 Ok(Content::Bitmap(_)) => rule.leaves_out(path, number, "only drawings are masks"),
+                Ok(Content::Picture(picture)) if !picture.unread.is_empty() => {
+                    picture.unread.iter().for_each(|why| rule.leaves_out(path, number, why));
+                }
                 Ok(Content::Picture(_)) => borders.push((path, key == "inside", mask)),
                 Err(why) => rule.leaves_out(path, number, why),
             }

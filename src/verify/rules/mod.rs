@@ -15,6 +15,7 @@ pub(super) mod hash;
 pub(super) mod laser;
 pub(super) mod mask;
 pub(super) mod page;
+mod paper;
 mod planes;
 mod poses;
 mod runsheets;
