@@ -1,4 +1,5 @@
-//! Formats of pictures and drawings that are not read, by how their files begin.
+//! Formats of pictures and drawings that are not read, by how their files begin. Those that are text, as PDF and
+//! PostScript, and DWG are known to the reader of SVG.
 
 use crate::diag::Diag;
 
@@ -9,7 +10,7 @@ const AS_PNG: &str = "save it as PNG in an image editor";
 const AS_SVG: &str = "save it as plain SVG or DXF in the drawing program";
 
 /// Formats by their first bytes.
-const BY_START: [(&[u8], Format); 19] = [
+const BY_START: [(&[u8], Format); 16] = [
     (b"GIF8", ("a GIF image", AS_PNG)),
     (b"\x00\x00\x00\x0cjP  ", ("a JPEG 2000 image", AS_PNG)),
     (b"\xff\x4f\xff\x51", ("a JPEG 2000 image", AS_PNG)),
@@ -19,13 +20,10 @@ const BY_START: [(&[u8], Format); 19] = [
     (b"gimp xcf", ("a GIMP image (XCF)", AS_PNG)),
     (b"\x00\x00\x01\x00", ("an icon (ICO)", AS_PNG)),
     (b"qoif", ("a QOI image", AS_PNG)),
-    (b"%PDF", ("a PDF file (AI files of Illustrator are PDF too)", AS_SVG)),
-    (b"%!PS", ("a PostScript file (EPS or an old AI file)", AS_SVG)),
     (b"\xc5\xd0\xd3\xc6", ("a PostScript file (EPS)", AS_SVG)),
     (b"\xd7\xcd\xc6\x9a", ("a Windows metafile (WMF)", AS_SVG)),
     (b"\x01\x00\x09\x00\x00\x03", ("a Windows metafile (WMF)", AS_SVG)),
     (b"\x02\x00\x09\x00\x00\x03", ("a Windows metafile (WMF)", AS_SVG)),
-    (b"AC10", ("an AutoCAD drawing (DWG)", "save it as DXF")),
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", ("a document of Office, Visio or the like", AS_SVG)),
     (b"PK\x03\x04", ("a ZIP archive, as CorelDRAW and LibreOffice save drawings", AS_SVG)),
     (b"7z\xbc\xaf\x27\x1c", ("a 7z archive", "unpack it")),
@@ -87,9 +85,6 @@ mod tests {
             (b"8BPS\0\x01", "a Photoshop"),
             (&emf, "an enhanced metafile"),
             (b"\xd7\xcd\xc6\x9a\0\0", "a Windows metafile"),
-            (b"%PDF-1.5", "a PDF"),
-            (b"%!PS-Adobe-3.0", "a PostScript"),
-            (b"AC1027", "an AutoCAD"),
             (b"PK\x03\x04\x14", "a ZIP"),
         ] {
             let d = refused(bytes).unwrap_or_else(|| panic!("{say} is not known"));

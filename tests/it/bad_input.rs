@@ -453,7 +453,10 @@ fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
 fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
     let dir = folder();
     for (name, bytes, code, remedy) in [
-        ("logo.png", &b"GIF89a"[..], "bitmap-format", "as PNG"),
+        ("logo.png", &b"GIF89a"[..], "drawing-format", "as PNG"),
+        ("logo.png", b"neither", "bitmap-format", "as PNG"),
+        ("logo.webp", b"RIFF\x10\0\0\0WEBPVP8 ", "drawing-format", "as PNG"),
+        ("logo.cdr", b"RIFF\x10\0\0\0CDRC", "drawing-format", "as plain SVG"),
         ("panel.svg", b"AutoCAD Binary DXF\r\n", "svg-format", ".dxf"),
         ("panel.svg", b"%PDF-1.7\n", "svg-format", "Inkscape"),
     ] {

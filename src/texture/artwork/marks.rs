@@ -191,17 +191,16 @@ pub(in crate::texture) const DIFFUSION_HINT: &str =
 const MAX_TONE_LOST: f64 = 0.1;
 
 /// What is said where filled areas of a picture of two tones cover less or more of the page than the picture is dark.
-/// Lines farther apart than a spot cover a share of an area on purpose.
+/// Lines farther apart than a spot are not to cover their area.
 fn tone_lost(art: &Artwork, marking: &Marking, page: &Page, spot_mm: f64) -> Option<Diag> {
-    let is_filled = matches!(marking.fill, FillMode::Hatch | FillMode::Rings);
-    let dark =
-        art.dark_share.filter(|_| is_filled && spot_mm > 0.0 && page.lines.len() > 0 && page.waits.is_empty())?;
-    let blank = 1.0 - (spot_mm / marking.hatch(spot_mm, 0.0).pitch_mm).min(1.0);
-    let is_crossed = marking.cross && marking.fill == FillMode::Hatch;
-    let wanted = dark * (1.0 - if is_crossed { blank * blank } else { blank });
+    let is_filled = matches!(marking.fill, FillMode::Hatch | FillMode::Rings)
+        && marking.hatch(spot_mm, 0.0).pitch_mm <= spot_mm
+        && page.lines.len() > 0
+        && page.waits.is_empty();
+    let dark = art.dark_share.filter(|_| is_filled && spot_mm > 0.0)?;
     let covered = covered_share(&page.lines, art.size, spot_mm);
-    ((covered - wanted).abs() > MAX_TONE_LOST * wanted).then(|| {
-        let text = format!("the marks cover {covered:.3} of the page, where the picture has a coverage of {wanted:.3}");
+    ((covered - dark).abs() > MAX_TONE_LOST * dark).then(|| {
+        let text = format!("the marks cover {covered:.3} of the page, where the picture has a coverage of {dark:.3}");
         Diag::warning("bitmap-coverage", text).hint(DIFFUSION_HINT)
     })
 }

@@ -406,7 +406,7 @@ fn fax_of_rows() -> Vec<u8> {
     bits += &[horizontal, white(0), black(16)].concat();
     // The end of the block.
     bits += "000000000001000000000001";
-    while bits.len() % 8 > 0 {
+    while !bits.len().is_multiple_of(8) {
         bits.push('0');
     }
     bits.as_bytes().chunks(8).map(|byte| byte.iter().fold(0, |v, b| v << 1 | (b - b'0'))).collect()
