@@ -163,6 +163,9 @@ fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fau
             return Err(reading.unknown(format!("{name}()")));
         }
         Some((name, false)) => {
+            if name == "highlight" {
+                return Ok(Parsed::from_rgba(0, 65, 198, 0.8).0);
+            }
             if let Some((_, [r, g, b])) = SYSTEM.iter().find(|(system, _)| *system == name) {
                 return Ok(Parsed::from_rgba(*r, *g, *b, 1.0).0);
             }
@@ -377,7 +380,7 @@ pub(crate) fn opacity(reading: &Reading, css: &mut Parser<'_>) -> Result<f64, Fa
 }
 
 /// System colours (CSS Color 4, 6.2 and appendix A) as Chromium has them on a light page.
-const SYSTEM: [(&str, [u8; 3]); 42] = [
+const SYSTEM: [(&str, [u8; 3]); 41] = [
     ("accentcolor", [0, 117, 255]),
     ("accentcolortext", [255, 255, 255]),
     ("activetext", [255, 0, 0]),
@@ -389,7 +392,6 @@ const SYSTEM: [(&str, [u8; 3]); 42] = [
     ("field", [255, 255, 255]),
     ("fieldtext", [0, 0, 0]),
     ("graytext", [128, 128, 128]),
-    ("highlight", [25, 103, 210]),
     ("highlighttext", [255, 255, 255]),
     ("linktext", [0, 0, 238]),
     ("mark", [255, 255, 0]),

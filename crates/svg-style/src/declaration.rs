@@ -58,7 +58,7 @@ pub(crate) fn declare(
         out.extend(properties.iter().map(|&property| Declaration { property, said: said.clone(), is_important }));
     };
     let longhand = Property::of(name).map(|p| [p]);
-    let shorthand = SHORTHANDS.iter().find(|(n, _)| *n == name && source == Source::Css).map(|(_, all)| *all);
+    let shorthand = SHORTHANDS.iter().find(|(n, _)| *n == name && source != Source::Attribute).map(|(_, all)| *all);
     let properties: &[Property] = match (&longhand, shorthand) {
         (_, Some(all)) => all,
         (Some(one), None) => one,

@@ -30,7 +30,7 @@ mod variables;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, NodeId};
 use selectors::context::{
     MatchingContext, MatchingForInvalidation, MatchingMode, NeedsSelectorFlags, QuirksMode, SelectorCaches,
 };
@@ -166,15 +166,21 @@ impl Cascade {
         self.sheets.rules.is_empty()
     }
 
-    /// The style of an element whose parent, or the use that shows it, has the style `parent`.
+    /// The style of an element whose parent, or the use that shows it, has the style `parent`. In what a use shows
+    /// selectors see nothing beyond `copied`, the element that it refers to.
     ///
     /// # Errors
     /// An [`Excess`] of comparisons or variables.
-    pub fn style(&mut self, node: Node<'_, '_>, parent: &Arc<Style>) -> Result<(Arc<Style>, Vec<Remark>), Excess> {
+    pub fn style(
+        &mut self,
+        node: Node<'_, '_>,
+        parent: &Arc<Style>,
+        copied: Option<NodeId>,
+    ) -> Result<(Arc<Style>, Vec<Remark>), Excess> {
         let mut remarks = Vec::new();
         let hints = self.hints(node, &mut remarks);
         let inline = node.attribute("style").map(|text| sheet::style_attribute(text, &mut remarks));
-        let matched = self.matched(node)?;
+        let matched = self.matched(node, copied)?;
         if hints.is_empty() && inline.is_none() && matched.is_empty() {
             let style = if parent.is_plain { parent.clone() } else { Arc::new(parent.child()) };
             return Ok((style, remarks));
@@ -247,7 +253,7 @@ impl Cascade {
     }
 
     /// The rules that apply to an element: where they stand, and their blocks.
-    fn matched(&mut self, node: Node<'_, '_>) -> Result<Vec<(Place, usize)>, Excess> {
+    fn matched(&mut self, node: Node<'_, '_>, copied: Option<NodeId>) -> Result<Vec<(Place, usize)>, Excess> {
         if self.sheets.rules.is_empty() {
             return Ok(Vec::new());
         }
@@ -259,7 +265,7 @@ impl Cascade {
             NeedsSelectorFlags::No,
             MatchingForInvalidation::No,
         );
-        let element = At { node, tree: &self.tree };
+        let element = At { node, tree: &self.tree, copied };
         let classes = node.attribute("class").unwrap_or_default();
         let mut matched = Vec::new();
         for i in self.sheets.candidates(node.tag_name().name(), node.attribute("id"), classes) {

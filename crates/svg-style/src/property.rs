@@ -10,7 +10,8 @@ use rustc_hash::FxHashMap;
 use super::colour::{Colour, colour, opacity};
 use super::transform::{self, Transform, TransformBox};
 use super::value::{
-    Fault, Length, Quantity, Reading, Source, is_next, keyword, length, loose_length, not_negative, number, quantity,
+    Fault, Length, Quantity, Reading, Source, inline_length, is_next, keyword, loose_length, not_negative, number,
+    quantity,
 };
 use super::variables::Variables;
 
@@ -282,19 +283,19 @@ properties! {
     /// What shares of the origin and of shifts refer to.
     TransformBox "transform-box" own, transform_box: TransformBox = TransformBox::View, transform::reference_box;
     /// Left side.
-    X "x" own, x: Length = Length::px(0.0), length;
+    X "x" own, x: Length = Length::px(0.0), loose_length;
     /// Upper side.
-    Y "y" own, y: Length = Length::px(0.0), length;
+    Y "y" own, y: Length = Length::px(0.0), loose_length;
     /// None where it follows from the element.
     Width "width" own, width: Auto = None, size;
     /// None where it follows from the element.
     Height "height" own, height: Auto = None, size;
     /// Centre.
-    Cx "cx" own, cx: Length = Length::px(0.0), length;
+    Cx "cx" own, cx: Length = Length::px(0.0), loose_length;
     /// Centre.
-    Cy "cy" own, cy: Length = Length::px(0.0), length;
+    Cy "cy" own, cy: Length = Length::px(0.0), loose_length;
     /// Radius of a circle.
-    R "r" own, r: Length = Length::px(0.0), |r, css| not_negative(length(r, css)?);
+    R "r" own, r: Length = Length::px(0.0), |r, css| not_negative(loose_length(r, css)?);
     /// Radius along x; None where it equals the other.
     Rx "rx" own, rx: Auto = None, radius;
     /// Radius along y; None where it equals the other.
@@ -591,11 +592,11 @@ fn size(reading: &Reading, css: &mut Parser<'_>) -> Result<Auto, Fault> {
     if css.try_parse(|css| keyword(css, &words.map(|w| (w, ())))).is_ok() {
         return Ok(None);
     }
-    not_negative(length(reading, css)?).map(Some)
+    not_negative(inline_length(reading, css)?).map(Some)
 }
 
 fn radius(reading: &Reading, css: &mut Parser<'_>) -> Result<Auto, Fault> {
-    if is_next(css, "auto") { Ok(None) } else { not_negative(length(reading, css)?).map(Some) }
+    if is_next(css, "auto") { Ok(None) } else { not_negative(loose_length(reading, css)?).map(Some) }
 }
 
 fn path_data(reading: &Reading, css: &mut Parser<'_>) -> Result<Option<Arc<str>>, Fault> {
@@ -635,7 +636,7 @@ fn font_size(reading: &Reading, css: &mut Parser<'_>) -> Result<Length, Fault> {
     if let Ok(em) = css.try_parse(|css| keyword(css, &[("larger", 1.2), ("smaller", 1.0 / 1.2)])) {
         return Ok(Length { em, ..Length::px(0.0) });
     }
-    let mut size = not_negative(length(reading, css)?)?;
+    let mut size = not_negative(inline_length(reading, css)?)?;
     (size.em, size.share) = (size.em + size.share, 0.0);
     Ok(size)
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use cssparser::{ParseError, Parser as CssParser, ToCss, serialize_identifier};
 use precomputed_hash::PrecomputedHash;
-use roxmltree::Node;
+use roxmltree::{Node, NodeId};
 use selectors::attr::{AttrSelectorOperation, CaseSensitivity, NamespaceConstraint};
 use selectors::bloom::BloomFilter;
 use selectors::context::MatchingContext;
@@ -210,14 +210,14 @@ impl<'i> parser::Parser<'i> for Names {
 /// What all elements of a drawing share while selectors are matched.
 #[derive(Debug)]
 pub(crate) struct Tree {
-    /// Of every node one byte, whose place tells nodes apart.
-    places: Vec<u8>,
+    /// Of every node two bytes, whose places tell nodes and their copies apart.
+    places: Vec<[u8; 2]>,
     steps: Cell<usize>,
 }
 
 impl Tree {
     pub(crate) fn new(nodes: usize) -> Self {
-        Self { places: vec![0; nodes], steps: Cell::new(0) }
+        Self { places: vec![[0; 2]; nodes], steps: Cell::new(0) }
     }
 
     /// Counts a step that looks at some bytes. Once there were too many, nothing matches any more and no element has
@@ -237,6 +237,8 @@ impl Tree {
 pub(crate) struct At<'a, 'i> {
     pub(crate) node: Node<'a, 'i>,
     pub(crate) tree: &'a Tree,
+    /// The element that a use shows a copy of: in the copy it has neither parent nor neighbours (SVG 2, 5.6.3).
+    pub(crate) copied: Option<NodeId>,
 }
 
 impl fmt::Debug for At<'_, '_> {
@@ -246,6 +248,10 @@ impl fmt::Debug for At<'_, '_> {
 }
 
 impl<'a, 'i> At<'a, 'i> {
+    fn is_copied(self) -> bool {
+        self.copied == Some(self.node.id())
+    }
+
     fn at(self, node: Node<'a, 'i>) -> Self {
         Self { node, ..self }
     }
@@ -283,11 +289,11 @@ impl<'a, 'i> Element for At<'a, 'i> {
     type Impl = Svg;
 
     fn opaque(&self) -> OpaqueElement {
-        OpaqueElement::new(&self.tree.places[self.node.id().get_usize()])
+        OpaqueElement::new(&self.tree.places[self.node.id().get_usize()][usize::from(self.is_copied())])
     }
 
     fn parent_element(&self) -> Option<Self> {
-        let parent = self.node.parent_element()?;
+        let parent = self.node.parent_element().filter(|_| !self.is_copied())?;
         self.tree.spend(0).then(|| self.at(parent))
     }
 
@@ -304,11 +310,11 @@ impl<'a, 'i> Element for At<'a, 'i> {
     }
 
     fn prev_sibling_element(&self) -> Option<Self> {
-        self.first_element(self.node.prev_sibling(), Node::prev_sibling)
+        self.first_element(self.node.prev_sibling().filter(|_| !self.is_copied()), Node::prev_sibling)
     }
 
     fn next_sibling_element(&self) -> Option<Self> {
-        self.first_element(self.node.next_sibling(), Node::next_sibling)
+        self.first_element(self.node.next_sibling().filter(|_| !self.is_copied()), Node::next_sibling)
     }
 
     fn first_element_child(&self) -> Option<Self> {

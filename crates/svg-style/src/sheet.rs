@@ -444,7 +444,7 @@ impl<'i> DeclarationParser<'i> for Inline<'_> {
 
     fn parse_value(&mut self, name: CowRcStr<'i>, css: &mut Parser<'i>, _: &ParserState) -> Result<(), Fault> {
         let text = raw(css, name.starts_with("--"))?;
-        self.remarks.extend(self.block.add(&name, text, Source::Css));
+        self.remarks.extend(self.block.add(&name, text, Source::Inline));
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ fn shown<T>(xml: &str, show: impl Fn(&Style) -> T) -> Vec<T> {
 }
 
 fn descend(cascade: &mut Cascade, node: Node<'_, '_>, parent: &Arc<Style>, see: &mut dyn FnMut(Node<'_, '_>, &Style)) {
-    let (style, _) = cascade.style(node, parent).expect("bounded");
+    let (style, _) = cascade.style(node, parent, None).expect("bounded");
     see(node, &style);
     node.children().filter(Node::is_element).for_each(|child| descend(cascade, child, &style, see));
 }
@@ -176,7 +176,7 @@ fn what_may_mean_something_to_browsers_is_remarked() {
         let doc = Document::parse(&text).expect("well-formed");
         let mut cascade = Cascade::new(&doc).expect("bounded");
         let path = doc.descendants().find(|n| n.has_tag_name("path")).expect("a path");
-        let own = cascade.style(path, &Arc::new(Style::initial())).expect("bounded").1;
+        let own = cascade.style(path, &Arc::new(Style::initial()), None).expect("bounded").1;
         let all = cascade.remarks().iter().chain(&own);
         all.map(|r| match &r.weight {
             Weight::Unknown(what) => format!("?{what}"),
@@ -277,7 +277,7 @@ fn selectors_that_cost_too_much_are_refused() {
             Ok(cascade) => cascade,
             Err(e) => return Some(e),
         };
-        doc.descendants().filter(Node::is_element).find_map(|node| cascade.style(node, &Arc::new(Style::initial())).err())
+        doc.descendants().filter(Node::is_element).find_map(|node| cascade.style(node, &Arc::new(Style::initial()), None).err())
     };
     let row = "<g/>".repeat(20_000);
     assert_eq!(excess(&("g~".repeat(450) + "p{fill:red}"), &row), None);

@@ -13,8 +13,10 @@ pub(crate) type Fault = ParseError<()>;
 /// What a value stands in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
-    /// A style sheet or a `style` attribute.
+    /// A style sheet.
     Css,
+    /// A `style` attribute, where some lengths need no unit, as in browsers.
+    Inline,
     /// An attribute of its own, where lengths need no unit (SVG 2, 6.6).
     Attribute,
 }
@@ -322,7 +324,12 @@ pub(crate) fn length(reading: &Reading, css: &mut Parser<'_>) -> Result<Length, 
     }
 }
 
-/// A length or percentage for which a number counts as px in style sheets too.
+/// A length or percentage for which a number counts as px in `style` attributes too.
+pub(crate) fn inline_length(reading: &Reading, css: &mut Parser<'_>) -> Result<Length, Fault> {
+    if reading.source == Source::Inline { loose_length(reading, css) } else { length(reading, css) }
+}
+
+/// A length or percentage for which a number counts as px everywhere.
 pub(crate) fn loose_length(reading: &Reading, css: &mut Parser<'_>) -> Result<Length, Fault> {
     match quantity(reading, css)? {
         Quantity::Length(length) => Ok(length),

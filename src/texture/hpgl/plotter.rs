@@ -239,6 +239,7 @@ impl<'a> Plotter<'a> {
             name: u32::try_from(number - 1).expect("fewer strokes than points"),
             labels: u32::try_from(labels).expect("fewer pens than strokes"),
             colour: colour(self.state.pen),
+            opacity: 1.0,
             figure,
             lines: first..self.art.lines.len(),
             clip: None,

@@ -73,7 +73,7 @@ pub(super) fn load(
     let doc = document(name, text, notes).map_err(here)?;
     let root = doc.root_element();
     let mut cascade = Cascade::new(&doc).map_err(|e| here(excess(e)))?;
-    let (style, _) = cascade.style(root, &Arc::new(svg_style::Style::initial())).map_err(|e| here(excess(e)))?;
+    let (style, _) = cascade.style(root, &Arc::new(svg_style::Style::initial()), None).map_err(|e| here(excess(e)))?;
     let frame = Frame::new(root, &style, wanted).map_err(here)?;
     if frame.is_stretched {
         let text = format!("the drawing is stretched to a page of {} mm x {} mm", frame.size[0], frame.size[1]);

@@ -13,7 +13,7 @@ use super::style::{Coat, local, painted, rule};
 use super::walk::{Done, Purpose, SHAPES, State, Walk, href};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
-use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, WHITE};
+use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, lightness};
 use crate::texture::clip::Lines;
 
 /// Most copies of the shapes of a pattern.
@@ -24,6 +24,11 @@ const MAX_CUT_EDGES: usize = 1_000_000;
 
 /// Most references from pattern to pattern.
 const MAX_LINKS: usize = 32;
+
+/// Lightness (CIE L*) from which and down to which parts of a mask show all or nothing: no eye tells them from white and
+/// black.
+const LIGHT: f64 = 98.0;
+const DARK: f64 = 2.0;
 
 const BLACK: [u8; 3] = [0; 3];
 
@@ -47,7 +52,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             Coat::None => return Ok(Paint::None),
             Coat::Colour(colour, opacity) => return Ok(Paint::Ink(Ink { colour, opacity })),
             // Without a context nothing is painted (SVG 2, 13.2).
-            Coat::Context if !state.is_copy => return Ok(Paint::None),
+            Coat::Context if state.copied.is_none() => return Ok(Paint::None),
             Coat::Context => {
                 self.note(Issue::Paint, node);
                 return Ok(Paint::None);
@@ -115,7 +120,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let outer = self.style_of(*holder)?;
         let mut only = None;
         for stop in holder.children().filter(is_stop) {
-            let style = self.style(stop, &outer)?;
+            let style = self.style(stop, &outer, None)?;
             let coat = painted(style.stop_color.resolved(style.current()), style.stop_opacity as f32);
             if *only.get_or_insert_with(|| coat.clone()) != coat {
                 return Ok(None);
@@ -183,7 +188,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             Some(parent) => self.style_of(parent)?,
             None => self.style_of(server)?,
         };
-        self.begin(server, &State { clip: None, opacity: 1.0, style: parent, ..outer.clone() })
+        self.begin(server, &State { clip: None, opacity: 1.0, copied: None, style: parent, ..outer.clone() })
     }
 
     /// The area of a clip path on an element; None where it cannot be reproduced.
@@ -261,11 +266,11 @@ impl<'a, 'input> Walk<'a, 'input> {
         let mut shown = Area::default();
         for shape in &art.shapes {
             let area = self.area_of(&art, shape).map_err(|TooMany| self.tangled(mask))?;
-            shown = match shape.colour {
-                _ if is_alpha => Area::union([&shown, &area].into_iter()),
-                WHITE => Area::union([&shown, &area].into_iter()),
-                BLACK => shown.without(&area),
-                _ => return Ok(None),
+            let light = lightness(shape.colour);
+            shown = match () {
+                () if is_alpha || light >= LIGHT => Area::union([&shown, &area].into_iter()),
+                () if light <= DARK => shown.without(&area),
+                () => return Ok(None),
             }
             .map_err(|TooMany| self.tangled(mask))?;
         }
@@ -352,7 +357,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let with = |name: &str| chain.iter().copied().find(|p| p.has_attribute(name));
         let content = chain.iter().copied().find(|p| p.children().any(|c| c.is_element())).unwrap_or(pattern);
         let style = self.style_of(content)?;
-        let mut state = State { clip: None, opacity: 1.0, style, ..outer.clone() };
+        let mut state = State { clip: None, opacity: 1.0, copied: None, style, ..outer.clone() };
         for &own in &chain {
             // The transform of the first that has one.
             let moving = State { style: self.style_of(own)?, ..state.clone() };
@@ -444,7 +449,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let quiet = std::mem::replace(&mut self.is_quiet, true);
         while let Some(top) = left.pop() {
             for inner in top.descendants().filter(Node::is_element) {
-                let style = self.style(inner, &state.parent)?;
+                let style = self.style(inner, &state.parent, state.copied)?;
                 inside.is_stroked |= style.stroke != svg_style::Paint::None;
                 // A box that transforms refer to is not known here.
                 let size = ReferenceBox { corner: [0.0; 2], size: state.port };

@@ -49,7 +49,7 @@ impl<'a, 'input> Walk<'a, 'input> {
 
     /// Whether text holds a letter that is painted.
     fn has_letters(&mut self, node: Node<'a, 'input>, state: &State, depth: usize) -> Result<bool, Box<Diag>> {
-        let is_painted = state.is_seen();
+        let is_painted = state.is_seen() && state.style.font_size.px > 0.0;
         let has_link = node.tag_name().name() == "tref";
         if is_painted && (has_link || node.children().any(|n| n.is_text() && !n.text().is_none_or(is_blank))) {
             return Ok(true);
@@ -61,7 +61,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             if matches!(child.tag_name().name(), "title" | "desc" | "metadata" | "flowRegion" | "style") {
                 continue;
             }
-            let style = self.style(child, &state.style)?;
+            let style = self.style(child, &state.style, state.copied)?;
             if is_gone(&style) {
                 continue;
             }

@@ -51,8 +51,8 @@ pub(super) struct State {
     /// Factor of widths and dashes of strokes.
     pub(super) stretch: f64,
     pub(super) depth: usize,
-    /// Whether it is shown by a use.
-    pub(super) is_copy: bool,
+    /// What the innermost use around it refers to.
+    pub(super) copied: Option<NodeId>,
 }
 
 /// What shapes are drawn for.
@@ -166,7 +166,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             labels: 0,
             stretch: 1.0,
             depth: 0,
-            is_copy: false,
+            copied: None,
         };
         if let Some(state) = self.enter(root, &state)? {
             self.backdrop(root, &state);
@@ -205,7 +205,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             },
             "svg" => match self.enter(node, state)? {
                 Some(inner) => {
-                    let sides = own_sides(&inner.style, state.port);
+                    let sides = [self.side(node, "width", 0, state), self.side(node, "height", 1, state)];
                     self.viewport(node, sides, inner)
                 }
                 None => Ok(()),
@@ -265,7 +265,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.purpose == Purpose::Mark && self.is_left_out(node, state.labels) {
             return Ok(None);
         }
-        let (style, remarks) = self.cascade.style(node, &outer.style).map_err(excess)?;
+        let (style, remarks) = self.cascade.style(node, &outer.style, outer.copied).map_err(excess)?;
         self.keep(node, &remarks);
         if remarks.iter().any(|remark| is_faulty_transform(node, remark)) {
             return Ok(None);
@@ -292,8 +292,13 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The style of an element that inherits from another.
-    pub(super) fn style(&mut self, node: Node<'a, 'input>, parent: &Arc<Style>) -> Result<Arc<Style>, Box<Diag>> {
-        let (style, remarks) = self.cascade.style(node, parent).map_err(excess)?;
+    pub(super) fn style(
+        &mut self,
+        node: Node<'a, 'input>,
+        parent: &Arc<Style>,
+        copied: Option<NodeId>,
+    ) -> Result<Arc<Style>, Box<Diag>> {
+        let (style, remarks) = self.cascade.style(node, parent, copied).map_err(excess)?;
         self.keep(node, &remarks);
         Ok(style)
     }
@@ -375,7 +380,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         chain.reverse();
         // What is remarked of them is remarked where they are drawn.
         let quiet = std::mem::replace(&mut self.is_quiet, true);
-        let style = chain.into_iter().try_fold(Arc::new(Style::initial()), |style, node| self.style(node, &style));
+        let style = chain.into_iter().try_fold(Arc::new(Style::initial()), |style, node| self.style(node, &style, None));
         self.is_quiet = quiet;
         style
     }
@@ -499,15 +504,12 @@ impl<'a, 'input> Walk<'a, 'input> {
         let port = state.port;
         let corner = [state.style.x.of(port[0]), state.style.y.of(port[1])];
         state.map = state.map.after(Map::shift(corner));
-        state.is_copy = true;
+        state.copied = Some(target.id());
         self.uses.push(target.id());
         let done = match tag {
             "symbol" | "svg" if is_svg(target) => match self.enter(target, &state)? {
                 Some(inner) => {
-                    let own = match tag {
-                        "svg" => own_sides(&inner.style, port),
-                        _ => [self.side(target, "width", 0, &state), self.side(target, "height", 1, &state)],
-                    };
+                    let own = [self.side(target, "width", 0, &state), self.side(target, "height", 1, &state)];
                     let sides = [width.map_or(own[0], |w| w.of(port[0])), height.map_or(own[1], |h| h.of(port[1]))];
                     self.viewport(target, sides, inner)
                 }
@@ -526,7 +528,19 @@ impl<'a, 'input> Walk<'a, 'input> {
             return Ok(());
         }
         if node.tag_name().name() == "svg" {
-            let corner = [state.style.x.of(state.port[0]), state.style.y.of(state.port[1])];
+            // Its attributes count alone: of the properties of geometry browsers take none, other viewers do.
+            let corner = [self.length(node, "x", 0, &state), self.length(node, "y", 1, &state)];
+            let stated = [state.style.x, state.style.y].map(Some).into_iter().chain([state.style.width, state.style.height]);
+            let (font, root) = (state.style.font_size.px, state.style.root_font_px);
+            let names = ["x", "y", "width", "height"];
+            let differs = names.into_iter().zip(stated).any(|(name, stated)| {
+                let own = node.attribute(name).and_then(|t| Length::from_attribute(t, font, root));
+                stated.is_some_and(|s| s != own.unwrap_or_default() && s != Length::default())
+            });
+            if differs {
+                self.note(Issue::Transform, node);
+                return Ok(());
+            }
             state.map = state.map.after(Map::shift(corner));
         }
         let overflows = state.style.overflows == Some(true);
@@ -598,7 +612,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         length.of(whole(state.port, axis))
     }
 
-    /// A side of a symbol: that of the outer viewport unless it says otherwise.
+    /// A side of a nested drawing or symbol: that of the outer viewport unless it says otherwise.
     fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &State) -> f64 {
         match node.attribute(name) {
             None | Some("auto") => state.port[axis],
@@ -645,11 +659,6 @@ fn is_faulty_transform(node: Node<'_, '_>, remark: &Remark) -> bool {
 
 /// Properties of geometry; a faulty one of an attribute is a fault of the shape.
 const GEOMETRY: [&str; 9] = ["x", "y", "width", "height", "cx", "cy", "r", "rx", "ry"];
-
-/// Sides of a nested drawing: those of the outer viewport unless it says otherwise.
-fn own_sides(style: &Style, port: [f64; 2]) -> [f64; 2] {
-    [style.width.map_or(port[0], |w| w.of(port[0])), style.height.map_or(port[1], |h| h.of(port[1]))]
-}
 
 /// What percentages along an axis refer to (SVG 2, 8.9).
 pub(super) fn whole([w, h]: [f64; 2], axis: usize) -> f64 {
@@ -706,8 +715,8 @@ fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
 fn holds_conditions(node: Node<'_, '_>) -> bool {
     let speaks = |list: &str| {
         list.split(',').map(str::trim).any(|lang| {
-            let primary = lang.get(..2).is_some_and(|l| l.eq_ignore_ascii_case("en"));
-            primary && (lang.len() == 2 || lang.eq_ignore_ascii_case("en-us"))
+            let primary = lang.split('-').next().unwrap_or_default();
+            primary.eq_ignore_ascii_case("en")
         })
     };
     let extensions = |list: &str| {
