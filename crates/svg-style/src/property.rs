@@ -22,8 +22,10 @@ pub enum Paint {
     None,
     /// In a colour.
     Colour(Colour),
-    /// As the element that a marker or copy stands for (`context-fill`, `context-stroke`).
-    Context,
+    /// As areas of the use that shows a copy (`context-fill`).
+    ContextFill,
+    /// As lines of the use that shows a copy (`context-stroke`).
+    ContextStroke,
     /// By the pattern or gradient of a link, or, where there is none, by a colour.
     Server(Arc<str>, Option<Colour>),
 }
@@ -481,8 +483,11 @@ fn paint(reading: &Reading, css: &mut Parser<'_>) -> Result<Paint, Fault> {
     if is_next(css, "none") {
         return Ok(Paint::None);
     }
-    if is_next(css, "context-fill") || is_next(css, "context-stroke") {
-        return Ok(Paint::Context);
+    if is_next(css, "context-fill") {
+        return Ok(Paint::ContextFill);
+    }
+    if is_next(css, "context-stroke") {
+        return Ok(Paint::ContextStroke);
     }
     if let Ok(link) = css.try_parse(link) {
         if css.is_exhausted() || is_next(css, "none") {

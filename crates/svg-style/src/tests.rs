@@ -27,7 +27,7 @@ fn fill(xml: &str) -> String {
             let Rgba { rgb: [r, g, b], alpha } = colour.resolved(style.current());
             if alpha < 1.0 { format!("#{r:02x}{g:02x}{b:02x}/{alpha:.2}") } else { format!("#{r:02x}{g:02x}{b:02x}") }
         }
-        Paint::Context => "context".to_owned(),
+        Paint::ContextFill | Paint::ContextStroke => "context".to_owned(),
         Paint::Server(..) => "url".to_owned(),
     };
     shown(xml, of).pop().expect("a path")

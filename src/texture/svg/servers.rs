@@ -39,6 +39,16 @@ pub(super) enum Paint<'a, 'input> {
     Pattern(Node<'a, 'input>),
 }
 
+/// What a gradient comes to.
+enum Gradient {
+    /// All of its stops are painted so.
+    Plain(Coat),
+    /// Its stops differ.
+    Mixed,
+    /// It is stretched to the box of a shape, which has no size: it is as if there was no gradient (SVG 2, 8.11).
+    OfBoxWithoutSize,
+}
+
 impl<'a, 'input> Walk<'a, 'input> {
     /// How the area or the stroke of a shape is painted; what cannot be is noted.
     pub(super) fn paint(
@@ -51,8 +61,6 @@ impl<'a, 'input> Walk<'a, 'input> {
         let id = match coat {
             Coat::None => return Ok(Paint::None),
             Coat::Colour(colour, opacity) => return Ok(Paint::Ink(Ink { colour, opacity })),
-            // Without a context nothing is painted (SVG 2, 13.2).
-            Coat::Context if state.copied.is_none() => return Ok(Paint::None),
             Coat::Context => {
                 self.note(Issue::Paint, node);
                 return Ok(Paint::None);
@@ -69,16 +77,17 @@ impl<'a, 'input> Walk<'a, 'input> {
             Some("linearGradient" | "radialGradient") => {
                 let opacity = state.opacity * if is_fill { state.style.fill_opacity } else { state.style.stroke_opacity };
                 let Some(server) = server else { return Ok(Paint::None) };
-                return match self.only_colour(server, node, state)? {
-                    Some(coat) => Ok(match coat {
-                        Coat::Colour(colour, alpha) => Paint::Ink(Ink { colour, opacity: alpha * opacity as f32 }),
-                        _ => Paint::None,
-                    }),
-                    None => {
-                        self.note(Issue::Paint, node);
-                        Ok(Paint::None)
+                match self.only_colour(server, node, state)? {
+                    Gradient::OfBoxWithoutSize => {}
+                    Gradient::Plain(Coat::Colour(colour, alpha)) => {
+                        return Ok(Paint::Ink(Ink { colour, opacity: alpha * opacity as f32 }));
                     }
-                };
+                    Gradient::Plain(_) => return Ok(Paint::None),
+                    Gradient::Mixed => {
+                        self.note(Issue::Paint, node);
+                        return Ok(Paint::None);
+                    }
+                }
             }
             // Browsers do not know these, other programs do.
             Some("hatch" | "mesh" | "meshgradient" | "meshGradient" | "solidcolor" | "solidColor") => {
@@ -98,24 +107,23 @@ impl<'a, 'input> Walk<'a, 'input> {
         })
     }
 
-    /// The colour of a gradient whose stops are all of one, with their opacity; None where they differ.
+    /// What a gradient comes to on an element.
     fn only_colour(
         &mut self,
         gradient: Node<'a, 'input>,
         node: Node<'a, 'input>,
         state: &State,
-    ) -> Result<Option<Coat>, Box<Diag>> {
+    ) -> Result<Gradient, Box<Diag>> {
         let is_gradient = |n: &Node<'_, '_>| matches!(n.tag_name().name(), "linearGradient" | "radialGradient");
-        let Some(chain) = self.chain(gradient, is_gradient) else { return Ok(None) };
+        let Some(chain) = self.chain(gradient, is_gradient) else { return Ok(Gradient::Mixed) };
         let is_stop = |n: &Node<'_, '_>| n.is_element() && n.tag_name().name() == "stop";
         let Some(holder) = chain.iter().find(|g| g.children().any(|n| is_stop(&n))) else {
-            return Ok(Some(Coat::None));
+            return Ok(Gradient::Plain(Coat::None));
         };
         let units = chain.iter().find_map(|g| g.attribute("gradientUnits"));
         let bounds = self.bounds(node, state)?.size();
         if units != Some("userSpaceOnUse") && !(bounds[0] > 0.0 && bounds[1] > 0.0) {
-            // The box of the shape, which the gradient is stretched to, has no size (SVG 2, 8.11).
-            return Ok(Some(Coat::None));
+            return Ok(Gradient::OfBoxWithoutSize);
         }
         let outer = self.style_of(*holder)?;
         let mut only = None;
@@ -123,10 +131,10 @@ impl<'a, 'input> Walk<'a, 'input> {
             let style = self.style(stop, &outer, None)?;
             let coat = painted(style.stop_color.resolved(style.current()), style.stop_opacity as f32);
             if *only.get_or_insert_with(|| coat.clone()) != coat {
-                return Ok(None);
+                return Ok(Gradient::Mixed);
             }
         }
-        Ok(only)
+        Ok(Gradient::Plain(only.unwrap_or(Coat::None)))
     }
 
     /// A server and those that it takes what it does not say from; None where one is missing or there are too many.
@@ -188,7 +196,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             Some(parent) => self.style_of(parent)?,
             None => self.style_of(server)?,
         };
-        self.begin(server, &State { clip: None, opacity: 1.0, copied: None, style: parent, ..outer.clone() })
+        self.begin(server, &State { clip: None, opacity: 1.0, copied: None, context: None, style: parent, ..outer.clone() })
     }
 
     /// The area of a clip path on an element; None where it cannot be reproduced.
@@ -237,6 +245,10 @@ impl<'a, 'input> Walk<'a, 'input> {
         outer: &State,
     ) -> Result<Option<Area>, Box<Diag>> {
         let Some(mut state) = self.inside(mask, outer)? else { return Ok(None) };
+        if state.style.mask != Reference::None {
+            // Browsers ignore it, other viewers do not.
+            return Ok(None);
+        }
         let is_alpha = state.style.is_alpha_mask;
         // Where the mask itself ends.
         let mut frame = state.clone();
@@ -357,7 +369,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let with = |name: &str| chain.iter().copied().find(|p| p.has_attribute(name));
         let content = chain.iter().copied().find(|p| p.children().any(|c| c.is_element())).unwrap_or(pattern);
         let style = self.style_of(content)?;
-        let mut state = State { clip: None, opacity: 1.0, copied: None, style, ..outer.clone() };
+        let mut state = State { clip: None, opacity: 1.0, copied: None, context: None, style, ..outer.clone() };
         for &own in &chain {
             // The transform of the first that has one.
             let moving = State { style: self.style_of(own)?, ..state.clone() };

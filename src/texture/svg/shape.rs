@@ -177,11 +177,12 @@ impl<'a, 'input> Walk<'a, 'input> {
         let length = |l: svg_style::Length| l.of(whole(state.port, 2)) * state.stretch;
         let width = length(style.stroke_width);
         let mut dashes: Vec<f64> = style.stroke_dasharray.iter().map(|&d| length(d)).collect();
-        if dashes.iter().sum::<f64>() <= 0.0 || !dashes.iter().all(|d| *d >= 0.0) {
-            dashes.clear();
-        }
         if dashes.len() % 2 == 1 {
             dashes.extend_from_within(..);
+        }
+        // Without a gap the line is full.
+        if !dashes.iter().all(|d| *d >= 0.0) || dashes.iter().skip(1).step_by(2).sum::<f64>() <= 0.0 {
+            dashes.clear();
         }
         if style.stroke == svg_style::Paint::None || !(width > 0.0 || style.hairline) {
             return None;

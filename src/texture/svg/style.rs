@@ -15,7 +15,7 @@ pub(super) enum Coat {
     Colour(Colour, f32),
     /// By what has this id.
     Server(String),
-    /// As the element that a copy stands for.
+    /// By a server that a use refers to and what it shows is painted with.
     Context,
     /// By something in another file.
     External,
@@ -92,15 +92,28 @@ impl State {
         self.fill() != Coat::None || self.stroke() != Coat::None
     }
 
+    /// What `context-fill` and `context-stroke` mean in what a use shows: its own paint without opacities.
+    pub(super) fn context(&self) -> [Coat; 2] {
+        [&self.style.fill, &self.style.stroke].map(|paint| self.seen_through(paint, 1.0))
+    }
+
     fn coat(&self, paint: &Paint, opacity: f64) -> Coat {
         let opacity = (self.opacity * opacity) as f32;
-        if !self.style.visible || opacity <= 0.0 {
-            return Coat::None;
-        }
+        if !self.style.visible || opacity <= 0.0 { Coat::None } else { self.seen_through(paint, opacity) }
+    }
+
+    fn seen_through(&self, paint: &Paint, opacity: f32) -> Coat {
+        let of_context = |k: usize| match self.context.as_ref().map(|context| &context[k]) {
+            // Without a use nothing is painted (SVG 2, 13.2).
+            None | Some(Coat::None) => Coat::None,
+            Some(Coat::Colour(colour, alpha)) => Coat::Colour(*colour, alpha * opacity),
+            Some(_) => Coat::Context,
+        };
         match paint {
             Paint::None => Coat::None,
             Paint::Colour(colour) => painted(colour.resolved(self.style.current()), opacity),
-            Paint::Context => Coat::Context,
+            Paint::ContextFill => of_context(0),
+            Paint::ContextStroke => of_context(1),
             Paint::Server(link, _) => match local(link) {
                 Some(id) => Coat::Server(id.into_owned()),
                 None => Coat::External,

@@ -53,6 +53,8 @@ pub(super) struct State {
     pub(super) depth: usize,
     /// What the innermost use around it refers to.
     pub(super) copied: Option<NodeId>,
+    /// How that use is painted: areas and lines.
+    pub(super) context: Option<Arc<[Coat; 2]>>,
 }
 
 /// What shapes are drawn for.
@@ -167,6 +169,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             stretch: 1.0,
             depth: 0,
             copied: None,
+            context: None,
         };
         if let Some(state) = self.enter(root, &state)? {
             self.backdrop(root, &state);
@@ -505,6 +508,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let corner = [state.style.x.of(port[0]), state.style.y.of(port[1])];
         state.map = state.map.after(Map::shift(corner));
         state.copied = Some(target.id());
+        state.context = Some(Arc::new(state.context()));
         self.uses.push(target.id());
         let done = match tag {
             "symbol" | "svg" if is_svg(target) => match self.enter(target, &state)? {
@@ -702,17 +706,17 @@ pub(super) fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
     named(None).or_else(|| named(Some(XLINK))).map(|a| a.value().trim())
 }
 
-/// The child of a switch that is drawn: the first whose conditions hold.
+/// The child of a switch that is drawn: the first whose conditions hold, whether it shows anything or not.
 fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
-    let is_drawn = |tag: &str| {
-        SHAPES.contains(&tag) || matches!(tag, "g" | "a" | "svg" | "use" | "switch" | "text" | "image" | "foreignObject")
-    };
-    let mut children = switch.children().filter(|n| n.is_element() && is_svg(*n));
-    children.find(|n| is_drawn(n.tag_name().name()) && holds_conditions(*n))
+    switch.children().filter(|n| n.is_element() && is_svg(*n)).find(|n| holds_conditions(*n))
 }
 
-/// Whether an element is for a viewer in English without extensions (SVG 2, 5.8; features are no longer asked for).
+/// Whether an element is for a viewer in English without extensions (SVG 2, 5.8; features are no longer asked for). What
+/// others refer to has no conditions.
 fn holds_conditions(node: Node<'_, '_>) -> bool {
+    if matches!(node.tag_name().name(), "clipPath" | "mask" | "pattern" | "marker" | "symbol") {
+        return true;
+    }
     let speaks = |list: &str| {
         list.split(',').map(str::trim).any(|lang| {
             let primary = lang.split('-').next().unwrap_or_default();
