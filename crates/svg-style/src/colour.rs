@@ -5,9 +5,7 @@ use std::sync::Arc;
 use color::{AlphaColor, ColorSpaceTag, DynamicColor, Flags, HueDirection, Missing, Srgb};
 use cssparser::color::PredefinedColorSpace;
 use cssparser::{Parser, Token, match_ignore_ascii_case};
-use cssparser_color::{
-    AngleOrNumber, ColorParser, FromParsedColor, NumberOrPercentage, parse_color_with,
-};
+use cssparser_color::{AngleOrNumber, ColorParser, FromParsedColor, NumberOrPercentage, parse_color_with};
 
 use super::value::{Fault, Length, Quantity, Reading, number_or_share, quantity};
 

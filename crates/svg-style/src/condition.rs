@@ -152,7 +152,8 @@ fn all_tokens(css: &mut Parser<'_>) -> Result<(), Fault> {
 /// Whether the condition of `@supports` holds in browsers.
 pub(crate) fn supported(css: &mut Parser<'_>) -> Holds {
     let start = css.state();
-    let holds = condition(css, &mut in_supports).and_then(|holds| css.expect_exhausted().map(|()| holds).map_err(Fault::from));
+    let holds =
+        condition(css, &mut in_supports).and_then(|holds| css.expect_exhausted().map(|()| holds).map_err(Fault::from));
     holds.unwrap_or_else(|_| {
         css.reset(&start);
         while css.next().is_ok() {}

@@ -20,12 +20,15 @@
 mod colour;
 mod condition;
 mod declaration;
+mod link;
+mod map;
 mod property;
 mod selector;
 mod sheet;
 mod transform;
 mod value;
 mod variables;
+mod viewer;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -42,8 +45,11 @@ use property::Property;
 pub use property::{Auto, Background, Display, FillRule, Layer, LineCap, LineJoin, Paint, Reference, Style};
 use selector::{At, Tree};
 use sheet::Sheets;
-pub use transform::{Matrix, Reference as ReferenceBox, Transform, TransformBox};
+pub use link::{Link, local};
+pub use map::Map;
+pub use transform::{Reference as ReferenceBox, Transform, TransformBox};
 pub use value::Length;
+pub use viewer::holds_conditions;
 use value::Source;
 use variables::Made;
 
@@ -240,7 +246,9 @@ impl Cascade {
         let tag = node.tag_name().name();
         for attribute in node.attributes().filter(|a| a.namespace().is_none() && !a.value().trim().is_empty()) {
             let name = match (tag, attribute.name()) {
-                ("pattern", "patternTransform") | ("linearGradient" | "radialGradient", "gradientTransform") => "transform",
+                ("pattern", "patternTransform") | ("linearGradient" | "radialGradient", "gradientTransform") => {
+                    "transform"
+                }
                 (_, name) => name,
             };
             let is_renamed = name != attribute.name();

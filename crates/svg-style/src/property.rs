@@ -8,6 +8,7 @@ use cssparser::{Parser, Token};
 use rustc_hash::FxHashMap;
 
 use super::colour::{Colour, colour, opacity};
+use super::link::Link;
 use super::transform::{self, Transform, TransformBox};
 use super::value::{
     Fault, Length, Quantity, Reading, Source, inline_length, is_next, keyword, loose_length, not_negative, number,
@@ -27,7 +28,7 @@ pub enum Paint {
     /// As lines of the use that shows a copy (`context-stroke`).
     ContextStroke,
     /// By the pattern or gradient of a link, or, where there is none, by a colour.
-    Server(Arc<str>, Option<Colour>),
+    Server(Link, Option<Colour>),
 }
 
 /// What a property refers to.
@@ -36,8 +37,8 @@ pub enum Reference {
     /// Nothing.
     #[default]
     None,
-    /// An element, by its link.
-    Link(Arc<str>),
+    /// An element.
+    Link(Link),
     /// Functions or images.
     Other,
 }
@@ -335,6 +336,14 @@ impl Style {
         all.into_iter().chain(open.into_iter().flatten()).chain(dashes).any(|l| l.needs_font)
     }
 
+    /// Whether its strokes are lines without a width at any zoom: hairlines of Inkscape, or strokes that do not scale of
+    /// one pixel or less.
+    pub fn is_hairline(&self) -> bool {
+        let width = self.stroke_width;
+        let is_pixel = width.share == 0.0 && !width.is_physical && width.px > 0.0 && width.px <= 1.0;
+        self.hairline || (self.non_scaling_stroke && is_pixel)
+    }
+
     /// What the property `color` is.
     pub fn current(&self) -> super::Rgba {
         self.color.resolved(super::Rgba::BLACK)
@@ -369,7 +378,8 @@ impl Property {
 }
 
 /// Properties that have a second name with the prefix of WebKit.
-const PREFIXED: [&str; 7] = ["transform", "transform-origin", "clip-path", "mask", "filter", "opacity", "transform-box"];
+const PREFIXED: [&str; 7] =
+    ["transform", "transform-origin", "clip-path", "mask", "filter", "opacity", "transform-box"];
 
 /// What a property that is not among [`Property`] does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -383,29 +393,134 @@ pub(crate) enum Other {
 }
 
 /// Values by which properties change nothing.
-pub(crate) const NOTHING: &[&str] = &["none", "auto", "normal", "initial", "unset", "revert", "revert-layer", "0", "0s", "1"];
+pub(crate) const NOTHING: &[&str] =
+    &["none", "auto", "normal", "initial", "unset", "revert", "revert-layer", "0", "0s", "1"];
 
 /// Words by which an animation does not end, or leaves what it made.
 pub(crate) const LASTING: &[&str] = &["infinite", "forwards", "both", "paused"];
 
 /// Properties that can change what is seen of shapes and are not read, and those that begin so.
 const VISIBLE: [&str; 18] = [
-    "animation", "animation-iteration-count", "animation-fill-mode", "animation-play-state", "offset", "offset-path", "offset-position", "perspective", "zoom", "content-visibility",
-    "mask-image", "-webkit-mask-image", "mask-border", "clip", "overflow-x", "overflow-y", "outline", "outline-style",
+    "animation",
+    "animation-iteration-count",
+    "animation-fill-mode",
+    "animation-play-state",
+    "offset",
+    "offset-path",
+    "offset-position",
+    "perspective",
+    "zoom",
+    "content-visibility",
+    "mask-image",
+    "-webkit-mask-image",
+    "mask-border",
+    "clip",
+    "overflow-x",
+    "overflow-y",
+    "outline",
+    "outline-style",
 ];
 
 /// Beginnings of the names of properties that change nothing of shapes.
 const HARMLESS: [&str; 98] = [
-    "-inkscape-", "-webkit-", "-moz-", "-ms-", "-o-", "-adobe-", "-sodipodi-", "accent-color", "align", "alignment-", "animation-", "appearance",
-    "aspect-ratio", "backface-visibility", "background", "baseline-", "block-", "border-", "bottom", "box-",
-    "break-", "buffered-rendering", "caret", "clear", "color-", "column", "contain", "content", "counter-", "cursor",
-    "direction", "dominant-baseline", "enable-background", "flex", "float", "flood-", "font", "forced-color-adjust", "gap",
-    "glyph-orientation", "grid", "hanging-", "hyphen", "image-", "inline-", "inset", "isolation", "justify-", "kerning",
-    "left", "letter-spacing", "lighting-color", "line-", "list-", "margin", "mask-", "math-", "max-", "min-",
-    "object-", "offset-", "order", "orphans", "outline-", "overflow-", "overscroll-", "padding", "page", "perspective-",
-    "place-", "pointer-events", "position", "print-", "quotes", "resize", "right", "row-gap", "ruby-", "scroll",
-    "shape-", "solid-", "speak", "tab-size", "table-", "text", "top", "touch-action", "transform-style", "transition",
-    "unicode-bidi", "user-select", "vertical-align", "view-", "white-space", "widows", "will-change", "word-", "writing-mode",
+    "-inkscape-",
+    "-webkit-",
+    "-moz-",
+    "-ms-",
+    "-o-",
+    "-adobe-",
+    "-sodipodi-",
+    "accent-color",
+    "align",
+    "alignment-",
+    "animation-",
+    "appearance",
+    "aspect-ratio",
+    "backface-visibility",
+    "background",
+    "baseline-",
+    "block-",
+    "border-",
+    "bottom",
+    "box-",
+    "break-",
+    "buffered-rendering",
+    "caret",
+    "clear",
+    "color-",
+    "column",
+    "contain",
+    "content",
+    "counter-",
+    "cursor",
+    "direction",
+    "dominant-baseline",
+    "enable-background",
+    "flex",
+    "float",
+    "flood-",
+    "font",
+    "forced-color-adjust",
+    "gap",
+    "glyph-orientation",
+    "grid",
+    "hanging-",
+    "hyphen",
+    "image-",
+    "inline-",
+    "inset",
+    "isolation",
+    "justify-",
+    "kerning",
+    "left",
+    "letter-spacing",
+    "lighting-color",
+    "line-",
+    "list-",
+    "margin",
+    "mask-",
+    "math-",
+    "max-",
+    "min-",
+    "object-",
+    "offset-",
+    "order",
+    "orphans",
+    "outline-",
+    "overflow-",
+    "overscroll-",
+    "padding",
+    "page",
+    "perspective-",
+    "place-",
+    "pointer-events",
+    "position",
+    "print-",
+    "quotes",
+    "resize",
+    "right",
+    "row-gap",
+    "ruby-",
+    "scroll",
+    "shape-",
+    "solid-",
+    "speak",
+    "tab-size",
+    "table-",
+    "text",
+    "top",
+    "touch-action",
+    "transform-style",
+    "transition",
+    "unicode-bidi",
+    "user-select",
+    "vertical-align",
+    "view-",
+    "white-space",
+    "widows",
+    "will-change",
+    "word-",
+    "writing-mode",
 ];
 
 /// What a property of another name does.
@@ -442,10 +557,34 @@ const BLEND_MODES: [(&str, bool); 18] = [
 
 /// Words of `display` by which an element is drawn.
 const SHOWN: [&str; 28] = [
-    "inline", "block", "inline-block", "flex", "inline-flex", "grid", "inline-grid", "table", "inline-table",
-    "table-row-group", "table-header-group", "table-footer-group", "table-row", "table-cell", "table-column-group",
-    "table-column", "table-caption", "list-item", "flow-root", "flow", "ruby", "run-in", "math", "compact", "marker",
-    "-webkit-box", "-webkit-flex", "-webkit-inline-box",
+    "inline",
+    "block",
+    "inline-block",
+    "flex",
+    "inline-flex",
+    "grid",
+    "inline-grid",
+    "table",
+    "inline-table",
+    "table-row-group",
+    "table-header-group",
+    "table-footer-group",
+    "table-row",
+    "table-cell",
+    "table-column-group",
+    "table-column",
+    "table-caption",
+    "list-item",
+    "flow-root",
+    "flow",
+    "ruby",
+    "run-in",
+    "math",
+    "compact",
+    "marker",
+    "-webkit-box",
+    "-webkit-flex",
+    "-webkit-inline-box",
 ];
 
 fn display(_: &Reading, css: &mut Parser<'_>) -> Result<Display, Fault> {
@@ -510,8 +649,8 @@ fn paint(reading: &Reading, css: &mut Parser<'_>) -> Result<Paint, Fault> {
 }
 
 /// The text of `url()`.
-fn link(css: &mut Parser<'_>) -> Result<Arc<str>, Fault> {
-    Ok(css.expect_url()?.trim().into())
+fn link(css: &mut Parser<'_>) -> Result<Link, Fault> {
+    Ok(Link::new(&css.expect_url()?))
 }
 
 /// A link, or none, or functions; of several the first counts that is not the only one.
@@ -528,7 +667,8 @@ fn reference(_: &Reading, css: &mut Parser<'_>) -> Result<Reference, Fault> {
     while let Ok(token) = css.next() {
         match token {
             Token::Function(_) | Token::UnquotedUrl(_) => is_function = true,
-            Token::Ident(_) | Token::Comma | Token::Percentage { .. } | Token::Dimension { .. } | Token::Delim('/') => {}
+            Token::Ident(_) | Token::Comma | Token::Percentage { .. } | Token::Dimension { .. } | Token::Delim('/') => {
+            }
             Token::Number { .. } => {}
             _ => return Err(Fault::unexpected_token()),
         }

@@ -113,17 +113,65 @@ impl SelectorImpl for Svg {
 
 /// Pseudo-classes that match nothing while nobody points at, edits or plays a drawing.
 const DYNAMIC: [&str; 40] = [
-    "hover", "active", "focus", "focus-within", "focus-visible", "visited", "target", "target-within", "checked",
-    "disabled", "enabled", "indeterminate", "default", "valid", "invalid", "in-range", "out-of-range", "required",
-    "optional", "user-valid", "user-invalid", "read-write", "placeholder-shown", "autofill", "-webkit-autofill",
-    "fullscreen", "modal", "popover-open", "open", "picture-in-picture", "playing", "paused", "seeking", "buffering",
-    "stalled", "muted", "volume-locked", "current", "past", "future",
+    "hover",
+    "active",
+    "focus",
+    "focus-within",
+    "focus-visible",
+    "visited",
+    "target",
+    "target-within",
+    "checked",
+    "disabled",
+    "enabled",
+    "indeterminate",
+    "default",
+    "valid",
+    "invalid",
+    "in-range",
+    "out-of-range",
+    "required",
+    "optional",
+    "user-valid",
+    "user-invalid",
+    "read-write",
+    "placeholder-shown",
+    "autofill",
+    "-webkit-autofill",
+    "fullscreen",
+    "modal",
+    "popover-open",
+    "open",
+    "picture-in-picture",
+    "playing",
+    "paused",
+    "seeking",
+    "buffering",
+    "stalled",
+    "muted",
+    "volume-locked",
+    "current",
+    "past",
+    "future",
 ];
 
 /// The pseudo-elements that browsers know.
 const PSEUDO_ELEMENTS: [&str; 16] = [
-    "before", "after", "first-line", "first-letter", "selection", "marker", "backdrop", "placeholder", "cue",
-    "file-selector-button", "target-text", "spelling-error", "grammar-error", "details-content", "view-transition",
+    "before",
+    "after",
+    "first-line",
+    "first-letter",
+    "selection",
+    "marker",
+    "backdrop",
+    "placeholder",
+    "cue",
+    "file-selector-button",
+    "target-text",
+    "spelling-error",
+    "grammar-error",
+    "details-content",
+    "view-transition",
     "search-text",
 ];
 
@@ -257,7 +305,11 @@ impl<'a, 'i> At<'a, 'i> {
     }
 
     /// The first element among siblings, from one on.
-    fn first_element(self, mut node: Option<Node<'a, 'i>>, next: fn(&Node<'a, 'i>) -> Option<Node<'a, 'i>>) -> Option<Self> {
+    fn first_element(
+        self,
+        mut node: Option<Node<'a, 'i>>,
+        next: fn(&Node<'a, 'i>) -> Option<Node<'a, 'i>>,
+    ) -> Option<Self> {
         while let Some(at) = node {
             if !self.tree.spend(0) {
                 return None;
@@ -409,7 +461,8 @@ impl<'a, 'i> Element for At<'a, 'i> {
     }
 
     fn is_empty(&self) -> bool {
-        let is_nothing = |n: Node<'_, '_>| !n.is_element() && n.text().filter(|_| n.is_text()).is_none_or(str::is_empty);
+        let is_nothing =
+            |n: Node<'_, '_>| !n.is_element() && n.text().filter(|_| n.is_text()).is_none_or(str::is_empty);
         self.node.children().all(|n| self.tree.spend(0) && is_nothing(n))
     }
 

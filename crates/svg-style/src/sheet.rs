@@ -335,9 +335,22 @@ impl<'i> AtRuleParser<'i> for Reader<'_> {
             "import" if may_import => At::Import(raw(css, false)?.to_owned()),
             // Too late, so browsers ignore them.
             "namespace" | "import" => return Err(Fault::unexpected_token()),
-            "charset" | "font-face" | "font-feature-values" | "font-palette-values" | "keyframes" | "page"
-            | "-webkit-keyframes" | "-moz-keyframes" | "-o-keyframes" | "counter-style" | "color-profile"
-            | "view-transition" | "starting-style" | "position-try" | "viewport" | "-ms-viewport" => At::Nothing,
+            "charset"
+            | "font-face"
+            | "font-feature-values"
+            | "font-palette-values"
+            | "keyframes"
+            | "page"
+            | "-webkit-keyframes"
+            | "-moz-keyframes"
+            | "-o-keyframes"
+            | "counter-style"
+            | "color-profile"
+            | "view-transition"
+            | "starting-style"
+            | "position-try"
+            | "viewport"
+            | "-ms-viewport" => At::Nothing,
             "-moz-document" | "document" => At::Nothing,
             "container" | "scope" | "property" | "function" | "mixin" | "when" | "else" | "if" => {
                 At::Unknown(format!("@{name}"))

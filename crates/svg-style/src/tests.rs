@@ -277,7 +277,9 @@ fn selectors_that_cost_too_much_are_refused() {
             Ok(cascade) => cascade,
             Err(e) => return Some(e),
         };
-        doc.descendants().filter(Node::is_element).find_map(|node| cascade.style(node, &Arc::new(Style::initial()), None).err())
+        doc.descendants()
+            .filter(Node::is_element)
+            .find_map(|node| cascade.style(node, &Arc::new(Style::initial()), None).err())
     };
     let row = "<g/>".repeat(20_000);
     assert_eq!(excess(&("g~".repeat(450) + "p{fill:red}"), &row), None);

@@ -5,13 +5,9 @@ use std::sync::Arc;
 
 use cssparser::Parser;
 
+use super::map::Map;
 use super::property::Style;
 use super::value::{Fault, Length, Reading, Source, angle, is_next, keyword, length, number, number_or_share};
-
-/// An affine map: x' = a x + c y + e, y' = b x + d y + f, in the order a to f.
-pub type Matrix = [f64; 6];
-
-const IDENTITY: Matrix = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
 
 /// A box in the units of an element: its corner and size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,10 +18,12 @@ pub struct Reference {
     pub size: [f64; 2],
 }
 
+const IDENTITY: Map = Map::shift([0.0; 2]);
+
 /// One step of a transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Step {
-    Matrix(Matrix),
+    Matrix(Map),
     Translate([Length; 2]),
 }
 
@@ -60,43 +58,20 @@ impl Style {
     }
 
     /// The map of its transform properties together (CSS Transforms 2, 6).
-    pub fn matrix(&self, reference: Reference) -> Matrix {
+    pub fn matrix(&self, reference: Reference) -> Map {
         let origin = [0, 1].map(|k| reference.corner[k] + self.transform_origin[k].of(reference.size[k]));
-        let mut map = shift(origin);
+        let mut map = Map::shift(origin);
         for part in [&self.translate, &self.rotate, &self.scale, &self.transform] {
             for step in part.0.iter() {
                 let step = match step {
                     Step::Matrix(m) => *m,
-                    Step::Translate(by) => shift([0, 1].map(|k| by[k].of(reference.size[k]))),
+                    Step::Translate(by) => Map::shift([0, 1].map(|k| by[k].of(reference.size[k]))),
                 };
-                map = after(map, step);
+                map = map.after(step);
             }
         }
-        after(map, shift(origin.map(|v| -v)))
+        map.after(Map::shift(origin.map(|v| -v)))
     }
-}
-
-fn shift([x, y]: [f64; 2]) -> Matrix {
-    [1.0, 0.0, 0.0, 1.0, x, y]
-}
-
-/// First `o`, then `m`.
-fn after(m: Matrix, o: Matrix) -> Matrix {
-    let linear = |x: f64, y: f64| [m[0] * x + m[2] * y, m[1] * x + m[3] * y];
-    let ([a, b], [c, d], [e, f]) = (linear(o[0], o[1]), linear(o[2], o[3]), linear(o[4], o[5]));
-    [a, b, c, d, e + m[4], f + m[5]]
-}
-
-fn turn(degrees: f64) -> Matrix {
-    // Quarter turns are exact.
-    let (sin, cos) = match degrees.rem_euclid(360.0) {
-        0.0 => (0.0, 1.0),
-        90.0 => (1.0, 0.0),
-        180.0 => (0.0, -1.0),
-        270.0 => (-1.0, 0.0),
-        other => other.to_radians().sin_cos(),
-    };
-    [cos, sin, -sin, cos, 0.0, 0.0]
 }
 
 impl Transform {
@@ -144,26 +119,28 @@ fn attribute(css: &mut Parser<'_>) -> Result<Transform, Fault> {
         return Ok(Transform::default());
     }
     let t = svgtypes::Transform::from_str(text).map_err(|_| Fault::unexpected_token())?;
-    Ok(Transform::one(Step::Matrix([t.a, t.b, t.c, t.d, t.e, t.f])))
+    Ok(Transform::one(Step::Matrix(Map { a: t.a, b: t.b, c: t.c, d: t.d, e: t.e, f: t.f })))
 }
 
 /// A function without its depth: elements of a drawing lie in its plane.
 fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step, Fault> {
     let degrees = |css: &mut Parser<'_>| angle(reading, css);
-    let skew = |x: f64, y: f64| Step::Matrix([1.0, y.to_radians().tan(), x.to_radians().tan(), 1.0, 0.0, 0.0]);
+    let skew = |x: f64, y: f64| {
+        Step::Matrix(Map { b: y.to_radians().tan(), c: x.to_radians().tan(), ..IDENTITY })
+    };
     let next = |css: &mut Parser<'_>| css.try_parse(Parser::expect_comma).is_ok();
-    let zoom = |x: f64, y: f64| Step::Matrix([x, 0.0, 0.0, y, 0.0, 0.0]);
+    let zoom = |x: f64, y: f64| Step::Matrix(Map::scale(x, y, [0.0; 2]));
     let zero = Length::px(0.0);
     Ok(match name {
         "matrix" => {
-            let mut m = IDENTITY;
+            let mut m = [0.0; 6];
             for (k, v) in m.iter_mut().enumerate() {
                 if k > 0 {
                     css.expect_comma()?;
                 }
                 *v = number(reading, css)?;
             }
-            Step::Matrix(m)
+            Step::Matrix(Map { a: m[0], b: m[1], c: m[2], d: m[3], e: m[4], f: m[5] })
         }
         "translate" => {
             let x = length(reading, css)?;
@@ -198,7 +175,7 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step,
             number_or_share(reading, css)?;
             zoom(x, y)
         }
-        "rotate" | "rotatez" => Step::Matrix(turn(degrees(css)?)),
+        "rotate" | "rotatez" => Step::Matrix(Map::turn(degrees(css)?)),
         "skew" => {
             let x = degrees(css)?;
             skew(x, if next(css) { degrees(css)? } else { 0.0 })
@@ -230,7 +207,8 @@ pub(crate) fn rotate(reading: &Reading, css: &mut Parser<'_>) -> Result<Transfor
         return Ok(Transform::default());
     }
     let mut degrees = css.try_parse(|css| angle(reading, css)).ok();
-    let axis = css.try_parse(|css| keyword(css, &[("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])]));
+    let axis =
+        css.try_parse(|css| keyword(css, &[("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])]));
     let axis = axis.or_else(|_| {
         css.try_parse(|css| {
             let mut axis = [0.0; 3];
@@ -245,8 +223,8 @@ pub(crate) fn rotate(reading: &Reading, css: &mut Parser<'_>) -> Result<Transfor
     }
     let degrees = degrees.unwrap_or_default();
     match axis {
-        Err(_) => Ok(Transform::one(Step::Matrix(turn(degrees)))),
-        Ok([0.0, 0.0, z]) if z != 0.0 => Ok(Transform::one(Step::Matrix(turn(degrees * z.signum())))),
+        Err(_) => Ok(Transform::one(Step::Matrix(Map::turn(degrees)))),
+        Ok([0.0, 0.0, z]) if z != 0.0 => Ok(Transform::one(Step::Matrix(Map::turn(degrees * z.signum())))),
         Ok(_) => Err(reading.unknown("rotate about an axis in the plane")),
     }
 }
@@ -259,7 +237,7 @@ pub(crate) fn scale(reading: &Reading, css: &mut Parser<'_>) -> Result<Transform
     let x = number_or_share(reading, css)?;
     let y = css.try_parse(|css| number_or_share(reading, css)).unwrap_or(x);
     let _ = css.try_parse(|css| number_or_share(reading, css));
-    Ok(Transform::one(Step::Matrix([x, 0.0, 0.0, y, 0.0, 0.0])))
+    Ok(Transform::one(Step::Matrix(Map::scale(x, y, [0.0; 2]))))
 }
 
 /// The value of `transform-origin`: a place along x and along y, and a depth that does not show.
@@ -316,11 +294,12 @@ pub(crate) fn reference_box(_: &Reading, css: &mut Parser<'_>) -> Result<Transfo
 mod tests {
     use super::*;
 
-    fn parsed(text: &str) -> Option<Matrix> {
+    fn parsed(text: &str) -> Option<[f64; 6]> {
         let mut style = Style::initial();
         let reading = Reading::new(Source::Css);
         style.transform = Parser::new(text).parse_entirely(|css| transform(&reading, css)).ok()?;
-        Some(style.matrix(Reference { corner: [0.0; 2], size: [200.0, 100.0] }))
+        let Map { a, b, c, d, e, f } = style.matrix(Reference { corner: [0.0; 2], size: [200.0, 100.0] });
+        Some([a, b, c, d, e, f])
     }
 
     #[test]

@@ -217,8 +217,28 @@ const DEPENDENT_UNITS: [&str; 36] = [
 
 /// Functions of mathematics that are not evaluated.
 const UNREAD_FUNCTIONS: [&str; 22] = [
-    "round", "mod", "rem", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "pow", "sqrt", "hypot", "log", "exp",
-    "abs", "sign", "env", "attr", "if", "calc-size", "sibling-index",
+    "round",
+    "mod",
+    "rem",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "pow",
+    "sqrt",
+    "hypot",
+    "log",
+    "exp",
+    "abs",
+    "sign",
+    "env",
+    "attr",
+    "if",
+    "calc-size",
+    "sibling-index",
 ];
 
 fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Quantity, Fault> {

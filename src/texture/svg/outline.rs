@@ -5,87 +5,13 @@
 
 use std::f64::consts::TAU;
 
+use svg_style::Map;
+
 use crate::texture::artwork::{MAX_MM, Stop, arc_steps, counted, steps};
 use crate::texture::clip::{Lines, extent, is_hairline, traced_twice};
 use crate::texture::place::LEAST;
 
 type Point = [f64; 2];
-
-/// An affine map of the plane: x' = a x + c y + e, y' = b x + d y + f.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Map {
-    pub(super) a: f64,
-    pub(super) b: f64,
-    pub(super) c: f64,
-    pub(super) d: f64,
-    pub(super) e: f64,
-    pub(super) f: f64,
-}
-
-impl Map {
-    /// Scale, then shift.
-    pub(super) const fn scale(x: f64, y: f64, shift: Point) -> Self {
-        Self { a: x, b: 0.0, c: 0.0, d: y, e: shift[0], f: shift[1] }
-    }
-
-    /// Of the matrix of a style.
-    pub(super) fn of([a, b, c, d, e, f]: svg_style::Matrix) -> Self {
-        Self { a, b, c, d, e, f }
-    }
-
-    pub(super) const fn shift(by: Point) -> Self {
-        Self::scale(1.0, 1.0, by)
-    }
-
-    /// First `o`, then this.
-    pub(super) fn after(self, o: Self) -> Self {
-        let [e, f] = self.at([o.e, o.f]);
-        Self {
-            a: self.a * o.a + self.c * o.b,
-            b: self.b * o.a + self.d * o.b,
-            c: self.a * o.c + self.c * o.d,
-            d: self.b * o.c + self.d * o.d,
-            e,
-            f,
-        }
-    }
-
-    /// The map that takes it back; it must be regular.
-    pub(super) fn inverse(self) -> Self {
-        let det = self.a * self.d - self.b * self.c;
-        let (a, b, c, d) = (self.d / det, -self.b / det, -self.c / det, self.a / det);
-        Self { a, b, c, d, e: -(a * self.e + c * self.f), f: -(b * self.e + d * self.f) }
-    }
-
-    /// By how much it enlarges: the side of the square that a unit square's area makes.
-    pub(super) fn enlarges(self) -> f64 {
-        (self.a * self.d - self.b * self.c).abs().sqrt()
-    }
-
-    /// Whether it keeps angles.
-    pub(super) fn is_similar(self) -> bool {
-        let scale = self.enlarges();
-        let near = |x: f64, y: f64| (x - y).abs() <= 1e-9 * scale;
-        (near(self.a, self.d) && near(self.b, -self.c)) || (near(self.a, -self.d) && near(self.b, self.c))
-    }
-
-    pub(super) fn at(self, [x, y]: Point) -> Point {
-        [self.a * x + self.c * y + self.e, self.b * x + self.d * y + self.f]
-    }
-
-    /// Whether it keeps areas areas, and is finite.
-    pub(super) fn is_regular(self) -> bool {
-        let det = self.a * self.d - self.b * self.c;
-        det.is_finite() && det != 0.0 && self.e.is_finite() && self.f.is_finite()
-    }
-
-    /// Whether it takes the axes to the axes, up to rounding.
-    pub(super) fn is_aligned(self) -> bool {
-        let [a, b, c, d] = [self.a, self.b, self.c, self.d].map(f64::abs);
-        let tiny = 1e-6 * a.max(b).max(c).max(d);
-        b.max(c) <= tiny || a.max(d) <= tiny
-    }
-}
 
 /// What became of the subpaths of an element.
 #[derive(Debug, Default, PartialEq, Eq)]

@@ -3,10 +3,9 @@
 use std::str::FromStr;
 
 use roxmltree::Node;
-use svg_style::{Length, Style};
+use svg_style::{Length, Map, Style};
 use svgtypes::{Align, AspectRatio, ViewBox, ViewBoxError};
 
-use super::outline::Map;
 use crate::diag::Diag;
 use crate::geom::{MAX_NM, NM_PER_MM};
 use crate::texture::page::Wanted;

@@ -103,7 +103,8 @@ pub(super) fn points(list: &str, close: bool, out: &mut impl Sink) -> bool {
 mod tests {
     use super::*;
     use crate::texture::clip::Lines;
-    use crate::texture::svg::outline::{Map, Outline};
+    use crate::texture::svg::outline::Outline;
+    use svg_style::Map;
 
     fn drawn(data: &str) -> (Vec<Vec<[f64; 2]>>, bool) {
         let mut lines = Lines::default();

@@ -85,12 +85,19 @@ impl Remarks {
         let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
         for kind in self.kinds.into_iter().take(MAX_KINDS) {
             let code = if kind.is_external { "svg-external" } else { "svg-css" };
-            let of = if kind.text.is_empty() || kind.is_external { String::new() } else { format!(" in {:?}", kind.text) };
+            let of =
+                if kind.text.is_empty() || kind.is_external { String::new() } else { format!(" in {:?}", kind.text) };
             let what = format!("{}{of}", kind.what);
             let (text, hint) = match kind.is_external {
-                true => (format!("the style sheet {what} is in another file, which is never opened"), "embed it in a style element"),
+                true => (
+                    format!("the style sheet {what} is in another file, which is never opened"),
+                    "embed it in a style element",
+                ),
                 false => (
-                    format!("the styles of the drawing hold {what}, which is not read and may change what is seen ({})", kind.count),
+                    format!(
+                        "the styles of the drawing hold {what}, which is not read and may change what is seen ({})",
+                        kind.count
+                    ),
                     "write what is meant as plain values or attributes",
                 ),
             };

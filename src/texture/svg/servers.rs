@@ -3,13 +3,12 @@
 use std::collections::HashSet;
 
 use roxmltree::Node;
-use svg_style::{Reference, ReferenceBox};
+use svg_style::{Map, Reference, ReferenceBox, local};
 
-use super::outline::Map;
 use super::page::{self, view_map};
-use super::tally::Issue;
 use super::shape::Ink;
-use super::style::{Coat, local, painted, rule};
+use super::style::{Coat, painted, rule};
+use super::tally::Issue;
 use super::walk::{Done, Purpose, SHAPES, State, Walk, href};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
@@ -75,7 +74,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         match server.map(|s| s.tag_name().name()) {
             Some("pattern") => return Ok(server.map_or(Paint::None, Paint::Pattern)),
             Some("linearGradient" | "radialGradient") => {
-                let opacity = state.opacity * if is_fill { state.style.fill_opacity } else { state.style.stroke_opacity };
+                let opacity =
+                    state.opacity * if is_fill { state.style.fill_opacity } else { state.style.stroke_opacity };
                 let Some(server) = server else { return Ok(Paint::None) };
                 match self.only_colour(server, node, state)? {
                     Gradient::OfBoxWithoutSize => {}
@@ -164,7 +164,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     ) -> Result<bool, Box<Diag>> {
         let tag = if is_mask { "mask" } else { "clipPath" };
         let target = match link {
-            Reference::Link(link) => local(link).and_then(|id| self.target(&id)).filter(|t| t.tag_name().name() == tag),
+            Reference::Link(link) => self.linked(link).filter(|t| t.tag_name().name() == tag),
             _ => None,
         };
         let Some(target) = target else {
@@ -196,7 +196,10 @@ impl<'a, 'input> Walk<'a, 'input> {
             Some(parent) => self.style_of(parent)?,
             None => self.style_of(server)?,
         };
-        self.begin(server, &State { clip: None, opacity: 1.0, copied: None, context: None, style: parent, ..outer.clone() })
+        self.begin(
+            server,
+            &State { clip: None, opacity: 1.0, copied: None, context: None, style: parent, ..outer.clone() },
+        )
     }
 
     /// The area of a clip path on an element; None where it cannot be reproduced.
@@ -465,7 +468,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                 inside.is_stroked |= style.stroke != svg_style::Paint::None;
                 // A box that transforms refer to is not known here.
                 let size = ReferenceBox { corner: [0.0; 2], size: state.port };
-                let is_turned = style.has_transform() && !Map::of(style.matrix(size)).is_aligned();
+                let is_turned = style.has_transform() && !style.matrix(size).is_aligned();
                 inside.is_turned |= inner != node && is_turned;
                 let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(local);
                 if let Some(target) = used.and_then(|id| self.target(&id)).filter(|t| seen.insert(t.id())) {

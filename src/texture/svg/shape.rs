@@ -8,11 +8,11 @@ use svg_style::{Layer, Style};
 
 use super::outline::{Dropped, Outline, Sink};
 use super::path;
-use super::stroke::{Curves, Pen, TooMany};
 use super::servers::Paint;
+use super::stroke::{Curves, Pen, TooMany};
 use super::style::{cap, join, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, State, Walk, is_hairline, whole};
+use super::walk::{Done, Purpose, State, Walk, whole};
 use crate::diag::Diag;
 use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode};
 
@@ -77,8 +77,8 @@ impl<'a, 'input> Walk<'a, 'input> {
             && !self.marking.is_page(ink.colour)
             && match self.marking.stroke {
                 StrokeMode::Centre => true,
-                StrokeMode::Shown => width <= self.widest_line || is_hairline(&state.style),
-                StrokeMode::Outline | StrokeMode::Hatch => is_hairline(&state.style),
+                StrokeMode::Shown => width <= self.widest_line || state.style.is_hairline(),
+                StrokeMode::Outline | StrokeMode::Hatch => state.style.is_hairline(),
             };
         if is_line && pen.dashes.is_empty() {
             let dropped = match filled {
@@ -205,7 +205,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         figure: Figure,
     ) -> Result<Dropped, Box<Diag>> {
         let mut whole = true;
-        let (lines, dropped) = self.flattened(node, state, figure, |walk, out| whole = walk.draw(node, tag, state, out))?;
+        let (lines, dropped) =
+            self.flattened(node, state, figure, |walk, out| whole = walk.draw(node, tag, state, out))?;
         if !whole {
             self.note(Issue::Fault, node);
         }

@@ -189,7 +189,8 @@ fn check_entities(text: &str) -> Result<(), Box<Fault>> {
         let size = expanded(value, &all, MAX_ENTITY_DEPTH - 1);
         sizes.insert(*name, size);
     }
-    let references = text[end..].split('&').skip(1).filter_map(|r| r.split_once(';')).filter_map(|(name, _)| sizes.get(name));
+    let references =
+        text[end..].split('&').skip(1).filter_map(|r| r.split_once(';')).filter_map(|(name, _)| sizes.get(name));
     let total = references.copied().try_fold(0usize, |sum, size| Some(sum + size?)).filter(|sum| *sum <= MAX_EXPANDED);
     match total {
         Some(_) => Ok(()),

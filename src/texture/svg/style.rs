@@ -1,8 +1,8 @@
 //! How shapes are painted: the computed styles of `svg_style` with links and opacities resolved.
 
-use std::borrow::Cow;
+use std::sync::Arc;
 
-use svg_style::{Display, FillRule, LineCap, LineJoin, Paint, Rgba, Style};
+use svg_style::{Display, FillRule, LineCap, LineJoin, Link, Paint, Rgba, Style};
 
 use super::walk::State;
 use crate::texture::artwork::{Colour, Rule};
@@ -14,7 +14,7 @@ pub(super) enum Coat {
     /// In a colour, with an opacity of 0 to 1 that is not 0.
     Colour(Colour, f32),
     /// By what has this id.
-    Server(String),
+    Server(Arc<str>),
     /// By a server that a use refers to and what it shows is painted with.
     Context,
     /// By something in another file.
@@ -50,30 +50,6 @@ pub(super) fn join(join: LineJoin) -> Option<kurbo::Join> {
         LineJoin::Bevel => Some(kurbo::Join::Bevel),
         LineJoin::MiterClip | LineJoin::Arcs => None,
     }
-}
-
-/// The id that a link refers to in the drawing itself.
-pub(super) fn local(link: &str) -> Option<Cow<'_, str>> {
-    let id = link.trim().strip_prefix('#')?;
-    if !id.contains('%') {
-        return Some(Cow::Borrowed(id));
-    }
-    let bytes = id.as_bytes();
-    let (mut out, mut at) = (Vec::new(), 0);
-    while at < bytes.len() {
-        let code = (bytes[at] == b'%').then(|| id.get(at + 1..at + 3)).flatten();
-        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
-            Some(byte) => {
-                out.push(byte);
-                at += 3;
-            }
-            None => {
-                out.push(bytes[at]);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8(out).ok().map(Cow::Owned)
 }
 
 impl State {
@@ -114,17 +90,16 @@ impl State {
             Paint::Colour(colour) => painted(colour.resolved(self.style.current()), opacity),
             Paint::ContextFill => of_context(0),
             Paint::ContextStroke => of_context(1),
-            Paint::Server(link, _) => match local(link) {
-                Some(id) => Coat::Server(id.into_owned()),
-                None => Coat::External,
-            },
+            Paint::Server(Link::Local(id), _) => Coat::Server(id.clone()),
+            Paint::Server(Link::External, _) => Coat::External,
         }
     }
 
     /// What stands in for a paint server that is not there.
     pub(super) fn fallback(&self, is_fill: bool) -> Coat {
         let style = &self.style;
-        let (paint, own) = if is_fill { (&style.fill, style.fill_opacity) } else { (&style.stroke, style.stroke_opacity) };
+        let (paint, own) =
+            if is_fill { (&style.fill, style.fill_opacity) } else { (&style.stroke, style.stroke_opacity) };
         match paint {
             Paint::Server(_, Some(colour)) => painted(colour.resolved(style.current()), (self.opacity * own) as f32),
             _ => Coat::None,
@@ -136,16 +111,4 @@ impl State {
 pub(super) fn painted(Rgba { rgb, alpha }: Rgba, opacity: f32) -> Coat {
     let opacity = opacity * alpha;
     if opacity > 0.0 { Coat::Colour(rgb, opacity) } else { Coat::None }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn links_are_decoded() {
-        assert_eq!(local("#a").as_deref(), Some("a"));
-        assert_eq!(local(" #a%20b%C3%A9%zz").as_deref(), Some("a bé%zz"));
-        assert_eq!(local("x.svg#a"), None);
-    }
 }

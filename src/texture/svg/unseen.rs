@@ -29,7 +29,8 @@ impl<'a, 'input> Walk<'a, 'input> {
     /// Whether the box of an element has a size, which an image may have of its own, and lies on the page.
     fn has_box_on_page(&self, state: &State, has_own_size: bool) -> bool {
         let style = &state.style;
-        let sides = [(style.width, state.port[0]), (style.height, state.port[1])].map(|(s, whole)| s.map(|s| s.of(whole)));
+        let sides =
+            [(style.width, state.port[0]), (style.height, state.port[1])].map(|(s, whole)| s.map(|s| s.of(whole)));
         match sides {
             [Some(w), Some(h)] if w > 0.0 && h > 0.0 => {
                 let [x, y] = [style.x.of(state.port[0]), style.y.of(state.port[1])];
@@ -85,7 +86,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !parts.iter().all(is_free) || !self.has_no_sheet() {
             return true;
         }
-        let letters = parts.iter().flat_map(|n| n.children()).filter_map(|n| n.text()).map(|t| t.chars().count()).sum::<usize>();
+        let letters =
+            parts.iter().flat_map(|n| n.children()).filter_map(|n| n.text()).map(|t| t.chars().count()).sum::<usize>();
         let reach = LETTER * letters as f64 * state.style.font_size.px;
         let mut places: [Vec<f64>; 2] = [vec![0.0], vec![0.0]];
         for part in &parts {

@@ -4,15 +4,12 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use roxmltree::{Document, Node, NodeId};
-use svg_style::{
-    Cascade, Display, Excess, Length, Reference, ReferenceBox, Remark, Style, TransformBox, Weight,
-};
+use svg_style::{Cascade, Display, Excess, Length, Link, Map, Reference, ReferenceBox, Remark, Style, TransformBox, Weight};
 
-use super::outline::Map;
 use super::page::{self, Frame, view_map};
 use super::remarks::Remarks;
 use super::source::MAX_DEPTH;
-use super::style::{Coat, is_gone, local};
+use super::style::{Coat, is_gone};
 use super::tally::{Issue, Tally};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
@@ -346,7 +343,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Transform, node);
             return Ok(false);
         }
-        state.map = state.map.after(Map::of(state.style.matrix(reference)));
+        state.map = state.map.after(state.style.matrix(reference));
         if !state.map.is_regular() {
             self.note(Issue::Flat, node);
             return Ok(false);
@@ -383,7 +380,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         chain.reverse();
         // What is remarked of them is remarked where they are drawn.
         let quiet = std::mem::replace(&mut self.is_quiet, true);
-        let style = chain.into_iter().try_fold(Arc::new(Style::initial()), |style, node| self.style(node, &style, None));
+        let style =
+            chain.into_iter().try_fold(Arc::new(Style::initial()), |style, node| self.style(node, &style, None));
         self.is_quiet = quiet;
         style
     }
@@ -392,6 +390,11 @@ impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn target(&self, id: &str) -> Option<Node<'a, 'input>> {
         let node = self.ids.get(id).and_then(|&id| self.doc.get_node(id))?;
         (!self.uses.contains(&node.id())).then_some(node)
+    }
+
+    /// The element of a link, unless it is being used right now.
+    pub(super) fn linked(&self, link: &Link) -> Option<Node<'a, 'input>> {
+        if let Link::Local(id) = link { self.target(id) } else { None }
     }
 
     /// Whether an element has this id.
@@ -453,7 +456,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             Reference::None => false,
             Reference::Other => true,
             Reference::Link(link) => {
-                let marker = local(link).and_then(|id| self.target(&id)).filter(|t| t.tag_name().name() == "marker");
+                let marker = self.linked(link).filter(|t| t.tag_name().name() == "marker");
                 marker.is_some_and(|m| m.children().any(|c| c.is_element()))
             }
         };
@@ -468,7 +471,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             return;
         }
         state.stretch = self.pixel_mm / state.map.enlarges();
-        if !is_hairline(&state.style) && state.stroke() != Coat::None {
+        if !state.style.is_hairline() && state.stroke() != Coat::None {
             self.note(Issue::NonScaling, node);
         }
     }
@@ -534,7 +537,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         if node.tag_name().name() == "svg" {
             // Its attributes count alone: of the properties of geometry browsers take none, other viewers do.
             let corner = [self.length(node, "x", 0, &state), self.length(node, "y", 1, &state)];
-            let stated = [state.style.x, state.style.y].map(Some).into_iter().chain([state.style.width, state.style.height]);
+            let stated =
+                [state.style.x, state.style.y].map(Some).into_iter().chain([state.style.width, state.style.height]);
             let (font, root) = (state.style.font_size.px, state.style.root_font_px);
             let names = ["x", "y", "width", "height"];
             let differs = names.into_iter().zip(stated).any(|(name, stated)| {
@@ -669,13 +673,6 @@ pub(super) fn whole([w, h]: [f64; 2], axis: usize) -> f64 {
     [w, h, ((w * w + h * h) / 2.0).sqrt()][axis]
 }
 
-/// Whether a stroke is a line without a width at any zoom: Inkscape's hairline, or a pixel of the screen or less.
-pub(super) fn is_hairline(style: &Style) -> bool {
-    let width = style.stroke_width;
-    let is_pixel = style.non_scaling_stroke && width.share == 0.0 && !width.is_physical && width.px <= 1.0;
-    style.hairline || (is_pixel && width.px > 0.0)
-}
-
 pub(super) fn excess(excess: Excess) -> Box<Diag> {
     let text = match excess {
         Excess::Steps => "applying the style sheet takes more than 40 million comparisons",
@@ -709,26 +706,6 @@ pub(super) fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
 /// The child of a switch that is drawn: the first whose conditions hold, whether it shows anything or not.
 fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
     switch.children().filter(|n| n.is_element() && is_svg(*n)).find(|n| holds_conditions(*n))
-}
-
-/// Whether an element is for a viewer in English without extensions (SVG 2, 5.8; features are no longer asked for). What
-/// others refer to has no conditions.
-fn holds_conditions(node: Node<'_, '_>) -> bool {
-    if matches!(node.tag_name().name(), "clipPath" | "mask" | "pattern" | "marker" | "symbol") {
-        return true;
-    }
-    let speaks = |list: &str| {
-        list.split(',').map(str::trim).any(|lang| {
-            let primary = lang.split('-').next().unwrap_or_default();
-            primary.eq_ignore_ascii_case("en")
-        })
-    };
-    let extensions = |list: &str| {
-        let known = ["http://www.w3.org/1999/xhtml", "http://www.w3.org/1998/Math/MathML"];
-        let mut all = list.split_whitespace().peekable();
-        all.peek().is_some() && all.all(|e| known.contains(&e))
-    };
-    node.attribute("systemLanguage").is_none_or(speaks) && node.attribute("requiredExtensions").is_none_or(extensions)
 }
 
 /// A convex figure of four sides, page mm.

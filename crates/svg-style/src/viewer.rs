@@ -1,0 +1,23 @@
+//! The viewer for whom a drawing is meant.
+
+use roxmltree::Node;
+
+/// Whether an element is for a viewer in English without extensions (SVG 2, 5.8; features are no longer asked for). What
+/// others refer to has no conditions.
+pub fn holds_conditions(node: Node<'_, '_>) -> bool {
+    if matches!(node.tag_name().name(), "clipPath" | "mask" | "pattern" | "marker" | "symbol") {
+        return true;
+    }
+    let speaks = |list: &str| {
+        list.split(',').map(str::trim).any(|lang| {
+            let primary = lang.split('-').next().unwrap_or_default();
+            primary.eq_ignore_ascii_case("en")
+        })
+    };
+    let extensions = |list: &str| {
+        let known = ["http://www.w3.org/1999/xhtml", "http://www.w3.org/1998/Math/MathML"];
+        let mut all = list.split_whitespace().peekable();
+        all.peek().is_some() && all.all(|e| known.contains(&e))
+    };
+    node.attribute("systemLanguage").is_none_or(speaks) && node.attribute("requiredExtensions").is_none_or(extensions)
+}
