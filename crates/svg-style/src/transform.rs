@@ -8,15 +8,15 @@ use cssparser::Parser;
 use super::property::Style;
 use super::value::{Fault, Length, Reading, Source, angle, is_next, keyword, length, number, number_or_share};
 
-/// An affine map: x' = a x + c y + e, y' = b x + d y + f, in the order a to f.
+/// An affine map: x' = a x + c y + e, y' = b x + d y + f, in the order a to f; e and f are in px.
 pub type Matrix = [f64; 6];
 
 const IDENTITY: Matrix = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
 
-/// A box in the units of an element: its corner and size.
+/// The box that percentages and origins of transforms refer to, in px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
-    /// x and y.
+    /// Its upper left corner, x and y.
     pub corner: [f64; 2],
     /// Width and height.
     pub size: [f64; 2],
@@ -29,11 +29,11 @@ pub(crate) enum Step {
     Translate([Length; 2]),
 }
 
-/// The steps of a transform, the outermost first.
+/// A transform: its functions, the outermost first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transform(pub(crate) Arc<[Step]>);
 
-/// The box that percentages and origins of transforms refer to.
+/// Which box of an element percentages and origins of transforms refer to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransformBox {
     /// The nearest viewport.
@@ -45,12 +45,12 @@ pub enum TransformBox {
 }
 
 impl Style {
-    /// Whether it moves, turns or scales the element.
+    /// Whether the element has a transform.
     pub fn has_transform(&self) -> bool {
         [&self.translate, &self.rotate, &self.scale, &self.transform].iter().any(|t| !t.0.is_empty())
     }
 
-    /// Whether its transform depends on the reference box.
+    /// Whether the transform depends on the reference box, which need not be known otherwise.
     pub fn transform_needs_box(&self) -> bool {
         let all = [&self.translate, &self.rotate, &self.scale, &self.transform];
         let steps = || all.iter().flat_map(|t| t.0.iter());
@@ -59,7 +59,7 @@ impl Style {
         self.has_transform() && (has_share || is_moved || self.transform_origin.iter().any(|l| l.share != 0.0))
     }
 
-    /// The map of its transform properties together (CSS Transforms 2, 6).
+    /// The map of all transform properties together (CSS Transforms 2, 6), from the element's units to those around it.
     pub fn matrix(&self, reference: Reference) -> Matrix {
         let origin = [0, 1].map(|k| reference.corner[k] + self.transform_origin[k].of(reference.size[k]));
         let mut map = shift(origin);
