@@ -1,6 +1,5 @@
 //! Polylines in mm, and what is left of one in a rectangle.
 
-use super::artwork::distance;
 use super::place::{LEAST, NM};
 use crate::geom::BoxMm;
 
@@ -199,6 +198,14 @@ fn halves(ring: &[[f64; 2]], turn: usize, tolerance: f64) -> Option<Vec<[f64; 2]
         }
     }
     Some((0..=i).map(forth).collect())
+}
+
+/// Distance of a point from a segment.
+pub(super) fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
+    let (d, v) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let square = d[0] * d[0] + d[1] * d[1];
+    let t = if square > 0.0 { ((d[0] * v[0] + d[1] * v[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
+    (v[0] - t * d[0]).hypot(v[1] - t * d[1])
 }
 
 /// Whether the whole polyline lies in the rectangle, borders included.

@@ -514,7 +514,12 @@ const REFUSALS: &[(&[&str], &[&str])] = &[
         &["svg-css"],
     ),
     // Browsers lay these out, which no drawing program does.
-    (&["style_of_html"], &["svg-css"]),
+    (&["style_of_html", "content_visibility"], &["svg-css"]),
+    // They depend on the size of the window.
+    (&["media_and", "media_range"], &["svg-css"]),
+    (&["page_and_property"], &["svg-css"]),
+    // Chromium ignores it, Firefox does not.
+    (&["geometry_of_a_nested_drawing"], &["svg-transform"]),
 ];
 
 /// Whether one of these codes is among those that a drawing may be refused with.

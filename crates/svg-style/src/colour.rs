@@ -12,20 +12,20 @@ use super::value::{Fault, Length, Quantity, Reading, number_or_share, quantity};
 /// A colour, which may refer to that of the property `color`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Colour {
-    /// It is known.
+    /// One that is known.
     Known(Rgba),
     /// That of the property `color`.
     Current,
-    /// A mixture of colours one of which refers to it.
+    /// A mixture of colours, one of which refers to it.
     Mix(Arc<Mix>),
 }
 
-/// Red, green and blue, 0 to 255, and opacity, 0 to 1.
+/// A colour in sRGB, and its opacity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rgba {
-    /// Red, green, blue.
+    /// Red, green, blue, 0 to 255.
     pub rgb: [u8; 3],
-    /// 0 is transparent.
+    /// Opacity, 0 to 1.
     pub alpha: f32,
 }
 
@@ -75,7 +75,7 @@ impl Colour {
     /// Black.
     pub const BLACK: Self = Self::Known(Rgba::BLACK);
 
-    /// What it is where the property `color` is `current`.
+    /// The colour where the property `color` is `current`; what lies beyond sRGB is cut off.
     pub fn resolved(&self, current: Rgba) -> Rgba {
         match self {
             Self::Known(known) => *known,

@@ -6,7 +6,7 @@
 //! before the cascade. The parser, the selectors and the colours are those of Servo (`cssparser`, `selectors`,
 //! `cssparser-color`); conversions of colours are those of `color`.
 //!
-//! Nothing is dropped without a word: a [`Remark`] says what browsers ignore as well, and what they may understand
+//! Nothing is dropped silently: a [`Remark`] says what browsers ignore as well, and what they may understand
 //! though it is not understood here, so that the caller can refuse it. Media are those of a screen that shows the
 //! drawing on white paper; what depends on the size of a window is not known here.
 //!
@@ -41,31 +41,31 @@ use selectors::matching::matches_selector;
 
 pub use colour::{Colour, Rgba};
 use declaration::{Declaration, Said, Wide, declare};
+pub use link::{Link, local};
+pub use map::Map;
 use property::Property;
 pub use property::{Auto, Background, Display, FillRule, Layer, LineCap, LineJoin, Paint, Reference, Style};
 use selector::{At, Tree};
 use sheet::Sheets;
-pub use link::{Link, local};
-pub use map::Map;
 pub use transform::{Reference as ReferenceBox, Transform, TransformBox};
 pub use value::Length;
-pub use viewer::holds_conditions;
 use value::Source;
 use variables::Made;
+pub use viewer::holds_conditions;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 const XHTML: &str = "http://www.w3.org/1999/xhtml";
 
-/// What is said of something that is not read.
+/// Something in a drawing's styles that is not read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Remark {
-    /// How much it matters.
+    /// Whether browsers ignore it too.
     pub weight: Weight,
-    /// The property, in lower case; empty for what is none.
+    /// The property, in lower case; empty for rules and conditions.
     pub property: String,
-    /// As it is written, shortened.
+    /// The text as it is written, cut to 60 characters.
     pub text: String,
-    /// Line of the drawing, from 1; None of an element's own.
+    /// Line of the drawing, from 1; None for attributes of an element.
     pub line: Option<u32>,
 }
 
@@ -98,17 +98,18 @@ impl Remark {
 /// Why a style cannot be computed in bounded time and memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excess {
-    /// Comparisons of elements with selectors.
+    /// More than 40 million comparisons of elements with selectors.
     Steps,
-    /// Number or length of selectors.
+    /// More than 4 million selectors, or one of more than 1,000 parts.
     Selectors,
-    /// Levels of blocks or brackets.
+    /// Blocks or brackets nested more than 64 deep.
     Depth,
-    /// Text made by variables.
+    /// Variables that make a value of more than 100 kB or more than 50 MB in all, or refer to each other more than 64
+    /// deep.
     Variables,
 }
 
-/// The style sheets of a drawing.
+/// The style sheets of a drawing, by which the styles of its elements are computed.
 pub struct Cascade {
     sheets: Sheets,
     tree: Tree,
@@ -138,10 +139,10 @@ enum Origin {
 }
 
 impl Cascade {
-    /// Reads the style sheets of a drawing.
+    /// Reads all style sheets of a drawing. What of them is not read is in [`Cascade::remarks`].
     ///
     /// # Errors
-    /// An [`Excess`] of theirs.
+    /// [`Excess::Selectors`] or [`Excess::Depth`].
     pub fn new(doc: &Document<'_>) -> Result<Self, Excess> {
         let mut sheets = Sheets::new();
         for pi in doc.root().children().filter_map(|n| n.pi()).filter(|pi| pi.target == "xml-stylesheet") {
@@ -162,21 +163,24 @@ impl Cascade {
         Ok(Self { sheets, tree, caches: SelectorCaches::default(), made, root_font_px: property::FONT_PX })
     }
 
-    /// What of the style sheets is not read.
+    /// What of the style sheets is not read, in their order.
     pub fn remarks(&self) -> &[Remark] {
         &self.sheets.remarks
     }
 
-    /// Whether there are no rules, so that all styles are those of attributes.
+    /// Whether there are no rules, so that styles come from attributes alone.
     pub fn is_empty(&self) -> bool {
         self.sheets.rules.is_empty()
     }
 
-    /// The style of an element whose parent, or the use that shows it, has the style `parent`. In what a use shows
-    /// selectors see nothing beyond `copied`, the element that it refers to.
+    /// The style of an element, with what of its attributes is not read.
+    ///
+    /// `parent` is the style of its parent or, if a use refers to it, of the use; the root inherits from
+    /// [`Style::initial`]. `copied` is the element that the innermost use around it refers to: selectors see nothing
+    /// outside of that. The root must be asked for first, since rem refers to its font.
     ///
     /// # Errors
-    /// An [`Excess`] of comparisons or variables.
+    /// [`Excess::Steps`] or [`Excess::Variables`], counted over all calls.
     pub fn style(
         &mut self,
         node: Node<'_, '_>,

@@ -16,22 +16,22 @@ use super::value::{
 };
 use super::variables::Variables;
 
-/// How an area or a line is painted.
+/// Paint of an area or a line.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Paint {
     /// Not at all.
     None,
     /// In a colour.
     Colour(Colour),
-    /// As areas of the use that shows a copy (`context-fill`).
+    /// As the areas of the use that shows a copy (`context-fill`).
     ContextFill,
-    /// As lines of the use that shows a copy (`context-stroke`).
+    /// As the lines of the use that shows a copy (`context-stroke`).
     ContextStroke,
     /// By the pattern or gradient of a link, or, where there is none, by a colour.
     Server(Link, Option<Colour>),
 }
 
-/// What a property refers to.
+/// What a clip path, mask, filter or marker property refers to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Reference {
     /// Nothing.
@@ -43,10 +43,10 @@ pub enum Reference {
     Other,
 }
 
-/// Which points the contours of an area hold.
+/// The points that the contours of an area enclose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FillRule {
-    /// Those that the contours go round, one way more often than the other.
+    /// Those that the contours go round more often one way than the other.
     NonZero,
     /// Those that the contours go round an odd number of times.
     EvenOdd,
@@ -72,9 +72,9 @@ pub enum LineJoin {
     Round,
     /// Cut off.
     Bevel,
-    /// Sharp, and cut off beyond the limit.
+    /// Sharp, and cut off at the limit.
     MiterClip,
-    /// Sharp along arcs.
+    /// Sharp, continued along arcs.
     Arcs,
 }
 
@@ -85,7 +85,7 @@ pub enum Display {
     Shown,
     /// Neither it nor what it holds.
     None,
-    /// What it holds, as if it was not there.
+    /// What it holds is drawn as if the element was not there.
     Contents,
 }
 
@@ -107,11 +107,11 @@ pub enum Background {
     None,
     /// A colour.
     Colour(Colour),
-    /// Images.
+    /// Images, which are not read.
     Other,
 }
 
-/// A length that may follow from others.
+/// A length; None where it follows from others (`auto`).
 pub type Auto = Option<Length>;
 
 macro_rules! inherits {
@@ -133,13 +133,13 @@ macro_rules! properties {
         #[derive(Clone, Debug, PartialEq)]
         pub(crate) enum Value { $($variant($type)),* }
 
-        /// The computed style of an element. Lengths are in px, or shares of what they refer to.
+        /// The computed style of an element. Lengths are in CSS px (96 to the inch), or shares of what they refer to.
         #[derive(Clone, Debug)]
         pub struct Style {
             $($(#[$doc])* pub $field: $type,)*
             /// Whether it says nothing but what is inherited.
             pub(crate) is_plain: bool,
-            /// Size of the root's font, px.
+            /// Size of the root element's font, px, to which rem refers.
             pub root_font_px: f64,
             pub(crate) variables: Variables,
         }
@@ -164,13 +164,13 @@ macro_rules! properties {
         }
 
         impl Style {
-            /// What holds where nothing is said.
+            /// The initial value of every property.
             pub fn initial() -> Self {
                 let (root_font_px, variables) = (FONT_PX, Variables::default());
                 Self { $($field: $initial,)* is_plain: true, root_font_px, variables }
             }
 
-            /// What an element has of its parent where nothing is said.
+            /// The style of a child that declares nothing: what is inherited, and initial values.
             pub fn child(&self) -> Self {
                 Self {
                     $($field: if inherits!($flow) { self.$field.clone() } else { $initial },)*
@@ -204,26 +204,26 @@ pub(crate) const FONT_PX: f64 = 16.0;
 properties! {
     /// Size of the font, px.
     FontSize "font-size" inherited, font_size: Length = Length::px(FONT_PX), font_size;
-    /// What `currentColor` refers to.
+    /// The colour that `currentColor` refers to.
     Color "color" inherited, color: Colour = Colour::BLACK, colour;
     /// Whether the element and what it holds are drawn.
     Display "display" own, display: Display = Display::Shown, display;
     /// Whether a shape is seen.
     Visibility "visibility" inherited, visible: bool = true, |_, css|
         keyword(css, &[("visible", true), ("hidden", false), ("collapse", false)]);
-    /// Of the element as a whole, 0 to 1.
+    /// Opacity of the element as a whole, 0 to 1.
     Opacity "opacity" own, opacity: f64 = 1.0, opacity;
-    /// Areas.
+    /// Paint of areas.
     Fill "fill" inherited, fill: Paint = Paint::Colour(Colour::BLACK), paint;
-    /// 0 to 1.
+    /// Opacity of areas, 0 to 1.
     FillOpacity "fill-opacity" inherited, fill_opacity: f64 = 1.0, opacity;
-    /// Which points an area holds.
+    /// The points that an area holds.
     FillRule "fill-rule" inherited, fill_rule: FillRule = FillRule::NonZero, fill_rule;
-    /// Which points the area of a clip path holds.
+    /// The points that an area holds as part of a clip path.
     ClipRule "clip-rule" inherited, clip_rule: FillRule = FillRule::NonZero, fill_rule;
-    /// Lines.
+    /// Paint of lines.
     Stroke "stroke" inherited, stroke: Paint = Paint::None, paint;
-    /// 0 to 1.
+    /// Opacity of lines, 0 to 1.
     StrokeOpacity "stroke-opacity" inherited, stroke_opacity: f64 = 1.0, opacity;
     /// Width of lines.
     StrokeWidth "stroke-width" inherited, stroke_width: Length = Length::px(1.0), |r, css|
@@ -245,57 +245,57 @@ properties! {
     /// What is painted first, second and third.
     PaintOrder "paint-order" inherited, paint_order: [Layer; 3] = [Layer::Fill, Layer::Stroke, Layer::Markers],
         paint_order;
-    /// At the begin of a line.
+    /// Marker at the start of a line.
     MarkerStart "marker-start" inherited, marker_start: Reference = Reference::None, reference;
-    /// At the corners of a line.
+    /// Marker at the corners of a line.
     MarkerMid "marker-mid" inherited, marker_mid: Reference = Reference::None, reference;
-    /// At the end of a line.
+    /// Marker at the end of a line.
     MarkerEnd "marker-end" inherited, marker_end: Reference = Reference::None, reference;
-    /// Whether the width of lines is that of the screen.
+    /// Whether lines have the width that they have on the screen, whatever the transforms.
     VectorEffect "vector-effect" own, non_scaling_stroke: bool = false, |_, css|
         keyword(css, &[("none", false), ("non-scaling-stroke", true)]);
     /// The area outside which nothing is seen.
     ClipPath "clip-path" own, clip_path: Reference = Reference::None, reference;
-    /// What shows the element in parts.
+    /// The drawing whose brightness or opacity shows the element.
     Mask "mask" own, mask: Reference = Reference::None, reference;
-    /// Whether the opacity of a mask counts and not its brightness.
+    /// Whether the opacity of a mask counts, not its brightness.
     MaskType "mask-type" own, is_alpha_mask: bool = false, |_, css|
         keyword(css, &[("luminance", false), ("alpha", true)]);
     /// Effects on pixels.
     Filter "filter" own, filter: Reference = Reference::None, reference;
-    /// Whether it is mixed with what lies below.
+    /// Whether its colours are mixed with those below, by a blend mode.
     MixBlendMode "mix-blend-mode" own, is_blended: bool = false, |_, css| keyword(css, &BLEND_MODES);
-    /// Whether what leaves a viewport is seen.
+    /// Whether what leaves a viewport is seen; None where nothing is said.
     Overflow "overflow" own, overflows: Option<bool> = None, overflow;
-    /// Of a gradient's stop.
+    /// Colour of a gradient's stop.
     StopColor "stop-color" own, stop_color: Colour = Colour::BLACK, colour;
-    /// Of a gradient's stop, 0 to 1.
+    /// Opacity of a gradient's stop, 0 to 1.
     StopOpacity "stop-opacity" own, stop_opacity: f64 = 1.0, opacity;
     /// What lies behind the outermost element.
     Background "background-color" own, background: Background = Background::None, background;
-    /// The first of the transforms.
+    /// The first, outermost transform.
     Translate "translate" own, translate: Transform = Transform::default(), transform::translate;
-    /// The second of the transforms.
+    /// The second transform.
     Rotate "rotate" own, rotate: Transform = Transform::default(), transform::rotate;
-    /// The third of the transforms.
+    /// The third transform.
     Scale "scale" own, scale: Transform = Transform::default(), transform::scale;
-    /// The last of the transforms.
+    /// The last, innermost transform.
     Transform "transform" own, transform: Transform = Transform::default(), transform::transform;
-    /// The point that transforms leave where it is.
+    /// The point that scales and turns leave where it is, from the corner of the reference box.
     TransformOrigin "transform-origin" own, transform_origin: [Length; 2] = [Length::px(0.0); 2], transform::origin;
-    /// What shares of the origin and of shifts refer to.
+    /// The reference box, whose sides percentages of the origin and of shifts refer to.
     TransformBox "transform-box" own, transform_box: TransformBox = TransformBox::View, transform::reference_box;
-    /// Left side.
+    /// Left side, or shift to the right.
     X "x" own, x: Length = Length::px(0.0), loose_length;
-    /// Upper side.
+    /// Upper side, or shift downwards.
     Y "y" own, y: Length = Length::px(0.0), loose_length;
-    /// None where it follows from the element.
+    /// Width; None where it follows from the element.
     Width "width" own, width: Auto = None, size;
-    /// None where it follows from the element.
+    /// Height; None where it follows from the element.
     Height "height" own, height: Auto = None, size;
-    /// Centre.
+    /// Centre along x.
     Cx "cx" own, cx: Length = Length::px(0.0), loose_length;
-    /// Centre.
+    /// Centre along y.
     Cy "cy" own, cy: Length = Length::px(0.0), loose_length;
     /// Radius of a circle.
     R "r" own, r: Length = Length::px(0.0), |r, css| not_negative(loose_length(r, css)?);
@@ -303,7 +303,7 @@ properties! {
     Rx "rx" own, rx: Auto = None, radius;
     /// Radius along y; None where it equals the other.
     Ry "ry" own, ry: Auto = None, radius;
-    /// Path data that replaces the attribute; None where nothing is said, or `none`, which is an empty text.
+    /// Path data that replaces the attribute, empty for `none`; None where nothing is said.
     D "d" own, d: Option<Arc<str>> = None, path_data;
 }
 
@@ -328,7 +328,7 @@ impl Style {
         self.transform.compute(font, root);
     }
 
-    /// Whether a length that is drawn depends on the face of the font.
+    /// Whether a length of a shape or its stroke has a unit that depends on the face of the font.
     pub fn needs_font(&self) -> bool {
         let all = [self.stroke_width, self.stroke_dashoffset, self.x, self.y, self.cx, self.cy, self.r];
         let open = [self.width, self.height, self.rx, self.ry];

@@ -12,7 +12,7 @@ use super::value::{Fault, Length, Reading, Source, angle, is_next, keyword, leng
 /// A box in the units of an element: its corner and size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
-    /// x and y.
+    /// Its upper left corner, x and y.
     pub corner: [f64; 2],
     /// Width and height.
     pub size: [f64; 2],
@@ -27,11 +27,11 @@ pub(crate) enum Step {
     Translate([Length; 2]),
 }
 
-/// The steps of a transform, the outermost first.
+/// A transform: its functions, the outermost first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transform(pub(crate) Arc<[Step]>);
 
-/// The box that percentages and origins of transforms refer to.
+/// Which box of an element percentages and origins of transforms refer to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransformBox {
     /// The nearest viewport.
@@ -43,12 +43,12 @@ pub enum TransformBox {
 }
 
 impl Style {
-    /// Whether it moves, turns or scales the element.
+    /// Whether the element has a transform.
     pub fn has_transform(&self) -> bool {
         [&self.translate, &self.rotate, &self.scale, &self.transform].iter().any(|t| !t.0.is_empty())
     }
 
-    /// Whether its transform depends on the reference box.
+    /// Whether the transform depends on the reference box, which need not be known otherwise.
     pub fn transform_needs_box(&self) -> bool {
         let all = [&self.translate, &self.rotate, &self.scale, &self.transform];
         let steps = || all.iter().flat_map(|t| t.0.iter());
@@ -125,9 +125,7 @@ fn attribute(css: &mut Parser<'_>) -> Result<Transform, Fault> {
 /// A function without its depth: elements of a drawing lie in its plane.
 fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step, Fault> {
     let degrees = |css: &mut Parser<'_>| angle(reading, css);
-    let skew = |x: f64, y: f64| {
-        Step::Matrix(Map { b: y.to_radians().tan(), c: x.to_radians().tan(), ..IDENTITY })
-    };
+    let skew = |x: f64, y: f64| Step::Matrix(Map { b: y.to_radians().tan(), c: x.to_radians().tan(), ..IDENTITY });
     let next = |css: &mut Parser<'_>| css.try_parse(Parser::expect_comma).is_ok();
     let zoom = |x: f64, y: f64| Step::Matrix(Map::scale(x, y, [0.0; 2]));
     let zero = Length::px(0.0);

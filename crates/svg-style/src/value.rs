@@ -54,15 +54,15 @@ pub struct Length {
     pub(crate) em: f64,
     /// Font sizes of the root; 0 in a computed style.
     pub(crate) rem: f64,
-    /// It has a part in a unit whose size depends on the font itself (ex, ch, cap, ic), taken as viewers without
-    /// the font do.
+    /// It has a part in a unit whose size depends on the face of the font: ex and ch, taken as half of the font's size,
+    /// or ic, taken as all of it.
     pub needs_font: bool,
-    /// It is in a unit of the world (mm, cm, Q, in, pt, pc).
+    /// It is in mm, cm, Q, in, pt or pc.
     pub is_physical: bool,
 }
 
 impl Length {
-    /// Of CSS pixels.
+    /// A length in CSS pixels.
     pub const fn px(px: f64) -> Self {
         Self { px, share: 0.0, em: 0.0, rem: 0.0, needs_font: false, is_physical: false }
     }
@@ -71,8 +71,8 @@ impl Length {
         Self { share, ..Self::px(0.0) }
     }
 
-    /// The length that an attribute states which is not a property, where a font has these sizes; None where it is
-    /// not one.
+    /// The length in an attribute that is not a property, in a font of these sizes; a number is in px. None where the
+    /// text is not a length.
     pub fn from_attribute(text: &str, font_px: f64, root_px: f64) -> Option<Self> {
         let reading = Reading::new(Source::Attribute);
         let mut length = Parser::new(text).parse_entirely(|css| length(&reading, css)).ok()?;
@@ -80,7 +80,7 @@ impl Length {
         Some(length)
     }
 
-    /// In pixels, where a share refers to `whole`.
+    /// The length in px, where a share refers to `whole`, px.
     pub fn of(self, whole: f64) -> f64 {
         self.px + self.share * whole
     }

@@ -1,7 +1,8 @@
 //! How much of a page its marks cover.
 
-use super::cut::{Cells, distance};
+use super::cut::Cells;
 use crate::texture::clip::Lines;
+use crate::texture::clip::distance;
 
 /// Places of the page that are looked at: a share of a sixteenth is known to a fiftieth of it.
 const PLACES: u32 = 40_000;

@@ -2,7 +2,7 @@
 
 use super::crossings::edges;
 use crate::geom::BoxMm;
-use crate::texture::clip::{Lines, extent, is_closed};
+use crate::texture::clip::{Lines, distance, extent, is_closed};
 use crate::texture::place::{LEAST, NM};
 
 type Point = [f64; 2];
@@ -244,14 +244,6 @@ impl Cells {
             columns.for_each(|column| f(row * self.count[0] + column));
         }
     }
-}
-
-/// Distance of a point from a segment.
-pub(in crate::texture) fn distance(p: Point, [a, b]: [Point; 2]) -> f64 {
-    let (d, v) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let square = d[0] * d[0] + d[1] * d[1];
-    let t = if square > 0.0 { ((d[0] * v[0] + d[1] * v[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (v[0] - t * d[0]).hypot(v[1] - t * d[1])
 }
 
 #[cfg(test)]

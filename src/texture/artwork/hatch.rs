@@ -308,7 +308,8 @@ fn gap([p, q]: [Point; 2], v: f64, r: f64) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::artwork::{Marking, Rule, distance};
+    use crate::texture::artwork::{Marking, Rule};
+    use crate::texture::clip::distance;
 
     /// The rings of an area at a pitch of 1 mm and an inset of 0.5 mm.
     fn rings(contours: &[&[Point]]) -> (Area, Lines) {

@@ -23,7 +23,7 @@ use std::ops::Range;
 pub(super) use area::{Area, Polygon};
 pub(super) use choice::{Class, classes, selectors};
 pub(super) use crossings::TooMany;
-pub(super) use cut::{Cells, Cutter, Keep, distance};
+pub(super) use cut::{Cells, Cutter, Keep};
 pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, disc, steps};
 use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};

@@ -1,12 +1,12 @@
 //! TIFF: the first image; grey of 1 to 16 bits and colour of 8 or 16, in strips or tiles; plain, PackBits, LZW, Deflate,
 //! fax and JPEG. `tiff_tags` says which tags are used.
 
+use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
-use tiff::{ColorType, TiffError};
 
 use super::image::{Bands, Form, Image, WHITE, check_size, damaged, truncated, unread, upright};
-use super::tiff_tags;
+use super::tiff_tags::{self, Reader, fault};
 use crate::diag::Diag;
 
 /// What the decoder may take for the list of strips or tiles, and for one of them, in bytes.
@@ -18,8 +18,6 @@ const JPEG: u16 = 7;
 
 /// Most bytes that one of the file stands for: LZW reaches some 2500, Deflate 1032.
 const MAX_RATIO: u64 = 4096;
-
-pub(super) type Reader<'a> = Decoder<std::io::Cursor<&'a [u8]>>;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     let mut decoder = reader(bytes)?;
@@ -164,13 +162,4 @@ fn resolution(decoder: &mut Reader<'_>) -> Result<Option<[f64; 2]>, Diag> {
     };
     let sides = [of(Tag::XResolution)?, of(Tag::YResolution)?];
     Ok(if let [Some(x), Some(y)] = sides { Some([x / mm, y / mm]) } else { None })
-}
-
-pub(super) fn fault(e: TiffError) -> Diag {
-    match e {
-        TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => truncated("its data are cut"),
-        TiffError::LimitsExceeded | TiffError::IntSizeError => damaged("it needs more memory than its size explains"),
-        TiffError::UnsupportedError(e) => unread(&format!("a TIFF of a kind that is rare ({e})")),
-        e => damaged(&e.to_string()),
-    }
 }

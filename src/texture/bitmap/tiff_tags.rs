@@ -4,11 +4,12 @@
 //! supplements and of libtiff has a row; other tags below 32768 are refused by their number, as they may belong to an
 //! extension that changes the samples. Tags from there on are private: TIFF 6.0 has readers skip them.
 
+use tiff::TiffError;
+use tiff::decoder::Decoder;
 use tiff::decoder::ifd::Value;
 use tiff::tags::Tag;
 
-use super::image::unread;
-use super::tiff::{Reader, fault};
+use super::image::{damaged, truncated, unread};
 use crate::diag::Diag;
 
 /// What is done with a tag.
@@ -25,6 +26,18 @@ enum Use {
 }
 
 use Use::{FullRange, Harmless, Only, Used};
+
+pub(super) type Reader<'a> = Decoder<std::io::Cursor<&'a [u8]>>;
+
+/// What is wrong with a file.
+pub(super) fn fault(e: TiffError) -> Diag {
+    match e {
+        TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => truncated("its data are cut"),
+        TiffError::LimitsExceeded | TiffError::IntSizeError => damaged("it needs more memory than its size explains"),
+        TiffError::UnsupportedError(e) => unread(&format!("a TIFF of a kind that is rare ({e})")),
+        e => damaged(&e.to_string()),
+    }
+}
 
 /// A description.
 const TEXT: Use = Harmless;

@@ -9,7 +9,8 @@
 //! The points of a segment nearer than c to an edge of the border lie within a rectangle and two discs; their union is
 //! convex, so they are one stretch of the segment, found in closed form.
 
-use crate::texture::artwork::{Cells, distance};
+use crate::texture::artwork::Cells;
+use crate::texture::clip::distance;
 use crate::texture::clip::{Lines, extent, is_closed};
 use crate::texture::place::LEAST;
 

@@ -24,6 +24,7 @@ mod remarks;
 mod servers;
 mod shape;
 mod source;
+mod state;
 mod stroke;
 mod style;
 mod tally;

@@ -65,7 +65,7 @@ impl Frame {
 const SIZE_HINT: &str = "add size = [\"100 mm\", \"100 mm\"] to the texture";
 
 fn no_size() -> Diag {
-    Diag::input("svg-size", "the drawing has no physical size: its width and height are not in mm, cm, in, pt or pc")
+    Diag::input("svg-size", "the drawing has no physical size: its width and height are not in mm, cm, Q, in, pt or pc")
         .hint(SIZE_HINT)
 }
 

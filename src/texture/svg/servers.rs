@@ -6,10 +6,10 @@ use roxmltree::Node;
 use svg_style::{Map, Reference, ReferenceBox, local};
 
 use super::page::{self, view_map};
-use super::shape::Ink;
-use super::style::{Coat, painted, rule};
+use super::state::State;
+use super::style::{Coat, Ink, painted, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, SHAPES, State, Walk, href};
+use super::walk::{Done, Purpose, SHAPES, Walk, href};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, lightness};
@@ -281,6 +281,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         let mut shown = Area::default();
         for shape in &art.shapes {
             let area = self.area_of(&art, shape).map_err(|TooMany| self.tangled(mask))?;
+            if shape.opacity < 1.0 {
+                return Ok(None);
+            }
             let light = lightness(shape.colour);
             shown = match () {
                 () if is_alpha || light >= LIGHT => Area::union([&shown, &area].into_iter()),

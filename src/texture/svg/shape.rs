@@ -9,10 +9,11 @@ use svg_style::{Layer, Style};
 use super::outline::{Dropped, Outline, Sink};
 use super::path;
 use super::servers::Paint;
+use super::state::State;
 use super::stroke::{Curves, Pen, TooMany};
-use super::style::{cap, join, rule};
+use super::style::{Ink, cap, join, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, State, Walk, whole};
+use super::walk::{Done, Purpose, Walk, whole};
 use crate::diag::Diag;
 use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode};
 
@@ -91,7 +92,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             if dropped.dots {
                 let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
                 self.draw(node, tag, state, &mut curves);
-                self.dots(node, state, ink, &pen, &curves.take_dots(), true)?;
+                self.dots(node, state, ink, &pen, &curves.take_dots(0.0), true)?;
             }
             return Ok(());
         }
@@ -103,13 +104,16 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Fault, node);
         }
         self.is_quiet = quiet;
-        self.dots(node, state, ink, &pen, &curves.take_dots(), is_line)?;
+        self.dots(node, state, ink, &pen, &curves.take_dots(0.0), is_line)?;
         if !pen.dashes.is_empty() {
             self.by_path_length(node, &curves, &mut pen);
-            curves.dash(&pen).map_err(|TooMany| {
+            let least = curves.dash(&pen).map_err(|TooMany| {
                 let text = format!("{} has more than a million dashes", self.called(node));
                 Box::new(Diag::limit("texture-large", text).hint("draw longer dashes"))
             })?;
+            if is_line {
+                self.dots(node, state, ink, &pen, &curves.take_dots(2.0 * least), true)?;
+            }
         }
         let figure = if is_line { Figure::Lines } else { Figure::Stroke };
         if !is_line {
@@ -180,8 +184,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if dashes.len() % 2 == 1 {
             dashes.extend_from_within(..);
         }
-        // Without a gap the line is full.
-        if !dashes.iter().all(|d| *d >= 0.0) || dashes.iter().skip(1).step_by(2).sum::<f64>() <= 0.0 {
+        if !dashes.iter().all(|d| *d >= 0.0) || dashes.iter().sum::<f64>() <= 0.0 {
             dashes.clear();
         }
         if style.stroke == svg_style::Paint::None || !(width > 0.0 || style.hairline) {
@@ -286,20 +289,6 @@ struct Filled {
     lines: Range<usize>,
     /// What bounds no area, and may still have a stroke.
     dropped: Dropped,
-}
-
-/// What something is painted with.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ink {
-    pub(super) colour: Colour,
-    /// 0 to 1.
-    pub(super) opacity: f32,
-}
-
-impl Ink {
-    pub(super) const fn plain(colour: Colour) -> Self {
-        Self { colour, opacity: 1.0 }
-    }
 }
 
 /// Radii of a rectangle's corners or of an ellipse: one that is not given equals the other.

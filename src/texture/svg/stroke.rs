@@ -44,8 +44,8 @@ impl Curves {
         Self { path: BezPath::new(), start: [0.0; 2], at: [0.0; 2], tolerance }
     }
 
-    /// Takes out the subpaths that are drawn without leaving their first point; answers with these.
-    pub(super) fn take_dots(&mut self) -> Vec<Point> {
+    /// Takes out the subpaths that are drawn without going farther than `reach` from their first point; answers with these.
+    pub(super) fn take_dots(&mut self, reach: f64) -> Vec<Point> {
         let mut dots = Vec::new();
         let mut kept = BezPath::new();
         let elements = self.path.elements();
@@ -55,10 +55,11 @@ impl Curves {
             let subpath = &elements[at..at + len];
             at += len;
             let PathEl::MoveTo(start) = subpath[0] else { unreachable!("a subpath begins with a move") };
+            let is_near = |p: At| (p - start).hypot() <= reach;
             let stays = |el: &PathEl| match *el {
-                PathEl::MoveTo(p) | PathEl::LineTo(p) => p == start,
-                PathEl::QuadTo(c, p) => c == start && p == start,
-                PathEl::CurveTo(c, d, p) => c == start && d == start && p == start,
+                PathEl::MoveTo(p) | PathEl::LineTo(p) => is_near(p),
+                PathEl::QuadTo(c, p) => is_near(c) && is_near(p),
+                PathEl::CurveTo(c, d, p) => is_near(c) && is_near(d) && is_near(p),
                 PathEl::ClosePath => true,
             };
             if !subpath.iter().all(stays) {
@@ -76,17 +77,19 @@ impl Curves {
         self.path.perimeter(self.tolerance)
     }
 
-    /// Cuts the subpaths into dashes.
-    pub(super) fn dash(&mut self, pen: &Pen) -> Result<(), TooMany> {
+    /// Cuts the subpaths into dashes; answers how long those are that have no length.
+    pub(super) fn dash(&mut self, pen: &Pen) -> Result<f64, TooMany> {
         let period: f64 = pen.dashes.iter().sum();
         if self.path.perimeter(self.tolerance) / period * pen.dashes.len() as f64 > MAX_DASHES {
             return Err(TooMany);
         }
         // A dash of no length has no direction.
         let least = pen.width.max(self.tolerance) * DOT;
-        let dashes: Vec<f64> = pen.dashes.iter().map(|d| d.max(least)).collect();
+        let is_dash = |i: usize| i % 2 == 0;
+        let dashes: Vec<f64> =
+            pen.dashes.iter().enumerate().map(|(i, d)| if is_dash(i) { d.max(least) } else { *d }).collect();
         self.path = kurbo::dash(self.path.iter(), pen.offset, &dashes).collect();
-        Ok(())
+        Ok(least)
     }
 
     /// Replaces the lines by the area that they cover; contours may overlap and count by the rule nonzero.

@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use svg_style::{Display, FillRule, LineCap, LineJoin, Link, Paint, Rgba, Style};
+use svg_style::{Display, FillRule, LineCap, LineJoin, Rgba, Style};
 
-use super::walk::State;
 use crate::texture::artwork::{Colour, Rule};
 
 /// How an area or a line is painted.
@@ -52,63 +51,22 @@ pub(super) fn join(join: LineJoin) -> Option<kurbo::Join> {
     }
 }
 
-impl State {
-    /// How areas are painted.
-    pub(super) fn fill(&self) -> Coat {
-        self.coat(&self.style.fill, self.style.fill_opacity)
-    }
-
-    /// How lines are painted, their width aside.
-    pub(super) fn stroke(&self) -> Coat {
-        self.coat(&self.style.stroke, self.style.stroke_opacity)
-    }
-
-    /// Whether a shape can be seen.
-    pub(super) fn is_seen(&self) -> bool {
-        self.fill() != Coat::None || self.stroke() != Coat::None
-    }
-
-    /// What `context-fill` and `context-stroke` mean in what a use shows: its own paint without opacities.
-    pub(super) fn context(&self) -> [Coat; 2] {
-        [&self.style.fill, &self.style.stroke].map(|paint| self.seen_through(paint, 1.0))
-    }
-
-    fn coat(&self, paint: &Paint, opacity: f64) -> Coat {
-        let opacity = (self.opacity * opacity) as f32;
-        if !self.style.visible || opacity <= 0.0 { Coat::None } else { self.seen_through(paint, opacity) }
-    }
-
-    fn seen_through(&self, paint: &Paint, opacity: f32) -> Coat {
-        let of_context = |k: usize| match self.context.as_ref().map(|context| &context[k]) {
-            // Without a use nothing is painted (SVG 2, 13.2).
-            None | Some(Coat::None) => Coat::None,
-            Some(Coat::Colour(colour, alpha)) => Coat::Colour(*colour, alpha * opacity),
-            Some(_) => Coat::Context,
-        };
-        match paint {
-            Paint::None => Coat::None,
-            Paint::Colour(colour) => painted(colour.resolved(self.style.current()), opacity),
-            Paint::ContextFill => of_context(0),
-            Paint::ContextStroke => of_context(1),
-            Paint::Server(Link::Local(id), _) => Coat::Server(id.clone()),
-            Paint::Server(Link::External, _) => Coat::External,
-        }
-    }
-
-    /// What stands in for a paint server that is not there.
-    pub(super) fn fallback(&self, is_fill: bool) -> Coat {
-        let style = &self.style;
-        let (paint, own) =
-            if is_fill { (&style.fill, style.fill_opacity) } else { (&style.stroke, style.stroke_opacity) };
-        match paint {
-            Paint::Server(_, Some(colour)) => painted(colour.resolved(style.current()), (self.opacity * own) as f32),
-            _ => Coat::None,
-        }
-    }
-}
-
 /// A colour seen through an opacity.
 pub(super) fn painted(Rgba { rgb, alpha }: Rgba, opacity: f32) -> Coat {
     let opacity = opacity * alpha;
     if opacity > 0.0 { Coat::Colour(rgb, opacity) } else { Coat::None }
+}
+
+/// What something is painted with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ink {
+    pub(super) colour: Colour,
+    /// 0 to 1.
+    pub(super) opacity: f32,
+}
+
+impl Ink {
+    pub(super) const fn plain(colour: Colour) -> Self {
+        Self { colour, opacity: 1.0 }
+    }
 }

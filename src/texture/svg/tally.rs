@@ -21,6 +21,7 @@ pub(super) enum Issue {
     Flat,
     Unit,
     Translucent,
+    FlowText,
     Animation,
     Background,
     NonScaling,
@@ -31,7 +32,7 @@ pub(super) enum Issue {
 }
 
 /// Issue, weight, code, sentence after "elements", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 21] = [
+const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
     (
         Issue::Hidden,
         Told,
@@ -115,6 +116,13 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 21] = [
         "give them a colour and a pen of their own, or ignore this",
     ),
     (
+        Issue::FlowText,
+        Told,
+        "svg-flow-text",
+        "of flowed text (flowRoot), which Inkscape shows and browsers do not, are not marked",
+        "convert them to text and then to paths in Inkscape, or remove them",
+    ),
+    (
         Issue::Animation,
         Refused,
         "svg-animation",
@@ -185,12 +193,17 @@ impl Tally {
     /// One message per issue that was met: errors, and warnings.
     pub(super) fn messages(self, path: &str, marking: &Marking) -> (Vec<Diag>, Vec<Diag>) {
         let (mut errors, mut warnings) = (Vec::new(), Vec::new());
-        for (met, (_, weight, code, says, hint)) in self.0.into_iter().zip(ISSUES) {
+        for (met, (issue, weight, code, says, hint)) in self.0.into_iter().zip(ISSUES) {
             let Some((n, element)) = met else { continue };
             let place = Place::Element { path: path.to_owned(), element };
             match weight {
                 Refused if marking.is_lenient => {
-                    let text = format!("elements {says}, and are not marked ({n})");
+                    let done = match issue {
+                        Issue::Animation => "and are marked as if they did not",
+                        Issue::Background => "which is not marked",
+                        _ => "and are not marked",
+                    };
+                    let text = format!("elements {says}, {done} ({n})");
                     warnings.push(Diag::warning(code, text).at(place).hint(hint));
                 }
                 Refused => {

@@ -2,8 +2,9 @@
 
 use roxmltree::Node;
 
+use super::state::State;
 use super::style::is_gone;
-use super::walk::{State, Walk, href};
+use super::walk::{Walk, href};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 

@@ -4,11 +4,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use roxmltree::{Document, Node, NodeId};
-use svg_style::{Cascade, Display, Excess, Length, Link, Map, Reference, ReferenceBox, Remark, Style, TransformBox, Weight};
+use svg_style::{
+    Cascade, Display, Excess, Length, Link, Map, Reference, ReferenceBox, Remark, Style, TransformBox, Weight,
+    holds_conditions, local,
+};
 
 use super::page::{self, Frame, view_map};
 use super::remarks::Remarks;
 use super::source::MAX_DEPTH;
+use super::state::State;
 use super::style::{Coat, is_gone};
 use super::tally::{Issue, Tally};
 use crate::diag::Diag;
@@ -28,31 +32,6 @@ pub(super) const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "poly
 
 /// Tags of elements that change others over time.
 const ANIMATIONS: [&str; 5] = ["animate", "set", "animateTransform", "animateMotion", "animateColor"];
-
-/// What an element inherits.
-#[derive(Clone)]
-pub(super) struct State {
-    /// From the element's units to page mm.
-    pub(super) map: Map,
-    pub(super) style: Arc<Style>,
-    /// The style that the element inherits from.
-    pub(super) parent: Arc<Style>,
-    /// Of the element and all that hold it, 0 to 1.
-    pub(super) opacity: f64,
-    /// Size of the nearest viewport, which percentages refer to.
-    pub(super) port: [f64; 2],
-    /// Index of the area that it is cut at.
-    pub(super) clip: Option<u32>,
-    /// Index of its set of labels.
-    pub(super) labels: u32,
-    /// Factor of widths and dashes of strokes.
-    pub(super) stretch: f64,
-    pub(super) depth: usize,
-    /// What the innermost use around it refers to.
-    pub(super) copied: Option<NodeId>,
-    /// How that use is painted: areas and lines.
-    pub(super) context: Option<Arc<[Coat; 2]>>,
-}
 
 /// What shapes are drawn for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,7 +194,8 @@ impl<'a, 'input> Walk<'a, 'input> {
                 (Some(state), Some(child)) => self.element(child, &state),
                 _ => Ok(()),
             },
-            "text" | "foreignObject" | "flowRoot" => self.unmarked(node, state, Issue::Text),
+            "text" | "foreignObject" => self.unmarked(node, state, Issue::Text),
+            "flowRoot" => self.unmarked(node, state, Issue::FlowText),
             "image" => self.unmarked(node, state, Issue::Image),
             tag if SHAPES.contains(&tag) => self.shape(node, tag, state),
             _ => Ok(()),
@@ -240,8 +220,8 @@ impl<'a, 'input> Walk<'a, 'input> {
             if !self.judge(node, &state) {
                 return Ok(None);
             }
-            if state.style.non_scaling_stroke {
-                self.unscaled(node, &mut state);
+            if state.style.non_scaling_stroke && !self.unscaled(node, &mut state) {
+                return Ok(None);
             }
         }
         Ok(Some(state))
@@ -464,16 +444,17 @@ impl<'a, 'input> Walk<'a, 'input> {
         has_corners && [&style.marker_start, &style.marker_mid, &style.marker_end].into_iter().any(is_marker)
     }
 
-    /// Gives strokes the width that they have on the screen whatever the transforms.
-    fn unscaled(&mut self, node: Node<'a, 'input>, state: &mut State) {
+    /// Gives strokes the width that they have on the screen whatever the transforms; answers whether that can be drawn.
+    fn unscaled(&mut self, node: Node<'a, 'input>, state: &mut State) -> bool {
         if !state.map.is_similar() {
             self.note(Issue::Effect, node);
-            return;
+            return false;
         }
         state.stretch = self.pixel_mm / state.map.enlarges();
         if !state.style.is_hairline() && state.stroke() != Coat::None {
             self.note(Issue::NonScaling, node);
         }
+        true
     }
 
     /// Notes an element of a kind that cannot be marked, unless nothing is seen of it.
