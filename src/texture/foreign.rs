@@ -1,5 +1,6 @@
-//! Formats of pictures and drawings that are not read, by how their files begin. Those that are text, as PDF and
-//! PostScript, and DWG are known to the reader of SVG.
+//! Formats of pictures and drawings that are not read, by how their files begin or what they are called.
+
+use std::path::Path;
 
 use crate::diag::Diag;
 
@@ -43,6 +44,34 @@ const BRANDS: [(&[u8], Format); 7] = [
 /// Forms of RIFF; those of CorelDRAW end with their version.
 const FORMS: [(&[u8], Format); 2] =
     [(b"WEBP", ("a WebP image", AS_PNG)), (b"CDR", ("a CorelDRAW drawing (CDR)", AS_SVG))];
+
+/// Formats that files may be taken for SVG in spite of: how they begin, the extensions of their names, what they are, what
+/// to do.
+const TEXTS: [(&[u8], &[&str], &str, &str); 4] = [
+    (b"%PDF", &["pdf"], "a PDF document", AS_PLAIN),
+    (b"%!PS", &["ps", "eps", "ai"], "a PostScript drawing", AS_PLAIN),
+    (b"AutoCAD Binary DXF", &[], "a DXF drawing", "give its name the extension .dxf"),
+    (b"AC10", &["dwg"], "a DWG drawing", AS_PLAIN),
+];
+
+const AS_PLAIN: &str = "open it in Inkscape and save it as plain SVG, with the page's size in mm";
+
+/// What is said of a file that its name shows to be no SVG drawing.
+pub(super) fn name(path: &Path) -> Option<Diag> {
+    let is = |extension: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    TEXTS.iter().find(|(_, extensions, ..)| extensions.iter().any(is)).map(|row| unread(row.2, row.3))
+}
+
+/// What is said of a file that begins as those of other programs do; SVG begins with a `<`, after a byte order mark
+/// and blanks.
+pub(super) fn text(bytes: &[u8]) -> Option<Diag> {
+    TEXTS.iter().find(|(begin, ..)| bytes.starts_with(begin)).map(|row| unread(row.2, row.3))
+}
+
+fn unread(what: &str, hint: &str) -> Diag {
+    let text = format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings and bitmaps");
+    Diag::input("svg-format", text).hint(hint)
+}
 
 /// What is said of a file of a format that is known and not read.
 pub(super) fn refused(bytes: &[u8]) -> Option<Diag> {

@@ -75,7 +75,7 @@ pub enum Area {
 
 /// What is said of a drawing whose name shows that it is not read, such as `panel.dxf`.
 pub fn foreign_drawing(path: &std::path::Path) -> Option<Diag> {
-    svg::foreign_name(path)
+    foreign::name(path)
 }
 
 /// One `[[texture]]` of a job.

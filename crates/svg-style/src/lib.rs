@@ -31,6 +31,7 @@ mod variables;
 mod viewer;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::Arc;
 
 use roxmltree::{Document, Node, NodeId};
@@ -44,7 +45,7 @@ use declaration::{Declaration, Said, Wide, declare};
 pub use link::{Link, local};
 pub use map::Map;
 use property::Property;
-pub use property::{Auto, Background, Display, FillRule, Layer, LineCap, LineJoin, Paint, Reference, Style};
+pub use property::{Auto, Background, Display, FillRule, Layer, Paint, Reference, Style};
 use selector::{At, Tree};
 use sheet::Sheets;
 pub use transform::{Reference as ReferenceBox, Transform, TransformBox};
@@ -107,6 +108,17 @@ pub enum Excess {
     /// Variables that make a value of more than 100 kB or more than 50 MB in all, or refer to each other more than 64
     /// deep.
     Variables,
+}
+
+impl fmt::Display for Excess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Steps => "applying the style sheet takes more than 40 million comparisons",
+            Self::Selectors => "the style sheet has more than 4 million selectors, or one of more than 1000 parts",
+            Self::Depth => "the style sheet nests blocks or brackets deeper than 64",
+            Self::Variables => "the variables of the style sheet make too much text",
+        })
+    }
 }
 
 /// The style sheets of a drawing, by which the styles of its elements are computed.

@@ -5,6 +5,7 @@
 use std::sync::{Arc, LazyLock};
 
 use cssparser::{Parser, Token};
+use kurbo::{Cap, Join};
 use rustc_hash::FxHashMap;
 
 use super::colour::{Colour, colour, opacity};
@@ -50,32 +51,6 @@ pub enum FillRule {
     NonZero,
     /// Those that the contours go round an odd number of times.
     EvenOdd,
-}
-
-/// Shape of the ends of lines.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LineCap {
-    /// Cut straight.
-    Butt,
-    /// Half a disc.
-    Round,
-    /// Half a square.
-    Square,
-}
-
-/// Shape of the corners of lines.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LineJoin {
-    /// Sharp.
-    Miter,
-    /// Round.
-    Round,
-    /// Cut off.
-    Bevel,
-    /// Sharp, and cut off at the limit.
-    MiterClip,
-    /// Sharp, continued along arcs.
-    Arcs,
 }
 
 /// Whether an element is drawn.
@@ -233,10 +208,10 @@ properties! {
     /// Where in the dashes a line begins.
     StrokeDashoffset "stroke-dashoffset" inherited, stroke_dashoffset: Length = Length::px(0.0), loose_length;
     /// Ends of lines.
-    StrokeLinecap "stroke-linecap" inherited, stroke_linecap: LineCap = LineCap::Butt, |_, css|
-        keyword(css, &[("butt", LineCap::Butt), ("round", LineCap::Round), ("square", LineCap::Square)]);
-    /// Corners of lines.
-    StrokeLinejoin "stroke-linejoin" inherited, stroke_linejoin: LineJoin = LineJoin::Miter, |r, css| line_join(r, css);
+    StrokeLinecap "stroke-linecap" inherited, stroke_linecap: Cap = Cap::Butt, |_, css|
+        keyword(css, &[("butt", Cap::Butt), ("round", Cap::Round), ("square", Cap::Square)]);
+    /// Corners of lines; None for `miter-clip` and `arcs`, which few programs draw.
+    StrokeLinejoin "stroke-linejoin" inherited, stroke_linejoin: Option<Join> = Some(Join::Miter), line_join;
     /// Longest sharp corner, in widths of the line.
     StrokeMiterlimit "stroke-miterlimit" inherited, stroke_miterlimit: f64 = 4.0, miter_limit;
     /// Whether lines have no width at any zoom (Inkscape).
@@ -603,13 +578,13 @@ fn fill_rule(_: &Reading, css: &mut Parser<'_>) -> Result<FillRule, Fault> {
     keyword(css, &[("nonzero", FillRule::NonZero), ("evenodd", FillRule::EvenOdd)])
 }
 
-fn line_join(_: &Reading, css: &mut Parser<'_>) -> Result<LineJoin, Fault> {
+fn line_join(_: &Reading, css: &mut Parser<'_>) -> Result<Option<Join>, Fault> {
     let words = [
-        ("miter", LineJoin::Miter),
-        ("round", LineJoin::Round),
-        ("bevel", LineJoin::Bevel),
-        ("miter-clip", LineJoin::MiterClip),
-        ("arcs", LineJoin::Arcs),
+        ("miter", Some(Join::Miter)),
+        ("round", Some(Join::Round)),
+        ("bevel", Some(Join::Bevel)),
+        ("miter-clip", None),
+        ("arcs", None),
     ];
     keyword(css, &words)
 }

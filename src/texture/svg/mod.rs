@@ -44,7 +44,7 @@ use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use crate::parallel;
 use page::Frame;
-pub(super) use source::{foreign_name, is_svg, text};
+pub(super) use source::{is_svg, text};
 use svg_style::Cascade;
 use tally::{Issue, Tally};
 use walk::{Walk, excess};

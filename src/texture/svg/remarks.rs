@@ -82,41 +82,29 @@ impl Remarks {
     /// One message per kind: errors, and warnings.
     pub(super) fn messages(self, path: &str, marking: &Marking) -> (Vec<Diag>, Vec<Diag>) {
         let (mut errors, mut warnings) = (Vec::new(), Vec::new());
-        let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
-        for kind in self.kinds.into_iter().take(MAX_KINDS) {
-            let code = if kind.is_external { "svg-external" } else { "svg-css" };
-            let of =
-                if kind.text.is_empty() || kind.is_external { String::new() } else { format!(" in {:?}", kind.text) };
-            let what = format!("{}{of}", kind.what);
-            let (text, hint) = match kind.is_external {
-                true => (
-                    format!("the style sheet {what} is in another file, which is never opened"),
-                    "embed it in a style element",
-                ),
-                false => (
-                    format!(
-                        "the styles of the drawing hold {what}, which is not read and may change what is seen ({})",
-                        kind.count
-                    ),
-                    "write what is meant as plain values or attributes",
-                ),
-            };
+        let mut tell = |code, text: String, at: Place, hint: &str| {
             if marking.is_lenient {
-                let text = format!("{text}; it is left out");
-                warnings.push(Diag::warning(code, text).at(kind.at.place(path)).hint(hint));
+                warnings.push(Diag::warning(code, format!("{text}; it is left out")).at(at).hint(hint));
             } else {
                 let hint = format!("{hint}, or leave it out with on_unsupported = \"warn\"");
-                errors.push(Diag::input(code, text).at(kind.at.place(path)).hint(hint));
+                errors.push(Diag::input(code, text).at(at).hint(hint));
+            }
+        };
+        let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
+        for Kind { is_external, what, text, count, at } in self.kinds.into_iter().take(MAX_KINDS) {
+            let of = if text.is_empty() { String::new() } else { format!(" in {text:?}") };
+            if is_external {
+                let text = format!("the style sheet {what} is in another file, which is never opened");
+                tell("svg-external", text, at.place(path), "embed it in a style element");
+            } else {
+                let text =
+                    format!("the styles hold {what}{of}, which is not read and may change what is seen ({count})");
+                tell("svg-css", text, at.place(path), "write what is meant as plain values or attributes");
             }
         }
         if rest > 0 {
-            let text = format!("the styles of the drawing hold {rest} more things that are not read");
-            let hint = "export the drawing with presentation attributes";
-            if marking.is_lenient {
-                warnings.push(Diag::warning("svg-css", text).at(Place::file(path)).hint(hint));
-            } else {
-                errors.push(Diag::input("svg-css", text).at(Place::file(path)).hint(hint));
-            }
+            let text = format!("the styles hold {rest} more things that are not read");
+            tell("svg-css", text, Place::file(path), "export the drawing with presentation attributes");
         }
         if let Some((count, text, at)) = self.ignored {
             let text = format!("styles are not valid and are ignored, as browsers do ({count}, first {text:?})");

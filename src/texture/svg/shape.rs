@@ -11,7 +11,7 @@ use super::path;
 use super::servers::Paint;
 use super::state::State;
 use super::stroke::{Curves, Pen, TooMany};
-use super::style::{Ink, cap, join, rule};
+use super::style::{Ink, rule};
 use super::tally::Issue;
 use super::walk::{Done, Purpose, Walk, whole};
 use crate::diag::Diag;
@@ -190,11 +190,11 @@ impl<'a, 'input> Walk<'a, 'input> {
         if style.stroke == svg_style::Paint::None || !(width > 0.0 || style.hairline) {
             return None;
         }
-        let Some(join) = join(style.stroke_linejoin) else {
+        let Some(join) = style.stroke_linejoin else {
             self.note(Issue::Effect, node);
             return None;
         };
-        let (cap, miter) = (cap(style.stroke_linecap), style.stroke_miterlimit);
+        let (cap, miter) = (style.stroke_linecap, style.stroke_miterlimit);
         Some(Pen { width, cap, join, miter, dashes, offset: length(style.stroke_dashoffset) })
     }
 

@@ -8,7 +8,11 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
+use quick_xml::Reader;
+use quick_xml::events::Event;
+
 use crate::diag::{self, Diag, Error, Place};
+use crate::texture::foreign;
 
 /// Largest drawing after unpacking an svgz.
 const MAX_UNPACKED: u64 = 64 << 20;
@@ -33,7 +37,7 @@ pub(in crate::texture) fn text(mut bytes: Vec<u8>, path: &Path) -> Result<String
     if bytes.starts_with(&[0x1f, 0x8b]) {
         bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
     }
-    if let Some(d) = foreign_text(&bytes).or_else(|| foreign_name(path).filter(|_| !is_svg(&bytes))) {
+    if let Some(d) = foreign::text(&bytes).or_else(|| foreign::name(path).filter(|_| !is_svg(&bytes))) {
         return Err(d.at(place).into());
     }
     let text = decoded(bytes).map_err(|d| d.at(place))?;
@@ -42,39 +46,6 @@ pub(in crate::texture) fn text(mut bytes: Vec<u8>, path: &Path) -> Result<String
         f.diag.at(Place::line(path.display().to_string(), line))
     })?;
     Ok(text)
-}
-
-/// What is said of drawings in other formats.
-const DRAWING: &str = "open it in Inkscape and save it as plain SVG, with the page's size in mm";
-
-/// Formats of other programs: how their files begin, the extensions of their names, what they are, what to do.
-const FOREIGN: [(&[u8], &[&str], &str, &str); 4] = [
-    (b"%PDF", &["pdf"], "a PDF document", DRAWING),
-    (b"%!PS", &["ps", "eps", "ai"], "a PostScript drawing", DRAWING),
-    (b"AutoCAD Binary DXF", &[], "a DXF drawing", "give its name the extension .dxf"),
-    (b"AC10", &["dwg"], "a DWG drawing", DRAWING),
-];
-
-/// What is said of a file that its name shows to be no SVG drawing.
-pub(in crate::texture) fn foreign_name(path: &Path) -> Option<Diag> {
-    let is = |extension: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-    let row = FOREIGN.iter().find(|(_, extensions, ..)| extensions.iter().any(is))?;
-    Some(unread(row.2, row.3))
-}
-
-/// What is said of a file that begins as those of other programs do; SVG begins with a `<`, after a byte order mark
-/// and blanks.
-fn foreign_text(bytes: &[u8]) -> Option<Diag> {
-    let row = FOREIGN.iter().find(|(begin, ..)| bytes.starts_with(begin))?;
-    Some(unread(row.2, row.3))
-}
-
-fn unread(what: &str, hint: &str) -> Diag {
-    Diag::input(
-        "svg-format",
-        format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings and bitmaps"),
-    )
-    .hint(hint)
 }
 
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {
@@ -211,63 +182,42 @@ struct Fault {
     at: usize,
 }
 
-/// Scans tags without building anything.
+/// Reads tags without building anything.
 fn check(text: &str) -> Result<(), Box<Fault>> {
     check_entities(text)?;
-    let (mut depth, mut at) = (0usize, 0usize);
-    while let Some(open) = text[at..].find('<').map(|i| at + i) {
-        let rest = &text[open..];
-        let after = |end: &str| rest.find(end).map_or(text.len(), |i| open + i + end.len());
-        at = if rest.starts_with("<!--") {
-            after("-->")
-        } else if rest.starts_with("<![CDATA[") {
-            after("]]>")
-        } else if rest.starts_with("<?") {
-            after("?>")
-        } else {
-            let tag = tag(rest);
-            if rest.starts_with("</") {
-                depth = depth.saturating_sub(1);
-            } else if !rest.starts_with("<!") && !tag.is_empty {
+    let mut reader = Reader::from_str(text);
+    reader.config_mut().check_end_names = false;
+    reader.config_mut().allow_unmatched_ends = true;
+    let mut depth = 0usize;
+    loop {
+        let at = usize::try_from(reader.buffer_position()).unwrap_or(text.len());
+        let fault = |diag: Diag| Box::new(Fault { diag, at });
+        let tag = match reader.read_event() {
+            Ok(Event::Start(tag)) => {
                 depth += 1;
+                tag
             }
-            if depth > MAX_DEPTH {
-                let text = format!("the drawing nests elements deeper than {MAX_DEPTH}");
-                return Err(Fault { diag: Diag::input("svg-deep", text).hint("ungroup the drawing"), at: open }.into());
+            Ok(Event::Empty(tag)) => tag,
+            Ok(Event::End(_)) => {
+                depth = depth.saturating_sub(1);
+                continue;
             }
-            if tag.attributes > MAX_ATTRIBUTES {
-                let text = format!("an element has more than {MAX_ATTRIBUTES} attributes");
-                return Err(
-                    Fault { diag: Diag::input("svg-large", text).hint("save it as plain SVG"), at: open }.into()
-                );
+            Ok(Event::Eof) => return Ok(()),
+            Ok(_) => continue,
+            Err(e) => {
+                let d = Diag::input("svg-xml", format!("the drawing is not well-formed XML: {e}"));
+                return Err(fault(d.hint("save it again as plain SVG")));
             }
-            open + tag.len
         };
-    }
-    Ok(())
-}
-
-struct Tag {
-    len: usize,
-    attributes: usize,
-    /// Whether it closes itself.
-    is_empty: bool,
-}
-
-fn tag(rest: &str) -> Tag {
-    let (mut quote, mut attributes, bytes) = (None, 0, rest.as_bytes());
-    for (i, &b) in bytes.iter().enumerate() {
-        match (b, quote) {
-            (b'"' | b'\'', None) => quote = Some(b),
-            (b, Some(q)) if b == q => {
-                quote = None;
-                attributes += 1;
-            }
-            (b'>', None) => return Tag { len: i + 1, attributes, is_empty: bytes[i - 1] == b'/' },
-            _ => {}
+        if depth > MAX_DEPTH {
+            let text = format!("the drawing nests elements deeper than {MAX_DEPTH}");
+            return Err(fault(Diag::input("svg-deep", text).hint("ungroup the drawing")));
+        }
+        if tag.attributes().with_checks(false).take(MAX_ATTRIBUTES + 1).count() > MAX_ATTRIBUTES {
+            let text = format!("an element has more than {MAX_ATTRIBUTES} attributes");
+            return Err(fault(Diag::input("svg-large", text).hint("save it as plain SVG")));
         }
     }
-    Tag { len: rest.len(), attributes, is_empty: true }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use svg_style::{Display, FillRule, LineCap, LineJoin, Rgba, Style};
+use svg_style::{Display, FillRule, Rgba, Style};
 
 use crate::texture::artwork::{Colour, Rule};
 
@@ -30,24 +30,6 @@ pub(super) fn rule(rule: FillRule) -> Rule {
     match rule {
         FillRule::NonZero => Rule::NonZero,
         FillRule::EvenOdd => Rule::EvenOdd,
-    }
-}
-
-pub(super) fn cap(cap: LineCap) -> kurbo::Cap {
-    match cap {
-        LineCap::Butt => kurbo::Cap::Butt,
-        LineCap::Round => kurbo::Cap::Round,
-        LineCap::Square => kurbo::Cap::Square,
-    }
-}
-
-/// None for those that are not drawn here.
-pub(super) fn join(join: LineJoin) -> Option<kurbo::Join> {
-    match join {
-        LineJoin::Miter => Some(kurbo::Join::Miter),
-        LineJoin::Round => Some(kurbo::Join::Round),
-        LineJoin::Bevel => Some(kurbo::Join::Bevel),
-        LineJoin::MiterClip | LineJoin::Arcs => None,
     }
 }
 

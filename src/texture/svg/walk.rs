@@ -533,7 +533,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             state.map = state.map.after(Map::shift(corner));
         }
         let overflows = state.style.overflows == Some(true);
-        let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| state.map.at(c));
+        let frame = state.map;
         state.port = size;
         match page::view_box(node) {
             Ok(Some(view)) => {
@@ -548,23 +548,28 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let first = self.art.shapes.len();
         self.children(node, &state)?;
-        if overflows { Ok(()) } else { self.frame(corners, first, node) }
+        if overflows { Ok(()) } else { self.frame(frame, size, first, node) }
     }
 
-    /// Cuts the shapes from `first` on at a frame with these corners, page mm.
-    fn frame(&mut self, corners: [[f64; 2]; 4], first: usize, node: Node<'a, 'input>) -> Done {
+    /// Cuts the shapes from `first` on at a frame: a rectangle from the origin in the units of `map`.
+    fn frame(&mut self, map: Map, size: [f64; 2], first: usize, node: Node<'a, 'input>) -> Done {
+        let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| map.at(c));
+        let (back, by) = (map.inverse(), self.tolerance / map.enlarges());
+        let holds = |p: [f64; 2]| back.at(p).iter().zip(size).all(|(&v, side)| v >= -by && v <= side + by);
         let mut made: HashMap<Option<u32>, u32> = HashMap::new();
-        let quadrangle = Quadrangle::new(corners);
         for i in first..self.art.shapes.len() {
             let shape = &self.art.shapes[i];
             let mut lines = shape.lines.clone().map(|k| self.art.lines.get(k));
-            if lines.all(|line| line.iter().all(|&p| quadrangle.holds(p, self.tolerance))) {
+            if lines.all(|line| line.iter().all(|&p| holds(p))) {
                 continue;
             }
             let outer = shape.clip;
             let clip = match made.get(&outer) {
                 Some(&clip) => clip,
-                None => self.clip(outer, quadrangle.area(), node)?,
+                None => {
+                    let area = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
+                    self.clip(outer, area, node)?
+                }
             };
             made.insert(outer, clip);
             self.art.shapes[i].clip = Some(clip);
@@ -655,15 +660,8 @@ pub(super) fn whole([w, h]: [f64; 2], axis: usize) -> f64 {
 }
 
 pub(super) fn excess(excess: Excess) -> Box<Diag> {
-    let text = match excess {
-        Excess::Steps => "applying the style sheet takes more than 40 million comparisons",
-        Excess::Selectors => "the style sheet has more than 4 million selectors, or one of more than 1000 parts",
-        Excess::Depth => "the style sheet nests blocks or brackets deeper than 64",
-        Excess::Variables => "the variables of the style sheet make too much text",
-    };
-    Diag::input("svg-css", text)
-        .hint("save the drawing with presentation attributes instead of a style sheet, or with fewer rules")
-        .into()
+    let hint = "save the drawing with presentation attributes instead of a style sheet, or with fewer rules";
+    Diag::input("svg-css", excess.to_string()).hint(hint).into()
 }
 
 /// The id of an element, or its tag and number, from 1, among all of its tag.
@@ -687,28 +685,4 @@ pub(super) fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
 /// The child of a switch that is drawn: the first whose conditions hold, whether it shows anything or not.
 fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
     switch.children().filter(|n| n.is_element() && is_svg(*n)).find(|n| holds_conditions(*n))
-}
-
-/// A convex figure of four sides, page mm.
-struct Quadrangle([[f64; 2]; 4]);
-
-impl Quadrangle {
-    fn new(corners: [[f64; 2]; 4]) -> Self {
-        Self(corners)
-    }
-
-    /// Whether a point lies in it, or at most `by` outside.
-    fn holds(&self, p: [f64; 2], by: f64) -> bool {
-        let side = |k: usize| {
-            let (a, b) = (self.0[k], self.0[(k + 1) % 4]);
-            let d = [b[0] - a[0], b[1] - a[1]];
-            (d[0] * (p[1] - a[1]) - d[1] * (p[0] - a[0])) / d[0].hypot(d[1])
-        };
-        let sides = [0, 1, 2, 3].map(side);
-        sides.iter().all(|&s| s >= -by) || sides.iter().all(|&s| s <= by)
-    }
-
-    fn area(&self) -> Area {
-        Area::new([self.0.as_slice()].into_iter(), Rule::NonZero).expect("four edges")
-    }
 }
