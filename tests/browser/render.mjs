@@ -52,6 +52,14 @@ function halt() {
   document.documentElement.setCurrentTime(0);
 }
 
+/** Runs in the page: ends once it has been laid out and painted in the window that it has now. */
+function painted() {
+  return new Promise((done) => {
+    requestAnimationFrame(() => requestAnimationFrame(done));
+    setTimeout(done, 1000);
+  });
+}
+
 /** Size of the page in CSS pixels and the window that shows it: a box that follows the window is one without a size. */
 function layout(small, large) {
   const [a, b] = [small.box, large.box];
@@ -87,6 +95,7 @@ async function render(page, session, { file, out, perMm, side }) {
     await window(Math.ceil(size[0] - 1e-3), Math.ceil(size[1] - 1e-3), scale);
   }
   await page.evaluate(halt);
+  await page.evaluate(painted);
   const shot = await session.send("Page.captureScreenshot", { format: "png", optimizeForSpeed: true });
   writeFileSync(out, Buffer.from(shot.data, "base64"));
   return { page: size };

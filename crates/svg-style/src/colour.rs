@@ -157,7 +157,7 @@ fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fau
                 unresolved(reading, css).map(|_| light)
             });
         }
-        Some((name @ ("contrast-color" | "device-cmyk" | "alpha" | "color-contrast"), true)) => {
+        Some((name @ ("contrast-color" | "alpha" | "color-contrast"), true)) => {
             return Err(reading.unknown(format!("{name}()")));
         }
         Some((name, false)) => {
@@ -171,11 +171,28 @@ fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fau
         _ => {}
     }
     css.reset(&before);
-    let parsed = css.try_parse(|css| parse_color_with(&Components(reading), css));
+    let is_legacy = has_commas(css);
+    let parsed = css.try_parse(|css| parse_color_with(&Components { reading, is_legacy }, css));
     if parsed.is_err() && name.is_some_and(|(_, is_function)| is_function) && is_relative(css) {
         return Err(reading.unknown("a colour relative to another (from)"));
     }
     parsed.map(|Parsed(colour)| colour)
+}
+
+/// Whether the arguments of a function that comes next are parted by commas, where percentages need their sign.
+fn has_commas(css: &mut Parser<'_>) -> bool {
+    let before = css.state();
+    let mut found = false;
+    if css.expect_function().is_ok() {
+        let _ = css.parse_nested_block(|css| {
+            while let Ok(token) = css.next() {
+                found |= *token == Token::Comma;
+            }
+            Ok::<_, Fault>(())
+        });
+    }
+    css.reset(&before);
+    found
 }
 
 /// Whether a colour function takes its components from another colour (CSS Color 5).
@@ -224,7 +241,7 @@ fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
         [Some(a), Some(b)] => [a, b],
     };
     if a + b <= 0.0 {
-        return Err(Fault::unexpected_token());
+        return Ok(Parsed::from_rgba(0, 0, 0, 0.0).0);
     }
     let (second_share, alpha) = (b / (a + b), (a + b).min(1.0));
     let colours = [first, second];
@@ -261,14 +278,17 @@ fn space_of(name: &str) -> Option<ColorSpaceTag> {
 }
 
 /// Components of colour functions, in which `calc()` may stand.
-struct Components<'a>(&'a Reading);
+struct Components<'a> {
+    reading: &'a Reading,
+    is_legacy: bool,
+}
 
 impl<'i> ColorParser<'i> for Components<'_> {
     type Output = Parsed;
     type Error = ();
 
     fn parse_angle_or_number(&self, css: &mut Parser<'_>) -> Result<AngleOrNumber, Fault> {
-        match quantity(self.0, css)? {
+        match quantity(self.reading, css)? {
             Quantity::Number(value) => Ok(AngleOrNumber::Number { value: value as f32 }),
             Quantity::Angle(degrees) => Ok(AngleOrNumber::Angle { degrees: degrees as f32 }),
             Quantity::Length(_) => Err(Fault::unexpected_token()),
@@ -276,18 +296,19 @@ impl<'i> ColorParser<'i> for Components<'_> {
     }
 
     fn parse_percentage(&self, css: &mut Parser<'_>) -> Result<f32, Fault> {
-        match quantity(self.0, css)? {
+        match quantity(self.reading, css)? {
             Quantity::Length(Length { px: 0.0, em: 0.0, rem: 0.0, share, .. }) => Ok(share as f32),
+            Quantity::Number(percent) if !self.is_legacy => Ok((percent / 100.0) as f32),
             _ => Err(Fault::unexpected_token()),
         }
     }
 
     fn parse_number(&self, css: &mut Parser<'_>) -> Result<f32, Fault> {
-        super::value::number(self.0, css).map(|v| v as f32)
+        super::value::number(self.reading, css).map(|v| v as f32)
     }
 
     fn parse_number_or_percentage(&self, css: &mut Parser<'_>) -> Result<NumberOrPercentage, Fault> {
-        match quantity(self.0, css)? {
+        match quantity(self.reading, css)? {
             Quantity::Number(value) => Ok(NumberOrPercentage::Number { value: value as f32 }),
             Quantity::Length(Length { px: 0.0, em: 0.0, rem: 0.0, share, .. }) => {
                 Ok(NumberOrPercentage::Percentage { unit_value: share as f32 })
@@ -335,19 +356,19 @@ impl FromParsedColor for Parsed {
     }
 
     fn from_lab(l: Option<f32>, a: Option<f32>, b: Option<f32>, alpha: Option<f32>) -> Self {
-        Self::new(ColorSpaceTag::Lab, [l, a, b, alpha])
+        Self::new(ColorSpaceTag::Lab, [l.map(|l| l.clamp(0.0, 100.0)), a, b, alpha])
     }
 
     fn from_lch(l: Option<f32>, c: Option<f32>, h: Option<f32>, alpha: Option<f32>) -> Self {
-        Self::new(ColorSpaceTag::Lch, [l, c, h, alpha])
+        Self::new(ColorSpaceTag::Lch, [l.map(|l| l.clamp(0.0, 100.0)), c, h, alpha])
     }
 
     fn from_oklab(l: Option<f32>, a: Option<f32>, b: Option<f32>, alpha: Option<f32>) -> Self {
-        Self::new(ColorSpaceTag::Oklab, [l, a, b, alpha])
+        Self::new(ColorSpaceTag::Oklab, [l.map(|l| l.clamp(0.0, 1.0)), a, b, alpha])
     }
 
     fn from_oklch(l: Option<f32>, c: Option<f32>, h: Option<f32>, alpha: Option<f32>) -> Self {
-        Self::new(ColorSpaceTag::Oklch, [l, c, h, alpha])
+        Self::new(ColorSpaceTag::Oklch, [l.map(|l| l.clamp(0.0, 1.0)), c, h, alpha])
     }
 
     fn from_color_function(

@@ -104,7 +104,7 @@ fn query(css: &mut Parser<'_>) -> Result<Holds, Fault> {
 }
 
 /// Features of media that follow from what a drawing is seen on, and by which value.
-const FEATURES: [(&str, &str); 8] = [
+const FEATURES: [(&str, &str); 9] = [
     ("prefers-color-scheme", "light"),
     ("prefers-reduced-motion", "no-preference"),
     ("prefers-reduced-transparency", "no-preference"),
@@ -113,6 +113,7 @@ const FEATURES: [(&str, &str); 8] = [
     ("inverted-colors", "none"),
     ("scripting", "none"),
     ("grid", "0"),
+    ("monochrome", "0"),
 ];
 
 /// A feature or a condition in brackets.
@@ -177,8 +178,16 @@ fn in_supports(css: &mut Parser<'_>) -> Result<Holds, Fault> {
             if let Ok(holds) = css.try_parse(|css| css.parse_entirely(|css| condition(css, &mut in_supports))) {
                 return Ok(holds);
             }
-            let name = css.expect_ident()?.to_ascii_lowercase();
-            css.expect_colon()?;
+            let name = css.try_parse(|css| {
+                let name = css.expect_ident()?.to_ascii_lowercase();
+                css.expect_colon()?;
+                Ok::<_, Fault>(name)
+            });
+            let Ok(name) = name else {
+                // Something that no browser knows.
+                all_tokens(css)?;
+                return Ok(Holds::No);
+            };
             let start = css.position();
             all_tokens(css)?;
             let text = css.slice_from(start).trim();

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use cssparser::{Parser, Token};
+use cssparser::{Parser, Token, parse_important};
 
 use super::property::{LASTING, NOTHING, Other, Property, Value, other, size_in_font};
 use super::value::{Fault, Reading, Source};
@@ -99,7 +99,11 @@ pub(crate) fn declare(
 fn value_of(name: &str, text: &str, property: Property, reading: &Reading) -> Result<Option<Value>, Fault> {
     let mut css = Parser::new(text);
     match name {
-        "font" => Ok(size_in_font(reading, &mut css).map(Value::FontSize)),
+        "font" => match size_in_font(reading, &mut css) {
+            // Without a family it is not valid.
+            Some(_) if css.is_exhausted() => Err(Fault::unexpected_token()),
+            size => Ok(size.map(Value::FontSize)),
+        },
         _ => property.parse(reading, &mut css).map(Some),
     }
 }
@@ -141,6 +145,7 @@ pub(crate) enum Support {
 
 /// Whether browsers support a declaration.
 pub(crate) fn supports(name: &str, text: &str) -> Support {
+    let (text, _) = without_important(text);
     if name.starts_with("--") {
         return Support::Yes;
     }
@@ -157,9 +162,25 @@ pub(crate) fn supports(name: &str, text: &str) -> Support {
 
 /// A value without its `!important`, and whether it had one.
 pub(crate) fn without_important(text: &str) -> (&str, bool) {
-    match text.rsplit_once('!') {
-        Some((value, word)) if word.trim().eq_ignore_ascii_case("important") => (value.trim_end(), true),
-        _ => (text, false),
+    if !text.contains('!') {
+        return (text, false);
+    }
+    let mut css = Parser::new(text);
+    let start = css.position();
+    loop {
+        let end = css.position();
+        let before = css.state();
+        match css.next_including_whitespace_and_comments() {
+            Err(_) => return (text, false),
+            Ok(Token::Delim('!')) => {
+                css.reset(&before);
+                if css.try_parse(parse_important).is_ok() && css.is_exhausted() {
+                    return (css.slice(start..end).trim_end(), true);
+                }
+                let _ = css.next();
+            }
+            Ok(_) => {}
+        }
     }
 }
 

@@ -44,8 +44,8 @@ pub use colour::{Colour, Rgba};
 use declaration::{Declaration, Said, Wide, declare};
 pub use link::{Link, local};
 pub use map::Map;
-use property::Property;
 pub use property::{Auto, Background, Display, FillRule, Layer, Paint, Reference, Style};
+use property::{Property, Value};
 use selector::{At, Tree};
 use sheet::Sheets;
 pub use transform::{Reference as ReferenceBox, Transform, TransformBox};
@@ -68,6 +68,8 @@ pub struct Remark {
     pub text: String,
     /// Line of the drawing, from 1; None for attributes of an element.
     pub line: Option<u32>,
+    /// It is of an attribute of its own.
+    pub is_attribute: bool,
 }
 
 /// How much it matters that something is not read.
@@ -92,7 +94,7 @@ impl Remark {
         if text.chars().count() > MAX_TEXT {
             text = text.chars().take(MAX_TEXT - 3).collect::<String>() + "...";
         }
-        Self { weight, property: property.to_owned(), text, line: None }
+        Self { weight, property: property.to_owned(), text, line: None, is_attribute: false }
     }
 }
 
@@ -165,10 +167,10 @@ impl Cascade {
                 sheets.remark(Weight::External, &format!("<?xml-stylesheet {text}?>"), 1);
             }
         }
-        let mut nodes = 0;
+        let (mut nodes, mut title) = (0, None);
         for node in doc.descendants() {
             nodes += 1;
-            read_sheet(doc, node, &mut sheets)?;
+            read_sheet(doc, node, &mut title, &mut sheets)?;
         }
         sheets.finish();
         let (tree, made) = (Tree::new(nodes), Made::default());
@@ -214,7 +216,7 @@ impl Cascade {
             let inline = inline.iter().map(|block| ((Origin::Inline, 0, 0), block));
             rules.chain(inline)
         };
-        let mut all: Vec<(Rank, &Declaration)> = Vec::new();
+        let mut all: Vec<(Rank, Origin, &Declaration)> = Vec::new();
         let rank = |is_important: bool, (origin, specificity, order): Place, place: usize| {
             let origin = match origin {
                 Origin::Rule(layer) if is_important => Origin::Rule(usize::MAX - layer),
@@ -222,27 +224,25 @@ impl Cascade {
             };
             Rank { is_important, origin, specificity, order: order * ORDER + place }
         };
-        all.extend(hints.iter().enumerate().map(|(i, d)| (rank(false, (Origin::Hint, 0, 0), i), d)));
-        let mut variables: BTreeMap<&Arc<str>, (Rank, &Arc<str>)> = BTreeMap::new();
+        all.extend(hints.iter().enumerate().map(|(i, d)| (rank(false, (Origin::Hint, 0, 0), i), Origin::Hint, d)));
+        let mut variables: BTreeMap<&Arc<str>, Vec<(Rank, Origin, &Arc<str>)>> = BTreeMap::new();
         for (place, block) in blocks() {
-            all.extend(block.declarations.iter().enumerate().map(|(i, d)| (rank(d.is_important, place, i), d)));
+            all.extend(
+                block.declarations.iter().enumerate().map(|(i, d)| (rank(d.is_important, place, i), place.0, d)),
+            );
             for (i, (name, text, is_important)) in block.variables.iter().enumerate() {
-                let rank = rank(*is_important, place, i);
-                let best = variables.entry(name).or_insert((rank, text));
-                if best.0 <= rank {
-                    *best = (rank, text);
-                }
+                variables.entry(name).or_default().push((rank(*is_important, place, i), place.0, text));
             }
         }
-        let variables = variables.into_iter().filter_map(|(name, (_, text))| declared_variable(name, text)).collect();
+        let variables = variables.into_iter().filter_map(|(name, all)| declared_variable(name, all)).collect();
         style.variables = parent.variables.with(&variables, &mut self.made)?;
         // By property, the strongest first.
-        all.sort_by(|a, b| (a.1.property, b.0).cmp(&(b.1.property, a.0)));
+        all.sort_by(|a, b| (a.2.property, b.0).cmp(&(b.2.property, a.0)));
         let mut at = 0;
         while at < all.len() {
-            let end = at + all[at..].iter().take_while(|d| d.1.property == all[at].1.property).count();
+            let end = at + all[at..].iter().take_while(|d| d.2.property == all[at].2.property).count();
             decide(&mut style, parent, &all[at..end], &mut self.made, &mut remarks)?;
-            if all[at].1.property == Property::FontSize {
+            if all[at].2.property == Property::FontSize {
                 let own = &mut style.font_size;
                 own.compute(parent.font_size.px, self.root_font_px);
                 if node.parent_element().is_none() {
@@ -270,7 +270,8 @@ impl Cascade {
             let is_renamed = name != attribute.name();
             let property = Property::of(name).filter(|p| p.name() == name && (is_renamed || p.is_attribute(tag)));
             if property.is_some() {
-                remarks.extend(declare(name, attribute.value(), false, Source::Attribute, &mut hints));
+                let remark = declare(name, attribute.value(), false, Source::Attribute, &mut hints);
+                remarks.extend(remark.map(|r| Remark { is_attribute: true, ..r }));
             }
         }
         hints
@@ -307,15 +308,15 @@ impl Cascade {
 fn decide(
     style: &mut Style,
     parent: &Style,
-    declared: &[(Rank, &Declaration)],
+    declared: &[(Rank, Origin, &Declaration)],
     made: &mut Made,
     remarks: &mut Vec<Remark>,
 ) -> Result<(), Excess> {
-    let property = declared[0].1.property;
-    let mut below: Option<Rank> = None;
-    for (rank, declaration) in declared {
+    let property = declared[0].2.property;
+    let mut reverted = Vec::new();
+    for (_, origin, declaration) in declared {
         // After `revert-layer` what stands in the same layer does not count.
-        if below.is_some_and(|b| (b.is_important, b.origin) == (rank.is_important, rank.origin)) {
+        if reverted.contains(origin) {
             continue;
         }
         let wide = match &declaration.said {
@@ -334,12 +335,17 @@ fn decide(
             },
         };
         match wide {
+            Wide::Inherit | Wide::Initial | Wide::Unset if property == Property::Overflow => {
+                // Nested drawings hide what leaves them by the sheet of the browser alone.
+                let inherited = if wide == Wide::Inherit { parent.overflows } else { None };
+                style.set(&Value::Overflow(Some(inherited.unwrap_or(true))));
+            }
             Wide::Inherit => style.take(property, parent),
             Wide::Initial => style.take(property, &Style::initial()),
             Wide::Unset | Wide::Revert if property.is_inherited() => style.take(property, parent),
             Wide::Unset | Wide::Revert => style.take(property, &Style::initial()),
             Wide::RevertLayer => {
-                below = Some(*rank);
+                reverted.push(*origin);
                 continue;
             }
         }
@@ -371,17 +377,31 @@ type Place = (Origin, u32, usize);
 /// More than a block has declarations.
 const ORDER: usize = 1 << 24;
 
-/// A custom property and its text; None where it is taken away or kept as the parent has it.
-fn declared_variable(name: &Arc<str>, text: &Arc<str>) -> Option<(Arc<str>, Option<Arc<str>>)> {
-    match text.trim().to_ascii_lowercase().as_str() {
-        "initial" => Some((name.clone(), None)),
-        "inherit" | "unset" | "revert" | "revert-layer" => None,
-        _ => Some((name.clone(), Some(text.clone()))),
+/// A custom property and its text, by its declarations; None where it is taken away or kept as the parent has it.
+fn declared_variable(name: &Arc<str>, mut all: Vec<(Rank, Origin, &Arc<str>)>) -> Option<(Arc<str>, Option<Arc<str>>)> {
+    all.sort_by(|a, b| b.0.cmp(&a.0));
+    let mut reverted = Vec::new();
+    for (_, origin, text) in all {
+        if reverted.contains(&origin) {
+            continue;
+        }
+        match text.trim().to_ascii_lowercase().as_str() {
+            "revert-layer" => reverted.push(origin),
+            "initial" => return Some((name.clone(), None)),
+            "inherit" | "unset" | "revert" => return None,
+            _ => return Some((name.clone(), Some(text.clone()))),
+        }
     }
+    None
 }
 
 /// Reads the style sheet that an element holds, if it is one.
-fn read_sheet(doc: &Document<'_>, node: Node<'_, '_>, sheets: &mut Sheets) -> Result<(), Excess> {
+fn read_sheet<'a>(
+    doc: &Document<'_>,
+    node: Node<'a, '_>,
+    title: &mut Option<&'a str>,
+    sheets: &mut Sheets,
+) -> Result<(), Excess> {
     let namespace = node.tag_name().namespace();
     let line = || doc.text_pos_at(node.range().start).row;
     match (node.tag_name().name(), namespace) {
@@ -399,6 +419,13 @@ fn read_sheet(doc: &Document<'_>, node: Node<'_, '_>, sheets: &mut Sheets) -> Re
     let kind = node.attribute("type").unwrap_or_default();
     if !(kind.is_empty() || kind.eq_ignore_ascii_case("text/css")) {
         sheets.remark(Weight::Ignored, &format!("<style type={kind:?}>"), line());
+        return Ok(());
+    }
+    // Of sheets with titles only those with the first one count (CSSOM, 6.2.3).
+    if let Some(own) = node.attribute("title").filter(|t| !t.is_empty())
+        && *title.get_or_insert(own) != own
+    {
+        sheets.remark(Weight::Ignored, &format!("<style title={own:?}>"), line());
         return Ok(());
     }
     let holds = condition::media(&mut cssparser::Parser::new(node.attribute("media").unwrap_or_default()));

@@ -660,9 +660,9 @@ fn dashes(reading: &Reading, css: &mut Parser<'_>) -> Result<Arc<[Length]>, Faul
     let mut all = Vec::new();
     loop {
         all.push(not_negative(loose_length(reading, css)?)?);
-        let _ = css.try_parse(Parser::expect_comma);
+        let has_comma = css.try_parse(Parser::expect_comma).is_ok();
         if css.is_exhausted() {
-            return Ok(all.into());
+            return if has_comma { Err(Fault::unexpected_token()) } else { Ok(all.into()) };
         }
     }
 }
@@ -716,6 +716,12 @@ fn size(reading: &Reading, css: &mut Parser<'_>) -> Result<Auto, Fault> {
 }
 
 fn radius(reading: &Reading, css: &mut Parser<'_>) -> Result<Auto, Fault> {
+    if reading.source == Source::Attribute {
+        // A length that is negative is not valid; what is no length at all is 0, as browsers have it.
+        let length = css.try_parse(|css| loose_length(reading, css)).unwrap_or_default();
+        while css.next().is_ok() {}
+        return not_negative(length).map(Some);
+    }
     if is_next(css, "auto") { Ok(None) } else { not_negative(loose_length(reading, css)?).map(Some) }
 }
 

@@ -112,7 +112,7 @@ impl SelectorImpl for Svg {
 }
 
 /// Pseudo-classes that match nothing while nobody points at, edits or plays a drawing.
-const DYNAMIC: [&str; 40] = [
+const DYNAMIC: [&str; 33] = [
     "hover",
     "active",
     "focus",
@@ -134,6 +134,7 @@ const DYNAMIC: [&str; 40] = [
     "optional",
     "user-valid",
     "user-invalid",
+    "read-only",
     "read-write",
     "placeholder-shown",
     "autofill",
@@ -143,16 +144,8 @@ const DYNAMIC: [&str; 40] = [
     "popover-open",
     "open",
     "picture-in-picture",
-    "playing",
-    "paused",
-    "seeking",
-    "buffering",
-    "stalled",
-    "muted",
-    "volume-locked",
-    "current",
     "past",
-    "future",
+    "host",
 ];
 
 /// The pseudo-elements that browsers know.
@@ -209,15 +202,11 @@ impl<'i> parser::Parser<'i> for Names {
         true
     }
 
-    fn is_is_alias(&self, name: &str) -> bool {
-        name.eq_ignore_ascii_case("-webkit-any")
-    }
-
     fn parse_non_ts_pseudo_class(&self, name: &str) -> Result<PseudoClass, ParseError<SelectorParseErrorKind>> {
         let name = name.to_ascii_lowercase();
         match name.as_str() {
             "link" | "any-link" | "-webkit-any-link" => Ok(PseudoClass::Link),
-            "defined" | "read-only" => Ok(PseudoClass::Defined),
+            "defined" => Ok(PseudoClass::Defined),
             other if DYNAMIC.contains(&other) => Ok(PseudoClass::Dynamic(name)),
             _ => Err(self.unsupported()),
         }
@@ -230,11 +219,14 @@ impl<'i> parser::Parser<'i> for Names {
         _after_part: bool,
     ) -> Result<PseudoClass, ParseError<SelectorParseErrorKind>> {
         if name.eq_ignore_ascii_case("lang") {
-            let range = |css: &mut CssParser<'i>| Ok(css.expect_ident_or_string()?.to_ascii_lowercase());
+            let range = |css: &mut CssParser<'i>| Ok(css.expect_ident()?.to_ascii_lowercase());
             return css.parse_comma_separated(range).map(PseudoClass::Lang);
         }
         let name = name.to_ascii_lowercase();
-        if matches!(name.as_str(), "dir" | "state" | "host" | "host-context" | "nth-col" | "nth-last-col") {
+        if matches!(
+            name.as_str(),
+            "dir" | "state" | "host" | "host-context" | "nth-col" | "nth-last-col" | "-webkit-any"
+        ) {
             self.unknown.borrow_mut().get_or_insert(format!("the selector :{name}()"));
         }
         Err(self.unsupported())
@@ -243,6 +235,17 @@ impl<'i> parser::Parser<'i> for Names {
     fn parse_pseudo_element(&self, name: &str) -> Result<PseudoElement, ParseError<SelectorParseErrorKind>> {
         let name = name.to_ascii_lowercase();
         let is_known = PSEUDO_ELEMENTS.contains(&name.as_str()) || name.starts_with("-webkit-");
+        if is_known { Ok(PseudoElement(name)) } else { Err(self.unsupported()) }
+    }
+
+    fn parse_functional_pseudo_element(
+        &self,
+        name: &str,
+        arguments: &mut CssParser<'i>,
+    ) -> Result<PseudoElement, ParseError<SelectorParseErrorKind>> {
+        let name = name.to_ascii_lowercase();
+        while arguments.next().is_ok() {}
+        let is_known = matches!(name.as_str(), "part" | "slotted" | "cue" | "highlight") || name.starts_with("view-");
         if is_known { Ok(PseudoElement(name)) } else { Err(self.unsupported()) }
     }
 

@@ -385,6 +385,8 @@ impl<'i> AtRuleParser<'i> for Reader<'_> {
 
     fn parse_block(&mut self, at: At, start: &ParserState, css: &mut Parser<'i>) -> Result<(), Fault> {
         let outer = self.layer;
+        // What was declared before is of the layer out here.
+        self.flush();
         match at {
             At::Group(Holds::Yes) => {}
             At::Layers(names) if names.len() < 2 => {
@@ -404,8 +406,6 @@ impl<'i> AtRuleParser<'i> for Reader<'_> {
             }
             _ => return Err(Fault::unexpected_token()),
         }
-        // What was declared before stays before; what is declared in here is of the layer in here.
-        self.flush();
         self.body(css);
         self.flush();
         self.layer = outer;

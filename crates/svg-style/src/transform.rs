@@ -7,7 +7,9 @@ use cssparser::Parser;
 
 use super::map::Map;
 use super::property::Style;
-use super::value::{Fault, Length, Reading, Source, angle, is_next, keyword, length, number, number_or_share};
+use super::value::{
+    Fault, Length, Quantity, Reading, Source, angle, is_next, keyword, length, number, number_or_share, quantity,
+};
 
 /// A box in the units of an element: its corner and size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,7 +206,7 @@ pub(crate) fn rotate(reading: &Reading, css: &mut Parser<'_>) -> Result<Transfor
     if is_next(css, "none") {
         return Ok(Transform::default());
     }
-    let mut degrees = css.try_parse(|css| angle(reading, css)).ok();
+    let mut degrees = css.try_parse(|css| degrees_alone(reading, css)).ok();
     let axis =
         css.try_parse(|css| keyword(css, &[("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])]));
     let axis = axis.or_else(|_| {
@@ -224,6 +226,14 @@ pub(crate) fn rotate(reading: &Reading, css: &mut Parser<'_>) -> Result<Transfor
         Err(_) => Ok(Transform::one(Step::Matrix(Map::turn(degrees)))),
         Ok([0.0, 0.0, z]) if z != 0.0 => Ok(Transform::one(Step::Matrix(Map::turn(degrees * z.signum())))),
         Ok(_) => Err(reading.unknown("rotate about an axis in the plane")),
+    }
+}
+
+/// An angle that is written as one: 0 may begin an axis.
+fn degrees_alone(reading: &Reading, css: &mut Parser<'_>) -> Result<f64, Fault> {
+    match quantity(reading, css)? {
+        Quantity::Angle(degrees) => Ok(degrees),
+        _ => Err(Fault::unexpected_token()),
     }
 }
 

@@ -50,8 +50,10 @@ impl Variables {
         for (name, text) in declared {
             let Some(text) = text else { continue };
             let mut open = vec![name.clone()];
-            if let Some(text) = expanded(text, &|name| self.lookup(declared, name), &mut open, made)? {
-                all.insert(name.clone(), text.into());
+            match expanded(text, &|name| self.lookup(declared, name), &mut open, made) {
+                Ok(Some(text)) => _ = all.insert(name.clone(), text.into()),
+                Ok(None) | Err(Stop::Circle(_)) => {}
+                Err(Stop::Excess) => return Err(Excess::Variables),
             }
         }
         Ok(Self(Arc::new(all)))
@@ -67,46 +69,58 @@ impl Variables {
 
     /// A value with its variables put in; None where one is missing.
     pub(crate) fn substituted(&self, text: &str, made: &mut Made) -> Result<Option<String>, Excess> {
-        expanded(text, &|name| self.0.get(name).cloned(), &mut Vec::new(), made)
+        match expanded(text, &|name| self.0.get(name).cloned(), &mut Vec::new(), made) {
+            Ok(text) => Ok(text),
+            Err(Stop::Circle(_)) => Ok(None),
+            Err(Stop::Excess) => Err(Excess::Variables),
+        }
     }
 }
 
 /// Whether a value refers to variables.
 pub(crate) fn has_variables(text: &str) -> bool {
-    // Cheap, and enough: the name of the function may be written with other letters, which is rarer than rare.
-    text.as_bytes().windows(4).any(|w| w.eq_ignore_ascii_case(b"var("))
+    if !text.contains('\\') {
+        return text.as_bytes().windows(4).any(|w| w.eq_ignore_ascii_case(b"var("));
+    }
+    // The name of the function may be escaped.
+    let mut css = Parser::new(text);
+    css.look_for_arbitrary_substitution_functions(&["var"]);
+    while css.next().is_ok() {}
+    css.seen_arbitrary_substitution_functions()
+}
+
+/// Why variables are not put in.
+enum Stop {
+    /// The open variable of this place is in a circle, and with it all that were opened after it.
+    Circle(usize),
+    Excess,
 }
 
 type Lookup<'a> = &'a dyn Fn(&str) -> Option<Arc<str>>;
 
 /// A text with its variables put in; None where one is missing, or refers to itself.
-fn expanded(
-    text: &str,
-    lookup: Lookup<'_>,
-    open: &mut Vec<Arc<str>>,
-    made: &mut Made,
-) -> Result<Option<String>, Excess> {
-    made.spend(text.len())?;
+fn expanded(text: &str, lookup: Lookup<'_>, open: &mut Vec<Arc<str>>, made: &mut Made) -> Result<Option<String>, Stop> {
+    made.spend(text.len()).map_err(|_| Stop::Excess)?;
     if !has_variables(text) {
         return Ok(Some(text.to_owned()));
     }
     if open.len() > MAX_DEPTH {
-        return Err(Excess::Variables);
+        return Err(Stop::Excess);
     }
     let mut out = String::new();
-    let mut excess = None;
+    let mut stop = None;
     let result = Parser::new(text).parse_entirely(|css| {
         copy(css, &mut out, &mut |name, fallback| {
             let found = replacement(name, fallback, lookup, open, made);
             found.unwrap_or_else(|e| {
-                excess = Some(e);
+                stop = Some(e);
                 None
             })
         })
     });
-    match excess {
+    match stop {
         Some(e) => Err(e),
-        None if out.len() > MAX_VALUE => Err(Excess::Variables),
+        None if out.len() > MAX_VALUE => Err(Stop::Excess),
         None => Ok(result.is_ok().then_some(out)),
     }
 }
@@ -118,17 +132,22 @@ fn replacement(
     lookup: Lookup<'_>,
     open: &mut Vec<Arc<str>>,
     made: &mut Made,
-) -> Result<Option<String>, Excess> {
-    if open.iter().any(|o| &**o == name) {
+) -> Result<Option<String>, Stop> {
+    if let Some(place) = open.iter().position(|o| &**o == name) {
         // In a circle no fallback counts (CSS Variables 1, 2.3).
-        return Ok(None);
+        return Err(Stop::Circle(place));
     }
     if let Some(text) = lookup(name) {
+        let own = open.len();
         open.push(name.into());
         let value = expanded(&text, lookup, open, made);
         open.pop();
-        if let Some(value) = value? {
-            return Ok(Some(value));
+        match value {
+            Ok(Some(value)) => return Ok(Some(value)),
+            Ok(None) => {}
+            // Who refers to a member of the circle from outside has its fallback.
+            Err(Stop::Circle(place)) if place >= own => {}
+            Err(stop) => return Err(stop),
         }
     }
     fallback.map_or(Ok(None), |text| expanded(text, lookup, open, made))

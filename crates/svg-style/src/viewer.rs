@@ -3,9 +3,27 @@
 use roxmltree::Node;
 
 /// Whether an element is for a viewer in English without extensions (SVG 2, 5.8; features are no longer asked for). What
-/// others refer to has no conditions.
+/// others refer to and unknown elements have no conditions.
 pub fn holds_conditions(node: Node<'_, '_>) -> bool {
-    if matches!(node.tag_name().name(), "clipPath" | "mask" | "pattern" | "marker" | "symbol") {
+    const WITH_CONDITIONS: [&str; 16] = [
+        "a",
+        "circle",
+        "ellipse",
+        "foreignObject",
+        "g",
+        "image",
+        "line",
+        "path",
+        "polygon",
+        "polyline",
+        "rect",
+        "svg",
+        "switch",
+        "text",
+        "tspan",
+        "use",
+    ];
+    if !WITH_CONDITIONS.contains(&node.tag_name().name()) {
         return true;
     }
     let speaks = |list: &str| {

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use roxmltree::Node;
 use svg_style::{Length, Map, Style};
-use svgtypes::{Align, AspectRatio, ViewBox, ViewBoxError};
+use svgtypes::{Align, AspectRatio, NumberListParser, ViewBox, ViewBoxError};
 
 use crate::diag::Diag;
 use crate::geom::{MAX_NM, NM_PER_MM};
@@ -72,6 +72,9 @@ fn no_size() -> Diag {
 /// The viewBox of an element, if it has one.
 pub(super) fn view_box(node: Node<'_, '_>) -> Result<Option<ViewBox>, ViewBoxError> {
     let Some(text) = node.attribute("viewBox") else { return Ok(None) };
+    if NumberListParser::from(text).take(5).count() != 4 {
+        return Err(ViewBoxError::InvalidNumber);
+    }
     let view = ViewBox::from_str(text)?;
     let all_finite = [view.x, view.y, view.w, view.h].iter().all(|v| v.is_finite());
     if all_finite { Ok(Some(view)) } else { Err(ViewBoxError::InvalidNumber) }
@@ -79,7 +82,13 @@ pub(super) fn view_box(node: Node<'_, '_>) -> Result<Option<ViewBox>, ViewBoxErr
 
 pub(super) fn aspect(node: Node<'_, '_>) -> AspectRatio {
     let text = node.attribute("preserveAspectRatio").unwrap_or_default();
-    AspectRatio::from_str(text).unwrap_or(AspectRatio { defer: false, align: Align::XMidYMid, slice: false })
+    // An old word that no viewer knows any more, or one too many, and all of it is as if it was not there.
+    let is_known = !text.contains("defer") && text.split_whitespace().count() <= 2;
+    AspectRatio::from_str(if is_known { text } else { "" }).unwrap_or(AspectRatio {
+        defer: false,
+        align: Align::XMidYMid,
+        slice: false,
+    })
 }
 
 /// A side of the root in px, and whether it is physical; None where it is left open. Some programs write `100 mm`, with

@@ -7,7 +7,7 @@ use svg_style::{Map, Reference, ReferenceBox, local};
 
 use super::page::{self, view_map};
 use super::state::State;
-use super::style::{Coat, Ink, painted, rule};
+use super::style::{Coat, Ink, is_gone, painted, rule};
 use super::tally::Issue;
 use super::walk::{Done, Purpose, SHAPES, Walk, href};
 use crate::diag::Diag;
@@ -72,6 +72,12 @@ impl<'a, 'input> Walk<'a, 'input> {
         };
         let server = self.target(&id);
         match server.map(|s| s.tag_name().name()) {
+            Some("pattern" | "linearGradient" | "radialGradient") if self.is_switched_off(server)? => {
+                // Browsers paint nothing, other viewers do.
+                self.note(Issue::Paint, node);
+                return Ok(Paint::None);
+            }
+            Some("pattern") if self.is_empty_pattern(server) => {}
             Some("pattern") => return Ok(server.map_or(Paint::None, Paint::Pattern)),
             Some("linearGradient" | "radialGradient") => {
                 let opacity =
@@ -105,6 +111,17 @@ impl<'a, 'input> Walk<'a, 'input> {
             Coat::Colour(colour, opacity) => Paint::Ink(Ink { colour, opacity }),
             _ => Paint::None,
         })
+    }
+
+    /// Whether a paint server is not displayed itself.
+    fn is_switched_off(&mut self, server: Option<Node<'a, 'input>>) -> Result<bool, Box<Diag>> {
+        server.map_or(Ok(false), |s| Ok(is_gone(&*self.style_of(s)?)))
+    }
+
+    /// Whether neither a pattern nor those that it refers to hold anything.
+    fn is_empty_pattern(&self, pattern: Option<Node<'a, 'input>>) -> bool {
+        let chain = pattern.and_then(|p| self.chain(p, |n| n.tag_name().name() == "pattern"));
+        chain.is_some_and(|chain| !chain.iter().any(|p| p.children().any(|c| c.is_element())))
     }
 
     /// What a gradient comes to on an element.
@@ -213,6 +230,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         let inside = self.inside(clip, outer);
         self.purpose = purpose;
         let Some(mut state) = inside? else { return Ok(None) };
+        if state.style.mask != Reference::None {
+            return Ok(None);
+        }
         // Its transform is of the element's units, and the units of the box come within (SVG 2, 14.3.4).
         if !self.moved(clip, &mut state)? {
             return Ok(None);
@@ -248,8 +268,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         outer: &State,
     ) -> Result<Option<Area>, Box<Diag>> {
         let Some(mut state) = self.inside(mask, outer)? else { return Ok(None) };
-        if state.style.mask != Reference::None {
-            // Browsers ignore it, other viewers do not.
+        if state.style.mask != Reference::None || state.style.clip_path != Reference::None {
+            // Browsers ignore them, other viewers do not.
             return Ok(None);
         }
         let is_alpha = state.style.is_alpha_mask;
@@ -388,6 +408,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                 break;
             }
         }
+        let own = State { style: self.style_of(pattern)?, ..outer.clone() };
         let is_box = with("patternUnits").and_then(|p| p.attribute("patternUnits")) != Some("userSpaceOnUse");
         let is_box_content =
             with("patternContentUnits").and_then(|p| p.attribute("patternContentUnits")) == Some("objectBoundingBox");
@@ -397,7 +418,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let side = |walk: &mut Self, name: &str, axis: usize| match with(name) {
             None => 0.0,
             Some(p) if is_box => share(p, name).unwrap_or(0.0) * [w, h][axis],
-            Some(p) => walk.length(p, name, axis, outer),
+            Some(p) => walk.length(p, name, axis, &own),
         };
         let mut at = [side(self, "x", 0), side(self, "y", 1)];
         let size = [side(self, "width", 0), side(self, "height", 1)];
@@ -427,9 +448,12 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.refused() > refused {
             return Ok(None);
         }
-        let overflows = state.style.overflows == Some(true);
+        if state.style.overflows == Some(true) {
+            // Browsers cut tiles all the same, other viewers do not.
+            return Ok(None);
+        }
         let frame = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
-        let frame = (!overflows).then_some(&frame);
+        let frame = Some(&frame);
         let art = self.cut_out(&art, frame).map_err(|TooMany| self.tangled(pattern))?;
         Ok(Some(Tile { art, map, at, size }))
     }

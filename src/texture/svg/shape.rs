@@ -104,9 +104,17 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Fault, node);
         }
         self.is_quiet = quiet;
-        self.dots(node, state, ink, &pen, &curves.take_dots(0.0), is_line)?;
+        let dots = curves.take_dots(0.0);
+        if pen.dashes.is_empty() {
+            self.dots(node, state, ink, &pen, &dots, is_line)?;
+        } else if !dots.is_empty() {
+            // Browsers draw no dots with dashes.
+            self.note(Issue::Dot, node);
+        }
         if !pen.dashes.is_empty() {
             self.by_path_length(node, &curves, &mut pen);
+        }
+        if !pen.dashes.is_empty() {
             let least = curves.dash(&pen).map_err(|TooMany| {
                 let text = format!("{} has more than a million dashes", self.called(node));
                 Box::new(Diag::limit("texture-large", text).hint("draw longer dashes"))
@@ -167,9 +175,15 @@ impl<'a, 'input> Walk<'a, 'input> {
     /// Takes lengths of dashes from the units of the attribute `pathLength` (SVG 2, 9.6.1).
     fn by_path_length(&mut self, node: Node<'a, 'input>, curves: &Curves, pen: &mut Pen) {
         let Some(text) = node.attribute("pathLength") else { return };
-        let stated = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0);
-        let Some(stated) = stated else { return };
+        let stated = text.trim().parse::<f64>().ok().filter(|v| v.is_finite()).unwrap_or(0.0);
+        if stated < 0.0 {
+            return;
+        }
         self.note(Issue::PathLength, node);
+        if stated == 0.0 {
+            pen.dashes.clear();
+            return;
+        }
         let factor = curves.length() / stated;
         pen.dashes.iter_mut().for_each(|d| *d *= factor);
         pen.offset *= factor;

@@ -184,7 +184,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             },
             "svg" => match self.enter(node, state)? {
                 Some(inner) => {
-                    let sides = [self.side(node, "width", 0, state), self.side(node, "height", 1, state)];
+                    let sides = [self.side(node, "width", 0, &inner), self.side(node, "height", 1, &inner)];
                     self.viewport(node, sides, inner)
                 }
                 None => Ok(()),
@@ -211,7 +211,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                 return Ok(None);
             }
             // What it holds is drawn as if the group was not there (CSS Display 3, B).
-            return Ok(Some(State { opacity: outer.opacity, ..state }));
+            return Ok(Some(state));
         }
         if !self.moved(node, &mut state)? || !self.shows_through(node, &mut state)? {
             return Ok(None);
@@ -247,21 +247,23 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let (style, remarks) = self.cascade.style(node, &outer.style, outer.copied).map_err(excess)?;
         self.keep(node, &remarks);
-        if remarks.iter().any(|remark| is_faulty_transform(node, remark)) {
+        if remarks.iter().any(|remark| is_faulty_transform(remark)) {
             return Ok(None);
         }
         let is_shape = SHAPES.contains(&node.tag_name().name());
         let is_gone = is_gone(&style) || (is_shape && style.display == Display::Contents);
+        // Of a group that has no box its own properties do not count.
+        let is_open = style.display == Display::Contents;
         // Neither boxes nor clip paths ask for the opacity.
         let has_opacity = matches!(self.purpose, Purpose::Mark | Purpose::Mask);
-        if is_gone || !holds_conditions(node) || (has_opacity && style.opacity <= 0.0) {
+        if is_gone || !holds_conditions(node) || (has_opacity && !is_open && style.opacity <= 0.0) {
             self.note(Issue::Hidden, node);
             return Ok(None);
         }
         if node.children().any(|c| ANIMATIONS.contains(&c.tag_name().name())) {
             self.note(Issue::Animation, node);
         }
-        if has_opacity {
+        if has_opacity && !is_open {
             state.opacity *= style.opacity;
         }
         if style.needs_font() {
@@ -289,7 +291,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             match remark.property.as_str() {
                 // A page has its own words for its size.
                 "width" | "height" if node.parent_element().is_none() => {}
-                _ if is_faulty_transform(node, remark) => self.note(Issue::Transform, node),
+                _ if is_faulty_transform(remark) => self.note(Issue::Transform, node),
                 name if GEOMETRY.contains(&name) && remark.weight == Weight::Ignored => {
                     self.note(Issue::Fault, node);
                 }
@@ -337,6 +339,12 @@ impl<'a, 'input> Walk<'a, 'input> {
             return Ok(true);
         }
         let style = state.style.clone();
+        let is_cut = style.clip_path != Reference::None || style.mask != Reference::None;
+        if is_cut && node.parent_element().is_none() {
+            // Its units are those of the window (CSS Masking 1, 5.1), not of the drawing.
+            self.note(Issue::Effect, node);
+            return Ok(false);
+        }
         // The parts of a clip path have neither effects nor masks.
         let is_part = self.purpose == Purpose::Clip;
         if !is_part && (style.filter != Reference::None || style.is_blended) {
@@ -487,7 +495,14 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.purpose == Purpose::Clip && !(SHAPES.contains(&tag) || tag == "text") {
             return Ok(());
         }
-        let [width, height] = [state.style.width, state.style.height];
+        // As of nested drawings, browsers take attributes alone.
+        let has_sides = ["width", "height"].map(|name| node.has_attribute(name));
+        if matches!(tag, "symbol" | "svg") && !["width", "height"].iter().all(|name| self.is_side(node, name, &state)) {
+            // Browsers show nothing of it.
+            self.note(Issue::Fault, node);
+            return Ok(());
+        }
+        let own = [self.side(node, "width", 0, &state), self.side(node, "height", 1, &state)];
         let port = state.port;
         let corner = [state.style.x.of(port[0]), state.style.y.of(port[1])];
         state.map = state.map.after(Map::shift(corner));
@@ -497,8 +512,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         let done = match tag {
             "symbol" | "svg" if is_svg(target) => match self.enter(target, &state)? {
                 Some(inner) => {
-                    let own = [self.side(target, "width", 0, &state), self.side(target, "height", 1, &state)];
-                    let sides = [width.map_or(own[0], |w| w.of(port[0])), height.map_or(own[1], |h| h.of(port[1]))];
+                    let of_target = [self.side(target, "width", 0, &inner), self.side(target, "height", 1, &inner)];
+                    let sides = [0, 1].map(|k| if has_sides[k] { own[k] } else { of_target[k] });
                     self.viewport(target, sides, inner)
                 }
                 None => Ok(()),
@@ -515,23 +530,21 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Dot, node);
             return Ok(());
         }
-        if node.tag_name().name() == "svg" {
-            // Its attributes count alone: of the properties of geometry browsers take none, other viewers do.
-            let corner = [self.length(node, "x", 0, &state), self.length(node, "y", 1, &state)];
-            let stated =
-                [state.style.x, state.style.y].map(Some).into_iter().chain([state.style.width, state.style.height]);
-            let (font, root) = (state.style.font_size.px, state.style.root_font_px);
-            let names = ["x", "y", "width", "height"];
-            let differs = names.into_iter().zip(stated).any(|(name, stated)| {
-                let own = node.attribute(name).and_then(|t| Length::from_attribute(t, font, root));
-                stated.is_some_and(|s| s != own.unwrap_or_default() && s != Length::default())
-            });
-            if differs {
-                self.note(Issue::Transform, node);
-                return Ok(());
-            }
-            state.map = state.map.after(Map::shift(corner));
+        // Its attributes count alone: of the properties of geometry browsers take none, other viewers do.
+        let corner = [self.length(node, "x", 0, &state), self.length(node, "y", 1, &state)];
+        let stated =
+            [state.style.x, state.style.y].map(Some).into_iter().chain([state.style.width, state.style.height]);
+        let (font, root) = (state.style.font_size.px, state.style.root_font_px);
+        let names = ["x", "y", "width", "height"];
+        let differs = names.into_iter().zip(stated).any(|(name, stated)| {
+            let own = node.attribute(name).and_then(|t| Length::from_attribute(t, font, root));
+            stated.is_some_and(|s| s != own.unwrap_or_default() && s != Length::default())
+        });
+        if differs {
+            self.note(Issue::Transform, node);
+            return Ok(());
         }
+        state.map = state.map.after(Map::shift(corner));
         let overflows = state.style.overflows == Some(true);
         let frame = state.map;
         state.port = size;
@@ -541,10 +554,8 @@ impl<'a, 'input> Walk<'a, 'input> {
                 state.port = [view.w, view.h];
             }
             Ok(None) => {}
-            Err(_) => {
-                self.note(Issue::Fault, node);
-                return Ok(());
-            }
+            // Browsers go on as if it was not there.
+            Err(_) => self.note(Issue::Fault, node),
         }
         let first = self.art.shapes.len();
         self.children(node, &state)?;
@@ -609,9 +620,22 @@ impl<'a, 'input> Walk<'a, 'input> {
     /// A side of a nested drawing or symbol: that of the outer viewport unless it says otherwise.
     fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &State) -> f64 {
         match node.attribute(name) {
+            Some(text) if text.trim() != "auto" && self.is_side(node, name, state) => {
+                self.length(node, name, axis, state)
+            }
             None | Some("auto") => state.port[axis],
-            Some(_) => self.length(node, name, axis, state),
+            Some(_) => {
+                self.note(Issue::Fault, node);
+                state.port[axis]
+            }
         }
+    }
+
+    /// Whether an attribute, if there is one, states a length that is not negative.
+    fn is_side(&self, node: Node<'a, 'input>, name: &str, state: &State) -> bool {
+        let (font, root) = (state.style.font_size.px, state.style.root_font_px);
+        let length = node.attribute(name).map(|text| Length::from_attribute(text, font, root));
+        length.is_none_or(|l| l.is_some_and(|l| l.px >= 0.0 && l.share >= 0.0))
     }
 
     pub(super) fn stopped(&self, stop: Stop, node: Node<'a, 'input>) -> Diag {
@@ -647,8 +671,8 @@ impl<'a, 'input> Walk<'a, 'input> {
 }
 
 /// Whether an attribute states a transform that cannot be read.
-fn is_faulty_transform(node: Node<'_, '_>, remark: &Remark) -> bool {
-    remark.property == "transform" && remark.weight == Weight::Ignored && node.has_attribute("transform")
+fn is_faulty_transform(remark: &Remark) -> bool {
+    remark.is_attribute && remark.property == "transform" && remark.weight == Weight::Ignored
 }
 
 /// Properties of geometry; a faulty one of an attribute is a fault of the shape.
