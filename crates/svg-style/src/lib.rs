@@ -142,6 +142,9 @@ struct Rank {
     order: usize,
 }
 
+/// What is declared, with its place in the cascade and its origin.
+type Ranked<T> = (Rank, Origin, T);
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Origin {
     /// Presentation attributes.
@@ -216,7 +219,7 @@ impl Cascade {
             let inline = inline.iter().map(|block| ((Origin::Inline, 0, 0), block));
             rules.chain(inline)
         };
-        let mut all: Vec<(Rank, Origin, &Declaration)> = Vec::new();
+        let mut all: Vec<Ranked<&Declaration>> = Vec::new();
         let rank = |is_important: bool, (origin, specificity, order): Place, place: usize| {
             let origin = match origin {
                 Origin::Rule(layer) if is_important => Origin::Rule(usize::MAX - layer),
@@ -225,7 +228,7 @@ impl Cascade {
             Rank { is_important, origin, specificity, order: order * ORDER + place }
         };
         all.extend(hints.iter().enumerate().map(|(i, d)| (rank(false, (Origin::Hint, 0, 0), i), Origin::Hint, d)));
-        let mut variables: BTreeMap<&Arc<str>, Vec<(Rank, Origin, &Arc<str>)>> = BTreeMap::new();
+        let mut variables: BTreeMap<&Arc<str>, Vec<Ranked<&Arc<str>>>> = BTreeMap::new();
         for (place, block) in blocks() {
             all.extend(
                 block.declarations.iter().enumerate().map(|(i, d)| (rank(d.is_important, place, i), place.0, d)),
@@ -308,7 +311,7 @@ impl Cascade {
 fn decide(
     style: &mut Style,
     parent: &Style,
-    declared: &[(Rank, Origin, &Declaration)],
+    declared: &[Ranked<&Declaration>],
     made: &mut Made,
     remarks: &mut Vec<Remark>,
 ) -> Result<(), Excess> {
@@ -379,7 +382,7 @@ const ORDER: usize = 1 << 24;
 
 /// A custom property and its text, by its declarations; None where it is taken away or kept as the parent has it.
 fn declared_variable(name: &Arc<str>, mut all: Vec<(Rank, Origin, &Arc<str>)>) -> Option<(Arc<str>, Option<Arc<str>>)> {
-    all.sort_by(|a, b| b.0.cmp(&a.0));
+    all.sort_by_key(|ranked| std::cmp::Reverse(ranked.0));
     let mut reverted = Vec::new();
     for (_, origin, text) in all {
         if reverted.contains(&origin) {

@@ -85,7 +85,7 @@ impl Curves {
         }
         // A dash of no length has no direction.
         let least = pen.width.max(self.tolerance) * DOT;
-        let is_dash = |i: usize| i % 2 == 0;
+        let is_dash = |i: usize| i.is_multiple_of(2);
         let dashes: Vec<f64> =
             pen.dashes.iter().enumerate().map(|(i, d)| if is_dash(i) { d.max(least) } else { *d }).collect();
         self.path = kurbo::dash(self.path.iter(), pen.offset, &dashes).collect();

@@ -247,7 +247,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let (style, remarks) = self.cascade.style(node, &outer.style, outer.copied).map_err(excess)?;
         self.keep(node, &remarks);
-        if remarks.iter().any(|remark| is_faulty_transform(remark)) {
+        if remarks.iter().any(is_faulty_transform) {
             return Ok(None);
         }
         let is_shape = SHAPES.contains(&node.tag_name().name());
