@@ -235,7 +235,7 @@ const OUTCOMES: &[(&str, Outcome)] = &[
     ("svg3/gz_named_svg.svg", SHOWN.like("svg3/miter_default.svg")),
     ("svg3/html_link.svg", SHOWN.or(&["svg-external"])),
     ("svg3/image_href_same_fragment.svg", SHOWN),
-    ("svg3/mesh_text_els.svg", TOLD.told(&["svg-text"])),
+    ("svg3/mesh_text_els.svg", TOLD.told(&["svg-flow-text"])),
     ("svg3/miter_default.svg", SHOWN),
     ("svg3/nested_transform_attr_svg.svg", SHOWN.or(TRANSFORM)),
     ("svg3/nonscaling_mm.svg", SHOWN.or(&["svg-effect"])),

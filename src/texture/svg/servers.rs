@@ -448,13 +448,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.refused() > refused {
             return Ok(None);
         }
-        if state.style.overflows == Some(true) {
-            // Browsers cut tiles all the same, other viewers do not.
-            return Ok(None);
-        }
         let frame = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
-        let frame = Some(&frame);
-        let art = self.cut_out(&art, frame).map_err(|TooMany| self.tangled(pattern))?;
+        let art = self.cut_out(&art, &frame).map_err(|TooMany| self.tangled(pattern))?;
         Ok(Some(Tile { art, map, at, size }))
     }
 
@@ -515,28 +510,26 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The same with every shape cut at its clip, and at a frame.
-    fn cut_out(&self, aside: &Aside, frame: Option<&Area>) -> Result<Aside, TooMany> {
+    fn cut_out(&self, aside: &Aside, frame: &Area) -> Result<Aside, TooMany> {
         let mut out = Aside { shapes: Vec::new(), lines: Lines::default() };
         for shape in &aside.shapes {
             let first = out.lines.len();
-            let clip = match (shape.clip.map(|c| &self.art.clips[c as usize]), frame) {
-                (Some(clip), Some(frame)) => Some(clip.within(frame)?),
-                (one, other) => one.or(other).cloned(),
+            let clip = match shape.clip.map(|c| &self.art.clips[c as usize]) {
+                Some(clip) => clip.within(frame)?,
+                None => frame.clone(),
             };
             let lines = shape.lines.clone().map(|k| aside.lines.get(k));
             let mut figure = shape.figure;
-            match clip {
-                None => lines.for_each(|line| out.lines.push(line)),
-                Some(clip) if figure == Figure::Lines => clip.cut(lines, &mut out.lines),
-                Some(clip) => {
-                    let rule = if let Figure::Fill(rule) = figure { rule } else { Rule::NonZero };
-                    for contour in Area::new(lines, rule)?.within(&clip)?.contours() {
-                        out.lines.points.extend(contour.iter().chain(contour.first()));
-                        out.lines.finish();
-                    }
-                    if let Figure::Fill(rule) = &mut figure {
-                        *rule = Rule::NonZero;
-                    }
+            if figure == Figure::Lines {
+                clip.cut(lines, &mut out.lines);
+            } else {
+                let rule = if let Figure::Fill(rule) = figure { rule } else { Rule::NonZero };
+                for contour in Area::new(lines, rule)?.within(&clip)?.contours() {
+                    out.lines.points.extend(contour.iter().chain(contour.first()));
+                    out.lines.finish();
+                }
+                if let Figure::Fill(rule) = &mut figure {
+                    *rule = Rule::NonZero;
                 }
             }
             let lines = first..out.lines.len();

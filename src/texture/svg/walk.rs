@@ -333,6 +333,13 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(true)
     }
 
+    /// Whether units are pixels of the page, from its upper left corner.
+    fn is_in_pixels(&self, map: Map) -> bool {
+        let [x, y] = map.at([0.0; 2]);
+        let tiny = 1e-6 * self.pixel_mm;
+        (map.enlarges() - self.pixel_mm).abs() <= tiny && x.abs() <= tiny && (y - self.page.hi[1]).abs() <= tiny
+    }
+
     /// Cuts an element at its clip path and mask; answers whether something of it may be drawn.
     pub(super) fn shows_through(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
         if self.purpose == Purpose::Bounds {
@@ -340,8 +347,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let style = state.style.clone();
         let is_cut = style.clip_path != Reference::None || style.mask != Reference::None;
-        if is_cut && node.parent_element().is_none() {
-            // Its units are those of the window (CSS Masking 1, 5.1), not of the drawing.
+        if is_cut && node.parent_element().is_none() && !self.is_in_pixels(state.map) {
+            // Its units are pixels of the window (CSS Masking 1, 5.1), not those of the drawing.
             self.note(Issue::Effect, node);
             return Ok(false);
         }

@@ -218,9 +218,9 @@ fn is_plain(doc: &Document<'_>) -> bool {
     let text = doc.input_text();
     let is_simple = |css: &str| {
         let selectors = css.split('}').filter_map(|rule| rule.split('{').next());
-        selectors
-            .flat_map(|s| s.split(','))
-            .all(|s| !s.trim().contains([' ', '\t', '\n', '\r', '>', '+', '~', '@', ':', '/']))
+        selectors.flat_map(|s| s.split(',')).all(|s| {
+            !s.trim().contains([' ', '\t', '\n', '\r', '>', '+', '~', '@', ':', '/', '[', '(', '|', '*', '\\'])
+        })
     };
     let styles = doc.descendants().filter(|n| n.tag_name().name() == "style");
     if !doc.descendants().flat_map(|n| n.attributes()).all(|a| is_near(a.name(), a.value())) {
