@@ -44,7 +44,9 @@ fn read(path: &Path) -> Result<Content, &'static str> {
         DrawingFormat::Dxf | DrawingFormat::Plot => Err("only uncompressed SVG drawings are read"),
         DrawingFormat::Svg => {
             let text = String::from_utf8(bytes).map_err(|_| "only uncompressed SVG drawings in UTF-8 are read")?;
-            Picture::read(&text).map(Content::Picture).ok_or("usvg cannot read it in bounded time")
+            Picture::read(&text).map(Content::Picture).ok_or(
+                "usvg cannot read it, cannot in bounded time, or would read its selectors otherwise than browsers do",
+            )
         }
     }
 }
