@@ -33,6 +33,7 @@ mod random;
 mod scale;
 mod source;
 mod svg;
+mod xml;
 
 use std::collections::BTreeSet;
 use std::ops::Range;

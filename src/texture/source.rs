@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::artwork::{Artwork, Figure};
 use super::page::Wanted;
 use super::place::Site;
-use super::{Kind, Request, bitmap, dxf, foreign, hpgl, svg};
+use super::{Kind, Request, bitmap, dxf, foreign, hpgl, svg, xml};
 use crate::diag::{self, Diag, Error, Place};
 
 /// Largest file of a drawing.
@@ -77,7 +77,7 @@ impl Sources {
                     DrawingFormat::Bitmap => Source::Bitmap(bitmap::decode(&bytes, path)?),
                     DrawingFormat::Dxf => Source::Dxf(bytes),
                     DrawingFormat::Plot => Source::Plot(bytes),
-                    DrawingFormat::Svg => Source::Svg(svg::text(bytes, path)?),
+                    DrawingFormat::Svg => Source::Svg(xml::text(bytes, path)?),
                 };
                 self.0.push((path.to_owned(), source));
                 self.0.len() - 1
@@ -105,7 +105,7 @@ pub(crate) fn read_drawing(path: &Path) -> Result<(Vec<u8>, DrawingFormat), Erro
     if let Some(d) = foreign::refused(&bytes) {
         return Err(d.at(Place::file(path.display().to_string())).into());
     }
-    let is_text = svg::is_svg(&bytes);
+    let is_text = xml::is_xml(&bytes);
     let format = match extension(path).as_str() {
         _ if bitmap::is_bitmap(&bytes) => DrawingFormat::Bitmap,
         "dxf" if !is_text => DrawingFormat::Dxf,

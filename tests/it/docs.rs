@@ -60,6 +60,11 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
         ("src/texture/dxf/tally.rs", "Refused", "input"),
         ("src/texture/dxf/tally.rs", "Refused", "warning"),
         ("src/texture/dxf/", "fault(", "input"),
+        ("src/texture/hpgl/mod.rs", "=> (", "input"),
+        ("src/texture/hpgl/mod.rs", "=> (", "warning"),
+        ("src/texture/hpgl/mod.rs", "add(", "input"),
+        ("src/texture/hpgl/mod.rs", "add(", "warning"),
+        ("src/texture/artwork/marking.rs", "unmarkable(", "input"),
     ];
     let mut add = |code: &str, kind: &str| {
         out.entry(code.to_owned()).or_default().insert(kind.to_owned());

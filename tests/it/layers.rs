@@ -205,7 +205,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         ("dejavu", &["src/report/raster.rs"]),
         ("rustfft", &["src/on_the_fly/decompose"]),
         ("png", &["src/surface/heightmap", "src/texture/bitmap", "src/report/image.rs", "src/report/pdf.rs"]),
-        ("quick_xml", &["src/surface/threemf", "src/texture/svg/source.rs"]),
+        ("quick_xml", &["src/surface/threemf", "src/texture/xml.rs"]),
         ("tiff", &["src/surface/heightmap", "src/texture/bitmap"]),
         ("zip", &["src/surface/threemf"]),
         ("zune_jpeg", &["src/texture/bitmap/jpeg.rs"]),

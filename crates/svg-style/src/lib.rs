@@ -28,6 +28,7 @@ mod sheet;
 mod transform;
 mod value;
 mod variables;
+mod view;
 mod viewer;
 
 use std::collections::BTreeMap;
@@ -42,7 +43,7 @@ use selectors::matching::matches_selector;
 
 pub use colour::{Colour, Rgba};
 use declaration::{Declaration, Said, Wide, declare};
-pub use link::{Link, local};
+pub use link::{Link, href, local};
 pub use map::Map;
 pub use property::{Auto, Background, Display, FillRule, Layer, Paint, Reference, Style};
 use property::{Property, Value};
@@ -52,7 +53,8 @@ pub use transform::{Reference as ReferenceBox, Transform, TransformBox};
 pub use value::Length;
 use value::Source;
 use variables::Made;
-pub use viewer::holds_conditions;
+pub use view::{aspect, view_box, view_map};
+pub use viewer::{chosen, holds_conditions, is_svg};
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 const XHTML: &str = "http://www.w3.org/1999/xhtml";

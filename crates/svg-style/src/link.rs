@@ -3,6 +3,10 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use roxmltree::Node;
+
+const XLINK: &str = "http://www.w3.org/1999/xlink";
+
 /// What a link refers to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Link {
@@ -41,6 +45,12 @@ pub fn local(link: &str) -> Option<Cow<'_, str>> {
         }
     }
     String::from_utf8(out).ok().map(Cow::Owned)
+}
+
+/// What an element refers to; `href` wins over `xlink:href`.
+pub fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    let named = |ns: Option<&str>| node.attributes().find(|a| a.name() == "href" && a.namespace() == ns);
+    named(None).or_else(|| named(Some(XLINK))).map(|a| a.value().trim())
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The properties that decide what is seen of an element, each with its grammar, and the style that they make up.
 //!
-//! [`properties!`] has one row per property. What other properties do is said by [`other`].
+//! `properties!` has one row per property. What other properties do is said by [`other`].
 
 use std::sync::{Arc, LazyLock};
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use svgtypes::Color;
 
 use super::{Colour, Hatch, Paper};
+use crate::diag::{self, Diag, Error};
 use crate::program::PenId;
 
 /// How strokes of a drawing are marked.
@@ -270,6 +271,37 @@ impl Marking {
     /// Whether what has this colour is the page, unless a label gives it a pen.
     pub(in crate::texture) fn is_page(&self, colour: Colour) -> bool {
         !self.names(colour) && self.paper.holds(colour)
+    }
+
+    /// What is told of things that cannot be marked as they are drawn: an error, or, where the job leaves them out, a
+    /// warning that says what was `done` instead.
+    pub(in crate::texture) fn unmarkable(
+        &self,
+        code: &'static str,
+        what: &str,
+        done: &str,
+        count: &str,
+        hint: &str,
+    ) -> Diag {
+        if self.is_lenient {
+            return Diag::warning(code, format!("{what}{done}{count}")).hint(hint);
+        }
+        let hint = format!("{hint}, or leave them out with on_unsupported = \"warn\"");
+        Diag::input(code, format!("{what}{count}")).hint(hint)
+    }
+
+    /// Adds messages about a drawing to the notes.
+    ///
+    /// # Errors
+    /// Those of them that are errors.
+    pub(in crate::texture) fn tell(
+        &self,
+        messages: impl Iterator<Item = Diag>,
+        notes: &mut Vec<Diag>,
+    ) -> Result<(), Error> {
+        let (warnings, errors): (Vec<_>, Vec<_>) = messages.partition(|d| d.kind == diag::Kind::Warning);
+        notes.extend(warnings);
+        if errors.is_empty() { Ok(()) } else { Err(Error::many(errors)) }
     }
 
     /// Whether it tells shapes apart.

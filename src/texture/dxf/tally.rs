@@ -225,19 +225,15 @@ impl Tally {
             let Some((_, (_, first))) = types.first_key_value() else { continue };
             let list: Vec<String> =
                 types.iter().map(|(what, (n, name))| format!("{n} {what} (first: {name})")).collect();
-            let list = list.join(", ");
+            let (what, list) = (format!("entities {says}"), format!(": {}", list.join(", ")));
             let place = Place::Element { path: path.to_owned(), element: first.clone() };
             match weight {
-                Refused if marking.is_lenient => {
-                    let text = format!("entities {says}, and are not marked: {list}");
-                    notes.push(Diag::warning(code, text).at(place).hint(hint));
-                }
                 Refused => {
-                    let hint =
-                        format!("{hint}, or leave them out with on_unsupported = \"warn\", or their layer by except");
-                    errors.push(Diag::input(code, format!("entities {says}: {list}")).at(place).hint(hint));
+                    let way = if marking.is_lenient { "" } else { ", or leave out their layer by except" };
+                    let d = marking.unmarkable(code, &what, ", and are not marked", &list, &format!("{hint}{way}"));
+                    if marking.is_lenient { &mut *notes } else { &mut *errors }.push(d.at(place));
                 }
-                Told => notes.push(Diag::warning(code, format!("entities {says}: {list}")).at(place).hint(hint)),
+                Told => notes.push(Diag::warning(code, what + &list).at(place).hint(hint)),
             }
         }
     }

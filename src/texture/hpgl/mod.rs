@@ -60,10 +60,7 @@ pub(super) fn load(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result
         return Err(d.at(Place::file(&name)).into());
     }
     let messages = plotter.tally.messages(&name, how.marking);
-    if !how.marking.is_lenient && !messages.is_empty() {
-        return Err(Error::many(messages));
-    }
-    notes.extend(messages);
+    how.marking.tell(messages.into_iter(), notes)?;
     let mut art = plotter.art;
     art.fit_page();
     Ok(art)
@@ -94,39 +91,30 @@ impl Tally {
 
     /// What is not read: errors, or warnings where the job leaves it out.
     fn messages(&self, path: &str, marking: &Marking) -> Vec<Diag> {
-        let place = |at: usize| Place::Element { path: path.to_owned(), element: format!("at byte {at}") };
         let mut out: Vec<Diag> = Vec::new();
-        let mut add = |d: [Diag; 2], at: usize, hint: &str| {
-            let [error, warning] = d;
-            out.push(match marking.is_lenient {
-                true => warning.at(place(at)).hint(hint),
-                false => error.at(place(at)).hint(format!("{hint}, or leave it out with on_unsupported = \"warn\"")),
-            });
+        let mut add = |code, text: &str, count: &str, at: usize, hint| {
+            let place = Place::Element { path: path.to_owned(), element: format!("at byte {at}") };
+            out.push(marking.unmarkable(code, text, "; they are left out", count, hint).at(place));
         };
         for (issue, &(n, at)) in &self.issues {
-            match issue {
-                Issue::Label => {
-                    let text = format!("the plot has labels or symbols ({n})");
-                    let hint = "convert text to lines in the drawing program";
-                    add([Diag::input("hpgl-text", &text), Diag::warning("hpgl-text", &text)], at, hint);
-                }
-                Issue::Dash => {
-                    let text = format!("the plot has dashed lines ({n})");
-                    add([Diag::input("hpgl-dash", &text), Diag::warning("hpgl-dash", &text)], at, "draw solid lines");
-                }
-                Issue::Fill => {
-                    let text = format!("the plot has areas filled by a pattern ({n})");
-                    let hint = "fill them solid and hatch them by the job";
-                    add([Diag::input("hpgl-fill", &text), Diag::warning("hpgl-fill", &text)], at, hint);
-                }
-            }
+            let (code, what, hint) = match issue {
+                Issue::Label => ("hpgl-text", "labels or symbols", "convert text to lines in the drawing program"),
+                Issue::Dash => ("hpgl-dash", "dashed lines", "draw solid lines"),
+                Issue::Fill => ("hpgl-fill", "areas filled by a pattern", "fill them solid and hatch them by the job"),
+            };
+            add(code, &format!("the plot has {what}"), &format!(" ({n})"), at, hint);
         }
         if let Some((_, &(_, at))) = self.unread.first_key_value() {
             let list: Vec<String> =
                 self.unread.iter().take(40).map(|(name, (n, at))| format!("{n} {name} (first at byte {at})")).collect();
-            let text = format!("instructions are not read: {}", list.join(", "));
             let hint = "write the plot with lines alone (PU, PD, PA, PR)";
-            add([Diag::input("hpgl-unread", &text), Diag::warning("hpgl-unread", &text)], at, hint);
+            add(
+                "hpgl-unread",
+                "the plot has instructions that are not read",
+                &format!(": {}", list.join(", ")),
+                at,
+                hint,
+            );
         }
         out
     }

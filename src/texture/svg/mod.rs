@@ -23,7 +23,6 @@ mod path;
 mod remarks;
 mod servers;
 mod shape;
-mod source;
 mod state;
 mod stroke;
 mod style;
@@ -44,7 +43,6 @@ use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use crate::parallel;
 use page::Frame;
-pub(super) use source::{is_svg, text};
 use svg_style::Cascade;
 use tally::{Issue, Tally};
 use walk::{Walk, excess};
@@ -93,14 +91,7 @@ pub(super) fn load(
     art.size = frame.size;
     overhangs(&art, site.tolerance, &mut tally);
     let (unseen, faults) = (tally.count(Issue::Hidden), tally.refused() + remarks.refused());
-    let (mut errors, warnings) = tally.messages(name, marking);
-    notes.extend(warnings);
-    let (unread, ignored) = remarks.messages(name, marking);
-    errors.extend(unread);
-    notes.extend(ignored);
-    if !errors.is_empty() {
-        return Err(Error::many(errors));
-    }
+    marking.tell(tally.messages(name, marking).into_iter().chain(remarks.messages(name, marking)), notes)?;
     if art.shapes.is_empty() && !marking.chooses() {
         let hint = match (faults, unseen) {
             (1.., _) => "all that it holds is left out, as on_unsupported = \"warn\" asks for",
@@ -117,7 +108,7 @@ fn document<'a>(name: &str, text: &'a str, notes: &mut Vec<Diag>) -> Result<Docu
     // A node of the tree for every tag and the text after it; of the text, three copies at most as numbers.
     let need = 3 * text.len() + 200 * text.bytes().filter(|&b| b == b'<').count();
     memory::ask("the drawing", need as u64)?;
-    // What its entities expand to has been bounded (`source`).
+    // What its entities expand to has been bounded (`xml`).
     let options = ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let doc = Document::parse_with_options(text, options).map_err(|e| xml_fault(name, &e))?;
     let root = doc.root_element();

@@ -79,26 +79,20 @@ impl Remarks {
         self.kinds.iter().map(|k| k.count).sum::<usize>() + self.more
     }
 
-    /// One message per kind: errors, and warnings.
-    pub(super) fn messages(self, path: &str, marking: &Marking) -> (Vec<Diag>, Vec<Diag>) {
-        let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+    /// One message per kind: errors and warnings.
+    pub(super) fn messages(self, path: &str, marking: &Marking) -> Vec<Diag> {
+        let mut out = Vec::new();
         let mut tell = |code, text: String, at: Place, hint: &str| {
-            if marking.is_lenient {
-                warnings.push(Diag::warning(code, format!("{text}; it is left out")).at(at).hint(hint));
-            } else {
-                let hint = format!("{hint}, or leave it out with on_unsupported = \"warn\"");
-                errors.push(Diag::input(code, text).at(at).hint(hint));
-            }
+            out.push(marking.unmarkable(code, &text, "; they are left out", "", hint).at(at));
         };
         let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
         for Kind { is_external, what, text, count, at } in self.kinds.into_iter().take(MAX_KINDS) {
             let of = if text.is_empty() { String::new() } else { format!(" in {text:?}") };
             if is_external {
-                let text = format!("the style sheet {what} is in another file, which is never opened");
-                tell("svg-external", text, at.place(path), "embed it in a style element");
+                let text = format!("style sheets are in other files, which are never opened: {what}");
+                tell("svg-external", text, at.place(path), "embed them in style elements");
             } else {
-                let text =
-                    format!("the styles hold {what}{of}, which is not read and may change what is seen ({count})");
+                let text = format!("styles are not read and may change what is seen: {what}{of} ({count})");
                 tell("svg-css", text, at.place(path), "write what is meant as plain values or attributes");
             }
         }
@@ -109,8 +103,8 @@ impl Remarks {
         if let Some((count, text, at)) = self.ignored {
             let text = format!("styles are not valid and are ignored, as browsers do ({count}, first {text:?})");
             let hint = "correct them, or ignore this where the drawing looks right in a browser";
-            warnings.push(Diag::warning("svg-css-ignored", text).at(at.place(path)).hint(hint));
+            out.push(Diag::warning("svg-css-ignored", text).at(at.place(path)).hint(hint));
         }
-        (errors, warnings)
+        out
     }
 }

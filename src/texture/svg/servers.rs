@@ -3,13 +3,12 @@
 use std::collections::HashSet;
 
 use roxmltree::Node;
-use svg_style::{Map, Reference, ReferenceBox, local};
+use svg_style::{Map, Reference, ReferenceBox, aspect, href, local, view_box, view_map};
 
-use super::page::{self, view_map};
 use super::state::State;
 use super::style::{Coat, Ink, is_gone, painted, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, SHAPES, Walk, href};
+use super::walk::{Done, Purpose, SHAPES, Walk};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, lightness};
@@ -430,9 +429,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let map = state.map;
         let corners = corners(at, size).map(|c| map.at(c));
-        match with("viewBox").map(page::view_box) {
+        match with("viewBox").map(view_box) {
             Some(Ok(Some(view))) => {
-                let aspect = page::aspect(with("preserveAspectRatio").unwrap_or(pattern));
+                let aspect = aspect(with("preserveAspectRatio").unwrap_or(pattern));
                 state.map = map.after(Map::shift(at)).after(view_map(view, size, aspect));
                 state.port = [view.w, view.h];
             }

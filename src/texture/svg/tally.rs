@@ -32,7 +32,9 @@ pub(super) enum Issue {
 }
 
 /// Issue, weight, code, sentence after "elements", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
+type Row = (Issue, Weight, &'static str, &'static str, &'static str);
+
+const ISSUES: [Row; 22] = [
     (
         Issue::Hidden,
         Told,
@@ -190,30 +192,23 @@ impl Tally {
         ISSUES.iter().filter(|row| row.1 == Refused).map(|row| self.count(row.0)).sum()
     }
 
-    /// One message per issue that was met: errors, and warnings.
-    pub(super) fn messages(self, path: &str, marking: &Marking) -> (Vec<Diag>, Vec<Diag>) {
-        let (mut errors, mut warnings) = (Vec::new(), Vec::new());
-        for (met, (issue, weight, code, says, hint)) in self.0.into_iter().zip(ISSUES) {
-            let Some((n, element)) = met else { continue };
-            let place = Place::Element { path: path.to_owned(), element };
-            match weight {
-                Refused if marking.is_lenient => {
-                    let done = match issue {
-                        Issue::Animation => "and are marked as if they did not",
-                        Issue::Background => "which is not marked",
-                        _ => "and are not marked",
-                    };
-                    let text = format!("elements {says}, {done} ({n})");
-                    warnings.push(Diag::warning(code, text).at(place).hint(hint));
-                }
-                Refused => {
-                    let hint = format!("{hint}, or leave them out with on_unsupported = \"warn\"");
-                    errors.push(Diag::input(code, format!("elements {says} ({n})")).at(place).hint(hint));
-                }
-                Told => warnings.push(Diag::warning(code, format!("elements {says} ({n})")).at(place).hint(hint)),
-            }
-        }
-        (errors, warnings)
+    /// One message per issue that was met: errors and warnings.
+    pub(super) fn messages(self, path: &str, marking: &Marking) -> Vec<Diag> {
+        let met = self.0.into_iter().zip(ISSUES).filter_map(|(met, row)| met.map(|met| (met, row)));
+        let message = |((n, element), (issue, weight, code, says, hint)): ((usize, String), Row)| {
+            let (what, count) = (format!("elements {says}"), format!(" ({n})"));
+            let done = match issue {
+                Issue::Animation => ", and are marked as if they did not",
+                Issue::Background => ", which is not marked",
+                _ => ", and are not marked",
+            };
+            let message = match weight {
+                Refused => marking.unmarkable(code, &what, done, &count, hint),
+                Told => Diag::warning(code, what + &count).hint(hint),
+            };
+            message.at(Place::Element { path: path.to_owned(), element })
+        };
+        met.map(message).collect()
     }
 }
 

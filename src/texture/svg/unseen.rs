@@ -1,12 +1,14 @@
 //! Text and images of which nothing is seen: empty, unpainted, hidden, of no size, or off the page.
 
 use roxmltree::Node;
+use svg_style::href;
 
 use super::state::State;
 use super::style::is_gone;
-use super::walk::{Walk, href};
+use super::walk::Walk;
 use crate::diag::Diag;
 use crate::geom::BoxMm;
+use crate::texture::xml::MAX_DEPTH;
 
 /// How far a letter reaches from where its text begins, at most, in sizes of the font.
 const LETTER: f64 = 2.0;
@@ -56,7 +58,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if is_painted && (has_link || node.children().any(|n| n.is_text() && !n.text().is_none_or(is_blank))) {
             return Ok(true);
         }
-        if depth > super::source::MAX_DEPTH {
+        if depth > MAX_DEPTH {
             return Ok(true);
         }
         for child in node.children().filter(Node::is_element) {

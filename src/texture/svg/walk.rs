@@ -5,13 +5,12 @@ use std::sync::Arc;
 
 use roxmltree::{Document, Node, NodeId};
 use svg_style::{
-    Cascade, Display, Excess, Length, Link, Map, Reference, ReferenceBox, Remark, Style, TransformBox, Weight,
-    holds_conditions, local,
+    Cascade, Display, Excess, Length, Link, Map, Reference, ReferenceBox, Remark, Style, TransformBox, Weight, aspect,
+    chosen, holds_conditions, href, is_svg, local, view_box, view_map,
 };
 
-use super::page::{self, Frame, view_map};
+use super::page::Frame;
 use super::remarks::Remarks;
-use super::source::MAX_DEPTH;
 use super::state::State;
 use super::style::{Coat, is_gone};
 use super::tally::{Issue, Tally};
@@ -19,9 +18,8 @@ use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::texture::artwork::{Area, Artwork, Labels, MAX_POINTS, Marking, Rule, Stop, TooMany};
 use crate::texture::place::Site;
+use crate::texture::xml::MAX_DEPTH;
 
-pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
-const XLINK: &str = "http://www.w3.org/1999/xlink";
 const INKSCAPE: &str = "http://www.inkscape.org/namespaces/inkscape";
 
 /// Most elements that are walked, uses expanded.
@@ -555,9 +553,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         let overflows = state.style.overflows == Some(true);
         let frame = state.map;
         state.port = size;
-        match page::view_box(node) {
+        match view_box(node) {
             Ok(Some(view)) => {
-                state.map = state.map.after(view_map(view, size, page::aspect(node)));
+                state.map = state.map.after(view_map(view, size, aspect(node)));
                 state.port = [view.w, view.h];
             }
             Ok(None) => {}
@@ -701,19 +699,4 @@ fn called(node: Node<'_, '_>, numbers: &[u32]) -> String {
         Some(id) => id.to_owned(),
         None => format!("{} {}", node.tag_name().name(), numbers[node.id().get_usize()]),
     }
-}
-
-fn is_svg(node: Node<'_, '_>) -> bool {
-    matches!(node.tag_name().namespace(), None | Some(SVG))
-}
-
-/// What an element refers to; `href` wins over `xlink:href`.
-pub(super) fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
-    let named = |ns: Option<&str>| node.attributes().find(|a| a.name() == "href" && a.namespace() == ns);
-    named(None).or_else(|| named(Some(XLINK))).map(|a| a.value().trim())
-}
-
-/// The child of a switch that is drawn: the first whose conditions hold, whether it shows anything or not.
-fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
-    switch.children().filter(|n| n.is_element() && is_svg(*n)).find(|n| holds_conditions(*n))
 }

@@ -11,8 +11,8 @@ use std::path::Path;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
+use super::foreign;
 use crate::diag::{self, Diag, Error, Place};
-use crate::texture::foreign;
 
 /// Largest drawing after unpacking an svgz.
 const MAX_UNPACKED: u64 = 64 << 20;
@@ -23,8 +23,8 @@ pub(super) const MAX_DEPTH: usize = 256;
 /// Most attributes of one element: the XML parser compares each with all others.
 const MAX_ATTRIBUTES: usize = 2000;
 
-/// Whether a file begins as SVG does.
-pub(in crate::texture) fn is_svg(bytes: &[u8]) -> bool {
+/// Whether a file begins as XML does.
+pub(super) fn is_xml(bytes: &[u8]) -> bool {
     bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'<')
 }
 
@@ -32,12 +32,12 @@ pub(in crate::texture) fn is_svg(bytes: &[u8]) -> bool {
 ///
 /// # Errors
 /// `svg-…` where it is no text, or not one that is safe to parse.
-pub(in crate::texture) fn text(mut bytes: Vec<u8>, path: &Path) -> Result<String, Error> {
+pub(super) fn text(mut bytes: Vec<u8>, path: &Path) -> Result<String, Error> {
     let place = Place::file(path.display().to_string());
     if bytes.starts_with(&[0x1f, 0x8b]) {
         bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
     }
-    if let Some(d) = foreign::text(&bytes).or_else(|| foreign::name(path).filter(|_| !is_svg(&bytes))) {
+    if let Some(d) = foreign::text(&bytes).or_else(|| foreign::name(path).filter(|_| !is_xml(&bytes))) {
         return Err(d.at(place).into());
     }
     let text = decoded(bytes).map_err(|d| d.at(place))?;
