@@ -6,6 +6,8 @@
 //! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
 //! the texture as small boxes; lower bounds see the [`Samples`], points of it. Units: nm; slopes as squared tangents.
 
+#[cfg(test)]
+mod along_edges;
 mod cells;
 mod footprint;
 mod marks;
@@ -89,6 +91,8 @@ pub struct Tracer<'a> {
     /// Where the last beam was followed.
     beam: Cursor,
     spans: Vec<Span>,
+    /// Squared slopes of the facets of the spans.
+    slopes2: Vec<f64>,
     /// Largest squared slope of what was marked so far.
     pub worst_slope2: f64,
 }
@@ -99,9 +103,10 @@ impl<'a> Tracer<'a> {
         Self {
             surface,
             max_slope2: max_slope * max_slope,
-            cursor: Cursor::default(),
+            cursor: Cursor::new(max_slope * max_slope),
             beam: Cursor::default(),
             spans: Vec::new(),
+            slopes2: Vec::new(),
             worst_slope2: 0.0,
         }
     }
@@ -117,10 +122,9 @@ impl<'a> Tracer<'a> {
         if a == b {
             self.look_at(a);
         } else {
-            self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+            self.walk(a, b);
         }
-        for span in &self.spans {
-            let slope2 = span.facet().map_or(0.0, |f| self.surface.slope2(f));
+        for (span, &slope2) in self.spans.iter().zip(&self.slopes2) {
             let skip = match span.facet() {
                 None => Some(Skip::OffPart),
                 Some(_) => {
@@ -137,20 +141,45 @@ impl<'a> Tracer<'a> {
         }
     }
 
+    /// Leaves the spans of a segment and their slopes. Where it runs along an edge, what lies beside it decides.
+    fn walk(&mut self, a: P2, b: P2) {
+        self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+        self.measure();
+        let is_along_edge =
+            |(span, &slope2): (&Span, &f64)| self.surface.is_along_edge(a, b, span, slope2 > self.max_slope2);
+        if self.spans.iter().zip(&self.slopes2).any(is_along_edge) {
+            self.surface.walk_along_edges(a, b, &mut self.cursor, &mut self.spans);
+            self.measure();
+        }
+    }
+
+    fn measure(&mut self) {
+        let slope2 = |span: &Span| span.facet().map_or(0.0, |f| self.surface.slope2(f));
+        self.slopes2.clear();
+        self.slopes2.extend(self.spans.iter().map(slope2));
+    }
+
     /// Leaves one span for the whole of a segment that is a point: what a walk away from it begins with. A point on the
-    /// rim of the part is on the part.
+    /// rim of the part is on the part, and one on the edge of a place that may be marked is marked.
     fn look_at(&mut self, p: P2) {
         /// Above what walks snap to rims, nm.
         const STEP: i64 = 16;
+        let mut best: Option<(Span, f64)> = None;
         for (x, y) in [(STEP, 0), (-STEP, 0), (0, STEP), (0, -STEP)] {
-            self.surface.walk(p, P2::new(p.x + x, p.y + y), &mut self.cursor, &mut self.spans);
-            if self.spans[0].facet().is_some() {
+            self.walk(p, P2::new(p.x + x, p.y + y));
+            let found = (self.spans[0], self.slopes2[0]);
+            let is_marked = found.0.facet().is_some() && found.1 <= self.max_slope2;
+            if is_marked || best.is_none_or(|(span, _)| span.facet().is_none()) {
+                best = Some(found);
+            }
+            if is_marked {
                 break;
             }
         }
-        self.spans.truncate(1);
-        let span = &mut self.spans[0];
+        let (mut span, slope2) = best.expect("four directions");
         (span.t0, span.t1, span.z1) = (0.0, 1.0, span.z0);
+        (self.spans.clear(), self.slopes2.clear());
+        (self.spans.push(span), self.slopes2.push(slope2));
     }
 }
 

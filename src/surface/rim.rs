@@ -10,7 +10,7 @@
 
 use super::Surface;
 use super::mesh::{NONE, Vertex};
-use super::topmost::Span;
+use super::topmost::{Hit, Side, Span};
 use super::walk::{Cursor, Line, ON_RIM};
 use crate::geom::{P2, orient};
 
@@ -37,7 +37,7 @@ impl Surface {
         let at = line.a.lerp(line.b, t);
         let bin = self.bin_of(1, at.y) * self.bin_count(0) + self.bin_of(0, at.x);
         self.bin_facets(bin as usize, [at, at], &mut cursor.facets);
-        cursor.facets.iter().flat_map(|&f| self.rims(f)).any(|[u, v]| {
+        cursor.facets.iter().flat_map(|&f| self.rims(f)).any(|[u, v, _]| {
             let near = line.near(u, v);
             near[0] - line.half_nm <= t && t <= near[1] + line.half_nm
         })
@@ -46,21 +46,22 @@ impl Surface {
     /// Writes what rims hold of a stretch of the line into `cursor.on_rim`; answers whether that is all of it.
     fn along_rims(&self, line: &Line, [from, to]: [f64; 2], cursor: &mut Cursor) -> bool {
         self.facets_under(line, [from, to], &mut cursor.facets);
+        let limit2 = cursor.limit2();
         let Cursor { facets, sheets, on_rim, .. } = cursor;
         sheets.hits.clear();
         for &f in facets.iter() {
-            for [u, v] in self.rims(f) {
+            for [u, v, opposite] in self.rims(f) {
                 let near = line.near(u, v);
                 let (t0, t1) = (near[0].max(from), near[1].min(to));
                 if t0 < t1 {
                     let z = |t: f64| u.z + (v.z - u.z) * line.share(u, v, t);
-                    sheets.hits.push(Span { t0, t1, z0: z(t0), z1: z(t1), facet: f });
+                    let side = if line.side(opposite) > 0.0 { Side::Left } else { Side::Right };
+                    sheets.hits.push(Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side });
                 }
             }
         }
-        sheets.hits.sort_by(|p, q| p.t0.total_cmp(&q.t0).then(p.facet.cmp(&q.facet)));
         on_rim.clear();
-        sheets.topmost(from, to, line.half_nm, on_rim);
+        sheets.take(from, to, &self.choice(line, limit2), on_rim);
         let is_whole = !on_rim.is_empty() && on_rim.iter().all(|s| s.facet().is_some());
         // Neighbouring edges meet within rounding: spans are made to tile the gap.
         if is_whole {
@@ -71,17 +72,17 @@ impl Surface {
         is_whole
     }
 
-    /// The edges of facet f that have no facet on their other side.
-    fn rims(&self, f: u32) -> impl Iterator<Item = [Vertex; 2]> {
+    /// The edges of facet f that have no facet on their other side, each with the corner opposite of it.
+    fn rims(&self, f: u32) -> impl Iterator<Item = [Vertex; 3]> {
         let corner = move |k: usize| self.corner(f, k % 3).0;
-        (0..3).filter(move |&k| self.twin(f * 3 + k as u32) == NONE).map(move |k| [corner(k), corner(k + 1)])
+        (0..3).filter(move |&k| self.twin(f * 3 + k as u32) == NONE).map(move |k| [0, 1, 2].map(|i| corner(k + i)))
     }
 }
 
 impl Line {
     /// The parameters between which the line lies within [`ON_RIM`] of the edge from u to v; the first beyond the
     /// second where it nowhere does. What is near to an edge is convex: its ends and what is next to it.
-    fn near(&self, u: Vertex, v: Vertex) -> [f64; 2] {
+    pub(super) fn near(&self, u: Vertex, v: Vertex) -> [f64; 2] {
         let mut near = [f64::INFINITY, f64::NEG_INFINITY];
         let mut add = |t: [f64; 2]| {
             if t[0] <= t[1] {
@@ -108,7 +109,7 @@ impl Line {
     }
 
     /// The part of the edge from u to v, 0 to 1, at which the place at `t` is nearest to it.
-    fn share(&self, u: Vertex, v: Vertex, t: f64) -> f64 {
+    pub(super) fn share(&self, u: Vertex, v: Vertex, t: f64) -> f64 {
         let ([l, m], length2) = self.along(u, v);
         ((l + t * (m - l)) / length2).clamp(0.0, 1.0)
     }

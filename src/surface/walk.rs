@@ -4,7 +4,8 @@
 //! from exact orientation signs of the corners against the segment, with ties broken as if the
 //! segment were shifted by an infinitesimal (ε, ε²), so that a segment along an edge or through a
 //! vertex meets exactly one facet at a time and never gets lost. Near rims and where several sheets
-//! overlap, all facets under the stretch are cut with it, borders included, and the topmost is taken.
+//! overlap, all facets under the stretch are cut with it, borders included, and the topmost is taken; along an edge
+//! that is what is topmost beside it ([`Sheets::take`]).
 //!
 //! Promise: the spans of a segment tile its parameter range [0, 1] without overlap; a span without
 //! facet is a gap (no part there). Heights of neighbouring spans on one sheet agree to rounding;
@@ -15,18 +16,41 @@
 
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
-use super::topmost::{Sheets, Span, interpolate, push_gap, push_on, seal};
+use super::topmost::{Choice, Hit, Sheets, Side, Span, interpolate, push_gap, push_on, seal};
 pub(super) use super::vertex::ON_RIM;
 use super::{Kind, Surface};
 use crate::geom::{P2, normal, orient, slope2};
 
+/// Least length of a stretch along an edge, nm: at less the segment crosses it.
+const RUN: f64 = 100.0;
+
 /// Where the last segment ended, so that the next one starts there; and the walk's scratch space.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Cursor {
+    /// Square of the steepest slope that is marked.
+    limit2: f64,
     last: Option<(u32, usize)>,
     pub(super) facets: Vec<u32>,
     pub(super) sheets: Sheets,
     pub(super) on_rim: Vec<Span>,
+}
+
+impl Cursor {
+    /// Of two facets along an edge, those are preferred whose slope, squared, is at most `limit2`.
+    pub fn new(limit2: f64) -> Self {
+        let (last, facets, sheets, on_rim) = Default::default();
+        Self { limit2, last, facets, sheets, on_rim }
+    }
+
+    pub(super) fn limit2(&self) -> f64 {
+        self.limit2
+    }
+}
+
+impl Default for Cursor {
+    fn default() -> Self {
+        Self::new(f64::INFINITY)
+    }
 }
 
 /// A segment with what every step needs.
@@ -62,6 +86,11 @@ impl Line {
     fn side_snapped(&self, v: Vertex) -> f64 {
         let o = self.side(v);
         if o.abs() * 2.0 * self.half_nm <= ON_RIM { 0.0 } else { o }
+    }
+
+    /// The side to which the symbolic shift moves the segment.
+    fn shifted_to(&self) -> Side {
+        if self.tie > 0.0 { Side::Right } else { Side::Left }
     }
 
     /// As [`Line::side`], never zero.
@@ -167,8 +196,7 @@ impl Surface {
     /// Walks the segment from `a` to `b` (part frame, a ≠ b) and writes its spans into `out`.
     pub fn walk(&self, a: P2, b: P2, cursor: &mut Cursor, out: &mut Vec<Span>) {
         out.clear();
-        let o = self.origin();
-        let line = Line::new(P2::new(a.x - o.x, a.y - o.y), P2::new(b.x - o.x, b.y - o.y));
+        let line = self.line(a, b);
         let Some([t0, t1]) = self.clip(&line) else {
             out.push(Span::gap(0.0, 1.0));
             return;
@@ -208,6 +236,65 @@ impl Surface {
         push_gap(out, t1, 1.0, line.half_nm);
         seal(out);
         self.close_on_rims(&line, cursor, out);
+    }
+
+    /// As [`Surface::walk`], for a segment that runs along edges: all facets under it are cut with it, and each counts on
+    /// its own side of an edge that lies within rounding of the segment.
+    pub fn walk_along_edges(&self, a: P2, b: P2, cursor: &mut Cursor, out: &mut Vec<Span>) {
+        out.clear();
+        let line = self.line(a, b);
+        let Some([t0, t1]) = self.clip(&line) else {
+            out.push(Span::gap(0.0, 1.0));
+            return;
+        };
+        push_gap(out, 0.0, t0, line.half_nm);
+        cursor.last = None;
+        self.facets_under(&line, [t0, t1], &mut cursor.facets);
+        cursor.sheets.hits.clear();
+        for &f in &cursor.facets {
+            self.closed_along(&line, f, [t0, t1], &mut cursor.sheets.hits);
+        }
+        cursor.sheets.take(t0, t1, &self.choice(&line, cursor.limit2), out);
+        push_gap(out, t1, 1.0, line.half_nm);
+        seal(out);
+        self.close_on_rims(&line, cursor, out);
+    }
+
+    /// Whether the segment from `a` to `b` runs along an edge of the facet under a span, so that what is marked depends on
+    /// what lies beside it: any edge of a facet that is too steep, and a rim.
+    pub fn is_along_edge(&self, a: P2, b: P2, span: &Span, is_steep: bool) -> bool {
+        let Some(f) = span.facet() else { return false };
+        let mut edges = (0..3).filter(|&k| is_steep || self.twin(f * 3 + k as u32) == NONE).peekable();
+        if edges.peek().is_none() {
+            return false;
+        }
+        let line = self.line(a, b);
+        edges.any(|k| self.run(&line, f, k, [span.t0, span.t1]).is_some())
+    }
+
+    /// The stretch between two parameters on which the line runs along edge k of facet f, within rounding.
+    fn run(&self, line: &Line, f: u32, k: usize, [from, to]: [f64; 2]) -> Option<[f64; 2]> {
+        let [u, v] = [k, (k + 1) % 3].map(|k| self.corner(f, k).0);
+        let [s, e] = [u, v].map(|c| line.parameter(c.x.into(), c.y.into()));
+        let near = line.near(u, v);
+        let run = [near[0].max(from).max(s.min(e)), near[1].min(to).min(s.max(e))];
+        (run[1] - run[0] > RUN * 2.0 * line.half_nm).then_some(run)
+    }
+
+    /// A segment in the mesh's own coordinates.
+    fn line(&self, a: P2, b: P2) -> Line {
+        let o = self.origin();
+        Line::new(P2::new(a.x - o.x, a.y - o.y), P2::new(b.x - o.x, b.y - o.y))
+    }
+
+    /// What decides between facets along a line.
+    pub(super) fn choice(&self, line: &Line, limit2: f64) -> Choice<impl Fn(u32) -> (f64, f64)> {
+        let left = [-line.d[1], line.d[0]];
+        let look = move |f: u32| {
+            let [x, y, z] = self.normal(f);
+            (-(x * left[0] + y * left[1]) / z, self.slope2(f))
+        };
+        Choice { half_nm: line.half_nm, limit2, first: line.shifted_to(), look }
     }
 
     /// The parameters between which the line lies in the grid of bins.
@@ -327,8 +414,7 @@ impl Surface {
                 cursor.sheets.hits.push(h);
             }
         }
-        cursor.sheets.hits.sort_by(|p, q| p.t0.total_cmp(&q.t0).then(p.facet.cmp(&q.facet)));
-        cursor.sheets.topmost(t_from, t_to, line.half_nm, out);
+        cursor.sheets.take(t_from, t_to, &self.choice(line, cursor.limit2), out);
     }
 
     /// The facets that may lie under a stretch of the line, each once, rising: of all bins that it passes.
@@ -348,7 +434,7 @@ impl Surface {
 
     /// The stretch of the line between the two parameters that lies in the closed facet f; None if
     /// it has no length.
-    fn closed(&self, line: &Line, f: u32, t_from: f64, t_to: f64) -> Option<Span> {
+    fn closed(&self, line: &Line, f: u32, t_from: f64, t_to: f64) -> Option<Hit> {
         let c = [0, 1, 2].map(|k| self.corner(f, k));
         let sides = c.map(|(v, _)| line.side_snapped(v));
         // A closed facet meets the line between two of at most three places: corners that lie on it, and crossings
@@ -372,7 +458,30 @@ impl Surface {
         let (t0, t1) = (lo.0.max(t_from), hi.0.min(t_to));
         let z = |t: f64| interpolate(t, lo.0, lo.1, hi.0, hi.1);
         // A facet that the line meets in one point alone may seem to have a length by rounding.
-        (t1 - t0 > line.half_nm * 1e-3).then(|| Span { t0, t1, z0: z(t0), z1: z(t1), facet: f })
+        let side = match (sides.iter().any(|s| *s > 0.0), sides.iter().any(|s| *s < 0.0)) {
+            (true, false) => Side::Left,
+            (false, true) => Side::Right,
+            _ => Side::Both,
+        };
+        (t1 - t0 > line.half_nm * 1e-3).then(|| Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side })
+    }
+
+    /// Adds the stretches of the line in the closed facet f: that along one of its edges as one on the facet's side.
+    fn closed_along(&self, line: &Line, f: u32, [from, to]: [f64; 2], hits: &mut Vec<Hit>) {
+        let whole = self.closed(line, f, from, to);
+        let runs = (0..3).filter_map(|k| Some((k, self.run(line, f, k, [from, to])?)));
+        let longest = runs.max_by(|(_, p), (_, q)| (p[1] - p[0]).total_cmp(&(q[1] - q[0])));
+        let Some((k, [t0, t1])) = longest else { return hits.extend(whole) };
+        let [u, v, opposite] = [0, 1, 2].map(|i| self.corner(f, (k + i) % 3).0);
+        let z = |t: f64| u.z + (v.z - u.z) * line.share(u, v, t);
+        let side = if line.side(opposite) > 0.0 { Side::Left } else { Side::Right };
+        hits.push(Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side });
+        // A line that leaves the edge at a small angle goes on in the facet.
+        if let Some(Hit { span, side: Side::Both }) = whole {
+            let rest = [span.cut(span.t0, t0.min(span.t1)), span.cut(t1.max(span.t0), span.t1)];
+            let is_long = |s: &Span| s.t1 - s.t0 > line.half_nm * 1e-3;
+            hits.extend(rest.into_iter().filter(is_long).map(|span| Hit { span, side: Side::Both }));
+        }
     }
 
     /// Square of the slope (tangent) of a facet.

@@ -2,7 +2,7 @@
 //! lower left to its upper right node, and a triangle with a hole among its nodes is not there.
 
 use super::grid::Grid;
-use super::{BoxNm, Crossing, Line, nm};
+use super::{BoxNm, Crossing, HAIR, Line, Scratch, nm};
 use crate::geom::BoxMm;
 use crate::surface::Heightmap;
 
@@ -76,7 +76,7 @@ impl Map {
     }
 
     /// Cuts both triangles of every cell under the line.
-    pub(super) fn crossings(&self, line: &Line, out: &mut Vec<Crossing>) {
+    pub(super) fn crossings(&self, line: &Line, out: &mut Scratch) {
         let [cos, sin] = self.turn;
         let back = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
         let line = Line { start: back(line.start), dir: back(line.dir), len: line.len };
@@ -88,7 +88,7 @@ impl Map {
     }
 
     /// The triangle right below or left above the diagonal.
-    fn triangle(&self, line: &Line, [column, row]: [usize; 2], upper: bool, out: &mut Vec<Crossing>) {
+    fn triangle(&self, line: &Line, [column, row]: [usize; 2], upper: bool, out: &mut Scratch) {
         let z = |dx: usize, dy: usize| {
             let value = self.map.samples.value((row + dy) * self.map.columns + column + dx);
             value.map(|v| nm(self.map.z_mm[0] + v * self.map.z_mm[1]))
@@ -105,15 +105,20 @@ impl Map {
         // Three half-planes of (x, y) from the cell's corner: past the leg, before the other leg, next to the diagonal.
         let (near, far) = if upper { (0, 1) } else { (1, 0) };
         let mut d = [0.0, line.len];
-        clip(&mut d, line.dir[near], lo[near]);
-        clip(&mut d, -line.dir[far], -(lo[far] + size));
-        clip(&mut d, line.dir[far] - line.dir[near], lo[far] - lo[near]);
+        let sides = [
+            (line.dir[near], lo[near]),
+            (-line.dir[far], -(lo[far] + size)),
+            (line.dir[far] - line.dir[near], lo[far] - lo[near]),
+        ];
+        sides.iter().for_each(|&(rate, least)| clip(&mut d, rate, least));
         if d[0] < d[1] {
+            let is_along = |&(rate, least): &(f64, f64)| rate.abs() * line.len + least.abs() <= HAIR / 2.0;
+            out.is_along_edge |= sides.iter().any(is_along);
             let at = |d: f64| z00 + grad[0] * (d * line.dir[0] - lo[0]) + grad[1] * (d * line.dir[1] - lo[1]);
             let slope2 = grad[0] * grad[0] + grad[1] * grad[1];
             let ([cos, sin], [gx, gy]) = (self.turn, grad);
             let grad = [cos * gx - sin * gy, sin * gx + cos * gy];
-            out.push(Crossing { d, z: d.map(at), slope2, grad, drawn2: slope2, facet: u32::from(upper) });
+            out.crossings.push(Crossing { d, z: d.map(at), slope2, grad, drawn2: slope2, facet: u32::from(upper) });
         }
     }
 }

@@ -4,7 +4,7 @@
 //! each cell lists the facets that touch it in one flat array.
 
 use super::grid::Grid;
-use super::{BoxNm, Crossing, Line, Scratch, Turn, nm};
+use super::{BoxNm, Crossing, HAIR, Line, Scratch, Turn, nm};
 use crate::geom::{BoxMm, P3};
 
 /// A facet in plan view and its plane: z = z0 + grad · (p - corner 0).
@@ -196,9 +196,9 @@ impl Facet {
         range
     }
 
-    /// Where the line crosses the facet, if it does over some length.
+    /// Where the line crosses the facet, if it does over some length, and whether that is one of its edges.
     #[inline]
-    fn cross(&self, line: &Line) -> Option<[f64; 2]> {
+    fn cross(&self, line: &Line) -> Option<([f64; 2], bool)> {
         let (mut side, mut along) = ([0.0; 3], [0.0; 3]);
         for (i, v) in self.corners.iter().enumerate() {
             let (dx, dy) = (v[0] - line.start[0], v[1] - line.start[1]);
@@ -224,7 +224,8 @@ impl Facet {
             hi = hi.max(d);
         }
         let (lo, hi) = (lo.max(0.0), hi.min(line.len));
-        (lo < hi).then_some([lo, hi])
+        let is_edge = side.iter().filter(|s| s.abs() <= HAIR / 2.0).count() > 1;
+        (lo < hi).then_some(([lo, hi], is_edge))
     }
 
     #[inline]
@@ -313,7 +314,7 @@ impl Mesh {
 
     /// Cuts every facet under the line.
     pub(super) fn crossings(&self, line: &Line, scratch: &mut Scratch) {
-        let Scratch { crossings, seen, query, .. } = scratch;
+        let Scratch { crossings, seen, query, is_along_edge, .. } = scratch;
         if seen.len() != self.facets.len() || *query == u32::MAX {
             seen.clear();
             seen.resize(self.facets.len(), 0);
@@ -330,7 +331,8 @@ impl Mesh {
                 }
                 *seen = *query;
                 let facet = &self.facets[i as usize];
-                if let Some(d) = facet.cross(line) {
+                if let Some((d, is_edge)) = facet.cross(line) {
+                    *is_along_edge |= is_edge;
                     let z = d.map(|d| facet.z_at(line.at(d)));
                     let slope2 = facet.grad[0] * facet.grad[0] + facet.grad[1] * facet.grad[1];
                     crossings.push(Crossing { d, z, slope2, grad: facet.grad, drawn2: facet.drawn2, facet: i });

@@ -27,6 +27,13 @@ use crate::program::CHORD_NM;
 /// Rounding of the mesh's vertices and of the cut points moves an edge by at most this, nm.
 const ROUNDING: f64 = 1.5;
 
+/// How far beside an edge the two lines lie that stand for its sides, nm. Facets thinner than 2 nm are not kept, and
+/// coordinates are known to 5e-7 nm.
+const HAIR: f64 = 0.01;
+
+/// Heights a [`HAIR`] beside an edge that differ by less, nm, meet in it.
+const MEETS: f64 = 1.0;
+
 /// How steep a piece is, next to the limit of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slope {
@@ -65,6 +72,28 @@ impl Piece {
     /// Its length in nm.
     pub(super) fn len(&self) -> f64 {
         self.d[1] - self.d[0]
+    }
+
+    /// What of it lies in a stretch.
+    fn within(&self, d: [f64; 2]) -> Self {
+        let len = self.len();
+        let z = |s: &Sheet| d.map(|d| s.z[0] + (s.z[1] - s.z[0]) * ((d - self.d[0]) / len).clamp(0.0, 1.0));
+        Self { d, sheet: self.sheet.map(|s| Sheet { z: if len > 0.0 { z(&s) } else { s.z }, ..s }) }
+    }
+
+    /// Of what lies on both sides of an edge that which may be marked; else the higher, and of what meets in the edge the
+    /// less steep.
+    fn or(self, other: Self) -> Self {
+        let (Some(a), Some(b)) = (self.sheet, other.sheet) else {
+            return if self.sheet.is_some() { self } else { other };
+        };
+        let takes_other = match (a.slope == Slope::Steep, b.slope == Slope::Steep) {
+            (false, true) => false,
+            (true, false) => true,
+            _ if (0..2).all(|k| (a.z[k] - b.z[k]).abs() <= MEETS) => b.slope2 < a.slope2,
+            _ => b.z[0] + b.z[1] > a.z[0] + a.z[1],
+        };
+        if takes_other { other } else { self }
     }
 }
 
@@ -147,6 +176,8 @@ pub(super) struct Scratch {
     seen: Vec<u32>,
     query: u32,
     active: Vec<u32>,
+    /// Whether the line that was cut runs along an edge.
+    is_along_edge: bool,
 }
 
 /// The two forms of a surface.
@@ -253,20 +284,53 @@ impl Geometry {
         self.z_tolerance(self.limit2)
     }
 
-    /// The pieces of `line` in order; returns how many crossings of facets were cut.
+    /// Calls `visit` with the pieces of `line` in order; returns how many crossings of facets were cut.
+    ///
+    /// A line along an edge shows neither side of it, but the border of both, and of a closed solid the underside as
+    /// well. It is judged by the two lines a [`HAIR`] beside it: what may be marked on one of them, else what is higher.
     pub(super) fn along(&self, line: &Line, scratch: &mut Scratch, mut visit: impl FnMut(Piece)) -> u64 {
+        let cut = self.cut(line, scratch);
+        if !scratch.is_along_edge {
+            self.pieces(line.len, scratch, visit);
+            return cut;
+        }
+        let [left, right] = [HAIR, -HAIR].map(|side| {
+            let mut found = Vec::new();
+            self.cut(&line.part([0.0, line.len], side), scratch);
+            self.pieces(line.len, scratch, |p| found.push(p));
+            found
+        });
+        let (mut l, mut r, mut at) = (0, 0, 0.0);
+        while let (Some(a), Some(b)) = (left.get(l), right.get(r)) {
+            let end = a.d[1].min(b.d[1]);
+            if end > at {
+                visit(a.within([at, end]).or(b.within([at, end])));
+                at = end;
+            }
+            (l, r) = (l + usize::from(a.d[1] <= end), r + usize::from(b.d[1] <= end));
+        }
+        cut
+    }
+
+    /// Cuts all facets under the line.
+    fn cut(&self, line: &Line, scratch: &mut Scratch) -> u64 {
         scratch.crossings.clear();
+        scratch.is_along_edge = false;
         match &self.shape {
             Shape::Mesh(mesh) => mesh.crossings(line, scratch),
-            Shape::Map(map) => map.crossings(line, &mut scratch.crossings),
+            Shape::Map(map) => map.crossings(line, scratch),
         }
+        scratch.crossings.len() as u64
+    }
+
+    /// Hands the topmost of what was cut to `visit`.
+    fn pieces(&self, len: f64, scratch: &mut Scratch, mut visit: impl FnMut(Piece)) {
         let Scratch { crossings, active, .. } = scratch;
-        topmost::pieces(crossings, active, line.len, |d, top| {
+        topmost::pieces(crossings, active, len, |d, top| {
             let sheet =
                 top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c), grad: c.grad, facet: c.facet });
             visit(Piece { d, sheet });
         });
-        crossings.len() as u64
     }
 
     /// What a point may lie on, to what rounding decides: the piece under it first, then those within the grain, which
