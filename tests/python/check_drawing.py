@@ -181,6 +181,13 @@ class Walk:
         off = row is not None and row.is_off() and e.dxftype() != "INSERT"
         return e.dxf.get("invisible", 0) or off or (row is not None and row.is_frozen())
 
+    def is_blank(self, e):
+        """Whether nothing is seen of a text."""
+        kind = e.dxftype()
+        if kind in ("TEXT", "ATTRIB"):
+            return not e.dxf.get("text", "").strip()
+        return kind == "MTEXT" and not e.plain_text().strip()
+
     def entity(self, e, matrix, around, depth):
         layer = around if e.dxf.layer == "0" else e.dxf.layer
         kind = e.dxftype()
@@ -188,7 +195,7 @@ class Walk:
             self.hidden += 1
         elif kind == "INSERT":
             self.insert(e, matrix, layer, depth)
-        elif kind == "ATTDEF" and depth:
+        elif kind == "ATTDEF" and depth or self.is_blank(e):
             pass
         elif kind not in READ or (kind == "POLYLINE" and (e.is_polygon_mesh or e.is_poly_face_mesh)):
             self.unread[kind] += 1
@@ -235,7 +242,7 @@ class Walk:
         for attrib in e.attribs:
             if self.is_hidden(attrib, attrib.dxf.layer) or attrib.is_invisible:
                 self.hidden += 1
-            else:
+            elif not self.is_blank(attrib):
                 self.unread["ATTRIB"] += 1
 
 
