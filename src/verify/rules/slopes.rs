@@ -82,7 +82,9 @@ pub(super) fn of(
             (u.least, u.all) = ([lo, hi], [lo, hi]);
         }
         if sides {
-            u.least[0] = u.least[0].min(touched(file, block, stroke, geometry, scratch));
+            // As much of a mark as rounding moves its ends may lie on the facet beyond.
+            let touched = touched(file, block, stroke, geometry, scratch);
+            (u.least[0], u.all[0]) = (u.least[0].min(touched), u.all[0].min(touched));
         }
         (length, off) = (length + u.length, off + u.off);
         for k in 0..2 {
