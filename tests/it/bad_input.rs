@@ -377,51 +377,6 @@ fn warnings_are_printed_with_the_error() {
 }
 
 #[test]
-#[ignore = "slow: make test-all"]
-fn a_style_sheet_takes_little_time_and_memory_whatever_it_holds() {
-    style_sheets(100_000);
-}
-
-#[test]
-#[ignore = "slow: make test-all"]
-fn a_long_style_sheet_takes_little_time_and_memory_whatever_it_holds() {
-    style_sheets(400_000);
-}
-
-/// Drawings with style sheets of so many parts.
-fn style_sheets(n: usize) {
-    let dir = folder();
-    let groups = |inner: &str| "<g>".repeat(200) + inner + &"</g>".repeat(200);
-    let square = "<rect width='9' height='9'/>";
-    let row = "<g/>".repeat(n) + square;
-    for (name, css, body, want) in [
-        // Selectors of which a matcher that tries every ancestor tries 200^n combinations.
-        ("four", "x g g g g rect{fill:none}".to_owned(), groups(square), Compiled(&[])),
-        ("twelve", format!("x {}rect{{fill:none}}", "g ".repeat(12)), groups(square), Compiled(&[])),
-        ("deep", "g ".repeat(n) + "rect{fill:none}", groups(square), Compiled(&[])),
-        // As many siblings as the row has elements, and a selector that each of them is matched against.
-        ("long", "g+".repeat(n) + "rect{fill:red}", row.clone(), Compiled(&[])),
-        ("wide", format!("x+{}rect{{fill:none}}", "*+".repeat(n)), row.clone(), Compiled(&[])),
-        ("costly", format!("x+{}*{{fill:none}}", "*+".repeat(n)), row, Refused("svg-css", ".svg")),
-        ("parts", "a,".repeat(1_000_000) + "rect{fill:none}", square.to_owned(), Refused("svg-css", ".svg")),
-        // What grows with the square of its length unless it is read once: shared blocks, faults, sheets.
-        ("shared", "a,".repeat(n) + "a{" + &"fill:red;".repeat(n / 4) + "}", square.to_owned(), Compiled(&[])),
-        ("faulty", "a{1}".repeat(n), square.to_owned(), Compiled(&[])),
-        ("comments", "a".to_owned() + &"/**/".repeat(n) + "{fill:red}", square.to_owned(), Compiled(&[])),
-        ("sheets", String::new(), "<style>a{fill:red}</style>".repeat(n / 6) + square, Compiled(&[])),
-    ] {
-        let text = format!(
-            "<svg xmlns='http://www.w3.org/2000/svg' width='30mm' height='30mm' viewBox='0 0 30 30'>\
-             <style>{css}</style>{body}</svg>"
-        );
-        let name = format!("{name}.svg");
-        std::fs::write(dir.path().join(&name), text).expect("writable");
-        let job = plate(dir.path()).texture(&format!("file = {name:?}")).write(dir.path(), "job.toml");
-        check(&job, &name, &want);
-    }
-}
-
-#[test]
 #[cfg(target_os = "linux")]
 fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
     const SIDE: u32 = 1100;
