@@ -108,6 +108,8 @@ struct Told {
 
 #[derive(Deserialize)]
 struct Placement {
+    #[serde(default)]
+    laid_deg: Option<[f64; 3]>,
     turn_deg: f64,
 }
 
@@ -389,6 +391,7 @@ impl Rest<'_> {
             surface: self.surface().unwrap_or_default(),
             machine: &told.machine,
             turn_deg: told.placement.turn_deg,
+            laid_deg: told.placement.laid_deg,
             per_pass: second,
             formats: self.whole.formats.iter().map(|t| t.format).collect(),
             registration: has_setups.then(|| told.setups.iter().map(points).collect()),

@@ -144,10 +144,20 @@ pub enum Command {
         #[command(flatten)]
         choice: Choice,
     },
-    /// Find the fixture angle that minimises stage time, for one or two set-ups; prints estimates, writes nothing.
+    /// Lay the part: find the side that faces the lens and the fixture angle that minimises stage time, for one or two
+    /// set-ups; prints estimates, and writes them into the job file on request.
     Orient {
         /// Job file, or - for standard input.
         job: PathBuf,
+        /// The direction in the surface file that is to look at the lens; default: the side that its facets face.
+        #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, conflicts_with = "lie_on")]
+        up: Option<[f64; 3]>,
+        /// A point of the surface file, in its unit: the facet there is to lie on the table.
+        #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
+        lie_on: Option<[f64; 3]>,
+        /// Write the rotations of the best single set-up into the job file (placement.rotate).
+        #[arg(long)]
+        apply: bool,
     },
     /// Estimate the same job on several systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
     /// stage synchronised, five and seven axes, and a fast tool servo; times, deviations and seams side by side.
@@ -470,4 +480,14 @@ mod tests {
             }
         }
     }
+}
+
+/// Three numbers separated by commas.
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
+        .collect::<Option<_>>()
+        .unwrap_or_default();
+    numbers.try_into().map_err(|_| "give three numbers, such as 0,0,1".to_owned())
 }

@@ -69,6 +69,8 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
         "orient",
         &[
             ("terrace orient job.toml", "Stage times for several fixture angles"),
+            ("terrace orient job.toml --apply", "Lays the part: writes placement.rotate into the job file"),
+            ("terrace orient job.toml --up 0,1,0", "The side that looks along y of the surface file"),
             ("terrace orient job.toml --json", "For a program"),
         ],
     ),

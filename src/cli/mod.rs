@@ -31,6 +31,7 @@ use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
 use crate::nurbs::{GridSteps, Surface};
+use crate::plan::lay::Side;
 use crate::plan::{self, Plan};
 use crate::units::Length;
 use crate::verify;
@@ -130,12 +131,13 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Preview { job, output, width, choice } => {
             preview::preview(args, job, output.as_deref(), *width, choice)?;
         }
-        Command::Orient { job } => {
-            let job = load(args, job, &Choice::default())?;
-            let steps = Steps::new(args.quiet);
-            let found = plan::orient::orient(&job, &steps.numbered(&plan::orient::PHASES, show::phase))?;
-            steps.done();
-            print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
+        Command::Orient { job, up, lie_on, apply } => {
+            let side = match (up, lie_on) {
+                (Some(up), _) => Side::Up(*up),
+                (None, Some(point)) => Side::LieOn(*point),
+                (None, None) => Side::Found,
+            };
+            orient::orient(args, job, side, *apply)?;
         }
         Command::Compare { job, systems, protection, nurbs: exact, output } => {
             if let Some(folder) = output {

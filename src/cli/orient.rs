@@ -1,16 +1,142 @@
-//! `terrace orient`: the table of set-ups as text and as JSON.
+//! `terrace orient`: how the part is laid, the table of set-ups as text and as JSON, and the job file with the best.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use serde_json::{Value, json};
+use toml_edit::{Array, DocumentMut, Item, Table, value};
 
-use crate::geom::mm_from_nm;
+use super::args::{Args, Choice};
+use super::steps::Steps;
+use super::{load, print, show, warn, write_file};
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{Pose, mm_from_nm};
+use crate::job::Job;
 use crate::manifest::duration;
-use crate::plan::orient::{Orientation, SetUp};
+use crate::plan::lay::{self, Laying, Side};
+use crate::plan::orient::{self, Orientation, SetUp};
+use crate::units::Angle;
+
+/// Share of the stage time that a fixture angle saves, from which it is written into the job file.
+const WORTH: f64 = 0.05;
+
+/// Finds how to lay the part of a job, prints the set-ups, and writes the best single one into the job file.
+pub(super) fn orient(args: &Args, path: &Path, side: Side, apply: bool) -> Result<(), Error> {
+    if apply && path == Path::new("-") {
+        let d = Diag::input("orient-stdin", "a job from standard input has no file to write to");
+        return Err(d.hint("name the job file, or leave out --apply").into());
+    }
+    let job = load(args, path, &Choice::default())?;
+    let laying = match lay::lay(&job, side) {
+        Ok(laying) => Some(laying),
+        // Without a choice the part stays as the job has it.
+        Err(e) if !apply && side == Side::Found && e.diags().iter().all(|d| d.code == "orient-side") => {
+            warn(args, e.diags());
+            None
+        }
+        Err(e) => return Err(e),
+    };
+    let turned = laying.filter(|laying| side != Side::Found || !laying.is_as_placed(job.placement.laid));
+    let (laid, found) = match &turned {
+        Some(laying) => on_its_side(args, &job, laying)?,
+        None => (job.clone(), estimated(args, &job)?),
+    };
+    let Some(best) = best(&found) else { return Ok(()) };
+    let rotate = rotations(&laid, best);
+    let is_new = laid.placement.laid != job.placement.laid || best.lean_deg != [0.0; 2];
+    if apply && is_new {
+        write(args, path, rotate)?;
+    }
+    if args.json {
+        let mut json = json(&found, &laid, laying.as_ref(), rotate);
+        json["written"] = (apply && is_new).into();
+        return print(&show::json(&json));
+    }
+    let end = match (apply, is_new) {
+        (false, _) => "orient --apply writes it into the job file\n".to_owned(),
+        (true, true) => format!("written into {}\n", path.display()),
+        (true, false) => "the job file stays as it is: the part lies as well as it can\n".to_owned(),
+    };
+    print(&(text(&found, turned.as_ref(), rotate) + &end))
+}
+
+/// The set-ups of a job.
+fn estimated(args: &Args, job: &Job) -> Result<Vec<Orientation>, Error> {
+    let steps = Steps::new(args.quiet);
+    let found = orient::orient(job, &steps.numbered(&orient::PHASES, show::phase))?;
+    steps.done();
+    Ok(found)
+}
+
+/// The job with its part laid on a side, and its set-ups. Textures that lie beside the part then, since their places were
+/// chosen on the part as it lay, do not count.
+fn on_its_side(args: &Args, job: &Job, laying: &Laying) -> Result<(Job, Vec<Orientation>), Error> {
+    let laid = lay::laid(job, lay::angles(&laying.pose));
+    match estimated(args, &laid) {
+        Err(e) if e.diags().iter().any(|d| d.code == "job-empty") => {
+            let d = Diag::warning("orient-texture", "on the part as it is laid no texture would be marked")
+                .at(job.place_of("texture"))
+                .hint("give the places of textures anew: they are in the frame of the laid part");
+            warn(args, &[d]);
+            let pitch_mm =
+                job.machine()?.lens.field.map(|side| side.as_mm()).into_iter().fold(f64::INFINITY, f64::min) / 20.0;
+            let found = estimated(args, &lay::hatched(&laid, pitch_mm))?;
+            Ok((laid, found))
+        }
+        found => Ok((laid, found?)),
+    }
+}
+
+/// The best single set-up: a fixture angle only where it saves some time.
+fn best(found: &[Orientation]) -> Option<&SetUp> {
+    let single = |name: &str| found.iter().find(|w| w.name == name).and_then(|w| w.set_ups.first());
+    let (flat, leaning) = (single("as placed")?, single("tilted fixture"));
+    Some(leaning.filter(|l| l.stage_s < (1.0 - WORTH) * flat.stage_s).unwrap_or(flat))
+}
+
+/// The rotations of the surface file with which a set-up lies.
+fn rotations(job: &Job, set_up: &SetUp) -> [Angle; 3] {
+    let [x, y] = set_up.lean_deg.map(f64::to_radians);
+    let lean = Pose::from_angles([0.0, y, 0.0]).then(Pose::from_angles([x, 0.0, 0.0]));
+    let laid = job.placement.laid.and_then(|laid| laid.pose()).unwrap_or(Pose::from_angles([0.0; 3]));
+    lay::angles(&laid.then(lean))
+}
+
+/// Writes rotations into the job file, all else of which stays as it is.
+fn write(args: &Args, path: &Path, rotate: [Angle; 3]) -> Result<(), Error> {
+    let shown = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|e| crate::diag::unreadable(path, &e))?;
+    let fault = |e: &dyn std::fmt::Display| {
+        Error::from(Diag::input("job-toml", format!("the job file cannot be edited: {e}")).at(Place::file(&shown)))
+    };
+    let mut file: DocumentMut = text.parse().map_err(|e: toml_edit::TomlError| fault(&e))?;
+    let placement = file.entry("placement").or_insert(Item::Table(Table::new()));
+    let Some(placement) = placement.as_table_like_mut() else { return Err(fault(&"placement is no table")) };
+    placement.remove("up");
+    placement.remove("level");
+    let angles: Array = rotate.iter().map(|angle| format!("{} deg", angle.as_deg())).collect();
+    placement.insert("rotate", value(angles));
+    write_file(args, path, file.to_string().as_bytes(), &[])
+}
+
+fn written(rotate: [Angle; 3]) -> String {
+    let [x, y, z] = rotate.map(|angle| format!("\"{} deg\"", angle.as_deg()));
+    format!("rotate = [{x}, {y}, {z}]")
+}
 
 /// The table for people.
-pub(super) fn text(found: &[Orientation]) -> String {
+fn text(found: &[Orientation], turned: Option<&Laying>, rotate: [Angle; 3]) -> String {
     let mut out = String::new();
+    if let Some(laying) = turned {
+        let [x, y, z] = laying.up;
+        let why = if laying.is_witnessed { "its facets face that way" } else { "it shows the most area that way" };
+        let _ = writeln!(
+            out,
+            "The part is laid with ({x:.3}, {y:.3}, {z:.3}) of its file towards the lens: {why}.\nAs the file has it, \
+             {:.0} % of its area faces the lens. Rows and angles below are of the laid part.\n",
+            laying.faces_lens * 100.0
+        );
+    }
     let _ = writeln!(out, "{:<30} {:>12} {:>12} {:>8} {:>12}", "set-up", "about x", "about y", "stops", "stage time");
     for way in found {
         for (i, s) in way.set_ups.iter().enumerate() {
@@ -25,20 +151,22 @@ pub(super) fn text(found: &[Orientation]) -> String {
     }
     out.push_str(
         "\nEstimated from sample points; marking and set-up time not included. Angles rotate the part about\n\
-         y, then about x (right-handed). To use a row, rotate the surface file by these angles, clamp the\n\
-         part accordingly and compile: that also reports hidden and too steep areas.\n",
+         y, then about x (right-handed). Compiling the job also reports hidden and too steep areas.\n",
     );
+    let _ = writeln!(out, "The best single set-up:\n\n[placement]\n{}\n", written(rotate));
     out
 }
 
 /// The table for machines.
-pub(super) fn json(found: &[Orientation]) -> Value {
+fn json(found: &[Orientation], job: &Job, laying: Option<&Laying>, rotate: [Angle; 3]) -> Value {
+    let degrees = |angles: [Angle; 3]| angles.map(Angle::as_deg);
     let set_up = |s: &SetUp| {
         let [lo, hi] = [s.area.lo, s.area.hi];
         let area = [lo.x, lo.y, hi.x, hi.y].map(mm_from_nm);
         json!({
             "area_mm": area,
             "lean_deg": s.lean_deg,
+            "rotate_deg": degrees(rotations(job, s)),
             "stops": s.stops,
             "stage_s": s.stage_s,
         })
@@ -51,5 +179,11 @@ pub(super) fn json(found: &[Orientation]) -> Value {
             "stage_s": w.stage_s(),
         })
     };
-    json!({ "orientations": found.iter().map(way).collect::<Vec<_>>() })
+    let side = laying
+        .map(|laying| json!({"up": laying.up, "faces_lens": laying.faces_lens, "is_witnessed": laying.is_witnessed}));
+    json!({
+        "orientations": found.iter().map(way).collect::<Vec<_>>(),
+        "side": side,
+        "rotate_deg": degrees(rotate),
+    })
 }

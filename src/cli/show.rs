@@ -147,6 +147,7 @@ pub fn summary(s: &AnySummary, folder: Option<&Path>) -> String {
 fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     let t = &s.time_s;
     let mut lines = vec![
+        format!("part           {}", sides(s.part_mm)),
         format!("method         {}", s.method),
         format!("stops          {}{} ({} sub-blocks){}{}", s.stops, blocks(s), s.sub_blocks, at_least(s), merged(s)),
         format!(
@@ -177,7 +178,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     ));
     if s.dots.texture > 0 {
         lines.insert(
-            2,
+            3,
             format!(
                 "dots           {} of {} (off the part {}, too steep {})",
                 s.dots.marked, s.dots.texture, s.dots.off_part, s.dots.steep
@@ -213,8 +214,14 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     lines.join("\n") + "\n"
 }
 
+/// The sides of a box.
+fn sides([x, y, z]: [f64; 3]) -> String {
+    format!("{x:.3} x {y:.3} x {z:.3} mm")
+}
+
 fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
     let mut lines = vec![
+        format!("part           {}", sides(s.part_mm)),
         format!("marks          {} in {} moves, {:.3} mm", s.marks, s.moves, s.mark_mm),
         format!("time           {:.3} s, {:.3} s of it with the laser on", s.time_s, s.mark_s),
         format!("worst focus    {:.1} um, angle {:.2} deg", s.deviations.worst_fod_um, s.deviations.worst_bia_deg),

@@ -10,6 +10,7 @@ mod field;
 mod frame;
 mod grid;
 mod nm;
+mod pose;
 mod stroke;
 mod turn;
 
@@ -19,6 +20,7 @@ pub use field::{ControllerPoint, FieldPoint};
 pub use frame::{Controller, P3, Part, Turned};
 pub use grid::Grid;
 pub use nm::Nm;
+pub use pose::Pose;
 pub use stroke::Strokes;
 pub use turn::Turn;
 

@@ -156,6 +156,16 @@ pub struct PlacementKeys {
     /// centre of travel.
     #[serde(default)]
     pub origin: Option<[Length; 3]>,
+    /// Rotations of the surface file about its x, y and z axis, in this order, before all else: how the part is laid.
+    #[serde(default)]
+    pub rotate: Option<[Angle; 3]>,
+    /// Instead of `rotate`: the direction in the surface file that is to look at the lens.
+    #[serde(default)]
+    pub up: Option<[f64; 3]>,
+    /// Instead of `rotate`: three points of the surface file whose plane is to be level; counter-clockwise as the lens
+    /// sees them.
+    #[serde(default)]
+    pub level: Option<[[f64; 3]; 3]>,
     /// Turn of the part about its z axis, counter-clockwise.
     #[serde(default)]
     pub turn: Angle,

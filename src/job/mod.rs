@@ -26,7 +26,7 @@ pub use file_unit::FileUnit;
 pub use read::{read_file, read_text};
 pub use resolve::MAX_SETUPS;
 pub use resolved::{
-    Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
+    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};
 pub use setting::{KeyValue, Keys, Setting};

@@ -8,10 +8,10 @@ use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
     FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts, PassesKeys,
-    PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::resolved::{
-    Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
+    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
 use super::texture::Texture;
 use super::texture::keys::TextureKeys;
@@ -68,9 +68,12 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         f.push("texture", Diag::input("texture-none", "the job has no [[texture]]"));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
+    let laid = laid(&file.placement, f);
+    let pose = laid.and_then(|laid| laid.pose());
+    surface.options.pose = pose;
     let textures = file.texture.iter().enumerate();
     let textures = textures
-        .filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens, pdof: focus.pdof }.resolve(f))
+        .filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens, pdof: focus.pdof, pose }.resolve(f))
         .collect();
     let mut partition = partition(file, f);
     if let Some(objective) = overrides.objective {
@@ -103,6 +106,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         surface,
         placement: Placement {
             origin,
+            laid,
             turn: file.placement.turn,
             residual: [file.placement.residual, file.placement.residual_z],
         },
@@ -172,6 +176,7 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             heightmap: keys.heightmap.as_ref().map(scale),
             max_edge_mm: keys.max_edge.map(Length::as_mm),
             tessellation: None,
+            pose: None,
         },
         weld: f.nm("surface.weld", keys.weld),
         non_manifold: match keys.non_manifold {
@@ -180,6 +185,34 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
         },
         tessellation: keys.tessellation,
     }
+}
+
+/// How the part is laid, if the file says so.
+fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Laid> {
+    let ways = [
+        ("rotate", keys.rotate.map(Laid::Rotated)),
+        ("up", keys.up.map(Laid::Up)),
+        ("level", keys.level.map(Laid::Level)),
+    ];
+    let mut given = ways.into_iter().filter_map(|(key, way)| Some((key, way?)));
+    let (key, way) = given.next()?;
+    if let Some((other, _)) = given.next() {
+        let fault = Diag::input("placement-laid", format!("placement has both {key} and {other}"));
+        f.push(&format!("placement.{other}"), fault.hint("keep the one that says how the part is laid"));
+    }
+    let is_finite = match way {
+        Laid::Rotated(_) => true,
+        Laid::Up(direction) => direction.iter().all(|v| v.is_finite()),
+        Laid::Level(points) => points.iter().flatten().all(|v| v.is_finite()),
+    };
+    if !is_finite || way.pose().is_none() {
+        let (text, hint) = match way {
+            Laid::Level(_) => ("the points of placement.level lie on one line", "give three points that span a plane"),
+            _ => ("placement.up has no direction", "give x, y and z of the direction that is to look at the lens"),
+        };
+        f.push(&format!("placement.{key}"), Diag::input("placement-laid", text).hint(hint));
+    }
+    Some(way)
 }
 
 /// Errors that the file states for the budget: as far as those of a machine go.

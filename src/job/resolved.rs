@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
 use crate::diag::{Diag, Error, Place};
 use crate::emit::Format;
-use crate::geom::{NM_PER_MM, Nm, P2};
+use crate::geom::{NM_PER_MM, Nm, P2, Pose};
 use crate::machine::{Machine, Origin};
 use crate::program::{PassId, Pen, PenId};
 use crate::units::{Angle, Length, Share};
@@ -97,10 +97,42 @@ pub struct Placement {
     /// Table-frame position of the turned part's origin, nm; None: the centre of the texture lies at the
     /// centre of travel.
     pub origin: Option<Origin>,
+    /// How the surface file is rotated before all else; None: it lies as it is.
+    pub laid: Option<Laid>,
     /// Turn of the part about its z axis, counter-clockwise.
     pub turn: Angle,
     /// How far points of the registered part lie from where they should in x and y, and in z, where the job states it.
     pub residual: [Option<Length>; 2],
+}
+
+/// How the job says that a part is laid under the lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Laid {
+    /// Rotated about x, y and z of the surface file, in this order.
+    Rotated([Angle; 3]),
+    /// This direction of the surface file looks at the lens.
+    Up([f64; 3]),
+    /// The plane through these points of the surface file is level; the lens sees them counter-clockwise.
+    Level([[f64; 3]; 3]),
+}
+
+impl Placement {
+    /// By how much the surface file is rotated about x, y and z, deg, to a thousandth; None where it is not.
+    pub fn laid_deg(&self) -> Option<[f64; 3]> {
+        let pose = self.laid?.pose()?;
+        Some(pose.angles().map(|rad| (rad.to_degrees() * 1e3).round() / 1e3 + 0.0))
+    }
+}
+
+impl Laid {
+    /// The rotation; None where it is none.
+    pub fn pose(&self) -> Option<Pose> {
+        match *self {
+            Self::Rotated(angles) => Some(Pose::from_angles(angles.map(Angle::as_rad))),
+            Self::Up(direction) => Pose::from_up(direction),
+            Self::Level(points) => Pose::from_plane(points),
+        }
+    }
 }
 
 /// Depth of focus.

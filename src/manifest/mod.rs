@@ -112,6 +112,9 @@ pub struct SpaceCurves {
 /// xy plane.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
+    /// Sides of the box of the part as it is laid, along x, y and z, before it is turned.
+    #[serde(default)]
+    pub part_mm: [f64; 3],
     /// Standstills of the stage. Each is a block; with a zoom optic it may be several.
     pub stops: usize,
     /// How many stops more the method had chosen: each was merged with another.

@@ -85,6 +85,9 @@ pub struct OnTheFlyFacts<'a> {
 /// The figures of an on-the-fly job; keys are a promise, units are in the suffix.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OnTheFlySummary {
+    /// Sides of the box of the part as it is laid, along x, y and z, before it is turned.
+    #[serde(default)]
+    pub part_mm: [f64; 3],
     /// What is marked of the texture, and what is not.
     #[serde(flatten)]
     pub lengths: FlyLengths,
@@ -126,6 +129,8 @@ pub struct OnTheFlySummary {
 /// How far the marks of a program may lie from where they should.
 #[derive(Clone, Debug, Default)]
 pub struct FlyAccuracy {
+    /// Sides of the part's box, mm.
+    pub part_mm: [f64; 3],
     /// On the part itself.
     pub deviations: Deviations,
     /// How far blending rounds a corner, mm.
@@ -167,7 +172,7 @@ impl OnTheFlySummary {
         curves: Option<SpaceCurves>,
         warnings: &[Diag],
     ) -> Self {
-        let FlyAccuracy { deviations, blend_mm, laser, budget } = accuracy;
+        let FlyAccuracy { part_mm, deviations, blend_mm, laser, budget } = accuracy;
         let figures = checked.figures();
         let program = checked.program();
         let letters = program.kind.letters().chars().map(String::from);
@@ -176,6 +181,7 @@ impl OnTheFlySummary {
             AxisPeaks { speed: p.speed.size, acceleration: p.acceleration.size, jerk: p.jerk.size }
         };
         Self {
+            part_mm,
             lengths,
             moves: program.moves.len(),
             marks: figures.marks,
@@ -201,7 +207,7 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
     let document = Document {
         head,
         machine: facts.machine,
-        placement: Placement { origin_mm: facts.program.origin.mm(), turn_deg: facts.job.placement.turn.as_deg() },
+        placement: Placement::new(facts.program.origin, facts.job),
         axes: facts.program.kind.letters(),
         limits: Limits {
             pdof_mm: facts.job.focus.pdof.mm(),

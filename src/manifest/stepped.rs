@@ -8,7 +8,7 @@ use super::{Facts, Frames, Head, Summary, lift_mm, registration};
 use crate::budget::{Errors, Stated};
 use crate::emit::Files;
 use crate::geom::{Nm, P2, Turned};
-use crate::job::{DepthRule, Level};
+use crate::job::{DepthRule, Job, Level};
 use crate::machine::{Machine, Origin};
 use crate::motion::{LineEnergy, Rest};
 use crate::program::{self, PassId, Pen, Program};
@@ -21,7 +21,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
     let document = Document {
         head,
         machine: facts.machine,
-        placement: Placement { origin_mm: facts.checked.origin().mm(), turn_deg: facts.job.placement.turn.as_deg() },
+        placement: Placement::new(facts.checked.origin(), facts.job),
         focus: Focus {
             pdof_mm: facts.job.focus.pdof.mm(),
             reserve_mm: facts.job.focus.reserve.mm(),
@@ -68,7 +68,17 @@ struct Document<'a> {
 #[derive(Serialize)]
 pub(super) struct Placement {
     pub(super) origin_mm: [f64; 3],
+    /// Rotations of the surface file about x, y and z, in this order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) laid_deg: Option<[f64; 3]>,
     pub(super) turn_deg: f64,
+}
+
+impl Placement {
+    pub(super) fn new(origin: Origin, job: &Job) -> Self {
+        let placement = &job.placement;
+        Self { origin_mm: origin.mm(), laid_deg: placement.laid_deg(), turn_deg: placement.turn.as_deg() }
+    }
 }
 
 #[derive(Serialize)]

@@ -3,6 +3,7 @@
 //! Consumes partition, placement and passes of the job, the machine, and the texture's box. [`Layout`] is
 //! what follows from these alone; [`Grid`] is what heights of the marks complete it to.
 
+use super::nothing;
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{Box2, Nm, P2};
 use crate::job::{Job, Partition};
@@ -10,6 +11,7 @@ use crate::machine::{Machine, Origin};
 use crate::partition::Lattice;
 use crate::program::{PassId, Sections};
 use crate::projection::{Footprint, Keep};
+use crate::surface::Surface;
 
 /// Sections of a pass and what stops over them admit in the plane.
 pub(super) struct Layout {
@@ -91,20 +93,12 @@ impl Layout {
     pub(super) fn levels(
         self,
         job: &Job,
-        machine: &Machine,
+        (machine, surface): (&Machine, &Surface),
         footprint: Footprint,
         pass: PassId,
     ) -> Result<(Grid, Footprint), Error> {
         let Self { sections, window, keep, origin: [x, y], height } = self;
-        let Some((lo, hi)) = footprint.range() else {
-            return Err(Diag::limit(
-                "job-empty",
-                "nothing would be marked: no texture lies on the part where it may be marked",
-            )
-            .at(job.place())
-            .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
-            .into());
-        };
+        let Some((lo, hi)) = footprint.range() else { return Err(nothing::marked(job, surface).into()) };
         let height = height.unwrap_or_else(|| default_height(machine, [lo, hi]));
         let origin = Origin([x.0, y.0, height.0]);
         let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {

@@ -100,7 +100,13 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
             let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
             warnings.extend(budget.warning(&job, &inputs.machine));
-            let accuracy = FlyAccuracy { deviations, blend_mm, laser: laser(&job, &inputs.machine, &checked), budget };
+            let accuracy = FlyAccuracy {
+                part_mm: inputs.surface.size_mm(),
+                deviations,
+                blend_mm,
+                laser: laser(&job, &inputs.machine, &checked),
+                budget,
+            };
             let summary = OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, &warnings);
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })

@@ -85,7 +85,7 @@ pub fn orient(job: &Job, progress: Progress<'_>) -> Result<Vec<Orientation>, Err
     )?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None, tracing);
-    let (grid, _) = layout.levels(job, machine, footprint, PassId(0))?;
+    let (grid, _) = layout.levels(job, (machine, &inputs.surface), footprint, PassId(0))?;
     let pitch = grid.window.map(|w| (w / 20).max(Nm(2)));
     let fine = Sections { origin: area.lo, pitch, count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32) };
     let marks = sweep.marks(&fine, sampling).list();

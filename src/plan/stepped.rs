@@ -281,6 +281,7 @@ impl<'a> Draft<'a> {
         let budget = stated.of_program(checked.program(), &best.figures);
         warnings.extend(budget.warning(job, machine));
         let figures = summary::Figures {
+            part_mm: inputs.surface.size_mm(),
             method: best.method,
             times: best.times,
             fragments: best.fragments,
@@ -355,7 +356,7 @@ impl Ready {
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
         let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling, tracing);
-        let (grid, footprint) = layout.levels(job, machine, footprint, start.pass)?;
+        let (grid, footprint) = layout.levels(job, (machine, &inputs.surface), footprint, start.pass)?;
         grid.most_stops(&footprint)?;
         Ok(Self { texture, grid, footprint, samples, stop_size, start })
     }

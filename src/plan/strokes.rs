@@ -13,7 +13,7 @@ use super::plausible::Shares;
 use super::progress::{Phase, Progress};
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
-use super::{dose, hatch_direction, warnings};
+use super::{dose, hatch_direction, nothing, warnings};
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, Nm};
 use crate::job::Job;
@@ -81,11 +81,7 @@ pub fn in_order(
         hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth, hatching)?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None, tracing);
-    let Some((lo, hi)) = footprint.range() else {
-        let text = "nothing would be marked: no texture lies on the part where it may be marked";
-        let hint = "compare the texture's area and origin with the part's box (`terrace inspect`)";
-        return Err(Diag::limit("job-empty", text).at(job.place()).hint(hint).into());
-    };
+    let Some((lo, hi)) = footprint.range() else { return Err(nothing::marked(job, &inputs.surface).into()) };
     let origin = job.placement.origin.unwrap_or_else(|| {
         let [x, y] = default_origin(machine, area, [Nm(0); 2]);
         Origin([x.0, y.0, default_height(machine, [lo, hi]).0])

@@ -26,6 +26,7 @@ pub(super) struct Figures<'a> {
     pub(super) unmerged: usize,
     pub(super) curves: Option<SpaceCurves>,
     pub(super) budget: Budget,
+    pub(super) part_mm: [f64; 3],
 }
 
 /// The summary of a checked program.
@@ -41,6 +42,7 @@ pub(super) fn summary(
     let blocks = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let bounds: Option<Vec<usize>> = passes.iter().map(|p| p.bound.as_ref().map(Certificate::stops)).collect();
     Summary {
+        part_mm: figures.part_mm,
         stops: program.stops(),
         stops_merged: figures.unmerged.saturating_sub(program.stops()),
         blocks: program.blocks.len(),

@@ -44,6 +44,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
     );
     job_report::warnings(&mut h, &s.warnings);
     let rows = [
+        ("Part", format!("{} x {} x {} mm", plain(s.part_mm[0], 3), plain(s.part_mm[1], 3), plain(s.part_mm[2], 3))),
         ("Moves", s.moves.to_string()),
         ("Marks", s.marks.to_string()),
         ("Time", duration(s.time_s)),

@@ -21,9 +21,14 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
     writeln!(out, "RUN SHEET, ON THE FLY\n")?;
     writeln!(out, "job        {}", job_file.replace('\\', "/"))?;
     writeln!(out, "part       {}", job.surface.file.display().to_string().replace('\\', "/"))?;
+    let [w, d, h] = s.part_mm;
+    writeln!(out, "size       {w:.3} x {d:.3} x {h:.3} mm as it is laid")?;
     writeln!(out, "machine    {}, axes {}", machine.name, program.kind.letters())?;
     writeln!(out, "field      {}", field(machine))?;
     writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?;
+    if let Some([x, y, z]) = job.placement.laid_deg() {
+        writeln!(out, "part laid  rotated {x} deg about x, {y} deg about y, {z} deg about z of its file")?;
+    }
     writeln!(out, "part turn  {} deg about z", job.placement.turn.as_deg())?;
     writeln!(out, "marks      {} in {} moves, {:.1} mm", s.marks, s.moves, s.mark_mm)?;
     writeln!(out, "not marked {:.1} mm", s.lengths.skipped_mm)?;

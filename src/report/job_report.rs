@@ -134,6 +134,7 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Sub-blocks", s.sub_blocks.to_string()),
         ("Sections, columns x rows", sections),
         ("Usable field", format!("{fx} x {fy} mm")),
+        ("Part", format!("{} x {} x {} mm", plain(s.part_mm[0], 3), plain(s.part_mm[1], 3), plain(s.part_mm[2], 3))),
         ("Texture box", format!("{w} x {d} mm")),
         ("Height of marks", format!("{} to {} mm", mm(z_lo, 4), mm(z_hi, 4))),
         ("Worst defocus", format!("{} um", plain(s.worst_defocus_um, 2))),

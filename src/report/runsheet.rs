@@ -22,6 +22,8 @@ pub struct Sheet<'a> {
     pub machine: &'a Machine,
     /// By how much the part is turned about z.
     pub turn_deg: f64,
+    /// Rotations of the surface file about x, y and z before that, if it is rotated.
+    pub laid_deg: Option<[f64; 3]>,
     /// By how much the focus is lowered, mm, and the texture turned, degrees, from pass to pass.
     pub per_pass: [f64; 2],
     /// The formats of the job.
@@ -51,6 +53,7 @@ impl<'a> Sheet<'a> {
             job_file: facts.job_file,
             surface: job.surface.file.display().to_string(),
             machine,
+            laid_deg: job.placement.laid_deg(),
             turn_deg: job.placement.turn.as_deg(),
             per_pass: [job.passes.lower.mm(), job.passes.rotate.as_deg()],
             formats: job.formats.clone(),
@@ -139,11 +142,16 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     writeln!(out)?;
     writeln!(out, "job        {}", sheet.job_file.replace('\\', "/"))?;
     writeln!(out, "part       {}", sheet.surface.replace('\\', "/"))?;
+    let [w, d, h] = s.part_mm;
+    writeln!(out, "size       {w:.3} x {d:.3} x {h:.3} mm as it is laid")?;
     writeln!(out, "machine    {}", sheet.machine.name)?;
     writeln!(out, "field      {}", field(sheet.machine))?;
     match sheet.checked.origins().len() {
         1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
         n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
+    }
+    if let Some([x, y, z]) = sheet.laid_deg {
+        writeln!(out, "part laid  rotated {x} deg about x, {y} deg about y, {z} deg about z of its file")?;
     }
     writeln!(out, "part turn  {} deg about z", sheet.turn_deg)?;
     if let Some(subset) = sheet.subset {

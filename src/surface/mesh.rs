@@ -52,6 +52,22 @@ pub(crate) struct Welder {
     pub part_box_mm: BoxMm<2>,
 }
 
+/// Share of the area in plan that faces away from the lens, from which a part shows its back: of a closed body it is
+/// half.
+const AWAY: f64 = 0.75;
+
+/// Share of the area in plan of facets that were turned to face up.
+fn share_away(vertices: &[Vertex], facets: &[[u32; 3]], states: &[u8]) -> f64 {
+    let [mut away, mut all] = [0.0; 2];
+    for (facet, state) in facets.iter().zip(states) {
+        let [a, b, c] = facet.map(|v| vertices[v as usize].p2());
+        let area = orient(a, b, c).abs();
+        all += area;
+        away += if state & TURNED != 0 { area } else { 0.0 };
+    }
+    if all > 0.0 { away / all } else { 0.0 }
+}
+
 impl Welder {
     /// `turn` is the cosine and sine of the part's turn.
     pub fn new(turn: [f64; 2], joining: Joining) -> Self {
@@ -234,15 +250,15 @@ impl Welder {
             let hint = "turn the part in the file so that the textured side faces +z";
             return Err(if flat == 0 { edge_on.hint(hint) } else { no_area(degenerate) }.into());
         }
-        if states.iter().all(|s| s & (TURNED | UPRIGHT) != 0) {
-            notes.push(
-                Diag::warning(
-                    "surface-upside-down",
-                    "every facet faces away from the lens; the surface is taken as seen from +z",
-                )
-                .at(place())
-                .hint("fine for an open sheet with reversed normals; check that +z is the textured side"),
+        let away = share_away(&vertices, &facets, &states);
+        if away > AWAY {
+            let text = format!(
+                "{:.0} % of the part, seen from the lens, faces away from it: the part shows its back, or its normals are \
+                 reversed",
+                away * 100.0
             );
+            let hint = "lay it with `terrace orient JOB --apply`, or by placement.up; if its normals are reversed, all is well";
+            notes.push(Diag::warning("surface-upside-down", text).at(place()).hint(hint));
         }
         let Survey { twins, upright, faults: placed } = survey(&vertices, &mut facets, states, &joining);
         let mut faults = Vec::new();

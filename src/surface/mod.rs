@@ -46,7 +46,7 @@ pub use topology::Joining;
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2};
+use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2, Pose};
 use crate::progress::Task;
 
 /// How a surface file is to be read.
@@ -64,6 +64,8 @@ pub struct Options {
     pub max_edge_mm: Option<f64>,
     /// How finely STEP and IGES become facets; default: within 10 um.
     pub tessellation: Option<Tessellation>,
+    /// How the part is laid: a rotation of what the file holds, in mm, about its origin.
+    pub pose: Option<Pose>,
 }
 
 /// Scale of a height map, mm.
@@ -127,10 +129,41 @@ const POINT_BYTES: u64 = 200;
 
 /// Reads a surface file. Facets of meshes and of triangulated point clouds go to `sink` in file
 /// order, corners in mm in the part frame, as the file has them: not welded, degenerate ones included.
+/// A height map that is rotated becomes facets.
 ///
 /// # Errors
 /// Every fault of the file, with its place and remedy.
 pub fn read(
+    path: &Path,
+    options: &Options,
+    notes: &mut Vec<Diag>,
+    sink: &mut dyn FnMut([[f64; 3]; 3]),
+) -> Result<Content, Error> {
+    // Points are rotated before they are triangulated.
+    let Some(pose) = options.pose.filter(|_| !is_cloud(path)) else { return read_file(path, options, notes, sink) };
+    let mut lay = |facet: [[f64; 3]; 3]| sink(facet.map(|p| pose.apply(p)));
+    Ok(match read_file(path, options, notes, &mut lay)? {
+        Content::Heightmap(map) => {
+            let mut count = 0;
+            map.facets(&mut |facet| {
+                count += 1;
+                lay(facet);
+            });
+            Content::Facets(count)
+        }
+        content => content,
+    })
+}
+
+/// Whether a file holds points that are triangulated, by its name and how it begins.
+pub fn is_cloud(path: &Path) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    matches!(extension.as_str(), "xyz" | "csv" | "txt" | "asc")
+        && Lines::open(path, "a point cloud").is_ok_and(|lines| !heightmap::esri_grid::begins(lines.head()))
+}
+
+/// Reads a surface file; points alone are laid as the options say.
+fn read_file(
     path: &Path,
     options: &Options,
     notes: &mut Vec<Diag>,
@@ -180,7 +213,7 @@ pub fn read(
             }
             let lines = Lines::open(path, "a point cloud")?;
             if !heightmap::esri_grid::begins(lines.head()) {
-                return points::read(lines, path, unit("a point cloud")?, options.max_edge_mm, notes, sink);
+                return points::read(lines, path, unit("a point cloud")?, options, notes, sink);
             }
             placed_by("a grid", "use pixel, z and origin of [surface.heightmap]")?;
             let by = match (&options.heightmap, stated("a grid")?) {
@@ -356,6 +389,37 @@ impl Surface {
     /// The box of the part as its file has it, mm, before any turn.
     pub fn part_box_mm(&self) -> BoxMm<2> {
         self.part_box_mm
+    }
+
+    /// Sides of its box along x, y and z, mm, before any turn.
+    pub fn size_mm(&self) -> [f64; 3] {
+        let mut z = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut add = |v: f64| z = [z[0].min(v), z[1].max(v)];
+        match &self.kind {
+            Kind::Mesh(mesh, _) => mesh.vertices.iter().for_each(|v| add(v.z)),
+            Kind::Implicit(grid, _) => grid.heights().for_each(add),
+        }
+        let [x, y] = self.part_box_mm.size();
+        [x, y, (z[1] - z[0]) / NM_PER_MM]
+    }
+
+    /// Share of the area of its facets that is steeper than a slope (tangent), 0 to 1.
+    pub fn share_steeper(&self, slope: f64) -> f64 {
+        let facets = (0..u32::try_from(self.facets).unwrap_or(u32::MAX)).filter(|&f| self.exists(f));
+        let [steep, all] = facets.fold([0.0; 2], |[steep, all], f| {
+            let [a, b, c] = [0, 1, 2].map(|k| self.corner(f, k).0.p2());
+            let slope2 = self.slope2(f);
+            let area = crate::geom::orient(a, b, c) * (1.0 + slope2).sqrt();
+            [steep + if slope2 > slope * slope { area } else { 0.0 }, all + area]
+        });
+        if all > 0.0 { steep / all } else { 0.0 }
+    }
+
+    fn exists(&self, f: u32) -> bool {
+        match &self.kind {
+            Kind::Mesh(..) => true,
+            Kind::Implicit(grid, _) => grid.exists(f),
+        }
     }
 
     /// How many facets the lens may see.

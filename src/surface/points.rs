@@ -11,27 +11,27 @@ use std::path::Path;
 
 use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangulation};
 
-use super::Content;
 use super::facets::{Facets, Unit, check_unit, fits};
 use super::lines::{Lines, NoNumber, no_number, number, place, shown};
+use super::{Content, Options};
 use crate::diag::{Diag, Error, Place, memory};
-use crate::geom::{Box2, BoxMm, P2, orient};
+use crate::geom::{Box2, BoxMm, P2, Pose, orient};
 
 /// Most points that are read (4 GB of triangulation).
 const MAX_POINTS: usize = 20_000_000;
 /// Longest edge in units of the median of the triangles' shortest edges, where the job states none.
 const EDGE_FACTOR: f64 = 8.0;
 
-/// Reads a point cloud; `unit` is what its numbers are, `max_edge_mm` the longest edge in plan.
+/// Reads a point cloud; `unit` is what its numbers are, of the options the longest edge in plan and the pose count.
 pub(crate) fn read(
     lines: Lines,
     path: &Path,
     unit: Unit,
-    max_edge_mm: Option<f64>,
+    &Options { max_edge_mm, pose, .. }: &Options,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let points = unique(path, rows(lines, path, unit, notes)?, notes);
+    let points = unique(path, rows(lines, path, unit, pose, notes)?, notes);
     let Some(third) = off_line(&points) else {
         let text = format!("the {} points lie on one line in plan: that is not a surface", points.len());
         return Err(no_surface(path, text, "check which columns are x, y and z").into());
@@ -181,11 +181,17 @@ fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Poi
 }
 
 /// The points of the file, in its order; those that are not finite are left out with a warning.
-fn rows(mut lines: Lines, path: &Path, unit: Unit, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
+fn rows(
+    mut lines: Lines,
+    path: &Path,
+    unit: Unit,
+    pose: Option<Pose>,
+    notes: &mut Vec<Diag>,
+) -> Result<Vec<Point>, Error> {
     // Three numbers a line, some 24 bytes.
     memory::ask("the cloud", super::POINT_BYTES * (lines.length() / 24)).map_err(|d| d.at(place(path)))?;
     let mut layout: Option<Layout> = None;
-    let mut cloud = Cloud::new(unit);
+    let mut cloud = Cloud::new(unit, pose);
     while lines.advance()? {
         let line = lines.line().trim_ascii();
         if line.is_empty() || line.starts_with(b"#") {
@@ -216,6 +222,7 @@ fn rows(mut lines: Lines, path: &Path, unit: Unit, notes: &mut Vec<Diag>) -> Res
 /// The points so far, and those that cannot be used.
 struct Cloud {
     unit: Unit,
+    pose: Option<Pose>,
     points: Vec<Point>,
     extent: BoxMm<3>,
     first_beyond: Option<Place>,
@@ -224,9 +231,9 @@ struct Cloud {
 }
 
 impl Cloud {
-    fn new(unit: Unit) -> Self {
+    fn new(unit: Unit, pose: Option<Pose>) -> Self {
         let (points, extent) = (Vec::new(), BoxMm::EMPTY);
-        Self { unit, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
+        Self { unit, pose, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
     }
 
     /// Adds a row in file units.
@@ -237,6 +244,7 @@ impl Cloud {
             return;
         }
         let p = self.unit.place(row);
+        let p = self.pose.map_or(p, |pose| pose.apply(p));
         self.extent.add(p);
         match P2::from_mm(p[0], p[1]) {
             // Beyond 4 m the box of the rest is still wanted, for the message.
@@ -383,7 +391,10 @@ mod tests {
         std::fs::write(&path, text).expect("written");
         let (mut got, mut notes) = (vec![], vec![]);
         let lines = Lines::open(&path, "a point cloud").expect("text");
-        let result = read(lines, &path, Unit::mm(1.0), max_edge_mm, &mut notes, &mut |f| got.push(f));
+        let result =
+            read(lines, &path, Unit::mm(1.0), &Options { max_edge_mm, ..Options::default() }, &mut notes, &mut |f| {
+                got.push(f)
+            });
         (result, got, notes)
     }
 
@@ -549,7 +560,7 @@ mod tests {
             std::fs::write(&path, text).expect("written");
             let mut got = Vec::new();
             let lines = Lines::open(&path, "a point cloud").expect("text");
-            read(lines, &path, unit, None, &mut Vec::new(), &mut |f: Facet| got.push(f)).map(|_| got)
+            read(lines, &path, unit, &Options::default(), &mut Vec::new(), &mut |f: Facet| got.push(f)).map(|_| got)
         };
         let want = read_with(&text([0.0; 3], 20.0), Unit::mm(0.05)).expect("near");
         let far = text(datum, 20.0);

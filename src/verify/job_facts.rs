@@ -1,8 +1,11 @@
 //! What the job itself says: machine, depth, pens, surface and texture, loaded again from the job file.
 
+use std::path::Path;
+
 use super::geometry::{Map, MeshBuilder, Shape};
 use super::inputs::Inputs;
 use super::read::manifest::Manifest;
+use super::rotation::Rotation;
 use super::unusable;
 use crate::diag::Error;
 use crate::geom::{BoxMm, NM_PER_MM, Nm};
@@ -46,6 +49,8 @@ pub(super) struct JobFacts {
     pub(super) section_nm: [f64; 2],
     pub(super) weld_nm: f64,
     pub(super) turn_deg: f64,
+    /// Rotations of the surface file about x, y and z.
+    pub(super) laid_deg: Option<[f64; 3]>,
     /// Part origin in the table frame, nm, where the job states one.
     pub(super) origin: Option<Origin>,
     /// Pens of the job; None where the job could not be read.
@@ -80,6 +85,7 @@ impl JobFacts {
             figure_pitch: None,
             weld_nm: 0.0,
             turn_deg: m.placement.turn_deg,
+            laid_deg: m.placement.laid_deg,
             origin: None,
             pens: None,
             dose: None,
@@ -115,6 +121,7 @@ impl JobFacts {
             figure_pitch: job.figure_pitch(),
             weld_nm: job.surface.weld.f64(),
             turn_deg: job.placement.turn.as_deg(),
+            laid_deg: job.placement.laid_deg(),
             origin: job.placement.origin,
             pens: Some(job.pens.clone()),
             dose: job.dose,
@@ -168,8 +175,29 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, BoxMm<2>), Error> {
     let path = job.surface_path();
     let turn = job.placement.turn.as_rad();
     let mut builder = MeshBuilder::new(turn, THINNEST);
-    let content = surface::read(&path, &job.surface.options, &mut Vec::new(), &mut |f| builder.push(f))?;
-    let empty = || unusable("surface-empty", "the surface file holds no surface", &path);
+    // Points are laid by their reader, before they are triangulated; all else by the verifier's own arithmetic.
+    let laid = job.placement.laid.filter(|_| !surface::is_cloud(&path));
+    let mut options = job.surface.options.clone();
+    let Some(rotation) = laid.map(|laid| Rotation::of(&laid)) else {
+        let content = surface::read(&path, &options, &mut Vec::new(), &mut |f| builder.push(f))?;
+        return finished(builder, content, turn, &path);
+    };
+    options.pose = None;
+    let content = surface::read(&path, &options, &mut Vec::new(), &mut |f| builder.push(rotation.facet(f)))?;
+    let content = match content {
+        Content::Heightmap(map) => {
+            let mut count = 0;
+            map.facets(&mut |f| (count += 1, builder.push(rotation.facet(f))).1);
+            Content::Facets(count)
+        }
+        content => content,
+    };
+    finished(builder, content, turn, &path)
+}
+
+/// The surface that was read, and its box, mm.
+fn finished(builder: MeshBuilder, content: Content, turn: f64, path: &Path) -> Result<(Shape, BoxMm<2>), Error> {
+    let empty = || unusable("surface-empty", "the surface file holds no surface", path);
     match content {
         Content::Facets(0) => Err(empty()),
         Content::Facets(_) | Content::Tessellated(..) => {

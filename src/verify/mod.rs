@@ -20,6 +20,7 @@ mod progress;
 mod proof;
 mod read;
 mod rest_to_rest;
+mod rotation;
 mod rules;
 #[cfg(test)]
 mod tests;
@@ -104,6 +105,7 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     let Some(mut program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.summary);
     drop(shaped);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let mut files = rules::files::Files::default();

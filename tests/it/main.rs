@@ -31,6 +31,7 @@ mod frames;
 mod galvo;
 mod golden;
 mod inspect;
+mod laid;
 mod layers;
 mod layout;
 mod lengths;

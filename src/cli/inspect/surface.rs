@@ -10,17 +10,25 @@ use crate::job::FileUnit;
 use crate::surface::{self, Content, Fault, FaultKind, MeshCheck};
 
 /// What the facets of a surface come to, in the units of its file.
+#[derive(Default)]
 struct Facets {
     lo: [f64; 3],
     hi: [f64; 3],
-    /// Area of all facets; of those that face down, by their winding; of the others that are steeper than [`STEEP`].
+    /// Area of all facets; of those that face down, by their winding; of those that are steeper than [`STEEP`], whichever
+    /// way they face; of those that are steeper than [`UPRIGHT`].
     area: f64,
     down: f64,
     steep: f64,
+    upright: f64,
+    /// The areas as vectors: which way an open sheet faces.
+    sum: [f64; 3],
 }
 
 /// Slope from which a tilted fixture may save time, deg.
 const STEEP: f64 = 30.0;
+
+/// Slope from which nothing is marked unless the job says otherwise, deg.
+const UPRIGHT: f64 = 60.0;
 
 impl Facets {
     fn add(&mut self, facet: [[f64; 3]; 3]) {
@@ -32,10 +40,23 @@ impl Facets {
         let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
         let area = normal.iter().map(|n| n * n).sum::<f64>().sqrt() / 2.0;
         self.area += area;
-        if normal[2] < 0.0 {
-            self.down += area;
-        } else if normal[2] < 2.0 * area * STEEP.to_radians().cos() {
-            self.steep += area;
+        let steeper = |deg: f64| normal[2].abs() < 2.0 * area * deg.to_radians().cos();
+        self.down += if normal[2] < 0.0 { area } else { 0.0 };
+        self.steep += if steeper(STEEP) { area } else { 0.0 };
+        self.upright += if steeper(UPRIGHT) { area } else { 0.0 };
+        self.sum = std::array::from_fn(|i| self.sum[i] + normal[i] / 2.0);
+    }
+
+    /// How the part lies, if that is not as it is marked.
+    fn lies(&self) -> Option<&'static str> {
+        let whole = self.sum.iter().map(|v| v * v).sum::<f64>().sqrt();
+        // The areas of a closed body add up to nothing.
+        let is_open = whole > 0.2 * self.area;
+        match () {
+            () if is_open && self.sum[2] < -0.5 * whole => Some("lies on its back"),
+            () if self.upright > 0.8 * self.area => Some("stands upright"),
+            () if is_open && self.sum[2] < 0.5 * whole => Some("stands upright"),
+            () => None,
         }
     }
 
@@ -50,7 +71,11 @@ impl Facets {
 
     fn text(&self) -> String {
         let [steep, down] = [self.steep, self.down].map(|a| self.percent(a));
-        let hint = if steep > 20.0 { "; `terrace orient JOB` shows whether tilting the part saves time" } else { "" };
+        let hint = match self.lies() {
+            Some(how) => format!("\nlies    the part {how}; `terrace orient JOB --apply` lays it under the lens"),
+            None if steep > 20.0 => "; `terrace orient JOB` shows whether tilting the part saves time".into(),
+            None => String::new(),
+        };
         format!("facets  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facing down{hint}\n")
     }
 }
@@ -62,7 +87,8 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
     Ok(match content {
         Content::Facets(n) | Content::Tessellated(n, _) => {
             let json = json!({"kind": "surface", "facets": n,
-                "steep_percent": facets.percent(facets.steep), "down_percent": facets.percent(facets.down)});
+                "steep_percent": facets.percent(facets.steep), "down_percent": facets.percent(facets.down),
+                "lies": facets.lies()});
             let (text, mut json) = shown(json);
             let narrow = if is_unit_known { 1.0 } else { 1.0 / likely_unit(&facets).map_or(1.0, FileUnit::in_mm) };
             let faults = match mesh.finish(path, NARROW_MM * narrow) {
@@ -123,8 +149,7 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
         let scale =
             |values| surface::Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], values, nodata: None, origin_mm: [0.0; 2] };
         let options = surface::Options { unit_mm, heightmap: values.map(scale), ..Default::default() };
-        let mut facets =
-            Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
+        let mut facets = Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], ..Facets::default() };
         let mut warnings = Vec::new();
         let mut mesh = MeshCheck::default();
         let content = surface::read(path, &options, &mut warnings, &mut |facet| {

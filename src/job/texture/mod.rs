@@ -11,7 +11,7 @@ use super::direction::Direction;
 use super::faults::Faults;
 use super::file_unit::FileUnit;
 use crate::diag::Diag;
-use crate::geom::{BoxMm, Nm};
+use crate::geom::{BoxMm, Nm, Pose};
 use crate::program::{Pen, PenId};
 use crate::texture;
 use crate::units::{Angle, Length};
@@ -61,6 +61,8 @@ pub(super) struct Texture<'a> {
     pub(super) pens: &'a [Pen],
     /// The processing depth of focus.
     pub(super) pdof: Nm,
+    /// How the surface file is rotated.
+    pub(super) pose: Option<Pose>,
 }
 
 impl Texture<'_> {
@@ -213,6 +215,7 @@ impl Texture<'_> {
             path: self.folder.join(file),
             unit_mm: keys.unit.map(FileUnit::in_mm),
             marking: Box::new(self.marking(f)),
+            pose: self.pose,
             max_distance: keys.max_distance.map_or(half, |d| f.nm(&self.key("max_distance"), d)),
             on_distance: keys.on_distance.unwrap_or_default(),
         }

@@ -59,7 +59,9 @@ impl Curves {
     /// # Errors
     /// `file-…`, `curve-…`, `dxf-…`, `texture-pens`, `texture-empty`, `texture-far`.
     pub(super) fn load(request: &Request, site: &Site, notes: &mut Vec<Diag>) -> Result<(Self, Option<Slip>), Error> {
-        let Kind::Curves { path, unit_mm, marking, .. } = &request.kind else { unreachable!("curves were asked for") };
+        let Kind::Curves { path, unit_mm, marking, pose, .. } = &request.kind else {
+            unreachable!("curves were asked for")
+        };
         let file = Place::file(path.display().to_string());
         let art = read(path, *unit_mm, site, marking, notes)?;
         let slip = Slip::of(&art, &request.kind, site);
@@ -79,7 +81,8 @@ impl Curves {
                 Class::Pen(pen) => pen,
             };
             for i in shape.lines.clone() {
-                let points = art.lines.get(i).iter().copied().zip(art.lines.heights(i).iter().copied());
+                let points = art.lines.get(i).iter().zip(art.lines.heights(i)).map(|(&[x, y], &z)| [x, y, z]);
+                let points = points.map(|p| pose.map_or(p, |pose| pose.apply(p)));
                 curves.push(points, site).map_err(|_| {
                     let element = art.names[shape.name as usize].clone();
                     let e = far().at(Place::Element { path: path.display().to_string(), element }).into();
@@ -100,8 +103,9 @@ impl Curves {
     }
 
     /// Appends a curve, part frame, mm; the readers have seen that it has an extent.
-    fn push(&mut self, points: impl Iterator<Item = ([f64; 2], f64)>, site: &Site) -> Result<(), Far> {
-        for (p, z) in points {
+    fn push(&mut self, points: impl Iterator<Item = [f64; 3]>, site: &Site) -> Result<(), Far> {
+        for [x, y, z] in points {
+            let p = [x, y];
             if !is_near(site.turn.turned(p)) || !is_near([z, 0.0]) {
                 return Err(Far);
             }

@@ -30,7 +30,7 @@ use super::artwork::{FillMode, Marking, Screen, StrokeMode};
 use super::curves::OnDistance;
 use super::{Figure, Placed, Position, Size, place, place::Site};
 use crate::diag::{Diag, Error};
-use crate::geom::Nm;
+use crate::geom::{Nm, Pose};
 
 /// Most points of one stroke, which is held while it is followed: 1 GB.
 const MAX_STROKE_POINTS: u64 = 1 << 26;
@@ -197,6 +197,8 @@ pub enum Kind {
         unit_mm: Option<f64>,
         /// Which of its curves are marked, and their pens.
         marking: Box<Marking>,
+        /// How the surface file, and the curves with it, are rotated.
+        pose: Option<Pose>,
         /// How far from the surface a curve may lie.
         max_distance: Nm,
         /// What is done with curves beyond that.

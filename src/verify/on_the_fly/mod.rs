@@ -30,7 +30,7 @@ use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
 use super::read::on_the_fly::{Commands, FlyProgram, Step};
-use super::rules::{curves, hash};
+use super::rules::{curves, hash, summary};
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
 use crate::job::Mode;
@@ -151,6 +151,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     let [shaped, drawn, marks] = Phase::Marks.task(progress).split([3, 1, 12]);
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.summary);
     drop(shaped);
     let texture = job_facts::texture(&job, &facts.machine, PassId(0), box_mm)?;
     let rules = [&mut findings.curves, &mut findings.summary];

@@ -63,6 +63,8 @@ pub(in crate::verify) struct FileEntry {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Placement {
     pub(in crate::verify) origin_mm: [f64; 3],
+    #[serde(default)]
+    pub(in crate::verify) laid_deg: Option<[f64; 3]>,
     pub(in crate::verify) turn_deg: f64,
 }
 
@@ -174,6 +176,7 @@ pub(in crate::verify) struct BlockEntry {
 /// The figures that verification finds again on its own.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
+    pub(in crate::verify) part_mm: [f64; 3],
     pub(in crate::verify) stops: usize,
     pub(in crate::verify) blocks: usize,
     pub(in crate::verify) setups: usize,

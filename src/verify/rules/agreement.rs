@@ -168,6 +168,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     hold(all && declared.into_iter().all(|same| same), "its passes differ from those of the job file");
     hold(setups::are_the_jobs(manifest, file, facts), "its set-ups are not those that the job asks for");
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn differs from the job file");
+    hold(manifest.placement.laid_deg == facts.laid_deg, "its part is laid otherwise than the job file says");
     hold(facts.origin.is_none_or(|o| o == file.origins[0]), "its origin differs from the job file");
     let pens = &file.program.pens;
     let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));

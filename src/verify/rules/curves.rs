@@ -12,6 +12,7 @@ use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
 use crate::verify::proof::Rule;
 use crate::verify::read::curves::{self, Curve};
 use crate::verify::read::manifest::Curves as Stated;
+use crate::verify::rotation::Rotation;
 
 use super::part_place_nm;
 use super::stretch::{Parts, Stretch, confirmed_along, note};
@@ -65,7 +66,7 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule:
         let Kind::Curves { path, unit_mm, marking, max_distance, on_distance, .. } = &job.textures[k].kind else {
             continue;
         };
-        let own = curves::read(path, *unit_mm).map(|list| placed(&list, job.placement.turn.as_rad()));
+        let own = curves::read(path, *unit_mm).map(|list| placed(&list, job));
         let may_skip = !(marking.only.is_empty() && marking.except.is_empty());
         let mut rest = own.as_deref().unwrap_or_default();
         let allowed = (*on_distance == OnDistance::Error).then_some(max_distance.f64());
@@ -136,11 +137,14 @@ fn faults(stated: Option<&Stated>, found: Option<&Found>) -> Vec<String> {
 }
 
 /// Curves in the turned part frame.
-fn placed(list: &[Curve], turn_rad: f64) -> Vec<Vec<SpacePoint>> {
-    let [c, s] = cos_sin(turn_rad);
+fn placed(list: &[Curve], job: &Job) -> Vec<Vec<SpacePoint>> {
+    let [c, s] = cos_sin(job.placement.turn.as_rad());
+    let rotation = job.placement.laid.map(|laid| Rotation::of(&laid));
     let nm = |mm: f64| (mm * NM_PER_MM).round() as i64;
-    let point =
-        |&[x, y, z]: &[f64; 3]| SpacePoint { at: P2::new(nm(c * x - s * y), nm(s * x + c * y)), z: z * NM_PER_MM };
+    let point = |p: &[f64; 3]| {
+        let [x, y, z] = rotation.as_ref().map_or(*p, |rotation| rotation.point(*p));
+        SpacePoint { at: P2::new(nm(c * x - s * y), nm(s * x + c * y)), z: z * NM_PER_MM }
+    };
     list.iter().map(|curve| curve.iter().map(point).collect()).collect()
 }
 

@@ -11,6 +11,7 @@ use super::slopes::{self, Bounds};
 use super::times::{self, Times};
 use super::turned::Turned;
 use super::{Findings, Rule};
+use crate::geom::{BoxMm, NM_PER_MM};
 use crate::program::Block;
 use crate::verify::geometry::{Geometry, Scratch};
 use crate::verify::job_facts::JobFacts;
@@ -24,6 +25,25 @@ const LENGTH: f64 = 1e-9;
 const DEFOCUS: f64 = 2.0;
 
 const PLACE: &str = "manifest.json";
+
+/// Holds the sides of the part's box to those of the surface file's own corners.
+pub(in crate::verify) fn part(
+    stated: [f64; 3],
+    box_mm: BoxMm<2>,
+    geometry: &Geometry,
+    facts: &JobFacts,
+    rule: &mut Rule,
+) {
+    let ([x, y], [lo, hi]) = (box_mm.size(), geometry.heights());
+    let tolerance = [1e-6, 1e-6, (2.0 + 2.0 * facts.weld_nm) / NM_PER_MM];
+    for (k, found) in [x, y, (hi - lo) / NM_PER_MM].into_iter().enumerate() {
+        rule.checked += 1;
+        let near = (stated[k] - found).abs() <= tolerance[k]; // never of a NaN
+        if !near {
+            rule.broken("", PLACE, format!("part_mm is given as {stated:?}, but side {} is {found}", k + 1));
+        }
+    }
+}
 
 /// Holds the rule.
 pub(in crate::verify) fn check(

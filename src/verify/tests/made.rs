@@ -85,6 +85,7 @@ impl Made {
             figure_pitch: None,
             section_nm: [40e6; 2],
             weld_nm: 0.0,
+            laid_deg: None,
             turn_deg: 0.0,
             origin: None,
             pens: Some(vec![pen("fill", 1), pen("edge", 3)]),

@@ -46,6 +46,7 @@ pub(in crate::verify) struct Laser {
 /// The figures that verification finds again.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
+    pub(in crate::verify) part_mm: [f64; 3],
     pub(in crate::verify) texture_mm: f64,
     pub(in crate::verify) skipped_mm: f64,
     pub(in crate::verify) skipped_focus_mm: f64,
