@@ -9,7 +9,7 @@ use toml_edit::{Array, DocumentMut, Item, Table, value};
 use super::args::{Args, Choice};
 use super::steps::Steps;
 use super::{load, print, show, warn, write_file};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Kind, Place};
 use crate::geom::{Pose, mm_from_nm};
 use crate::job::Job;
 use crate::manifest::duration;
@@ -31,7 +31,7 @@ pub(super) fn orient(args: &Args, path: &Path, side: Side, apply: bool) -> Resul
         Ok(laying) => Some(laying),
         // Without a choice the part stays as the job has it.
         Err(e) if !apply && side == Side::Found && e.diags().iter().all(|d| d.code == "orient-side") => {
-            warn(args, e.diags());
+            warn(args, &e.diags().iter().map(|d| Diag { kind: Kind::Warning, ..d.clone() }).collect::<Vec<_>>());
             None
         }
         Err(e) => return Err(e),
@@ -107,7 +107,7 @@ fn write(args: &Args, path: &Path, rotate: [Angle; 3]) -> Result<(), Error> {
     let shown = path.display().to_string();
     let text = std::fs::read_to_string(path).map_err(|e| crate::diag::unreadable(path, &e))?;
     let fault = |e: &dyn std::fmt::Display| {
-        Error::from(Diag::input("job-toml", format!("the job file cannot be edited: {e}")).at(Place::file(&shown)))
+        Error::from(Diag::input("toml", format!("the job file cannot be edited: {e}")).at(Place::file(&shown)))
     };
     let mut file: DocumentMut = text.parse().map_err(|e: toml_edit::TomlError| fault(&e))?;
     let placement = file.entry("placement").or_insert(Item::Table(Table::new()));

@@ -130,7 +130,7 @@ fn help_version_and_bad_use() {
 fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let dir = job_folder_fixture();
     let summary = json(&done(dir.path(), &["compile", "a.toml", "--json"]));
-    let promised = "stops stops_merged blocks passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
+    let promised = "part_mm stops stops_merged blocks passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
                     skipped_off_part_mm skipped_steep_mm skipped_small_mm dots fragments strokes_cut \
                     figures_whole figures_cut seam_mm setups jump_mm worst_defocus_um worst_defocus_mean_um \
                     worst_incidence_deg budget time_s by_hand candidates warnings";

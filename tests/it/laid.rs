@@ -34,7 +34,7 @@ fn panel() -> Vec<[Point; 3]> {
 }
 
 fn job(dir: &Path) -> std::path::PathBuf {
-    let job = JobText::on(&dir.join("part.stl")).texture("pattern = \"hatch\"\npitch = \"4 mm\"");
+    let job = JobText::on(&dir.join("part.stl")).texture("pattern = \"hatch\"\npitch = \"1 mm\"");
     job.write(dir, "job.toml")
 }
 

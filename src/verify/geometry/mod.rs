@@ -66,6 +66,8 @@ pub(super) struct Piece {
     pub(super) d: [f64; 2],
     /// What lies there; None where the line is off the part.
     pub(super) sheet: Option<Sheet>,
+    /// Whether the line runs along an edge there, and what lies on either side has been compared.
+    pub(super) is_along_edge: bool,
 }
 
 impl Piece {
@@ -78,7 +80,7 @@ impl Piece {
     fn within(&self, d: [f64; 2]) -> Self {
         let len = self.len();
         let z = |s: &Sheet| d.map(|d| s.z[0] + (s.z[1] - s.z[0]) * ((d - self.d[0]) / len).clamp(0.0, 1.0));
-        Self { d, sheet: self.sheet.map(|s| Sheet { z: if len > 0.0 { z(&s) } else { s.z }, ..s }) }
+        Self { d, sheet: self.sheet.map(|s| Sheet { z: if len > 0.0 { z(&s) } else { s.z }, ..s }), ..*self }
     }
 
     /// Of what lies on both sides of an edge that which may be marked; else the higher, and of what meets in the edge the
@@ -253,6 +255,12 @@ impl Geometry {
         4.0 * (ROUNDING + 0.5 + self.weld + self.beside)
     }
 
+    /// Whether an edge that lies on a line lies on that of the compiled job as well: corners are not welded, and the
+    /// part is not tilted.
+    pub(super) fn is_exact(&self) -> bool {
+        self.weld == 0.0 && self.beside == 0.0
+    }
+
     /// How far a mark may run off its line, nm; 0 where the part is not tilted.
     pub(super) fn beside(&self) -> f64 {
         self.beside
@@ -304,7 +312,11 @@ impl Geometry {
         while let (Some(a), Some(b)) = (left.get(l), right.get(r)) {
             let end = a.d[1].min(b.d[1]);
             if end > at {
-                visit(a.within([at, end]).or(b.within([at, end])));
+                let [a, b] = [a, b].map(|p| p.within([at, end]));
+                // Where both sides show the same facet, the edge lies elsewhere on the line.
+                let facet = |p: &Piece| p.sheet.map(|s| s.facet);
+                let is_along_edge = facet(&a) != facet(&b);
+                visit(Piece { is_along_edge, ..a.or(b) });
                 at = end;
             }
             (l, r) = (l + usize::from(a.d[1] <= end), r + usize::from(b.d[1] <= end));
@@ -329,7 +341,7 @@ impl Geometry {
         topmost::pieces(crossings, active, len, |d, top| {
             let sheet =
                 top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c), grad: c.grad, facet: c.facet });
-            visit(Piece { d, sheet });
+            visit(Piece { d, sheet, is_along_edge: false });
         });
     }
 

@@ -1,9 +1,10 @@
 //! Stretches of a polyline on which something is wrong, and whether it stays wrong when the line is
 //! moved sideways by as much as rounding can have moved an edge.
 //!
-//! A mark may lie exactly on a border or along the top of a wall: then the last nanometre decides what
-//! lies under it, and either side is right. A stretch counts only if it is wrong on the line itself and
-//! on both sides, over more than the grain of the geometry.
+//! A mark may lie on a border or along the top of a wall to the last nanometre, which then decides what
+//! lies under it. A stretch counts only if it is wrong on the line itself and on both sides, over more
+//! than the grain of the geometry; or if an edge lies on the line exactly, and what is topmost on either
+//! side of it says so.
 
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch};
 
@@ -97,10 +98,33 @@ pub(super) fn confirmed_along(
                 });
                 left = common(&left, &moved);
             }
+            left.extend(along_edges(&s, &line, geometry, scratch, &bad));
+            left.sort_by(|a, b| a[0].total_cmp(&b[0]));
             left.into_iter().for_each(|d| note(&mut kept, s.segment, d, line.len));
         }
     }
     runs(&kept).into_iter().filter(|r| r.len > grain).collect()
+}
+
+/// What of a stretch is bad along an edge that lies on the line as exactly as f64 holds: both its sides have been
+/// compared, and no rounding is left that could show another facet.
+fn along_edges(
+    s: &Stretch,
+    line: &Line,
+    geometry: &Geometry,
+    scratch: &mut Scratch,
+    bad: &impl Fn(&Piece, usize, f64) -> Parts,
+) -> Vec<[f64; 2]> {
+    let mut found = Vec::new();
+    if geometry.is_exact() {
+        geometry.along(&line.part(s.d, 0.0), scratch, |p| {
+            if p.is_along_edge {
+                let parts = bad(&p, s.segment, s.d[0]).into_iter().filter(|d| d[0] < d[1]);
+                found.extend(parts.map(|d| d.map(|d| d + s.d[0])));
+            }
+        });
+    }
+    found
 }
 
 impl Run {

@@ -1,8 +1,8 @@
 //! Strokes along the edges of solids, against a ray cast just beside them: what is topmost on neither side is never
 //! marked, whatever the order, the winding and the first corner of the facets.
 
-use super::{Skip, Tracer};
 use crate::geom::{NM_PER_MM, P2};
+use crate::projection::{Skip, Tracer};
 use crate::random::Random;
 use crate::surface::Surface;
 
