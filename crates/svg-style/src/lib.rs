@@ -172,10 +172,11 @@ impl Cascade {
                 sheets.remark(Weight::External, &format!("<?xml-stylesheet {text}?>"), 1);
             }
         }
+        let mut lines = Lines { text: doc.input_text(), to: 0, line: 1 };
         let (mut nodes, mut title) = (0, None);
         for node in doc.descendants() {
             nodes += 1;
-            read_sheet(doc, node, &mut title, &mut sheets)?;
+            read_sheet(node, &mut lines, &mut title, &mut sheets)?;
         }
         sheets.finish();
         let (tree, made) = (Tree::new(nodes), Made::default());
@@ -400,15 +401,33 @@ fn declared_variable(name: &Arc<str>, mut all: Vec<(Rank, Origin, &Arc<str>)>) -
     None
 }
 
+/// Counts lines on, for places in the order of the document.
+struct Lines<'a> {
+    text: &'a str,
+    /// Up to this byte they are counted.
+    to: usize,
+    line: u32,
+}
+
+impl Lines<'_> {
+    /// The line of a byte, from 1.
+    fn at(&mut self, byte: usize) -> u32 {
+        let next = self.text.get(self.to..byte).unwrap_or_default();
+        self.line += next.bytes().filter(|&b| b == b'\n').count() as u32;
+        self.to = self.to.max(byte);
+        self.line
+    }
+}
+
 /// Reads the style sheet that an element holds, if it is one.
 fn read_sheet<'a>(
-    doc: &Document<'_>,
     node: Node<'a, '_>,
+    lines: &mut Lines<'_>,
     title: &mut Option<&'a str>,
     sheets: &mut Sheets,
 ) -> Result<(), Excess> {
     let namespace = node.tag_name().namespace();
-    let line = || doc.text_pos_at(node.range().start).row;
+    let mut line = || lines.at(node.range().start);
     match (node.tag_name().name(), namespace) {
         ("style", None | Some(SVG | XHTML)) => {}
         ("link", Some(XHTML)) => {
@@ -444,7 +463,7 @@ fn read_sheet<'a>(
     }
     let mut texts = node.children().filter(Node::is_text);
     let Some(first) = texts.next() else { return Ok(()) };
-    let start = doc.text_pos_at(first.range().start).row;
+    let start = lines.at(first.range().start);
     let mut text = first.text().unwrap_or_default().to_owned();
     texts.for_each(|t| text.push_str(t.text().unwrap_or_default()));
     sheets.add(&text, start)

@@ -64,6 +64,8 @@ pub(crate) struct Sheets {
     pub(crate) rules: Vec<Rule>,
     pub(crate) blocks: Vec<Block>,
     layers: Vec<Layer>,
+    /// Layers with a name, by that of the layer around them.
+    named: FxHashMap<(usize, Arc<str>), usize>,
     /// Places of layers in the order of the cascade.
     pub(crate) rank: Vec<usize>,
     by_id: FxHashMap<Arc<str>, Vec<usize>>,
@@ -77,8 +79,6 @@ pub(crate) struct Sheets {
 #[derive(Debug)]
 struct Layer {
     parent: usize,
-    /// None for one without a name, which is nobody else's.
-    name: Option<Arc<str>>,
 }
 
 /// The layer of what lies in none.
@@ -86,7 +86,7 @@ const UNLAYERED: usize = 0;
 
 impl Sheets {
     pub(crate) fn new() -> Self {
-        Self { layers: vec![Layer { parent: UNLAYERED, name: None }], ..Self::default() }
+        Self { layers: vec![Layer { parent: UNLAYERED }], ..Self::default() }
     }
 
     /// Reads a style sheet that begins in a line of the drawing.
@@ -174,13 +174,13 @@ impl Sheets {
     }
 
     fn layer(&mut self, parent: usize, name: Option<&str>) -> usize {
-        let known = name.and_then(|name| {
-            self.layers.iter().enumerate().skip(1).find(|(_, l)| l.parent == parent && l.name.as_deref() == Some(name))
-        });
-        known.map(|(i, _)| i).unwrap_or_else(|| {
-            self.layers.push(Layer { parent, name: name.map(Arc::from) });
-            self.layers.len() - 1
-        })
+        let new = self.layers.len();
+        // One without a name is nobody else's.
+        let layer = name.map_or(new, |name| *self.named.entry((parent, name.into())).or_insert(new));
+        if layer == new {
+            self.layers.push(Layer { parent });
+        }
+        layer
     }
 }
 
