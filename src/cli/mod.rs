@@ -33,6 +33,7 @@ use crate::machine::{Machine, PROFILES};
 use crate::nurbs::{GridSteps, Surface};
 use crate::plan::lay::Side;
 use crate::plan::{self, Plan};
+use crate::surface::bodies;
 use crate::units::Length;
 use crate::verify;
 use args::{Args, Choice, Command};
@@ -116,6 +117,7 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Init { folder, schema } => init(args, folder, *schema)?,
         Command::Check { job, choice } => {
             let plan = planned(args, job, choice)?;
+            warn(args, &bodies::of_file(&plan.job().surface_path(), &plan.job().surface.options)?);
             report(args, &plan, None)?;
         }
         Command::Compile { job, output, verify, choice } => compile(args, job, output.as_deref(), *verify, choice)?,

@@ -6,6 +6,7 @@
 //! Units: file readers hand over f64 mm in the part frame; the walk works in nm (x and y integers).
 
 mod bins;
+pub mod bodies;
 #[cfg(test)]
 mod brute;
 mod cad;

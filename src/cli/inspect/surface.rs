@@ -5,8 +5,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{Shown, plural, triple};
-use crate::diag::{Diag, Error, Kind as DiagKind};
+use crate::diag::{Diag, Error, Kind as DiagKind, Place};
+use crate::geom::BoxMm;
 use crate::job::FileUnit;
+use crate::surface::bodies::{self, Bodies, Body, MAX_TOLD};
 use crate::surface::{self, Content, Fault, FaultKind, MeshCheck};
 
 /// What the facets of a surface come to, in the units of its file.
@@ -82,7 +84,7 @@ impl Facets {
 
 /// A file of facets, points or heights.
 pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
-    let Read { content, facets, mesh, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
+    let Read { content, facets, mesh, bodies, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
     let shown = |json: Value| if is_unit_known { in_mm(&facets, json) } else { in_units(&facets, json) };
     Ok(match content {
         Content::Facets(n) | Content::Tessellated(n, _) => {
@@ -102,7 +104,11 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
             json["faults"] = faults.iter().map(fault_json).collect();
             let unit = if is_unit_known { "mm" } else { "units" };
             let lines = faults.iter().map(|f| format!("fault   {}\n", f.text(unit)));
-            let text = format!("surface, {n} facets\n{text}{}{}", facets.text(), lines.collect::<String>());
+            let bodies = bodies.finish();
+            warnings.extend(bodies::warnings(&bodies, &Place::file(path.display().to_string())));
+            json["bodies"] = bodies.iter().map(body_json).collect();
+            let listed = bodies_text(&bodies, unit);
+            let text = format!("surface, {n} facets\n{text}{}{listed}{}", facets.text(), lines.collect::<String>());
             Shown { text, json, warnings }
         }
         Content::Heightmap(map) => {
@@ -130,11 +136,37 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
     })
 }
 
+/// The bodies of a file, where there is more than one or one has holes.
+fn bodies_text(bodies: &[Body], unit: &str) -> String {
+    let is_worth = bodies.len() > 1 || bodies.iter().any(|b| b.is_solid && b.open_edges.0 > 0);
+    let mut text = String::new();
+    for (i, body) in bodies.iter().take(MAX_TOLD).enumerate().filter(|_| is_worth) {
+        let kind = match (body.is_solid, body.open_edges.0) {
+            (true, 0) => "closed".to_owned(),
+            (true, n) => format!("closed but for {n} open edge{}", plural(n)),
+            (false, _) => "open sheet".to_owned(),
+        };
+        let BoxMm { lo, hi } = body.bounds;
+        let [lo, hi] = [lo, hi].map(|p| triple(p, ", "));
+        text += &format!("body {:<3}{} facets, {kind}, from ({lo}) to ({hi}) {unit}\n", i + 1, body.facets);
+    }
+    if is_worth && bodies.len() > MAX_TOLD {
+        text += &format!("        and {} smaller bodies\n", bodies.len() - MAX_TOLD);
+    }
+    text
+}
+
+fn body_json(body: &Body) -> Value {
+    json!({"facets": body.facets, "lo": body.bounds.lo, "hi": body.bounds.hi, "is_solid": body.is_solid,
+        "open_edges": body.open_edges.0})
+}
+
 /// A surface file as it was read.
 struct Read {
     content: Content,
     facets: Facets,
     mesh: MeshCheck,
+    bodies: Bodies,
     /// The file states its unit, or it was given.
     is_unit_known: bool,
     /// Heights and places of a height map are those of its file.
@@ -151,10 +183,11 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
         let options = surface::Options { unit_mm, heightmap: values.map(scale), ..Default::default() };
         let mut facets = Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], ..Facets::default() };
         let mut warnings = Vec::new();
-        let mut mesh = MeshCheck::default();
+        let (mut mesh, mut bodies) = (MeshCheck::default(), Bodies::default());
         let content = surface::read(path, &options, &mut warnings, &mut |facet| {
             facets.add(facet);
             mesh.facet(facet);
+            bodies.facet(facet);
         })?;
         if let Content::Heightmap(map) = &content {
             let z = map.samples.range().unwrap_or_default().map(|v| map.z_mm[0] + v * map.z_mm[1]);
@@ -163,7 +196,7 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
             facets.hi = [far(0, map.columns), far(1, map.rows), z[1]];
         }
         let is_unit_known = unit_mm.is_none() || unit.is_some();
-        Ok::<_, Error>(Read { content, facets, mesh, is_unit_known, is_scaled: values.is_none(), warnings })
+        Ok::<_, Error>(Read { content, facets, mesh, bodies, is_unit_known, is_scaled: values.is_none(), warnings })
     };
     // Whole numbers have a range; of floats it is not known before they are read, and any will do.
     const ANY: Option<[f64; 2]> = Some([-1e300, 1e300]);
