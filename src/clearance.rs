@@ -1,11 +1,13 @@
-//! Where the head could touch the part: bounding boxes of the high parts of the surface, queried by culling against the
-//! swept volume.
+//! Where the head could touch the part: boxes over the surface under a square around the head, which say where it
+//! lifts and let most of a program pass; and the facets themselves under the round head, for what they do not let pass.
 //!
 //! Boxes are f32 inside the library that holds them, so they are grown outward by a micrometre; the
 //! decision compares integers. The part is taken as higher than it is, never as lower.
 
+mod facets;
 mod head;
 
+pub use facets::{EachFacet, Entered, Facets, Way};
 pub use head::Head;
 
 use parry2d::bounding_volume::Aabb;
@@ -34,6 +36,19 @@ impl Clearance {
             radius: nm(machine.lens.diameter) / 2,
             gap: nm(machine.lens.working_distance) - nm(machine.stage.clearance),
         }
+    }
+
+    /// The way of a head whose field's centre goes straight from one place of the part as turned to another, nm.
+    pub fn way(&self, turn: Turn, ends: [[f64; 3]; 2]) -> Way {
+        Way { turn, ends: ends.map(|[x, y, z]| [x, y, z + self.gap.f64()]), radius: self.radius.f64() }
+    }
+
+    /// Whether all of the part as turned lies below a way.
+    pub fn is_below(&self, way: &Way) -> bool {
+        let whole = self.tiles.iter().fold((Box2::EMPTY, Nm::MIN), |(all, top), (b, t)| (all.union(*b), top.max(*t)));
+        let lowest = way.ends[0][2].min(way.ends[1][2]);
+        // Of a part turned beyond upright what is highest says nothing.
+        self.tiles.is_empty() || way.turn.rows()[2][2] > 0.0 && turned(&whole, &way.turn).1.f64() <= lowest
     }
 
     /// The lowest focal plane (part frame) at which the head may move in a straight line over the

@@ -1,17 +1,15 @@
 //! The limits of the machine over all stops of a program. Each that is broken is reported once: how many stops break
 //! it, by how much the worst does, and a value that works where there is one.
 
-use super::Limits;
-use crate::clearance::Head;
+use super::{Limits, clearance};
 use crate::diag::{Diag, Place};
 use crate::geom::{Box2, Nm, P2, Turned, mm_from_nm};
-use crate::machine::TiltAngles;
 use crate::program::{Block, BlockId, Program};
 
 /// The limits that a program breaks.
 pub(super) fn broken(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
     let travel = (0..3).filter_map(|k| travel(program, limits, k));
-    travel.chain(clearance(program, limits)).chain(strokes(program, limits)).collect()
+    travel.chain(clearance::broken(program, limits)).chain(strokes(program, limits)).collect()
 }
 
 /// How many blocks exceed a limit, and the worst of them with its excess.
@@ -144,60 +142,6 @@ fn too_long(limits: &Limits<'_>, k: usize) -> String {
     hint + ", or use a machine with more travel"
 }
 
-/// Stops at which the head is too near to a higher place of the part.
-fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
-    let lowest = |block: &Block| {
-        let stop = &block.stop;
-        if stop.tilt.is_upright() {
-            return limits.clearance.lowest_focus(stop.centre, stop.centre);
-        }
-        let turn = limits.machine.turn(stop.tilt, limits.origins[block.setup.index()]);
-        limits.clearance.lowest_focus_turned(&turn, stop.centre)
-    };
-    let near = program.blocks.iter().enumerate().map(|(i, b)| {
-        let stands = lowest(b).saturating_sub(b.plane());
-        stands.max(leaning(program, limits, i)).0
-    });
-    let found = worst(near)?;
-    let text = format!(
-        "at {} the head would come too near to a higher place of the part, by up to {} mm",
-        share(&found, program),
-        mm_from_nm(found.by)
-    );
-    let [x_mm, y_mm] = program.blocks[found.worst].stop.centre.mm();
-    let [distance, least] = [limits.machine.lens.working_distance, limits.machine.stage.clearance].map(|l| l.as_mm());
-    let by = mm_from_nm(found.by);
-    let less =
-        if least >= by { format!(", or a stage.clearance of {:.3} mm", floor_um(least - by)) } else { String::new() };
-    let hint = format!(
-        "a lens.working_distance of {:.3} mm{less} would be enough; `terrace orient JOB` suggests a fixture angle",
-        -floor_um(-distance - by)
-    );
-    Some(Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint))
-}
-
-/// How much too near a head that tilts comes on its way to block `i` from above, and where it turns there: before a
-/// set-up by way of upright, in which it goes to registration points.
-fn leaning(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
-    let block = &program.blocks[i];
-    let before = i.checked_sub(1).map(|i| &program.blocks[i]);
-    let (from, tilt) = (before.map_or(TiltAngles::UPRIGHT, |b| b.stop.tilt), block.stop.tilt);
-    if !limits.machine.tilts_head() || from.is_upright() && tilt.is_upright() {
-        return Nm::MIN;
-    }
-    let (machine, clearance) = (limits.machine, limits.clearance);
-    let head = Head { machine, origin: limits.origins[block.setup.index()], clearance };
-    let swing = |from, to| head.over_swing(from, to, machine.retract_z().0);
-    let swings = if before.is_none_or(|b| b.setup != block.setup) {
-        swing(from, TiltAngles::UPRIGHT).max(swing(TiltAngles::UPRIGHT, tilt))
-    } else if block.retract {
-        swing(from, tilt)
-    } else {
-        Nm::MIN
-    };
-    swings.max(head.over_lift(tilt, block.stage))
-}
-
 /// Blocks with more strokes than the controller takes.
 fn strokes(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     let limit = limits.machine.controller.max_strokes;
@@ -209,12 +153,6 @@ fn strokes(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     let text = format!("{} have up to {most} strokes, but the controller takes {limit}", share(&found, program));
     let hint = smaller_section(program, &program.blocks[found.worst], limit);
     Some(Diag::limit("strokes", text).at(Place::Block(BlockId::new(found.worst).to_string())).hint(hint))
-}
-
-/// The whole micrometre below, mm.
-fn floor_um(mm: f64) -> f64 {
-    // Of a number that is whole but for rounding it is the number.
-    (mm * 1e3 + 1e-6).floor() / 1e3
 }
 
 /// How large sections may be so that none has more than `limit` strokes. In a narrower one there are fewer in
@@ -239,11 +177,9 @@ const SMALLEST_MM: f64 = 0.5;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::tests::{faults_with, mast};
-    use crate::clearance::Clearance;
+    use crate::check::tests::faults_with;
     use crate::diag::Error;
     use crate::machine::Machine;
-    use crate::program::SetupId;
     use crate::units::Length;
 
     /// The one limit that the sample program breaks after a change of its machine.
@@ -252,39 +188,6 @@ mod tests {
         let diags = found.as_ref().map_or_else(Error::diags, |_| &[]);
         let [d] = diags else { panic!("{diags:?}") };
         d.clone()
-    }
-
-    #[test]
-    fn a_head_swings_by_way_of_upright_between_set_ups() {
-        let (mut program, origin) = crate::program::sample::program();
-        let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
-        let tilts = [30, 40].map(|deg| TiltAngles([0, deg * 1_000_000]));
-        for (block, tilt) in program.blocks.iter_mut().zip(tilts) {
-            (block.stop.tilt, block.retract) = (tilt, true);
-            block.stage = machine.stand(tilt, P2::new(0, 0), Nm(0), origin).stage;
-        }
-        let place = Box2 { lo: P2::new(900_000_000, 0), hi: P2::new(900_000_001, 1) };
-        let found = |top: Nm, program: &Program| {
-            let clearance = Clearance::new(&[(place, top)], &machine);
-            let limits = Limits {
-                machine: &machine,
-                origins: &[origin, origin],
-                setups_needed: [1, 1],
-                depth: Nm(70_000),
-                max_slope: 2.0,
-                clearance: &clearance,
-            };
-            leaning(program, &limits, 1)
-        };
-        // Where the head just keeps clear on the straight way it is too near when it goes by way of upright.
-        let straight = found(Nm(0), &program);
-        program.blocks[1].setup = SetupId(1);
-        let over = found(Nm(0), &program);
-        assert!(over > straight + Nm(1_000_000), "{over:?} {straight:?}");
-        let top = Nm(-(straight + (over - straight) / 2).0);
-        assert!(found(top, &program) > Nm(0));
-        program.blocks[1].setup = SetupId(0);
-        assert!(found(top, &program) < Nm(0));
     }
 
     #[test]
@@ -344,26 +247,5 @@ mod tests {
         let wanted =
             format!("{over} of {} stops have up to {most} strokes, but the controller takes 1", program.blocks.len());
         assert_eq!(d.message, wanted);
-    }
-
-    #[test]
-    fn clearance_figures_are_enough_and_no_larger_than_needed() {
-        let d = faults_with(&[mast()], [1, 1], |_, _| {}).expect_err("a mast").diags()[0].clone();
-        let figure = |after: &str| {
-            let (_, rest) = d.hint.split_once(after).unwrap_or_else(|| panic!("{after}: {d}"));
-            rest.split(' ').next().and_then(|v| v.parse::<f64>().ok()).expect("a number")
-        };
-        let distance = figure("working_distance of ");
-        let with = |mm: f64| faults_with(&[mast()], [1, 1], |_, m| m.lens.working_distance = Length::mm(mm)).is_ok();
-        assert!(with(distance) && !with(distance - 0.002), "{d}");
-    }
-
-    #[test]
-    fn clearance_is_reported_once_at_the_worst_stop() {
-        let found = faults_with(&[mast()], [1, 1], |_, _| {});
-        let e = found.expect_err("a mast under the head");
-        let [d] = e.diags() else { panic!("{e}") };
-        assert!(d.code == "clearance" && d.message.contains(" stops the head would come too near"), "{d}");
-        assert!(matches!(d.place, Place::Part { .. }), "{d}");
     }
 }

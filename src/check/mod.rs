@@ -5,11 +5,12 @@
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
 //! block and place.
 
+mod clearance;
 mod limits;
 
 pub(crate) use limits::{Reach, fits};
 
-use crate::clearance::Clearance;
+use crate::clearance::{Clearance, EachFacet};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::machine::{Machine, Origin};
@@ -36,6 +37,8 @@ pub struct Limits<'a> {
     pub max_slope: f64,
     /// The part's high places.
     pub clearance: &'a Clearance,
+    /// The part's facets.
+    pub facets: EachFacet<'a>,
 }
 
 /// Faults of one kind that are reported one by one; the rest is counted.
@@ -270,6 +273,7 @@ mod tests {
         let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         change(&mut program, &mut machine);
         let clearance = Clearance::new(part, &machine);
+        let facets = |sink: &mut dyn FnMut([[f64; 3]; 3])| part.iter().flat_map(lids).for_each(sink);
         let limits = Limits {
             machine: &machine,
             origins: &[origin],
@@ -277,6 +281,7 @@ mod tests {
             depth: Nm(70_000),
             max_slope: 2.0,
             clearance: &clearance,
+            facets: &facets,
         };
         Checked::new(program, &limits)
     }
@@ -285,6 +290,13 @@ mod tests {
     fn faults(part: &[(Box2, Nm)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
         let text = |d: &Diag| format!("{} {}", d.code, d.message);
         faults_with(part, [1, 1], change).map_or_else(|e| e.diags().iter().map(text).collect(), |_| Vec::new())
+    }
+
+    /// The top of a high place as facets.
+    pub(super) fn lids((b, z): &(Box2, Nm)) -> [[[f64; 3]; 3]; 2] {
+        let corner = |x: i64, y: i64| [x as f64, y as f64, z.f64()];
+        let [low, high] = [corner(b.lo.x, b.lo.y), corner(b.hi.x, b.hi.y)];
+        [[low, corner(b.hi.x, b.lo.y), high], [low, high, corner(b.lo.x, b.hi.y)]]
     }
 
     /// A high place on the part under the sample program.

@@ -63,6 +63,7 @@ impl Candidate {
             depth: grid.lattice.depth,
             max_slope: self.split.worst_slope2.sqrt(),
             clearance,
+            facets: &|_| (),
         };
         check::first_broken(&self.program, &limits)
     }

@@ -13,6 +13,7 @@ mod bound;
 mod candidate;
 mod candidates;
 mod dose;
+mod doubled;
 mod focal_plane;
 mod frames;
 mod grid;

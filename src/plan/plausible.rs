@@ -1,8 +1,9 @@
 //! Figures of a plan that no user is likely to have meant: more days than a job takes, the same places marked over and
-//! over.
+//! over, the same lines twice.
 //!
-//! Both are warnings: such a plan may be run. Lengths are sums of whole nanometres, so threads change nothing.
+//! All are warnings: such a plan may be run. Lengths are sums of whole nanometres, so threads change nothing.
 
+use super::doubled;
 use super::off_part::length;
 use crate::diag::{Diag, Error};
 use crate::geom::{BoxMm, Nm};
@@ -39,7 +40,11 @@ impl Marked {
 
 /// The figures of each texture, in the order of the job.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shares(Vec<Marked>);
+pub(super) struct Shares {
+    marked: Vec<Marked>,
+    /// What is marked twice or without power.
+    doubled: Vec<Diag>,
+}
 
 impl Shares {
     /// Of the first pass of a program; `part` is the box of the part as it is turned, mm.
@@ -70,12 +75,15 @@ impl Shares {
             let side = |axis: usize| hi[axis].min(part.hi[axis]) - lo[axis].max(part.lo[axis]);
             marked.area = (0..2).map(|axis| side(axis).max(0.0) + spot).product();
         }
-        Self(all)
+        let mut doubled = doubled::warnings(job, texture);
+        doubled.extend(doubled::without_power(job, texture, machine));
+        Self { marked: all, doubled }
     }
 
     /// What should be told of a plan that takes so long.
     pub(super) fn warnings(&self, job: &Job, time_s: f64, machine: &Machine) -> Vec<Diag> {
-        self.long(job, time_s).into_iter().chain(self.many(job, machine.lens.spot.as_mm())).collect()
+        let odd = self.long(job, time_s).into_iter().chain(self.many(job, machine.lens.spot.as_mm()));
+        odd.chain(self.doubled.iter().cloned()).collect()
     }
 
     fn long(&self, job: &Job, time_s: f64) -> Option<Diag> {
@@ -84,14 +92,15 @@ impl Shares {
             return None;
         }
         // Dots have no length: of a job of dots their number decides.
-        let whole: Nm = self.0.iter().fold(Nm(0), |sum, m| sum + m.length);
-        let dots: u64 = self.0.iter().map(|m| m.dots).sum();
+        let whole: Nm = self.marked.iter().fold(Nm(0), |sum, m| sum + m.length);
+        let dots: u64 = self.marked.iter().map(|m| m.dots).sum();
         let share = |m: &Marked| match whole {
             Nm(0) => m.dots as f64 / dots.max(1) as f64,
             whole => m.length.f64() / whole.f64(),
         };
-        let (k, most) = (0..self.0.len()).map(|k| (k, share(&self.0[k]))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let Marked { length: marked, dots, .. } = self.0[k];
+        let (k, most) =
+            (0..self.marked.len()).map(|k| (k, share(&self.marked[k]))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let Marked { length: marked, dots, .. } = self.marked[k];
         let what = if whole == Nm(0) { format!("{dots} dots") } else { length(marked.mm()) };
         let text = format!(
             "the job takes {days:.0} days: most of it is texture {}, {what} ({:.0} %) of each pass",
@@ -107,7 +116,7 @@ impl Shares {
     }
 
     fn many(&self, job: &Job, spot: f64) -> impl Iterator<Item = Diag> {
-        (1..).zip(&self.0).filter_map(move |(number, marked)| {
+        (1..).zip(&self.marked).filter_map(move |(number, marked)| {
             let times = marked.covered(spot) / marked.area;
             (times > MOST_TIMES).then(|| {
                 let what = match marked.length {

@@ -259,6 +259,7 @@ impl<'a> Draft<'a> {
             depth: grid.lattice.depth,
             max_slope: best.split.worst_slope2.sqrt(),
             clearance: &clearance,
+            facets: &|sink| inputs.surface.each_facet(sink),
         };
         let checked = Checked::new(best.program, &limits)?;
         setups::registered(job, machine, &origins)?;

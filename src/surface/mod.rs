@@ -534,6 +534,13 @@ impl Surface {
             .collect()
     }
 
+    /// Calls `sink` with the corners, nm, turned part frame, of every facet, upright ones included.
+    pub fn each_facet(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        let o = self.origin();
+        let at = |v: mesh::Vertex| [(i64::from(v.x) + o.x) as f64, (i64::from(v.y) + o.y) as f64, v.z];
+        self.for_each_facet(|corners| sink(corners.map(at)));
+    }
+
     /// Calls `f` with the corners (local coordinates) of every facet, upright ones included.
     fn for_each_facet(&self, mut f: impl FnMut([mesh::Vertex; 3])) {
         match &self.kind {

@@ -13,6 +13,7 @@ mod bound;
 mod browser;
 mod budget;
 mod cad;
+mod clearance;
 mod cli;
 mod closed_forms;
 mod compare;

@@ -435,3 +435,45 @@ fn what_a_card_would_clip_and_what_is_no_number_is_refused_before_anything_is_wr
         refused("", "lightburn", &focus, 2, "focus-factor");
     }
 }
+
+#[test]
+fn the_same_texture_twice_and_lines_that_a_drawing_repeats_are_told_with_their_length() {
+    let dir = folder();
+    let path = |lines: &str| {
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"10mm\" height=\"10mm\" viewBox=\"0 0 10 10\">\
+             <path d=\"{lines}\" stroke=\"#000\" stroke-width=\".01\" fill=\"none\"/></svg>"
+        )
+    };
+    std::fs::write(dir.path().join("once.svg"), path("M0 0h8v6z M1 9h8")).expect("writable");
+    // The same line there, back, and as a side of another figure.
+    std::fs::write(dir.path().join("again.svg"), path("M0 0h8v6z M8 0h-8 M8 6v-6l1 1")).expect("writable");
+    let with = |textures: &[&str]| {
+        let mut job = panel(dir.path());
+        job.textures = textures.iter().map(|&t| t.to_owned()).collect();
+        job.more = "[[pen]]\nname = \"other\"\nspeed = \"900 mm/s\"\npower = \"9 %\"\nfrequency = \"60 kHz\"\n\n\
+                    [[pen]]\nname = \"dark\"\nspeed = \"900 mm/s\"\npower = \"0 %\"\nfrequency = \"60 kHz\"\n"
+            .into();
+        accepted(&job.write(dir.path(), "job.toml"))
+    };
+    let told = |text: &str, code: &str| text.matches(&format!("warning[{code}]")).count();
+    let (hatch, once) = ("pattern = \"hatch\"\npitch = \"0.5 mm\"", "file = \"once.svg\"");
+    let crossed = "pattern = \"hatch\"\npitch = \"0.5 mm\"\ndirection = \"90 deg\"";
+    let text = with(&[hatch, once, crossed, "file = \"once.svg\"\norigin = [\"20 mm\", \"0 mm\"]"]);
+    assert_eq!(
+        [told(&text, "texture-twice"), told(&text, "lines-twice"), told(&text, "pen-no-power")],
+        [0; 3],
+        "{text}"
+    );
+    let text = with(&[hatch, once, hatch]);
+    assert!(told(&text, "texture-twice") == 1 && text.contains("textures 1 and 3 have the same lines"), "{text}");
+    // 24 mm around the triangle and the line of 8 mm; another pen does not matter.
+    let text = with(&[once, "file = \"once.svg\"\npen = \"other\"", once]);
+    assert!(text.contains("textures 1 and 2 have the same lines or dots: 32.000 mm are marked by both"), "{text}");
+    assert!(text.contains("textures 1 and 3 have") && told(&text, "texture-twice") == 2, "{text}");
+    let text = with(&["file = \"again.svg\""]);
+    assert!(text.contains("texture 1 has lines or dots more than once: 14.000 mm are marked again"), "{text}");
+    let text = with(&[hatch, "file = \"once.svg\"\npen = \"dark\""]);
+    let wanted = "texture 2 is marked with pen \"dark\", which has no power";
+    assert!(told(&text, "pen-no-power") == 1 && text.contains(wanted), "{text}");
+}

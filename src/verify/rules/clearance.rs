@@ -1,10 +1,10 @@
 //! `clearance`: the head keeps `stage.clearance` from the part wherever the stage goes.
 //!
-//! The head is what the machine file makes of it: a square of `lens.diameter` around the optical axis, whose lower end
-//! stands `lens.working_distance` above the focal plane. Along a move the square sweeps a hexagon, and nothing of the
-//! surface file in it may rise above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are
-//! cut at the hexagon, so the highest place in it is found as it is, not bounded. Each pass is checked against the
-//! surface before it was lowered. Fixtures are not known.
+//! The head is what the machine file makes of it: round, of `lens.diameter` around the optical axis, with its lower end
+//! `lens.working_distance` above the focal plane. Nothing of the surface file under what it sweeps along a move may rise
+//! above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are cut at that height, and what
+//! is left of them must lie outside of the sweep: exact, not bounded. Each pass is checked against the surface before it
+//! was lowered. Fixtures are not known.
 //!
 //! Moves are those of the stage programs, and those of `program.txt` as run sheets, OVF and `terrace run` give them: a lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position
 //! (at the start, after a stop at which the part is moved) a move is checked at its end point.
@@ -14,11 +14,12 @@
 //! the range. Where this bound leaves doubt the middle is looked at exactly and the range is halved, [`HALVINGS`]
 //! times. What is then still in doubt is nearer to the limit than the bound resolves, and passes.
 //!
-//! A head that is turned itself moves through the part as it sees it, in any direction: its way is cut into pieces, and
-//! over each the lower end of the piece counts. While its axes turn it must stay above the highest place of the part.
+//! A head that is turned itself moves through the part as it sees it, in any direction. While its axes turn it must stay
+//! above the highest place of the part.
 
 use super::Findings;
 use super::stage::{Positions, StageFile};
+use super::sweep::Sweep;
 use crate::geom::{NM_PER_MM, Nm, P3};
 use crate::machine::{Carries, Commanded, Machine, Origin, Tilt, TiltAngles};
 use crate::program::{Block, SetupId};
@@ -29,9 +30,6 @@ use crate::verify::read::program::ProgramFile;
 
 /// Most columns and rows of tiles.
 const TILES: f64 = 128.0;
-
-/// Pieces into which the way of a head that is turned itself is cut.
-const PIECES: u32 = 256;
 
 /// How often a range of angles is halved.
 const HALVINGS: u32 = 10;
@@ -157,7 +155,7 @@ impl Head<'_> {
         if self.tiles.highest <= limit && level {
             return;
         }
-        // The program has to keep away from a square of the head's diameter; here it is smaller by what rounding moves.
+        // The head is smaller by what rounding moves.
         let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.geometry.weld();
         if let Some(axes) = self.machine.tilt.as_ref().filter(|axes| axes.carries == Carries::Head && !level) {
             let slack = ROUNDING + 2.0 * self.geometry.weld();
@@ -172,10 +170,10 @@ impl Head<'_> {
             }
             return;
         }
-        let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], reach);
+        let sweep = Sweep::new([a, b].map(|[x, y, _]| [x, y, limit]), reach);
         let range = [0, 1].map(|k| [from.tilt[k].min(to.tilt[k]) as f64, from.tilt[k].max(to.tilt[k]) as f64]);
-        if let Some(over) = self.swing(block, range, &sweep, limit, HALVINGS) {
-            self.too_near(i, place, over - limit);
+        if let Some(near) = self.swing(block, range, &sweep, limit, HALVINGS) {
+            self.too_near(i, place, near);
         }
     }
 
@@ -192,27 +190,20 @@ impl Head<'_> {
         let origin = self.file.origin(block);
         let turn = Turn::of(head.axes, from.tilt, origin);
         let ends = [from, to].map(|p| turn.apply(P3::new(HeadPose::of(self.machine, p.at, p.tilt, origin).centre)).at);
-        let lowest = ends[0][2].min(ends[1][2]) + head.gap + head.slack;
-        // The tiles as the head sees them, of which most lie below all of its way.
-        let seen = |b: &[f64; 6]| {
+        let sweep = Sweep::new(ends.map(|[x, y, z]| [x, y, z + head.gap + head.slack]), head.reach);
+        let mut worst = 0.0f64;
+        for tile in &self.tiles.boxes {
             let (mut around, mut top) = (BoxNm::EMPTY, f64::NEG_INFINITY);
             for i in 0..8 {
-                let [x, y, z] = turn.apply(P3::new([0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]))).at;
+                let p = [0, 1, 2].map(|k| tile[if i >> k & 1 == 0 { k } else { k + 3 }]);
+                let [x, y, z] = turn.apply(P3::new(p)).at;
                 around.add([x, y]);
                 top = top.max(z);
             }
-            (top > lowest).then(|| (in_plane(b), around, top))
-        };
-        let high: Vec<_> = self.tiles.boxes.iter().filter_map(seen).collect();
-        let at = |i: u32| [0, 1, 2].map(|k| ends[0][k] + f64::from(i) / f64::from(PIECES) * (ends[1][k] - ends[0][k]));
-        let mut worst = 0.0f64;
-        for i in (0..PIECES).filter(|_| !high.is_empty()) {
-            let (a, b) = (at(i), at(i + 1));
-            let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], head.reach);
-            let limit = a[2].min(b[2]) + head.gap + head.slack;
-            for (area, _, _) in high.iter().filter(|(_, around, top)| *top > limit && around.touches(&sweep.bounds)) {
-                self.geometry.facets_in(*area, &mut |corners| {
-                    worst = worst.max(sweep.highest(corners.map(|p| turn.apply(P3::new(p)).at)) - limit);
+            if sweep.may_meet(&around, top) {
+                self.geometry.facets_in(in_plane(tile), &mut |corners| {
+                    let seen = corners.map(|p| turn.apply(P3::new(p)).at);
+                    worst = sweep.rise(&seen, worst).unwrap_or(worst);
                 });
             }
         }
@@ -244,8 +235,7 @@ impl Head<'_> {
         [low, high].into_iter().find_map(|part| self.swings(head, part, halvings - 1))
     }
 
-    /// The height above `limit` to which the part rises in the sweep at some pair of angles of a range, if one is
-    /// found.
+    /// By how much the part rises above `limit` in the sweep at some pair of angles of a range, if one is found.
     fn swing(&self, block: &Block, range: [[f64; 2]; 2], sweep: &Sweep, limit: f64, halvings: u32) -> Option<f64> {
         let middle = range.map(|[lo, hi]| (lo + hi) / 2.0);
         let half = range.map(|[lo, hi]| ((hi - lo) / 2.0 / 1e6).to_radians());
@@ -263,17 +253,17 @@ impl Head<'_> {
         if doubtful.is_empty() {
             return None;
         }
-        let mut highest = f64::NEG_INFINITY;
+        let mut worst = 0.0;
         for area in &doubtful {
             self.geometry.facets_in(*area, &mut |corners| {
                 let corners = turn.as_ref().map_or(corners, |turn| corners.map(|p| turn.apply(P3::new(p)).at));
-                highest = highest.max(sweep.highest(corners));
+                worst = sweep.rise(&corners, worst).unwrap_or(worst);
             });
         }
         // A facet that is too high at the middle angles is a fault. If none is, the halves of the larger range decide,
         // until the doubt is smaller than what is left of the halvings.
-        if highest > limit {
-            return Some(highest);
+        if worst > 0.0 {
+            return Some(worst);
         }
         if spread == 0.0 || halvings == 0 {
             return None;
@@ -401,76 +391,4 @@ impl Tiles {
 /// A tile's box in the plane.
 fn in_plane(&[x0, y0, _, x1, y1, _]: &[f64; 6]) -> BoxNm {
     BoxNm { lo: [x0, y0], hi: [x1, y1] }
-}
-
-/// What a square sweeps along a straight way: the places p of the plane with n · p ≤ c for each of these.
-struct Sweep {
-    sides: [([f64; 2], f64); 6],
-    bounds: BoxNm,
-}
-
-impl Sweep {
-    fn of(a: [f64; 2], b: [f64; 2], reach: f64) -> Self {
-        let lo = [0, 1].map(|k| a[k].min(b[k]) - reach);
-        let hi = [0, 1].map(|k| a[k].max(b[k]) + reach);
-        // Across the way the square is as wide as its corners lie from its middle.
-        let n = [a[1] - b[1], b[0] - a[0]];
-        let across = n[0] * a[0] + n[1] * a[1];
-        let wide = reach * (n[0].abs() + n[1].abs());
-        let sides = [
-            ([1.0, 0.0], hi[0]),
-            ([-1.0, 0.0], -lo[0]),
-            ([0.0, 1.0], hi[1]),
-            ([0.0, -1.0], -lo[1]),
-            (n, across + wide),
-            ([-n[0], -n[1]], wide - across),
-        ];
-        Self { sides, bounds: BoxNm { lo, hi } }
-    }
-
-    /// The highest place of a facet over the swept area.
-    fn highest(&self, corners: [[f64; 3]; 3]) -> f64 {
-        let mut ring: Vec<[f64; 3]> = corners.to_vec();
-        // Sutherland and Hodgman: the facet is clipped by one side after the other; z runs along.
-        for (n, c) in &self.sides {
-            let beyond = |p: &[f64; 3]| n[0] * p[0] + n[1] * p[1] - c;
-            let mut kept = Vec::with_capacity(ring.len() + 1);
-            for (i, p) in ring.iter().enumerate() {
-                let q = &ring[(i + 1) % ring.len()];
-                let (d, e) = (beyond(p), beyond(q));
-                if d <= 0.0 {
-                    kept.push(*p);
-                }
-                if (d < 0.0 && e > 0.0) || (d > 0.0 && e < 0.0) {
-                    kept.push([0, 1, 2].map(|k| p[k] + (q[k] - p[k]) * (d / (d - e))));
-                }
-            }
-            ring = kept;
-        }
-        ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sweep_is_the_hull_of_the_square_at_both_ends() {
-        let sweep = Sweep::of([0.0, 0.0], [10.0, 10.0], 1.0);
-        let flat = |x: f64, y: f64| sweep.highest([[x, y, 5.0], [x + 0.1, y, 5.0], [x, y + 0.1, 5.0]]);
-        for (x, y) in [(-0.9, -0.9), (5.0, 6.8), (6.8, 5.0), (10.8, 10.8), (0.0, 0.0)] {
-            assert_eq!(flat(x, y), 5.0, "{x} {y}");
-        }
-        for (x, y) in [(-1.2, 0.0), (3.0, 5.3), (11.1, 11.1), (10.0, 7.7), (0.0, 2.3)] {
-            assert_eq!(flat(x, y), f64::NEG_INFINITY, "{x} {y}");
-        }
-    }
-
-    #[test]
-    fn height_of_a_facet_is_that_of_its_part_inside_the_sweep() {
-        let sweep = Sweep::of([0.0, 0.0], [0.0, 0.0], 1.0);
-        let ramp = [[-10.0, -10.0, -10.0], [10.0, -10.0, 10.0], [0.0, 30.0, 0.0]];
-        assert!((sweep.highest(ramp) - 1.0).abs() < 1e-12);
-    }
 }

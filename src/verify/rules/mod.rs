@@ -25,6 +25,7 @@ mod stage;
 mod stretch;
 mod subset;
 pub(super) mod summary;
+mod sweep;
 mod texture_stroke;
 mod times;
 pub(super) mod travel;
