@@ -1,5 +1,7 @@
 //! Names of columns: which of them are x, y and z.
 
+use std::ops::RangeInclusive;
+
 use super::super::lines::shown;
 use super::super::stated_unit::unit_mm;
 use super::columns::{Separator, fields};
@@ -121,7 +123,7 @@ pub(super) struct Named {
 /// # Errors
 /// The names contradict each other, or the columns that would be taken.
 pub(super) fn of_row(line: &[u8], separator: Separator, columns: usize) -> Result<Option<Named>, Diag> {
-    let Some(names) = split(line, separator, columns) else { return Ok(None) };
+    let Some(names) = split(line, separator, columns..=columns) else { return Ok(None) };
     if let Some(named) = by_names(&names)? {
         return Ok(Some(named));
     }
@@ -149,11 +151,9 @@ pub(super) fn of_comment(line: &[u8], separator: Separator, columns: usize) -> R
     let behind = text.iter().rposition(|b| matches!(b, b':' | b'=')).map_or(text, |i| &text[i + 1..]);
     for text in [text, behind] {
         // Columns behind those that are named may have no names.
-        for columns in (3..=columns).rev() {
-            let named = split(text, separator, columns).map(|names| by_names(&names)).transpose()?;
-            if let Some(named) = named.flatten() {
-                return Ok(Some(named));
-            }
+        let named = split(text, separator, 3..=columns).map(|names| by_names(&names)).transpose()?;
+        if let Some(named) = named.flatten() {
+            return Ok(Some(named));
         }
     }
     let all = String::from_utf8_lossy(text).to_lowercase();
@@ -168,8 +168,8 @@ pub(super) fn of_comment(line: &[u8], separator: Separator, columns: usize) -> R
 
 const NAME_THEM: &str = "name all columns in a row before the points, three of them x, y and z";
 
-/// The names of a line, if there is one for each column.
-fn split(line: &[u8], separator: Separator, columns: usize) -> Option<Vec<Name>> {
+/// The names of a line, if there is one for each of so many columns.
+fn split(line: &[u8], separator: Separator, columns: RangeInclusive<usize>) -> Option<Vec<Name>> {
     [separator, Separator::of(line), Separator::Blanks].into_iter().find_map(|separator| {
         let mut names: Vec<String> = Vec::new();
         for field in fields(line, separator) {
@@ -180,10 +180,10 @@ fn split(line: &[u8], separator: Separator, columns: usize) -> Option<Vec<Name>>
                 _ => names.push(field.into_owned()),
             }
         }
-        if names.len() == columns + 1 && names.last().is_some_and(String::is_empty) {
+        if names.len() == columns.end() + 1 && names.last().is_some_and(String::is_empty) {
             names.pop();
         }
-        (names.len() == columns).then(|| names.iter().map(|name| Name::of(name)).collect())
+        columns.contains(&names.len()).then(|| names.iter().map(|name| Name::of(name)).collect())
     })
 }
 
