@@ -91,5 +91,5 @@ pub(super) fn is_names(line: &[u8], stated: Option<Separator>) -> bool {
     let fields: Vec<&[u8]> = fields(line, stated.unwrap_or_else(|| Separator::of(line))).collect();
     let has_number = || fields.iter().any(|w| !w.is_empty() && number(unquoted(w)) != Err(NoNumber::Text));
     let names = fields.iter().filter(|w| is_name(w)).count();
-    names >= 3 && (fields.iter().take(3).all(|w| is_name(w)) || !has_number())
+    names >= 3 && (fields.iter().take(3).all(is_name) || !has_number())
 }
