@@ -16,6 +16,8 @@ use crate::geom::{BoxMm, MAX_NM};
 pub(crate) struct Unit {
     /// mm of the part in one unit of the file.
     pub mm: f64,
+    /// The factor of the job on all coordinates, such as that of a map; it is in `mm`.
+    pub scale: f64,
     /// Where the part's origin lies in the file, in its unit.
     pub datum: [f64; 3],
 }
@@ -23,7 +25,12 @@ pub(crate) struct Unit {
 impl Unit {
     /// A unit of this many mm, the origin where the file has it.
     pub(crate) fn mm(mm: f64) -> Self {
-        Self { mm, datum: [0.0; 3] }
+        Self { mm, scale: 1.0, datum: [0.0; 3] }
+    }
+
+    /// mm in one unit of the file, without the factor of the job.
+    pub(crate) fn file_mm(self) -> f64 {
+        self.mm / self.scale
     }
 
     /// A place of the part, mm. The difference is taken first: digits that large numbers share cost none of the others.

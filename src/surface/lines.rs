@@ -53,9 +53,18 @@ pub(crate) fn foreign(head: &[u8]) -> Option<&'static str> {
     MARKS.iter().find(|(mark, _)| head.starts_with(mark)).map(|&(_, name)| name)
 }
 
-/// Whether bytes look like text: no zeros and no control characters but white space.
+/// Whether bytes look like text: of fifty at most one is a control character other than white space. Names may have
+/// such; those that end a text or fill its last block do not count.
 pub(crate) fn is_text(head: &[u8]) -> bool {
-    head.iter().all(|&b| b >= b' ' || b.is_ascii_whitespace())
+    let head = without_end_marks(head);
+    let is_control = |b: &&u8| **b < b' ' && !b.is_ascii_whitespace();
+    !head.is_empty() && head.iter().filter(is_control).count() * 50 <= head.len()
+}
+
+/// Bytes without Ctrl-Z, by which DOS ends a text, and zeros, by which others fill it up.
+pub(crate) fn without_end_marks(bytes: &[u8]) -> &[u8] {
+    let end = bytes.iter().rposition(|b| !matches!(b, 0 | 0x1a));
+    &bytes[..end.map_or(0, |end| end + 1)]
 }
 
 /// The lines of a text file.
@@ -107,6 +116,7 @@ impl Lines {
             let chunk = self.input.fill_buf().map_err(|e| unreadable(Path::new(&self.path), &e))?;
             let Some(&first) = chunk.first() else {
                 // The last line may lack its end.
+                self.line.truncate(without_end_marks(&self.line).len());
                 self.number += usize::from(!self.line.is_empty());
                 return Ok(!self.line.is_empty());
             };
@@ -127,6 +137,7 @@ impl Lines {
             if let Some(end) = end {
                 self.after_cr = chunk[end] == b'\r';
                 self.input.consume(used + 1);
+                self.line.truncate(without_end_marks(&self.line).len());
                 self.number += 1;
                 return Ok(true);
             }
@@ -151,7 +162,7 @@ impl Lines {
 }
 
 /// The words of a line, as white space parts them.
-pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty())
 }
 
@@ -166,14 +177,36 @@ pub(crate) enum NoNumber {
     Text,
 }
 
-/// A finite number.
+/// A finite number; its exponent may have the D of Fortran.
 pub(crate) fn number(word: &[u8]) -> Result<f64, NoNumber> {
-    match std::str::from_utf8(word).ok().and_then(|t| t.parse::<f64>().ok()) {
+    let text = std::str::from_utf8(word).ok();
+    match text.and_then(|t| t.parse::<f64>().ok().or_else(|| with_d(t))) {
         Some(v) if v.is_finite() => Ok(v),
         Some(_) => Err(NoNumber::NotFinite),
+        None if is_nan(word) || has(word, b".#inf") => Err(NoNumber::NotFinite),
         None if word.contains(&b',') && word.iter().any(u8::is_ascii_digit) => Err(NoNumber::Comma),
         None => Err(NoNumber::Text),
     }
+}
+
+/// A number such as 1.5D+02.
+fn with_d(text: &str) -> Option<f64> {
+    let (digits, exponent) = text.split_once(['d', 'D'])?;
+    let is_number = digits.ends_with(|c: char| c.is_ascii_digit() || c == '.');
+    is_number.then(|| format!("{digits}e{exponent}").parse().ok())?
+}
+
+/// Whether a word is one by which programs write what is no number: `nan`, `-nan(ind)`, `-1.#IND`, `1.#QNAN`.
+pub(crate) fn is_nan(word: &[u8]) -> bool {
+    let bare = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
+    let is_named = bare.get(..3).is_some_and(|w| w.eq_ignore_ascii_case(b"nan"));
+    (is_named && matches!(bare.get(3), None | Some(b'(')))
+        || [&b".#ind"[..], b".#qnan", b".#snan"].iter().any(|n| has(word, n))
+}
+
+/// Whether a word has these letters, in lower case, in it.
+fn has(word: &[u8], letters: &[u8]) -> bool {
+    word.windows(letters.len()).any(|w| w.eq_ignore_ascii_case(letters))
 }
 
 /// The diagnostic for a word that is not a coordinate.
@@ -231,6 +264,8 @@ mod tests {
         let e = all(&long).expect_err("too long");
         assert_eq!(e.diags()[0].code, "line-too-long");
         assert!(e.diags()[0].place.to_string().ends_with(":2"));
+        let name = all(b"o a \x01 name\nv 1 2 3\nv 1 2 3\nv 1 2 3\nv 1 2 3\nv 1 2 3\n\x1a\0\0").expect("text");
+        assert_eq!(name.len(), 6);
         for (bytes, say) in [(&b"\xff\xfea\0"[..], "UTF-16"), (b"v 1\0 2", "binary"), (b"\x89PNG\r\n", "PNG")] {
             let e = all(bytes).expect_err(say);
             assert_eq!(e.diags()[0].code, "surface-format");
@@ -241,10 +276,17 @@ mod tests {
     #[test]
     fn numbers_are_finite_and_have_points() {
         assert_eq!(number(b"-1.5e-007"), Ok(-1.5e-7));
+        assert_eq!(number(b"-1.5D-007"), Ok(-1.5e-7));
         for (word, why) in [
             (&b"1e400"[..], NoNumber::NotFinite),
             (b"nan", NoNumber::NotFinite),
             (b"-inf", NoNumber::NotFinite),
+            (b"-nan(ind)", NoNumber::NotFinite),
+            (b"-1.#IND00", NoNumber::NotFinite),
+            (b"1.#INF", NoNumber::NotFinite),
+            (b"name", NoNumber::Text),
+            (b"D5", NoNumber::Text),
+            (b"3D", NoNumber::Text),
             (b"0,5", NoNumber::Comma),
             (b"x", NoNumber::Text),
             (b"\xff", NoNumber::Text),

@@ -23,6 +23,7 @@ mod ply;
 mod points;
 mod polygon;
 mod rim;
+mod stated_unit;
 mod stl;
 mod threemf;
 mod topmost;
@@ -179,8 +180,9 @@ fn read_file(
     };
     let unit = |kind: &str| {
         let none = || refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]");
-        let mm = stated(kind)?.ok_or_else(none)? * options.scale.unwrap_or(1.0);
-        Ok::<_, Diag>(Unit { mm, datum: options.datum.unwrap_or_default() })
+        let scale = options.scale.unwrap_or(1.0);
+        let mm = stated(kind)?.ok_or_else(none)? * scale;
+        Ok::<_, Diag>(Unit { mm, scale, datum: options.datum.unwrap_or_default() })
     };
     let placed_by = |kind: &str, way: &str| match options.datum.is_some() || options.scale.is_some() {
         true => Err(refuse("surface-datum", format!("surface.datum and surface.scale do not place {kind}")).hint(way)),

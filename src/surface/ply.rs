@@ -2,9 +2,9 @@
 //!
 //! Consumes the header, then one element after the other through one buffer; holds all vertices (24 bytes each), faces
 //! go on at once, so they stand after the vertices that they name. Of a vertex x, y and z are read, whatever their type,
-//! of a face the list of its vertices. Polygons become triangles as in OBJ files. All other elements and properties are
-//! passed over; a warning names elements. Numbers of elements in the header are held against the length of the file
-//! before memory is asked for.
+//! of a face the list of its vertices, of a strip of triangles the same with -1 between strips. Polygons become
+//! triangles as in OBJ files. All other elements and properties are passed over, whatever their values; a warning names
+//! elements. Numbers of elements in the header are held against the length of the file before memory is asked for.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -12,8 +12,9 @@ use std::path::Path;
 
 use super::Content;
 use super::facets::{Facets, Unit};
-use super::lines::{self, MAX_LINE, no_number, number, place, shown, words};
+use super::lines::{self, MAX_LINE, NoNumber, no_number, number, place, shown, words};
 use super::polygon::{MAX_CORNERS, triangulate};
+use super::stated_unit::StatedUnit;
 use crate::diag::{Diag, Error, Place, memory, unreadable};
 
 /// Most lines of a header; names of textures and notes of scanners take some hundreds.
@@ -99,52 +100,72 @@ pub(crate) fn read(
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
     let (file, length) = lines::open(path)?;
-    let mut input = Input { path, input: BufReader::with_capacity(1 << 20, file), line: Vec::new(), number: 0 };
-    let (encoding, elements) = input.header()?;
+    let mut input = Input::new(path, BufReader::with_capacity(1 << 20, file))?;
+    let mut stated = StatedUnit::new(unit);
+    let (encoding, elements) = input.header(&mut stated, notes)?;
+    notes.extend(stated.note);
     check_counts(&elements, encoding, length).map_err(|d| d.at(place(path)))?;
     let mut reader = Reader { input, encoding, words: Vec::new() };
     let mut facets = Facets::new(path, unit, sink);
     let mut vertices: Vec<[f64; 3]> = Vec::new();
     let mut others: Vec<String> = Vec::new();
-    let mut crossed = None;
+    let mut odd = OddFaces::default();
     for element in &elements {
         match element.name.as_slice() {
             b"vertex" => reader.vertices(element, &mut vertices)?,
-            b"face" => reader.faces(element, &vertices, &mut facets, &mut crossed)?,
+            b"face" => reader.faces(element, &vertices, &mut facets, &mut odd)?,
+            b"tristrips" => reader.strips(element, &vertices, &mut facets)?,
             name => {
                 others.push(format!("{} ({})", shown(name), element.count));
-                (0..element.count).try_for_each(|i| reader.element(element, i, &mut |_, _| Ok(())))?;
+                (0..element.count).try_for_each(|i| reader.element(element, i, &[], &mut |_, _| Ok(())))?;
             }
         }
     }
+    if !others.is_empty() {
+        let text = format!("elements that are not read: {}", others.join(", "));
+        let d = Diag::warning("ply-elements", text).at(place(path));
+        notes.push(d.hint("only vertices, faces and strips of triangles are the surface"));
+    }
+    notes.extend(odd.notes().map(|d| d.at(place(path))));
     if facets.count() == 0 {
         let text = format!("the file holds {} vertices but no faces", vertices.len());
         let d = Diag::input("surface-empty", text).at(place(path));
         return Err(d.hint("export the surface with faces; a cloud of points can be read as .xyz").into());
     }
-    if !others.is_empty() {
-        let text = format!("elements that are not read: {}", others.join(", "));
-        notes.push(Diag::warning("ply-elements", text).at(place(path)).hint("only vertices and faces are the surface"));
-    }
-    notes.extend(crossed.map(|face| {
-        let text = format!("face {face} (counted from 0) is not simple: its outline crosses or touches itself");
-        Diag::warning("ply-crossed", text)
-            .at(place(path))
-            .hint("its triangles may not cover it: export the surface as triangles")
-    }));
     facets.finish(notes)
+}
+
+/// Faces that are told: the first that crosses itself; the first with fewer than three corners, and how many there are.
+#[derive(Default)]
+struct OddFaces {
+    crossed: Option<u64>,
+    few: Option<u64>,
+    few_count: u64,
+}
+
+impl OddFaces {
+    fn notes(&self) -> impl Iterator<Item = Diag> {
+        let crossed = self.crossed.map(|face| {
+            let text = format!("face {face} (counted from 0) is not simple: its outline crosses or touches itself");
+            let d = Diag::warning("ply-crossed", text);
+            d.hint("its triangles may not cover it: export the surface as triangles")
+        });
+        let few = self.few.map(|face| {
+            let count = self.few_count;
+            let text =
+                format!("{count} faces have fewer than three corners, first face {face} (counted from 0); left out");
+            Diag::warning("ply-face", text).hint("they have no area: nothing is lost, unless they should have had more")
+        });
+        few.into_iter().chain(crossed)
+    }
 }
 
 /// Holds what the header promises against the length of the file, and asks for memory.
 fn check_counts(elements: &[Element], encoding: Encoding, length: u64) -> Result<(), Diag> {
     let named = |name: &[u8]| elements.iter().position(|e| e.name == name);
-    let (vertex, face) = (named(b"vertex"), named(b"face"));
-    if vertex.zip(face).is_some_and(|(vertex, face)| vertex > face) {
+    let (vertex, face, strips) = (named(b"vertex"), named(b"face"), named(b"tristrips"));
+    if vertex.is_some_and(|vertex| face.into_iter().chain(strips).any(|face| vertex > face)) {
         return Err(Diag::input("ply-header", "faces stand before the vertices that they name").hint(AGAIN));
-    }
-    if let Some(strips) = elements.iter().find(|e| e.name == b"tristrips" && e.count > 0) {
-        let text = format!("the surface is written as {} strips of triangles, which are not read", strips.count);
-        return Err(Diag::input("ply-header", text).hint("export it as triangles"));
     }
     // A list of no items has its count alone; of text a digit and a space.
     let least = |p: &Property| match encoding {
@@ -164,7 +185,12 @@ fn check_counts(elements: &[Element], encoding: Encoding, length: u64) -> Result
         );
     }
     let count = |i: Option<usize>| i.map_or(0, |i| elements[i].count);
-    let bytes = count(vertex).saturating_mul(24).saturating_add(super::FACET_BYTES.saturating_mul(count(face)));
+    // A corner of a strip makes a facet; how many there are, only the length says.
+    let item = |i: usize| elements[i].properties.iter().map(|p| p.of.size()).min().unwrap_or(1) as u64;
+    let in_strips =
+        strips.map_or(0, |i| length.saturating_sub(need) / if encoding == Encoding::Ascii { 2 } else { item(i) });
+    let facets = count(face).saturating_add(in_strips);
+    let bytes = count(vertex).saturating_mul(24).saturating_add(super::FACET_BYTES.saturating_mul(facets));
     memory::ask("the mesh", bytes)
 }
 
@@ -174,9 +200,24 @@ struct Input<'a> {
     input: BufReader<File>,
     line: Vec<u8>,
     number: usize,
+    /// The byte that ends a line: that of the first one.
+    end: u8,
 }
 
-impl Input<'_> {
+impl<'a> Input<'a> {
+    fn new(path: &'a Path, mut input: BufReader<File>) -> Result<Self, Error> {
+        let head = input.fill_buf().map_err(|e| unreadable(path, &e))?;
+        let first = head.iter().position(|b| matches!(b, b'\r' | b'\n'));
+        let end = match first.map(|i| (head[i], head.get(i + 1))) {
+            Some((b'\r', next)) if next != Some(&b'\n') => b'\r',
+            _ => b'\n',
+        };
+        if head.starts_with(b"\xef\xbb\xbf") {
+            input.consume(3);
+        }
+        Ok(Self { path, input, line: Vec::new(), number: 0, end })
+    }
+
     fn place(&self) -> Place {
         Place::line(self.path.display().to_string(), self.number)
     }
@@ -189,7 +230,7 @@ impl Input<'_> {
     fn next_line(&mut self) -> Result<bool, Error> {
         self.line.clear();
         let most = MAX_LINE as u64 + 2;
-        let read = self.input.by_ref().take(most).read_until(b'\n', &mut self.line);
+        let read = self.input.by_ref().take(most).read_until(self.end, &mut self.line);
         let read = read.map_err(|e| unreadable(self.path, &e))?;
         self.number += usize::from(read > 0);
         if self.line.len() > MAX_LINE {
@@ -201,9 +242,13 @@ impl Input<'_> {
         Ok(read > 0)
     }
 
-    /// Reads the header: how values are written, and which elements follow.
-    fn header(&mut self) -> Result<(Encoding, Vec<Element>), Error> {
-        if !self.next_line()? || self.line != b"ply" {
+    /// Reads the header: how values are written, and which elements follow. Lines that are none of a header are told,
+    /// where they cannot be meant to declare something.
+    fn header(&mut self, stated: &mut StatedUnit, notes: &mut Vec<Diag>) -> Result<(Encoding, Vec<Element>), Error> {
+        let mut strays: Option<(Place, String, usize)> = None;
+        // Some programs begin with an empty line.
+        while self.next_line()? && self.line.trim_ascii().is_empty() && self.number < MAX_HEADER {}
+        if self.line.trim_ascii() != b"ply" {
             let d = Diag::input("surface-format", "the file does not begin with the line \"ply\"").at(place(self.path));
             return Err(d.hint("give the file the extension of its format, or export it as PLY").into());
         }
@@ -212,7 +257,8 @@ impl Input<'_> {
             let line = std::mem::take(&mut self.line);
             let found: Vec<&[u8]> = words(&line).collect();
             match found.as_slice() {
-                [] | [b"comment" | b"obj_info", ..] => {}
+                [] => {}
+                [b"comment" | b"obj_info", ..] => stated.look(&line, || self.place()),
                 [b"format", b"ascii", b"1.0"] => encoding = Some(Encoding::Ascii),
                 [b"format", b"binary_little_endian", b"1.0"] => encoding = Some(Encoding::Little),
                 [b"format", b"binary_big_endian", b"1.0"] => encoding = Some(Encoding::Big),
@@ -234,18 +280,31 @@ impl Input<'_> {
                 [b"end_header"] => {
                     let encoding =
                         encoding.ok_or_else(|| self.fault(Diag::input("ply-header", "the header names no format")))?;
+                    notes.extend(strays.map(|(place, text, count)| {
+                        let text = format!("{count} lines of the header are not known, first \"{text}\"; passed over");
+                        Diag::warning("ply-lines", text).at(place).hint("check the surface: nothing is read from them")
+                    }));
                     return Ok((encoding, elements));
                 }
-                _ => {
+                _ if declares(&found) => {
                     return Err(
                         self.fault(Diag::input("ply-header", format!("\"{}\" is not known in a header", shown(&line))))
                     );
                 }
+                _ => strays.get_or_insert_with(|| (self.place(), shown(&line), 0)).2 += 1,
             }
             self.line = line;
         }
-        Err(self.fault(Diag::input("ply-header", "the header does not end with \"end_header\"")))
+        let stray = strays.map_or(String::new(), |(_, text, _)| format!("; \"{text}\" is not known in it"));
+        let text = format!("the header does not end with \"end_header\"{stray}");
+        Err(self.fault(Diag::input("ply-header", text)))
     }
+}
+
+/// Whether a line that is not understood may declare something: it has a word of declarations.
+fn declares(words: &[&[u8]]) -> bool {
+    const WORDS: [&[u8]; 6] = [b"format", b"element", b"property", b"list", b"vertex_indices", b"vertex_index"];
+    words.iter().any(|word| WORDS.contains(word) || Scalar::named(word).is_some())
 }
 
 /// The property of these words: its type, or `list`, the type of the count, and the type of the items.
@@ -268,8 +327,8 @@ type Take<'a> = dyn FnMut(usize, f64) -> Result<(), Diag> + 'a;
 struct Reader<'a> {
     input: Input<'a>,
     encoding: Encoding,
-    /// The values of a line of text.
-    words: Vec<f64>,
+    /// Where the words of a line of text lie in it.
+    words: Vec<std::ops::Range<usize>>,
 }
 
 impl Reader<'_> {
@@ -281,8 +340,9 @@ impl Reader<'_> {
         }
     }
 
-    /// Reads element `i` of a kind, and hands on its values; a list as its items.
-    fn element(&mut self, element: &Element, i: u64, take: &mut Take<'_>) -> Result<(), Error> {
+    /// Reads element `i` of a kind, and hands on the values of these properties; a list as its items. What the others
+    /// hold is not looked at.
+    fn element(&mut self, element: &Element, i: u64, wanted: &[usize], take: &mut Take<'_>) -> Result<(), Error> {
         let name = || format!("{} {i} (counted from 0)", shown(&element.name));
         let mut at = 0;
         if self.encoding == Encoding::Ascii {
@@ -291,14 +351,18 @@ impl Reader<'_> {
         for (k, property) in element.properties.iter().enumerate() {
             let items = match property.list {
                 None => 1.0,
-                Some(count) => self.value(count, &mut at, &name)?,
+                Some(count) => self.value(count, &mut at, true, &name)?,
             };
             if !(0.0..=1e9).contains(&items) || items.fract() != 0.0 {
                 let d = Diag::input("ply-count", format!("{} has a list of {items} items", name()));
                 return Err(d.at(self.place()).hint(AGAIN).into());
             }
+            let is_wanted = wanted.contains(&k);
             for _ in 0..items as u64 {
-                let value = self.value(property.of, &mut at, &name)?;
+                let value = self.value(property.of, &mut at, is_wanted, &name)?;
+                if !is_wanted {
+                    continue;
+                }
                 take(k, value).map_err(|d| {
                     let text = format!("{}: {}", name(), d.message);
                     Diag { message: text, ..d }.at(self.place())
@@ -308,29 +372,36 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads the numbers of the next line that is not empty.
+    /// Reads the next line that is not empty.
     fn line(&mut self, name: &dyn Fn() -> String) -> Result<(), Error> {
         self.words.clear();
         while self.words.is_empty() {
             if !self.input.next_line()? {
                 return Err(self.input.fault(Diag::input("ply-truncated", format!("the file ends before {}", name()))));
             }
-            for word in words(&self.input.line) {
-                let value = number(word).map_err(|why| no_number(word, why, self.input.place()))?;
-                self.words.push(value);
-            }
+            let line = &self.input.line;
+            let from = |word: &[u8]| word.as_ptr() as usize - line.as_ptr() as usize;
+            self.words.extend(words(line).map(|word| from(word)..from(word) + word.len()));
         }
         Ok(())
     }
 
-    /// The next value; `at` counts those of a line of text.
-    fn value(&mut self, of: Scalar, at: &mut usize, name: &dyn Fn() -> String) -> Result<f64, Error> {
+    /// The next value; `at` counts those of a line of text, where one that is not wanted need not be a number.
+    fn value(&mut self, of: Scalar, at: &mut usize, is_wanted: bool, name: &dyn Fn() -> String) -> Result<f64, Error> {
         if self.encoding == Encoding::Ascii {
-            let value = self.words.get(*at).copied();
+            let word = self.words.get(*at).map(|range| &self.input.line[range.clone()]);
             *at += 1;
-            return value.ok_or_else(|| {
-                self.input.fault(Diag::input("ply-truncated", format!("{} has too few numbers", name())))
-            });
+            return match word {
+                Some(_) if !is_wanted => Ok(0.0),
+                Some(word) => match number(word) {
+                    Err(NoNumber::NotFinite) => Ok(f64::NAN),
+                    value => value.map_err(|why| no_number(word, why, self.input.place()).into()),
+                },
+                None => {
+                    let text = format!("{} has too few numbers", name());
+                    Err(self.input.fault(Diag::input("ply-truncated", text)))
+                }
+            };
         }
         let mut bytes = [0; 8];
         let bytes = &mut bytes[..of.size()];
@@ -356,14 +427,9 @@ impl Reader<'_> {
         };
         for i in 0..element.count {
             let mut p = [0.0; 3];
-            self.element(element, i, &mut |k, value| {
-                let Some(axis) = [x, y, z].iter().position(|&at| at == k) else { return Ok(()) };
-                p[axis] = value;
-                if value.is_finite() {
-                    return Ok(());
-                }
-                let d = Diag::input("surface-number", format!("a coordinate is {value}"));
-                Err(d.hint("repair the surface: a facet without a place cannot be marked"))
+            self.element(element, i, &[x, y, z], &mut |k, value| {
+                [x, y, z].iter().zip(&mut p).filter(|(at, _)| **at == k).for_each(|(_, v)| *v = value);
+                Ok(())
             })?;
             out.push(p);
         }
@@ -375,26 +441,14 @@ impl Reader<'_> {
         element: &Element,
         vertices: &[[f64; 3]],
         facets: &mut Facets<'_>,
-        crossed: &mut Option<u64>,
+        odd: &mut OddFaces,
     ) -> Result<(), Error> {
-        let is_corners = |p: &Property| [&b"vertex_indices"[..], b"vertex_index"].contains(&p.name.as_slice());
-        let Some(corners) = element.properties.iter().position(|p| is_corners(p) && p.list.is_some()) else {
-            let d = Diag::input("ply-header", "faces have no list vertex_indices").at(place(self.input.path));
-            return Err(d.hint(AGAIN).into());
-        };
+        let corners = self.corners(element, "faces")?;
         let mut polygon: Vec<[f64; 3]> = Vec::new();
         for i in 0..element.count {
             polygon.clear();
-            self.element(element, i, &mut |k, value| {
-                if k != corners {
-                    return Ok(());
-                }
-                let index = if value >= 0.0 && value.fract() == 0.0 { value as usize } else { usize::MAX };
-                let Some(&vertex) = vertices.get(index) else {
-                    let text =
-                        format!("it refers to vertex {value}, the vertices are 0 to {}", vertices.len() as i64 - 1);
-                    return Err(Diag::input("ply-index", text).hint(AGAIN));
-                };
+            self.element(element, i, &[corners], &mut |_, value| {
+                let vertex = vertex(vertices, value)?;
                 if polygon.len() == MAX_CORNERS {
                     let text = format!("it has more than {MAX_CORNERS} corners");
                     return Err(Diag::input("ply-index", text).hint("export the surface as triangles"));
@@ -403,15 +457,65 @@ impl Reader<'_> {
                 Ok(())
             })?;
             if polygon.len() < 3 {
-                let text = format!("face {i} (counted from 0) has {} corners, it needs three or more", polygon.len());
-                return Err(Diag::input("ply-index", text).at(self.place()).hint(AGAIN).into());
-            }
-            if !triangulate(&polygon, facets) {
-                crossed.get_or_insert(i);
+                odd.few.get_or_insert(i);
+                odd.few_count += 1;
+            } else if !triangulate(&polygon, facets) {
+                odd.crossed.get_or_insert(i);
             }
         }
         Ok(())
     }
+
+    /// Strips of triangles: each corner makes one with the two before it, which turns by turn lies the other way round.
+    /// -1 ends a strip. Triangles with a corner twice lead from one strip to the next and are none.
+    fn strips(&mut self, element: &Element, vertices: &[[f64; 3]], facets: &mut Facets<'_>) -> Result<(), Error> {
+        let corners = self.corners(element, "strips")?;
+        for i in 0..element.count {
+            let mut strip: Vec<(f64, [f64; 3])> = Vec::with_capacity(3);
+            let mut is_turned = false;
+            self.element(element, i, &[corners], &mut |_, index| {
+                if index == -1.0 {
+                    strip.clear();
+                    return Ok(());
+                }
+                strip.push((index, vertex(vertices, index)?));
+                let &[(a, p), (b, q), (c, r)] = strip.as_slice() else {
+                    is_turned = false;
+                    return Ok(());
+                };
+                if a != b && b != c && c != a {
+                    facets.push(if is_turned { [q, p, r] } else { [p, q, r] });
+                }
+                is_turned = !is_turned;
+                strip.remove(0);
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The list of vertices of faces or strips.
+    fn corners(&self, element: &Element, of: &str) -> Result<usize, Error> {
+        let is_corners = |p: &Property| [&b"vertex_indices"[..], b"vertex_index"].contains(&p.name.as_slice());
+        element.properties.iter().position(|p| is_corners(p) && p.list.is_some()).ok_or_else(|| {
+            let d = Diag::input("ply-header", format!("{of} have no list vertex_indices")).at(place(self.input.path));
+            d.hint(AGAIN).into()
+        })
+    }
+}
+
+/// The vertex of this number, counted from 0.
+fn vertex(vertices: &[[f64; 3]], index: f64) -> Result<[f64; 3], Diag> {
+    let place = (index >= 0.0 && index.fract() == 0.0).then_some(index as usize);
+    let Some(&p) = place.and_then(|i| vertices.get(i)) else {
+        let text = format!("it refers to vertex {index}, the vertices are 0 to {}", vertices.len() as i64 - 1);
+        return Err(Diag::input("ply-index", text).hint(AGAIN));
+    };
+    if p.iter().all(|v| v.is_finite()) {
+        return Ok(p);
+    }
+    let text = format!("its vertex {index} has a coordinate that is not a finite number");
+    Err(Diag::input("surface-number", text).hint("repair the surface: a facet without a place cannot be marked"))
 }
 
 #[cfg(test)]
@@ -496,7 +600,14 @@ mod tests {
                 ":13: face 0 (counted from 0): it refers to vertex 3, the vertices are 0 to 2",
             ),
             (usual("3 0 1 -1"), "ply-index", "vertex -1"),
-            (usual("2 0 1"), "ply-index", "has 2 corners"),
+            (usual("2 0 1"), "surface-empty", "no faces"),
+            (usual("3 0 1 nan"), "ply-index", "vertex NaN"),
+            (usual("nan 0 1 2"), "ply-count", "a list of NaN items"),
+            (
+                usual("3 0 1 2").replace("1 0 0", "1 0 nan"),
+                "surface-number",
+                ":13: face 0 (counted from 0): its vertex 1 has",
+            ),
             (usual("3 0 1"), "ply-truncated", "face 0 (counted from 0) has too few numbers"),
             (usual("-1 0 1"), "ply-count", "a list of -1 items"),
             (usual(""), "ply-truncated", "the file ends before face 0"),
@@ -504,7 +615,21 @@ mod tests {
             (file("ascii", "uchar int", "0 0 0\n1 0,5 0\n"), "surface-number", "decimal comma"),
             (file("ascii_2", "uchar int", body), "ply-header", ":2: \"format ascii_2 1.0\" is not known"),
             (file("ascii", "float int", body), "ply-header", "is no property"),
-            (file("ascii", "uchar int", body).replace("end_header", "end_head"), "ply-header", "\"end_head\""),
+            (
+                file("ascii", "uchar int", body).replace("end_header", "end_head"),
+                "ply-header",
+                "\"end_head\" is not known",
+            ),
+            (
+                file("ascii", "uchar int", body).replace("property float z", "propertyfloat z"),
+                "ply-header",
+                "no x, y and z",
+            ),
+            (
+                file("ascii", "uchar int", body).replace("property float z", "propert float z"),
+                "ply-header",
+                "\"propert float z\"",
+            ),
             (file("ascii", "uchar int", body).replace(" z\n", " w\n"), "ply-header", "no x, y and z"),
             (file("ascii", "uchar int", body).replace("vertex_indices", "corners"), "ply-header", "no list"),
             (file("ascii", "uchar int", body).replace("vertex 3", "vertex 4000000000"), "ply-truncated", "promises"),
@@ -518,6 +643,74 @@ mod tests {
             let e = result.err().expect(say);
             assert_eq!(e.diags()[0].code, code, "{e}");
             assert!(e.to_string().contains(say) && !e.diags()[0].hint.is_empty(), "{say}: {e}");
+        }
+    }
+
+    /// A file of four vertices and this rest, which the header describes.
+    fn square(head: &str, rest: &str) -> String {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n{head}\
+             end_header\n0 0 0\n9 0 0\n0 9 0\n9 9 0\n{rest}"
+        )
+    }
+
+    const FACES: &str = "element face 2\nproperty list uchar int vertex_indices\n";
+
+    #[test]
+    fn what_is_not_used_may_be_anything() {
+        let plain = square(FACES, "3 0 1 2\n3 2 1 3\n");
+        let want = read_bytes(plain.as_bytes()).1;
+        assert_eq!(want.len(), 2);
+        let normals = plain
+            .replace("property float z\n", "property float z\nproperty float nx\n")
+            .replace("0 0 0\n", "0 0 0 nan\n");
+        let normals = normals
+            .replace("9 0 0\n", "9 0 0 -1.#IND\n")
+            .replace("\n0 9 0\n", "\n0 9 0 inf\n")
+            .replace("9 9 0\n", "9 9 0 0xff\n");
+        let more = plain.replace("vertex 4", "vertex 5").replace("9 9 0\n", "9 9 0\nnan 0 1e999\n");
+        let quality = plain.replace("vertex_indices\n", "vertex_indices\nproperty float quality\n");
+        let quality = quality.replace("3 0 1 2\n", "3 0 1 2 nan\n").replace("3 2 1 3\n", "3 2 1 3 -nan(ind)\n");
+        for text in [normals, more, quality] {
+            let (result, got, notes) = read_bytes(text.as_bytes());
+            assert!(result.is_ok() && notes.is_empty() && got == want, "{text}: {:?}", result.err());
+        }
+    }
+
+    #[test]
+    fn odd_headers_are_read() {
+        let plain = square(FACES, "3 0 1 2\n3 2 1 3\n");
+        let want = read_bytes(plain.as_bytes()).1;
+        for (text, code) in [
+            (plain.replacen("ply", "ply ", 1), None),
+            (format!("\n{plain}"), None),
+            (format!("\u{feff}{plain}"), None),
+            (plain.replace('\n', "\r"), None),
+            (plain.replace('\n', "\r\n"), None),
+            (
+                plain.replacen("element", "Created by Blender3D 247 - www.blender.org\nand others\nelement", 1),
+                Some("ply-lines"),
+            ),
+            (plain.replacen("element", "comment units: in\nelement", 1), Some("surface-unit-named")),
+            (plain.replace("face 2", "face 4").replace("3 2 1 3\n", "2 0 1\n3 2 1 3\n0\n"), Some("ply-face")),
+        ] {
+            let (result, got, notes) = read_bytes(text.as_bytes());
+            assert!(result.is_ok() && got == want, "{text}: {:?}", result.err());
+            assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), Vec::from_iter(code), "{text}");
+        }
+    }
+
+    #[test]
+    fn strips_of_triangles_turn_by_turn_lie_the_other_way_round() {
+        let head = "element tristrips 2\nproperty list int int vertex_indices\n";
+        let [a, b, c, d] = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0], [9.0, 9.0, 0.0]];
+        let (result, got, notes) = read_bytes(square(head, "9 0 1 2 3 -1 0 1 -1 2\n6 0 1 2 2 3 1\n").as_bytes());
+        assert!(result.is_ok() && notes.is_empty(), "{:?}", result.err());
+        assert_eq!(got, [[a, b, c], [c, b, d], [a, b, c], [d, c, b]]);
+        for (rest, code) in
+            [("3 0 1 2\n3 0 1 4\n", "ply-index"), ("3 0 1 2\n3 0 1 -2\n", "ply-index"), ("3 0 1 2\n", "ply-truncated")]
+        {
+            assert_eq!(read_bytes(square(head, rest).as_bytes()).0.err().expect(rest).diags()[0].code, code);
         }
     }
 }

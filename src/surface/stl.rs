@@ -2,7 +2,9 @@
 //!
 //! Consumes the file through one buffer of 2 MB (binary) or one line (ASCII); hands on each facet's
 //! corners, never its normal. A file is binary if its length is that of its facet count, whatever its
-//! header says: many binary files begin with "solid". Attributes and solids' names are not kept.
+//! header says: many binary files begin with "solid". Where it is not, it is text if it begins with
+//! "solid" and goes on as text, and else binary with a length that is wrong by little ([`Binary`]).
+//! Attributes and solids' names are not kept; a unit that they name is held against that of the job.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -10,13 +12,16 @@ use std::path::Path;
 
 use super::Content;
 use super::facets::{Facets, Unit};
-use super::lines::{self, Lines, no_number, number, place, shown, words};
+use super::lines::{self, Lines, NoNumber, no_number, number, place, shown, words};
+use super::stated_unit::StatedUnit;
 use crate::diag::{Diag, Error, Place, memory, unreadable};
 
 /// Bytes before the first facet of a binary file: a header of 80 and the count.
 const HEADER: usize = 84;
 /// Bytes of a binary facet: normal, three corners, attribute.
 const FACET: usize = 50;
+/// Those of its attribute.
+const ATTRIBUTE: u64 = 2;
 /// Facets read at a time.
 const CHUNK: usize = 40_000;
 
@@ -28,80 +33,180 @@ pub(crate) fn read(
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
     let mut facets = Facets::new(path, unit, sink);
+    let mut stated = StatedUnit::new(unit);
     let (mut file, length) = lines::open(path)?;
     let mut head = Vec::with_capacity(1024);
     file.by_ref().take(1024).read_to_end(&mut head).map_err(|e| unreadable(path, &e))?;
-    let count = head.get(80..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
-    let promised = count.map(|n| HEADER as u64 + FACET as u64 * u64::from(n));
-    // Where the length is not that of a binary file it is text, with some 200 bytes a facet.
-    let count_about = if promised == Some(length) { length / FACET as u64 } else { length / 200 };
-    memory::ask("the mesh", super::FACET_BYTES * count_about).map_err(|d| d.at(place(path)))?;
-    if promised == Some(length) {
-        read_binary(path, file, length, &mut facets)?;
-    } else if begins_with_solid(&head) {
-        read_ascii(path, &mut facets, notes)?;
+    let ask = |facets: u64| memory::ask("the mesh", super::FACET_BYTES * facets).map_err(|d| d.at(place(path)));
+    if is_ascii(&head, length) {
+        // Text has some 200 bytes a facet.
+        ask(length / 200)?;
+        read_ascii(path, &mut facets, &mut stated, notes)?;
     } else {
-        return Err(no_stl(&head, count, length).at(place(path)).into());
+        let binary = Binary::of(&head, length, &mut file, path)?;
+        ask(binary.facets)?;
+        stated.look(&head[..HEADER - 4], || place(path));
+        notes.extend(binary.note.clone().map(|d| d.at(place(path))));
+        binary.read(path, file, &mut facets)?;
     }
+    notes.extend(stated.note);
     facets.finish(notes)
 }
 
-/// Whether the file is text that begins with the word "solid".
-fn begins_with_solid(head: &[u8]) -> bool {
-    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
-    let is_solid = text.get(..5).is_some_and(|w| w.eq_ignore_ascii_case(b"solid"));
-    is_solid && lines::is_text(head)
+/// The facets that the header counts.
+fn count(head: &[u8]) -> Option<u32> {
+    head.get(80..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes)
 }
 
-/// What is wrong with a file that is neither binary nor ASCII STL.
-fn no_stl(head: &[u8], count: Option<u32>, length: u64) -> Diag {
+/// The length of a binary file of so many facets.
+fn length_of(count: u32) -> u64 {
+    HEADER as u64 + FACET as u64 * u64::from(count)
+}
+
+/// Whether the file is text: its length is not that of a binary one, it begins with the word "solid", and what follows
+/// the name is text. The name may have any bytes.
+fn is_ascii(head: &[u8], length: u64) -> bool {
+    if count(head).map(length_of) == Some(length) {
+        return false;
+    }
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let name_ends = text.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(0);
+    let is_solid = text.get(..5).is_some_and(|w| w.eq_ignore_ascii_case(b"solid"));
+    is_solid && lines::is_text(&text[name_ends..])
+}
+
+/// How the facets of a binary file lie in it.
+struct Binary {
+    facets: u64,
+    /// Bytes that the last one lacks: none, or some of its attribute.
+    lacks: u64,
+    note: Option<Diag>,
+}
+
+impl Binary {
+    /// The facets of a file that is no text, where their count can be relied on: that of the header where the length
+    /// agrees, up to the last attribute and to bytes at the end that can be no facet; that of the length where the
+    /// header has none.
+    fn of(head: &[u8], length: u64, file: &mut File, path: &Path) -> Result<Self, Error> {
+        let fault = |d: Diag| Error::from(d.at(place(path)));
+        let Some(count) = count(head) else { return Err(fault(no_header(head, length))) };
+        let promised = length_of(count);
+        let whole = |facets: u64| Self { facets, lacks: 0, note: None };
+        if promised == length {
+            return Ok(whole(count.into()));
+        }
+        if let Some(d) = other_format(head) {
+            return Err(fault(d));
+        }
+        // Programs that write as they go leave 0 or -1 where they cannot come back to the count.
+        if matches!(count, 0 | u32::MAX) {
+            return Self::by_length(count, length, file, path);
+        }
+        if length < promised {
+            return match promised - length {
+                lacks @ ..=ATTRIBUTE => Ok(Self { lacks, ..whole(count.into()) }),
+                _ => Err(fault(truncated(count, length))),
+            };
+        }
+        let follow = length - promised;
+        if is_blank(file, promised, path)? {
+            return Ok(whole(count.into()));
+        }
+        let text = format!("the header promises {count} facets in {promised} bytes, but {follow} more bytes follow");
+        if follow < FACET as u64 {
+            let d =
+                Diag::warning("stl-trailing", text).hint("a facet has 50 bytes, so these are none; they are not read");
+            return Ok(Self { note: Some(d), ..whole(count.into()) });
+        }
+        let hint = "facets would be lost: export the surface again with the right count";
+        Err(fault(Diag::input("stl-trailing", text).hint(hint)))
+    }
+
+    /// The facets for which the file has room, where the header counts none.
+    fn by_length(count: u32, length: u64, file: &mut File, path: &Path) -> Result<Self, Error> {
+        let (facets, rest) = ((length - HEADER as u64) / FACET as u64, (length - HEADER as u64) % FACET as u64);
+        let lacks = FACET as u64 - rest;
+        let mut found = Self { facets, lacks: 0, note: None };
+        if is_blank(file, HEADER as u64, path)? {
+            return Ok(Self { facets: 0, ..found });
+        }
+        if lacks <= ATTRIBUTE {
+            found = Self { facets: facets + 1, lacks, note: None };
+        } else if !is_blank(file, length - rest, path)? {
+            let text = format!(
+                "the header counts {count} facets, and {} bytes follow, which are no whole number of facets",
+                length - HEADER as u64
+            );
+            let d = Diag::input("stl-truncated", text).at(place(path));
+            return Err(d.hint("the file is cut short or damaged: export or copy it again").into());
+        }
+        let text = format!("the header counts {count} facets; the {} of the file's length are read", found.facets);
+        let d = Diag::warning("stl-count", text).hint("check that the file is complete: nothing in it says so");
+        Ok(Self { note: Some(d), ..found })
+    }
+
+    /// Hands on the facets.
+    fn read(&self, path: &Path, mut file: File, facets: &mut Facets<'_>) -> Result<(), Error> {
+        file.seek(SeekFrom::Start(HEADER as u64)).map_err(|e| unreadable(path, &e))?;
+        let mut left = self.facets;
+        let mut buffer = vec![0; FACET * CHUNK.min(usize::try_from(left).unwrap_or(CHUNK))];
+        while left > 0 {
+            let now = CHUNK.min(usize::try_from(left).unwrap_or(CHUNK));
+            let bytes = &mut buffer[..FACET * now];
+            left -= now as u64;
+            let there = bytes.len() - if left == 0 { self.lacks as usize } else { 0 };
+            file.read_exact(&mut bytes[..there]).map_err(|e| unreadable(path, &e))?;
+            for facet in bytes.chunks_exact(FACET) {
+                let corners = corners(facet);
+                if !corners.iter().flatten().all(|v| v.is_finite()) {
+                    return Err(not_finite(path, facets.count(), corners).into());
+                }
+                facets.push(corners);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a file has nothing but zeros, blanks and ends of text from this byte on.
+fn is_blank(file: &mut File, from: u64, path: &Path) -> Result<bool, Error> {
+    file.seek(SeekFrom::Start(from)).map_err(|e| unreadable(path, &e))?;
+    let mut buffer = [0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).map_err(|e| unreadable(path, &e))? {
+            0 => return Ok(true),
+            n if buffer[..n].iter().all(|b| matches!(b, 0 | 0x1a) || b.is_ascii_whitespace()) => {}
+            _ => return Ok(false),
+        }
+    }
+}
+
+/// What the file is instead, where its first bytes show it.
+fn other_format(head: &[u8]) -> Option<Diag> {
+    // Text has no zero among its first bytes.
+    let is_text = lines::is_text(head) && !head.iter().take(HEADER).any(|&b| b == 0);
+    let text = || is_text.then_some("text that does not begin with solid");
+    let what = lines::foreign(head).or_else(text)?;
+    let d = Diag::input("surface-format", format!("this is {what}, not an STL file"));
+    Some(d.hint("give the file the extension of its format, or export it as binary or plain ASCII STL"))
+}
+
+/// What is wrong with a file that is too short for a header.
+fn no_header(head: &[u8], length: u64) -> Diag {
     let again = "export the surface again as STL";
     if length == 0 {
         return Diag::input("surface-empty", "the file is empty").hint(again);
     }
-    let other_format = |what: &str| {
-        Diag::input("surface-format", format!("this is {what}, not an STL file"))
-            .hint("give the file the extension of its format, or export it as binary or plain ASCII STL")
-    };
-    if let Some(what) = lines::foreign(head) {
-        return other_format(what);
-    }
-    let Some(count) = count else {
+    lines::foreign(head).and_then(|_| other_format(head)).unwrap_or_else(|| {
         let text = format!("the file has {length} bytes, too few for an STL file: the header alone has {HEADER}");
-        return Diag::input("stl-truncated", text).hint(again);
-    };
-    if lines::is_text(head) {
-        return other_format("text that does not begin with solid");
-    }
-    let promised = HEADER as u64 + FACET as u64 * u64::from(count);
-    if promised > length {
-        let text = format!("the header promises {count} facets in {promised} bytes, but the file has {length} bytes");
-        return Diag::input("stl-truncated", text).hint("the file is cut short or damaged: export or copy it again");
-    }
-    let text =
-        format!("the header promises {count} facets in {promised} bytes, but {} more bytes follow", length - promised);
-    Diag::input("stl-trailing", text).hint("facets would be lost: export the surface again with the right count")
+        Diag::input("stl-truncated", text).hint(again)
+    })
 }
 
-/// Reads the facets of a binary file whose length is right.
-fn read_binary(path: &Path, mut file: File, length: u64, facets: &mut Facets<'_>) -> Result<(), Error> {
-    file.seek(SeekFrom::Start(HEADER as u64)).map_err(|e| unreadable(path, &e))?;
-    let mut left = (length - HEADER as u64) / FACET as u64;
-    let mut buffer = vec![0; FACET * CHUNK.min(usize::try_from(left).unwrap_or(CHUNK))];
-    while left > 0 {
-        let now = CHUNK.min(usize::try_from(left).unwrap_or(CHUNK));
-        let bytes = &mut buffer[..FACET * now];
-        file.read_exact(bytes).map_err(|e| unreadable(path, &e))?;
-        for facet in bytes.chunks_exact(FACET) {
-            let corners = corners(facet);
-            if !corners.iter().flatten().all(|v| v.is_finite()) {
-                return Err(not_finite(path, facets.count(), corners).into());
-            }
-            facets.push(corners);
-        }
-        left -= now as u64;
-    }
-    Ok(())
+fn truncated(count: u32, length: u64) -> Diag {
+    let promised = length_of(count);
+    let text = format!("the header promises {count} facets in {promised} bytes, but the file has {length} bytes");
+    Diag::input("stl-truncated", text).hint("the file is cut short or damaged: export or copy it again")
 }
 
 /// The corners of a binary facet.
@@ -126,8 +231,12 @@ fn not_finite(path: &Path, facet: usize, corners: [[f64; 3]; 3]) -> Diag {
 enum Next {
     Solid,
     Facet,
+    /// The normal, in any words, and the loop.
+    Outer,
     Loop,
     Vertex(usize),
+    /// So many numbers of this vertex have been read.
+    Number(usize, usize),
     EndLoop,
     EndFacet,
 }
@@ -137,73 +246,152 @@ impl Next {
         match self {
             Self::Solid => "\"solid\"",
             Self::Facet => "\"facet\" or \"endsolid\"",
-            Self::Loop => "\"outer loop\"",
-            Self::Vertex(_) => "\"vertex\" (a facet has three)",
+            Self::Outer | Self::Loop => "\"outer loop\"",
+            Self::Vertex(_) | Self::Number(..) => "\"vertex\" (a facet has three)",
             Self::EndLoop => "\"endloop\" (a facet has three vertices)",
             Self::EndFacet => "\"endfacet\"",
         }
     }
 }
 
-/// Reads an ASCII file, one statement to a line, several solids one after the other.
-fn read_ascii(path: &Path, facets: &mut Facets<'_>, notes: &mut Vec<Diag>) -> Result<(), Error> {
+const KEYWORDS: [&str; 9] = ["solid", "facet", "outer", "loop", "vertex", "endloop", "endfacet", "endsolid", "color"];
+
+fn is(word: &[u8], keyword: &str) -> bool {
+    word.eq_ignore_ascii_case(keyword.as_bytes())
+}
+
+/// Reads an ASCII file word by word, however they are divided into lines; several solids one after the other.
+fn read_ascii(
+    path: &Path,
+    facets: &mut Facets<'_>,
+    stated: &mut StatedUnit,
+    notes: &mut Vec<Diag>,
+) -> Result<(), Error> {
     let mut lines = Lines::open(path, "an STL file")?;
-    let mut next = Next::Solid;
-    let mut corners = [[0.0; 3]; 3];
+    let mut state = Ascii::new();
     while lines.advance()? {
-        let line = lines.line();
-        let Some(word) = words(line).next() else { continue };
-        let is = |keyword: &str| word.eq_ignore_ascii_case(keyword.as_bytes());
-        next = match next {
-            Next::Solid | Next::Facet if is("solid") => {
-                if next == Next::Facet {
-                    notes.push(no_endsolid(lines.place()));
-                }
-                Next::Facet
+        let mut rest = words(lines.line());
+        while let Some(word) = rest.next() {
+            state.take(word, &lines, facets)?;
+            if is(word, "solid") || is(word, "endsolid") {
+                stated.look(lines.line(), || lines.place());
+                rest = after_name(rest);
             }
-            Next::Facet if is("facet") => Next::Loop,
-            Next::Facet if is("endsolid") => Next::Solid,
-            Next::Loop if is("outer") => Next::Vertex(0),
-            Next::Vertex(k) if is("vertex") => {
-                corners[k] = vertex(line).map_err(|d| d.at(lines.place()))?;
-                if k < 2 { Next::Vertex(k + 1) } else { Next::EndLoop }
-            }
-            Next::EndLoop if is("endloop") => Next::EndFacet,
-            Next::EndFacet if is("endfacet") => {
-                facets.push(corners);
-                Next::Facet
-            }
-            _ => {
-                let text = format!("found \"{}\" where {} belongs", shown(word), next.wanted());
-                return Err(bad_ascii(text).at(lines.place()).into());
-            }
-        };
-    }
-    match next {
-        Next::Solid => Ok(()),
-        Next::Facet => {
-            notes.push(no_endsolid(lines.place()));
-            Ok(())
         }
-        _ => {
-            let text = format!("the file ends inside a facet, where {} belongs", next.wanted());
-            let d = Diag::input("stl-truncated", text).at(lines.place());
-            Err(d.hint("the file is cut short: export or copy it again").into())
+    }
+    state.end(&lines)?;
+    notes.extend(state.open);
+    Ok(())
+}
+
+/// The words behind the name of a solid, which ends with its line or before the first facet.
+fn after_name<'a, I: Iterator<Item = &'a [u8]> + Clone>(mut rest: I) -> I {
+    loop {
+        let here = rest.clone();
+        match rest.next() {
+            None => return rest,
+            Some(word) if is(word, "facet") && rest.clone().next().is_some_and(|w| is(w, "normal")) => return here,
+            Some(_) => {}
         }
     }
 }
 
-/// The corner in a vertex line, in file units.
-fn vertex(line: &[u8]) -> Result<[f64; 3], Diag> {
-    let mut found = words(line).skip(1);
-    let mut p = [0.0; 3];
-    for (k, v) in p.iter_mut().enumerate() {
-        let word = found.next().ok_or_else(|| bad_ascii(format!("a vertex has three numbers, this one has {k}")))?;
-        *v = number(word).map_err(|why| no_number(word, why, Place::Nowhere))?;
+/// How far the words of an ASCII file have come.
+struct Ascii {
+    next: Next,
+    corners: [[f64; 3]; 3],
+    /// Where the last vertex began.
+    vertex: Place,
+    /// The words up to the next keyword have no meaning here: a normal, a colour.
+    is_passing: bool,
+    /// The first solid that another one or the end of the file follows without `endsolid`.
+    open: Option<Diag>,
+}
+
+impl Ascii {
+    fn new() -> Self {
+        Self { next: Next::Solid, corners: [[0.0; 3]; 3], vertex: Place::Nowhere, is_passing: false, open: None }
     }
-    match found.next() {
-        None => Ok(p),
-        Some(word) => Err(bad_ascii(format!("\"{}\" follows the three numbers of a vertex", shown(word)))),
+
+    fn take(&mut self, word: &[u8], lines: &Lines, facets: &mut Facets<'_>) -> Result<(), Error> {
+        let is_keyword = || KEYWORDS.iter().any(|keyword| is(word, keyword));
+        if self.is_passing && !is_keyword() {
+            return Ok(());
+        }
+        self.is_passing = false;
+        self.next = match self.next {
+            Next::Number(corner, k) => self.number(word, corner, k, lines)?,
+            next if is(word, "color") && next != Next::Solid => {
+                self.is_passing = true;
+                next
+            }
+            Next::Solid | Next::Facet if is(word, "solid") => {
+                if self.next == Next::Facet {
+                    self.open.get_or_insert_with(|| no_endsolid(lines.place()));
+                }
+                Next::Facet
+            }
+            Next::Facet if is(word, "facet") => {
+                self.is_passing = true;
+                Next::Outer
+            }
+            Next::Facet if is(word, "endsolid") => Next::Solid,
+            Next::Outer if is(word, "outer") => Next::Loop,
+            Next::Loop if is(word, "loop") => Next::Vertex(0),
+            Next::Vertex(corner) if is(word, "vertex") => {
+                self.vertex = lines.place();
+                Next::Number(corner, 0)
+            }
+            Next::EndLoop if is(word, "endloop") => Next::EndFacet,
+            Next::EndFacet if is(word, "endfacet") => {
+                facets.push(self.corners);
+                Next::Facet
+            }
+            Next::Vertex(1..) | Next::EndLoop if !is_keyword() => {
+                let text = format!("\"{}\" follows the three numbers of a vertex", shown(word));
+                return Err(bad_ascii(text).at(lines.place()).into());
+            }
+            next => {
+                let text = format!("found \"{}\" where {} belongs", shown(word), next.wanted());
+                return Err(bad_ascii(text).at(lines.place()).into());
+            }
+        };
+        Ok(())
+    }
+
+    /// Takes number `k` of a corner.
+    fn number(&mut self, word: &[u8], corner: usize, k: usize, lines: &Lines) -> Result<Next, Error> {
+        match number(word) {
+            Ok(v) => self.corners[corner][k] = v,
+            Err(NoNumber::Text) if KEYWORDS.iter().any(|keyword| is(word, keyword)) => return Err(self.few(k)),
+            Err(why) => return Err(no_number(word, why, lines.place()).into()),
+        }
+        Ok(match (corner, k) {
+            (2, 2) => Next::EndLoop,
+            (_, 2) => Next::Vertex(corner + 1),
+            _ => Next::Number(corner, k + 1),
+        })
+    }
+
+    fn few(&self, k: usize) -> Error {
+        bad_ascii(format!("a vertex has three numbers, this one has {k}")).at(self.vertex.clone()).into()
+    }
+
+    /// Ends the file.
+    fn end(&mut self, lines: &Lines) -> Result<(), Error> {
+        match self.next {
+            Next::Solid => Ok(()),
+            Next::Facet => {
+                self.open.get_or_insert_with(|| no_endsolid(lines.place()));
+                Ok(())
+            }
+            Next::Number(_, k) => Err(self.few(k)),
+            next => {
+                let text = format!("the file ends inside a facet, where {} belongs", next.wanted());
+                let d = Diag::input("stl-truncated", text).at(lines.place());
+                Err(d.hint("the file is cut short: export or copy it again").into())
+            }
+        }
     }
 }
 
@@ -274,11 +462,52 @@ mod tests {
         refused(&binary("", 4_000_000_000, &[ONE]), "stl-truncated", "200000000084 bytes, but the file has 134");
         refused(&binary("", 1, &[ONE, ONE]), "stl-trailing", "50 more bytes");
         refused(&binary("", 0, &[]), "surface-empty", "no facets");
+        refused(&[binary("", 0, &[]), vec![0; 300]].concat(), "surface-empty", "no facets");
+        refused(&[binary("", 0, &[ONE]), vec![1; 30]].concat(), "stl-truncated", "80 bytes follow, which are no whole");
+        refused(&binary("", u32::MAX, &[ONE])[..120], "stl-truncated", "36 bytes follow");
+        refused(&binary("", 1, &[ONE])[..131], "stl-truncated", "134 bytes, but the file has 131");
         refused(&[b'a'; 100], "surface-format", "text that does not begin with solid");
         refused(&[1; 40], "stl-truncated", "40 bytes");
         refused(b"", "surface-empty", "empty");
         refused(b"\x89PNG\r\n\x1a\nxx", "surface-format", "a PNG image, not an STL");
         refused(b"\xff\xfes\0o\0l\0i\0d\0", "surface-format", "UTF-16");
+    }
+
+    #[test]
+    fn binary_of_nearly_the_right_length_is_read() {
+        let with = |tail: &[u8]| [binary("", 2, &[ONE, ONE]), tail.to_vec()].concat();
+        let cut = |count: u32, by: usize| binary("", count, &[ONE, ONE])[..184 - by].to_vec();
+        for (bytes, note) in [
+            (with(b"\0"), None),
+            (with(b"\r\n"), None),
+            (with(&[0; 50]), None),
+            (with(&[0; 428]), None),
+            (with(b"\n\x1a"), None),
+            (with(b"end"), Some(("stl-trailing", "3 more bytes"))),
+            (cut(2, 1), None),
+            (cut(2, 2), None),
+            (cut(0, 0), Some(("stl-count", "counts 0 facets; the 2 of"))),
+            (cut(u32::MAX, 0), Some(("stl-count", "counts 4294967295 facets; the 2 of"))),
+            (cut(0, 2), Some(("stl-count", "the 2 of"))),
+            ([cut(0, 0), vec![0; 7]].concat(), Some(("stl-count", "the 2 of"))),
+        ] {
+            let (result, got, notes) = read_bytes(&bytes, 1.0);
+            assert!(matches!(result, Ok(Content::Facets(2))), "{:?}", result.err());
+            assert_eq!(got[0], got[1]);
+            assert_eq!(notes.len(), usize::from(note.is_some()), "{notes:?}");
+            if let Some((code, say)) = note {
+                assert!(notes[0].code == code && notes[0].message.contains(say), "{}", notes[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_unit_in_a_header_is_held_against_that_of_the_job() {
+        for bytes in [binary("UNITS=in", 1, &[ONE]), TEXT.replacen("a part", "a UNITS=in", 1).into()] {
+            let notes = read_bytes(&bytes, 1.0).2;
+            assert!(notes[0].code == "surface-unit-named" && notes[0].hint.contains("\"in\""), "{notes:?}");
+            assert!(read_bytes(&bytes, 25.4).2.is_empty());
+        }
     }
 
     #[test]
@@ -307,6 +536,34 @@ mod tests {
         let (result, _, notes) = read_bytes(TEXT.rsplit_once("endsolid").expect("there").0.as_bytes(), 1.0);
         assert!(result.is_ok());
         assert_eq!(notes[0].code, "stl-no-endsolid");
+    }
+
+    #[test]
+    fn ascii_is_read_by_words_and_not_by_lines() {
+        let plain = read_bytes(TEXT.as_bytes(), 1.0).1;
+        let (name, body) = TEXT.split_once('\n').expect("lines");
+        let (body, end) = body.rsplit_once("endsolid").expect("an end");
+        for text in [
+            TEXT.replacen('\n', "\t", 8),
+            TEXT.replace('\n', " "),
+            TEXT.replacen("steel\n", "steel\ncolor 0.5 0.5 0.5\n", 1),
+            TEXT.replacen("loop\n", "loop\n color 1 0 0\n", 1),
+            TEXT.replacen("0 0 1\n", "-1.#IND nan 0\n", 1),
+            TEXT.replacen("1e1", "1D+1", 1),
+            format!("{TEXT}\x1a"),
+            format!("{TEXT}\0\0\0"),
+            format!("{TEXT}\x1a\r\n"),
+            TEXT.replacen("steel", "ste\x01\x02\x03el", 1),
+            TEXT.replacen("a part of steel", &format!("{}\x02", "n".repeat(90)), 1),
+            TEXT.replacen("a part of steel", "a facet of steel", 1),
+            format!("{name}\n{}endsolid{end}", body.replace(' ', "\n\n")),
+        ] {
+            let (result, got, notes) = read_bytes(text.as_bytes(), 1.0);
+            assert!(result.is_ok() && got == plain, "{text:?}: {:?}", result.err());
+            assert!(notes.is_empty(), "{text:?}: {notes:?}");
+        }
+        let open = TEXT.replace("endsolid a part", "");
+        assert_eq!(read_bytes(open.repeat(3).as_bytes(), 1.0).2.len(), 1);
     }
 
     #[test]

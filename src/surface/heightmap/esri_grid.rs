@@ -1,16 +1,17 @@
 //! ESRI ASCII grids: a header of names and numbers, then rows of elevations from the north down.
 //!
 //! Consumes `ncols`, `nrows`, `xllcorner` or `xllcenter`, `yllcorner` or `yllcenter`, `cellsize` (or equal `dx` and
-//! `dy`) and `NODATA_value` (-9999 where it is not there), then the numbers, however they are divided into lines.
+//! `dy`) and `NODATA_value` (-9999 where it is not there), then the numbers, however they are divided into lines; `nan`
+//! is a hole.
 //! Elevations are f64 (8 bytes each) and stand at the centres of cells. The scale is that of the file, in the unit of
 //! the job, or that of `[surface.heightmap]`. The size is checked, and held against the length of the file, before
 //! anything is allocated.
 
 use std::path::Path;
 
-use super::super::lines::{Lines, no_number, number, place, shown, words};
+use super::super::lines::{Lines, is_nan, no_number, number, place, shown, words};
 use super::super::{Content, Scale};
-use super::{Grid, MAX_SAMPLES, Samples, check_size};
+use super::{Grid, MAX_SAMPLES, Samples, check_size, check_square};
 use crate::diag::{Diag, Error, memory};
 
 const NAMES: [&str; 10] =
@@ -46,6 +47,7 @@ pub(in crate::surface) fn read(
     let header = Header::read(&mut lines)?;
     let at = |d: Diag| d.at(place(path));
     let [columns, rows] = header.size().map_err(at)?;
+    header.check_cells().map_err(at)?;
     let count = columns * rows;
     if (count as u64).saturating_mul(2) > lines.length() + 1 {
         let text = format!("{columns} x {rows} numbers cannot be in a file of {} bytes", lines.length());
@@ -62,7 +64,10 @@ pub(in crate::surface) fn read(
                 let text = format!("there are more than {columns} x {rows} numbers");
                 return Err(Diag::input("grid-values", text).at(lines.place()).hint(AGAIN).into());
             }
-            values.push(number(word).map_err(|why| no_number(word, why, lines.place()))?);
+            values.push(match number(word) {
+                Err(_) if is_nan(word) => f64::NAN,
+                value => value.map_err(|why| no_number(word, why, lines.place()))?,
+            });
         }
         more = lines.advance()?;
     }
@@ -71,7 +76,7 @@ pub(in crate::surface) fn read(
         return Err(Diag::input("grid-values", text).at(lines.place()).hint(AGAIN).into());
     }
     let mut samples = Samples::Double(values);
-    samples.add_hole(header.of("nodata_value").unwrap_or(-9999.0));
+    add_holes(&mut samples, header.of("nodata_value").unwrap_or(-9999.0));
     samples.flip(columns);
     let grid = Grid { columns, rows, samples, full: None, is_8_bit: false };
     match by {
@@ -89,6 +94,18 @@ pub(in crate::surface) fn read(
     }
 }
 
+/// Makes samples of this value holes. Values such as -3.402823e38 are the least of a float, and programs write them with
+/// more or fewer digits than in the header.
+fn add_holes(samples: &mut Samples, value: f64) {
+    match samples {
+        Samples::Double(values) if value.abs() > 1e30 => {
+            let near = |v: &f64| (v - value).abs() <= 1e-5 * value.abs();
+            values.iter_mut().filter(|v| near(v)).for_each(|v| *v = f64::NAN);
+        }
+        samples => samples.add_hole(value),
+    }
+}
+
 /// The numbers of the header, by their place among [`NAMES`].
 struct Header([Option<f64>; NAMES.len()]);
 
@@ -100,7 +117,7 @@ impl Header {
             let mut line = words(lines.line());
             let Some(first) = line.next() else { continue };
             let Some(known) = name(first) else {
-                if first.first().is_some_and(u8::is_ascii_alphabetic) && number(first).is_err() {
+                if first.first().is_some_and(u8::is_ascii_alphabetic) && number(first).is_err() && !is_nan(first) {
                     let text = format!("\"{}\" is not known in the header of a grid", shown(first));
                     return Err(Diag::input("grid-header", text).at(lines.place()).hint(AGAIN).into());
                 }
@@ -113,7 +130,7 @@ impl Header {
             // No elevation is NaN, but files say so of holes.
             let value = match number(value) {
                 Ok(v) => v,
-                Err(_) if NAMES[known] == "nodata_value" && value.eq_ignore_ascii_case(b"nan") => f64::NAN,
+                Err(_) if NAMES[known] == "nodata_value" && is_nan(value) => f64::NAN,
                 Err(why) => return Err(no_number(value, why, lines.place()).into()),
             };
             if found[known].replace(value).is_some() {
@@ -142,14 +159,16 @@ impl Header {
         Ok([columns as usize, rows as usize])
     }
 
+    /// Refuses cells that are not square, also where `[surface.heightmap]` gives the distance of samples.
+    fn check_cells(&self) -> Result<(), Diag> {
+        let [dx, dy] = ["dx", "dy"].map(|name| self.of(name).unwrap_or(f64::NAN));
+        check_square([dx, dy], "dx and dy", "resample the grid to square cells")
+    }
+
     /// The distance of samples, and the place of the lower left one, in the unit of the file.
     fn scale(&self) -> Result<(f64, [f64; 2]), Diag> {
         let cell = match (self.of("dx"), self.of("dy")) {
-            (Some(dx), Some(dy)) if dx == dy => dx,
-            (Some(dx), Some(dy)) => {
-                let text = format!("cells are {dx} x {dy}; a height map has square ones");
-                return Err(Diag::input("grid-header", text).hint("resample the grid to square cells"));
-            }
+            (Some(dx), Some(_)) => dx,
             _ => self.need("cellsize")?,
         };
         if cell <= 0.0 {
@@ -203,6 +222,33 @@ mod tests {
     }
 
     #[test]
+    fn cells_without_a_number_are_holes() {
+        let holes = |text: &str| {
+            let map = read_text(text, &By::Unit(1.0)).expect(text);
+            (0..6).filter(|&i| map.samples.value(i).is_none()).collect::<Vec<_>>()
+        };
+        let plain = HEAD.replace("NODATA_value -1\r\n", "");
+        assert_eq!(holes(&format!("{HEAD}1 2 nan\n4 -1 6")), [1, 5]);
+        assert_eq!(holes(&format!("{plain}NaN 2 3\n4 5 -nan(ind)")), [2, 3]);
+        assert_eq!(holes(&format!("{plain}NODATA_value nan\n1 -9999 nan\n4 5 6").replace("-9999", "-999")), [5]);
+        let least = format!("{plain}NODATA_value -3.40282e+38\n1 2 -3.402823466385288598e+38\n4 5 -3.402823e38");
+        assert_eq!(holes(&least), [2, 5]);
+    }
+
+    #[test]
+    fn cells_that_are_not_square_are_refused_with_any_scale() {
+        let scale =
+            Scale { pixel_mm: 0.5, z_mm: [0.0, 2.0], values: Some([0.0, 100.0]), nodata: None, origin_mm: [1.0, 2.0] };
+        let text = format!("{HEAD}1 2 3\n4 5 6").replace("cellsize 2", "dx 1\ndy 1.5");
+        let e = read_text(&text, &By::Scale(&scale)).expect_err("not square");
+        assert!(
+            e.diags()[0].code == "heightmap-cells" && e.to_string().contains("0.6667 times as wide as high"),
+            "{e}"
+        );
+        assert!(read_text(&text.replace("1.5", "1"), &By::Scale(&scale)).is_ok());
+    }
+
+    #[test]
     fn faults_are_named() {
         let whole = format!("{HEAD}1 2 3\n4 5 6\n");
         for (text, code, say) in [
@@ -210,7 +256,7 @@ mod tests {
             (format!("{HEAD}1 2 3\n4 5 6 7"), "grid-values", ":8: there are more than 3 x 2"),
             (format!("{HEAD}1 2 3\n4 x 6"), "surface-number", ":8: \"x\""),
             (format!("{HEAD}1 2,5 3\n4 5 6"), "surface-number", "decimal comma"),
-            (format!("{HEAD}1 2 nan\n4 5 6"), "surface-number", "finite"),
+            (format!("{HEAD}1 2 inf\n4 5 6"), "surface-number", "finite"),
             (whole.replace("NCOLS 3", "NCOLS 3000"), "grid-values", "cannot be in a file of"),
             (whole.replace("NCOLS 3", "NCOLS 3000000"), "heightmap-size", "3000000 x 2"),
             (whole.replace("NCOLS 3", "NCOLS 1"), "heightmap-size", "1 x 2"),
@@ -219,7 +265,8 @@ mod tests {
             (whole.replace("NCOLS 3", ""), "grid-header", "has no ncols"),
             (whole.replace("NCOLS 3", "NROWS 2"), "grid-header", ":2: nrows is there twice"),
             (whole.replace("cellsize 2", "celsize 2"), "grid-header", ":5: \"celsize\""),
-            (whole.replace("cellsize 2", "dx 2\ndy 3"), "grid-header", "2 x 3"),
+            (whole.replace("cellsize 2", "dx 2\ndy 3"), "heightmap-cells", "by dx and dy its cells are 0.6667 times"),
+            (whole.replace("cellsize 2", "dx -2\ndy 3"), "grid-header", "cellsize is -2"),
             (whole.replace("cellsize 2", "cellsize 0"), "grid-header", "cellsize is 0"),
             (whole.replace("XLLCORNER", "dx"), "grid-header", "no xllcorner"),
             (whole.replace("4 5 6", "-1 -1 -1"), "", ""),

@@ -168,6 +168,16 @@ fn check_size(columns: u64, rows: u64, most: u64) -> Result<(), Diag> {
     Ok(())
 }
 
+/// Refuses cells that a file says are not square; `what` names what says so.
+fn check_square([x, y]: [f64; 2], what: &str, remedy: &str) -> Result<(), Diag> {
+    let is_stated = [x, y].iter().all(|v| v.is_finite() && *v > 0.0);
+    if !is_stated || (x - y).abs() <= 1e-6 * x {
+        return Ok(());
+    }
+    let text = format!("by {what} its cells are {:.4} times as wide as high; a height map has square ones", x / y);
+    Err(Diag::input("heightmap-cells", text).hint(remedy))
+}
+
 /// The line from values to heights: z of value 0, and the step of one value.
 fn check_scale(scale: &Scale, full: Option<[f64; 2]>) -> Result<[f64; 2], Diag> {
     let bad = |text: String, key: &str| {

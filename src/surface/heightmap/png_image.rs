@@ -3,7 +3,7 @@
 //! Consumes an 8- or 16-bit greyscale PNG, interlaced or not; samples are nodes of the grid. Promises a
 //! whole image: check sums, missing rows and a missing end are faults. The size is checked before
 //! anything is allocated; samples take 2 bytes each (interlaced files twice that while they are read).
-//! The file's gamma, colour profile and transparent value are not used: a sample is a height.
+//! A resolution that differs in x and y is refused. The file's gamma, colour profile and transparent value are not used: a sample is a height.
 
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -12,7 +12,7 @@ use png::{BitDepth, ColorType, Decoder, DecodingError, Limits};
 
 use super::super::lines::{self, place};
 use super::super::{Content, Scale};
-use super::{Grid, MAX_SAMPLES, Samples, check_size};
+use super::{Grid, MAX_SAMPLES, Samples, check_size, check_square};
 use crate::diag::{Diag, Error, memory, unreadable};
 
 /// What the decoder may allocate for rows and chunks, in bytes.
@@ -96,6 +96,11 @@ fn decode(input: impl std::io::BufRead + Seek) -> Result<Image, Diag> {
     }
     // The rest of the file, to its end: a copy that stopped early shows there.
     reader.finish().map_err(damaged)?;
+    if let Some(dims) = reader.info().pixel_dims {
+        // Samples a length: the more, the smaller the cell.
+        let cells = [dims.yppu, dims.xppu].map(f64::from);
+        check_square(cells, "the chunk pHYs", "resample the map to square cells, or remove the chunk if it is wrong")?;
+    }
     if image.samples.len() == columns * rows {
         Ok(image)
     } else {
@@ -240,5 +245,28 @@ mod tests {
         refused(&map, &Scale { pixel_mm: f64::NAN, ..SCALE }, "heightmap-scale", "scale of the height map is invalid");
         let (_, notes) = read_bytes(&map, &Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], ..SCALE });
         assert_eq!(notes[0].code, "surface-tiny");
+    }
+
+    #[test]
+    fn cells_that_are_not_square_are_refused() {
+        let of = |xppu, yppu, unit| {
+            let mut out = vec![];
+            let mut encoder = png::Encoder::new(&mut out, 2, 2);
+            encoder.set_color(ColorType::Grayscale);
+            encoder.set_depth(BitDepth::Sixteen);
+            encoder.set_pixel_dims(Some(png::PixelDimensions { xppu, yppu, unit }));
+            encoder.write_header().and_then(|mut w| w.write_image_data(&[1, 2, 3, 4, 5, 6, 7, 8])).expect("encoded");
+            out
+        };
+        for unit in [png::Unit::Meter, png::Unit::Unspecified] {
+            assert!(read_bytes(&of(3937, 3937, unit), &SCALE).0.is_ok());
+            refused(
+                &of(5906, 2953, unit),
+                &SCALE,
+                "heightmap-cells",
+                "by the chunk pHYs its cells are 0.5000 times as wide",
+            );
+        }
+        assert!(read_bytes(&of(0, 7, png::Unit::Meter), &SCALE).0.is_ok(), "nothing is stated");
     }
 }

@@ -3,18 +3,20 @@
 //! Consumes the first image of a TIFF or BigTIFF file: one band of 8, 16 or 32 bits with or without a sign, or of
 //! floats, in strips or tiles, plain or packed by Deflate, LZW or PackBits. Samples that are NaN or have the value of
 //! the tag GDAL_NODATA are holes. The size is checked before anything is allocated; samples take 2, 4 or 8 bytes each,
-//! twice that while types are changed. Scales and places that the file has (GeoTIFF) are not used.
+//! twice that while types are changed. Scales and places that the file has (GeoTIFF) are not used, but cells that are not
+//! square by them are refused.
 
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+use tiff::decoder::ifd::Value;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
 use super::super::lines::{self, place, shown};
 use super::super::{Content, Scale};
-use super::{Grid, MAX_SAMPLES, Samples, check_size};
+use super::{Grid, MAX_SAMPLES, Samples, check_size, check_square};
 use crate::diag::{Diag, Error, memory, unreadable};
 
 /// What the decoder may take for the list of strips or tiles, and for one of them, in bytes.
@@ -67,6 +69,7 @@ fn decode(input: impl Read + Seek, length: u64, notes: &mut Vec<Diag>) -> Result
     // As decoded, as kept, and a class for each cell.
     memory::ask("the height map", samples * (bits / 8 + 9))?;
     let hole = hole(&mut decoder)?;
+    check_cells(&mut decoder)?;
     if decoder.more_images() {
         let d = Diag::warning("tiff-images", "the file holds more than one image; the first is read");
         notes.push(d.hint("overviews and masks are no surface; check that the first image is the height map"));
@@ -117,6 +120,44 @@ fn check_samples<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<u64, Diag> 
         format!("a height map has one band of 8, 16 or 32 bits; this image is {what}"),
     )
     .hint("save the band with the heights alone, as 16- or 32-bit TIFF"))
+}
+
+/// Refuses cells that are not square by the resolution, or by the scale or the transformation of GeoTIFF.
+fn check_cells<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<(), Diag> {
+    let remedy = "resample the map to square cells, or remove the tags if they are wrong";
+    let mut numbers = |tag: Tag| {
+        let value = decoder.find_tag(tag).map_err(damaged)?;
+        Ok::<_, Diag>(value.map(numbers_of).unwrap_or_default())
+    };
+    if let [x, y, ..] = numbers(Tag::ModelPixelScaleTag)?[..] {
+        check_square([x, y], "the tag ModelPixelScale", remedy)?;
+    }
+    // Columns of the matrix are the sides of a cell.
+    if let [a, b, _, _, c, d, ..] = numbers(Tag::ModelTransformationTag)?[..] {
+        let what = "the tag ModelTransformation";
+        check_square([a.hypot(c), b.hypot(d)], what, remedy)?;
+        if (a * b + c * d).abs() > 1e-6 * a.hypot(c) * b.hypot(d) {
+            let text = format!("by {what} its cells are skewed; a height map has square ones");
+            return Err(Diag::input("heightmap-cells", text).hint(remedy));
+        }
+    }
+    let [x, y] = [numbers(Tag::XResolution)?, numbers(Tag::YResolution)?].map(|v| v.first().copied());
+    // Samples a length: the more, the smaller the cell.
+    match (x, y) {
+        (Some(x), Some(y)) => check_square([y, x], "the tags XResolution and YResolution", remedy),
+        _ => Ok(()),
+    }
+}
+
+/// The numbers of a tag.
+fn numbers_of(value: Value) -> Vec<f64> {
+    match value {
+        Value::List(values) => values.into_iter().flat_map(numbers_of).collect(),
+        Value::Rational(n, d) => vec![f64::from(n) / f64::from(d)],
+        Value::Double(v) => vec![v],
+        Value::Float(v) => vec![v.into()],
+        whole => whole.into_u32().map(f64::from).into_iter().collect(),
+    }
 }
 
 /// The value of the tag GDAL_NODATA.
@@ -312,5 +353,51 @@ mod tests {
         }
         let e = read_bytes(&wide, &SCALE).0.expect_err("too small a file");
         assert_eq!(e.diags()[0].code, "tiff-truncated", "{e}");
+    }
+
+    #[test]
+    fn cells_that_are_not_square_are_refused() {
+        use tiff::encoder::Rational;
+        let of = |tags: &[(Tag, &[f64])]| {
+            let mut out = std::io::Cursor::new(Vec::new());
+            let mut encoder = TiffEncoder::new(&mut out).expect("an encoder");
+            let mut image = encoder.new_image::<colortype::Gray16>(3, 2).expect("an image");
+            for (tag, values) in tags {
+                let ratio = Rational { n: (values[0] * 1000.0) as u32, d: 1000 };
+                match tag {
+                    Tag::XResolution | Tag::YResolution => image.encoder().write_tag(*tag, ratio),
+                    _ => image.encoder().write_tag(*tag, *values),
+                }
+                .expect("a tag");
+            }
+            image.write_data(&[1, 2, 3, 4, 5, 6]).expect("written");
+            read_bytes(&out.into_inner(), &SCALE).0
+        };
+        let matrix = |a, b, c, d| [a, b, 0.0, 7.0, c, d, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        for (tags, say) in [
+            (vec![(Tag::ModelPixelScaleTag, vec![2.0, 2.0, 0.0])], ""),
+            (vec![(Tag::ModelPixelScaleTag, vec![1.0, 1.5, 0.0])], "ModelPixelScale its cells are 0.6667 times"),
+            (vec![(Tag::ModelTransformationTag, matrix(3.0, 4.0, -4.0, 3.0).to_vec())], ""),
+            (
+                vec![(Tag::ModelTransformationTag, matrix(2.0, 0.0, 0.0, -1.0).to_vec())],
+                "ModelTransformation its cells are 2.0000",
+            ),
+            (vec![(Tag::ModelTransformationTag, matrix(5.0, 3.0, 0.0, 4.0).to_vec())], "its cells are skewed"),
+            (vec![(Tag::XResolution, vec![10.0]), (Tag::YResolution, vec![10.0])], ""),
+            (
+                vec![(Tag::XResolution, vec![10.0]), (Tag::YResolution, vec![6.667])],
+                "YResolution its cells are 0.6667 times",
+            ),
+            (vec![(Tag::XResolution, vec![10.0]), (Tag::YResolution, vec![0.0])], ""),
+        ] {
+            let tags: Vec<(Tag, &[f64])> = tags.iter().map(|(tag, v)| (*tag, v.as_slice())).collect();
+            match of(&tags) {
+                Ok(_) => assert_eq!(say, "", "{tags:?}"),
+                Err(e) => {
+                    assert_eq!(e.diags()[0].code, "heightmap-cells", "{e}");
+                    assert!(!say.is_empty() && e.to_string().contains(say), "{say}: {e}");
+                }
+            }
+        }
     }
 }

@@ -63,12 +63,9 @@ pub(crate) fn read(
     }
     memory::ask("the mesh", super::FACET_BYTES.saturating_mul(total.facets)).map_err(at)?;
     let remedy = format!("the file is in {unit}: check the scale of its export; parts lie near their origin");
-    let mut facets = Facets::with_remedy(
-        path,
-        Unit { mm: unit_mm * options.scale.unwrap_or(1.0), datum: options.datum.unwrap_or_default() },
-        remedy,
-        sink,
-    );
+    let scale = options.scale.unwrap_or(1.0);
+    let unit = Unit { mm: unit_mm * scale, scale, datum: options.datum.unwrap_or_default() };
+    let mut facets = Facets::with_remedy(path, unit, remedy, sink);
     for item in &scene.models[0].items {
         scene.place(0, item, &Transform::IDENTITY, &mut facets).map_err(at)?;
     }

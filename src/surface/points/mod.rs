@@ -1,21 +1,28 @@
 //! Point clouds: XYZ and CSV text, meshed by Delaunay triangulation in plan.
 //!
 //! Consumes rows of three or more columns separated by blanks, tabs, commas or semicolons (one kind per
-//! file), `#` comments, and one row of names before the data; columns named x, y and z are found by
-//! name. Points are put on the nanometre grid in x and y first: the triangulation is exact, equal for
+//! file), and what programs write before them ([`rows`]); columns named x, y and z are found by name
+//! ([`names`]). Points are put on the nanometre grid in x and y first: the triangulation is exact, equal for
 //! any order of the points, and where several points share a place the highest counts.
 //!
 //! Triangles with a long edge in plan are holes, not surface. Needs about 0.2 kB per point.
 
+mod cloud;
+mod columns;
+mod layout;
+mod names;
+mod rows;
+
 use std::path::Path;
 
+use rows::Rows;
 use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangulation};
 
-use super::facets::{Facets, Unit, check_unit, fits};
-use super::lines::{Lines, NoNumber, no_number, number, place, shown};
+use super::facets::{Facets, Unit};
+use super::lines::{Lines, place};
 use super::{Content, Options};
-use crate::diag::{Diag, Error, Place, memory};
-use crate::geom::{Box2, BoxMm, P2, Pose, orient};
+use crate::diag::{Diag, Error, memory};
+use crate::geom::{Box2, P2, Pose, orient};
 
 /// Most points that are read (4 GB of triangulation).
 const MAX_POINTS: usize = 20_000_000;
@@ -180,7 +187,7 @@ fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Poi
     points
 }
 
-/// The points of the file, in its order; those that are not finite are left out with a warning.
+/// The points of the file, in its order.
 fn rows(
     mut lines: Lines,
     path: &Path,
@@ -190,193 +197,11 @@ fn rows(
 ) -> Result<Vec<Point>, Error> {
     // Three numbers a line, some 24 bytes.
     memory::ask("the cloud", super::POINT_BYTES * (lines.length() / 24)).map_err(|d| d.at(place(path)))?;
-    let mut layout: Option<Layout> = None;
-    let mut cloud = Cloud::new(unit, pose);
+    let mut rows = Rows::new(path, unit, pose);
     while lines.advance()? {
-        let line = lines.line().trim_ascii();
-        if line.is_empty() || line.starts_with(b"#") {
-            continue;
-        }
-        let known = match &layout {
-            Some(known) => known,
-            None => {
-                let (found, is_header) = Layout::of(line).map_err(|d| d.at(lines.place()))?;
-                let known = layout.insert(found);
-                if is_header {
-                    notes.extend(known.unnamed(line).map(|d| d.at(lines.place())));
-                    continue;
-                }
-                known
-            }
-        };
-        let row = known.row(line).map_err(|d| d.at(lines.place()))?;
-        cloud.add(row, || lines.place());
-        if cloud.points.len() > MAX_POINTS {
-            let d = Diag::input("points-too-many", format!("the file has more than {MAX_POINTS} points"));
-            return Err(d.at(lines.place()).hint("thin the cloud, or use a part of it").into());
-        }
+        rows.line(&lines, notes)?;
     }
-    cloud.finish(path, notes)
-}
-
-/// The points so far, and those that cannot be used.
-struct Cloud {
-    unit: Unit,
-    pose: Option<Pose>,
-    points: Vec<Point>,
-    extent: BoxMm<3>,
-    first_beyond: Option<Place>,
-    dropped: usize,
-    first_dropped: Option<Place>,
-}
-
-impl Cloud {
-    fn new(unit: Unit, pose: Option<Pose>) -> Self {
-        let (points, extent) = (Vec::new(), BoxMm::EMPTY);
-        Self { unit, pose, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
-    }
-
-    /// Adds a row in file units.
-    fn add(&mut self, row: [f64; 3], place: impl Fn() -> Place) {
-        if !row.iter().all(|v| v.is_finite()) {
-            self.dropped += 1;
-            self.first_dropped.get_or_insert_with(place);
-            return;
-        }
-        let p = self.unit.place(row);
-        let p = self.pose.map_or(p, |pose| pose.apply(p));
-        self.extent.add(p);
-        match P2::from_mm(p[0], p[1]) {
-            // Beyond 4 m the box of the rest is still wanted, for the message.
-            Some(at) if fits(p[2]) => {
-                if self.first_beyond.is_none() {
-                    self.points.push(Point { at, z: p[2] });
-                }
-            }
-            _ => {
-                self.first_beyond.get_or_insert_with(place);
-            }
-        }
-    }
-
-    fn finish(self, path: &Path, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
-        if let Some(place) = self.first_beyond {
-            return Err(self.extent.beyond_in(place, self.unit, &check_unit(self.unit)).into());
-        }
-        if let Some(place) = self.first_dropped {
-            let text = format!("{} points are not finite and were left out", self.dropped);
-            let d = Diag::warning("points-not-finite", text).at(place);
-            notes.push(d.hint("remove them from the file; where they were, neighbours are joined"));
-        }
-        if self.points.is_empty() {
-            let text = "the file holds no points".into();
-            return Err(no_surface(path, text, "export the cloud as rows of x y z").into());
-        }
-        Ok(self.points)
-    }
-}
-
-/// What parts the columns.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Separator {
-    Blanks,
-    Byte(u8),
-}
-
-impl Separator {
-    fn of(line: &[u8]) -> Self {
-        // Tabs part columns only where every column is filled; else they are blanks like others.
-        let by_tabs = || line.split(|&b| b == b'\t').map(<[u8]>::trim_ascii);
-        if line.contains(&b';') {
-            Self::Byte(b';')
-        } else if by_tabs().count() > 2 && by_tabs().all(|f| !f.is_empty()) {
-            Self::Byte(b'\t')
-        } else if line.contains(&b',') {
-            Self::Byte(b',')
-        } else {
-            Self::Blanks
-        }
-    }
-}
-
-/// How the rows of a file are laid out, as its first row shows.
-struct Layout {
-    separator: Separator,
-    columns: usize,
-    /// Columns of x, y and z.
-    xyz: [usize; 3],
-}
-
-impl Layout {
-    /// The layout that the first row has, and whether that row is one of names.
-    fn of(line: &[u8]) -> Result<(Self, bool), Diag> {
-        let separator = Separator::of(line);
-        let fields: Vec<&[u8]> = fields(line, separator).collect();
-        if fields.len() < 3 {
-            let text = format!("a point has three numbers, this row has {} columns", fields.len());
-            return Err(Diag::input("points-columns", text).hint("export the cloud as rows of x y z"));
-        }
-        let is_name = |w: &[u8]| number(w) == Err(NoNumber::Text) && w.iter().any(u8::is_ascii_alphabetic);
-        let is_header = fields[..3].iter().all(|w| is_name(w));
-        let find = |name: &[u8]| fields.iter().position(|w| unquoted(w).eq_ignore_ascii_case(name));
-        let xyz = match (find(b"x"), find(b"y"), find(b"z")) {
-            (Some(x), Some(y), Some(z)) => [x, y, z],
-            _ => [0, 1, 2],
-        };
-        Ok((Self { separator, columns: fields.len(), xyz }, is_header))
-    }
-
-    /// A warning where a row of names does not say which columns are x, y and z.
-    fn unnamed(&self, header: &[u8]) -> Option<Diag> {
-        let names: Vec<String> = fields(header, self.separator).take(3).map(|w| shown(unquoted(w))).collect();
-        let is_named = self.xyz != [0, 1, 2] || names.iter().map(|n| n.to_ascii_lowercase()).eq(["x", "y", "z"]);
-        (!is_named).then(|| {
-            let text = format!("the columns {} are taken as x, y, z", names.join(", "));
-            Diag::warning("points-names", text).hint("name the columns x, y and z if that is wrong")
-        })
-    }
-
-    /// The point of a row in file units; what is not finite becomes NaN.
-    fn row(&self, line: &[u8]) -> Result<[f64; 3], Diag> {
-        let mut p = [0.0; 3];
-        let mut columns = 0;
-        for field in fields(line, self.separator) {
-            if let Some(k) = self.xyz.iter().position(|&c| c == columns) {
-                p[k] = match number(field) {
-                    Ok(v) => v,
-                    Err(NoNumber::NotFinite) => f64::NAN,
-                    Err(why) => return Err(self.no_number(field, why)),
-                };
-            }
-            columns += 1;
-        }
-        if columns == self.columns {
-            return Ok(p);
-        }
-        let text = format!("this row has {columns} columns, the first one has {}", self.columns);
-        Err(Diag::input("points-columns", text).hint("every row needs the same columns; the file may be cut short"))
-    }
-
-    /// Decimal commas between blanks, "0,5 1,0", leave "5 1" between two commas.
-    fn no_number(&self, field: &[u8], why: NoNumber) -> Diag {
-        let is_twice = self.separator == Separator::Byte(b',') && field.iter().any(u8::is_ascii_whitespace);
-        no_number(field, if is_twice { NoNumber::Comma } else { why }, Place::Nowhere)
-    }
-}
-
-/// The columns of a row.
-fn fields(line: &[u8], separator: Separator) -> impl Iterator<Item = &[u8]> {
-    line.split(move |&b| match separator {
-        Separator::Blanks => b.is_ascii_whitespace(),
-        Separator::Byte(s) => b == s,
-    })
-    .map(<[u8]>::trim_ascii)
-    .filter(move |f| separator != Separator::Blanks || !f.is_empty())
-}
-
-/// A name without its quotes.
-fn unquoted(word: &[u8]) -> &[u8] {
-    word.strip_prefix(b"\"").and_then(|w| w.strip_suffix(b"\"")).unwrap_or(word)
+    rows.finish(notes)
 }
 
 #[cfg(test)]
@@ -499,20 +324,102 @@ mod tests {
             "1.5\t\t2\t\t3\n11\t2\t3\n1\t12\t-4",
             "\"Z\";\"id\";\"X\";\"Y\"\n3;a;1.5;2\n3;b;11;2\n-4;c;1;12\n",
             "1.5;2;3;\n11;2;3;\n1;12;-4;\n",
+            "x,y,z\n1.5,2,3,\n11,2,3,\n1,12,-4,\n",
+            "x;y;z;\n1.5;2;3\n11;2;3\n1;12;-4\n",
+            "sep=;\nx;y;z\n1.5;2;3\n11;2;3\n1;12;-4\n",
+            "\"x\",\"y\",\"z\"\n\"1.5\",\"2\",\"3\"\n\"11\",\"2\",\"3\"\n\"1\",\"12\",\"-4\"\n",
+            "# Y X Z\n2 1.5 3\n2 11 3\n12 1 -4\n",
+            "//Y X Z\n2 1.5 3\n2 11 3\n// between\n12 1 -4\n",
+            "% y x z\n2 1.5 3\n2 11 3\n% between\n12 1 -4\n",
+            "; y x z\n2 1.5 3\n2 11 3\n12 1 -4\n",
+            "# y x z\n# made by hand\n2 1.5 3 7\n2 11 3 7\n12 1 -4 7\n",
+            "y_mm x_mm z_mm\n2 1.5 3\n2 11 3\n12 1 -4\n",
+            "Y [mm] X [mm] Z [mm]\n2 1.5 3\n2 11 3\n12 1 -4\n",
+            "Point,y [mm],x [mm],z [mm]\n1,2,1.5,3\n2,2,11,3\n3,12,1,-4\n",
+            ",x,y,z\n0,1.5,2,3\n1,11,2,3\n2,1,12,-4\n",
+            "# x, y, z\n1.5 2 3\n11 2 3\n1 12 -4\n",
+            "3\n1.5 2 3\n11 2 3\n1 12 -4\n",
+            "//X Y Z\n3\n1.5 2 3\n11 2 3\n1 12 -4\n",
+            "1\n1.5 2 3\n2\n11 2 3\n1 12 -4\n",
+            "1.5 2 3D0\n11 2 3\n1 12 -4\n",
         ] {
             let (result, got, notes) = read_text(text, None);
             assert!(matches!(result, Ok(Content::Facets(1))) && notes.is_empty(), "{text}: {notes:?}");
             assert!(want.iter().all(|p| got[0].contains(p)), "{text}: {got:?}");
         }
-        let (_, _, notes) = read_text("easting northing height\n1 2 3\n11 2 3\n1 12 -4\n", None);
-        assert_eq!(notes[0].code, "points-names");
+        for text in [
+            "easting northing height\n1.5 2 3\n11 2 3\n1 12 -4\n",
+            "North East Elev\n2 1.5 3\n2 11 3\n12 1 -4\n",
+            "P,N,E,Z,D\n1,2,1.5,3,a\n2,2,11,3,b\n3,12,1,-4,c\n",
+            "a b c\n1.5 2 3\n11 2 3\n1 12 -4\n",
+        ] {
+            let (_, got, notes) = read_text(text, None);
+            assert!(want.iter().all(|p| got[0].contains(p)), "{text}: {got:?}");
+            assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), ["points-names"], "{text}");
+        }
+        for (text, code) in [
+            ("x_in y_in z_in\n1 2 3\n11 2 3\n1 12 -4\n", "surface-unit-named"),
+            ("# units: m\n1 2 3\n11 2 3\n1 12 -4\n", "surface-unit-named"),
+            ("4\n1 2 3\n11 2 3\n1 12 -4\n", "points-count"),
+        ] {
+            assert_eq!(read_text(text, None).2.iter().map(|d| d.code).collect::<Vec<_>>(), [code], "{text}");
+        }
+        // Whole numbers that grow, but no column of numbers of points.
+        let (result, _, notes) = read_text("0 0 0 7\n1 5 0 7\n2 0 5 7\n3 5 5 7\n3 9 9 7\n", None);
+        assert!(result.is_ok() && notes.is_empty());
+    }
+
+    #[test]
+    fn a_scan_goes_through_its_matrix() {
+        let head = "2\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+        // A quarter turn about z, and a shift.
+        let text = format!("{head}0 1 0 0\n-1 0 0 0\n0 0 1 0\n100 200 300 1\n");
+        let points = "1 2 3 0.5\n0 0 0 0.5\n5 2 3 0.5\n1 7 4 0.5\n";
+        let (result, got, notes) = read_text(&format!("{text}{points}"), None);
+        assert!(matches!(result, Ok(Content::Facets(1))), "{:?}", result.err());
+        assert!([[98.0, 201.0, 303.0], [98.0, 205.0, 303.0], [93.0, 201.0, 304.0]].iter().all(|p| got[0].contains(p)));
+        assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), ["points-no-data"]);
+        let far = points.replace("1 2 3", "1 1 4").replace("5 2 3", "5 3 3").replace("1 7", "2 9");
+        let (result, _, notes) = read_text(&format!("{text}{points}{text}{far}"), None);
+        assert!(result.is_ok() && notes.len() == 1, "{:?} {notes:?}", result.err());
+        let (_, _, notes) = read_text(&format!("{text}1 2 3 0\n5 2 3 0\n1 7 4 0\n"), None);
+        assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), ["points-count"]);
+    }
+
+    #[test]
+    fn rows_of_zeros_are_no_points_where_others_lie_elsewhere() {
+        let points = "9 9 9\n19 9 9\n9 19 9\n19 19 9\n";
+        for (text, facets, code) in [
+            (format!("{points}0 0 0\n"), 3, None),
+            (format!("{points}0 0 0\n0 0 0\n"), 2, Some("points-no-data")),
+            (format!("{points}-1 -1 -1\n0 0 0\n0 0 0\n"), 6, Some("points-duplicate")),
+            (format!("{points}-1 -1 -1\n{}", "0 0 0\n".repeat(10)), 4, Some("points-no-data")),
+            ("0 0 0\n9 0 0\n0 9 0\n".to_owned(), 1, None),
+        ] {
+            let (result, _, notes) = read_text(&text, Some(100.0));
+            assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), Vec::from_iter(code), "{text}");
+            assert!(matches!(result, Ok(Content::Facets(n)) if n.abs_diff(facets) <= 2), "{text}");
+        }
     }
 
     #[test]
     fn faults_are_named_by_line() {
         for (text, code, say) in [
             ("0 0 0\n1 0\n", "points-columns", ":2: this row has 2 columns, the first one has 3"),
-            ("3\nmolecule\nC 0 0 0\n", "points-columns", ":1: a point has three numbers, this row has 1"),
+            ("3\nmolecule\nC 0 0 0\n", "points-columns", ":2: a point has three numbers, this row has 1"),
+            ("3\n4\n0 0 0\n1 0 0\n", "points-no-surface", "no points"),
+            ("3\n4\n0 0 0\n1 0\n", "points-columns", ":4: two rows of one number begin a PTX scan, whose row 4 has 3"),
+            ("4\n0 0 0\n1 0 0\n0 1 0\n7\n1 1 0\n", "points-columns", ":5: this row has 1 columns"),
+            ("x,y,z,i\n0,0,0\n", "points-columns", ":2: this row has 3 columns, the first one has 4"),
+            ("Point,a,b,c\n1,0,0,0\n", "points-names", ":1: the columns are named Point, a, b, c, which does not say"),
+            ("# the order is y, x, z\n1 0 0\n", "points-names", ":1: a comment has x, y and z in another order"),
+            ("x [mm],y [mm],z [um]\n1,0,0\n", "points-names", ":1: the columns x [mm], y [mm], z [um] have different"),
+            (
+                "1,0,0,0\n2,5,0,0\n3,0,5,0\n4,5,5,0\n5,9,9,0\n",
+                "points-id",
+                "the first of 4 columns counts the points (1, ...)",
+            ),
+            ("7 .5 0 0\n9 5 0 0\n12 0 5 0\n40 5 5 0\n41 9 9 0\n", "points-id", "(7, ...)"),
             ("0 0 0\n1 0 0\nfoo bar baz\n", "surface-number", ":3: \"foo\" is not a number"),
             ("0,5;1;2\n", "surface-number", ":1: coordinate \"0,5\" has a decimal comma"),
             ("0,5\t1\t2\n", "surface-number", ":1: coordinate \"0,5\" has a decimal comma"),
@@ -564,7 +471,7 @@ mod tests {
         };
         let want = read_with(&text([0.0; 3], 20.0), Unit::mm(0.05)).expect("near");
         let far = text(datum, 20.0);
-        let got = read_with(&far, Unit { mm: 0.05, datum }).expect("moved");
+        let got = read_with(&far, Unit { datum, ..Unit::mm(0.05) }).expect("moved");
         assert_eq!(got.len(), want.len());
         for (a, b) in got.iter().flatten().flatten().zip(want.iter().flatten().flatten()) {
             // f64 holds 5 million to 1e-9 of these units.
@@ -575,7 +482,7 @@ mod tests {
         let hint = &e.diags()[0].hint;
         let numbers = hint.split(['[', ']']).nth(1).expect("a datum").split(", ").map(|v| v.parse().expect("a number"));
         let datum: Vec<f64> = numbers.collect();
-        assert!(read_with(&far, Unit { mm: 1.0, datum: [datum[0], datum[1], datum[2]] }).is_ok(), "{hint}");
+        assert!(read_with(&far, Unit { datum: [datum[0], datum[1], datum[2]], ..Unit::mm(1.0) }).is_ok(), "{hint}");
         let e = read_with(&far, Unit::mm(1000.0)).expect_err("far away");
         assert!(e.diags()[0].hint.contains("surface.scale = 4e-3 (1 : 250)"), "{}", e.diags()[0].hint);
     }
