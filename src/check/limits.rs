@@ -131,7 +131,7 @@ fn travel(program: &Program, limits: &Limits<'_>, k: usize) -> Option<Diag> {
 
 /// What helps where no origin brings all stops into the travel of axis `k`.
 fn too_long(limits: &Limits<'_>, k: usize) -> String {
-    let mut hint = "check surface.unit; no origin brings all stops within travel: ".to_owned();
+    let mut hint = "check the unit of the part; no origin brings all stops within travel: ".to_owned();
     match (k, limits.setups_needed) {
         (2, _) => hint += "mark a smaller area, or tilt the fixture (`terrace orient JOB`)",
         (_, [columns, rows]) if columns * rows > 1 => {
@@ -231,7 +231,7 @@ mod tests {
     fn travel_error_mentions_unit_and_set_ups_if_no_origin_fits() {
         let narrow = |m: &mut Machine| m.stage.x.travel = [Length::mm(0.0), Length::mm(0.001)];
         let hint = one([4, 3], narrow).hint;
-        assert!(hint.starts_with("check surface.unit") && hint.contains("columns = 4 and rows = 3"), "{hint}");
+        assert!(hint.starts_with("check the unit of the part") && hint.contains("columns = 4 and rows = 3"), "{hint}");
         let hint = one([1, 1], narrow).hint;
         assert!(!hint.contains("setups") && hint.contains("a smaller area, or use a machine"), "{hint}");
         let flat = |m: &mut Machine| m.stage.z.travel = [Length::mm(0.0), Length::um(0.1)];

@@ -222,7 +222,7 @@ impl Welder {
         if all.size().iter().any(|&s| s > MAX_NM) {
             return Err(Diag::input("surface-large", "the part is larger than 4 m")
                 .at(place())
-                .hint("check surface.unit")
+                .hint("check the unit of the part")
                 .into());
         }
         let origin = P2::new((all.lo.x + all.hi.x) / 2, (all.lo.y + all.hi.y) / 2);

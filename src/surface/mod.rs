@@ -17,6 +17,8 @@ mod heightmap;
 mod implicit_mesh;
 mod lines;
 mod mesh;
+#[cfg(test)]
+mod mutants;
 mod narrow_gaps;
 mod obj;
 mod ply;
@@ -370,7 +372,7 @@ impl Surface {
         let part_box_mm = welder.part_box_mm;
         if part_box_mm.lo.iter().chain(&part_box_mm.hi).any(|v| v.abs() * NM_PER_MM > MAX_NM.f64()) {
             let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
-            return Err(d.hint("check surface.unit, or move the part to its origin").into());
+            return Err(d.hint("check the unit of the part, or move the part to its origin").into());
         }
         let rule = welder.joining.non_manifold;
         let [joining, _binning] = task.split([2, 1]);

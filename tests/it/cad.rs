@@ -338,6 +338,187 @@ fn little_memory_for_the_real_converter_is_said() {
     assert!(text.contains("error[cad-memory]"), "{text}");
 }
 
+/// Writes the files of `cad_boxes.py`.
+fn make_boxes(dir: &Path) {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/cad_boxes.py");
+    let made = Command::new(python()).arg(script).arg(dir).output().expect("python starts");
+    assert!(made.status.success(), "{}", said(&made));
+}
+
+/// What `inspect` says of a file: whether it is read, and its text.
+fn inspected(file: &Path, dir: &Path) -> (bool, String) {
+    let out = with(python(), dir).arg("inspect").arg(file).output().expect("starts");
+    (out.status.success(), said(&out))
+}
+
+/// A copy of a file, each text replaced by another, which is there.
+fn changed(file: &Path, dir: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
+    let mut text = std::fs::read_to_string(file).expect("readable");
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    let path = dir.join(name);
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
+#[test]
+fn what_a_step_file_hides_is_left_out_and_named() {
+    let dir = folder();
+    make_boxes(dir.path());
+    for (name, faces, bodies, hidden, say) in [
+        ("bodies.step", 6, 1, "2 shapes", "\"body 2\" from (40.000, 0.000, 0.000) to (50.000, 10.000, 15.000) mm"),
+        ("layer.step", 6, 1, "1 shape", "\"body 1\" from (20.000, 0.000, 0.000)"),
+        ("part.step", 24, 4, "2 shapes", "\"cover\" from (0.000, 30.000, 25.000)"),
+        ("instance.step", 24, 4, "2 shapes", "\"part\" from (20.000, 30.000, 30.000)"),
+        ("higher.step", 30, 5, "1 shape", "\"part\" from (20.000, 30.000, 30.000)"),
+    ] {
+        let (is_read, text) = inspected(&dir.path().join(name), dir.path());
+        assert!(is_read && text.contains(&format!("{faces} faces in {bodies} bodies")), "{name}: {text}");
+        let warning = format!("warning[cad-hidden]: left out, since the file hides them ({hidden}): ");
+        assert!(text.contains(&warning) && text.contains(say), "{name}: {text}");
+        // From the cache it is the same.
+        assert_eq!(inspected(&dir.path().join(name), dir.path()), (is_read, text), "{name}");
+    }
+    let (is_read, text) = inspected(&dir.path().join("all.step"), dir.path());
+    assert!(
+        !is_read && text.contains("error[cad-hidden]: the file hides all of its shapes: \"body 0\" from"),
+        "{text}"
+    );
+    // Wider than 4 m: the unit is that of the file.
+    let mut job = JobText::on(Path::new("large.step")).texture("pattern = \"hatch\"\npitch = \"2 mm\"");
+    job.surface = "file = \"large.step\"".into();
+    let out = with(python(), dir.path()).arg("check").arg(job.write(dir.path(), "job.toml")).output().expect("starts");
+    let text = said(&out);
+    assert!(text.contains("error[surface-large]") && !text.contains("surface.unit"), "{text}");
+}
+
+#[test]
+fn entities_that_a_step_file_hides_are_found_whatever_names_them() {
+    let (dir, assembly) = (folder(), fixture("cad/assembly.step"));
+    let style = "#9001=STYLED_ITEM('',(#9002),#ITEM);#9002=PRESENTATION_STYLE_ASSIGNMENT((NULL_STYLE(.NULL.)));";
+    let layer = "#9001=PRESENTATION_LAYER_ASSIGNMENT('a','',(#ITEM));";
+    let hidden = |names: &str, item: &str| {
+        let entities = format!("#9000=INVISIBILITY((#9001));{}ENDSEC;\nEND-ISO", names.replace("#ITEM", item));
+        inspected(&changed(&assembly, dir.path(), "a.step", &[("ENDSEC;\nEND-ISO", &entities)]), dir.path())
+    };
+    for names in [style, layer] {
+        // The one solid, which is there four times; one of its five faces.
+        let (is_read, text) = hidden(names, "#64");
+        assert!(!is_read && text.contains("hides all of its shapes: \"SOLID\""), "{text}");
+        let (is_read, text) = hidden(names, "#66");
+        assert!(is_read && text.contains("16 faces") && text.contains("hides them (4 shapes)"), "{text}");
+    }
+    // A point of an axis has no faces.
+    let (is_read, text) = hidden(style, "#12");
+    assert!(is_read && text.contains("20 faces") && !text.contains("warning"), "{text}");
+    let unknown =
+        changed(&assembly, dir.path(), "a.step", &[("ENDSEC;\nEND-ISO", "#9000=INVISIBILITY((#63));ENDSEC;\nEND-ISO")]);
+    let (is_read, text) = inspected(&unknown, dir.path());
+    assert!(is_read && text.contains("warning[cad-hidden]: the file hides 1 entities of kinds"), "{text}");
+}
+
+#[test]
+fn step_units_that_are_read_wrongly_are_refused_and_a_utf_8_mark_is_not() {
+    let (dir, assembly) = (folder(), fixture("cad/assembly.step"));
+    let metre = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) );";
+    let factor = |number: u32, name: &str, factor: &str, of: u32, by: u32| {
+        format!(
+            "#{number}=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({factor}),#{of});\n\
+             #{by}=(CONVERSION_BASED_UNIT('{name}',#{number})LENGTH_UNIT()NAMED_UNIT(#9003));\n"
+        )
+    };
+    let base = format!("#9000={metre}\n#9003=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n");
+    for unit in ["#24", "#46", "#319"] {
+        let from = format!("{unit} = {metre}");
+        let number = unit[1..].parse().expect("a number");
+        let thou = base.clone() + &factor(9001, "THOU", "0.0254", 9000, number);
+        let all: Vec<_> = [(from.as_str(), thou.as_str())].into();
+        let (is_read, text) = inspected(&changed(&assembly, dir.path(), "a.step", &all), dir.path());
+        assert!(is_read && !text.contains("warning"), "{text}");
+        let two =
+            base.clone() + &factor(9001, "THOU", "0.0254", 9000, 9002) + &factor(9004, "TWOTHOU", "2.", 9002, number);
+        let (is_read, text) = inspected(&changed(&assembly, dir.path(), "a.step", &[(&from, &two)]), dir.path());
+        assert!(!is_read && text.contains("error[cad-unit]: the length unit TWOTHOU"), "{text}");
+    }
+    let marked =
+        changed(&assembly, dir.path(), "a.step", &[("ISO-10303-21;\nHEADER", "\u{feff}ISO-10303-21;\nHEADER")]);
+    let same = |(is_read, text): (bool, String)| (is_read, text.replace("a.step", "assembly.step"));
+    assert_eq!(same(inspected(&marked, dir.path())), same(inspected(&assembly, dir.path())));
+    let metres = changed(&assembly, dir.path(), "a.step", &[(".MILLI.", "$")]);
+    let (is_read, text) = inspected(&metres, dir.path());
+    assert!(!is_read && text.contains("error[surface-size]") && !text.contains("surface.unit"), "{text}");
+}
+
+/// An IGES file with a text of its global section replaced.
+fn with_head(iges: &str, from: &str, to: &str) -> String {
+    let (mut head, mut other) = (String::new(), Vec::new());
+    for line in iges.lines() {
+        match line.get(72..73) {
+            Some("G") => head += &line[..72],
+            _ => other.push(line),
+        }
+    }
+    assert!(head.contains(from), "{from}: {head}");
+    let head = head.replace(from, to);
+    let records: Vec<&[u8]> = head.trim_end().as_bytes().chunks(72).collect();
+    let globals =
+        records.iter().enumerate().map(|(i, data)| format!("{:<72}G{:>7}", String::from_utf8_lossy(data), i + 1));
+    let end = other.iter().position(|line| line.get(72..73) == Some("D")).expect("entities");
+    let mut lines: Vec<String> = other[..end].iter().map(|line| (*line).to_owned()).collect();
+    lines.extend(globals);
+    lines.extend(other[end..].iter().map(|line| (*line).to_owned()));
+    let last = lines.last_mut().expect("a last record");
+    last.replace_range(8..16, &format!("G{:>7}", records.len()));
+    lines.join("\n") + "\n"
+}
+
+#[test]
+fn the_head_of_an_iges_file_says_its_size_or_it_is_refused() {
+    let dir = folder();
+    make_boxes(dir.path());
+    let plate = std::fs::read_to_string(dir.path().join("plate.igs")).expect("readable");
+    let unit = ",1.,2,2HMM,1,";
+    let date = plate.split("15H").nth(1).map(|text| format!("15H{}", &text[..15])).expect("a date");
+    for (from, to, outcome) in [
+        (unit, ",1.,2,2HMM,1,", "size    40.0000 x 30.0000 x 5.0000 mm"),
+        (unit, ",2.,2,2HMM,1,", "error[iges-scale]: the file has a model space scale of 2. (global parameter 13)"),
+        (unit, ",0.5,2,2HMM,1,", "error[iges-scale]"),
+        (unit, ",1.,1,2HMM,1,", "error[iges-unit]: the unit is INCH (25.4 mm) by its flag and MM (1 mm) by its name"),
+        (unit, ",1.,2,2HIN,1,", "error[iges-unit]: the unit is MM (1 mm) by its flag and INCH (25.4 mm) by its name"),
+        (unit, ",1.,3,2Hin,1,", "error[iges-unit]: the unit is none of IGES (flag \"3\", name \"in\")"),
+        (unit, ",1.,3,2HIN,1,", "size    1016.0000 x 762.0000 x 127.0000 mm"),
+        (unit, ",1.,2,8HFURLONGS,1,", "warning[iges-unit]: the name of the unit is none of IGES"),
+        (unit, ",1.,0,2HMM,1,", "warning[iges-unit]: the flag of the unit is none of IGES"),
+        (unit, ",1.,1,,1,", "size    1016.0000 x 762.0000 x 127.0000 mm"),
+        (unit, ",1.,3,,1,", "error[cad-unit]"),
+        (unit, ",1.,,,1,", "error[cad-unit]"),
+        (&date, "10H2026-11-21", "size    40.0000 x 30.0000 x 5.0000 mm"),
+        (&date, "", "size    40.0000 x 30.0000 x 5.0000 mm"),
+    ] {
+        let file = dir.path().join("a.igs");
+        std::fs::write(&file, with_head(&plate, from, to)).expect("written");
+        let (is_read, text) = inspected(&file, dir.path());
+        assert!(text.contains(outcome) && is_read != outcome.starts_with("error"), "{to}: {text}");
+        assert_eq!(text.contains("warning["), outcome.starts_with("warning"), "{to}: {text}");
+        // From the cache it is the same.
+        assert_eq!(inspected(&file, dir.path()), (is_read, text), "{to}");
+    }
+    // All entities blanked: the first two digits of their status.
+    let blank = |line: &str| match line.get(64..73) {
+        Some(status) if status.ends_with('D') && status[..8].bytes().all(|b| b.is_ascii_digit()) => {
+            format!("{}01{}\n", &line[..64], &line[66..])
+        }
+        _ => format!("{line}\n"),
+    };
+    let blanked: String = plate.lines().map(blank).collect();
+    assert_ne!(blanked, plate);
+    std::fs::write(dir.path().join("b.igs"), blanked).expect("written");
+    let (is_read, text) = inspected(&dir.path().join("b.igs"), dir.path());
+    assert!(!is_read && text.contains("error[surface-empty]"), "{text}");
+}
+
 /// Files of other sources: unit, faces, size and lower corner as measured by another program.
 type Row = (&'static str, &'static str, u64, [f64; 3], [f64; 3]);
 const FILES: &[Row] = &[

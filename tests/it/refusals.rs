@@ -357,7 +357,7 @@ fn part_longer_than_travel_gets_hints_about_unit_and_set_ups() {
     job.focus = "pdof = \"1 mm\"".into();
     job.surface = job.surface.replace("unit = \"mm\"", "unit = \"in\"");
     let text = refused(&job.write(dir.path(), "job.toml"), &["travel", "travel"]);
-    assert_eq!(text.matches("check surface.unit").count(), 2, "{text}");
+    assert_eq!(text.matches("check the unit of the part").count(), 2, "{text}");
     assert!(text.contains("use [setups] with columns = 4 and rows = 3"), "{text}");
 }
 

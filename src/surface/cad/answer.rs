@@ -46,6 +46,14 @@ pub struct About {
     pub without_triangles: usize,
     /// Largest distance of facets from the surface, measured on every edge and at every centre, mm.
     pub worst_mm: f64,
+    /// Shapes that the file hides, which are left out.
+    #[serde(default)]
+    pub hidden_count: usize,
+    #[serde(default)]
+    hidden: Vec<String>,
+    /// Entities that the file hides and whose kind is not known, so that nothing is left out for them.
+    #[serde(default)]
+    hidden_unknown: usize,
     failed_count: usize,
     failed: Vec<String>,
     remarks_count: usize,
@@ -77,6 +85,18 @@ impl About {
                     .at(at())
                     .hint("nothing is marked there: look at the picture of the job"),
             );
+        }
+        if self.hidden_count > 0 {
+            let shapes =
+                if self.hidden_count == 1 { "1 shape".into() } else { format!("{} shapes", self.hidden_count) };
+            let text = format!("left out, since the file hides them ({shapes})");
+            let d = Diag::warning("cad-hidden", listed(&text, &self.hidden, self.hidden_count)).at(at());
+            notes.push(d.hint("show them in the CAD program and export the part again if they belong to it"));
+        }
+        if self.hidden_unknown > 0 {
+            let text = format!("the file hides {} entities of kinds that are not read", self.hidden_unknown);
+            let d = Diag::warning("cad-hidden", text).at(at());
+            notes.push(d.hint("look at the picture of the job: hidden bodies may be in it"));
         }
         if self.remarks_count > 0 {
             let text = listed("remarks of the reader", &self.remarks, self.remarks_count);
@@ -219,13 +239,29 @@ pub(super) fn header(line: &[u8]) -> Result<Header, String> {
     serde_json::from_slice(line).map_err(|e| format!("its header cannot be read: {e}"))
 }
 
+/// The diagnostic for a file without a unit.
+pub(super) fn no_unit() -> Diag {
+    Diag::input("cad-unit", "the file does not state its length unit")
+        .hint("export it again with a unit; a mesh without one can be read as STL with `unit` in the job")
+}
+
 /// The diagnostic for a file that the converter refused.
 pub(super) fn refused(path: &Path, error: &str, text: &str) -> Diag {
     let said = if text.is_empty() { String::new() } else { format!(": {text}") };
     let d = match error {
         "empty" => Diag::input("surface-empty", format!("the file holds no faces that can be read{said}")).hint(AGAIN),
-        "unit" => Diag::input("cad-unit", "the file does not state its length unit")
-            .hint("export it again with a unit; a mesh without one can be read as STL with `unit` in the job"),
+        "unit" => no_unit(),
+        "unit-of-unit" => {
+            let text =
+                format!("the length unit {text} of the file is defined by another unit that is no SI unit itself");
+            Diag::input("cad-unit", text).hint("export it again in mm or inch: Open CASCADE reads such a unit wrongly")
+        }
+        "hidden" => Diag::input("cad-hidden", format!("the file hides all of its shapes{said}"))
+            .hint("show the part in the CAD program and export it again"),
+        "hidden-unclear" => {
+            Diag::input("cad-hidden", format!("the file hides shapes in assemblies that were not found{said}"))
+                .hint("remove hidden parts from the assembly and export it again")
+        }
         "memory" => Diag::limit("cad-memory", "the converter needs more memory than it may take")
             .hint("use a larger chord tolerance, or allow more with TERRACE_CONVERTER_MB (default 4096)"),
         "size" => Diag::input("surface-size", format!("the surface reaches beyond 4000 mm from the origin{said}"))
@@ -285,5 +321,18 @@ mod tests {
         assert!(head.contains("comment made here\nelement vertex 4\n") && head.contains("element face 2\n"), "{head}");
         assert!(head.ends_with("end_header\n"), "{head}");
         assert_eq!(ply[ply.len() - 13..], [3, 0, 0, 0, 0, 3, 0, 0, 0, 1, 0, 0, 0]);
+    }
+
+    #[test]
+    fn damaged_answers_never_panic() {
+        const WORDS: &[&str] = &["\n", "{", "}", "\"", ",", "null", "-1", "\"error\": \"hidden\"", "1e999", "[]"];
+        let whole = answer([3, 1], &[0.0, 0.0, 1.0, 9.0, 0.0, 1.0, 0.0, 9.0, 1.0], &[0, 1, 2]);
+        assert!(CadMesh::read(&whole).is_ok());
+        crate::surface::mutants::each(&[whole], WORDS, |bytes| {
+            if let Ok(mesh) = CadMesh::read(bytes) {
+                assert!(mesh.facets().flatten().flatten().all(f64::is_finite));
+                mesh.about.notes(Path::new("a.step"), Tessellation::within(0.1), &mut Vec::new());
+            }
+        });
     }
 }

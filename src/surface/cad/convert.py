@@ -11,6 +11,7 @@ triangles are divided on the exact surface until edges and centres lie within SH
 needs time with the square of the number of triangles, and exceeds the chord tolerance inside of faces."""
 
 import array
+import io
 import json
 import os
 import sys
@@ -56,20 +57,33 @@ def limit(seconds, megabytes):
 try:
     limit(int(sys.argv[5]), int(sys.argv[6]))
     import OCP
-    from OCP.BRep import BRep_Tool
+    from OCP.BRep import BRep_Builder, BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.Bnd import Bnd_Box
     from OCP.GeomAbs import GeomAbs_Plane
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.IGESControl import IGESControl_Reader
     from OCP.IMeshTools import IMeshTools_Parameters
     from OCP.Interface import Interface_Static
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+    from OCP.STEPConstruct import STEPConstruct, STEPConstruct_ExternRefs
     from OCP.STEPControl import STEPControl_Reader
-    from OCP.TopAbs import (TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHAPE, TopAbs_SHELL, TopAbs_SOLID,
-                            TopAbs_VERTEX)
+    from OCP.StepRepr import StepRepr_RepresentationItem
+    from OCP.StepShape import StepShape_ShapeRepresentation
+    from OCP.StepVisual import (StepVisual_OverRidingStyledItem, StepVisual_PresentationLayerAssignment,
+                                StepVisual_StyledItem)
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDataStd import TDataStd_Name
+    from OCP.TDF import TDF_Label
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.TopAbs import (TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHAPE, TopAbs_SHELL,
+                            TopAbs_SOLID, TopAbs_VERTEX)
     from OCP.TopExp import TopExp_Explorer
     from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS
+    from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Iterator
+    from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 except (ImportError, MemoryError) as e:
     if isinstance(e, MemoryError) or "failed to map" in str(e) or "allocate memory" in str(e):
         say(terrace=1)
@@ -78,9 +92,13 @@ except (ImportError, MemoryError) as e:
     sys.exit(0)
 say(terrace=1, occt=getattr(OCP, "__version__", "unknown"))
 
-to_edge = getattr(TopoDS, "Edge_s", None) or TopoDS.Edge
-to_vertex = getattr(TopoDS, "Vertex_s", None) or TopoDS.Vertex
-to_face = getattr(TopoDS, "Face_s", None) or TopoDS.Face
+
+def static(of, name):
+    """A static method, whose name has "_s" behind it in some versions of the bindings."""
+    return getattr(of, name + "_s", None) or getattr(of, name)
+
+
+to_edge, to_vertex, to_face = (static(TopoDS, name) for name in ("Edge", "Vertex", "Face"))
 
 
 def parts(shape, kind, outside=TopAbs_SHAPE):
@@ -88,6 +106,17 @@ def parts(shape, kind, outside=TopAbs_SHAPE):
     while found.More():
         yield found.Current()
         found.Next()
+
+
+def iges_units(head):
+    """The unit of an IGES file: its name, or that of its flag. That one of the two is there was checked before."""
+    by_flag = {1: "inch", 2: "mm", 4: "ft", 5: "mi", 6: "m", 7: "km", 8: "mil", 9: "um", 10: "cm", 11: "uin"}
+    name = head.UnitName()
+    return [name.ToCString().lower()] if name else [by_flag[head.UnitFlag()]] if head.UnitFlag() in by_flag else []
+
+
+def has_faces(shape):
+    return shape is not None and not shape.IsNull() and next(parts(shape, TopAbs_FACE), None) is not None
 
 
 def length_units(reader):
@@ -102,7 +131,7 @@ def length_units(reader):
     return sorted(set(names))
 
 
-def complaints(reader):
+def complaints(reader, kind):
     """What the reader could not make of entities, and what it remarks."""
     work = reader.WS()
     failed, remarks = [], []
@@ -111,33 +140,241 @@ def complaints(reader):
         while found.More():
             check, entity = found.Value(), found.Value().Entity()
             name = entity.DynamicType().Name().split("_", 1)[-1] + ": " if entity is not None else ""
-            failed += [name + check.CFail(i).strip() for i in range(1, check.NbFails() + 1)]
-            remarks += [name + check.CWarning(i).strip() for i in range(1, check.NbWarnings() + 1)]
+            # The head of an IGES file (units, dates, authors) is checked before, and holds no faces.
+            if kind == "step" or entity is not None:
+                failed += [name + check.CFail(i).strip() for i in range(1, check.NbFails() + 1)]
+                remarks += [name + check.CWarning(i).strip() for i in range(1, check.NbWarnings() + 1)]
             found.Next()
-    failed = [text for text in failed if "NOT AVAILABLE FOR CHECK" not in text]
+    # What is hidden is told by itself.
+    passed_over = ("NOT AVAILABLE FOR CHECK", "Invisibility: ")
+    failed = [text for text in failed if not any(words in text for words in passed_over)]
     return failed, remarks
 
 
+def entities(model, names):
+    """The entities of these types."""
+    found = {name: [] for name in names}
+    for i in range(1, model.NbEntities() + 1):
+        entity = model.Value(i)
+        list_of = found.get(entity.DynamicType().Name())
+        if list_of is not None:
+            list_of.append(entity)
+    return [found[name] for name in names]
+
+
+def refuse_unit_of_unit(units):
+    """Ends where a length unit is so many of a unit that is no SI unit itself: Open CASCADE reads it as if it were."""
+    for unit in units:
+        factor = unit.ConversionFactor()
+        base = factor.UnitComponent().NamedUnit() if factor is not None else None
+        if base is not None and not base.DynamicType().Name().startswith("StepBasic_SiUnit"):
+            fail("unit-of-unit", unit.Name().ToCString())
+
+
+def sequence(fill, *first):
+    """The items of a sequence that a function fills."""
+    try:
+        from OCP.collections import Sequence_TDF_Label as Labels
+    except ImportError:
+        from OCP.TDF import TDF_LabelSequence as Labels
+    items = Labels()
+    fill(*first, items)
+    return [items.Value(i) for i in range(1, items.Size() + 1)]
+
+
+def hidden_items(invisible):
+    """The items of shapes that a file hides; how many more it hides in some of their instances alone, and how many
+    entities of kinds that Open CASCADE does not know."""
+    todo = [of.InvisibleItems().Value(i).Value() for of in invisible for i in range(1, of.NbInvisibleItems() + 1)]
+    items, instances, seen, unknown = [], 0, {}, sum(item is None for item in todo)
+    while todo:
+        item = todo.pop()
+        if item is None or id(item) in seen:
+            continue
+        # As long as it is kept, the bindings give the same object for it.
+        seen[id(item)] = item
+        if isinstance(item, StepVisual_OverRidingStyledItem):
+            instances += 1
+        elif isinstance(item, StepVisual_StyledItem):
+            todo.append(item.ItemAP242().Value() or item.Item())
+        elif isinstance(item, StepVisual_PresentationLayerAssignment):
+            todo += [item.AssignedItemsValue(i).Value() for i in range(1, item.NbAssignedItems() + 1)]
+        elif isinstance(item, StepShape_ShapeRepresentation):
+            todo += [item.ItemsValue(i) for i in range(1, item.NbItems() + 1)]
+        elif isinstance(item, StepRepr_RepresentationItem):
+            items.append(item)
+    return items, instances, unknown
+
+
+def named(label):
+    """The name of a label."""
+    name = TDataStd_Name()
+    has_name = label.IsAttribute(static(TDataStd_Name, "GetID")()) and label.FindAttribute(name.ID(), name)
+    return name.Get().ToExtString().strip() if has_name and name.Get().Length() > 0 else ""
+
+
+class Visible:
+    """What a STEP file shows: its shapes without those that it hides.
+
+    Bodies and faces are hidden by their entity, in all instances of their part (`hidden`); instances are known to the
+    reader of documents (`tools`), and so are whole parts."""
+
+    def __init__(self, hidden, tools, has_instances):
+        self.hidden, self.tools, self.has_instances = {}, tools, has_instances
+        for name, shape in hidden:
+            self.hidden.setdefault(hash(shape), []).append((shape, name))
+        # How deep shapes are looked into: kinds of shapes are in the order of their nesting.
+        self.deepest = max([shape.ShapeType().value for _, shape in hidden], default=-1)
+        # Texts of what is left out, and how many of them are instances.
+        self.left_out, self.instances = [], 0
+
+    def leave_out(self, name, shape):
+        box = Bnd_Box()
+        static(BRepBndLib, "Add")(shape, box)
+        # 0 and not -0.
+        corners = [", ".join(f"{round(v, 3) + 0.0:.3f}" for v in (p.X(), p.Y(), p.Z()))
+                   for p in (box.CornerMin(), box.CornerMax())]
+        quoted = f'"{name}" ' if name else ""
+        self.left_out.append(f"{quoted}from ({corners[0]}) to ({corners[1]}) mm")
+
+    def without(self, shape, place, name):
+        """A shape without what is hidden in it; None if it is hidden itself. `place` is where it goes."""
+        for hidden, own_name in self.hidden.get(hash(shape), []):
+            if hidden.IsSame(shape):
+                self.leave_out(own_name or name, shape.Moved(place))
+                return None
+        if shape.ShapeType().value >= self.deepest:
+            return shape
+        inner, kept, is_whole = place.Multiplied(shape.Location()), shape.EmptyCopied(), True
+        children = TopoDS_Iterator(shape, False, False)
+        while children.More():
+            part = self.without(children.Value(), inner, name)
+            is_whole = is_whole and part is not None and part.IsSame(children.Value())
+            if part is not None:
+                BRep_Builder().Add(kept, part)
+            children.Next()
+        return shape if is_whole else kept
+
+    def is_hidden(self, label, target, shape):
+        is_visible = static(XCAFDoc_ColorTool, "IsVisible")
+        if is_visible(target) and is_visible(label):
+            return self.has_instances and not self.tools[1].IsInstanceVisible(shape)
+        return True
+
+    def label(self, label, place):
+        """What of a label is visible, in its place."""
+        target = label
+        if static(XCAFDoc_ShapeTool, "IsReference")(label):
+            target = TDF_Label()
+            static(XCAFDoc_ShapeTool, "GetReferredShape")(label, target)
+            place = place.Multiplied(static(XCAFDoc_ShapeTool, "GetLocation")(label))
+        shape = static(XCAFDoc_ShapeTool, "GetShape")(target)
+        if self.is_hidden(label, target, shape.Moved(place)):
+            self.instances += 1
+            self.leave_out(named(target) or named(label), shape.Moved(place))
+            return []
+        if static(XCAFDoc_ShapeTool, "IsAssembly")(target):
+            components = sequence(static(XCAFDoc_ShapeTool, "GetComponents"), target)
+            return [part for component in components for part in self.label(component, place)]
+        shape = self.without(shape, place, named(target))
+        return [] if shape is None else [shape.Moved(place)]
+
+    def shape(self, whole):
+        """All that is visible."""
+        if self.tools is None:
+            return self.without(whole, TopLoc_Location(), "")
+        all_of_it = TopoDS_Compound()
+        BRep_Builder().MakeCompound(all_of_it)
+        for label in sequence(self.tools[0].GetFreeShapes):
+            for part in self.label(label, TopLoc_Location()):
+                BRep_Builder().Add(all_of_it, part)
+        return all_of_it
+
+
+def transfer(reader, with_document):
+    """The shape of a file, a document about it where asked for, and whether all roots were read."""
+    if not with_document:
+        roots = reader.NbRootsForTransfer()
+        read = reader.TransferRoots()
+        return reader.OneShape() if read > 0 else None, None, roots - read
+    document = TDocStd_Document(TCollection_ExtendedString("terrace"))
+    of_document = STEPCAFControl_Reader(reader.WS(), False)
+    of_document.SetColorMode(True)
+    of_document.SetNameMode(True)
+    of_document.SetSHUOMode(True)
+    of_document.Transfer(document)
+    inner = of_document.ChangeReader()
+    shape = inner.OneShape() if inner.NbShapes() > 0 else None
+    return shape, document, max(0, inner.NbRootsForTransfer() - inner.NbShapes())
+
+
+def tools_of(document, whole):
+    """The tools for shapes and colours of a document; None if it does not hold all faces of the file."""
+    if document is None:
+        return None
+    shapes, colours = (static(XCAFDoc_DocumentTool, name)(document.Main()) for name in ("ShapeTool", "ColorTool"))
+    count = lambda shape: sum(1 for _ in parts(shape, TopAbs_FACE))
+    get = static(XCAFDoc_ShapeTool, "GetShape")
+    is_whole = sum(count(get(label)) for label in sequence(shapes.GetFreeShapes)) == count(whole)
+    return (shapes, colours) if is_whole else None
+
+
+def read_step(reader):
+    """The shape that a STEP file shows, what it hides, how many entities of unknown kinds it hides, and how many roots were
+    not read."""
+    model, work = reader.WS().Model(), reader.WS()
+    invisible, units = entities(model, ["StepVisual_Invisibility", "StepBasic_ConversionBasedUnitAndLengthUnit"])
+    refuse_unit_of_unit(units)
+    items, instances, unknown = hidden_items(invisible)
+    # The reader of documents opens other files that this one refers to.
+    others = STEPConstruct_ExternRefs(work)
+    others.LoadExternRefs()
+    whole, document, lost = transfer(reader, invisible and others.NbExternRefs() == 0)
+    if whole is None or not invisible:
+        return whole, [], 0, lost
+    find, process = static(STEPConstruct, "FindShape"), work.TransferReader().TransientProcess()
+    hidden = []
+    for item in items:
+        name, shape = item.Name(), find(process, item)
+        if has_faces(shape):
+            hidden.append((name.ToCString().strip() if name is not None else "", shape))
+    visible = Visible(hidden, tools_of(document, whole), instances > 0)
+    shape = visible.shape(whole)
+    if instances > 0 and visible.instances == 0:
+        fail("hidden-unclear", f"{instances} instances")
+    if not has_faces(shape) and visible.left_out:
+        fail("hidden", "; ".join(visible.left_out[:3]))
+    return shape, visible.left_out, unknown, lost
+
+
+def load(reader, path, kind):
+    """Reads a file into the reader. A UTF-8 mark before a STEP file is more than Open CASCADE takes."""
+    with open(path, "rb") as file:
+        if kind == "step" and file.read(3) == b"\xef\xbb\xbf":
+            return reader.ReadStream("part.step", io.BytesIO(file.read()))
+    return reader.ReadFile(path)
+
+
 def read(path, kind):
-    """The shape of the file in mm, its length units, and what could not be read."""
+    """The shape of the file in mm, its length units, what it hides, and what could not be read."""
     reader = STEPControl_Reader() if kind == "step" else IGESControl_Reader()
     if kind == "iges":
         # Not what the CAD program hides.
         reader.SetReadVisible(True)
     Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
-    if reader.ReadFile(path) != IFSelect_RetDone:
-        fail("unreadable", "; ".join(sum(complaints(reader), [])[:MESSAGES]))
+    if load(reader, path, kind) != IFSelect_RetDone:
+        fail("unreadable", "; ".join(sum(complaints(reader, kind), [])[:MESSAGES]))
+    hidden, unknown = [], 0
     if kind == "step":
         units = length_units(reader)
+        shape, hidden, unknown, lost = read_step(reader)
     else:
-        unit = reader.IGESModel().GlobalSection().UnitName()
-        units = [unit.ToCString().lower()] if unit else []
-    roots = reader.NbRootsForTransfer()
-    read = reader.TransferRoots()
-    failed, remarks = complaints(reader)
-    if read < roots:
-        failed.insert(0, f"{roots - read} of {roots} shapes were not read")
-    return reader.OneShape() if read > 0 else None, units, failed, remarks
+        units = iges_units(reader.IGESModel().GlobalSection())
+        shape, _, lost = transfer(reader, False)
+    failed, remarks = complaints(reader, kind)
+    if lost > 0:
+        failed.insert(0, f"{lost} of {reader.NbRootsForTransfer()} shapes were not read")
+    return shape, units, (hidden, unknown), failed, remarks
 
 
 def free_edges(shape):
@@ -359,15 +596,16 @@ def mesh_of(shape, chord, angle):
 
 
 def main(path, kind, chord, angle):
-    shape, units, failed, remarks = read(path, kind)
-    if shape is None or next(parts(shape, TopAbs_FACE), None) is None:
+    shape, units, (hidden, unknown), failed, remarks = read(path, kind)
+    if not has_faces(shape):
         fail("empty", "; ".join(failed[:MESSAGES]))
     if not units:
         fail("unit")
     refuse_size(shape)
     vertices, triangles, count, without, worst = mesh_of(shape, chord, angle)
     say(unit=" and ".join(units), faces=count, bodies=bodies(shape), free_edges=free_edges(shape),
-        without_triangles=without, worst_mm=worst, failed_count=len(failed), failed=failed[:MESSAGES],
+        without_triangles=without, worst_mm=worst, hidden_count=len(hidden), hidden=hidden[:MESSAGES],
+        hidden_unknown=unknown, failed_count=len(failed), failed=failed[:MESSAGES],
         remarks_count=len(remarks), remarks=remarks[:MESSAGES], vertices=len(vertices) // 3,
         triangles=len(triangles) // 3)
     if sys.byteorder == "big":

@@ -1,7 +1,7 @@
 //! STEP and IGES files, through Open CASCADE in a process of its own.
 //!
 //! Consumes a file of exact surfaces, promises facets in mm that lie within a chord tolerance of them, with what the
-//! converter says of the file. The file's own syntax is checked first ([`part21`], [`iges`]): Open CASCADE hangs or
+//! converter says of the file, and without what the file hides. The file's own syntax is checked first ([`part21`], [`iges`]): Open CASCADE hangs or
 //! crashes on some damaged files. The converter is `convert.py` beside this file; [`converter`] finds an interpreter
 //! and runs it, [`answer`] reads what it writes, and [`cache`] keeps it, so that a file is converted once for each
 //! tolerance. `verify` reads the same facets.
@@ -81,6 +81,9 @@ pub fn load(path: &Path, fine: Tessellation, notes: &mut Vec<Diag>) -> Result<Ca
         let d = Diag::input("surface-format", "this is no STEP or IGES file by its extension").at(lines::place(path));
         return Err(d.hint("surfaces of other formats are named in the job file as they are").into());
     };
+    if format == Format::Iges {
+        iges::check_scale(path, notes)?;
+    }
     let file = cache::hash(path)?;
     let key = cache::key(&file, fine, converter::SCRIPT);
     if let Some(mesh) = cache::get(&key) {
@@ -125,7 +128,8 @@ pub(super) fn read(
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
     let mesh = load(path, fine, notes)?;
-    let mut facets = Facets::new(path, Unit::mm(1.0), sink);
+    let remedy = "check the unit that the file states; parts lie near their origin".to_owned();
+    let mut facets = Facets::with_remedy(path, Unit::mm(1.0), remedy, sink);
     mesh.facets().for_each(|facet| facets.push(facet));
     facets.finish(notes)?;
     Ok(Content::Tessellated(mesh.facet_count(), mesh.about.worst_mm.max(fine.chord_mm)))

@@ -17,6 +17,9 @@ const DEEPEST: usize = 200;
 /// Longest word that is looked at: a keyword or a number.
 const WORD: usize = 100;
 
+/// The UTF-8 mark, which may stand before everything.
+const MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Checks a file.
 pub(super) fn check(path: &Path) -> Result<(), Error> {
     let mut defined = Vec::new();
@@ -57,13 +60,16 @@ fn walk(path: &Path, each: &mut dyn FnMut(usize, Instance) -> Result<(), Diag>) 
     let (file, _) = lines::open(path)?;
     let mut input = BufReader::with_capacity(1 << 20, file);
     let head = input.fill_buf().map_err(|e| unreadable(path, &e))?;
-    let start = head.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(head.len());
-    if !head[start..].starts_with(b"ISO-10303-21") {
+    let marked = head.strip_prefix(MARK).unwrap_or(head);
+    let start = marked.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(marked.len());
+    if !marked[start..].starts_with(b"ISO-10303-21") {
         let what = if head.is_empty() { Some("empty") } else { foreign(head) };
         let text = format!("this is {}, not a STEP file", what.unwrap_or("something else"));
         let d = Diag::input("surface-format", text).at(place(path));
         return Err(d.hint("give the file the extension of its format, or export it as STEP").into());
     }
+    let mark = head.len() - marked.len();
+    input.consume(mark);
     let mut scanner = Scanner::new();
     loop {
         let bytes = input.fill_buf().map_err(|e| unreadable(path, &e))?;
@@ -252,6 +258,32 @@ mod tests {
         ] {
             assert_eq!(checked(&format!("{data}\n{END}")), Ok(()), "{data}");
         }
+    }
+
+    #[test]
+    fn a_utf_8_mark_may_stand_before_the_file() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("a.step");
+        for (head, is_read) in [("\u{feff}", true), ("\u{feff} \n", true), ("\u{feff}\u{feff}", false)] {
+            std::fs::write(&path, format!("{head}ISO-10303-21;\nDATA;\n#1=A(1);\n{END}")).expect("written");
+            assert_eq!(check(&path).is_ok(), is_read, "{head:?}");
+        }
+    }
+
+    #[test]
+    fn damaged_files_never_panic() {
+        const WORDS: &[&str] =
+            &["'", "''", "\"", "/*", "*/", "(", ")", ";", "#", "#1", "=", ".T.", "$", "\u{feff}", "END-ISO-10303-21;"];
+        let text = format!(
+            "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n/* a */#1=A('it''s',.T.,$,*,#20);\n#20=(A(1.E-7,(2,+3.)) B(\"0F\"));\n{END}"
+        );
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("a.step");
+        crate::surface::mutants::each(&[text.into_bytes()], WORDS, |bytes| {
+            std::fs::write(&path, bytes).expect("written");
+            let faults = check(&path).err();
+            assert!(faults.iter().flat_map(Error::diags).all(|d| !d.hint.is_empty() && d.place != Place::Nowhere));
+        });
     }
 
     #[test]

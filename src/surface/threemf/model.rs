@@ -3,8 +3,7 @@
 //! Consumes XML as a stream, element by element; holds vertices (24 bytes each) and triangles (12). What is not
 //! geometry (materials, colours, textures, tickets) is passed over; foreign elements in objects and meshes are counted.
 //! Numbers are read as f64. Refused: document types, encodings other than UTF-8, prefixes without a namespace,
-//! `xml:space`, metadata without a known name, required extensions that are not known, indices of vertices that do not
-//! stand before.
+//! `xml:space`, required extensions that are not known, indices of vertices that do not stand before.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::BufRead;
@@ -14,13 +13,19 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::name::{Namespace, ResolveResult};
 
 use super::super::lines::{number, shown};
+use super::slicer::{Aside, Volume};
 use super::transform::Transform;
+use super::xml::{attributes, check_declaration, text_of, xml_fault};
 use crate::diag::Diag;
 
 /// Deepest nesting of elements; models have eight.
 const MAX_DEPTH: usize = 256;
 
 const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
+
+/// What the namespaces of slicers begin with whose elements are read.
+const CURA: &str = "http://software.ultimaker.com/xml/cura/";
+const SLIC3R: &str = "http://schemas.slic3r.org/3mf/";
 
 /// Extensions that change no geometry, or that are read.
 const EXTENSIONS: [&str; 4] = [
@@ -45,7 +50,7 @@ const METADATA: [&str; 9] = [
 
 /// Names without a namespace that slicers in common use write all the same (Bambu Studio and what derives from it); the
 /// core specification (3.4.1) forbids them, but they say nothing of the geometry.
-const METADATA_OF_SLICERS: [&str; 13] = [
+const METADATA_OF_SLICERS: [&str; 16] = [
     "CopyRight",
     "DesignerCover",
     "DesignerUserId",
@@ -53,12 +58,23 @@ const METADATA_OF_SLICERS: [&str; 13] = [
     "DesignProfileId",
     "DesignRegion",
     "License",
+    "MakerLab",
+    "MakerLabVersion",
     "Origin",
     "ProfileCover",
     "ProfileDescription",
     "ProfileTitle",
+    "Region",
     "Thumbnail_Middle",
     "Thumbnail_Small",
+];
+
+/// Settings by which Cura makes an object a helper, without their prefix, and what such an object is called.
+const HELPERS_OF_CURA: [(&str, &str); 4] = [
+    ("infill_mesh", "modifier"),
+    ("cutting_mesh", "modifier"),
+    ("support_mesh", "support"),
+    ("anti_overhang_mesh", "support blocker"),
 ];
 
 const AGAIN: &str = "export the surface again as 3MF or STL";
@@ -74,6 +90,8 @@ pub(super) struct Model {
     pub(super) items: Vec<Instance>,
     /// Elements in objects and meshes that are not read, with their numbers.
     pub(super) foreign: BTreeMap<String, usize>,
+    /// Names of metadata that 3MF does not know, or that are there twice.
+    pub(super) odd_metadata: BTreeSet<String>,
 }
 
 /// What an object is for.
@@ -95,6 +113,10 @@ pub(super) struct Object {
     pub(super) vertices: Vec<[f64; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) components: Vec<Instance>,
+    /// What it is where a slicer says that it is not the part.
+    pub(super) aside: Option<Aside>,
+    /// Volumes that slicers divide its triangles into.
+    pub(super) volumes: Vec<Volume>,
     has_shape: bool,
 }
 
@@ -112,6 +134,10 @@ pub(super) struct Instance {
     /// The model part, where it is not that of the instance.
     pub(super) path: Option<String>,
     pub(super) transform: Transform,
+    /// Whether it is to be made; slicers keep items on the plate that are not.
+    pub(super) is_printable: bool,
+    /// What it is where a slicer says that it is not the part.
+    pub(super) aside: Option<Aside>,
 }
 
 /// Elements that are read.
@@ -130,6 +156,10 @@ enum Tag {
     Build,
     Item,
     Metadata,
+    Settings,
+    Setting,
+    Volumes,
+    Volume,
     Other,
 }
 
@@ -149,6 +179,20 @@ fn tag(parent: Option<Tag>, name: &str) -> Tag {
         (Some(Tag::Triangles), "triangle") => Tag::Triangle,
         (Some(Tag::Components), "component") => Tag::Component,
         (Some(Tag::Build), "item") => Tag::Item,
+        (Some(Tag::Object), "metadatagroup") => Tag::Settings,
+        (Some(Tag::Settings), "metadata") => Tag::Setting,
+        _ => Tag::Other,
+    }
+}
+
+/// The element of a slicer's namespace within another.
+fn foreign_tag(space: &str, parent: Option<Tag>, name: &str) -> Tag {
+    let (is_cura, is_slic3r) = (space.starts_with(CURA), space.starts_with(SLIC3R));
+    match (parent, name) {
+        (Some(Tag::Object), "settings") if is_cura => Tag::Settings,
+        (Some(Tag::Settings), "setting") if is_cura => Tag::Setting,
+        (Some(Tag::Mesh), "volumes") if is_slic3r => Tag::Volumes,
+        (Some(Tag::Volumes), "volume") if is_slic3r => Tag::Volume,
         _ => Tag::Other,
     }
 }
@@ -157,7 +201,8 @@ fn tag(parent: Option<Tag>, name: &str) -> Tag {
 pub(super) fn read(input: &mut dyn BufRead, name: &str) -> Result<Model, Diag> {
     let mut reader = NsReader::from_reader(input);
     reader.config_mut().expand_empty_elements = true;
-    let mut parser = Parser { name, model: Model::default(), stack: Vec::new(), metadata: BTreeSet::new() };
+    let mut parser =
+        Parser { name, model: Model::default(), stack: Vec::new(), metadata: BTreeSet::new(), setting: None };
     let mut buffer = Vec::new();
     let mut has_model = false;
     loop {
@@ -165,12 +210,14 @@ pub(super) fn read(input: &mut dyn BufRead, name: &str) -> Result<Model, Diag> {
         match reader.read_event_into(&mut buffer).map_err(|e| xml_fault(name, &e))? {
             Event::Start(e) => {
                 let (space, local) = reader.resolver().resolve_element(e.name());
-                let is_core = match space {
-                    ResolveResult::Bound(Namespace(space)) => space == CORE,
-                    ResolveResult::Unbound => false,
+                let space = match space {
+                    ResolveResult::Bound(Namespace(space)) => space,
+                    ResolveResult::Unbound => "",
                     ResolveResult::Unknown(prefix) => return Err(no_namespace(name, &prefix)),
                 };
-                let tag = if is_core { tag(parser.stack.last().copied(), local.as_ref()) } else { Tag::Other };
+                let (is_core, parent) = (space == CORE, parser.stack.last().copied());
+                let tag =
+                    if is_core { tag(parent, local.as_ref()) } else { foreign_tag(space, parent, local.as_ref()) };
                 has_model |= tag == Tag::Model;
                 if tag == Tag::Model {
                     parser.model(&e, &|prefix| namespace(&reader, prefix))?;
@@ -184,7 +231,9 @@ pub(super) fn read(input: &mut dyn BufRead, name: &str) -> Result<Model, Diag> {
             }
             Event::End(_) => {
                 parser.stack.pop();
+                parser.setting = None;
             }
+            Event::Text(text) => parser.text(&text),
             Event::Eof => break,
             event => check_declaration(&event, name)?,
         }
@@ -213,6 +262,8 @@ struct Parser<'a> {
     stack: Vec<Tag>,
     /// Names of metadata so far.
     metadata: BTreeSet<String>,
+    /// What the setting that is open makes the object, if it is true.
+    setting: Option<&'static str>,
 }
 
 impl Parser<'_> {
@@ -268,6 +319,8 @@ impl Parser<'_> {
             Tag::Vertex => self.vertex(e),
             Tag::Triangle => self.triangle(e),
             Tag::Metadata => self.metadata(e),
+            Tag::Setting => self.setting(e),
+            Tag::Volume => self.volume(e),
             Tag::Component => {
                 let instance = self.instance(e)?;
                 self.last().components.push(instance);
@@ -324,7 +377,16 @@ impl Parser<'_> {
             Ok(())
         })?;
         let id = id.ok_or_else(|| self.fault("3mf-object", "an object has no id above 0".into()))?;
-        let object = Object { id, kind, vertices: vec![], triangles: vec![], components: vec![], has_shape: false };
+        let object = Object {
+            id,
+            kind,
+            vertices: vec![],
+            triangles: vec![],
+            components: vec![],
+            aside: None,
+            volumes: vec![],
+            has_shape: false,
+        };
         if self.model.by_id.insert(id, self.model.objects.len()).is_some() {
             return Err(self.fault("3mf-object", format!("two objects have the id {id}")));
         }
@@ -388,7 +450,7 @@ impl Parser<'_> {
     }
 
     fn instance(&self, e: &BytesStart<'_>) -> Result<Instance, Diag> {
-        let (mut object, mut path, mut transform) = (None, None, Transform::IDENTITY);
+        let (mut object, mut path, mut transform, mut is_printable) = (None, None, Transform::IDENTITY, true);
         attributes(e, self.name, |key, value| {
             // The path has the prefix of the production extension; nothing else is called so.
             match key.rsplit_once(':').map_or(key, |(_, local)| local) {
@@ -397,12 +459,13 @@ impl Parser<'_> {
                 "transform" => {
                     transform = Transform::parsed(value).map_err(|text| self.fault("3mf-transform", text))?
                 }
+                "printable" => is_printable = !["0", "false"].contains(&value.trim()),
                 _ => {}
             }
             Ok(())
         })?;
         let object = object.ok_or_else(|| self.fault("3mf-object", "an item or component has no objectid".into()))?;
-        Ok(Instance { object, path, transform })
+        Ok(Instance { object, path, transform, is_printable, aside: None })
     }
 
     fn metadata(&mut self, e: &BytesStart<'_>) -> Result<(), Diag> {
@@ -414,15 +477,54 @@ impl Parser<'_> {
             Ok(())
         })?;
         let named = named.unwrap_or_default();
-        let known = METADATA.iter().chain(&METADATA_OF_SLICERS);
-        let text = if !named.contains(':') && !known.into_iter().any(|name| *name == named) {
-            format!("metadata \"{}\" has no namespace and is none of 3MF", shown(named.as_bytes()))
-        } else if !self.metadata.insert(named.clone()) {
-            format!("metadata \"{}\" is there twice", shown(named.as_bytes()))
-        } else {
-            return Ok(());
+        let is_known = named.contains(':') || METADATA.iter().chain(&METADATA_OF_SLICERS).any(|name| *name == named);
+        if !self.metadata.insert(named.clone()) || !is_known {
+            self.model.odd_metadata.insert(shown(named.as_bytes()));
+        }
+        Ok(())
+    }
+
+    /// A setting of an object; its value follows as text.
+    fn setting(&mut self, e: &BytesStart<'_>) -> Result<(), Diag> {
+        let mut setting = None;
+        attributes(e, self.name, |key, value| {
+            if ["name", "key"].contains(&key) {
+                let value = value.trim();
+                let named = value.strip_prefix("cura:").unwrap_or(value);
+                setting = HELPERS_OF_CURA.iter().find(|(name, _)| *name == named).map(|(_, helper)| *helper);
+            }
+            Ok(())
+        })?;
+        self.setting = setting;
+        Ok(())
+    }
+
+    /// Text: the value of the setting that is open.
+    fn text(&mut self, text: &str) {
+        let Some(helper) = self.setting else { return };
+        if ["true", "1"].contains(&text.trim().to_ascii_lowercase().as_str()) {
+            let object = self.last();
+            object.aside = Some(Aside { is_negative: false, text: format!("{helper}, object {}", object.id) });
+        }
+    }
+
+    /// A volume of Slic3r: a range of triangles.
+    fn volume(&mut self, e: &BytesStart<'_>) -> Result<(), Diag> {
+        let (mut first, mut last, mut is_modifier) = (None, None, false);
+        attributes(e, self.name, |key, value| {
+            match key {
+                "ts" => first = value.trim().parse().ok(),
+                "te" => last = value.trim().parse().ok(),
+                "modifier" => is_modifier = value.trim() == "1",
+                _ => {}
+            }
+            Ok(())
+        })?;
+        let (Some(first), Some(last)) = (first, last) else {
+            return Err(self.fault("3mf-volumes", "a volume has no first and last triangle".into()));
         };
-        Err(self.fault("3mf-metadata", text).hint("remove it, or export the surface as STL"))
+        self.last().volumes.push(Volume::triangles(first, last, if is_modifier { "modifier" } else { "" }));
+        Ok(())
     }
 }
 
@@ -431,54 +533,7 @@ fn identifier(value: &str) -> Option<u32> {
     value.trim().parse().ok().filter(|&id| id > 0)
 }
 
-/// Hands the names and raw values of all attributes to `take`.
-pub(super) fn attributes(
-    e: &BytesStart<'_>,
-    name: &str,
-    mut take: impl FnMut(&str, &str) -> Result<(), Diag>,
-) -> Result<(), Diag> {
-    // Without the reader's own search for names that are there twice, whose time grows with the square of their number.
-    for attribute in e.attributes().with_checks(false) {
-        let attribute = attribute.map_err(|e| xml_fault(name, &e.into()))?;
-        let key = attribute.key.as_ref();
-        if key == "xml:space" {
-            return Err(Diag::input("3mf-xml", format!("{name}: xml:space is not allowed in 3MF")).hint(AGAIN));
-        }
-        take(key, &attribute.value)?;
-    }
-    Ok(())
-}
-
-/// A raw value as text.
-pub(super) fn text_of(value: &str, name: &str) -> Result<String, Diag> {
-    let text = quick_xml::escape::unescape(value).map_err(|e| xml_fault(name, &e.into()))?;
-    Ok(text.trim().to_owned())
-}
-
-/// Refuses document types, and encodings that are not read.
-pub(super) fn check_declaration(event: &Event<'_>, name: &str) -> Result<(), Diag> {
-    match event {
-        Event::DocType(_) => {
-            Err(Diag::input("3mf-xml", format!("{name}: a document type (DTD) is not allowed in 3MF"))
-                .hint("remove it: entities are not expanded"))
-        }
-        Event::Decl(decl) => match decl.encoding() {
-            Some(Ok(encoding)) if !encoding.eq_ignore_ascii_case("utf-8") => {
-                let text = format!("{name}: the encoding {} is not read", shown(encoding.as_bytes()));
-                Err(Diag::input("3mf-xml", text).hint("save it as UTF-8"))
-            }
-            Some(Err(e)) => Err(xml_fault(name, &e.into())),
-            _ => Ok(()),
-        },
-        _ => Ok(()),
-    }
-}
-
 fn no_namespace(name: &str, prefix: &str) -> Diag {
     let text = format!("{name}: the prefix {} has no namespace", shown(prefix.as_bytes()));
     Diag::input("3mf-xml", text).hint(AGAIN)
-}
-
-pub(super) fn xml_fault(name: &str, e: &quick_xml::Error) -> Diag {
-    Diag::input("3mf-xml", format!("{name} is no well-formed XML: {e}")).hint(AGAIN)
 }

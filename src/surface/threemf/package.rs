@@ -14,7 +14,7 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use super::super::lines::{self, place};
-use super::model::{attributes, check_declaration, text_of, xml_fault};
+use super::xml::{attributes, check_declaration, text_of, xml_fault};
 use crate::diag::{Diag, Error, memory, unreadable};
 
 /// Most bytes that one byte of the archive may stand for. Models reach 20; a stream of one byte repeated reaches 1032.
@@ -108,6 +108,11 @@ impl<'a> Package<'a> {
     fn index(&self, name: &str) -> Option<usize> {
         let alike = || self.archive.file_names_raw().position(|n| n.eq_ignore_ascii_case(name.as_bytes()));
         self.archive.index_for_name(name).or_else(alike)
+    }
+
+    /// The names of the parts that `is_wanted` accepts.
+    pub(super) fn names(&self, is_wanted: impl Fn(&str) -> bool) -> Vec<String> {
+        self.archive.file_names().flatten().filter(|name| is_wanted(name)).map(Into::into).collect()
     }
 
     /// The name that an absolute path in a model stands for.
