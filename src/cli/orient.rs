@@ -52,12 +52,14 @@ pub(super) fn orient(args: &Args, path: &Path, side: Side, apply: bool) -> Resul
         json["written"] = (apply && is_new).into();
         return print(&show::json(&json));
     }
-    let end = match (apply, is_new) {
-        (false, _) => "orient --apply writes it into the job file\n".to_owned(),
-        (true, true) => format!("written into {}\n", path.display()),
-        (true, false) => "the job file stays as it is: the part lies as well as it can\n".to_owned(),
+    let best = format!("The best single set-up:\n\n[placement]\n{}\n\n", written(rotate));
+    let end = match (is_new, apply) {
+        (false, false) => "The part lies as well as it can.\n".to_owned(),
+        (false, true) => "The part lies as well as it can: the job file stays as it is.\n".to_owned(),
+        (true, false) => best + "orient --apply writes it into the job file\n",
+        (true, true) => best + &format!("written into {}\n", path.display()),
     };
-    print(&(text(&found, turned.as_ref(), rotate) + &end))
+    print(&(text(&found, turned.as_ref()) + &end))
 }
 
 /// The set-ups of a job.
@@ -125,7 +127,7 @@ fn written(rotate: [Angle; 3]) -> String {
 }
 
 /// The table for people.
-fn text(found: &[Orientation], turned: Option<&Laying>, rotate: [Angle; 3]) -> String {
+fn text(found: &[Orientation], turned: Option<&Laying>) -> String {
     let mut out = String::new();
     if let Some(laying) = turned {
         let [x, y, z] = laying.up;
@@ -151,9 +153,8 @@ fn text(found: &[Orientation], turned: Option<&Laying>, rotate: [Angle; 3]) -> S
     }
     out.push_str(
         "\nEstimated from sample points; marking and set-up time not included. Angles rotate the part about\n\
-         y, then about x (right-handed). Compiling the job also reports hidden and too steep areas.\n",
+         y, then about x (right-handed). Compiling the job also reports hidden and too steep areas.\n\n",
     );
-    let _ = writeln!(out, "The best single set-up:\n\n[placement]\n{}\n", written(rotate));
     out
 }
 

@@ -85,7 +85,7 @@ fn a_panel_in_car_coordinates_upright_or_on_its_back_is_laid_with_its_outside_up
     let job = dir.path().join("job.toml");
     let before = std::fs::read(&job).expect("readable");
     let out = terrace(["orient", job.to_str().expect("text"), "--apply"]);
-    assert!(said(&out).contains("stays as it is"), "{}", said(&out));
+    assert!(said(&out).contains("the job file stays as it is"), "{}", said(&out));
     assert_eq!(std::fs::read(&job).expect("readable"), before);
 }
 
