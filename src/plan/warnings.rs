@@ -12,6 +12,9 @@ use crate::projection::Footprint;
 use crate::split::Fragments;
 use crate::texture::Slip;
 
+/// Share of the texture on slopes that are too steep from which the part may not lie as it is meant.
+const LEANING: f64 = 0.25;
+
 /// Warnings, or the faults that stop the plan.
 pub(super) fn warn(
     job: &Job,
@@ -34,7 +37,11 @@ pub(super) fn warn(
         if limits.steep == Steep::Refuse {
             return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
         }
-        warnings.push(Diag::warning("steep", text).at(place).hint("see limits.max_incidence"));
+        let hint = match split.skipped.steep > LEANING * split.texture_mm {
+            true => "lay the part with `terrace orient JOB --apply`, or see limits.max_incidence",
+            false => "see limits.max_incidence",
+        };
+        warnings.push(Diag::warning("steep", text).at(place).hint(hint));
     }
     let incidence = split.worst_slope2.sqrt().atan().to_degrees();
     if incidence > limits.warn_incidence.as_deg() {
