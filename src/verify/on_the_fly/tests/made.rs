@@ -172,7 +172,7 @@ impl Bench {
     fn stating(&self, checked: Checked, lengths: FlyLengths) -> PathBuf {
         let inputs = Arc::new(Inputs::load(&self.job).expect("inputs"));
         let laser = crate::plan::laser(&self.job, &self.machine, &checked);
-        let accuracy = FlyAccuracy { laser, ..FlyAccuracy::default() };
+        let accuracy = FlyAccuracy { laser, part_mm: inputs.surface.size_mm(), ..FlyAccuracy::default() };
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),

@@ -656,6 +656,14 @@ fn summary_reports_a_wrong_length() {
         });
         assert_only("summary", &verified(&target));
     }
+    for side in 0..3 {
+        let target = bench.write();
+        alter_manifest(&target, |m| {
+            let v = m["summary"]["part_mm"][side].as_f64().expect("a number");
+            m["summary"]["part_mm"][side] = (v + 0.001).into();
+        });
+        assert_only("summary", &verified(&target));
+    }
 }
 
 /// Changes what the manifest says of its sections, and verifies.
