@@ -40,6 +40,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
     p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
+    p.comment("BUSY is high while the card marks: an inverted one ends the program at the first block");
     p.comment("BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off");
     p.comment("output off before every move and at the end, a wait that times out ends the program");
     p.comment("not a safety system: the laser needs its own interlock");
@@ -49,12 +50,15 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     for i in 0..checked.program().blocks.len() {
         let id = checked.program().id(i);
         p.block(i);
+        // A card that still marks, and a BUSY of the wrong polarity.
+        p.line("M66 P0 L4 Q2");
+        p.stop_on_timeout(3 * i + 1, &format!("BUSY before START, block {id}"));
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
-        p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
+        p.stop_on_timeout(3 * i + 2, &format!("no BUSY, block {id}"));
         p.line("M65 P0");
         p.line(&format!("M66 P0 L4 Q{}", wait_s(i)));
-        p.stop_on_timeout(2 * i + 2, &format!("still BUSY, block {id}"));
+        p.stop_on_timeout(3 * i + 3, &format!("still BUSY, block {id}"));
     }
     p.end();
     p.line("M2");
@@ -325,9 +329,10 @@ mod tests {
         let text = text(linuxcnc(&job(&checked, &machine, &timed([1.0, 0.5, 60.3]), Some("dxf"))));
         let body = text.split_once("G61.1\n").expect("modes").1;
         let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nN1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
-                     G0 Z0.335000\nG4 P0.100\nM64 P0\nM66 P0 L3 Q5\no1 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
-                     M65 P0\nM2\no1 endif\nM65 P0\nM66 P0 L4 Q12\no2 if [#5399 LT 0]\n(MSG, still BUSY, block B0001)\n\
-                     M65 P0\nM2\no2 endif\n";
+                     G0 Z0.335000\nG4 P0.100\nM66 P0 L4 Q2\no1 if [#5399 LT 0]\n(MSG, BUSY before START, block B0001)\n\
+                     M65 P0\nM2\no1 endif\nM64 P0\nM66 P0 L3 Q5\no2 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
+                     M65 P0\nM2\no2 endif\nM65 P0\nM66 P0 L4 Q12\no3 if [#5399 LT 0]\n(MSG, still BUSY, block B0001)\n\
+                     M65 P0\nM2\no3 endif\n";
         assert!(body.starts_with(first), "{body}");
         let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\n(ENTRY LIFT Z200.000000)\nN2 M65 P0\nG0 Z0.405000\nG4 P0.100\nM64 P0\n";
         assert!(body.contains(second), "a move of z alone");

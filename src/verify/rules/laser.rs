@@ -19,7 +19,7 @@ pub(super) fn check(stages: &[StageFile], machine: &Machine, rule: &mut Rule) {
     rule.ran = true;
     for stage in stages {
         let settle = machine.stage.settle.as_s();
-        let run = Run { stage, rule, settle, block: "", off: false, settled: true, fired: true, part: Part::Lies };
+        let run = Run { stage, rule, settle, block: "", off: false, settled: true, idle: false, fired: true, part: Part::Lies };
         if stage.handshake && !stage.is_frames { run.handshake() } else { run.operator() }
     }
 }
@@ -43,6 +43,8 @@ struct Run<'a> {
     off: bool,
     /// Whether the stage stands still since the last move.
     settled: bool,
+    /// Whether BUSY is known to be off since the last move or mark.
+    idle: bool,
     /// Whether the block has fired.
     fired: bool,
     part: Part,
@@ -99,7 +101,7 @@ impl<'a> Run<'a> {
         if !self.off {
             self.broken(line, "the stage moves while the laser output is not known to be off");
         }
-        self.settled = false;
+        (self.settled, self.idle) = (false, false);
     }
 
     fn modal(&mut self, codes: &[u32], line: usize) {
@@ -137,6 +139,10 @@ impl<'a> Run<'a> {
                 Step::Move(_) => self.moves(*line),
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
                 Step::OutputOff => self.off = true,
+                Step::Wait { high: false, .. } => {
+                    i = self.wait(i - 1, false, *line);
+                    self.idle = true;
+                }
                 Step::OutputOn => i = self.fire(i, *line),
                 Step::End => {
                     self.end(*line);
@@ -153,10 +159,13 @@ impl<'a> Run<'a> {
         if !self.settled {
             self.broken(line, "START comes without a dwell after the stage moved");
         }
+        if !self.idle {
+            self.broken(line, "START comes without a wait for BUSY low: a card that marks, or an inverted BUSY");
+        }
         if self.part != Part::Lies {
             self.broken(line, "START comes while the part is moved to its next set-up");
         }
-        (self.off, self.fired) = (false, true);
+        (self.off, self.idle, self.fired) = (false, false, true);
         let i = self.wait(i, true, line);
         let i = match self.stage.statements.get(i) {
             Some(Statement { step: Step::OutputOff, .. }) => {

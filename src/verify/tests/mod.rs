@@ -375,11 +375,12 @@ fn agreement_reports_every_changed_value_of_the_ovf() {
 
 #[test]
 fn laser_reports_stage_programs_that_could_fire_in_a_move() {
-    let cases: [(&str, &str, &str); 14] = [
+    let cases: [(&str, &str, &str); 15] = [
         ("stage.ngc", "M64 P0\n", ""),
         ("stage.ngc", "G4 P0.1\n", ""),
         ("stage.ngc", "G4 P0.1\n", "G4 P0.05\n"),
         ("stage.ngc", "endif\nM65 P0\nM66", "endif\nM66"),
+        ("stage.ngc", "M66 P0 L4 Q2\n", ""),
         ("stage.ngc", "M66 P0 L4 Q12\n", ""),
         ("stage.ngc", "o2 if [#5399 LT 0]\n", ""),
         ("stage.ngc", "(MSG, timeout)\nM65 P0\nM2\n", "(MSG, timeout)\nM2\n"),

@@ -86,7 +86,8 @@ pub(super) fn stage(program: &Program, handshake: bool) -> String {
             continue;
         }
         let test = |n: usize| format!("o{n} if [#5399 LT 0]\n(MSG, timeout)\nM65 P0\nM2\no{n} endif\n");
-        write!(t, "M64 P0\nM66 P0 L3 Q5\n{}M65 P0\nM66 P0 L4 Q12\n{}", test(2 * i + 1), test(2 * i + 2)).expect("text");
+        let [idle, begun, ended] = [1, 2, 3].map(|k| test(3 * i + k));
+        write!(t, "M66 P0 L4 Q2\n{idle}M64 P0\nM66 P0 L3 Q5\n{begun}M65 P0\nM66 P0 L4 Q12\n{ended}").expect("text");
     }
     t + off + "\nG0 Z200\n" + off + "\nM2\n"
 }
