@@ -19,7 +19,17 @@ pub(super) fn check(stages: &[StageFile], machine: &Machine, rule: &mut Rule) {
     rule.ran = true;
     for stage in stages {
         let settle = machine.stage.settle.as_s();
-        let run = Run { stage, rule, settle, block: "", off: false, settled: true, idle: false, fired: true, part: Part::Lies };
+        let run = Run {
+            stage,
+            rule,
+            settle,
+            block: "",
+            off: false,
+            settled: true,
+            idle: false,
+            fired: true,
+            part: Part::Lies,
+        };
         if stage.handshake && !stage.is_frames { run.handshake() } else { run.operator() }
     }
 }

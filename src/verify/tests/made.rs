@@ -128,7 +128,7 @@ impl Made {
         self.summary = json!({
             "stops": self.blocks.len(), "blocks": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
-            "part_mm": [0.0; 3], "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
+            "part_mm": [0.0, 0.0, 0.0], "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
             "by_hand": {"load_s": 15.0, "total_s": time.total + 15.0 * self.blocks.len() as f64}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",

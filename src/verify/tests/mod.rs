@@ -383,7 +383,7 @@ fn laser_reports_stage_programs_that_could_fire_in_a_move() {
         ("stage.ngc", "M66 P0 L4 Q2\n", ""),
         ("stage.ngc", "M66 P0 L4 Q12\n", ""),
         ("stage.ngc", "o2 if [#5399 LT 0]\n", ""),
-        ("stage.ngc", "(MSG, timeout)\nM65 P0\nM2\n", "(MSG, timeout)\nM2\n"),
+        ("stage.ngc", "o2 if [#5399 LT 0]\n(MSG, timeout)\nM65 P0\nM2\n", "o2 if [#5399 LT 0]\n(MSG, timeout)\nM2\n"),
         ("stage.ngc", "(MSG, timeout)\nM65 P0\nM2\n", "(MSG, timeout)\nM65 P0\n"),
         ("stage.ngc", "G21 G90", "G21 G64 G90"),
         ("stage.ngc", "G94\nM65 P0\n", "G94\nM62 P0\n"),
