@@ -178,7 +178,7 @@ fn terrace(dir: &Path) -> Command {
 const PDOF_MM: f64 = 0.1;
 
 /// Share of the length by which marks on curved faces may differ from those on finer facets.
-const NEAR: f64 = 0.04;
+const NEAR: f64 = 0.03;
 
 /// Compiles a hatch over a part and verifies it.
 fn compiled(dir: &Path, file: &str, direction: &str) -> PathBuf {
