@@ -100,6 +100,13 @@ impl Line {
         if o == 0.0 { self.tie } else { o }
     }
 
+    /// The side on which a facet lies of its edge (u, v), which runs along the line within rounding.
+    fn side_of_edge(&self, u: Vertex, v: Vertex, opposite: Vertex) -> Side {
+        let is_along = self.parameter(v.x.into(), v.y.into()) > self.parameter(u.x.into(), u.y.into());
+        let is_left = orient(u.p2(), v.p2(), opposite.p2()) > 0.0;
+        if is_left == is_along { Side::Left } else { Side::Right }
+    }
+
     #[inline]
     pub(super) fn parameter(&self, x: f64, y: f64) -> f64 {
         ((x - self.a.x as f64) * self.d[0] + (y - self.a.y as f64) * self.d[1]) * self.inv_len2
@@ -126,6 +133,17 @@ struct Through {
     z_out: f64,
     exit: usize,
     sides: [f64; 3],
+}
+
+/// What of a stretch lies beside another: the longer part where that is within it.
+fn beside([from, to]: [f64; 2], [t0, t1]: [f64; 2]) -> [f64; 2] {
+    if t1 <= from || to <= t0 {
+        [from, to]
+    } else if t0 - from >= to - t1 {
+        [from, t0]
+    } else {
+        [t1, to]
+    }
 }
 
 /// A stretch of a line through bins of one class.
@@ -466,21 +484,37 @@ impl Surface {
         (t1 - t0 > line.half_nm * 1e-3).then(|| Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side })
     }
 
-    /// Adds the stretches of the line in the closed facet f: that along one of its edges as one on the facet's side.
+    /// Adds the stretches of the line in the closed facet f: those along its edges as ones on the facet's side.
     fn closed_along(&self, line: &Line, f: u32, [from, to]: [f64; 2], hits: &mut Vec<Hit>) {
         let whole = self.closed(line, f, from, to);
-        let runs = (0..3).filter_map(|k| Some((k, self.run(line, f, k, [from, to])?)));
-        let longest = runs.max_by(|(_, p), (_, q)| (p[1] - p[0]).total_cmp(&(q[1] - q[0])));
-        let Some((k, [t0, t1])) = longest else { return hits.extend(whole) };
-        let [u, v, opposite] = [0, 1, 2].map(|i| self.corner(f, (k + i) % 3).0);
-        let z = |t: f64| u.z + (v.z - u.z) * line.share(u, v, t);
-        let side = if line.side(opposite) > 0.0 { Side::Left } else { Side::Right };
-        hits.push(Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side });
-        // A line that leaves the edge at a small angle goes on in the facet.
-        if let Some(Hit { span, side: Side::Both }) = whole {
-            let rest = [span.cut(span.t0, t0.min(span.t1)), span.cut(t1.max(span.t0), span.t1)];
-            let is_long = |s: &Span| s.t1 - s.t0 > line.half_nm * 1e-3;
-            hits.extend(rest.into_iter().filter(is_long).map(|span| Hit { span, side: Side::Both }));
+        let mut runs: Vec<(usize, [f64; 2])> =
+            (0..3).filter_map(|k| Some((k, self.run(line, f, k, [from, to])?))).collect();
+        runs.sort_by(|(_, p), (_, q)| (q[1] - q[0]).total_cmp(&(p[1] - p[0])));
+        // Where edges meet the longer one counts.
+        for i in 1..runs.len() {
+            runs[i].1 = runs[..i].iter().fold(runs[i].1, |run, (_, longer)| beside(run, *longer));
+        }
+        let is_long = |[t0, t1]: [f64; 2]| t1 - t0 > line.half_nm * 1e-3;
+        runs.retain(|(_, run)| is_long(*run));
+        for &(k, [t0, t1]) in &runs {
+            let [u, v, opposite] = [0, 1, 2].map(|i| self.corner(f, (k + i) % 3).0);
+            let z = |t: f64| u.z + (v.z - u.z) * line.share(u, v, t);
+            let side = line.side_of_edge(u, v, opposite);
+            hits.push(Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side });
+        }
+        let Some(Hit { span, side }) = whole else { return };
+        if side != Side::Both && !runs.is_empty() {
+            return;
+        }
+        // A line that leaves an edge at a small angle goes on in the facet.
+        runs.sort_by(|(_, p), (_, q)| p[0].total_cmp(&q[0]));
+        let mut t = span.t0;
+        for [t0, t1] in runs.iter().map(|(_, run)| *run).chain([[span.t1; 2]]) {
+            let end = t0.min(span.t1);
+            if is_long([t, end]) {
+                hits.push(Hit { span: span.cut(t, end), side });
+            }
+            t = t.max(t1);
         }
     }
 

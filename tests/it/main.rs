@@ -63,6 +63,7 @@ mod run_linuxcnc;
 mod seen;
 mod setups;
 mod seven_axes;
+mod solids;
 mod sources;
 mod surface_formats;
 mod sweep;

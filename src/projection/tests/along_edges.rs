@@ -237,3 +237,23 @@ fn strokes_along_edges_are_marked_on_what_is_topmost_beside_them() {
         }
     }
 }
+
+#[test]
+fn nothing_shows_through_where_a_line_leaves_an_edge_for_one_that_it_crosses_at_a_small_angle() {
+    // The line y = 0 meets the edge from p to a within rounding near p, and then crosses that from a to b.
+    let [p, a, b] = [[0.0, 0.0, 4.0], [-0.218263, -0.000955, 4.174478], [0.0, 0.003807, 4.174478]];
+    let [c, d] = [[0.0, 0.015221, 4.348623], [-0.218761, 0.010448, 4.348623]];
+    let e = [-0.218097, -0.004759, 4.0];
+    let base = square(-10.0, -10.0, 10.0, 10.0).map(|[x, y]| [x, y, 0.0]);
+    let facets = [[a, e, p], [a, p, b], [a, b, c], [a, c, d], [base[0], base[1], base[2]], [base[0], base[2], base[3]]];
+    for (order, winding) in (0..14).flat_map(|order| (0..4).map(move |winding| (order, winding))) {
+        let surface = Surface::from_facets(shuffled(&facets, order, winding), &mut Vec::new()).expect("a surface");
+        let mut tracer = Tracer::new(&surface, LIMIT);
+        let ends = [-0.21, 0.0].map(|x| P2::from_mm(x, 0.0).expect("near"));
+        for [from, to] in [ends, [ends[1], ends[0]]] {
+            tracer.segment(from, to, |piece| {
+                assert_eq!(piece.skip, Some(Skip::Steep), "order {order}, winding {winding}: {piece:?}");
+            });
+        }
+    }
+}
