@@ -141,10 +141,12 @@ impl<'a> Tracer<'a> {
 
     /// Leaves the spans of a segment and their slopes. Where it runs along an edge, what lies beside it decides.
     fn walk(&mut self, a: P2, b: P2) {
-        self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+        let is_compared = self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
         self.measure();
-        let is_along_edge =
-            |(span, &slope2): (&Span, &f64)| self.surface.is_along_edge(a, b, span, slope2 > self.max_slope2);
+        let is_along_edge = |(span, &slope2): (&Span, &f64)| {
+            let is_steep = slope2 > self.max_slope2;
+            (is_steep || is_compared) && self.surface.is_along_edge(a, b, span, is_steep)
+        };
         if self.spans.iter().zip(&self.slopes2).any(is_along_edge) {
             self.surface.walk_along_edges(a, b, &mut self.cursor, &mut self.spans);
             self.measure();

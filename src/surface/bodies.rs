@@ -136,13 +136,25 @@ impl Body {
     }
 }
 
-/// What a user should know of the bodies of a surface file; nothing of a height map.
+/// Most facets of a file that is looked at before it is marked: of more it takes long next to the plan.
+const MOST_FACETS: usize = 500_000;
+
+/// What a user should know of the bodies of a surface file of up to 500,000 facets; nothing of a height map.
 ///
 /// # Errors
 /// Faults of the file.
 pub fn of_file(path: &Path, options: &super::Options) -> Result<Vec<Diag>, Error> {
     let mut bodies = Bodies::default();
-    super::read(path, options, &mut Vec::new(), &mut |facet| bodies.facet(facet))?;
+    let mut count = 0;
+    super::read(path, options, &mut Vec::new(), &mut |facet| {
+        count += 1;
+        if count <= MOST_FACETS {
+            bodies.facet(facet);
+        }
+    })?;
+    if count > MOST_FACETS {
+        return Ok(Vec::new());
+    }
     Ok(warnings(&bodies.finish(), &Place::file(path.display().to_string())))
 }
 

@@ -211,17 +211,19 @@ impl<'a> BinSteps<'a> {
 }
 
 impl Surface {
-    /// Walks the segment from `a` to `b` (part frame, a ≠ b) and writes its spans into `out`.
-    pub fn walk(&self, a: P2, b: P2, cursor: &mut Cursor, out: &mut Vec<Span>) {
+    /// Walks the segment from `a` to `b` (part frame, a ≠ b) and writes its spans into `out`; answers whether a rim or
+    /// another sheet may be near.
+    pub fn walk(&self, a: P2, b: P2, cursor: &mut Cursor, out: &mut Vec<Span>) -> bool {
         out.clear();
         let line = self.line(a, b);
         let Some([t0, t1]) = self.clip(&line) else {
             out.push(Span::gap(0.0, 1.0));
-            return;
+            return false;
         };
         push_gap(out, 0.0, t0, line.half_nm);
         let mut steps = BinSteps::new(self, &line, t0, t1);
         let mut t = t0;
+        let mut is_compared = false;
         loop {
             // Bins of one class in a row make one stretch: the walk starts and ends once in it.
             let (class, first) = (self.class(steps.bin()), steps.bin());
@@ -241,10 +243,14 @@ impl Surface {
                 Class::Simple => {
                     let reached = self.walk_free(&line, &Stretch { t: [t, end], bins: [first, last] }, cursor, out);
                     if reached < end {
+                        is_compared = true;
                         self.compare(&line, reached, end, cursor, out);
                     }
                 }
-                Class::Complex => self.compare(&line, t, end, cursor, out),
+                Class::Complex => {
+                    is_compared = true;
+                    self.compare(&line, t, end, cursor, out);
+                }
             }
             t = end;
             if !more {
@@ -254,6 +260,7 @@ impl Surface {
         push_gap(out, t1, 1.0, line.half_nm);
         seal(out);
         self.close_on_rims(&line, cursor, out);
+        is_compared
     }
 
     /// As [`Surface::walk`], for a segment that runs along edges: all facets under it are cut with it, and each counts on
