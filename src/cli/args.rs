@@ -438,6 +438,16 @@ impl TypedValueParser for Known {
     }
 }
 
+/// Three numbers separated by commas.
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
+        .collect::<Option<_>>()
+        .unwrap_or_default();
+    numbers.try_into().map_err(|_| "give three numbers, such as 0,0,1".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -480,14 +490,4 @@ mod tests {
             }
         }
     }
-}
-
-/// Three numbers separated by commas.
-fn triple(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
-        .collect::<Option<_>>()
-        .unwrap_or_default();
-    numbers.try_into().map_err(|_| "give three numbers, such as 0,0,1".to_owned())
 }

@@ -208,8 +208,11 @@ fn parameters(data: &[u8]) -> Result<Vec<String>, String> {
     }
 }
 
+/// What was split off, and what follows it.
+type Split<'a> = (&'a [u8], &'a [u8]);
+
 /// A text with its count before it, such as `2HMM`, and what follows; None where there is none.
-fn counted(data: &[u8]) -> Result<Option<(&[u8], &[u8])>, String> {
+fn counted(data: &[u8]) -> Result<Option<Split<'_>>, String> {
     let digits = data.iter().take_while(|b| b.is_ascii_digit()).count();
     if digits == 0 || data.get(digits) != Some(&b'H') {
         return Ok(None);
