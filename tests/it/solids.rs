@@ -97,7 +97,7 @@ fn shuffled(facets: &[Facet], order: u64, winding: u64) -> Vec<Facet> {
         let is_turned = match winding {
             0 => false,
             1 => true,
-            _ => noise.next() % 2 == 0,
+            _ => noise.next().is_multiple_of(2),
         };
         if is_turned {
             f.swap(0, 1);
