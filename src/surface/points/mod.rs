@@ -1,7 +1,7 @@
 //! Point clouds: XYZ and CSV text, meshed by Delaunay triangulation in plan.
 //!
 //! Consumes rows of three or more columns separated by blanks, tabs, commas or semicolons (one kind per
-//! file), and what programs write before them ([`rows`]); columns named x, y and z are found by name
+//! file), and what programs write before them ([`mod@rows`]); columns named x, y and z are found by name
 //! ([`names`]). Points are put on the nanometre grid in x and y first: the triangulation is exact, equal for
 //! any order of the points, and where several points share a place the highest counts.
 //!
