@@ -74,7 +74,10 @@ impl Simulator {
 
     /// Stores a setting, as a terminal does.
     fn set(&self, setting: &str) {
-        let mut link = Link::open(&self.port, DEFAULT_BAUD).expect("a port");
+        // A driver that was dropped may hold its port for a moment longer.
+        let open =
+            |_| Link::open(&self.port, DEFAULT_BAUD).inspect_err(|_| std::thread::sleep(Duration::from_millis(50)));
+        let mut link = (0..40).map(open).find_map(Result::ok).expect("a port");
         link.send(setting).expect("sent");
         assert_eq!(link.next(Instant::now() + Duration::from_secs(1)), Ok(Some(Reply::Ok)));
     }
