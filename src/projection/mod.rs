@@ -178,7 +178,10 @@ impl<'a> Tracer<'a> {
         }
         let (mut span, slope2) = best.expect("four directions");
         (span.t0, span.t1, span.z1) = (0.0, 1.0, span.z0);
-        (self.spans, self.slopes2) = (vec![span], vec![slope2]);
+        self.spans.clear();
+        self.spans.push(span);
+        self.slopes2.clear();
+        self.slopes2.push(slope2);
     }
 }
 

@@ -300,6 +300,13 @@ impl Surface {
     /// The stretch between two parameters on which the line runs along edge k of facet f, within rounding.
     fn run(&self, line: &Line, f: u32, k: usize, [from, to]: [f64; 2]) -> Option<[f64; 2]> {
         let [u, v] = [k, (k + 1) % 3].map(|k| self.corner(f, k).0);
+        // Most edges lie beside the line, or cross it at a larger angle than leaves them near it for so long.
+        let off = [u, v].map(|c| line.side(c) * 2.0 * line.half_nm);
+        let is_beside = off[0] * off[1] > 0.0 && off[0].abs().min(off[1].abs()) > ON_RIM;
+        let length = (f64::from(v.x) - f64::from(u.x)).hypot(f64::from(v.y) - f64::from(u.y));
+        if is_beside || (off[0] - off[1]).abs() * RUN > 4.0 * ON_RIM * length {
+            return None;
+        }
         let [s, e] = [u, v].map(|c| line.parameter(c.x.into(), c.y.into()));
         let near = line.near(u, v);
         let run = [near[0].max(from).max(s.min(e)), near[1].min(to).min(s.max(e))];
