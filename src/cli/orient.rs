@@ -13,7 +13,7 @@ use crate::diag::{Diag, Error, Kind, Place};
 use crate::geom::{Pose, mm_from_nm};
 use crate::job::Job;
 use crate::manifest::duration;
-use crate::plan::lay::{self, Laying, Side};
+use crate::plan::lay::{self, Laying, Reason, Side};
 use crate::plan::orient::{self, Orientation, SetUp};
 use crate::units::Angle;
 
@@ -96,12 +96,15 @@ fn best(found: &[Orientation]) -> Option<&SetUp> {
     Some(leaning.filter(|l| l.stage_s < (1.0 - WORTH) * flat.stage_s).unwrap_or(flat))
 }
 
-/// The rotations of the surface file with which a set-up lies.
+/// The rotations of the surface file with which a set-up lies. It leans about the axes of the turned part, and the job
+/// turns the part after these rotations.
 fn rotations(job: &Job, set_up: &SetUp) -> [Angle; 3] {
     let [x, y] = set_up.lean_deg.map(f64::to_radians);
     let lean = Pose::from_angles([0.0, y, 0.0]).then(Pose::from_angles([x, 0.0, 0.0]));
+    let turn = job.placement.turn.as_rad();
+    let [turned, back] = [turn, -turn].map(|rad| Pose::from_angles([0.0, 0.0, rad]));
     let laid = job.placement.laid.and_then(|laid| laid.pose()).unwrap_or(Pose::from_angles([0.0; 3]));
-    lay::angles(&laid.then(lean))
+    lay::angles(&laid.then(turned).then(lean).then(back))
 }
 
 /// Writes rotations into the job file, all else of which stays as it is.
@@ -131,7 +134,11 @@ fn text(found: &[Orientation], turned: Option<&Laying>) -> String {
     let mut out = String::new();
     if let Some(laying) = turned {
         let [x, y, z] = laying.up;
-        let why = if laying.is_witnessed { "its facets face that way" } else { "it shows the most area that way" };
+        let why = match laying.reason {
+            Reason::Winding => "its facets face that way",
+            Reason::Area => "it shows the most area that way",
+            Reason::Asked => "as asked for",
+        };
         let _ = writeln!(
             out,
             "The part is laid with ({x:.3}, {y:.3}, {z:.3}) of its file towards the lens: {why}.\nAs the file has it, \
@@ -180,8 +187,8 @@ fn json(found: &[Orientation], job: &Job, laying: Option<&Laying>, rotate: [Angl
             "stage_s": w.stage_s(),
         })
     };
-    let side = laying
-        .map(|laying| json!({"up": laying.up, "faces_lens": laying.faces_lens, "is_witnessed": laying.is_witnessed}));
+    let side =
+        laying.map(|laying| json!({"up": laying.up, "faces_lens": laying.faces_lens, "reason": laying.reason.name()}));
     json!({
         "orientations": found.iter().map(way).collect::<Vec<_>>(),
         "side": side,

@@ -47,8 +47,30 @@ pub struct Laying {
     pub pose: Pose,
     /// Share of the area that faces the lens as the file has it, by its winding, 0 to 1.
     pub faces_lens: f64,
-    /// Whether the side was taken from the winding of an open sheet.
-    pub is_witnessed: bool,
+    /// What the side was taken from.
+    pub reason: Reason,
+}
+
+/// What the side that faces the lens was taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// The winding of an open sheet.
+    Winding,
+    /// The area that a closed body shows.
+    Area,
+    /// The user.
+    Asked,
+}
+
+impl Reason {
+    /// Its name in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Winding => "winding",
+            Self::Area => "area",
+            Self::Asked => "asked",
+        }
+    }
 }
 
 /// Finds how the part of a job is to be laid.
@@ -68,8 +90,11 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
     if seen.area <= 0.0 {
         return Err(here(Diag::input("surface-empty", "the surface file holds no area").hint("export it again")));
     }
-    let whole = norm(seen.sum);
-    let is_witnessed = whole > OPEN * seen.area;
+    let reason = match side {
+        Side::Up(_) | Side::LieOn(_) => Reason::Asked,
+        Side::Found if norm(seen.sum) > OPEN * seen.area => Reason::Winding,
+        Side::Found => Reason::Area,
+    };
     let up = match side {
         Side::Up(direction) => direction,
         Side::LieOn(point) => {
@@ -78,7 +103,7 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
             let at = [0, 1, 2].map(|k| (point[k] - datum[k]) * unit);
             seen.nearest(at).map(|v| -v)
         }
-        Side::Found if is_witnessed => seen.sum,
+        Side::Found if reason == Reason::Winding => seen.sum,
         Side::Found => seen.best_side(job.limits.max_incidence.as_rad().cos()).map_err(here)?,
     };
     let Some(tilt) = Pose::from_up(up) else {
@@ -87,7 +112,7 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
     };
     let pose = tilt.then(seen.smallest_box(&tilt));
     let length = norm(up);
-    Ok(Laying { up: up.map(|v| v / length), pose, faces_lens: seen.up / seen.area, is_witnessed })
+    Ok(Laying { up: up.map(|v| v / length), pose, faces_lens: seen.up / seen.area, reason })
 }
 
 /// What the facets of a file come to.

@@ -114,6 +114,26 @@ fn the_side_can_be_chosen_and_the_job_file_keeps_all_else() {
 }
 
 #[test]
+fn a_fixture_angle_is_written_for_the_part_before_it_is_turned() {
+    let dir = folder();
+    // It rises along x by a tenth, and along y by a twentieth.
+    write_stl(&dir.path().join("part.stl"), &mesh(30, [0.0, 0.0, 120.0, 70.0], |x, y| 0.1 * x + 0.05 * y));
+    for turn in [0, 90, 37] {
+        let file = job(dir.path());
+        let text = std::fs::read_to_string(&file).expect("readable");
+        std::fs::write(&file, format!("{text}\n[placement]\nturn = \"{turn} deg\"\n")).expect("written");
+        let out = terrace(["orient", file.to_str().expect("text"), "--apply", "-q"]);
+        assert!(out.status.success(), "{}", said(&out));
+        let laid = dir.path().join(format!("{turn}.job"));
+        compile(&file, &laid);
+        let blocks = manifest(&laid)["blocks"].as_array().expect("blocks").clone();
+        let steepest = blocks.iter().map(|b| b["incidence_deg"][1].as_f64().expect("an angle")).fold(0.0, f64::max);
+        // It lay at 6.4 deg.
+        assert!(steepest < 0.3, "turn {turn}: {steepest} deg are left");
+    }
+}
+
+#[test]
 fn a_closed_body_is_asked_for_its_side_where_two_are_alike() {
     let dir = folder();
     let corner = |i: usize| [[0.0, 0.0], [60.0, 0.0], [60.0, 40.0], [0.0, 40.0]][i % 4];
