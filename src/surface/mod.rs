@@ -5,6 +5,7 @@
 //!
 //! Units: file readers hand over f64 mm in the part frame; the walk works in nm (x and y integers).
 
+mod along_edges;
 mod bins;
 pub mod bodies;
 #[cfg(test)]
