@@ -23,9 +23,10 @@ test: setup tests
 tests:
 	$(CARGO) test --no-run
 
-# The slow ones too, and those that read ../shared; they fail where it is absent. Lints first.
+# The slow ones too, and those that read ../shared; they fail where it is absent. Lints first, then
+# every test, whatever failed before it.
 test-all: setup-all check
-	$(CARGO) test --profile test-all -- --include-ignored
+	$(CARGO) test --no-fail-fast --profile test-all -- --include-ignored
 
 # Formatting, lints, documentation.
 check:
