@@ -23,6 +23,7 @@ mod sweep;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 use clap::error::ContextKind;
 
@@ -32,8 +33,7 @@ use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
 use crate::nurbs::{GridSteps, Surface};
 use crate::plan::lay::Side;
-use crate::plan::{self, Plan};
-use crate::surface::bodies;
+use crate::plan::{self, Inputs, Phase, Plan};
 use crate::units::Length;
 use crate::verify;
 use args::{Args, Choice, Command};
@@ -117,7 +117,7 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Init { folder, schema } => init(args, folder, *schema)?,
         Command::Check { job, choice } => {
             let plan = planned(args, job, choice)?;
-            warn(args, &bodies::of_file(&plan.job().surface_path(), &plan.job().surface.options)?);
+            warn(args, &plan::part::look_at(&plan)?);
             report(args, &plan, None)?;
         }
         Command::Compile { job, output, verify, choice } => compile(args, job, output.as_deref(), *verify, choice)?,
@@ -249,7 +249,7 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, cho
     let steps = Steps::new(args.quiet);
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     let told = steps.numbered(&phases, show::phase);
-    let plan = plan::plan(job, &told)?;
+    let plan = plan_told(args, job, &steps, &told)?;
     let prove = |folder: &Path| if is_proved { proved(folder).map(Some) } else { Ok(None) };
     job_folder::write_proved(&plan, &target, durability(args), &told, &prove)?;
     steps.done();
@@ -268,19 +268,32 @@ fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {
 fn planned_of(args: &Args, job: Job) -> Result<Plan, Error> {
     let steps = Steps::new(args.quiet);
     let phases = plan::phases(&job);
-    let plan = plan::plan(job, &steps.numbered(&phases, show::phase))?;
+    let plan = plan_told(args, job, &steps, &steps.numbered(&phases, show::phase))?;
     steps.done();
     warn(args, plan.warnings());
     Ok(plan)
 }
 
+/// Plans a job; what its inputs give cause to warn of is told before.
+fn plan_told(args: &Args, job: Job, steps: &Steps, progress: plan::Progress<'_>) -> Result<Plan, Error> {
+    let inputs = Inputs::load_told(&job, Phase::Read.task(progress))?;
+    steps.suspend(|| warn(args, &inputs.warnings));
+    plan::of_inputs(job, inputs, progress)
+}
+
+/// Writes warnings to stderr, each once.
 fn warn(args: &Args, warnings: &[Diag]) {
+    static TOLD: Mutex<Vec<Diag>> = Mutex::new(Vec::new());
     if args.quiet {
         return;
     }
     let color = std::io::stderr().is_terminal();
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
     for w in warnings {
-        eprintln_all(&w.render(color));
+        if !told.contains(w) {
+            eprintln_all(&w.render(color));
+            told.push(w.clone());
+        }
     }
 }
 

@@ -118,6 +118,11 @@ impl Steps {
         }
     }
 
+    /// Does what writes to stderr while nothing is drawn there.
+    pub fn suspend(&self, write: impl FnOnce()) {
+        self.bar.suspend(write);
+    }
+
     /// Ends it: results and messages begin on a clean line.
     pub fn done(self) {}
 }

@@ -94,6 +94,7 @@ impl Inputs {
             Some(surface) => Arc::clone(surface),
             None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, joining, turn, warnings, shape)?),
         };
+        warnings.extend(plausible::odd_part(job, surface.size_mm(), machine));
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
         drop(drawings);
         let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();

@@ -27,6 +27,7 @@ mod nothing;
 mod off_part;
 mod on_the_fly;
 pub mod orient;
+pub mod part;
 mod pass;
 mod plausible;
 mod progress;
@@ -113,6 +114,14 @@ impl Plan {
 /// Faults of the inputs; limits of the machine that the job breaks.
 pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
     let inputs = Inputs::load_told(&job, Phase::Read.task(progress))?;
+    of_inputs(job, inputs, progress)
+}
+
+/// Plans a job whose inputs were read, by its mode.
+///
+/// # Errors
+/// Limits of the machine that the job breaks.
+pub fn of_inputs(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<Plan, Error> {
     match job.mode {
         Mode::Stepped => stepped::plan(job, inputs, progress).map(|p| Plan::Stepped(Box::new(p))),
         Mode::OnTheFly => on_the_fly::plan(job, inputs, progress).map(|p| Plan::OnTheFly(Box::new(p))),

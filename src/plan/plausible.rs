@@ -17,6 +17,12 @@ use crate::texture::{Slip, Texture};
 /// often a slip in pitch, speed or scale.
 const MOST_DAYS: f64 = 30.0;
 
+/// Least width of a part in plan, in spots: at 0.04 mm it is 2 mm.
+const LEAST_SPOTS: f64 = 50.0;
+
+/// Largest side of a part, in travels of the axis along it: what is larger does not lie on the machine.
+const MOST_TRAVELS: f64 = 10.0;
+
 /// How often every place in the box of a texture may be marked, on the average. A hatch marks it twice at the usual
 /// pitch, four times at the least one, eight times crossed: this is what ten such hatches on each other come to, and a
 /// drawing that was made too small.
@@ -134,6 +140,27 @@ impl Shares {
             })
         })
     }
+}
+
+/// A part that is far too large or far too small for the machine; `size` are its sides along x, y and z, mm.
+pub(super) fn odd_part(job: &Job, size: [f64; 3], machine: &Machine) -> Option<Diag> {
+    let [x, y, z] = size;
+    let text = format!("the part is {x:.3} x {y:.3} x {z:.3} mm");
+    let travels = machine.axes().map(|(name, axis)| {
+        let [lo, hi] = axis.travel_nm();
+        (name, (hi - lo).mm())
+    });
+    let width = size[0].max(size[1]) / machine.lens.spot.as_mm();
+    let found =
+        if let Some((name, travel)) = (0..3).find(|&k| size[k] > MOST_TRAVELS * travels[k].1).map(|k| travels[k]) {
+            format!("{text}, more than {MOST_TRAVELS} times the travel of {name}, {travel} mm")
+        } else if width < LEAST_SPOTS {
+            format!("{text}, in plan {width:.0} spots wide")
+        } else {
+            return None;
+        };
+    let hint = "check the unit of the file: surface.unit, or that of the CAD program";
+    Some(Diag::warning("part-size", found).at(job.place_of("surface.file")).hint(hint))
 }
 
 /// The same error, in which the size of a drawing explains that nothing lies on the part.

@@ -5,11 +5,10 @@
 //! used to plan a job.
 
 use std::collections::hash_map::Entry;
-use std::path::Path;
 
 use rustc_hash::FxHashMap;
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Place};
 use crate::geom::{BoxMm, NM_PER_MM};
 
 type Point = [f64; 3];
@@ -134,28 +133,6 @@ impl Body {
         let over = (0..2).all(|k| a.lo[k] < b.hi[k] && b.lo[k] < a.hi[k]);
         over && a.hi[2] > b.hi[2] && a.lo[2] >= (b.lo[2] + b.hi[2]) / 2.0
     }
-}
-
-/// Most facets of a file that is looked at before it is marked: of more it takes long next to the plan.
-const MOST_FACETS: usize = 500_000;
-
-/// What a user should know of the bodies of a surface file of up to 500,000 facets; nothing of a height map.
-///
-/// # Errors
-/// Faults of the file.
-pub fn of_file(path: &Path, options: &super::Options) -> Result<Vec<Diag>, Error> {
-    let mut bodies = Bodies::default();
-    let mut count = 0;
-    super::read(path, options, &mut Vec::new(), &mut |facet| {
-        count += 1;
-        if count <= MOST_FACETS {
-            bodies.facet(facet);
-        }
-    })?;
-    if count > MOST_FACETS {
-        return Ok(Vec::new());
-    }
-    Ok(warnings(&bodies.finish(), &Place::file(path.display().to_string())))
 }
 
 /// What a user should know of the bodies of a file before it is marked: holes in closed ones, and one above another.

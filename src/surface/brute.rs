@@ -319,6 +319,9 @@ fn trials(seeds: std::ops::Range<u64>) {
 #[test]
 fn walk_equals_brute_force_over_all_facets() {
     trials(0..250);
+    // Sheets that tie on their own side, and across the line.
+    trials(24_939..24_940);
+    trials(49_808..49_809);
 }
 
 #[test]

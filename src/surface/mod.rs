@@ -13,6 +13,7 @@ mod brute;
 mod cad;
 mod decimate;
 mod facets;
+mod facing;
 mod faults;
 mod heightmap;
 mod implicit_mesh;
@@ -40,6 +41,7 @@ use bins::{Bins, Class};
 pub use cad::{About, CadMesh, Tessellation, is_cad, load as load_cad};
 pub use decimate::Decimated;
 use facets::Unit;
+pub use facing::Facing;
 pub use faults::{Fault, FaultKind, NonManifold};
 pub use heightmap::Samples;
 use heightmap::esri_grid::By;
@@ -163,7 +165,7 @@ pub fn read(
 /// Whether a file holds points that are triangulated, by its name and how it begins.
 pub fn is_cloud(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    matches!(extension.as_str(), "xyz" | "csv" | "txt" | "asc")
+    matches!(extension.as_str(), "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx")
         && Lines::open(path, "a point cloud").is_ok_and(|lines| !heightmap::esri_grid::begins(lines.head()))
 }
 
@@ -212,7 +214,7 @@ fn read_file(
         "png" => heightmap::png_image::read(path, scale("a PNG image")?, notes),
         "tif" | "tiff" => heightmap::tiff_image::read(path, scale("a TIFF image")?, notes),
         "dem" => heightmap::usgs_dem::read(path, scale("a USGS DEM")?, notes),
-        "xyz" | "csv" | "txt" | "asc" => {
+        "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx" => {
             // A grid may have its scale from either.
             if options.heightmap.is_none() {
                 unit("a point cloud")?;
@@ -251,7 +253,7 @@ fn way_in(extension: &str) -> &'static str {
         }
         _ => {
             "surfaces are read from .stl, .obj, .ply, .3mf, .step, .iges, .png, .tif or .dem (height maps), and .xyz, .csv, \
-             .txt or .asc (points, or an ESRI grid)"
+             .txt, .asc, .pts or .ptx (points, or an ESRI grid)"
         }
     }
 }

@@ -217,7 +217,11 @@ impl<L: Fn(u32) -> (f64, f64)> Choice<L> {
         let takes_left = match (is_markable(&left), is_markable(&right)) {
             (true, false) => true,
             (false, true) => false,
-            _ if left.ties(&right) => self.first == Side::Left,
+            // Each may have lost to what ties with it on its own side: no more is lost here.
+            _ if left.ties(&right) => {
+                let facet = if self.first == Side::Left { left.facet } else { right.facet };
+                return Some(Span { facet, z0: left.z0.max(right.z0), z1: left.z1.max(right.z1), ..left });
+            }
             _ => left.z0 + left.z1 > right.z0 + right.z1,
         };
         Some(if takes_left { left } else { right })

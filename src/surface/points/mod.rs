@@ -395,6 +395,11 @@ mod tests {
             (format!("{points}-1 -1 -1\n0 0 0\n0 0 0\n"), 6, Some("points-duplicate")),
             (format!("{points}-1 -1 -1\n{}", "0 0 0\n".repeat(10)), 4, Some("points-no-data")),
             ("0 0 0\n9 0 0\n0 9 0\n".to_owned(), 1, None),
+            (format!("{points}14 14 -9999\n14 12 -9999.0\n"), 2, Some("points-no-data")),
+            (format!("{points}14 12 -999.9\n14 14 -999.9\n"), 2, Some("points-no-data")),
+            (format!("{points}14 14 -999\n"), 2, Some("points-no-data")),
+            ("0 0 -1500\n9 0 0\n9 9 0\n0 9 -1500\n4 4 -999\n".to_owned(), 4, None),
+            (points.replace("9\n", "-999\n"), 2, None),
         ] {
             let (result, _, notes) = read_text(&text, Some(100.0));
             assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), Vec::from_iter(code), "{text}");
@@ -408,6 +413,7 @@ mod tests {
             ("0 0 0\n1 0\n", "points-columns", ":2: this row has 2 columns, the first one has 3"),
             ("3\nmolecule\nC 0 0 0\n", "points-columns", ":2: a point has three numbers, this row has 1"),
             ("3\n4\n0 0 0\n1 0 0\n", "points-no-surface", "no points"),
+            ("x;note\n0;0;\n", "points-columns", "a point has three numbers, this row has 2"),
             ("3\n4\n0 0 0\n1 0\n", "points-columns", ":4: two rows of one number begin a PTX scan, whose row 4 has 3"),
             ("4\n0 0 0\n1 0 0\n0 1 0\n7\n1 1 0\n", "points-columns", ":5: this row has 1 columns"),
             ("x,y,z,i\n0,0,0\n", "points-columns", ":2: this row has 3 columns, the first one has 4"),

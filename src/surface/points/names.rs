@@ -123,6 +123,9 @@ pub(super) struct Named {
 /// # Errors
 /// The names contradict each other, or the columns that would be taken.
 pub(super) fn of_row(line: &[u8], separator: Separator, columns: usize) -> Result<Option<Named>, Diag> {
+    if columns < 3 {
+        return Ok(None);
+    }
     let Some(names) = split(line, separator, columns..=columns) else { return Ok(None) };
     if let Some(named) = by_names(&names)? {
         return Ok(Some(named));

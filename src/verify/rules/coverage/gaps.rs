@@ -137,7 +137,7 @@ impl Cover<'_> {
             .blocks
             .iter()
             .filter(near)
-            .any(|b| self.longest_inside(run, &self.facts.raised(b), self.facts.section_nm, scratch) >= least)
+            .any(|b| self.longest_inside(run, &self.facts.raised(b), self.facts.section_nm, 0.0, scratch) >= least)
     }
 
     /// Whether the run is what cuts left over next to marks: shorter than `min_mark` for each end that is the end of a
@@ -165,8 +165,10 @@ impl Cover<'_> {
         !would_go_on && !next_to(1).is_some_and(|mark| self.accepts(&mark, run, scratch))
     }
 
-    /// Whether the block of a mark accepts all of the run. Not looked into on machines with a tilt table or a zoom
-    /// optic, whose blocks need not be centred on their windows, nor where `depth` has found a fault.
+    /// Whether the block of a mark accepts all of the run, on whichever side of the line rounding has put what lies
+    /// there: a rim that the line meets at 1 deg is met 60 nm further on for each nanometre aside. Not looked into on
+    /// machines with a tilt table or a zoom optic, whose blocks need not be centred on their windows, nor where `depth`
+    /// has found a fault.
     fn accepts(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
         let block = &self.file.program.blocks[self.block_of(mark.mark)];
         let machine = &self.facts.machine;
@@ -177,7 +179,9 @@ impl Cover<'_> {
         let undecided = Nm((self.geometry.grain() * self.facts.max_incidence_rad.tan().max(1.0)).ceil() as i64);
         let mut sure = self.facts.raised(block);
         (sure.stop.z_lo, sure.stop.z_hi) = (sure.stop.z_lo + undecided, sure.stop.z_hi - undecided);
-        is_known && self.longest_inside(run, &sure, window, scratch) > run.len - ROUNDED
+        let reach = self.geometry.reach();
+        let holds = |side| self.longest_inside(run, &sure, window, side, scratch) > run.len - ROUNDED;
+        is_known && [0.0, reach, -reach].into_iter().all(holds)
     }
 
     /// How far lengths between two marks may be off, nm.
@@ -185,8 +189,8 @@ impl Cover<'_> {
         2.0 * noise(before.as_ref(), after.as_ref())
     }
 
-    /// The longest part of the run in a block's window whose heights the block accepts.
-    fn longest_inside(&self, run: &Run, block: &Block, window: [f64; 2], scratch: &mut Scratch) -> f64 {
+    /// The longest part of the run in a block's window whose heights the block accepts, on a line so far aside.
+    fn longest_inside(&self, run: &Run, block: &Block, window: [f64; 2], side: f64, scratch: &mut Scratch) -> f64 {
         let (lo, hi) = (block.stop.z_lo.f64(), block.stop.z_hi.f64());
         let centre = [block.stop.centre.x as f64, block.stop.centre.y as f64];
         let half = window.map(|s| s / 2.0);
@@ -200,7 +204,7 @@ impl Cover<'_> {
             if d[0] > s.d[0] {
                 length = 0.0;
             }
-            self.geometry.along(&line.part(d, 0.0), scratch, |p| {
+            self.geometry.along(&line.part(d, side), scratch, |p| {
                 let Some(sheet) = p.sheet else { return length = 0.0 };
                 let inside = share(sheet.z, [lo, hi]);
                 // A piece that leaves the interval ends the part; its share may begin another.
