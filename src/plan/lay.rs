@@ -6,6 +6,7 @@
 //! area lies within the limit of incidence, and the user is asked where the side away from it shows nearly as much. What
 //! one part of a body hides from another is not looked into.
 
+use super::orient;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Pose;
 use crate::job::{Job, Laid};
@@ -252,10 +253,10 @@ pub fn angles(pose: &Pose) -> [Angle; 3] {
 }
 
 impl Laying {
-    /// Whether the part lies so already, to half a degree of its side.
+    /// Whether the part lies on that side already: within the fixture angles that [`super::orient`] tries it leans.
     pub fn is_as_placed(&self, laid: Option<Laid>) -> bool {
         let now = laid.and_then(|laid| laid.pose()).map_or(self.up, |pose| pose.apply(self.up));
-        now[2] > 0.5f64.to_radians().cos()
+        now[2] > orient::STEEPEST.to_radians().cos()
     }
 }
 

@@ -57,7 +57,7 @@ impl Orientation {
 }
 
 /// Largest fixture angle that is tried, and the first and last step of the search, degrees.
-const STEEPEST: f64 = 20.0;
+pub(super) const STEEPEST: f64 = 20.0;
 const FIRST: f64 = 2.5;
 const LAST: f64 = 0.02;
 
