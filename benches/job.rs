@@ -80,8 +80,16 @@ fn run(case: &str, stl: &Path) {
 
 fn load(stl: &Path) -> Surface {
     let options = Options { unit_mm: Some(1.0), ..Options::default() };
-    Surface::load(stl, &options, Joining::default(), 0.0, &mut Vec::new(), terrace::progress::Task::untold())
-        .unwrap_or_else(|e| panic!("{e}"))
+    Surface::load(
+        stl,
+        &options,
+        Joining::default(),
+        0.0,
+        &mut Vec::new(),
+        &mut |_| {},
+        terrace::progress::Task::untold(),
+    )
+    .unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Facets crossed in a second by the lines of a 0.1 mm hatch.

@@ -31,8 +31,10 @@ use crate::diag::{Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
+use crate::manifest::AnySummary;
 use crate::nurbs::{GridSteps, Surface};
 use crate::plan::lay::Side;
+use crate::plan::part::{self, Facets};
 use crate::plan::{self, Inputs, Phase, Plan};
 use crate::units::Length;
 use crate::verify;
@@ -116,9 +118,11 @@ fn run(args: &Args) -> Result<u8, Error> {
     match &args.command {
         Command::Init { folder, schema } => init(args, folder, *schema)?,
         Command::Check { job, choice } => {
-            let plan = planned(args, job, choice)?;
-            warn(args, &plan::part::look_at(&plan)?);
-            report(args, &plan, None)?;
+            let mut facets = Facets::default();
+            let plan = planned(args, load(args, job, choice)?, &mut |facet| facets.take(facet))?;
+            let found = part::look_at(&plan, &facets);
+            warn(args, &found);
+            report(args, plan.summary().warned(&found), None)?;
         }
         Command::Compile { job, output, verify, choice } => compile(args, job, output.as_deref(), *verify, choice)?,
         Command::Verify { folder, inputs } => {
@@ -249,7 +253,7 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, cho
     let steps = Steps::new(args.quiet);
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     let told = steps.numbered(&phases, show::phase);
-    let plan = plan_told(args, job, &steps, &told)?;
+    let plan = plan_told(args, job, &steps, &mut |_| {}, &told)?;
     let prove = |folder: &Path| if is_proved { proved(folder).map(Some) } else { Ok(None) };
     job_folder::write_proved(&plan, &target, durability(args), &told, &prove)?;
     steps.done();
@@ -258,25 +262,27 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, cho
         let d = Diag::warning("job-from-stdin", "the job came from standard input, and verify reads it again");
         warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job().path.display()))]);
     }
-    report(args, &plan, Some(&target))
+    report(args, plan.summary(), Some(&target))
 }
 
-fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {
-    planned_of(args, load(args, path, choice)?)
-}
-
-fn planned_of(args: &Args, job: Job) -> Result<Plan, Error> {
+fn planned(args: &Args, job: Job, each: &mut dyn FnMut([[f64; 3]; 3])) -> Result<Plan, Error> {
     let steps = Steps::new(args.quiet);
     let phases = plan::phases(&job);
-    let plan = plan_told(args, job, &steps, &steps.numbered(&phases, show::phase))?;
+    let plan = plan_told(args, job, &steps, each, &steps.numbered(&phases, show::phase))?;
     steps.done();
     warn(args, plan.warnings());
     Ok(plan)
 }
 
 /// Plans a job; what its inputs give cause to warn of is told before.
-fn plan_told(args: &Args, job: Job, steps: &Steps, progress: plan::Progress<'_>) -> Result<Plan, Error> {
-    let inputs = Inputs::load_told(&job, Phase::Read.task(progress))?;
+fn plan_told(
+    args: &Args,
+    job: Job,
+    steps: &Steps,
+    each: &mut dyn FnMut([[f64; 3]; 3]),
+    progress: plan::Progress<'_>,
+) -> Result<Plan, Error> {
+    let inputs = Inputs::load_each(&job, each, Phase::Read.task(progress))?;
     steps.suspend(|| warn(args, &inputs.warnings));
     plan::of_inputs(job, inputs, progress)
 }
@@ -297,8 +303,7 @@ fn warn(args: &Args, warnings: &[Diag]) {
     }
 }
 
-fn report(args: &Args, plan: &Plan, folder: Option<&Path>) -> Result<(), Error> {
-    let summary = plan.summary();
+fn report(args: &Args, summary: AnySummary, folder: Option<&Path>) -> Result<(), Error> {
     print(&if args.json { show::json(&summary.to_json()) } else { show::summary(&summary, folder) })
 }
 

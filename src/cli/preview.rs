@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::args::{Args, Choice};
-use super::{load, planned_of, print, refuse_input, write_file, wrote};
+use super::{load, planned, print, refuse_input, write_file, wrote};
 use crate::diag::{Diag, Error, Place};
 use crate::job_folder::{self, Pictures};
 use crate::report;
@@ -66,7 +66,7 @@ pub(super) fn preview(
     }
     // What is refused for it is what one wants to see.
     let most = std::mem::replace(&mut job.limits.max_off_part, Share::percent(100.0));
-    let plan = planned_of(args, job)?;
+    let plan = planned(args, job, &mut |_| {})?;
     let pictures = Pictures::of(&plan)?;
     let fault = plan.stepped().and_then(|plan| plan.off_part.fault(most));
     let refused = fault.map_or(Ok(()), |fault| Err(fault.into()));

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{OnTheFlySummary, Summary};
-use crate::diag::{self, Diag, Error, Place};
+use crate::diag::{self, Diag, Error, Message, Place};
 use crate::job::{Job, Mode, Objective};
 
 /// The name of the file that makes a folder a job folder; written last.
@@ -151,6 +151,17 @@ impl AnySummary {
             Self::OnTheFly(summary) => serde_json::to_value(summary),
         };
         value.expect("summaries are plain JSON")
+    }
+
+    /// With further warnings.
+    #[must_use]
+    pub fn warned(mut self, further: &[Diag]) -> Self {
+        let warnings = match &mut self {
+            Self::Stepped(summary) => &mut summary.warnings,
+            Self::OnTheFly(summary) => &mut summary.warnings,
+        };
+        warnings.extend(further.iter().map(Message::from));
+        self
     }
 }
 

@@ -45,7 +45,15 @@ impl Inputs {
     /// # Errors
     /// As [`Inputs::load`].
     pub fn load_told(job: &Job, task: Task<'_>) -> Result<Self, Error> {
-        Self::loaded(job, None, task)
+        Self::loaded(job, None, &mut |_| {}, task)
+    }
+
+    /// [`Inputs::load_told`] that hands on each facet of the surface file as the file has it.
+    ///
+    /// # Errors
+    /// As [`Inputs::load`].
+    pub fn load_each(job: &Job, each: &mut dyn FnMut([[f64; 3]; 3]), task: Task<'_>) -> Result<Self, Error> {
+        Self::loaded(job, None, each, task)
     }
 
     /// The same for one of several jobs; the surface of another is taken over where both read and turn it alike.
@@ -53,10 +61,15 @@ impl Inputs {
     /// # Errors
     /// As [`Inputs::load`].
     pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
-        Self::loaded(job, other, Task::untold())
+        Self::loaded(job, other, &mut |_| {}, Task::untold())
     }
 
-    fn loaded(job: &Job, other: Option<(&Job, &Arc<Surface>)>, task: Task<'_>) -> Result<Self, Error> {
+    fn loaded(
+        job: &Job,
+        other: Option<(&Job, &Arc<Surface>)>,
+        each: &mut dyn FnMut([[f64; 3]; 3]),
+        task: Task<'_>,
+    ) -> Result<Self, Error> {
         let read_alike = |of: &Job| {
             let turns = [of, job].map(|j| j.placement.turn.as_rad());
             of.surface == job.surface && turns[0] == turns[1] && of.path == job.path
@@ -70,7 +83,7 @@ impl Inputs {
         let mut warnings = job.warnings.clone();
         warnings.extend(job.plausible(&machine)?);
         // Warnings before an error often show its cause.
-        match Self::read(job, surface, &machine, &mut warnings, task) {
+        match Self::read(job, surface, &machine, &mut warnings, each, task) {
             Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
@@ -81,6 +94,7 @@ impl Inputs {
         surface: Option<&Arc<Surface>>,
         machine: &Machine,
         warnings: &mut Vec<Diag>,
+        each: &mut dyn FnMut([[f64; 3]; 3]),
         task: Task<'_>,
     ) -> Result<(Arc<Surface>, Texture, Option<SpaceCurves>), Error> {
         let [shape, drawings] = task.split([3, 1]);
@@ -92,7 +106,10 @@ impl Inputs {
         };
         let surface = match surface {
             Some(surface) => Arc::clone(surface),
-            None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, joining, turn, warnings, shape)?),
+            None => {
+                let (path, options) = (job.surface_path(), &job.surface.options);
+                Arc::new(Surface::load(&path, options, joining, turn, warnings, each, shape)?)
+            }
         };
         warnings.extend(plausible::odd_part(job, surface.size_mm(), machine));
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;

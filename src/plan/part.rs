@@ -1,10 +1,10 @@
 //! What a user should know of the part of a plan before it is marked: its bodies, and the sides of what is marked.
 //!
-//! Consumes a plan and reads its surface file once more, as the file has it; promises warnings. Files of more than
+//! Consumes a plan and the facets of its surface file, as the file has them; promises warnings. Files of more than
 //! [`MOST_FACETS`] and height maps, whose facets all face the lens, are not looked at.
 
 use super::Plan;
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Place};
 use crate::surface::bodies::{self, Bodies};
 use crate::surface::{self, Facing};
 use crate::texture::Texture;
@@ -18,11 +18,24 @@ const PLACES: usize = 4096;
 /// Strokes on which these lie.
 const STROKES: usize = 1024;
 
+/// The facets of a surface file, of not too many.
+#[derive(Default)]
+pub struct Facets(Vec<[[f64; 3]; 3]>);
+
+impl Facets {
+    /// Takes the next facet of the file.
+    pub fn take(&mut self, facet: [[f64; 3]; 3]) {
+        if self.0.len() <= MOST_FACETS {
+            self.0.push(facet);
+        }
+    }
+}
+
 /// Looks at the part of a plan.
-///
-/// # Errors
-/// Faults of the file.
-pub fn look_at(plan: &Plan) -> Result<Vec<Diag>, Error> {
+pub fn look_at(plan: &Plan, Facets(facets): &Facets) -> Vec<Diag> {
+    if facets.is_empty() || facets.len() > MOST_FACETS {
+        return Vec::new();
+    }
     let (job, texture) = match plan {
         Plan::Stepped(plan) => (&plan.job, &plan.inputs.texture),
         Plan::OnTheFly(plan) => (&plan.job, &plan.texture),
@@ -30,16 +43,9 @@ pub fn look_at(plan: &Plan) -> Result<Vec<Diag>, Error> {
     let mut facing = Facing::new(&places(texture), job.limits.max_incidence.as_rad().cos());
     let (s, c) = job.placement.turn.as_rad().sin_cos();
     let mut found = Bodies::default();
-    let mut count = 0;
-    surface::read(&job.surface_path(), &job.surface.options, &mut Vec::new(), &mut |facet| {
-        count += 1;
-        if count <= MOST_FACETS {
-            found.facet(facet);
-            facing.facet(facet.map(|[x, y, z]| [c * x - s * y, s * x + c * y, z]));
-        }
-    })?;
-    if count == 0 || count > MOST_FACETS {
-        return Ok(Vec::new());
+    for &facet in facets {
+        found.facet(facet);
+        facing.facet(facet.map(|[x, y, z]| [c * x - s * y, s * x + c * y, z]));
     }
     let place = Place::file(job.surface_path().display().to_string());
     let are_bodies = !surface::is_cloud(&job.surface_path());
@@ -59,7 +65,7 @@ pub fn look_at(plan: &Plan) -> Result<Vec<Diag>, Error> {
             "look whether the part has a hole there, or shows its inside; if its normals are reversed, all is well";
         out.push(Diag::warning("surface-away", text).at(place).hint(hint));
     }
-    Ok(out)
+    out
 }
 
 /// Places along the strokes of a texture, evenly over some of them, mm.

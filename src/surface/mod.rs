@@ -301,7 +301,8 @@ enum Kind {
 
 impl Surface {
     /// Reads a surface file and prepares it. `turn_rad` turns the part about its z axis; a turned
-    /// height map becomes a mesh, an unturned one stays a grid.
+    /// height map becomes a mesh, an unturned one stays a grid. `each` is told each facet of a mesh, mm, as the file has
+    /// it.
     ///
     /// # Errors
     /// Faults of the file; `surface-zero-area`, `surface-edge-on`, `surface-large`, `surface-non-manifold`.
@@ -311,6 +312,7 @@ impl Surface {
         joining: Joining,
         turn_rad: f64,
         notes: &mut Vec<Diag>,
+        each: &mut dyn FnMut([[f64; 3]; 3]),
         task: Task<'_>,
     ) -> Result<Self, Error> {
         let [reading, joined] = task.split([1, 1]);
@@ -321,6 +323,7 @@ impl Surface {
         let reading = reading.of_steps(facets_expected(path).div_ceil(COUNTED));
         let content = read(path, options, notes, &mut |facet| {
             welder.facet(facet);
+            each(facet);
             count += 1;
             if count.is_multiple_of(COUNTED) {
                 reading.step();

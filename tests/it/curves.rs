@@ -507,9 +507,16 @@ fn curves_on_hood_and_helens_are_marked_by_every_method_and_verify() {
     {
         let part = shared().join("surfaces").join(file);
         let options = Options { unit_mm: Some(1.0), ..Options::default() };
-        let surface =
-            Surface::load(&part, &options, Joining::default(), 0.0, &mut Vec::new(), terrace::progress::Task::untold())
-                .expect("a surface");
+        let surface = Surface::load(
+            &part,
+            &options,
+            Joining::default(),
+            0.0,
+            &mut Vec::new(),
+            &mut |_| {},
+            terrace::progress::Task::untold(),
+        )
+        .expect("a surface");
         let curves = squares_on(&surface, area, 10.0);
         assert!(curves.len() > 150, "{file}: {}", curves.len());
         for method in ["z-range", "window", "tilt"] {

@@ -74,6 +74,8 @@ fn every_command_opens_each_input_once_and_once_for_its_hash() {
             // Drawings are read once more by the verifier's own reader, bitmaps for its own densities.
             let is_read_again = [".svg", ".png"].iter().any(|end| name.ends_with(end));
             let most = most + usize::from(args == ["verify", stepped.as_str()] && is_read_again);
+            // `orient` chooses the side by the facets as the file has them, then reads the part as it is laid.
+            let most = most + usize::from(args[0] == "orient" && name == "part.stl");
             assert!(is_other_job || times <= most, "{args:?} opens {name} {times} times");
         }
     }

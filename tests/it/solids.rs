@@ -132,6 +132,47 @@ fn one_length_is_marked_of_a_solid_in_whatever_order_and_winding_its_facets_are(
     }
 }
 
+#[test]
+fn a_hole_that_shows_the_underside_is_told_by_check() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").write(dir.path(), "job.toml");
+    let codes = |facets: &[Facet]| {
+        write_stl(&stl, facets);
+        let out = crate::support::terrace(["check", job.to_str().expect("text"), "--json"]);
+        assert!(out.status.success(), "{}", said(&out));
+        let summary: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+        let told: Vec<&str> =
+            summary["warnings"].as_array().expect("a list").iter().flat_map(|w| w["code"].as_str()).collect();
+        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+        ["surface-hole", "surface-away", "surface-upside-down"].map(|code| {
+            assert_eq!(told.contains(&code), text.contains(code), "{code}");
+            told.contains(&code)
+        })
+    };
+    // Seen from outside every facet runs counter-clockwise, as CAD programs write them.
+    let outwards = |facets: Vec<Facet>| -> Vec<Facet> {
+        let middle = [20.0, 15.0, 5.0];
+        let turned = |mut f: Facet| {
+            let [u, v, w] = [1, 2, 0].map(|k| [0, 1, 2].map(|i| f[k][i] - if k == 0 { middle[i] } else { f[0][i] }));
+            let n = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+            if (0..3).map(|i| n[i] * w[i]).sum::<f64>() < 0.0 {
+                f.swap(0, 1);
+            }
+            f
+        };
+        facets.into_iter().map(turned).collect()
+    };
+    let whole = outwards(drafted_block());
+    assert_eq!(codes(&whole), [false; 3]);
+    let is_top = |f: &Facet| f.iter().all(|p| p[2] == 10.0);
+    let gone = whole.iter().position(is_top).expect("a top");
+    let holed: Vec<Facet> = whole.iter().enumerate().filter(|(i, _)| *i != gone).map(|(_, f)| *f).collect();
+    assert_eq!(codes(&holed), [true, true, false]);
+    let inside_out: Vec<Facet> = whole.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    assert_eq!(codes(&inside_out), [false, true, false]);
+}
+
 fn python() -> PathBuf {
     let python = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python");
     assert!(python.exists(), "Open CASCADE is not installed for the tests: run tests/python/setup.sh");
