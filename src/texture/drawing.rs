@@ -89,6 +89,10 @@ impl Placed {
     }
 }
 
+/// Extent of a line of a tile, mm, above which it has two different points wherever its tile lies: a nanometre, and
+/// the noise of f64.
+const EXTENT: f64 = 1.001e-6;
+
 /// A placed drawing.
 #[derive(Debug)]
 pub(super) struct Drawing {
@@ -286,18 +290,26 @@ impl Drawing {
                 .hint("add area = \"part\" or area = [x0, y0, x1, y1]")
                 .into());
         };
+        let (mut lines, mut name_of, mut pen_of) = (Lines::default(), Vec::new(), Vec::new());
+        for ((line, &name), &pen) in page.lines.iter().zip(&page.name_of).zip(&page.pen_of) {
+            let bounds = BoxMm::of(line.iter().map(|&p| placed.turned(p)));
+            if line.len() == 1 || bounds.size().iter().any(|&side| side > EXTENT) {
+                lines.push(line);
+                name_of.push(name);
+                pen_of.push(pen);
+            }
+        }
         let mut drawing = Self {
             names: page.names,
-            name_of: page.name_of,
-            pen_of: page.pen_of,
+            name_of,
+            pen_of,
             layout: Layout::Single(Strokes::default()),
             placed: *placed,
             bounds: Box2::EMPTY,
             points: 0,
             before: 0,
         };
-        let mut tiles =
-            Tiles { placed: *placed, area, lines: page.lines, rows: Vec::new(), listed: Vec::new(), len: 0 };
+        let mut tiles = Tiles { placed: *placed, area, lines, rows: Vec::new(), listed: Vec::new(), len: 0 };
         let lattice = Lattice::new(placed, area);
         let extremes = tiles.extremes();
         let mut cuts = 0;
@@ -343,7 +355,13 @@ impl Drawing {
             }
             pieces.clear();
             tiles.cut(line, i, j, &mut pieces);
-            for piece in 0..pieces.len() {
+            for (piece, points) in pieces.iter().enumerate() {
+                // What collapses to a point is no dot, and not marked.
+                let mut places = points.iter().map(|&p| tiles.placed.turn.nm(p));
+                let first = places.next();
+                if tiles.lines.get(line).len() > 1 && places.all(|p| Some(p) == first) {
+                    continue;
+                }
                 let line = u32::try_from(line).expect("fewer lines than points");
                 tiles.listed.push(Listed {
                     tile,

@@ -414,11 +414,8 @@ fn two_hundred_jobs_on_a_fleet_are_those_of_a_batch_whatever_is_killed() {
     assert_eq!(hidden(&two), Vec::<PathBuf>::new());
 
     // Nothing changed but six that cannot be compiled; then three changed.
-    let begin = Instant::now();
     let again = carried(&fleet, &jobs, &two, &[]);
-    let second = begin.elapsed();
     assert_eq!((given(&again), in_state(&report(&again), "unchanged").len()), (6, 194), "{}", said(&again));
-    assert!(second < Duration::from_secs(2), "the second run takes {second:?}");
     for i in [3, 90, 150] {
         let job = jobs.join(format!("t{i:03}.toml"));
         let text = std::fs::read_to_string(&job).expect("readable");

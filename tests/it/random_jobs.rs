@@ -462,7 +462,8 @@ fn random_jobs_verify_or_are_refused_at_length() {
 
 #[test]
 fn random_jobs_for_zoom_optics_verify_or_are_refused() {
-    trials(0..6, Machine::Zoom, Part::Sheets);
+    // 442, 957: lines of a tile collapse to a point where it lies.
+    trials((0..6).chain([442, 957]), Machine::Zoom, Part::Sheets);
 }
 
 #[test]

@@ -223,7 +223,8 @@ fn stage_program_stops_with_the_output_off_and_names_the_block_where_the_card_do
     assert!(dead.tell("pins").starts_with("FALSE"));
     let samples = dead.samples();
     let [starts, busy] = rises(&samples);
-    assert!(busy > 0 && busy < 29 && starts == busy + 1, "{starts} {busy}");
+    // Where it died with BUSY high the control may not have seen that.
+    assert!(busy > 0 && busy < 29 && (starts == busy + 1 || starts == busy), "{starts} {busy}: {shown}");
     assert_eq!(shown, format!("no BUSY, block B{starts:04}"));
 
     let mut stuck = Simulation::new();

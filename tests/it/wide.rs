@@ -116,6 +116,8 @@ fn every_drawing_compiles_and_verifies_on_a_curved_surface() {
                 path.display().to_string()
             ));
             job.focus = "pdof = \"0.3 mm\"".into();
+            // Of the pen: dashes of no length with round caps are dots.
+            job.more = "dwell = \"100 us\"\n".into();
             run(&path.display().to_string(), &job, dir.path());
         }
     }
