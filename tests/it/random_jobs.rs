@@ -477,8 +477,9 @@ fn random_jobs_for_tilt_tables_verify_or_are_refused() {
     // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends,
     // next to what it shares. 1527: a wall hides 19 nm of the marks at its foot. 3916: a mark against the direction of
     // its stroke has a point at a step that it runs over. 5460: lines shorter than welding tells end at a step. 5156: a
-    // mark along a rim, under which another sheet lies beyond its block's heights.
-    trials((0..6).chain([422, 512, 1527, 3916, 5156, 5460]), Machine::Tilting, Part::Sheets);
+    // mark along a rim, under which another sheet lies beyond its block's heights. 1241: a mark along two rims of the
+    // part and around their corner.
+    trials((0..6).chain([422, 512, 1241, 1527, 3916, 5156, 5460]), Machine::Tilting, Part::Sheets);
 }
 
 #[test]

@@ -131,9 +131,15 @@ impl Turned {
                     fits &= is_fit;
                     let Some([first, last]) = under.ends else {
                         // Off the part, which the rule `surface` says.
-                        let [x, y] = field(w[0]);
-                        let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.focus.f64()])).at;
-                        found.push([x, y]);
+                        let at = |p: FieldPoint| {
+                            let [x, y] = field(p);
+                            let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.focus.f64()])).at;
+                            [x, y]
+                        };
+                        if found.is_empty() {
+                            found.push(at(w[0]));
+                        }
+                        found.push(at(w[1]));
                         continue;
                     };
                     if found.is_empty() {
@@ -257,7 +263,8 @@ impl Turned {
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
             let goes_on = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
-            if widest_gap <= self.short() && under.aside.1 <= beside && goes_on {
+            // So far aside, a rim that the mark ends at is met as much earlier or later where it runs at 45 degrees to it.
+            if widest_gap <= self.short() + side.abs() && under.aside.1 <= beside && goes_on {
                 return (under, true);
             }
         }
