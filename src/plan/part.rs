@@ -1,7 +1,7 @@
 //! What a user should know of the part of a plan before it is marked: its bodies, and the sides of what is marked.
 //!
 //! Consumes a plan and the facets of its surface file, as the file has them; promises warnings. Files of more than
-//! [`MOST_FACETS`] and height maps, whose facets all face the lens, are not looked at.
+//! half a million and height maps, whose facets all face the lens, are not looked at.
 
 use super::Plan;
 use crate::diag::{Diag, Place};
