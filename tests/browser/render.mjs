@@ -80,7 +80,7 @@ async function render(page, session, { file, out, perMm, side }) {
     await session.send("Emulation.setDeviceMetricsOverride", { width, height, deviceScaleFactor, mobile: false });
   };
   await window(400, 300, 1);
-  await page.goto(pathToFileURL(resolve(file)).href, { timeout: 20000 });
+  await page.goto(pathToFileURL(resolve(file)).href, { timeout: 120000 });
   const small = await page.evaluate(measured);
   if (small.error) throw new Error(small.error.trim().replace(/\s+/g, " ").slice(0, 300));
   await window(700, 800, 1);
