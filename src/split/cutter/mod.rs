@@ -531,7 +531,10 @@ impl<'a> Cutter<'a> {
         // before has marked of it was counted there.
         let is_sliver = length < self.least.sliver;
         let adjoins = matches!(open.from, Before::Marked { .. });
-        if count < 2 || length < self.least.mark || is_sliver && adjoins {
+        // What it has for itself is less than the grid, as where a stroke ends where the stop before admits it no more: all
+        // of it would be marked twice.
+        let is_shared = open.shared > 0.0 && length - open.shared < 1.0;
+        if count < 2 || length < self.least.mark || is_sliver && adjoins || is_shared {
             self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
             self.leave_out(open.stop, open.first, open.z);
             self.last = Before::Skipped;
