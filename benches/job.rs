@@ -22,7 +22,7 @@ use surfaces::{dome, mesh, write_stl};
 use terrace::geom::P2;
 use terrace::job::{Job, Overrides};
 use terrace::job_folder::Durability;
-use terrace::surface::{Cursor, Joining, Options, Surface};
+use terrace::surface::{Cursor, Surface};
 use terrace::{job_folder, plan, verify};
 
 fn main() {
@@ -79,17 +79,7 @@ fn run(case: &str, stl: &Path) {
 }
 
 fn load(stl: &Path) -> Surface {
-    let options = Options { unit_mm: Some(1.0), ..Options::default() };
-    Surface::load(
-        stl,
-        &options,
-        Joining::default(),
-        0.0,
-        &mut Vec::new(),
-        &mut |_| {},
-        terrace::progress::Task::untold(),
-    )
-    .unwrap_or_else(|e| panic!("{e}"))
+    Surface::load_mm(stl).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Facets crossed in a second by the lines of a 0.1 mm hatch.

@@ -1,7 +1,7 @@
 //! What a user should know of the part of a plan before it is marked: its bodies, and the sides of what is marked.
 //!
 //! Consumes a plan and the facets of its surface file, as the file has them; promises warnings. Files of more than
-//! half a million and height maps, whose facets all face the lens, are not looked at.
+//! half a million are not looked at, which is one of them, nor height maps, whose facets all face the lens.
 
 use super::Plan;
 use crate::diag::{Diag, Place};
@@ -33,13 +33,22 @@ impl Facets {
 
 /// Looks at the part of a plan.
 pub fn look_at(plan: &Plan, Facets(facets): &Facets) -> Vec<Diag> {
-    if facets.is_empty() || facets.len() > MOST_FACETS {
+    if facets.is_empty() {
         return Vec::new();
     }
     let (job, texture) = match plan {
         Plan::Stepped(plan) => (&plan.job, &plan.inputs.texture),
         Plan::OnTheFly(plan) => (&plan.job, &plan.texture),
     };
+    let place = Place::file(job.surface_path().display().to_string());
+    if facets.len() > MOST_FACETS {
+        let text = format!(
+            "the file has more than {MOST_FACETS} facets: its bodies, its holes and the sides of the facets under the \
+             marks are not looked at"
+        );
+        let hint = "`terrace inspect` of the file lists bodies and holes";
+        return vec![Diag::warning("surface-not-looked-at", text).at(place).hint(hint)];
+    }
     let mut facing = Facing::new(&places(texture), job.limits.max_incidence.as_rad().cos());
     let (s, c) = job.placement.turn.as_rad().sin_cos();
     let mut found = Bodies::default();
@@ -47,7 +56,6 @@ pub fn look_at(plan: &Plan, Facets(facets): &Facets) -> Vec<Diag> {
         found.facet(facet);
         facing.facet(facet.map(|[x, y, z]| [c * x - s * y, s * x + c * y, z]));
     }
-    let place = Place::file(job.surface_path().display().to_string());
     let are_bodies = !surface::is_cloud(&job.surface_path());
     let mut out = if are_bodies { bodies::warnings(&found.finish(), &place) } else { Vec::new() };
     let is_told = plan.warnings().iter().any(|d| d.code == "surface-upside-down");

@@ -363,6 +363,15 @@ impl Surface {
         Some(Self { kind: Kind::Implicit(grid, class), part_box_mm, facets, tessellation_mm: None })
     }
 
+    /// The surface of a file in millimetres, read as a job reads it that states nothing else: for tests and benches.
+    ///
+    /// # Errors
+    /// As [`Surface::load`].
+    pub fn load_mm(path: &Path) -> Result<Self, Error> {
+        let options = Options { unit_mm: Some(1.0), ..Options::default() };
+        Self::load(path, &options, Joining::default(), 0.0, &mut Vec::new(), &mut |_| {}, Task::untold())
+    }
+
     /// A surface of the given facets (mm), for tests and benches.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, compile, folder, number, said, shared, terrace, verify};
 use terrace::geom::P2;
-use terrace::surface::{Cursor, Joining, Options, Surface};
+use terrace::surface::{Cursor, Surface};
 
 type Curve = Vec<[f64; 3]>;
 
@@ -506,17 +506,7 @@ fn curves_on_hood_and_helens_are_marked_by_every_method_and_verify() {
         [("hood_mm_bin.stl", [500.0, -150.0, 800.0, 150.0]), ("helens_relief_small.stl", [20.0, -200.0, 160.0, -60.0])]
     {
         let part = shared().join("surfaces").join(file);
-        let options = Options { unit_mm: Some(1.0), ..Options::default() };
-        let surface = Surface::load(
-            &part,
-            &options,
-            Joining::default(),
-            0.0,
-            &mut Vec::new(),
-            &mut |_| {},
-            terrace::progress::Task::untold(),
-        )
-        .expect("a surface");
+        let surface = Surface::load_mm(&part).expect("a surface");
         let curves = squares_on(&surface, area, 10.0);
         assert!(curves.len() > 150, "{file}: {}", curves.len());
         for method in ["z-range", "window", "tilt"] {

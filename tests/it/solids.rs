@@ -133,6 +133,27 @@ fn one_length_is_marked_of_a_solid_in_whatever_order_and_winding_its_facets_are(
 }
 
 #[test]
+fn check_tells_that_it_did_not_look_at_the_facets_of_a_large_file() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    let squares = |n: u32| (0..n * n).map(move |k| [f64::from(k % n) / 10.0, f64::from(k / n) / 10.0]);
+    let facets = |n: u32| -> Vec<Facet> {
+        let corner = |[x, y]: [f64; 2], u: f64, v: f64| [x + u / 10.0, y + v / 10.0, 0.0];
+        let halves = |p| {
+            [[(0., 0.), (1., 0.), (1., 1.)], [(0., 0.), (1., 1.), (0., 1.)]].map(|f| f.map(|(u, v)| corner(p, u, v)))
+        };
+        squares(n).flat_map(halves).collect()
+    };
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"5 mm\"").write(dir.path(), "job.toml");
+    for (n, is_told) in [(500, false), (501, true)] {
+        write_stl(&stl, &facets(n));
+        let out = crate::support::terrace(["check", job.to_str().expect("text"), "--json"]);
+        assert!(out.status.success(), "{}", said(&out));
+        assert_eq!(String::from_utf8_lossy(&out.stdout).contains("surface-not-looked-at"), is_told, "{n}");
+    }
+}
+
+#[test]
 fn a_hole_that_shows_the_underside_is_told_by_check() {
     let dir = folder();
     let stl = dir.path().join("part.stl");

@@ -15,7 +15,7 @@ use crate::verify::read::manifest::Curves as Stated;
 use crate::verify::rotation::Rotation;
 
 use super::part_place_nm;
-use super::stretch::{Parts, Stretch, confirmed_along, note};
+use super::stretch::{Parallel, Parts, Stretch, confirmed_along, note};
 
 /// What the rule asks.
 pub(in crate::verify) const WHAT: &str = "space curves are those of their file and lie on the surface";
@@ -233,7 +233,7 @@ impl Search<'_> {
             return;
         }
         let (geometry, lines, allowed) = (self.geometry, &self.lines, self.allowed);
-        let bad = |p: &Piece, segment: usize, from: f64| match &p.sheet {
+        let bad = |p: &Piece, Parallel { segment, from, .. }: Parallel| match &p.sheet {
             Some(s) if s.slope == Slope::Gentle => {
                 beyond(p.d, heights[segment].above(p, s, from), allowed + geometry.z_tolerance(s.slope2))
             }

@@ -6,7 +6,7 @@
 //! stage sets and the focus shift sum to the focal plane, and the optic reaches it. Heights carry the tolerance
 //! [`Geometry::z_tolerance`].
 
-use super::stretch::{Parts, Stretch, confirmed, note, whole};
+use super::stretch::{Parallel, Parts, Stretch, confirmed, confirmed_along, note, whole};
 use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{FieldPoint, P2};
@@ -219,7 +219,7 @@ impl Search<'_> {
             // it stays outside on either side of an edge is looked into below, for the few marks that need it.
             let cut = geometry.along(&line, &mut self.scratch, |p| match &p.sheet {
                 Some(s) if s.slope != Slope::Steep => {
-                    let parts = beyond(&p, s, allowed, geometry);
+                    let parts = beyond(&p, s, 0.0, allowed, geometry);
                     if parts.iter().all(|d| d[0] >= d[1]) {
                         found.add(s, focus, geometry);
                     }
@@ -272,18 +272,19 @@ impl Search<'_> {
 
     fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], found: &mut Found) {
         let (geometry, lines) = (self.geometry, &self.lines);
-        let bad = |p: &Piece| {
+        let bad = |p: &Piece, side: f64| {
             let sheet = p.sheet.as_ref().filter(|s| s.slope != Slope::Steep);
-            sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, allowed, geometry))
+            sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, side, allowed, geometry))
         };
-        let runs = confirmed(&self.low, geometry, &mut self.scratch, |i| lines[i], bad);
+        let beside = |p: &Piece, parallel: Parallel| bad(p, parallel.side);
+        let runs = confirmed_along(&self.low, geometry, &mut self.scratch, |i| lines[i], beside);
         let focus = block.stop.focus.f64();
         let mut worst: Option<([f64; 2], f64)> = None;
         // Of what is confirmed the place farthest from the focal plane is reported, found at the ends of its pieces.
         for s in runs.iter().flat_map(|r| &r.stretches) {
             let part = lines[s.segment].part(s.d, 0.0);
             geometry.along(&part, &mut self.scratch, |p| {
-                let Some(sheet) = p.sheet.filter(|_| bad(&p).iter().any(|d| d[0] < d[1])) else { return };
+                let Some(sheet) = p.sheet.filter(|_| bad(&p, 0.0).iter().any(|d| d[0] < d[1])) else { return };
                 for (d, z) in p.d.into_iter().zip(sheet.z) {
                     if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
                         worst = Some((part.at(d), z));
@@ -320,13 +321,14 @@ impl Search<'_> {
     }
 }
 
-/// Where a piece lies too low or too high.
-fn beyond(p: &Piece, s: &Sheet, allowed: [f64; 2], geometry: &Geometry) -> Parts {
+/// Where a piece lies too low or too high. One that lies `side` nm beside the mark is as much higher or lower as its
+/// slope makes it.
+fn beyond(p: &Piece, s: &Sheet, side: f64, allowed: [f64; 2], geometry: &Geometry) -> Parts {
     let [z0, z1] = s.z;
     if z0.min(z1) >= allowed[0] && z0.max(z1) <= allowed[1] {
         return [[0.0; 2]; 2];
     }
-    let tolerance = geometry.z_tolerance(s.slope2);
+    let tolerance = geometry.z_tolerance(s.slope2) + side.abs() * s.slope2.sqrt();
     let (lowest, highest) = (allowed[0] - tolerance, allowed[1] + tolerance);
     // Up the piece: too low as far as `from`, too high beyond `to`, as shares of it.
     let (bottom, top) = (z0.min(z1), z0.max(z1));

@@ -66,17 +66,26 @@ pub(super) fn confirmed(
     line: impl Fn(usize) -> Line,
     bad: impl Fn(&Piece) -> Parts,
 ) -> Vec<Run> {
-    confirmed_along(list, geometry, scratch, line, |p, _, _| bad(p))
+    confirmed_along(list, geometry, scratch, line, |p, _| bad(p))
 }
 
-/// As [`confirmed`], where what is wrong depends on the place: `bad` is also told the segment, and how far along it
-/// the line of the piece begins.
+/// A line that is judged in place of a part of a segment.
+#[derive(Clone, Copy)]
+pub(super) struct Parallel {
+    pub(super) segment: usize,
+    /// How far along the segment it begins, nm.
+    pub(super) from: f64,
+    /// How far beside the segment it lies, nm.
+    pub(super) side: f64,
+}
+
+/// As [`confirmed`], where what is wrong depends on the place.
 pub(super) fn confirmed_along(
     list: &[Stretch],
     geometry: &Geometry,
     scratch: &mut Scratch,
     line: impl Fn(usize) -> Line,
-    bad: impl Fn(&Piece, usize, f64) -> Parts,
+    bad: impl Fn(&Piece, Parallel) -> Parts,
 ) -> Vec<Run> {
     let grain = geometry.grain();
     let mut kept = Vec::new();
@@ -91,8 +100,9 @@ pub(super) fn confirmed_along(
                     break;
                 }
                 let mut moved: Vec<Stretch> = Vec::new();
+                let parallel = Parallel { segment: s.segment, from: s.d[0], side };
                 geometry.along(&line.part(s.d, side), scratch, |p| {
-                    for d in bad(&p, s.segment, s.d[0]).into_iter().filter(|d| d[0] < d[1]) {
+                    for d in bad(&p, parallel).into_iter().filter(|d| d[0] < d[1]) {
                         note(&mut moved, 0, d.map(|d| d + s.d[0]), line.len);
                     }
                 });
@@ -113,13 +123,14 @@ fn along_edges(
     line: &Line,
     geometry: &Geometry,
     scratch: &mut Scratch,
-    bad: &impl Fn(&Piece, usize, f64) -> Parts,
+    bad: &impl Fn(&Piece, Parallel) -> Parts,
 ) -> Vec<[f64; 2]> {
     let mut found = Vec::new();
     if geometry.is_exact() {
         geometry.along(&line.part(s.d, 0.0), scratch, |p| {
             if p.is_along_edge {
-                let parts = bad(&p, s.segment, s.d[0]).into_iter().filter(|d| d[0] < d[1]);
+                let parallel = Parallel { segment: s.segment, from: s.d[0], side: 0.0 };
+                let parts = bad(&p, parallel).into_iter().filter(|d| d[0] < d[1]);
                 found.extend(parts.map(|d| d.map(|d| d + s.d[0])));
             }
         });
