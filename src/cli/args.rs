@@ -393,6 +393,9 @@ pub struct RunArgs {
     /// Take the block in doubt, such as B0133, as marked.
     #[arg(long, value_name = "BLOCK", requires = "go_on")]
     pub skip: Option<String>,
+    /// Mark another part of a series from its first block on; the journal counts the parts.
+    #[arg(long, requires = "arm", conflicts_with = "go_on")]
+    pub again: bool,
 }
 
 /// Options that override keys of the job file.

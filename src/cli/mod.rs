@@ -27,7 +27,7 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::error::ContextKind;
 
-use crate::diag::{Diag, Error, Failure, Kind, Place};
+use crate::diag::{self, Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
@@ -100,9 +100,11 @@ fn eprintln_all(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Writes to stdout; a reader that closed the pipe has had enough.
+/// Writes to stdout; a reader that closed the pipe has had enough. Names come from files: what a terminal acts on is
+/// written as JSON writes it.
 fn print(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
+    let text = diag::escaped(text);
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(unwritable("write to standard output", Place::Nowhere, &e)),
         _ => Ok(()),

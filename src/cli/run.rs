@@ -48,14 +48,20 @@ fn order(asked: &RunArgs) -> Order<'_> {
         log: asked.log.as_deref(),
         frames: asked.frames.as_deref(),
         beam: if asked.arm { Beam::Fire } else { Beam::Pilot },
-        settled: Settled { go_on: asked.go_on, redo: asked.redo.as_deref(), skip: asked.skip.as_deref() },
+        settled: Settled {
+            go_on: asked.go_on,
+            redo: asked.redo.as_deref(),
+            skip: asked.skip.as_deref(),
+            again: asked.again,
+        },
     }
 }
 
 fn text(outcome: &Outcome, folder: &Path) -> String {
-    let Outcome { armed, frames, blocks, marked, finished, .. } = outcome;
+    let Outcome { armed, frames, blocks, marked, finished, part, .. } = outcome;
     match armed {
         _ if *frames => format!("frames         {marked} of {blocks} shown\n"),
+        true if *part > 1 => format!("marked         {marked} blocks, {finished} of {blocks} done, part {part}\n"),
         true => format!("marked         {marked} blocks, {finished} of {blocks} done\n"),
         false if outcome.stop.is_some() => format!("dry run        {marked} of {blocks} blocks, nothing marked\n"),
         false => format!(

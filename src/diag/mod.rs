@@ -200,6 +200,29 @@ impl fmt::Display for Diag {
     }
 }
 
+/// A text without characters on which terminals act, or that turn the order of others: these are written `\u001b`, which
+/// JSON reads as the same.
+pub fn escaped(text: &str) -> std::borrow::Cow<'_, str> {
+    let is_active = |c: char| {
+        let is_break = matches!(c, '\n' | '\t');
+        let turns =
+            matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        c.is_control() && !is_break || turns
+    };
+    if !text.contains(is_active) {
+        return text.into();
+    }
+    let mut out = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_active(c) {
+            out += &format!("\\u{:04x}", u32::from(c));
+        } else {
+            out.push(c);
+        }
+    }
+    out.into()
+}
+
 /// One or more diagnostics that stop the work.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]

@@ -6,7 +6,8 @@
 //!
 //! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone,
 //! never both at once; first of all, at the end, before a set-up and where a block asks for it, z goes to the far end
-//! of its travel. The laser output is switched off at once (not with the next motion) before every group of moves and
+//! of its travel. After a stop at which the operator may have moved them all axes are sent. Both dialects select the
+//! work offset G54 and no tool length; LinuxCNC tests that no offset is active, the other switches G92 off. The laser output is switched off at once (not with the next motion) before every group of moves and
 //! at the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
 //!
 //! The programs of frames go to the registration points and the frames of the outline, and stop at each (M0) in both
@@ -35,17 +36,17 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     let Stepped { checked, machine, figures, .. } = *job;
     let mut p = Writer::new(job, machine.controller.max_line, "M65 P0");
     if job.frames.is_some() {
-        return p.all_frames("G21 G90 G94 G17 G40 G49 G80 G61.1");
+        return p.all_frames(Writer::linuxcnc_modes);
     }
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
+    p.comment(LINUXCNC_ZERO);
     p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
     p.comment("BUSY is high while the card marks: an inverted one ends the program at the first block");
     p.comment("BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off");
     p.comment("output off before every move and at the end, a wait that times out ends the program");
     p.comment("not a safety system: the laser needs its own interlock");
-    p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
-    p.line("M65 P0");
+    p.linuxcnc_modes();
     let wait_s = |i: usize| (2.0 * figures[i].time_s + 10.0).ceil();
     for i in 0..checked.program().blocks.len() {
         let id = checked.program().id(i);
@@ -71,14 +72,15 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
     let mut p = Writer::new(job, machine.controller.max_line.min(70), "M5");
     if job.frames.is_some() {
-        return p.all_frames("G21 G90 G94 G17 G40 G80");
+        return p.all_frames(Writer::m0_modes);
     }
     p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
+    p.comment(M0_ZERO);
     p.comment("at every M0 mark the block named, wait for its end, then press cycle start");
     p.comment("not a safety system: the laser needs its own interlock");
-    p.line("G21 G90 G94 G17 G40 G80");
-    p.line("M5");
+    p.m0_modes();
+    p.stops = true;
     for i in 0..checked.program().blocks.len() {
         p.block(i);
         p.line(&format!("M0 (mark {})", checked.program().id(i)));
@@ -87,6 +89,22 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     p.line("M2");
     p.out
 }
+
+/// The zero of positions, in the heads of the two dialects.
+const LINUXCNC_ZERO: &str = "positions are machine positions: any offset of G54, G92 or rotation ends the program";
+const M0_ZERO: &str = "positions are machine positions: the offsets of G54 must be 0";
+
+/// Parameters of LinuxCNC that are 0 where no offset is active, and what it is: G92; G54 by axis; its rotation.
+const OFFSETS: [(u32, &str); 5] = [
+    (5210, "G92 is active"),
+    (5221, "G54 has an offset in X"),
+    (5222, "G54 has an offset in Y"),
+    (5223, "G54 has an offset in Z"),
+    (5230, "G54 is rotated"),
+];
+
+/// The parameter of the first rotary axis, A; those of B and C follow.
+const FIRST_ROTARY: u32 = 5224;
 
 /// A stage program as it grows.
 struct Writer<'a> {
@@ -104,6 +122,8 @@ struct Writer<'a> {
     letters: Option<[char; 2]>,
     tilt: Option<TiltAngles>,
     has_zoom: bool,
+    /// Whether the operator may have moved the axes at the stop before each block.
+    stops: bool,
 }
 
 impl<'a> Writer<'a> {
@@ -121,7 +141,34 @@ impl<'a> Writer<'a> {
             letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),
             tilt: None,
             has_zoom: machine.zoom.is_some(),
+            stops: false,
         }
+    }
+
+    /// Modes, output off, and the tests that end the program where an offset is active.
+    fn linuxcnc_modes(&mut self) {
+        self.line("G21 G90 G94 G17 G40 G49 G80 G61.1 G54");
+        self.line("M65 P0");
+        let rotary = self.letters.into_iter().flatten().map(|letter| {
+            let parameter = FIRST_ROTARY + (u32::from(letter) - u32::from('A'));
+            (parameter, format!("G54 has an offset in {letter}"))
+        });
+        let all = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
+        let first = 3 * self.job.checked.program().blocks.len() + 1;
+        for (number, (parameter, what)) in (first..).zip(all.collect::<Vec<_>>()) {
+            self.line(&format!("o{number} if [#{parameter} NE 0]"));
+            self.line(&format!("(MSG, {what})"));
+            self.line("M2");
+            self.line(&format!("o{number} endif"));
+        }
+    }
+
+    /// Modes, output off, and the offsets off: words that GRBL reads on lines of their own.
+    fn m0_modes(&mut self) {
+        self.line("G21 G90 G94 G17 G40 G80 G54");
+        self.line("G49");
+        self.line("G92.1");
+        self.line("M5");
     }
 
     fn line(&mut self, text: &str) {
@@ -144,15 +191,15 @@ impl<'a> Writer<'a> {
     }
 
     /// The program of frames.
-    fn all_frames(mut self, modes: &str) -> Vec<u8> {
+    fn all_frames(mut self, modes: fn(&mut Self)) -> Vec<u8> {
         let machine = self.job.machine;
         self.comment("terrace: registration points and frames of the outline, absolute, mm");
         self.comment(&format!("machine: {}", super::quoted(&machine.name)));
+        self.comment(M0_ZERO);
         self.comment("at every M0 show the frame named with the pilot laser, then press cycle start");
         self.comment("at registration points the head is lifted: the spot is large, judge its centre");
         self.comment("not a safety system: the laser needs its own interlock");
-        self.line(modes);
-        self.line(self.off);
+        modes(&mut self);
         for i in 0..self.job.checked.program().blocks.len() {
             self.block(i);
             self.line(&format!("M0 (frame {})", self.job.checked.program().id(i)));
@@ -202,16 +249,17 @@ impl<'a> Writer<'a> {
         if lifts {
             self.lift();
         }
-        let tilt = self.letters.filter(|_| self.tilt != Some(block.stop.tilt)).map(|l| (l, block.stop.tilt));
+        let is_new = self.stops || self.tilt != Some(block.stop.tilt);
+        let tilt = self.letters.filter(|_| is_new).map(|l| (l, block.stop.tilt));
         self.tilt = Some(block.stop.tilt);
-        let moves = self.at.is_none_or(|at| [at[0], at[1]] != [x, y]);
+        let moves = self.stops || self.at.is_none_or(|at| [at[0], at[1]] != [x, y]);
         match tilt {
             // Degrees have six decimals as well.
             Some(([a, b], TiltAngles([u, v]))) => self.travel(&[('X', x), ('Y', y), (a, u), (b, v)]),
             None if moves => self.travel(&[('X', x), ('Y', y)]),
             None => {}
         }
-        if self.at.is_none_or(|at| at[2] != z) {
+        if self.stops || self.at.is_none_or(|at| at[2] != z) {
             self.travel(&[('Z', z)]);
         }
         self.at = Some(block.stage);

@@ -75,9 +75,10 @@ fn quoted(text: &str) -> String {
     format!("\"{}{more}\"", plain(&cut).replace('"', "'"))
 }
 
-/// A text in printable ASCII; what a controller could take for the end of a comment becomes `_`.
+/// A text in printable ASCII; what a controller could take for the end of a comment, or acts on wherever it stands, as
+/// GRBL does on `!`, `~` and `?`, becomes `_`.
 fn plain(text: &str) -> String {
-    text.chars().map(|c| if matches!(c, ' '..='~') && !"();%".contains(c) { c } else { '_' }).collect()
+    text.chars().map(|c| if matches!(c, ' '..='~') && !"();%!~?".contains(c) { c } else { '_' }).collect()
 }
 
 /// Names as they could stand in a file: every word on which some controller acts in a comment, and what ends one.

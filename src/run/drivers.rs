@@ -9,6 +9,29 @@ use super::settings::{LaserKeys, RunFile, StageKeys};
 use super::stage::{self, Stage};
 use crate::diag::Diag;
 
+/// What no two runs may drive at once: the machine, and what its stage and its laser are reached by.
+pub(super) fn identities(keys: &RunFile) -> Vec<String> {
+    let mut all = vec![format!("machine {}", keys.machine)];
+    match &keys.stage {
+        StageKeys::Linuxcnc(keys) => all.push(format!("linuxcncrsh at {}", keys.address)),
+        StageKeys::Grbl { port, .. } => {
+            // By whatever link the port is named.
+            let port = std::fs::canonicalize(port).map_or_else(|_| port.clone(), |found| found.display().to_string());
+            all.push(format!("port {port}"));
+        }
+        StageKeys::Manual {} => {}
+    }
+    match &keys.laser {
+        LaserKeys::Lightburn { address, port, .. } => {
+            let host = address.as_deref().unwrap_or("localhost");
+            all.push(format!("LightBurn at {host}, port {}", port.unwrap_or(laser::lightburn::PORTS[0])));
+        }
+        LaserKeys::Lmc { serial, .. } => all.push(format!("LMC card {}", serial.as_deref().unwrap_or_default())),
+        LaserKeys::Command(_) | LaserKeys::Handshake {} | LaserKeys::Manual {} => {}
+    }
+    all
+}
+
 /// The driver of the stage.
 pub(super) fn stage(keys: &StageKeys, console: &Rc<dyn Console>) -> Result<Box<dyn Stage>, Diag> {
     Ok(match keys {

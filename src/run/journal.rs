@@ -1,6 +1,7 @@
 //! The journal of an armed run: JSON lines, each on the disk before the next thing happens.
 //!
-//! Its first line names the manifest, so it counts for one compiled job only. A block that has a `begin` and no `end`
+//! Its first line names the manifest, so it counts for one compiled job only, wherever the folder lies
+//! ([`super::elsewhere`]). A series of parts has one journal: another part begins with a line of its own. A block that has a `begin` and no `end`
 //! is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last line without its line feed
 //! was not written when its writer was killed, and nothing that follows it has happened: it is removed.
 
@@ -12,10 +13,14 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::Order;
+use super::elsewhere;
 use super::folder::Folder;
 use super::log::{now_s, unwritable};
 use crate::diag::{Diag, Error, Place};
 use crate::job_folder::Durability;
+
+/// Largest journal: a line for each begin and end of a million blocks.
+const MAX_FILE: u64 = 256 << 20;
 
 /// What the user says of the blocks that a journal holds.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,6 +31,8 @@ pub struct Settled<'a> {
     pub redo: Option<&'a str>,
     /// The block in doubt is to be taken as marked.
     pub skip: Option<&'a str>,
+    /// Another part of the series is to be marked.
+    pub again: bool,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -33,10 +40,14 @@ pub struct Settled<'a> {
 enum Event {
     /// The first line: what the journal is of.
     Run { terrace: String, manifest: String, machine: String, armed: bool },
+    /// Another part of the series begins; its number, from 2.
+    Part { number: u32 },
     /// A block is about to be marked.
     Begin { block: String },
     /// It is marked.
     End { block: String },
+    /// The block that ended last is in doubt again: something was being marked after it.
+    Doubt { block: String },
     /// The block in doubt is to be marked again.
     Redo { block: String },
     /// The block in doubt counts as marked.
@@ -57,11 +68,14 @@ struct Line {
 pub struct Journal {
     file: File,
     path: PathBuf,
+    part: u32,
 }
 
 /// What the lines of a journal say together.
 #[derive(Debug, Default)]
 struct Found {
+    /// The part of the series, from 1.
+    part: u32,
     /// The manifest and the machine of the first line.
     of: Option<String>,
     done: Vec<String>,
@@ -84,13 +98,25 @@ impl Journal {
     /// Where another run holds it, it is of another job, or what it holds is not settled.
     pub(super) fn open(order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
         let path = order.journal.map_or_else(|| beside(order.folder), Path::to_owned);
+        // Whatever is no file, or larger than any journal, is not read.
+        if let Ok(found) = path.metadata()
+            && !(found.is_file() && found.len() <= MAX_FILE)
+        {
+            let text = "this is no journal: a regular file of at most 256 MB is wanted";
+            let d = Diag::input("run-journal", text).at(Place::file(path.display().to_string()));
+            return Err(d.hint("name another file with --journal").into());
+        }
         let opened = File::options().create(true).read(true).append(true).open(&path);
-        let mut journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path };
+        let mut journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path, part: 1 };
         if matches!(journal.file.try_lock(), Err(std::fs::TryLockError::WouldBlock)) {
             let d = Diag::input("run-journal-locked", "another run of this job is in progress");
             return Err(journal.at(d).hint("wait for its end").into());
         }
-        let found = journal.read()?;
+        let mut found = journal.read()?;
+        if !order.settled.again {
+            elsewhere::refuse(&journal.path, order.folder, &folder.manifest)?;
+        }
+        elsewhere::note(&journal.path, &folder.manifest)?;
         if found.of.is_none() {
             // A new name is on the disk when its folder is.
             let whole = std::path::absolute(&journal.path).unwrap_or_else(|_| journal.path.clone());
@@ -117,12 +143,17 @@ impl Journal {
                     ))
                     .into());
             }
+            Some(_) if order.settled.again => {
+                let number = found.part + 1;
+                journal.write(Event::Part { number })?;
+                found.take(Event::Part { number });
+            }
             Some(_) => {}
         }
+        journal.part = found.part.max(1);
         if folder.blocks.iter().all(|b| found.is_done(&b.id)) {
             let d = Diag::input("run-finished", format!("all {} blocks of this job are done", folder.blocks.len()));
-            let hint = format!("to mark another part, delete {}", journal.path.display());
-            return Err(journal.at(d).hint(hint).into());
+            return Err(journal.at(d).hint("to mark another part, run with --again").into());
         }
         let done: BTreeSet<String> = journal.settle(&found, &order.settled)?.into_iter().collect();
         let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
@@ -136,6 +167,14 @@ impl Journal {
     /// The block is marked.
     pub(super) fn end(&mut self, block: &str) -> Result<(), Diag> {
         self.write(Event::End { block: block.into() })
+    }
+    /// The block that ended last is in doubt again.
+    pub(super) fn doubt(&mut self, block: &str) -> Result<(), Diag> {
+        self.write(Event::Doubt { block: block.into() })
+    }
+    /// The part of the series that is being marked, from 1.
+    pub(super) fn part(&self) -> u32 {
+        self.part
     }
     /// The run has ended.
     pub(super) fn stop(&mut self, why: &str) -> Result<(), Diag> {
@@ -194,10 +233,8 @@ impl Journal {
             None if done.is_empty() || settled.go_on => {}
             None => {
                 let text = format!("{count} blocks are done by an earlier run, the last is {}", done[count - 1]);
-                return Err(self.at(Diag::input("run-go-on", text)).hint(format!(
-                    "no other block was begun: continue with --go-on; to mark another part, delete {}",
-                    self.path.display()
-                )));
+                let hint = "no other block was begun: continue with --go-on; to mark another part, run with --again";
+                return Err(self.at(Diag::input("run-go-on", text)).hint(hint));
             }
             Some(block) if !settled.go_on || named != Some(block) => {
                 let text = format!(
@@ -206,8 +243,7 @@ impl Journal {
                 );
                 let hint = format!(
                     "look at it, then continue with --go-on --redo {block} to mark it again, or with --go-on --skip \
-                     {block} to count it as marked; to mark another part, delete {}",
-                    self.path.display()
+                     {block} to count it as marked; to mark another part, run with --again"
                 );
                 return Err(self.at(Diag::input("run-in-doubt", text)).hint(hint));
             }
@@ -225,6 +261,21 @@ impl Journal {
     }
 }
 
+/// How many blocks a journal has as begun, if it is one of this manifest.
+pub(super) fn begun(path: &Path, manifest: &str) -> Option<usize> {
+    let found = path.metadata().ok().filter(|found| found.is_file() && found.len() <= MAX_FILE)?;
+    let mut journal =
+        Journal { file: File::open(path).ok().filter(|_| found.len() > 0)?, path: path.to_owned(), part: 1 };
+    let mut text = String::new();
+    journal.file.read_to_string(&mut text).ok()?;
+    let mut all = Found::default();
+    for line in text.lines() {
+        let Ok(Line { event, .. }) = serde_json::from_str(line) else { break };
+        all.take(event);
+    }
+    (all.of.as_deref() == Some(manifest)).then(|| all.done.len() + usize::from(all.in_doubt.is_some()))
+}
+
 impl Found {
     fn is_done(&self, block: &str) -> bool {
         self.known.contains(block)
@@ -233,7 +284,13 @@ impl Found {
     /// Takes one more line; false where it cannot follow those before.
     fn take(&mut self, event: Event) -> bool {
         match event {
-            Event::Run { manifest, .. } => self.of = Some(manifest),
+            Event::Run { manifest, .. } => (self.of, self.part) = (Some(manifest), 1),
+            Event::Part { number } => {
+                if number != self.part + 1 {
+                    return false;
+                }
+                *self = Self { part: number, of: self.of.take(), ..Self::default() };
+            }
             Event::Begin { block } => {
                 if self.in_doubt.is_some() || self.is_done(&block) {
                     return false;
@@ -246,6 +303,13 @@ impl Found {
                 }
                 self.known.insert(block.clone());
                 self.done.push(block);
+            }
+            Event::Doubt { block } => {
+                if self.in_doubt.is_some() || self.done.pop_if(|last| *last == block).is_none() {
+                    return false;
+                }
+                self.known.remove(&block);
+                self.in_doubt = Some(block);
             }
             Event::Redo { block } => return self.in_doubt.take() == Some(block),
             Event::Stop { .. } => {}

@@ -10,9 +10,11 @@
 //! Positions are commanded axis values: nm, and millionths of a degree for tilt axes.
 
 mod drivers;
+mod elsewhere;
 mod folder;
 pub mod journal;
 pub mod laser;
+mod locks;
 mod log;
 mod moves;
 pub mod settings;
@@ -158,6 +160,8 @@ pub struct Outcome {
     pub marked: usize,
     /// Blocks that need nothing more, those of earlier runs included; 0 where the run was not armed.
     pub finished: usize,
+    /// Which part of a series this is, from 1; 0 where the run was not armed.
+    pub part: u32,
     /// The block that was begun and has not ended: whether it is marked is not certain.
     pub in_work: Option<String>,
     /// What stopped the run; empty where it came to its end.
@@ -173,7 +177,8 @@ pub struct Outcome {
 /// What keeps it from being begun. A run that was begun and then stopped is an outcome that says so.
 pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) -> Result<Outcome, Error> {
     let keys = RunFile::read(order.run_file)?;
-    let lock = lock(order.run_file)?;
+    let _run_file = lock_run_file(order.run_file)?;
+    let locks = locks::take(&drivers::identities(&keys))?;
     let mut folder = Folder::read(order.folder)?;
     if folder.machine.name != keys.machine {
         let text = format!("the job is for machine {:?}, the run file for {:?}", folder.machine.name, keys.machine);
@@ -199,7 +204,8 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         }
         _ => (None, (0..folder.blocks.len()).collect()),
     };
-    laser.hold(lock.try_clone().map_err(|e| Diag::input("run-locked", format!("cannot hold the lock: {e}")))?);
+    // The first is that of the machine.
+    laser.hold(locks[0].try_clone().map_err(|e| Diag::input("run-locked", format!("cannot hold the lock: {e}")))?);
     console.phase("connecting to stage and laser");
     let says = laser.open()?;
     log.write("laser", &says)?;
@@ -217,6 +223,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         moves: Moves::new(&folder),
         marked: 0,
         in_work: None,
+        last: None,
     };
     let result = run.open_stage().and_then(|()| run.blocks(&left));
     let faults = run.end(result);
@@ -228,6 +235,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         blocks: folder.blocks.len(),
         marked,
         finished,
+        part: journal.as_ref().map_or(0, Journal::part),
         in_work,
         errors: Vec::new(),
         stop: None,
@@ -244,8 +252,9 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     Ok(outcome)
 }
 
-/// One run at a time with a run file, which is that of a machine; the lock lasts as long as the handle.
-fn lock(run_file: &Path) -> Result<File, Diag> {
+/// One run at a time with a run file, on whichever computer, where its file system has locks; the lock lasts as long as
+/// the handle.
+fn lock_run_file(run_file: &Path) -> Result<File, Diag> {
     let place = || Place::file(run_file.display().to_string());
     let opened = File::open(run_file).and_then(|mut file| file.seek(SeekFrom::End(0)).map(|_| file));
     let file = opened.map_err(|e| Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place()))?;
@@ -316,6 +325,8 @@ struct Run<'a> {
     moves: Moves<'a>,
     marked: usize,
     in_work: Option<String>,
+    /// The block of this run that ended last.
+    last: Option<String>,
 }
 
 impl Run<'_> {
@@ -360,8 +371,18 @@ impl Run<'_> {
         self.lift()
     }
 
-    /// Goes to a block; answers with what is to be marked there.
+    /// Goes to a block, once nothing is being marked; answers with what is to be marked there. Where something is, the
+    /// block that ended last is in doubt again.
     fn approach(&mut self, block: &Block) -> Result<Work, Diag> {
+        if let Err(busy) = self.laser.may_leave(self.interrupt) {
+            if let (Some(journal), Some(last)) = (&mut self.journal, self.last.take()) {
+                journal.doubt(&last)?;
+                self.marked -= 1;
+                self.in_work = Some(last);
+            }
+            return Err(busy);
+        }
+        self.stage.heads_for(&block.id);
         for to in self.moves.to(block) {
             self.go(&to)?;
         }
@@ -433,7 +454,7 @@ impl Run<'_> {
         }
         if let Some(journal) = &mut self.journal {
             journal.end(&block.id)?;
-            self.in_work = None;
+            self.last = self.in_work.take();
         }
         self.marked += 1;
         self.log.write("end", &block.id)

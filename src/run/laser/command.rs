@@ -60,7 +60,7 @@ impl Command {
             let Some(work) = work else { return word.clone() };
             let file = work.file.as_ref().map_or(String::new(), |file| file.display().to_string());
             let shift = Nm(work.focus_shift).mm().to_string();
-            word.replace("{file}", &file).replace("{block}", &work.block).replace(SHIFT, &shift)
+            filled(word, &[("{file}", file.as_str()), ("{block}", work.block.as_str()), (SHIFT, shift.as_str())])
         };
         let words: Vec<String> = words.iter().map(replaced).collect();
         let mut command = std::process::Command::new(&words[0]);
@@ -97,6 +97,20 @@ impl Command {
             }
         }
     }
+}
+
+/// Puts values in place of their names, in one pass: a path that holds such a name stays as it is.
+fn filled(word: &str, values: &[(&str, &str)]) -> String {
+    let (mut out, mut rest) = (String::new(), word);
+    while let Some(at) = rest.find('{') {
+        out += &rest[..at];
+        rest = &rest[at..];
+        let found = values.iter().find_map(|(name, value)| Some((value, rest.strip_prefix(name)?)));
+        let (value, after) = found.map_or(("{", &rest[1..]), |(value, after)| (*value, after));
+        out += value;
+        rest = after;
+    }
+    out + rest
 }
 
 /// Ends a command and what it has started.

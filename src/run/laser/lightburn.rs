@@ -5,9 +5,14 @@
 //! and polled (STATUS) until LightBurn is idle again. A block counts as marked where LightBurn was seen busy after START
 //! and idle after that; where it was never seen busy nobody can say whether it marked anything.
 //!
-//! Answers do not name their command and can come late. START is therefore never repeated; load and START are sent when
-//! no late answer can come any more; and a state is believed when more answers tell it than answers are missing. LightBurn has no command that stops it: an abort leaves it
-//! marking, and the message says so.
+//! Answers do not name their command; they can come late, twice, or from somebody else. The rule, which holds for every
+//! driver over a link without order or identity: no single answer ends anything. START is never repeated; load and START
+//! are sent when no late answer can come any more; a state is believed when more answers tell it than answers are
+//! missing; and a block has ended when LightBurn has said so [`ENDED`] times in a row over [`SPREAD`], not before half of
+//! the estimate, and then nothing else comes for as long again: what a surplus answer was taken for comes then. Where the
+//! stage is to leave and LightBurn is busy all the same, the block that had ended is in doubt again.
+//!
+//! LightBurn has no command that stops it: an abort leaves it marking, and the message says so.
 //!
 //! Ports: "Automation With UDP Commands" of LightBurn's documentation; commands and answers: programs for it, such as
 //! ioBroker.lightburn and lightburn_udp. Not tried with LightBurn itself.
@@ -24,13 +29,19 @@ use super::{Beam, Laser, Work};
 use crate::diag::Diag;
 
 /// LightBurn's port for commands, and the port that it answers to.
-const PORTS: [u16; 2] = [19840, 19841];
+pub(crate) const PORTS: [u16; 2] = [19840, 19841];
 
 /// Time between two requests for status.
 const POLL: Duration = Duration::from_millis(10);
 
 /// The longest time until an abort is seen.
 const SLICE: Duration = Duration::from_millis(100);
+
+/// How often in a row LightBurn must say that it is idle where a block has ended.
+const ENDED: usize = 5;
+
+/// How far answers to one command may come apart, and the least time over which it must say so.
+const SPREAD: Duration = Duration::from_millis(250);
 
 /// Requests that may be repeated are sent so often.
 const TRIES: usize = 3;
@@ -74,6 +85,8 @@ struct Link {
     unanswered: VecDeque<Instant>,
     /// After this time an answer does not come any more.
     silence: Duration,
+    /// Whether an answer has come that no request explains.
+    surplus: bool,
 }
 
 impl Link {
@@ -93,7 +106,7 @@ impl Link {
             match self.socket.recv_from(&mut buffer) {
                 Ok((count, from)) if from.ip() == self.to.ip() => {
                     // Whichever request it belongs to: the younger ones stay.
-                    self.unanswered.pop_front();
+                    self.surplus |= self.unanswered.pop_front().is_none();
                     let text = String::from_utf8_lossy(&buffer[..count]);
                     return Ok(Some(match text.trim_matches(|c: char| c.is_whitespace() || c == '\0') {
                         "OK" => Answer::Ok,
@@ -122,6 +135,23 @@ impl Link {
             self.receive(SLICE)?;
         }
         Ok(())
+    }
+
+    /// Listens for so long; whether nothing came.
+    fn hears_nothing(&mut self, time: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let until = Instant::now() + time;
+        let mut is_quiet = true;
+        loop {
+            if interrupt.is_abort() {
+                return Err(aborted());
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                self.surplus = false;
+                return Ok(is_quiet);
+            }
+            is_quiet &= self.receive(left.min(SLICE))?.is_none();
+        }
     }
 
     /// Sends a command and waits for an answer; those that came before are dropped.
@@ -216,6 +246,45 @@ impl LightBurn {
         Ok(true)
     }
 
+    /// Polls until a block has ended; whether it has in time.
+    fn ends(&mut self, work: &Work, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let Waits { answer, silence, .. } = self.waits;
+        let (begin, earliest, longest) = (Instant::now(), work.estimate / 2, work.longest());
+        let (mut idle, mut since, mut heard) = (0, begin, begin);
+        loop {
+            if interrupt.is_abort() {
+                return Err(aborted());
+            }
+            if begin.elapsed() > longest {
+                return Ok(false);
+            }
+            let link = self.link()?;
+            match link.request("STATUS", answer, interrupt)? {
+                Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
+                Some(state) => {
+                    heard = Instant::now();
+                    since = if idle == 0 { heard } else { since };
+                    idle = if state == Answer::Ok { idle + 1 } else { 0 };
+                }
+                None if heard.elapsed() > silence => return Err(silent(silence)),
+                None => idle = 0,
+            }
+            if std::mem::take(&mut link.surplus) {
+                // One of those that were counted may have been it.
+                idle = 0;
+                link.hears_nothing(SPREAD, interrupt)?;
+            }
+            let is_said = idle >= ENDED && since.elapsed() >= SPREAD && begin.elapsed() >= earliest;
+            if is_said && link.missing() == 0 && link.hears_nothing(SPREAD, interrupt)? {
+                return Ok(true);
+            }
+            if is_said {
+                idle = 0;
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
     /// Loads the file of a block. Nothing is marked by that.
     fn load(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
         let file = work.file.as_deref().ok_or_else(|| {
@@ -273,7 +342,7 @@ impl LightBurn {
             );
             return Err(Diag::limit("lightburn-unseen", text).hint("look at the part; see the notes of operating.md"));
         }
-        if !self.reaches(&Answer::Ok, work.longest(), interrupt)? {
+        if !self.ends(work, interrupt)? {
             let text = format!("LightBurn still marks block {block} after {} s", work.longest().as_secs());
             return Err(Diag::limit("lightburn-time", text));
         }
@@ -297,7 +366,7 @@ impl LightBurn {
             Diag::input("lightburn-port", format!("the port {answers} for LightBurn's answers cannot be used: {e}"))
                 .hint("end the other program that talks to LightBurn")
         })?;
-        Ok(Link { socket, to, unanswered: VecDeque::new(), silence: self.waits.silence })
+        Ok(Link { socket, to, unanswered: VecDeque::new(), silence: self.waits.silence, surplus: false })
     }
 }
 
@@ -328,6 +397,14 @@ impl Laser for LightBurn {
             return Err(Diag::input("lightburn-busy", "LightBurn is marking").hint("wait for its end or stop it there"));
         }
         Ok(format!("LightBurn at {to}, idle"))
+    }
+
+    fn may_leave(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+        if self.state(interrupt)? == Answer::Ok {
+            return Ok(());
+        }
+        Err(Diag::limit("lightburn-busy", "LightBurn is marking, and the stage was to move")
+            .hint("nothing else may start it during a run"))
     }
 
     fn mark(&mut self, work: &Work, beam: Beam, _stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {

@@ -77,6 +77,16 @@ pub trait Laser {
         Ok(())
     }
 
+    /// Makes sure that nothing is being marked where the driver was told so over a link whose answers can be others', before
+    /// the stage leaves a block.
+    ///
+    /// # Errors
+    /// Where something is: then the block that ended last may not have.
+    fn may_leave(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+        let _ = interrupt;
+        Ok(())
+    }
+
     /// Marks a block, and returns when the beam is off for certain. `stage` is for drivers that hand over through its
     /// control; they never move it.
     ///

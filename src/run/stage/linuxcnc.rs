@@ -24,6 +24,10 @@ use crate::run::settings::LinuxCncKeys;
 /// Longest wait for a connection and for the answer to a line.
 const ANSWER: Duration = Duration::from_secs(5);
 
+/// Longest line of an answer, bytes, and most lines before it.
+const LONGEST_LINE: usize = 4096;
+const MOST_LINES: usize = 100;
+
 /// How often the control is asked while it works.
 const EVERY: Duration = Duration::from_millis(10);
 
@@ -363,27 +367,50 @@ impl Link {
         self.stream.write_all(format!("{line}\n").as_bytes()).map_err(|e| e.to_string())
     }
 
-    /// The answer that begins with the word; what precedes it is an echo or the rest of a longer message.
+    /// The answer that begins with the word; what precedes it is an echo or the rest of a longer message. All of it has
+    /// come within [`ANSWER`].
     fn ask(&mut self, line: &str, word: &str) -> Result<String, String> {
         self.send(line)?;
-        for _ in 0..100 {
-            let mut bytes = Vec::new();
-            // Lines end with CR LF or LF CR.
-            let read = self.lines.read_until(b'\n', &mut bytes);
-            match read {
-                Ok(0) => return Err("the other side has closed it".into()),
-                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    return Err(format!("no answer to {line:?} within {} s", ANSWER.as_secs()));
-                }
-                Err(e) => return Err(e.to_string()),
-                Ok(_) => {}
-            }
-            let text = String::from_utf8_lossy(&bytes);
-            if let Some(rest) = text.trim().strip_prefix(word) {
+        let until = Instant::now() + ANSWER;
+        for _ in 0..MOST_LINES {
+            let answer =
+                self.line(until)?.ok_or_else(|| format!("no answer to {line:?} within {} s", ANSWER.as_secs()))?;
+            if let Some(rest) = answer.trim().strip_prefix(word) {
                 return Ok(rest.trim().to_owned());
             }
         }
-        Err(format!("no answer to {line:?} among 100 lines"))
+        Err(format!("no answer to {line:?} among {MOST_LINES} lines"))
+    }
+
+    /// The next line; None where it has not ended by then.
+    fn line(&mut self, until: Instant) -> Result<Option<String>, String> {
+        let mut bytes = Vec::new();
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            self.stream.set_read_timeout(Some(left)).map_err(|e| e.to_string())?;
+            let found = match self.lines.fill_buf() {
+                Ok([]) => return Err("the other side has closed it".into()),
+                Ok(found) => found,
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                    continue;
+                }
+                Err(e) => return Err(e.to_string()),
+            };
+            // Lines end with CR LF or LF CR.
+            let end = found.iter().position(|&c| c == b'\n').map(|at| at + 1);
+            let count = end.unwrap_or(found.len());
+            bytes.extend_from_slice(&found[..count]);
+            self.lines.consume(count);
+            if bytes.len() > LONGEST_LINE {
+                return Err(format!("it sends a line of more than {LONGEST_LINE} bytes"));
+            }
+            if end.is_some() {
+                return Ok(Some(String::from_utf8_lossy(&bytes).into_owned()));
+            }
+        }
     }
 
     fn get(&mut self, what: &str) -> Result<String, String> {

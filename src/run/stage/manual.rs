@@ -7,12 +7,16 @@ use crate::diag::Diag;
 use crate::run::{Console, Interrupt};
 
 /// Asks a person for every move.
-pub struct Manual(Rc<dyn Console>);
+pub struct Manual {
+    console: Rc<dyn Console>,
+    /// The block that the next moves go to.
+    block: String,
+}
 
 impl Manual {
     /// Asks through this console.
     pub fn new(console: &Rc<dyn Console>) -> Self {
-        Self(Rc::clone(console))
+        Self { console: Rc::clone(console), block: String::new() }
     }
 }
 
@@ -22,7 +26,12 @@ impl Stage for Manual {
     }
 
     fn go(&mut self, to: &Move, interrupt: &Interrupt) -> Result<(), Diag> {
-        self.0.ask(&format!("move the stage to {to}"), interrupt)
+        let block = if self.block.is_empty() { String::new() } else { format!("block {}: ", self.block) };
+        self.console.ask(&format!("{block}move the stage to {to}"), interrupt)
+    }
+
+    fn heads_for(&mut self, block: &str) {
+        block.clone_into(&mut self.block);
     }
 
     fn halt(&mut self) -> Result<(), Diag> {

@@ -48,6 +48,11 @@ pub trait Stage {
     /// Where the control reports an alarm or does not answer, or the run is aborted; the stage is then halted.
     fn go(&mut self, to: &Move, interrupt: &Interrupt) -> Result<(), Diag>;
 
+    /// Says which block the next moves go to, for those who are asked to move.
+    fn heads_for(&mut self, block: &str) {
+        let _ = block;
+    }
+
     /// Makes sure that BUSY of the scan card is off.
     ///
     /// # Errors

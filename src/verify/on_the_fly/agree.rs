@@ -11,6 +11,9 @@ use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::on_the_fly::FlyProgram;
 use crate::verify::read::on_the_fly::manifest::Manifest;
 
+/// The files of every on-the-fly job, besides its programs.
+const OF_EVERY_JOB: [&str; 4] = ["runsheet.txt", "layout.svg", "report.html", "view.html"];
+
 /// Relative difference at which two figures are still the same.
 const SAME: f64 = 1e-9;
 /// A power is written with three decimals of a percent.
@@ -93,6 +96,13 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
         let is_listed = manifest.files.iter().any(|f| f.file == target.file);
         let text = format!("{} is not listed, which the job asks for", target.file);
         hold(is_listed || !facts.formats.contains(&format), &text);
+    }
+    // Whoever loads another file marks what nobody has compared.
+    for entry in &manifest.files {
+        let is_asked =
+            |(format, target): (Format, OnTheFly)| target.file == entry.file && facts.formats.contains(&format);
+        let is_known = OF_EVERY_JOB.contains(&entry.file.as_str()) || targets(&manifest.axes).any(is_asked);
+        hold(is_known, &format!("{} is listed, but is no file of this job", entry.file));
     }
     let full = facts.machine.laser.max_power;
     let pens = facts.pens.as_deref().unwrap_or_default();

@@ -10,7 +10,7 @@ use super::{Fault, FileStroke, Strokes};
 pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault> {
     let mut lines = (1..).zip(bytes.split(|&c| c == b'\n'));
     let (_, head) = lines.next().expect("a split has a first part");
-    if head.trim_ascii_end() != b"stroke,pen,x_mm,y_mm" {
+    if head.strip_suffix(b"\r").unwrap_or(head) != b"stroke,pen,x_mm,y_mm" {
         return Err(Fault::new(1, "is not the header stroke,pen,x_mm,y_mm"));
     }
     let (mut stroke, mut pen, mut points) = (0, 0, Vec::new());

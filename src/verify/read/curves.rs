@@ -5,12 +5,17 @@
 
 use std::path::Path;
 
+use crate::diag;
+
+/// Largest file that is read.
+const MAX_FILE: u64 = 1 << 30;
+
 /// The points of a curve, mm.
 pub(in crate::verify) type Curve = Vec<[f64; 3]>;
 
 /// The curves of a file; None where it is not read here. `unit_mm` is what the job says a unit is.
 pub(in crate::verify) fn read(path: &Path, unit_mm: Option<f64>) -> Option<Vec<Curve>> {
-    let bytes = std::fs::read(path).ok()?;
+    let bytes = diag::read_file(path, MAX_FILE).ok()?;
     let text = String::from_utf8_lossy(&bytes);
     let is_dxf = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dxf"));
     if is_dxf { Drawing::read(&text, unit_mm) } else { rows(text.trim_start_matches('\u{feff}'), unit_mm?) }

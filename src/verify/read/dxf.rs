@@ -1,8 +1,9 @@
-//! Reader of the block drawings: DXF R12 text with LINE and POLYLINE entities.
+//! Reader of the block drawings: DXF R12 text with POINT, LINE and POLYLINE entities.
 //!
 //! Consumes the bytes of one file; hands over each stroke in file order, in whole nanometres, with its
-//! layer. A closed polyline ends on the point it starts with. Anything else among the entities is a
-//! fault: a controller would mark it or lose it, and neither is what the program says.
+//! layer. A closed polyline ends on the point it starts with. The file is read whole: header, line type and layers are
+//! those that stand in [`Head`], an entity has the group codes of its kind, each once, and nothing else stands in the
+//! file. Marking software acts on more than coordinates: units, colours, visibility, extrusion.
 
 use super::number::{integer, nm_from_decimal};
 use super::{Fault, FileStroke, Strokes};
@@ -12,7 +13,21 @@ type Visit<'v> = dyn FnMut(&[u8], &[[i64; 2]]) + 'v;
 
 /// Reads the drawing of a block, whose layers are `B0001_P1` and so on: block and pen from 1.
 pub(super) fn strokes(bytes: &[u8], id: &str, visit: &mut Strokes<'_>) -> Result<(), Fault> {
-    read(bytes, &mut |layer, points| visit(FileStroke { pen: pen(layer, id), points, settings: &[] }))
+    let mut pairs = Pairs { rest: bytes, line: 0 };
+    let mut layers = Head { pairs: &mut pairs }.layers(id)?;
+    entities(&mut pairs, &mut |layer, points| {
+        let pen = pen(layer, id);
+        if let Some(known) = layers.iter_mut().find(|known| Some(known.pen) == pen) {
+            known.is_used = true;
+            visit(FileStroke { pen, points, settings: &[] });
+        } else {
+            visit(FileStroke { pen: None, points, settings: &[] });
+        }
+    })?;
+    match layers.iter().find(|layer| !layer.is_used) {
+        Some(layer) => Err(Fault::new(0, format!("layer {id}_P{} holds nothing", layer.pen))),
+        None => Ok(()),
+    }
 }
 
 /// The pen that a layer of the block stands for.
@@ -22,34 +37,78 @@ fn pen(layer: &[u8], id: &str) -> Option<usize> {
     digits.parse().ok().filter(|n: &usize| n.to_string() == digits)
 }
 
-/// Reads a drawing.
-fn read(bytes: &[u8], visit: &mut Visit<'_>) -> Result<(), Fault> {
-    let mut pairs = Pairs { rest: bytes, line: 0 };
+/// A layer of the table.
+struct TableLayer {
+    pen: usize,
+    is_used: bool,
+}
+
+/// What stands before the entities: the version, one line type, and the layers.
+struct Head<'p, 'a> {
+    pairs: &'p mut Pairs<'a>,
+}
+
+impl Head<'_, '_> {
+    /// Reads it, and answers with the layers.
+    fn layers(mut self, id: &str) -> Result<Vec<TableLayer>, Fault> {
+        self.expect(&[(0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC")])?;
+        self.expect(&[(0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LTYPE"), (70, "1")])?;
+        self.expect(&[(0, "LTYPE"), (2, "CONTINUOUS"), (70, "0"), (3, "Solid line")])?;
+        self.expect(&[(72, "65"), (73, "0"), (40, "0.0"), (0, "ENDTAB"), (0, "TABLE"), (2, "LAYER")])?;
+        let (code, value) = self.pairs.next()?;
+        let count = integer(value).filter(|&n| code == 70 && (0..=65_535).contains(&n));
+        let count = count.ok_or_else(|| self.fault("the number of layers is expected here"))?;
+        let mut layers: Vec<TableLayer> = Vec::new();
+        for _ in 0..count {
+            self.expect(&[(0, "LAYER")])?;
+            let (code, value) = self.pairs.next()?;
+            let pen = pen(value, id).filter(|&pen| code == 2 && pen > layers.last().map_or(0, |last| last.pen));
+            let Some(pen) = pen else {
+                return Err(self.fault(&format!("a layer of {id} is expected here, in the order of the pens")));
+            };
+            // The colour of a layer is the number of its pen; there are 255.
+            let colour = ((pen - 1) % 255 + 1).to_string();
+            self.expect(&[(70, "0"), (62, &colour), (6, "CONTINUOUS")])?;
+            layers.push(TableLayer { pen, is_used: false });
+        }
+        self.expect(&[(0, "ENDTAB"), (0, "ENDSEC"), (0, "SECTION"), (2, "ENTITIES")])?;
+        Ok(layers)
+    }
+
+    fn expect(&mut self, wanted: &[(i64, &str)]) -> Result<(), Fault> {
+        for &(code, value) in wanted {
+            if self.pairs.next()? != (code, value.as_bytes()) {
+                return Err(self.fault(&format!("{code} {value} is expected here")));
+            }
+        }
+        Ok(())
+    }
+
+    fn fault(&self, text: &str) -> Fault {
+        Fault::new(self.pairs.line, text)
+    }
+}
+
+/// Reads the entities to the end of the file.
+fn entities(pairs: &mut Pairs<'_>, visit: &mut Visit<'_>) -> Result<(), Fault> {
     let mut reader =
-        Reader { entity: Entity::None, layer: &[], points: Vec::new(), closed: false, at: Point::default() };
-    let mut section: &[u8] = b"";
-    let mut named = false;
+        Reader { entity: Entity::None, layer: &[], points: Vec::new(), closed: false, at: Point::default(), seen: 0 };
     loop {
-        // Sections follow each other and hold everything; only ENTITIES is marked, so the others are passed over.
-        // `named` says that the section at hand has its name already.
-        let (code, value) = pairs.next()?;
-        match (code, value) {
-            (0, b"EOF") if section.is_empty() => return Ok(()),
-            (0, b"SECTION") if section.is_empty() => named = false,
-            (2, name) if section.is_empty() && !named => (section, named) = (name, true),
-            (0, b"ENDSEC") if !section.is_empty() => {
+        match pairs.next()? {
+            (0, b"ENDSEC") => {
                 reader.finish(visit).map_err(|m| Fault::new(pairs.line, m))?;
                 if reader.entity != Entity::None {
                     return Err(Fault::new(pairs.line, "a POLYLINE has no SEQEND"));
                 }
-                section = b"";
+                break;
             }
-            _ if section == b"ENTITIES" => reader.pair(code, value, visit).map_err(|m| Fault::new(pairs.line, m))?,
-            (999, _) => {}
-            _ if section.is_empty() => return Err(Fault::new(pairs.line, "something lies between sections")),
-            _ => {}
+            (code, value) => reader.pair(code, value, visit).map_err(|m| Fault::new(pairs.line, m))?,
         }
     }
+    if pairs.next()? != (0, b"EOF") || !pairs.rest.is_empty() {
+        return Err(Fault::new(pairs.line, "something follows the entities"));
+    }
+    Ok(())
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -58,6 +117,8 @@ enum Entity {
     Dot,
     Line,
     Polyline,
+    /// Before a vertex of a POLYLINE or its end.
+    Vertices,
     Vertex,
     Seqend,
 }
@@ -75,6 +136,19 @@ struct Reader<'a> {
     points: Vec<[i64; 2]>,
     closed: bool,
     at: Point,
+    /// The group codes of the entity so far, a bit each.
+    seen: u128,
+}
+
+/// The group codes that an entity has, those that it must have first; what else may stand follows their number.
+fn codes(entity: Entity) -> (&'static [i64], usize) {
+    match entity {
+        Entity::None | Entity::Vertices => (&[], 0),
+        Entity::Dot | Entity::Vertex => (&[8, 10, 20, 30], 4),
+        Entity::Line => (&[8, 10, 20, 30, 11, 21, 31], 7),
+        Entity::Polyline => (&[8, 66, 10, 20, 30, 70], 5),
+        Entity::Seqend => (&[8], 1),
+    }
 }
 
 impl<'a> Reader<'a> {
@@ -83,29 +157,46 @@ impl<'a> Reader<'a> {
             self.finish(visit)?;
             return self.begin(value, visit);
         }
+        if self.entity != Entity::None && !codes(self.entity).0.contains(&code) {
+            return Err(format!("group code {code} is not expected in this entity"));
+        }
+        if self.entity == Entity::None {
+            return Err("there is data before the first entity".into());
+        }
+        if self.seen & (1 << code) != 0 {
+            return Err(format!("group code {code} stands twice in this entity"));
+        }
+        self.seen |= 1 << code;
         let mm =
             || nm_from_decimal(value).ok_or_else(|| "a coordinate is not a decimal of whole nanometres".to_owned());
         match (code, self.entity) {
-            (_, Entity::None) => return Err("there is data before the first entity".into()),
             (8, Entity::Dot | Entity::Line | Entity::Polyline) => self.layer = value,
-            (8, Entity::Vertex) if value != self.layer => return Err("a VERTEX lies on another layer".into()),
+            (8, _) if value != self.layer => return Err("it lies on another layer than its POLYLINE".into()),
+            (8, _) => {}
             (10, Entity::Dot | Entity::Line | Entity::Vertex) => self.at.xy[0] = Some(mm()?),
             (20, Entity::Dot | Entity::Line | Entity::Vertex) => self.at.xy[1] = Some(mm()?),
             (11, Entity::Line) => self.at.end[0] = Some(mm()?),
             (21, Entity::Line) => self.at.end[1] = Some(mm()?),
-            (10 | 20 | 30 | 31 | 38 | 39, _) if mm()? != 0 => return Err("a height or thickness is not 0".into()),
-            (42, _) if mm()? != 0 => return Err("a bulge is not 0".into()),
-            (70, Entity::Polyline) => match integer(value) {
-                Some(flags @ (0 | 1)) => self.closed = flags == 1,
-                _ => return Err("POLYLINE flags are neither 0 nor 1".into()),
-            },
+            (66, _) if integer(value) == Some(1) => {}
+            (70, _) if integer(value) == Some(1) => self.closed = true,
+            (66 | 70, _) => return Err("a flag of the POLYLINE is not 1".into()),
+            _ if mm()? != 0 => return Err("a height is not 0".into()),
             _ => {}
         }
         Ok(())
     }
 
+    /// Holds that the entity has what it must have.
+    fn is_whole(&self) -> Result<(), String> {
+        let (codes, must) = codes(self.entity);
+        match codes[..must].iter().find(|&&code| self.seen & (1 << code) == 0) {
+            Some(code) => Err(format!("an entity lacks group code {code}")),
+            None => Ok(()),
+        }
+    }
+
     fn begin(&mut self, name: &[u8], visit: &mut Visit<'_>) -> Result<(), String> {
-        let inside = self.entity == Entity::Polyline; // finish() has ended any VERTEX
+        let inside = self.entity == Entity::Vertices; // finish() has ended any VERTEX
         match name {
             b"POINT" if !inside => self.entity = Entity::Dot,
             b"LINE" if !inside => self.entity = Entity::Line,
@@ -129,12 +220,13 @@ impl<'a> Reader<'a> {
             }
             other => return Err(format!("entity {} is not expected here", String::from_utf8_lossy(other))),
         }
-        self.at = Point::default();
+        (self.at, self.seen) = (Point::default(), 0);
         Ok(())
     }
 
-    /// Ends the LINE or VERTEX being read.
+    /// Ends what is being read.
     fn finish(&mut self, visit: &mut Visit<'_>) -> Result<(), String> {
+        self.is_whole()?;
         let point = |[x, y]: [Option<i64>; 2]| Some([x?, y?]);
         match self.entity {
             Entity::Dot => {
@@ -150,10 +242,11 @@ impl<'a> Reader<'a> {
             }
             Entity::Vertex => {
                 self.points.push(point(self.at.xy).ok_or("a VERTEX lacks a coordinate")?);
-                self.entity = Entity::Polyline;
+                self.entity = Entity::Vertices;
             }
+            Entity::Polyline => self.entity = Entity::Vertices,
             Entity::Seqend => self.entity = Entity::None,
-            Entity::None | Entity::Polyline => {}
+            Entity::None | Entity::Vertices => {}
         }
         Ok(())
     }
@@ -167,9 +260,9 @@ struct Pairs<'a> {
 
 impl<'a> Pairs<'a> {
     fn next(&mut self) -> Result<(i64, &'a [u8]), Fault> {
-        let code = self.line()?.trim_ascii();
+        let code = self.line()?;
         let code = integer(code).ok_or_else(|| Fault::new(self.line, "is not a group code"))?;
-        Ok((code, self.line()?.trim_ascii()))
+        Ok((code, self.line()?))
     }
     fn line(&mut self) -> Result<&'a [u8], Fault> {
         self.line += 1;
@@ -178,7 +271,12 @@ impl<'a> Pairs<'a> {
         };
         let line = &self.rest[..end];
         self.rest = &self.rest[end + 1..];
-        Ok(line)
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        if line.iter().all(|c| matches!(c, b' '..=b'~')) {
+            Ok(line)
+        } else {
+            Err(Fault::new(self.line, "holds bytes that are no printable ASCII"))
+        }
     }
 }
 
@@ -186,20 +284,21 @@ impl<'a> Pairs<'a> {
 mod tests {
     use super::*;
 
-    const HEAD: &str = "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1009\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n";
+    const HEAD: &str = "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1009\n0\nENDSEC\n0\nSECTION\n2\nTABLES\n\
+        0\nTABLE\n2\nLTYPE\n70\n1\n0\nLTYPE\n2\nCONTINUOUS\n70\n0\n3\nSolid line\n72\n65\n73\n0\n40\n0.0\n0\nENDTAB\n\
+        0\nTABLE\n2\nLAYER\n70\n2\n0\nLAYER\n2\nB0001_P1\n70\n0\n62\n1\n6\nCONTINUOUS\n\
+        0\nLAYER\n2\nB0001_P2\n70\n0\n62\n2\n6\nCONTINUOUS\n0\nENDTAB\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n";
     const LINE: &str = "0\nLINE\n8\nB0001_P1\n10\n-5.000000\n20\n1.5\n30\n0.0\n11\n5.000001\n21\n1.5\n31\n0.0\n";
     const LOOP: &str = "0\nPOLYLINE\n8\nB0001_P2\n66\n1\n10\n0.0\n20\n0.0\n30\n0.0\n70\n1\n\
-        0\nVERTEX\n8\nB0001_P2\n10\n0.0\n20\n0.0\n0\nVERTEX\n8\nB0001_P2\n10\n1.0\n20\n0.0\n\
-        0\nVERTEX\n8\nB0001_P2\n10\n1.0\n20\n1.0\n0\nSEQEND\n8\nB0001_P2\n";
+        0\nVERTEX\n8\nB0001_P2\n10\n0.0\n20\n0.0\n30\n0.0\n0\nVERTEX\n8\nB0001_P2\n10\n1.0\n20\n0.0\n30\n0.0\n\
+        0\nVERTEX\n8\nB0001_P2\n10\n1.0\n20\n1.0\n30\n0.0\n0\nSEQEND\n8\nB0001_P2\n";
     const TAIL: &str = "0\nENDSEC\n0\nEOF\n";
 
-    type Drawn = (String, Vec<[i64; 2]>);
+    type Drawn = (Option<usize>, Vec<[i64; 2]>);
 
-    fn strokes(text: &str) -> Result<Vec<Drawn>, Fault> {
+    fn drawn(text: &str) -> Result<Vec<Drawn>, Fault> {
         let mut out = Vec::new();
-        read(text.as_bytes(), &mut |layer, points| {
-            out.push((String::from_utf8_lossy(layer).into_owned(), points.to_vec()));
-        })?;
+        strokes(text.as_bytes(), "B0001", &mut |stroke| out.push((stroke.pen, stroke.points.to_vec())))?;
         Ok(out)
     }
 
@@ -207,11 +306,11 @@ mod tests {
     fn lines_and_closed_polylines_come_in_file_order() {
         let text = format!("{HEAD}{LINE}{LOOP}{LINE}{TAIL}");
         for text in [text.clone(), text.replace('\n', "\r\n")] {
-            let all = strokes(&text).expect("sound");
+            let all = drawn(&text).expect("sound");
             assert_eq!(all.len(), 3);
-            assert_eq!(all[0], ("B0001_P1".into(), vec![[-5_000_000, 1_500_000], [5_000_001, 1_500_000]]));
+            assert_eq!(all[0], (Some(1), vec![[-5_000_000, 1_500_000], [5_000_001, 1_500_000]]));
             let ring = vec![[0, 0], [1_000_000, 0], [1_000_000, 1_000_000], [0, 0]];
-            assert_eq!(all[1], ("B0001_P2".into(), ring));
+            assert_eq!(all[1], (Some(2), ring));
         }
     }
 
@@ -219,7 +318,7 @@ mod tests {
     fn dxf_that_controllers_misread_is_a_fault() {
         let sound = format!("{HEAD}{LINE}{LOOP}{TAIL}");
         for end in 0..sound.len() {
-            assert!(strokes(&sound[..end]).is_err(), "cut at {end}");
+            assert!(drawn(&sound[..end]).is_err(), "cut at {end}");
         }
         for (from, to) in [
             ("31\n0.0", "31\n0.5"),
@@ -227,11 +326,30 @@ mod tests {
             ("21\n1.5\n", ""),
             ("5.000001", "5.0000011"),
             ("5.000001", "5e3"),
-            ("70\n1", "70\n8"),
+            ("70\n1\n0\nVERTEX", "70\n8\n0\nVERTEX"),
             ("0\nSEQEND\n", ""),
             ("8\nB0001_P2\n10\n1.0", "8\nOTHER\n10\n1.0"),
+            // What is more than lines: mirrored, another pen, invisible, off, dashed, wide, in paper space, in inch.
+            ("8\nB0001_P1\n", "8\nB0001_P1\n230\n-1.0\n"),
+            ("8\nB0001_P1\n", "8\nB0001_P1\n62\n3\n"),
+            ("8\nB0001_P1\n", "8\nB0001_P1\n60\n1\n"),
+            ("8\nB0001_P1\n", "8\nB0001_P1\n67\n1\n"),
+            ("8\nB0001_P1\n", "8\nB0001_P1\n6\nDASHED\n"),
+            ("8\nB0001_P1\n", "8\nB0001_P1\n10\n1.0\n"),
+            ("66\n1\n", "66\n1\n40\n1.0\n"),
+            ("62\n2\n", "62\n-2\n"),
+            ("62\n2\n", "62\n1\n"),
+            ("2\nB0001_P2\n70\n0\n", "2\nB0001_P2\n70\n1\n"),
+            ("2\nB0001_P2\n70\n0\n", "2\nB0001_P3\n70\n0\n"),
+            ("AC1009\n", "AC1009\n9\n$INSUNITS\n70\n1\n"),
+            ("0\nEOF\n", "0\nSECTION\n2\nentities\n0\nENDSEC\n0\nEOF\n"),
+            ("0\nEOF\n", "0\nEOF\n0\nLINE\n"),
+            ("0\nLINE", "999\nnote\n0\nLINE"),
+            ("Solid line", "Solid\u{7f}line"),
         ] {
-            assert!(strokes(&sound.replace(from, to)).is_err(), "{from:?} -> {to:?}");
+            let changed = sound.replacen(from, to, 1);
+            assert!(drawn(&changed).is_err(), "{from:?} -> {to:?}");
         }
+        assert!(drawn(&sound).is_ok());
     }
 }

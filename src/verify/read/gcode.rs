@@ -5,6 +5,7 @@
 //! the laser rule can refuse it: nothing is skipped that might move an axis or switch an output.
 
 use super::Fault;
+use super::comments::{self, Sentence};
 use super::number::nm_from_decimal;
 use crate::geom::Nm;
 
@@ -35,6 +36,8 @@ pub(in crate::verify) enum Step {
     Wait { high: bool, seconds: f64 },
     /// An `if` that asks whether the last wait ran out of time, with its o-number.
     IfTimeout(u32),
+    /// An `if` that asks whether a parameter is not 0, with its o-number: whether an offset is active.
+    IfOffset(u32, u32),
     /// Its end.
     EndIf(u32),
     /// M0: waits for the operator.
@@ -84,42 +87,115 @@ pub(in crate::verify) struct Program {
 
 /// Reads a stage program.
 pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Program, Fault> {
-    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
-    if !text.ends_with('\n') {
-        return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
-    }
-    let (mut out, mut names, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+    let text = comments::printable(bytes)?;
+    let mut reader = Reader::default();
     for (i, line) in text.lines().enumerate() {
-        let (code, comments) = split_comments(line).map_err(|m| Fault::new(i + 1, m))?;
-        let mut push = |step| out.push(Statement { line: i + 1, step });
+        reader.line(i + 1, line)?;
+    }
+    let last = reader.sentence.end();
+    reader.unknown(last);
+    Ok(Program { statements: reader.statements, names: reader.names, numbers: reader.numbers })
+}
+
+#[derive(Default)]
+struct Reader {
+    statements: Vec<Statement>,
+    names: Vec<(usize, String)>,
+    numbers: Vec<(usize, u64)>,
+    sentence: Sentence,
+}
+
+impl Reader {
+    fn line(&mut self, line: usize, text: &str) -> Result<(), Fault> {
+        let (code, comments) = split_comments(text).map_err(|m| Fault::new(line, m))?;
         for comment in comments {
-            if let Some(rest) = comment.trim().strip_prefix("BLOCK ") {
-                let mut words = rest.split_whitespace();
-                let id = words.next().unwrap_or("").to_owned();
-                push(Step::Block(id, words.skip_while(|w| *w != "FILE").nth(1).map(str::to_owned)));
-            } else if let Some(rest) = comment.trim().strip_prefix("SETUP ") {
-                let number = rest.split_whitespace().next().and_then(|n| n.parse().ok());
-                push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Setup));
-            } else if let Some(rest) = comment.trim().strip_prefix("REGISTRATION ") {
-                let number = rest.trim().parse().ok();
-                push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Registration));
-            } else if let Some(rest) = comment.trim().strip_prefix("FOCUS SHIFT ") {
-                let shift = nm_from_decimal(rest.trim().as_bytes());
-                push(shift.map_or_else(|| Step::Unknown(comment.to_owned()), Step::FocusShift));
-            } else if let Some(rest) = comment.trim().strip_prefix("ENTRY LIFT Z") {
-                let lift = nm_from_decimal(rest.trim().as_bytes());
-                push(lift.map_or_else(|| Step::Unknown(comment.to_owned()), Step::EntryLift));
-            } else {
-                comment.split_whitespace().filter(|w| is_block(w)).for_each(|w| names.push((i + 1, w.to_owned())));
+            match statement(comment) {
+                Some(step) => self.push(line, step),
+                None => match named_block(comment) {
+                    Some(block) => {
+                        let before = self.sentence.end();
+                        self.unknown(before);
+                        self.names.extend((!block.is_empty()).then(|| (line, block.to_owned())));
+                    }
+                    None => {
+                        let before = self.sentence.take(comment, line);
+                        self.unknown(before);
+                    }
+                },
             }
         }
         let (number, code) = numbered(code.trim());
-        numbers.extend(number.map(|n| (i + 1, n)));
-        if !code.is_empty() && code != "%" {
-            push(step(code).unwrap_or_else(|| Step::Unknown(code.to_owned())));
+        self.numbers.extend(number.map(|n| (line, n)));
+        if !code.is_empty() {
+            self.push(line, step(code).unwrap_or_else(|| Step::Unknown(code.to_owned())));
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, line: usize, step: Step) {
+        let before = self.sentence.end();
+        self.unknown(before);
+        self.statements.push(Statement { line, step });
+    }
+
+    /// A comment that is no sentence of ours.
+    fn unknown(&mut self, found: Option<(usize, String)>) {
+        if let Some((line, text)) = found {
+            self.statements.push(Statement { line, step: Step::Unknown(format!("({text})")) });
         }
     }
-    Ok(Program { statements: out, names, numbers })
+}
+
+/// What a comment states, if it states something of the program.
+fn statement(comment: &str) -> Option<Step> {
+    let unknown = || Step::Unknown(format!("({comment})"));
+    if let Some(rest) = comment.strip_prefix("BLOCK ") {
+        let (id, file) = match rest.split_once(" FILE ") {
+            Some((id, file)) => (id, Some(file.to_owned())),
+            None => (rest, None),
+        };
+        Some(if is_block(id) { Step::Block(id.to_owned(), file) } else { unknown() })
+    } else if let Some(rest) = comment.strip_prefix("SETUP ") {
+        let numbers =
+            rest.split_once(" OF ").and_then(|(n, count)| Some((n.parse().ok()?, count.parse::<u32>().ok()?)));
+        Some(numbers.map_or_else(unknown, |(number, _)| Step::Setup(number)))
+    } else if let Some(rest) = comment.strip_prefix("REGISTRATION ") {
+        Some(rest.parse().map_or_else(|_| unknown(), Step::Registration))
+    } else if let Some(rest) = comment.strip_prefix("FOCUS SHIFT ") {
+        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::FocusShift))
+    } else if let Some(rest) = comment.strip_prefix("ENTRY LIFT Z") {
+        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::EntryLift))
+    } else {
+        None
+    }
+}
+
+/// Offsets that a message tells of.
+const OFFSETS: [&str; 8] = [
+    "G92 is active",
+    "G54 is rotated",
+    "G54 has an offset in X",
+    "G54 has an offset in Y",
+    "G54 has an offset in Z",
+    "G54 has an offset in A",
+    "G54 has an offset in B",
+    "G54 has an offset in C",
+];
+
+/// The block that a comment names for the operator: in a message or at a stop. Of messages at stops without a block,
+/// nothing.
+fn named_block(comment: &str) -> Option<&str> {
+    const NAMING: [&str; 5] =
+        ["MSG, BUSY before START, block ", "MSG, no BUSY, block ", "MSG, still BUSY, block ", "mark ", "frame "];
+    let named = NAMING.iter().find_map(|words| comment.strip_prefix(words)).filter(|id| is_block(id));
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|c| c.is_ascii_digit());
+    if OFFSETS.iter().any(|words| comment.strip_prefix("MSG, ") == Some(words)) {
+        return Some("");
+    }
+    let set_up =
+        || comment.strip_prefix("MSG, set-up ")?.split_once(" of ").filter(|(n, m)| is_number(n) && is_number(m));
+    let point = || comment.strip_prefix("MSG, registration point ").filter(|n| is_number(n));
+    named.or_else(|| (set_up().is_some() || point().is_some()).then_some(""))
 }
 
 /// The number of a line, and its code after it.
@@ -140,7 +216,7 @@ pub(super) fn split_comments(line: &str) -> Result<(String, Vec<&str>), &'static
     while let Some(at) = rest.find(['(', ';']) {
         code.push_str(&rest[..at]);
         if rest[at..].starts_with(';') {
-            return Ok((code, comments));
+            return Err("a comment begins with ;");
         }
         let Some(end) = rest[at..].find(')') else { return Err("a comment does not end") };
         comments.push(&rest[at + 1..at + end]);
@@ -187,7 +263,7 @@ fn moved(words: &[(char, &str)]) -> Option<Step> {
     Some(Step::Move(to))
 }
 
-/// `o101 if [#5399 LT 0]` or `o101 endif`; other conditions are unknown.
+/// `o101 if [#5399 LT 0]`, `o101 if [#5210 NE 0]` or `o101 endif`; other conditions are unknown.
 fn o_word(code: &str) -> Option<Step> {
     let code = code[1..].trim_start();
     let digits = code.find(|c: char| !c.is_ascii_digit())?;
@@ -196,7 +272,11 @@ fn o_word(code: &str) -> Option<Step> {
     match rest.as_str() {
         "IF[#5399LT0]" => Some(Step::IfTimeout(label)),
         "ENDIF" => Some(Step::EndIf(label)),
-        _ => None,
+        other => {
+            let parameter = other.strip_prefix("IF[#")?.strip_suffix("NE0]")?;
+            let is_plain = parameter.bytes().all(|c| c.is_ascii_digit());
+            Some(Step::IfOffset(label, parameter.parse().ok().filter(|_| is_plain)?))
+        }
     }
 }
 
@@ -239,7 +319,7 @@ mod tests {
 
     #[test]
     fn the_handshake_is_read_step_by_step() {
-        let text = "(terrace)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 FILE x.dxf)\nG0 Z5 ; lift\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
+        let text = "(PASS 1)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 FILE x.dxf)\nG0 Z5\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
             M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY, block B0002)\nM2\no101 endif\nM30\n";
         let expected = [
             Step::Modal(vec![210, 900, 611]),
@@ -263,18 +343,35 @@ mod tests {
     #[test]
     fn a_set_up_is_read_by_its_number() {
         assert_eq!(steps("(SETUP 2 OF 3)\nM0\n"), [Step::Setup(2), Step::Pause]);
-        assert_eq!(steps("(SETUP two)\n"), [Step::Unknown("SETUP two".into())]);
+        assert_eq!(steps("(SETUP two)\n"), [Step::Unknown("(SETUP two)".into())]);
     }
 
     #[test]
     fn unknown_words_are_a_fault() {
-        for line in
-            ["M62 P0", "G1 X5 F100", "G0 X1e3", "G0 X0.0000001", "M64 P1", "M66 P0 L3", "o1 while [1]", "X5", "é"]
-        {
+        for line in [
+            "M62 P0",
+            "G1 X5 F100",
+            "G0 X1e3",
+            "G0 X0.0000001",
+            "M64 P1",
+            "M66 P0 L3",
+            "o1 while [1]",
+            "X5",
+            "%",
+            "/G0 X5",
+            "(LOGOPEN,f)",
+            "(abort, x)",
+            "(BLOCK 7)",
+            "(FOCUS SHIFT x)",
+            "(mark it)",
+            "(MSG, no BUSY, block 7)",
+            "( PASS 1)",
+        ] {
             assert_eq!(steps(&format!("{line}\n")), [Step::Unknown(line.into())], "{line}");
         }
         assert!(read(b"G0 X5").is_err(), "a cut line");
         assert!(read(b"(open\n").is_err());
+        assert!(read(b"G0 X5 ; lift\n").is_err() && read(b"(\r)\n").is_err() && read("é\n".as_bytes()).is_err());
         assert!(read(b"\xff\n").is_err());
     }
 }

@@ -2,12 +2,14 @@
 //!
 //! Consumes the bytes of one file; hands over each stroke in the order of the shapes, in whole nanometres from the
 //! middle of the field, with its layer and the layer's settings. A stroke is a chain of lines between vertices that
-//! follow each other. Anything else that LightBurn would mark or apply is a fault.
+//! follow each other. The file is read whole: elements and attributes are those that stand here, with the values that
+//! they must have, and anything else is a fault. LightBurn applies attributes too, as a scale of the power of a shape.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::{Document, Node};
 
+use super::comments::printable;
 use super::number::{integer, millionths, nm_from_decimal};
 use super::{BlockOf, Fault, FileStroke, Strokes};
 use crate::program::Pen;
@@ -15,8 +17,17 @@ use crate::program::Pen;
 /// Settings of a layer: power and speed in millionths of a percent and of a mm/s, rate in Hz, passes.
 type Layer = [i64; 4];
 
-/// Elements of a setting that are read, and those that change nothing that is marked.
+/// Elements of a setting, each once.
 const KNOWN: [&str; 8] = ["index", "name", "maxPower", "maxPower2", "speed", "frequency", "numPasses", "priority"];
+
+/// Attributes of the project.
+const PROJECT: [(&str, &str); 5] = [
+    ("AppVersion", "1.4.00"),
+    ("FormatVersion", "1"),
+    ("MaterialHeight", "0"),
+    ("MirrorX", "False"),
+    ("MirrorY", "False"),
+];
 
 /// The settings that a stroke with this pen should have.
 pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
@@ -32,7 +43,7 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
     let field = &of.machine.lens.field;
     let (x, y) = if of.machine.scanner.swap_xy { (field[1], field[0]) } else { (field[0], field[1]) };
     let middle = [x, y].map(|size| (size.as_mm() * 5e5).round() as i64);
-    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
+    let text = printable(bytes)?;
     let document = Document::parse(text).map_err(|e| Fault::new(e.pos().row as usize, e.to_string()))?;
     let fault = |node: &Node<'_, '_>, what: &str| {
         Fault::new(document.text_pos_at(node.range().start).row as usize, what.to_owned())
@@ -41,21 +52,35 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
     if root.tag_name().name() != "LightBurnProject" {
         return Err(fault(&root, "is not a LightBurn project"));
     }
-    if ["MirrorX", "MirrorY"].iter().any(|name| root.attribute(*name).is_some_and(|v| v != "False")) {
-        return Err(fault(&root, "the project is mirrored"));
+    let has_values = PROJECT.iter().all(|(name, value)| root.attribute(*name) == Some(value));
+    if !has_values || root.attributes().len() != PROJECT.len() {
+        return Err(fault(&root, "the attributes of the project are not those of a plain one"));
+    }
+    // Text holds places alone; comments and instructions nothing.
+    let is_foreign = |node: &Node<'_, '_>| {
+        let is_blank = node.text().is_some_and(|text| text.bytes().all(|c| c == b'\n'));
+        let holds_places =
+            node.parent().is_some_and(|of| ["XForm", "VertList", "PrimList"].contains(&of.tag_name().name()));
+        !(node.is_root() || node.is_element() || node.is_text() && (is_blank || holds_places))
+            || node.is_element() && node.tag_name().namespace().is_some()
+    };
+    if let Some(node) = document.descendants().find(is_foreign) {
+        return Err(fault(&node, "is neither a setting nor a shape"));
     }
     let mut layers: BTreeMap<i64, Layer> = BTreeMap::new();
+    let mut used = BTreeSet::new();
     let (mut points, mut ends) = (Vec::new(), Vec::new());
     for node in root.children().filter(Node::is_element) {
         match node.tag_name().name() {
             "CutSetting" => {
-                let (index, layer) = setting(&node).map_err(|what| fault(&node, &what))?;
+                let (index, layer) = setting(&node, of.id).map_err(|what| fault(&node, &what))?;
                 if layers.insert(index, layer).is_some() {
                     return Err(fault(&node, "a layer has two settings"));
                 }
             }
             "Shape" => {
                 let index = node.attribute("CutIndex").and_then(|v| integer(v.as_bytes()));
+                used.extend(index);
                 let layer = index.and_then(|i| Some((usize::try_from(i).ok()?, layers.get(&i)?)));
                 let (index, layer) = layer.ok_or_else(|| fault(&node, "the shape has a layer without settings"))?;
                 let at = shape(&node, &mut points, &mut ends).map_err(|what| fault(&node, what))?;
@@ -71,18 +96,22 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
             _ => return Err(fault(&node, "is neither a setting nor a shape")),
         }
     }
-    Ok(())
+    match layers.keys().find(|index| !used.contains(*index)) {
+        Some(index) => Err(fault(&root, &format!("layer {index} holds nothing"))),
+        None => Ok(()),
+    }
 }
 
-/// Index and settings of a layer.
-fn setting(node: &Node<'_, '_>) -> Result<(i64, Layer), String> {
-    if node.attribute("type") != Some("Cut") {
-        return Err("the setting is not of type Cut".into());
+/// Index and settings of a layer of block `id`.
+fn setting(node: &Node<'_, '_>, id: &str) -> Result<(i64, Layer), String> {
+    if node.attribute("type") != Some("Cut") || node.attributes().len() != 1 {
+        return Err("the setting is not of type Cut, and nothing else".into());
     }
     let mut values = BTreeMap::new();
     for child in node.children().filter(Node::is_element) {
         let name = child.tag_name().name();
-        let value = child.attribute("Value").filter(|_| KNOWN.contains(&name));
+        let is_known = KNOWN.contains(&name) && child.attributes().len() == 1 && !child.has_children();
+        let value = child.attribute("Value").filter(|_| is_known);
         let value = value.ok_or_else(|| format!("{name} is not expected in a setting"))?;
         if values.insert(name, value).is_some() {
             return Err(format!("{name} is given twice"));
@@ -97,13 +126,21 @@ fn setting(node: &Node<'_, '_>) -> Result<(i64, Layer), String> {
     if decimal("maxPower")? != decimal("maxPower2")? {
         return Err("maxPower and maxPower2 differ".into());
     }
-    Ok((whole("index")?, [decimal("maxPower")?, decimal("speed")?, whole("frequency")?, whole("numPasses")?]))
+    let index = whole("index")?;
+    // Whoever loads the project goes by the name of a layer, and layers of lower priority are marked first.
+    if get("name")? != format!("{id}_P{}", index + 1) || whole("priority")? != index {
+        return Err("name and priority are not those of the layer".into());
+    }
+    Ok((index, [decimal("maxPower")?, decimal("speed")?, whole("frequency")?, whole("numPasses")?]))
 }
 
 /// Vertices of a shape, and where each of its strokes ends among them; answers with the middle of the field.
 fn shape(node: &Node<'_, '_>, points: &mut Vec<[i64; 2]>, ends: &mut Vec<usize>) -> Result<[i64; 2], &'static str> {
-    if node.attribute("Type") != Some("Path") {
-        return Err("the shape is not a path");
+    if node.attribute("Type") != Some("Path") || node.attributes().len() != 2 {
+        return Err("the shape is not a path on a layer, and nothing else");
+    }
+    if node.children().any(|child| child.attributes().len() != 0 || child.children().any(|c| c.is_element())) {
+        return Err("its parts hold more than text");
     }
     let child = |name: &str| {
         let mut found = node.children().filter(|c| c.tag_name().name() == name);
@@ -155,9 +192,11 @@ mod tests {
     use super::*;
     use crate::machine::Machine;
 
-    const TEXT: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<LightBurnProject MirrorX=\"False\">\n\
+    const TEXT: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<LightBurnProject AppVersion=\"1.4.00\" \
+        FormatVersion=\"1\" MaterialHeight=\"0\" MirrorX=\"False\" MirrorY=\"False\">\n\
         <CutSetting type=\"Cut\">\n<index Value=\"1\"/><name Value=\"B0001_P2\"/><maxPower Value=\"25.5\"/>\
         <maxPower2 Value=\"25.5\"/><speed Value=\"400\"/><frequency Value=\"80000\"/><numPasses Value=\"3\"/>\n\
+        <priority Value=\"1\"/>\
         </CutSetting>\n<Shape Type=\"Path\" CutIndex=\"1\">\n<XForm>1 0 0 1 20 20.5</XForm>\n\
         <VertList>V-1 0c0x1c1x1V2 0.000001c0x1c1x1V3 3c0x1c1x1V5 5c0x1c1x1V6 6c0x1c1x1</VertList>\n\
         <PrimList>L0 1L1 2L3 4</PrimList>\n</Shape>\n</LightBurnProject>\n";
@@ -187,7 +226,23 @@ mod tests {
     #[test]
     fn whatever_lightburn_would_mark_or_apply_otherwise_is_a_fault() {
         for (from, to) in [
-            ("LightBurnProject MirrorX=\"False\"", "LightBurnProject MirrorX=\"True\""),
+            ("MirrorX=\"False\"", "MirrorX=\"True\""),
+            ("MirrorX=\"False\"", "MirrorX=\"False\" Origin=\"1 1\""),
+            ("CutIndex=\"1\"", "CutIndex=\"1\" PowerScale=\"10\""),
+            ("type=\"Cut\"", "type=\"Cut\" subname=\"x\""),
+            ("<speed Value=\"400\"/>", "<speed Value=\"400\" Unit=\"1\"/>"),
+            ("<priority Value=\"1\"/>", "<priority Value=\"0\"/>"),
+            ("B0001_P2", "B0001_P1"),
+            ("<XForm>", "<XForm a=\"1\">"),
+            ("<Shape ", "<!-- note --><Shape "),
+            ("<Shape ", "<?note a?><Shape "),
+            ("<Shape ", "text<Shape "),
+            (
+                "<Shape ",
+                "<CutSetting type=\"Cut\">\n<index Value=\"2\"/><name Value=\"B0001_P3\"/><maxPower Value=\"1\"/>\
+             <maxPower2 Value=\"1\"/><speed Value=\"4\"/><frequency Value=\"8\"/><numPasses Value=\"1\"/>\
+             <priority Value=\"2\"/></CutSetting><Shape ",
+            ),
             ("type=\"Cut\"", "type=\"Scan\""),
             ("Type=\"Path\"", "Type=\"Rect\""),
             ("CutIndex=\"1\"", "CutIndex=\"0\""),

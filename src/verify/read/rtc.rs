@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use super::comments::printable;
 use super::number::{integer, millionths};
 use super::{BlockOf, Fault, FileStroke, Strokes};
 use crate::geom::{ControllerPoint, NM_PER_MM};
@@ -65,7 +66,7 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
 
 /// Reads the lists of block `id` for a board, none of which may have more commands than `memory`.
 fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes<'_>) -> Result<(), Fault> {
-    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
+    let text = printable(bytes)?;
     let head = format!("terrace rtc 1\nboard {board}\nblock {id}\n");
     let Some(rest) = text.strip_prefix(head.as_str()).filter(|_| text.ends_with('\n')) else {
         return Err(Fault::new(1, format!("does not begin as lists of block {id} for {board}, or is cut")));

@@ -99,11 +99,26 @@ pub(in crate::verify) fn files(
     }
 }
 
-/// Holds that every listed file below `blocks` and `frames` is one that was read: whoever loads another marks what nobody
-/// has compared.
-pub(in crate::verify) fn all_are_read(manifest: &Manifest, chosen: &[usize], facts: &JobFacts, rule: &mut Rule) {
-    let mut known = BTreeSet::new();
-    for (row, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+/// The files of every stepped job, besides those of its formats and frames.
+const OF_EVERY_JOB: [&str; 8] = [
+    "program.txt",
+    "runsheet.csv",
+    "runsheet.txt",
+    "layout.svg",
+    "slope.svg",
+    "energy.svg",
+    "report.html",
+    "view.html",
+];
+
+/// Holds that every listed file is one of the job's: whoever loads another marks what nobody has compared.
+pub(in crate::verify) fn all_are_known(manifest: &Manifest, chosen: &[usize], facts: &JobFacts, rule: &mut Rule) {
+    let mut known: BTreeSet<String> = OF_EVERY_JOB.map(str::to_owned).into();
+    let has_frames = manifest.frames.is_some();
+    // Where the job file cannot be had, those that are there count.
+    let is_asked = |row: &formats::Row| facts.pens.is_none() || facts.formats.contains(&row.format);
+    let expected = formats::expected(&facts.formats, &manifest.files, &manifest.blocks);
+    for (row, files) in expected.filter(|(row, _)| is_asked(row)) {
         match files {
             Stepped::Blocks(files) => {
                 for entry in chosen.iter().filter_map(|&i| manifest.blocks.get(i)) {
@@ -111,19 +126,24 @@ pub(in crate::verify) fn all_are_read(manifest: &Manifest, chosen: &[usize], fac
                     if entry.files.get(row.name) != Some(&name) {
                         rule.broken(&entry.id, "manifest.json", format!("its {} file is not {name}", row.name));
                     }
-                    known.extend([name, formats::of_frame(&entry.id, files.ending)]);
+                    known.insert(name);
+                    known.extend(has_frames.then(|| formats::of_frame(&entry.id, files.ending)));
                 }
             }
             Stepped::Stage { file, .. } | Stepped::Planes { file, .. } | Stepped::Poses { file, .. } => {
-                known.insert(formats::of_frames(file));
+                known.insert(file.to_owned());
+                known.extend(has_frames.then(|| formats::of_frames(file)));
             }
         }
     }
-    let is_marked = |name: &str| name.starts_with("blocks/") || name.starts_with("frames/");
-    for entry in manifest.files.iter().filter(|f| is_marked(&f.file)) {
+    for entry in &manifest.files {
         rule.checked += 1;
-        if !known.contains(&entry.file) || entry.file.starts_with("frames/") && manifest.frames.is_none() {
-            rule.broken("", &entry.file, "is listed, but is no file of the job's blocks or frames");
+        if !known.contains(&entry.file) {
+            rule.broken(
+                "",
+                &entry.file,
+                "is listed, but is no file of this job: whoever loads it marks what is not proved",
+            );
         }
     }
 }

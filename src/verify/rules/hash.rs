@@ -61,6 +61,10 @@ fn missing_input(e: &io::Error) -> String {
 
 fn hold(path: &Path, entry: &FileEntry, name: &str, rule: &mut Rule) {
     rule.checked += 1;
+    // What a link leads to can change under whoever loads it.
+    if path.symlink_metadata().is_ok_and(|found| found.file_type().is_symlink()) {
+        return rule.broken("", name, "is a link, and not a file of the folder");
+    }
     match hash_of(path) {
         Ok((_, bytes)) if bytes != entry.bytes => {
             rule.broken("", name, format!("has {bytes} bytes, listed are {}", entry.bytes));
@@ -71,12 +75,12 @@ fn hold(path: &Path, entry: &FileEntry, name: &str, rule: &mut Rule) {
     }
 }
 
-/// BLAKE3 in hex and size of a file.
+/// BLAKE3 in hex and size of a file. A pipe or device is not opened, which could wait for ever.
 fn hash_of(path: &Path) -> io::Result<(String, u64)> {
-    let file = File::open(path)?;
-    if !file.metadata()?.is_file() {
+    if !path.metadata()?.is_file() {
         return Err(io::Error::other("not a regular file"));
     }
+    let file = File::open(path)?;
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(file)?;
     Ok((hasher.finalize().to_hex().to_string(), hasher.count()))
@@ -92,9 +96,13 @@ fn walk(folder: &Path, prefix: &str, depth: usize, listed: &BTreeSet<String>, ru
     names.sort_by_key(|e| e.file_name());
     for entry in names {
         let name = entry.file_name();
+        let is_text = name.to_str().is_some();
         let name = name.to_string_lossy();
         let path = if prefix.is_empty() { name.into_owned() } else { format!("{prefix}/{name}") };
-        if entry.file_type().is_ok_and(|t| t.is_dir()) {
+        if !is_text {
+            // No name of a manifest is such a one, however it is shown.
+            rule.broken("", path, "is in the folder, but its name is no text");
+        } else if entry.file_type().is_ok_and(|t| t.is_dir()) {
             walk(folder, &path, depth + 1, listed, rule);
         } else if path != manifest::NAME && !listed.contains(&path) {
             rule.broken("", path, "is in the folder, but is not listed");

@@ -2,27 +2,43 @@
 //! and at every end; each group of moves settles before START; both waits are there, each with its
 //! test for a timeout; nothing rounds corners or switches an output behind the moves.
 
+use std::collections::BTreeMap;
+
 use super::stage::StageFile;
 use crate::machine::Machine;
 use crate::verify::proof::Rule;
 use crate::verify::read::gcode::{Statement, Step};
+use crate::verify::read::manifest::BlockEntry;
 
 /// G words, in tenths, that neither move nor change how moves are run: units, plane, offsets off,
 /// exact path, distance mode, feed mode. That units and distance mode are right is for `agreement`.
-const HARMLESS: [u32; 12] = [170, 200, 210, 400, 490, 540, 610, 611, 800, 900, 910, 940];
+const HARMLESS: [u32; 13] = [170, 200, 210, 400, 490, 540, 610, 611, 800, 900, 910, 921, 940];
 
 /// A dwell may be shorter than the settling time by this, s: it is written in decimals.
 const DWELL_ROUNDING: f64 = 1e-6;
 
-/// Holds the rule.
-pub(super) fn check(stages: &[StageFile], machine: &Machine, rule: &mut Rule) {
+/// The shortest settling time of a program, s, and by how much a dwell in whole milliseconds may be longer.
+const LEAST_SETTLE: f64 = 0.05;
+const MILLISECOND: f64 = 1e-3;
+
+/// Longest waits for BUSY, s: before START, and for its rise.
+const BEFORE_START: f64 = 2.0;
+const FOR_RISE: f64 = 5.0;
+
+/// Longest wait for the end of a block, s: of its estimate twice that, rounded up, and this.
+const FOR_END: f64 = 10.0;
+
+/// Holds the rule; the estimated times are those of the manifest, which `summary` holds.
+pub(super) fn check(stages: &[StageFile], blocks: &[BlockEntry], machine: &Machine, rule: &mut Rule) {
     rule.ran = true;
+    let estimates: BTreeMap<&str, f64> = blocks.iter().map(|b| (b.id.as_str(), b.time_s)).collect();
     for stage in stages {
         let settle = machine.stage.settle.as_s();
         let run = Run {
             stage,
             rule,
             settle,
+            estimates: &estimates,
             block: "",
             off: false,
             settled: true,
@@ -48,6 +64,8 @@ struct Run<'a> {
     stage: &'a StageFile,
     rule: &'a mut Rule,
     settle: f64,
+    /// Estimated time of each block, s.
+    estimates: &'a BTreeMap<&'a str, f64>,
     block: &'a str,
     /// Whether the output is known to be off.
     off: bool,
@@ -104,6 +122,9 @@ impl<'a> Run<'a> {
         if seconds < self.settle - DWELL_ROUNDING {
             self.broken(line, format!("the dwell of {seconds} s is shorter than the settling time {} s", self.settle));
         }
+        if seconds > self.settle.max(LEAST_SETTLE) + MILLISECOND + DWELL_ROUNDING {
+            self.broken(line, format!("the dwell of {seconds} s is longer than the settling time {} s", self.settle));
+        }
         self.settled = true;
     }
 
@@ -150,10 +171,11 @@ impl<'a> Run<'a> {
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
                 Step::OutputOff => self.off = true,
                 Step::Wait { high: false, .. } => {
-                    i = self.wait(i - 1, false, *line);
+                    i = self.wait(i - 1, false, [0.0, BEFORE_START], *line);
                     self.idle = true;
                 }
                 Step::OutputOn => i = self.fire(i, *line),
+                Step::IfOffset(label, _) => i = self.branch(i, *label, *line, "an active offset"),
                 Step::End => {
                     self.end(*line);
                     ended = true;
@@ -176,7 +198,7 @@ impl<'a> Run<'a> {
             self.broken(line, "START comes while the part is moved to its next set-up");
         }
         (self.off, self.idle, self.fired) = (false, false, true);
-        let i = self.wait(i, true, line);
+        let i = self.wait(i, true, [0.0, FOR_RISE], line);
         let i = match self.stage.statements.get(i) {
             Some(Statement { step: Step::OutputOff, .. }) => {
                 self.off = true;
@@ -187,51 +209,67 @@ impl<'a> Run<'a> {
                 i
             }
         };
-        self.wait(i, false, line)
+        let estimate = self.estimates.get(self.block).copied().unwrap_or_default();
+        self.wait(i, false, [estimate, (2.0 * estimate + FOR_END).ceil()], line)
     }
 
-    /// A wait for BUSY and the test that stops the program when it ran out of time.
-    fn wait(&mut self, i: usize, wanted: bool, line: usize) -> usize {
+    /// A wait for BUSY of so many seconds, at least and at most, and the test that stops the program when it ran out of
+    /// time.
+    fn wait(&mut self, i: usize, wanted: bool, [least, most]: [f64; 2], line: usize) -> usize {
         let level = if wanted { "high" } else { "low" };
         let statements = &self.stage.statements;
         match statements.get(i).map(|s| &s.step) {
-            Some(Step::Wait { high, .. }) if *high == wanted => {}
+            Some(Step::Wait { high, seconds }) if *high == wanted => {
+                if !(least..=most).contains(seconds) {
+                    let at = statements[i].line;
+                    let text = format!("the wait for BUSY {level} lasts {seconds} s, and not {least} s to {most} s");
+                    self.broken(at, text);
+                }
+            }
             _ => {
                 self.broken(line, format!("the wait for BUSY {level} is missing after this START"));
                 return i;
             }
         }
-        // The branch must end the program with the output off, whatever else is in it: `off` is followed through it
-        // alone, since after `endif` the program goes on as if there had been no timeout.
         let at = statements[i].line;
         let Some(Step::IfTimeout(label)) = statements.get(i + 1).map(|s| &s.step) else {
             self.broken(at, "this wait is not tested for a timeout");
             return i + 1;
         };
+        self.branch(i + 2, *label, at, "a timeout of this wait")
+    }
+
+    /// A branch from statement `i` on, which must end the program with the output off, whatever else is in it: `off` is
+    /// followed through it alone, since after `endif` the program goes on as if there had been none. Answers where that
+    /// is.
+    fn branch(&mut self, i: usize, label: u32, at: usize, what: &str) -> usize {
+        let statements = &self.stage.statements;
         let (mut off, mut stops) = (self.off, false);
-        for (k, s) in statements.iter().enumerate().skip(i + 2) {
+        for (k, s) in statements.iter().enumerate().skip(i) {
             match &s.step {
-                Step::EndIf(end) if end == label => {
+                Step::EndIf(end) if *end == label => {
                     if !stops {
-                        self.broken(at, "a timeout of this wait does not end the program with the output off");
+                        self.broken(at, format!("{what} does not end the program with the output off"));
                     }
                     return k + 1;
                 }
                 Step::OutputOff => off = true,
                 Step::End => stops |= off,
                 other => {
-                    self.broken(s.line, format!("{} is not expected in the branch for a timeout", name(other)));
+                    self.broken(s.line, format!("{} is not expected in this branch", name(other)));
                     return k;
                 }
             }
         }
-        self.broken(at, "the branch for a timeout has no end");
+        self.broken(at, format!("the branch for {what} has no end"));
         statements.len()
     }
 
     fn operator(mut self) {
-        let mut ended = false;
-        for Statement { line, step } in &self.stage.statements {
+        let statements = &self.stage.statements;
+        let (mut i, mut ended) = (0, false);
+        while let Some(Statement { line, step }) = statements.get(i) {
+            i += 1;
             self.rule.checked += 1;
             if ended && !matches!(step, Step::Block(..)) {
                 self.broken(*line, "something follows the end of the program");
@@ -251,6 +289,9 @@ impl<'a> Run<'a> {
                 // What switches off is what switches on in the program that marks.
                 Step::SpindleOff if !self.stage.handshake => self.off = true,
                 Step::OutputOff if self.stage.handshake => self.off = true,
+                Step::IfOffset(label, _) if self.stage.handshake => {
+                    i = self.branch(i, *label, *line, "an active offset");
+                }
                 Step::Pause => self.fired = true,
                 Step::End => {
                     self.end(*line);
@@ -288,6 +329,7 @@ fn name(step: &Step) -> String {
         Step::OutputOff => "M65 P0".into(),
         Step::Wait { .. } => "a wait (M66)".into(),
         Step::IfTimeout(_) => "a test for a timeout".into(),
+        Step::IfOffset(..) => "a test for an offset".into(),
         Step::EndIf(_) => "endif".into(),
         Step::Pause => "M0".into(),
         Step::SpindleOff => "M5".into(),

@@ -154,19 +154,19 @@ pub(super) fn without_inputs(
     let stages = stage::read(folder, manifest, facts, false, &mut findings.agreement);
     let chosen = subset::chosen(manifest, program, &mut findings.agreement);
     agreement::check(manifest, program, &chosen, facts, &mut findings.agreement);
-    agreement::all_are_read(manifest, &chosen, facts, &mut findings.agreement);
+    agreement::all_are_known(manifest, &chosen, facts, &mut findings.agreement);
     subset::with(program, &chosen, |program| {
         agreement::files(folder, manifest, (program, &chosen), facts, &mut findings.agreement);
         stage::agreement(&stages, manifest, program, &facts.machine, &mut findings.agreement);
         runsheets::check(folder, manifest, program, facts, &mut findings.agreement);
     });
     travel::check(&stages, program, &facts.machine, &mut findings.travel);
-    laser::check(&stages, &facts.machine, &mut findings.laser);
+    laser::check(&stages, &manifest.blocks, &facts.machine, &mut findings.laser);
     depth_and_field::field(program, &facts.machine, &mut findings.field);
     let frames = frames::Frames::read(folder, manifest, (program, &chosen), facts, &mut findings.agreement);
     if let Some(frames) = &frames {
         travel::moves(&frames.stages, &frames.outline, &facts.machine, &mut findings.travel);
-        laser::check(&frames.stages, &facts.machine, &mut findings.laser);
+        laser::check(&frames.stages, &manifest.blocks, &facts.machine, &mut findings.laser);
     }
     Stages { blocks: stages, frames }
 }

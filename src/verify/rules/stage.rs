@@ -121,6 +121,7 @@ pub(super) fn agreement(
     for stage in stages {
         registration(stage, manifest, file, machine, rule);
         units(stage, rule);
+        offsets(stage, machine, rule);
         first_lifts(stage, machine, rule);
         names(stage, rule);
         numbers(stage, rule);
@@ -141,6 +142,38 @@ fn units(stage: &StageFile, rule: &mut Rule) {
                 return rule.broken("", stage.place(s.line), "a move without G21 and G90 is not in absolute mm");
             }
             _ => {}
+        }
+    }
+}
+
+/// Coordinates are machine positions only where no offset is active: before the first move both dialects select G54 and
+/// no tool length, the one for LinuxCNC ends where a parameter says that there is an offset, the other switches G92 off.
+fn offsets(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
+    rule.checked += 1;
+    let (mut modes, mut tested) = (Vec::new(), Vec::new());
+    for s in &stage.statements {
+        match &s.step {
+            Step::Modal(codes) => modes.extend(codes),
+            Step::IfOffset(_, parameter) => tested.push(*parameter),
+            Step::Move(_) => break,
+            _ => {}
+        }
+    }
+    let mut broken = |what: &str| rule.broken("", &stage.name, format!("the stage moves before {what}"));
+    if !modes.contains(&540) || !modes.contains(&490) {
+        broken("G54 is selected and the tool length is off (G49)");
+    }
+    if !stage.handshake {
+        if !modes.contains(&921) {
+            broken("G92 is off (G92.1)");
+        }
+        return;
+    }
+    // G92; X, Y and Z of G54; its rotation; A, B and C where they tilt.
+    let letters = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| 5224 + axis.letter as u32);
+    for parameter in [5210, 5221, 5222, 5223, 5230].into_iter().chain(letters) {
+        if !tested.contains(&parameter) {
+            broken(&format!("#{parameter} is tested: an offset could be active"));
         }
     }
 }
@@ -248,6 +281,8 @@ fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &s
 /// The target of a block is where the first group of moves after its comment ends.
 fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let mut at: [Option<i64>; 6] = [None; 6];
+    // The axes that were sent since the operator may have moved them.
+    let mut sent = [false; 6];
     let mut blocks = file.ids.iter().zip(&file.program.blocks);
     // The set-up that begins before the next block, and the one that was marked last.
     let (mut begins, mut setup, mut by_hand) = (None, None, false);
@@ -283,6 +318,10 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 at = [None; 6];
                 continue;
             }
+            Step::Pause => {
+                sent = [false; 6];
+                continue;
+            }
             _ => continue,
         };
         rule.checked += 1;
@@ -313,7 +352,12 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         while let Some(Statement { step: Step::Move(to), .. }) = rest.peek().copied() {
             moves.push(*to);
             apply(&mut at, *to);
+            sent.iter_mut().zip(to).for_each(|(sent, word)| *sent |= word.is_some());
             rest.next();
+        }
+        let letters = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| 3 + axis.letter as usize);
+        if !stage.handshake && !(0..3).chain(letters).all(|axis| sent[axis]) {
+            rule.broken(id, stage.place(s.line), "an axis that may have been moved at the stop before is not sent");
         }
         let (first, line) = (moves.first().copied(), s.line);
         let focus_shift = heading.iter().filter_map(|step| step.focus_shift()).next_back();

@@ -2,6 +2,7 @@
 
 use super::{AXES, FlyProgram, Runner, axis, scaled};
 use crate::verify::read::Fault;
+use crate::verify::read::comments::printable;
 use crate::verify::read::gcode::{split_comments, words};
 use crate::verify::read::number::nm_from_decimal;
 
@@ -22,10 +23,7 @@ struct Modes {
 
 /// Reads a program. Its axes are X Y Z U V, the only ones that it is written for.
 pub(in crate::verify) fn read(bytes: &[u8], _letters: &str) -> Result<FlyProgram, Fault> {
-    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
-    if !text.ends_with('\n') {
-        return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
-    }
+    let text = printable(bytes)?;
     let mut run = Runner::default();
     let mut modes = Modes::default();
     for (i, line) in text.lines().enumerate() {

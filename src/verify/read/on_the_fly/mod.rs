@@ -11,6 +11,7 @@ pub(in crate::verify) mod pmac;
 use std::ops::Index;
 
 use super::Fault;
+use super::comments::is_on_the_fly;
 use crate::program::{PenId, StrokeId};
 
 /// Axes of a sample: X Y Z A C U V.
@@ -121,20 +122,24 @@ impl Runner {
     fn comment(&mut self, text: &str) {
         let mut words = text.split_whitespace();
         if words.next() != Some("MARK") {
+            if !is_on_the_fly(text) {
+                self.fault(format!("({text}) is no comment of an on-the-fly program"));
+            }
             return;
         }
         // Strokes are counted from 0, pens from 1.
         let stroke = words.next().and_then(|w| w.parse().ok()).map(StrokeId);
         let pen = words.next().filter(|w| *w == "PEN").and(words.next()).and_then(|w| w.parse::<u16>().ok());
+        let pen = pen.filter(|_| words.next().is_none());
         let pen = pen.and_then(|number| number.checked_sub(1)).map(PenId);
         let (Some(stroke), Some(pen)) = (stroke, pen) else { return self.fault("a mark does not say what it is") };
         self.runs += 1;
         self.claim = Some(Claim { stroke, pen, run: self.runs });
     }
 
-    /// All laser is off at once.
+    /// The laser is off at once; a switch that waits for the next move goes on waiting.
     fn off(&mut self) {
-        (self.laser, self.waiting) = (Some(false), None);
+        self.laser = Some(false);
     }
 
     /// A move that is not timed.

@@ -2,6 +2,7 @@
 
 use super::{AXES, FlyProgram, Runner, axis, scaled};
 use crate::verify::read::Fault;
+use crate::verify::read::comments::printable;
 use crate::verify::read::number::{millionths, nm_from_decimal};
 
 #[derive(Default)]
@@ -16,17 +17,13 @@ struct Modes {
 
 /// Reads a program of the axes named by `letters`.
 pub(in crate::verify) fn read(bytes: &[u8], letters: &str) -> Result<FlyProgram, Fault> {
-    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
-    if !text.ends_with('\n') {
-        return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
-    }
+    let text = printable(bytes)?;
     let mut run = Runner::default();
     let known = letters.chars().filter_map(axis).fold(0, |bits, k| bits | 1 << k);
     let mut modes = Modes { known, ..Modes::default() };
     for (i, line) in text.lines().enumerate() {
         run.line = i + 1;
-        let line = line.trim();
-        if let Some(comment) = line.strip_prefix("//") {
+        if let Some(comment) = line.strip_prefix("// ") {
             run.comment(comment);
         } else if !line.is_empty() {
             if modes.closed {
