@@ -1,11 +1,12 @@
-//! Frames: the rectangle around the marks of each block, with which the operator sees where they will lie.
+//! Frames: the rectangle around the marks of each block, with which the operator sees where they will lie. Of a dot, and
+//! of marks that a spot hides, a frame would be a point, at which the beam rests: it is a square of one spot.
 //!
 //! The same writers write them, from a program whose blocks hold that one stroke each. Programs of the stage go to the
 //! blocks of the outline alone, and first to the registration points; they stop at each place for the operator and
 //! never start a scan card, which would mark the block that it has loaded.
 
 use crate::check::Checked;
-use crate::geom::{FieldPoint, P3};
+use crate::geom::{FieldPoint, NM_PER_MM, P3};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, BlockId, PenId, Program, Stroke, StrokeId};
 
@@ -26,12 +27,12 @@ pub fn of_whole(file: &str) -> String {
 
 /// The program with the frame of each block instead of its strokes, drawn with a pen. The stage lifts on its way to each:
 /// the operator may have moved it.
-pub fn frames(checked: &Checked, pen: PenId) -> Checked {
+pub fn frames(checked: &Checked, pen: PenId, machine: &Machine) -> Checked {
     let program = checked.program();
     let mut framed = Program { pens: program.pens.clone(), subset_of: program.subset_of.clone(), ..Program::default() };
     for block in &program.blocks {
         let first = framed.points.len();
-        framed.points.extend(rectangle(program, block));
+        framed.points.extend(rectangle(program, block, machine));
         let (strokes, len) = (framed.strokes.len(), framed.points.len() - first);
         framed.strokes.push(Stroke {
             source: StrokeId(0),
@@ -48,20 +49,38 @@ pub fn frames(checked: &Checked, pen: PenId) -> Checked {
 
 /// The frames of the outline alone.
 pub fn of_outline(checked: &Checked, pen: PenId, machine: &Machine) -> Checked {
-    let framed = frames(checked, pen).program().clone();
+    let framed = frames(checked, pen, machine).program().clone();
     Checked::as_written(framed.subset(&outline(checked, machine)), checked.origins().to_vec())
 }
 
 /// The rectangle around the marks of a block; of marks on one line there and back.
-fn rectangle(program: &Program, block: &Block) -> Vec<FieldPoint> {
+fn rectangle(program: &Program, block: &Block, machine: &Machine) -> Vec<FieldPoint> {
     let points = program.strokes_of(block).iter().flat_map(|stroke| program.points_of(stroke));
     let ends = |[lo, hi]: [i32; 2], v: i32| [lo.min(v), hi.max(v)];
     let start = [[i32::MAX, i32::MIN]; 2];
-    let [[x0, x1], [y0, y1]] = points.fold(start, |[x, y], p| [ends(x, p.x), ends(y, p.y)]);
-    let mut corners: Vec<FieldPoint> =
-        [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]].map(|[x, y]| FieldPoint::new(x, y)).to_vec();
+    let [x, y] = points.fold(start, |[x, y], p| [ends(x, p.x), ends(y, p.y)]);
+    let spot = (machine.lens.spot.as_mm() * NM_PER_MM) as i32;
+    let is_hidden = [x, y].iter().all(|[lo, hi]| hi - lo < spot);
+    let mut corners = around(if is_hidden { spot_around([x, y], spot, machine) } else { [x, y] }).to_vec();
     corners.dedup();
     corners
+}
+
+/// The way round a rectangle, from its least corner.
+fn around([[x0, x1], [y0, y1]]: [[i32; 2]; 2]) -> [FieldPoint; 5] {
+    [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]].map(|[x, y]| FieldPoint::new(x, y))
+}
+
+/// The square of one spot around marks that a spot hides. At the rim of the field, where a corner of it would lie beyond,
+/// it lies one spot nearer to the axis, in x and y.
+fn spot_around(sides: [[i32; 2]; 2], spot: i32, machine: &Machine) -> [[i32; 2]; 2] {
+    let middle = sides.map(|[lo, hi]| lo + (hi - lo) / 2);
+    let square = |[x, y]: [i32; 2]| [x, y].map(|v| [v - spot / 2, v - spot / 2 + spot]);
+    let whole = square(middle);
+    if around(whole).into_iter().all(|corner| machine.field_holds(corner)) {
+        return whole;
+    }
+    square(middle.map(|v| v.signum() * (v.abs() - spot).max(0)))
 }
 
 /// The outline: blocks of the first pass which hold, in each set-up, the marks that lie farthest out on the part in eight

@@ -476,7 +476,7 @@ mod tests {
         machine.controller.max_line = 60;
         machine.name = "MSG, (a) ".repeat(12);
         let points = [vec![[Nm(1_500_000), Nm(-2_000_000)], [Nm(0), Nm(0)]]];
-        let framed = crate::emit::frames::frames(&checked, crate::program::PenId(0));
+        let framed = crate::emit::frames::frames(&checked, crate::program::PenId(0), &machine);
         let job = Stepped { frames: Some(&points), ..job(&framed, &machine, &[], Some("dxf")) };
         for (text, off) in [(text(linuxcnc(&job)), "M65 P0"), (text(m0(&job)), "M5")] {
             let first = format!(

@@ -159,7 +159,7 @@ fn frames(
 ) -> Result<(), Error> {
     let Stepped { checked, machine, .. } = *emitted;
     let points = manifest::registered(job, machine, checked);
-    let framed = emit::frames::frames(checked, pen);
+    let framed = emit::frames::frames(checked, pen, machine);
     let all = Stepped { checked: &framed, figures: &[], frames: Some(&points), ..*emitted };
     let corners = emit::frames::of_outline(checked, pen, machine);
     let corners = Stepped { checked: &corners, ..all };

@@ -38,5 +38,5 @@ pub(super) fn may_be_shown(job: &Job, machine: &Machine, checked: &Checked) -> R
             .hint("frames are shown, not marked: choose the least power, one pass and no low speed")
             .into());
     }
-    emit::faults(&job.formats, emit::frames::frames(checked, pen).program(), machine)
+    emit::faults(&job.formats, emit::frames::frames(checked, pen, machine).program(), machine)
 }

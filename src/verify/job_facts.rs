@@ -37,8 +37,8 @@ pub(super) struct JobFacts {
     pub(super) only_slivers: bool,
     /// What two blocks may both mark at a cut, nm.
     pub(super) overlap_nm: f64,
-    /// Whether cuts fall at random places before borders.
-    pub(super) has_zone: bool,
+    /// How far before a border a cut may fall at random, nm.
+    pub(super) zone_nm: f64,
     /// How often, how turned, how lowered, how shifted.
     pub(super) passes: Passes,
     /// Set-ups and their registration points.
@@ -61,6 +61,8 @@ pub(super) struct JobFacts {
     pub(super) frames: Option<Option<String>>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,
+    /// What the job reads, each with what it is for, as the manifest names it; None where the job could not be read.
+    pub(super) inputs: Option<Vec<(&'static str, String)>>,
 }
 
 impl JobFacts {
@@ -79,7 +81,7 @@ impl JobFacts {
             min_mark_nm: 0.0,
             only_slivers: false,
             overlap_nm: m.seams.overlap_mm * NM_PER_MM,
-            has_zone: false,
+            zone_nm: m.seams.zone_mm * NM_PER_MM,
             passes: Passes::default(),
             setups: None,
             figure_pitch: None,
@@ -91,6 +93,7 @@ impl JobFacts {
             dose: None,
             frames: None,
             formats: Vec::new(),
+            inputs: None,
         }
     }
 
@@ -115,7 +118,7 @@ impl JobFacts {
             min_mark_nm: if by_spot { half_spot_nm } else { job.partition.min_mark.unwrap_or_default().f64() },
             only_slivers: by_spot,
             overlap_nm: job.partition.overlap.f64(),
-            has_zone: job.partition.zone > Nm(0),
+            zone_nm: job.partition.zone.f64(),
             passes: job.passes,
             setups: job.setups.clone(),
             figure_pitch: job.figure_pitch(),
@@ -127,6 +130,7 @@ impl JobFacts {
             dose: job.dose,
             frames: Some(job.frames.map(|pen| job.pens[pen.index()].name.clone())),
             formats: job.formats.clone(),
+            inputs: Some(inputs_of(job)),
         }
     }
 
@@ -160,6 +164,14 @@ impl JobFacts {
     pub(super) fn depth_range_nm(&self) -> f64 {
         self.depth_range.f64()
     }
+}
+
+/// What a job reads, as a manifest lists it: a file that follows on itself once.
+fn inputs_of(job: &Job) -> Vec<(&'static str, String)> {
+    let mut all: Vec<_> =
+        job.input_files().into_iter().map(|(role, file)| (role, file.to_string_lossy().replace('\\', "/"))).collect();
+    all.dedup();
+    all
 }
 
 /// Reads the job file as one of this mode, and its machine.

@@ -28,7 +28,7 @@ mod tests;
 use std::path::Path;
 
 pub use progress::{Phase, Progress};
-pub use proof::{Lengths, Proof, Rule, Violation};
+pub use proof::{Input, Lengths, NotProved, Proof, Rule, Violation};
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
@@ -84,9 +84,10 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
         return on_the_fly::verify(folder, inputs_override, progress);
     }
     let [listed, written, shaped, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
-    let manifest: read::manifest::Manifest = read::manifest::read(folder)?;
+    let manifest: read::manifest::Manifest = read::manifest::read(folder, &read::leaves::STEPPED)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
+    findings.not_proved = rules::stated::of(&manifest.listed(), &read::leaves::STEPPED);
     let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
     drop(listed);
     let mut program = read_program(folder, &mut findings);
@@ -102,6 +103,7 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::Stepped)?;
+    findings.against = inputs.used(&job, folder);
     let Some(mut program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);

@@ -81,6 +81,26 @@ pub struct Lengths {
     pub skipped_small_mm: f64,
 }
 
+/// A file that a folder was held against.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// `job`, `surface`, `texture` or `machine`.
+    pub role: &'static str,
+    /// Its absolute path, or the built-in profile.
+    pub place: String,
+    /// Whether it lies somewhere else than beside the job folder, or below where that lies.
+    pub is_elsewhere: bool,
+}
+
+/// What of a folder is not proved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotProved {
+    /// A file of the folder.
+    pub file: String,
+    /// Which part of it, as a sentence or as keys.
+    pub what: String,
+}
+
 /// The answer of a verification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proof {
@@ -98,6 +118,10 @@ pub struct Proof {
     pub worst_defocus_um: f64,
     /// Steepest facet under a mark, degrees.
     pub worst_incidence_deg: f64,
+    /// What the folder was held against, each with what it is for.
+    pub against: Vec<Input>,
+    /// What nobody has proved: files and keys that are read by people or scripts and by no rule.
+    pub not_proved: Vec<NotProved>,
     /// Largest distance of an on-the-fly mark from the texture, um; None of stepped jobs, whose marks are the
     /// texture's to the nanometre.
     pub worst_position_um: Option<f64>,
@@ -130,6 +154,10 @@ impl Proof {
         if let Some(position) = self.worst_position_um {
             proof["worst_position_um"] = position.into();
         }
+        let against =
+            self.against.iter().map(|i| json!({"role": i.role, "place": i.place, "elsewhere": i.is_elsewhere}));
+        proof["against"] = against.collect();
+        proof["not_proved"] = self.not_proved.iter().map(|n| json!({"file": n.file, "what": n.what})).collect();
         proof
     }
 
@@ -175,6 +203,13 @@ impl Proof {
         .expect("text grows");
         if let Some(position) = self.worst_position_um {
             writeln!(out, "worst position {position:.4} um").expect("text grows");
+        }
+        for input in &self.against {
+            let note = if input.is_elsewhere { ", which does not lie beside the job folder" } else { "" };
+            writeln!(out, "{:<10} {}{note}", input.role, input.place).expect("text grows");
+        }
+        for part in &self.not_proved {
+            writeln!(out, "not proved {}: {}", part.file, part.what).expect("text grows");
         }
         out.push_str(if self.ok { "verified\n" } else { "NOT verified\n" });
         out

@@ -221,6 +221,8 @@ enum Machine {
 enum Part {
     Sheets,
     Solids,
+    /// Sheets with dots, and with frames, in many formats.
+    Framed,
 }
 
 /// A zoom optic with a range that is small or large for a part of this size.
@@ -263,7 +265,7 @@ fn tilting(noise: &mut Random, text: &mut String) {
 }
 
 /// Writes the machine file of a part of this size into `dir`; answers with the field's width and the increment, mm.
-fn machine(noise: &mut Random, dir: &Path, wanted: Machine, size: f64) -> [f64; 2] {
+fn machine(noise: &mut Random, dir: &Path, wanted: Machine, part: Part, size: f64) -> [f64; 2] {
     let increment = pick(noise, &[0.0001, 0.0001, 0.001, 0.01]);
     let field = (size / between(noise, 0.5, 6.0)).max(0.02);
     let machine =
@@ -282,6 +284,13 @@ fn machine(noise: &mut Random, dir: &Path, wanted: Machine, size: f64) -> [f64; 
         Machine::Zoom => machine + &zoom_optic(noise, size),
         Machine::Tilting => machine + &tilt_table(noise),
     };
+    let cards = "[lmc]\nunits_per_mm = 65\nlaser = \"fiber\"\n[rtc]\n";
+    let machine = if part == Part::Framed {
+        let board = pick(noise, &["rtc4", "rtc5"]);
+        format!("{machine}\n{cards}board = {board:?}\nbits_per_mm = 65\nfocus_bits_per_mm = 100\nlist_memory = 200\n")
+    } else {
+        machine
+    };
     std::fs::write(dir.join("machine.toml"), machine).expect("a writable folder");
     [field, increment]
 }
@@ -295,12 +304,14 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine, part: Part) -> std::path
     );
     let facets = if part == Part::Solids { solids(noise, size) } else { surface(noise, size) };
     write_stl(&dir.join("part.stl"), &facets);
-    let [field, increment] = machine(noise, dir, wanted, size);
+    let [field, increment] = machine(noise, dir, wanted, part, size);
     let pens = 1 + below(noise, 2) as usize;
+    let has_dots = part == Part::Framed && chance(noise, 70);
     let mut text = placed(noise, is_tilting, increment);
     for number in 0..1 + below(noise, 2) as usize {
         text += &match part {
             Part::Solids if number == 0 && chance(noise, 60) => lines_along_edges(noise, size, pens),
+            Part::Framed if number == 0 && has_dots => dots(noise, size),
             _ => texture(noise, dir, number, size, pens),
         };
     }
@@ -316,6 +327,9 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine, part: Part) -> std::path
     }
     text += "\n[machine]\nfile = \"machine.toml\"\n";
     write_pens(noise, &mut text, pens);
+    if part == Part::Framed {
+        framed(noise, &mut text, has_dots);
+    }
     let path = dir.join("job.toml");
     std::fs::write(&path, text).expect("a writable folder");
     path
@@ -394,6 +408,32 @@ fn write_pens(noise: &mut Random, text: &mut String, pens: usize) {
         let pilot = "[[pen]]\nname = \"pilot\"\nspeed = \"1000 mm/s\"\npower = \"1 %\"\nfrequency = \"60 kHz\"";
         write!(text, "\n{pilot}\n\n[emit]\nframes = \"pilot\"\n").expect("text");
     }
+}
+
+/// A texture of dots.
+fn dots(noise: &mut Random, size: f64) -> String {
+    let pitch = size / between(noise, 1.0, 12.0);
+    let jitter = pick(noise, &["0 %", "80 %"]);
+    format!("\n[[texture]]\npattern = \"dots\"\npitch = \"{pitch:.6} mm\"\njitter = \"{jitter}\"\npen = \"dot\"\n")
+}
+
+/// The pens of dots and frames, and formats that can carry them.
+fn framed(noise: &mut Random, text: &mut String, has_dots: bool) {
+    if let Some(at) = text.find("\n[[pen]]\nname = \"pilot\"") {
+        text.truncate(at);
+    }
+    let pen = |name: &str, power: &str, more: &str| {
+        format!("\n[[pen]]\nname = {name:?}\nspeed = \"1000 mm/s\"\npower = {power:?}\nfrequency = \"60 kHz\"\n{more}")
+    };
+    if has_dots {
+        *text += &pen("dot", "50 %", "dwell = \"200 us\"\n");
+    }
+    *text += &pen("pilot", "1 %", "");
+    let all = ["dxf", "csv", "lightburn", "lmc", "rtc", "ovf", "linuxcnc", "gcode", "poses"];
+    let chosen: Vec<&str> =
+        all.into_iter().filter(|&format| !(has_dots && format == "lightburn") && chance(noise, 70)).collect();
+    let formats = if chosen.is_empty() { vec!["dxf"] } else { chosen };
+    *text += &format!("\n[emit]\nframes = \"pilot\"\nformats = {formats:?}\n");
 }
 
 /// Compiles and verifies; Ok says whether the job was compiled.
@@ -493,6 +533,19 @@ fn more_random_jobs_for_tilt_tables_verify_or_are_refused() {
 #[ignore = "slow: make test-all"]
 fn random_jobs_for_tilt_tables_verify_or_are_refused_at_length() {
     trials(seeds(6..2_040), Machine::Tilting, Part::Sheets);
+}
+
+#[test]
+fn random_jobs_with_frames_and_dots_verify_or_are_refused() {
+    trials(0..12, Machine::Plain, Part::Framed);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn random_jobs_with_frames_and_dots_verify_or_are_refused_at_length() {
+    for machine in [Machine::Plain, Machine::Zoom, Machine::Tilting] {
+        trials(seeds(12..346), machine, Part::Framed);
+    }
 }
 
 #[test]

@@ -119,23 +119,6 @@ impl Line {
     pub(super) fn at(&self, d: f64) -> [f64; 2] {
         [self.start[0] + self.dir[0] * d, self.start[1] + self.dir[1] * d]
     }
-    /// What of the stretch `d` lies in the rectangle of half sizes `half` around `centre`, if anything.
-    pub(super) fn inside(&self, d: [f64; 2], centre: [f64; 2], half: [f64; 2]) -> Option<[f64; 2]> {
-        let mut d = d;
-        for k in 0..2 {
-            let from = self.start[k] - centre[k];
-            if self.dir[k] == 0.0 {
-                if from.abs() > half[k] {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = ((-half[k] - from) / self.dir[k], (half[k] - from) / self.dir[k]);
-            d = [d[0].max(a.min(b)), d[1].min(a.max(b))];
-        }
-        (d[0] < d[1]).then_some(d)
-    }
-
     /// The part from `d[0]` to `d[1]`, moved sideways to the left by `s`.
     pub(super) fn part(&self, d: [f64; 2], s: f64) -> Self {
         let [x, y] = self.at(d[0]);

@@ -4,12 +4,15 @@ use std::path::Path;
 
 use super::chain::Chain;
 use crate::job::Format;
+use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::formats::{self, FORMATS, OnTheFly};
 use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::on_the_fly::FlyProgram;
 use crate::verify::read::on_the_fly::manifest::Manifest;
+use crate::verify::read::runsheet;
+use crate::verify::rules::runsheets::are_pens;
 
 /// The files of every on-the-fly job, besides its programs.
 const OF_EVERY_JOB: [&str; 4] = ["runsheet.txt", "layout.svg", "report.html", "view.html"];
@@ -89,6 +92,18 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
         }
     };
     hold(manifest.machine == facts.machine, "its machine differs from the job file");
+    let inputs = manifest.inputs.iter().map(|i| (i.role.as_str(), i.file.as_str()));
+    let asked = facts.inputs.as_deref().unwrap_or_default().iter().map(|(role, file)| (*role, file.as_str()));
+    hold(facts.inputs.is_none() || inputs.eq(asked), "its inputs are not those of the job file");
+    hold(manifest.placement.laid_deg == facts.laid_deg, "its part is laid otherwise than the job file says");
+    let limits = [
+        (manifest.limits.pdof_mm, facts.pdof.mm()),
+        (manifest.limits.reserve_mm, facts.reserve.mm()),
+        (manifest.limits.fod_um, facts.depth_range_nm() / 2e3),
+        (manifest.limits.bia_deg, facts.max_incidence_rad.to_degrees()),
+    ];
+    let are_same = limits.iter().all(|(stated, asked)| (stated - asked).abs() <= SAME * asked.abs().max(1.0));
+    hold(are_same, "its limits differ from the job file");
     hold((manifest.placement.turn_deg - facts.turn_deg).abs() <= SAME, "its turn differs from the job file");
     let origin = manifest.placement.origin_mm.map(nm_from_mm);
     hold(facts.origin.is_none_or(|o| o.0.map(Some) == origin), "its origin differs from the job file");
@@ -109,7 +124,11 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
     let same = manifest.pens.len() == pens.len()
         && manifest.pens.iter().zip(pens).all(|(m, p)| {
             let percent = p.power.as_w(full) / full.as_w() * 100.0;
-            m.name == p.name && m.speed_mm_s == p.speed.as_mm_s() && (m.power_percent - percent).abs() <= PERCENT
+            m.name == p.name
+                && m.speed_mm_s == p.speed.as_mm_s()
+                && (m.power_percent - percent).abs() <= SAME * percent
+                && m.power.parse::<Power>().is_ok_and(|power| power == p.power)
+                && m.frequency_khz == p.frequency.as_khz()
         });
     hold(same, "its pens differ from those of the job file");
     for (line, pen, power) in &program.powers {
@@ -118,6 +137,51 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
         let near = wanted.zip(*power).is_some_and(|(w, p)| (w - p).abs() <= PERCENT);
         if !near {
             rule.broken("", format!("line {line}"), "a mark does not have the power of its pen");
+        }
+    }
+}
+
+/// The run sheet against the job: the part's size and place, the machine, and the pens.
+pub(super) fn sheet(folder: &Path, manifest: &Manifest, facts: &JobFacts, rule: &mut Rule) {
+    const NAME: &str = "runsheet.txt";
+    rule.checked += 1;
+    let sheet = match formats::bytes(folder, NAME).map(|bytes| runsheet::txt(&bytes)) {
+        Ok(Ok(sheet)) => sheet,
+        Ok(Err(fault)) => return rule.broken("", format!("{NAME}:{}", fault.line), fault.message),
+        Err(unread) => return rule.broken("", NAME, unread),
+    };
+    let near = |found: Option<&[f64]>, stated: &[f64], tolerance: f64| match found {
+        Some(found) => found.len() == stated.len() && found.iter().zip(stated).all(|(f, s)| (f - s).abs() <= tolerance),
+        None => false,
+    };
+    let laid = sheet.laid.as_ref().map(<[f64; 3]>::as_slice);
+    let is_laid = match &facts.laid_deg {
+        Some(stated) => near(laid, stated, SAME),
+        None => laid.is_none(),
+    };
+    let machine = format!("{}, axes {}", facts.machine.name, manifest.axes);
+    for (holds, text) in [
+        (
+            near(sheet.size.as_ref().map(<[f64; 3]>::as_slice), &manifest.summary.part_mm, 0.000_501),
+            "its part's size differs from the manifest",
+        ),
+        (
+            near(sheet.zero.as_deref(), &manifest.placement.origin_mm, 0.000_051),
+            "its part zero differs from the manifest",
+        ),
+        (
+            sheet.turn.is_some_and(|turn| (turn - facts.turn_deg).abs() <= SAME),
+            "its part turn differs from the job file",
+        ),
+        (is_laid, "how its part is laid differs from the job file"),
+        (sheet.machine.as_deref() == Some(machine.trim()), "its machine is another one"),
+        (
+            are_pens(&sheet, facts.pens.as_deref().unwrap_or_default(), &facts.machine),
+            "its pens differ from those of the job file",
+        ),
+    ] {
+        if !holds {
+            rule.broken("", NAME, text);
         }
     }
 }

@@ -7,7 +7,7 @@
 
 use super::chain::{Beam, Chain};
 use super::track::{Stroke, Trace};
-use crate::verify::geometry::{Geometry, Line, Scratch};
+use crate::verify::geometry::{Geometry, Line, Scratch, Sheet};
 use crate::verify::proof::Rule;
 use crate::verify::read::on_the_fly::{Commands, Step};
 
@@ -15,7 +15,8 @@ use crate::verify::read::on_the_fly::{Commands, Step};
 const APART: f64 = 50_000.0;
 /// Largest distance of a mark from the texture, nm: 1 um, and the nanometre of every axis that takes part.
 pub(super) const STRAY: f64 = 1_002.0;
-/// A beam this far next to an edge may be on either side of it, nm: what marks may stray from rounding.
+/// A beam this far next to an edge may be on either side of it, nm: what marks may stray from rounding. Where corners are
+/// welded, that much more.
 const EDGE: f64 = 150.0;
 /// What the merging and rounding of samples may add to a focal offset, nm.
 const FOCUS: f64 = 100.0;
@@ -34,7 +35,15 @@ pub(super) struct Wanted {
 impl Wanted {
     /// Whether a hit keeps focus and angle.
     fn holds(&self, hit: &BeamHit) -> bool {
-        hit.off.abs() <= self.defocus + FOCUS && hit.lean <= self.lean + LEAN
+        self.holds_focus(hit) && self.holds_lean(hit)
+    }
+
+    fn holds_focus(&self, hit: &BeamHit) -> bool {
+        hit.off.abs() <= self.defocus + FOCUS + hit.doubt.off
+    }
+
+    fn holds_lean(&self, hit: &BeamHit) -> bool {
+        hit.lean <= self.lean + LEAN + hit.doubt.lean
     }
 }
 
@@ -61,6 +70,27 @@ struct BeamHit {
     lean: f64,
     /// It comes to the part from the side, at a step or at the border, below the sheet that begins there.
     aside: bool,
+    doubt: Doubt,
+}
+
+/// How far focal offset (nm) and angle (rad) of a hit may be off where corners of facets are welded.
+#[derive(Clone, Copy, Debug, Default)]
+struct Doubt {
+    off: f64,
+    lean: f64,
+}
+
+impl Doubt {
+    fn of(sheet: &Sheet, geometry: &Geometry) -> Self {
+        if geometry.weld() == 0.0 {
+            return Self::default();
+        }
+        let slope = sheet.slope2.sqrt();
+        Self {
+            off: geometry.z_tolerance(sheet.slope2),
+            lean: (slope + geometry.slope_doubt(sheet)).atan() - slope.atan(),
+        }
+    }
 }
 
 /// Looks at marks.
@@ -69,6 +99,8 @@ pub(super) struct MarkChecker<'a> {
     geometry: &'a Geometry,
     heights: [f64; 2],
     wanted: Wanted,
+    /// [`EDGE`] of this part.
+    edge: f64,
     scratch: Scratch,
     hit_points: Vec<[f64; 2]>,
     pub(super) worst: Worst,
@@ -78,7 +110,8 @@ impl<'a> MarkChecker<'a> {
     pub(super) fn new(chain: &'a Chain, geometry: &'a Geometry, wanted: Wanted) -> Self {
         let heights = geometry.heights();
         let scratch = Scratch::default();
-        Self { chain, geometry, heights, wanted, scratch, hit_points: Vec::new(), worst: Worst::default() }
+        let edge = EDGE + geometry.weld();
+        Self { chain, geometry, heights, wanted, edge, scratch, hit_points: Vec::new(), worst: Worst::default() }
     }
 
     /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims. All places on the stroke
@@ -152,11 +185,11 @@ impl<'a> MarkChecker<'a> {
         rule.checked += 1;
         self.worst.defocus = self.worst.defocus.max(hit.off.abs());
         self.worst.lean = self.worst.lean.max(hit.lean);
-        if hit.off.abs() > self.wanted.defocus + FOCUS {
+        if !self.wanted.holds_focus(hit) {
             let (off, most) = (hit.off.abs() / 1e3, self.wanted.defocus / 1e3);
             rule.broken("", place(), format!("a mark is {off:.4} um out of focus ({most:.4} um allowed)"));
         }
-        if hit.lean > self.wanted.lean + LEAN {
+        if !self.wanted.holds_lean(hit) {
             let (is, most) = (hit.lean.to_degrees(), self.wanted.lean.to_degrees());
             rule.broken("", place(), format!("the beam is at {is:.4} deg to the surface normal ({most} deg allowed)"));
         }
@@ -170,12 +203,15 @@ impl<'a> MarkChecker<'a> {
         rules.surface.checked += 1;
         let mut best: Option<(f64, BeamHit)> = None;
         // A mark along an edge: either side of it will do.
-        for side in [0.0, EDGE, -EDGE] {
-            let (mut bare, mut worst) = (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false });
+        for side in [0.0, self.edge, -self.edge] {
+            let doubt = Doubt::default();
+            let (mut bare, mut worst) = (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false, doubt });
+            let edge = self.edge;
             let shifted = line.part([0.0, line.len], side);
             self.geometry.along(&shifted, &mut self.scratch, |piece| {
                 let Some(sheet) = piece.sheet else {
-                    bare += piece.len();
+                    // A crack this narrow may be the rounding or the welding of an edge.
+                    bare += if piece.len() > 2.0 * edge { piece.len() } else { 0.0 };
                     return;
                 };
                 // Beside the line a stretch may lie on a facet of which the mark touches a corner: any place within EDGE
@@ -183,8 +219,8 @@ impl<'a> MarkChecker<'a> {
                 let is_end = piece.d[0] < 1.0 || piece.d[1] > line.len - 1.0;
                 let least = match side {
                     0.0 => line.len.min(1.0),
-                    _ if is_end => EDGE.min(line.len / 2.0),
-                    _ => (2.0 * EDGE).min(line.len / 2.0),
+                    _ if is_end => edge.min(line.len / 2.0),
+                    _ => (2.0 * edge).min(line.len / 2.0),
                 };
                 if piece.len() < least {
                     return;
@@ -196,8 +232,10 @@ impl<'a> MarkChecker<'a> {
                     }
                 }
                 worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
+                let doubt = Doubt::of(&sheet, self.geometry);
+                worst.doubt.off = worst.doubt.off.max(doubt.off);
+                worst.doubt.lean = worst.doubt.lean.max(doubt.lean);
             });
-            let bare = if bare > 2.0 * EDGE { bare } else { 0.0 };
             let over = |f: &BeamHit| !self.wanted.holds(f);
             let is_better = best.as_ref().is_none_or(|(b, f)| bare < *b || (bare == *b && over(f) && !over(&worst)));
             if is_better {
@@ -234,8 +272,8 @@ impl<'a> MarkChecker<'a> {
         }
         let length = way[0].hypot(way[1]);
         let [x, y] = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
-        let (mut first, across) = (straight, [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0]);
-        for (s, t) in [0.0, -EDGE, EDGE].into_iter().flat_map(|s| across.map(|t| (s, t * EDGE))) {
+        let (mut first, edge, across) = (straight, self.edge, [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0]);
+        for (s, t) in [0.0, -edge, edge].into_iter().flat_map(|s| across.map(|t| (s, t * edge))) {
             let shift = [s * x - t * y, s * y + t * x];
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
             let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
@@ -263,7 +301,7 @@ impl<'a> MarkChecker<'a> {
         // How high the beam is at the beginning of the line, and how it falls along it.
         let fall = if across < 1.0 { 0.0 } else { (top - bottom) / line.len };
         let height = |d: f64| if across < 1.0 { bottom } else { top - d * fall };
-        let mut found: Option<([f64; 3], [f64; 2], bool)> = None;
+        let mut found: Option<([f64; 3], Sheet, bool)> = None;
         self.geometry.along(&line, &mut self.scratch, |piece| {
             let Some(sheet) = piece.sheet.filter(|_| found.is_none()) else { return };
             let over = [0, 1].map(|k| sheet.z[k] - height(piece.d[k]));
@@ -277,9 +315,10 @@ impl<'a> MarkChecker<'a> {
             let d = piece.d[0] + share * piece.len();
             let [x, y] = line.at(d);
             let z = if across < 1.0 { sheet.z[0] } else { height(d) };
-            found = Some(([x, y, z], sheet.grad, across >= 1.0 && over[0] > EDGE));
+            found = Some(([x, y, z], sheet, across >= 1.0 && over[0] > self.edge));
         });
-        let (p, grad, aside) = found?;
+        let (p, sheet, aside) = found?;
+        let (grad, doubt) = (sheet.grad, Doubt::of(&sheet, self.geometry));
         let off = (0..3).map(|k| (p[k] - beam.at[k]) * up[k]).sum();
         let size = (1.0 + grad[0] * grad[0] + grad[1] * grad[1]).sqrt();
         let normal = [-grad[0] / size, -grad[1] / size, 1.0 / size];
@@ -290,7 +329,7 @@ impl<'a> MarkChecker<'a> {
         ];
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
-        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside })
+        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside, doubt })
     }
 }
 

@@ -26,11 +26,12 @@ use super::geometry::{Geometry, Scratch};
 use super::inputs::Inputs;
 use super::job_facts::{self, JobFacts};
 use super::progress::{Phase, Progress};
-use super::proof::{Lengths, Proof, Rule};
+use super::proof::{Input, Lengths, NotProved, Proof, Rule};
+use super::read::leaves;
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
 use super::read::on_the_fly::{Commands, FlyProgram, Step};
-use super::rules::{curves, hash, summary};
+use super::rules::{curves, hash, stated, summary};
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
 use crate::job::Mode;
@@ -58,6 +59,8 @@ struct Findings {
     marks: usize,
     lengths: Lengths,
     worst: Worst,
+    against: Vec<Input>,
+    not_proved: Vec<NotProved>,
 }
 
 impl Findings {
@@ -77,6 +80,8 @@ impl Findings {
             marks: 0,
             lengths: Lengths::default(),
             worst: Worst::default(),
+            against: Vec::new(),
+            not_proved: Vec::new(),
         }
     }
 
@@ -102,6 +107,8 @@ impl Findings {
             lengths: self.lengths,
             worst_defocus_um: self.worst.defocus / 1e3,
             worst_incidence_deg: self.worst.lean.to_degrees(),
+            against: self.against,
+            not_proved: self.not_proved,
             worst_position_um: Some(self.worst.stray / 1e3),
         }
     }
@@ -110,10 +117,11 @@ impl Findings {
 /// Verifies an on-the-fly job folder.
 pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
     let reading = Phase::Read.task(progress);
-    let manifest: Manifest = manifest::read(folder)?;
+    let manifest: Manifest = manifest::read(folder, &leaves::ON_THE_FLY)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };
+    findings.not_proved = stated::of(&listed, &leaves::ON_THE_FLY);
     let unchanged = hash::check(folder, &listed, &inputs, &mut findings.hash);
     let mut programs = agree::read(folder, &manifest, &mut findings.agreement);
     for (name, program) in &mut programs {
@@ -144,7 +152,9 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
+    findings.against = inputs.used(&job, folder);
     agree::with_job(&manifest, &facts, program, &mut findings.agreement);
+    agree::sheet(folder, &manifest, &facts, &mut findings.agreement);
     let pens = facts.pens.clone().unwrap_or_default();
     check_program(name, program, &chain, &manifest, &pens, &mut findings);
     drop(comparing);

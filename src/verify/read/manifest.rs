@@ -1,4 +1,5 @@
-//! Reader of `manifest.json`: only what verification needs, in structs of its own.
+//! Reader of `manifest.json`: what verification needs, in structs of its own; which other keys may stand there is told by
+//! `leaves`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,6 +10,7 @@ use serde::de::DeserializeOwned;
 use crate::diag::{self, Diag, Error, Place};
 use crate::job::{DepthRule, Level, Mode};
 use crate::machine::Machine;
+use crate::verify::read::leaves::Leaves;
 
 /// Name of the manifest in a job folder.
 pub(in crate::verify) const NAME: &str = "manifest.json";
@@ -25,15 +27,12 @@ pub(in crate::verify) struct Manifest {
     /// The job file, relative to the folder.
     pub(in crate::verify) job: JobRef,
     /// What the job reads, relative to the job file.
-    pub(in crate::verify) inputs: Vec<FileEntry>,
+    pub(in crate::verify) inputs: Vec<InputEntry>,
     pub(in crate::verify) machine: Machine,
     pub(in crate::verify) placement: Placement,
     pub(in crate::verify) focus: Focus,
-    #[serde(default)]
     pub(in crate::verify) seams: Seams,
-    #[serde(default)]
     pub(in crate::verify) passes: Vec<PassEntry>,
-    #[serde(default)]
     pub(in crate::verify) setups: Vec<SetupEntry>,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) blocks: Vec<BlockEntry>,
@@ -50,6 +49,16 @@ pub(in crate::verify) struct Manifest {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct JobRef {
     pub(in crate::verify) file: String,
+    pub(in crate::verify) blake3: String,
+}
+
+/// A file that the job reads.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct InputEntry {
+    /// What it is for.
+    pub(in crate::verify) role: String,
+    pub(in crate::verify) file: String,
+    pub(in crate::verify) bytes: u64,
     pub(in crate::verify) blake3: String,
 }
 
@@ -71,7 +80,6 @@ pub(in crate::verify) struct Placement {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Focus {
     pub(in crate::verify) pdof_mm: f64,
-    #[serde(default)]
     pub(in crate::verify) reserve_mm: f64,
     pub(in crate::verify) depth_range_mm: f64,
     pub(in crate::verify) level: Level,
@@ -90,8 +98,9 @@ pub(in crate::verify) struct Sections {
 }
 
 /// How cuts between blocks are made.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Seams {
+    pub(in crate::verify) zone_mm: f64,
     pub(in crate::verify) overlap_mm: f64,
 }
 
@@ -141,7 +150,14 @@ pub(in crate::verify) struct FramesEntry {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct PenEntry {
     pub(in crate::verify) name: String,
+    pub(in crate::verify) speed_mm_s: f64,
+    /// As the job file has it, percent or watts.
+    pub(in crate::verify) power: String,
+    pub(in crate::verify) power_w: f64,
+    pub(in crate::verify) frequency_khz: f64,
     pub(in crate::verify) passes: u32,
+    #[serde(default)]
+    pub(in crate::verify) dwell_us: Option<f64>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -160,8 +176,9 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) tilt_deg: [f64; 2],
     pub(in crate::verify) z_lo_mm: f64,
     pub(in crate::verify) z_hi_mm: f64,
+    /// Names of the pens that mark in it.
+    pub(in crate::verify) pens: Vec<String>,
     /// Its own files, by format.
-    #[serde(default)]
     pub(in crate::verify) files: BTreeMap<String, String>,
     pub(in crate::verify) strokes: usize,
     pub(in crate::verify) mark_mm: f64,
@@ -179,9 +196,12 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) part_mm: [f64; 3],
     pub(in crate::verify) stops: usize,
     pub(in crate::verify) blocks: usize,
+    pub(in crate::verify) passes: u32,
     pub(in crate::verify) setups: usize,
     pub(in crate::verify) fragments: usize,
-    #[serde(default)]
+    pub(in crate::verify) strokes_cut: usize,
+    pub(in crate::verify) figures_whole: usize,
+    pub(in crate::verify) figures_cut: usize,
     pub(in crate::verify) dots: Dots,
     pub(in crate::verify) texture_mm: f64,
     pub(in crate::verify) mark_mm: f64,
@@ -191,6 +211,7 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) skipped_steep_mm: f64,
     pub(in crate::verify) skipped_small_mm: f64,
     pub(in crate::verify) worst_defocus_um: f64,
+    pub(in crate::verify) worst_incidence_deg: f64,
     pub(in crate::verify) jump_mm: f64,
     pub(in crate::verify) time_s: Times,
     pub(in crate::verify) by_hand: ByHand,
@@ -222,6 +243,8 @@ pub(in crate::verify) struct Dots {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct ByHand {
     pub(in crate::verify) load_s: f64,
+    pub(in crate::verify) assumed: bool,
+    pub(in crate::verify) needed: bool,
     pub(in crate::verify) total_s: f64,
 }
 
@@ -240,7 +263,7 @@ pub(in crate::verify) struct Times {
 /// What a manifest of either mode lists.
 pub(in crate::verify) struct Listed<'a> {
     pub(in crate::verify) job: &'a JobRef,
-    pub(in crate::verify) inputs: &'a [FileEntry],
+    pub(in crate::verify) inputs: &'a [InputEntry],
     pub(in crate::verify) files: &'a [FileEntry],
 }
 
@@ -269,7 +292,7 @@ pub(in crate::verify) fn is_on_the_fly(folder: &Path) -> bool {
 ///
 /// # Errors
 /// `job-folder` where there is none, `manifest` where it is not a manifest of a known version.
-pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, Error> {
+pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path, leaves: &Leaves) -> Result<M, Error> {
     let path = folder.join(NAME);
     if !path.is_file() {
         let text = match folder.try_exists() {
@@ -291,6 +314,9 @@ pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, E
     let head: Head = serde_json::from_slice(&bytes).map_err(unreadable)?;
     if head.schema != SCHEMA {
         return Err(broken(format!("the manifest has schema {}, expected {SCHEMA}", head.schema)).into());
+    }
+    if let Some(unknown) = leaves.unknown(&bytes).map_err(unreadable)? {
+        return Err(broken(format!("the manifest holds {unknown}, which is no key of a manifest")).into());
     }
     Ok(serde_json::from_slice(&bytes).map_err(unreadable)?)
 }

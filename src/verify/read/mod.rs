@@ -10,6 +10,7 @@ mod dxf;
 pub(super) mod formats;
 pub(super) mod gcode;
 pub(super) mod labels;
+pub(super) mod leaves;
 mod lightburn;
 mod lmc;
 pub(super) mod manifest;

@@ -2,7 +2,8 @@
 //!
 //! Consumes the bytes of the file; promises that the parts lie gap-free as the format asks (offset,
 //! vector blocks, shell and look-up table of each work plane, then job shell and job table) and that
-//! every offset and count was checked. Vector blocks are decoded one at a time.
+//! every offset and count was checked, that each message holds its known fields and nothing else (written again it is the
+//! same bytes), and that distances and bounds are those of its points. Vector blocks are decoded one at a time.
 
 use std::collections::BTreeMap;
 
@@ -58,10 +59,59 @@ pub(in crate::verify) struct MarkingParams {
 
 #[derive(Clone, PartialEq, Message)]
 struct Job {
+    #[prost(message, optional, tag = "2")]
+    about: Option<About>,
     #[prost(btree_map = "int32, message", tag = "3")]
     params: BTreeMap<i32, MarkingParams>,
+    #[prost(btree_map = "int32, message", tag = "4")]
+    parts: BTreeMap<i32, Part>,
     #[prost(int32, tag = "6")]
     planes: i32,
+}
+
+/// What the job says of itself.
+#[derive(Clone, PartialEq, Message)]
+pub(in crate::verify) struct About {
+    #[prost(string, tag = "3")]
+    pub(in crate::verify) job: String,
+    #[prost(string, tag = "4")]
+    pub(in crate::verify) author: String,
+    #[prost(string, tag = "5")]
+    pub(in crate::verify) description: String,
+    #[prost(message, optional, tag = "6")]
+    pub(in crate::verify) bounds: Option<Bounds>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct Part {
+    #[prost(string, tag = "1")]
+    name: String,
+}
+
+/// The box of points, mm.
+#[derive(Clone, Copy, PartialEq, Message)]
+pub(in crate::verify) struct Bounds {
+    #[prost(float, tag = "1")]
+    x_min: f32,
+    #[prost(float, tag = "2")]
+    y_min: f32,
+    #[prost(float, tag = "3")]
+    x_max: f32,
+    #[prost(float, tag = "4")]
+    y_max: f32,
+}
+
+impl Bounds {
+    /// The box of both.
+    pub(in crate::verify) fn union(a: Option<Self>, b: Option<Self>) -> Option<Self> {
+        let (Some(a), Some(b)) = (a, b) else { return a.or(b) };
+        Some(Self {
+            x_min: a.x_min.min(b.x_min),
+            y_min: a.y_min.min(b.y_min),
+            x_max: a.x_max.max(b.x_max),
+            y_max: a.y_max.max(b.y_max),
+        })
+    }
 }
 
 /// A work plane without its vector blocks.
@@ -89,6 +139,30 @@ pub(in crate::verify) struct WorkPlane {
     pub(in crate::verify) machine_type: String,
     #[prost(float, repeated, tag = "12")]
     pub(in crate::verify) more_axes: Vec<f32>,
+    #[prost(message, optional, tag = "13")]
+    pub(in crate::verify) about: Option<PlaneAbout>,
+}
+
+/// What a work plane says of itself.
+#[derive(Clone, PartialEq, Message)]
+pub(in crate::verify) struct PlaneAbout {
+    #[prost(double, tag = "1")]
+    marked_mm: f64,
+    #[prost(double, tag = "2")]
+    jumped_mm: f64,
+    #[prost(btree_map = "int32, message", tag = "3")]
+    pub(in crate::verify) patches: BTreeMap<i32, Patch>,
+    #[prost(message, optional, tag = "7")]
+    pub(in crate::verify) bounds: Option<Bounds>,
+}
+
+/// The place of a plane on the part.
+#[derive(Clone, Copy, PartialEq, Message)]
+pub(in crate::verify) struct Patch {
+    #[prost(float, tag = "2")]
+    pub(in crate::verify) u_mm: f32,
+    #[prost(float, tag = "3")]
+    pub(in crate::verify) v_mm: f32,
 }
 
 #[derive(Clone, PartialEq, Message)]
@@ -115,7 +189,34 @@ struct VectorBlock {
     params: i32,
     #[prost(uint64, tag = "54")]
     repeats: u64,
+    #[prost(message, optional, tag = "100")]
+    about: Option<VectorsAbout>,
+    /// That it structures a surface; all settings of that are at their defaults.
+    #[prost(message, optional, tag = "102")]
+    structuring: Option<Empty>,
 }
+
+/// What a vector block says of itself.
+#[derive(Clone, Copy, PartialEq, Message)]
+struct VectorsAbout {
+    #[prost(double, tag = "1")]
+    marked_mm: f64,
+    #[prost(double, tag = "2")]
+    jumped_mm: f64,
+    #[prost(int32, tag = "3")]
+    part: i32,
+    #[prost(message, optional, tag = "6")]
+    bounds: Option<Bounds>,
+}
+
+#[derive(Clone, Copy, PartialEq, Message)]
+struct Empty {}
+
+/// The only part.
+const PART: i32 = 1;
+
+/// How far a distance may be off that points in single precision give, of one line, mm.
+const SINGLE: f64 = 5e-5;
 
 /// One mark of a vector block.
 pub(in crate::verify) struct Mark<'a> {
@@ -134,6 +235,9 @@ pub(in crate::verify) struct OvfFile<'a> {
     shell: usize,
     /// Laser settings by key.
     pub(in crate::verify) params: BTreeMap<i32, MarkingParams>,
+    pub(in crate::verify) about: About,
+    /// The name of the part.
+    pub(in crate::verify) part: String,
 }
 
 impl<'a> OvfFile<'a> {
@@ -158,7 +262,9 @@ impl<'a> OvfFile<'a> {
         if place(table.planes.first().copied().unwrap_or(table.shell))? != HEADER {
             return Err("a gap lies after the header".into());
         }
-        Ok(Self { bytes, planes: table.planes, shell, params: job.params })
+        let part = job.parts.get(&PART).filter(|_| job.parts.len() == 1).ok_or("the job does not have one part")?;
+        let (about, part) = (job.about.ok_or("the job says nothing of itself")?, part.name.clone());
+        Ok(Self { bytes, planes: table.planes, shell, params: job.params, about, part })
     }
 
     /// How many work planes there are.
@@ -176,6 +282,7 @@ impl<'a> OvfFile<'a> {
             return Err(format!("a gap lies after work plane {i}"));
         }
         let mut at = start + 8;
+        let mut way = Way::default();
         for &block in &table.blocks {
             if place(block)? != at {
                 return Err(format!("a vector block of work plane {i} is not where the table says"));
@@ -183,6 +290,7 @@ impl<'a> OvfFile<'a> {
             let (block, end) = message::<VectorBlock>(self.bytes, at)?;
             at = end;
             hand_over(&block, &mut visit)?;
+            way.follow(&block).map_err(|what| format!("a vector block of work plane {i} {what}"))?;
         }
         if place(table.shell)? != at {
             return Err(format!("the shell of work plane {i} is not where the table says"));
@@ -191,10 +299,63 @@ impl<'a> OvfFile<'a> {
         if end != table_at {
             return Err(format!("a gap lies inside work plane {i}"));
         }
+        let about = plane.about.as_ref().ok_or_else(|| format!("work plane {i} says nothing of itself"))?;
+        if !way.is(about.marked_mm, about.jumped_mm) || about.bounds != way.bounds {
+            return Err(format!("the distances or bounds of work plane {i} are not those of its points"));
+        }
         if usize::try_from(plane.blocks) != Ok(table.blocks.len()) {
             return Err(format!("work plane {i} says {} vector blocks, holds {}", plane.blocks, table.blocks.len()));
         }
         Ok(plane)
+    }
+}
+
+/// The way of the beam through a work plane, from the middle of the field, mm.
+#[derive(Default)]
+struct Way {
+    at: [f64; 2],
+    marked: f64,
+    jumped: f64,
+    /// How many lines it has.
+    lines: f64,
+    bounds: Option<Bounds>,
+}
+
+impl Way {
+    /// Follows a vector block, whose own figures are those of one repeat.
+    fn follow(&mut self, block: &VectorBlock) -> Result<(), &'static str> {
+        let mut own = Self { at: self.at, ..Self::default() };
+        hand_over(block, &mut |mark| own.mark(mark.xy)).map_err(|_| "has no points")?;
+        let about = block.about.ok_or("says nothing of itself")?;
+        if about.part != PART || block.structuring.is_none() {
+            return Err("is not of the part, or no structuring");
+        }
+        if !own.is(about.marked_mm, about.jumped_mm) || about.bounds != own.bounds {
+            return Err("has other distances or bounds than its points");
+        }
+        self.at = own.at;
+        self.marked += own.marked * (block.repeats as f64 + 1.0);
+        self.jumped += own.jumped;
+        self.lines += own.lines * (block.repeats as f64 + 1.0);
+        self.bounds = Bounds::union(self.bounds, own.bounds);
+        Ok(())
+    }
+
+    fn mark(&mut self, xy: &[f32]) {
+        for (k, p) in xy.chunks_exact(2).enumerate() {
+            let to = [f64::from(p[0]), f64::from(p[1])];
+            let way = (to[0] - self.at[0]).hypot(to[1] - self.at[1]);
+            *(if k == 0 { &mut self.jumped } else { &mut self.marked }) += way;
+            self.at = to;
+            self.lines += 1.0;
+            let point = Bounds { x_min: p[0], y_min: p[1], x_max: p[0], y_max: p[1] };
+            self.bounds = Bounds::union(self.bounds, Some(point));
+        }
+    }
+
+    fn is(&self, marked_mm: f64, jumped_mm: f64) -> bool {
+        let known = SINGLE * (1.0 + self.lines);
+        (marked_mm - self.marked).abs() <= known && (jumped_mm - self.jumped).abs() <= known
     }
 }
 
@@ -214,7 +375,11 @@ fn hand_over(block: &VectorBlock, visit: &mut impl FnMut(Mark<'_>)) -> Result<()
 fn message<M: Message + Default>(bytes: &[u8], at: usize) -> Result<(M, usize), String> {
     let mut rest = bytes.get(at..).ok_or("an offset lies beyond the file")?;
     let message = M::decode_length_delimited(&mut rest).map_err(|e| format!("byte {at}: {e}"))?;
-    Ok((message, bytes.len() - rest.len()))
+    let end = bytes.len() - rest.len();
+    if message.encode_length_delimited_to_vec() != bytes[at..end] {
+        return Err(format!("byte {at}: holds a field that is not known, twice or at its default"));
+    }
+    Ok((message, end))
 }
 
 /// The i64 offset that is stored at `at`.

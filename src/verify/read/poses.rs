@@ -17,6 +17,11 @@ pub(in crate::verify) struct Pose {
 /// Reads the list.
 pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Vec<Pose>, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(1, "is not text"))?;
+    // Some readers end a line at either character.
+    let breaks = |c: char| text.matches(c).count();
+    if !text.ends_with("\r\n") || breaks('\r') != text.matches("\r\n").count() || breaks('\r') != breaks('\n') {
+        return Err(Fault::new(1, "has a line that does not end with CR LF"));
+    }
     let mut lines = (1..).zip(text.lines());
     if lines.next().map(|(_, head)| head) != Some("block,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg") {
         return Err(Fault::new(1, "is not the header block,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg"));

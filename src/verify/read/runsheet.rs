@@ -1,7 +1,7 @@
 //! Readers of the run sheets: the table of blocks of `runsheet.csv` and `runsheet.txt` by the names of its columns, and
 //! what the sheet says above it of the part's place and the pens.
 //!
-//! Columns that verification does not know are read and left alone, so that a sheet may say more.
+//! In the tables every line is known. Around them the sheet tells what to do, in sentences that are not read.
 
 use super::Fault;
 
@@ -19,10 +19,35 @@ impl Table {
     }
 }
 
+/// What begins a part of the sheet.
+const HEADINGS: [&str; 7] = ["PENS", "SET-UPS", "BLOCKS", "BEFORE", "HOW", "PEAKS", "FILES"];
+
+/// What stands behind some of these.
+const NOTES: [(&str, &[&str]); 3] = [
+    (
+        "PENS",
+        &[
+            " (set them in the marking software)",
+            " (the files of the job carry these values)",
+            " (DXF and CSV do not carry these values: set them in the marking software)",
+            " (the program sets speed and power: set the frequency at the laser)",
+        ],
+    ),
+    ("SET-UPS", &[" (part zero: in the table frame; stage X Y: commanded position with the point under the beam; mm)"]),
+    ("BLOCKS", &[" (X Y Z: commanded stage position, mm; LPFL: focal plane on the part, mm; time without the move)"]),
+];
+
+/// The columns of pens, word by word.
+const PEN_COLUMNS: &[&str] = &["no", "speed", "mm/s", "power", "frequency", "kHz", "passes", "name"];
+
 /// A set-up of the sheet: its part zero, and of each registration point its place on the part and on the stage.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::verify) struct SheetSetup {
+    pub(in crate::verify) number: usize,
+    pub(in crate::verify) count: usize,
     pub(in crate::verify) zero: Vec<f64>,
+    /// Its blocks as runs, such as `B0001 to B0004, B0009 to B0009`.
+    pub(in crate::verify) blocks: String,
     pub(in crate::verify) points: Vec<[Vec<f64>; 2]>,
 }
 
@@ -31,6 +56,12 @@ pub(in crate::verify) struct SheetSetup {
 pub(in crate::verify) struct Sheet {
     /// Part zero where there is one set-up, mm.
     pub(in crate::verify) zero: Option<Vec<f64>>,
+    /// The sides of the part, mm, the name of the machine, and how the part is laid, degrees.
+    pub(in crate::verify) size: Option<[f64; 3]>,
+    pub(in crate::verify) machine: Option<String>,
+    pub(in crate::verify) laid: Option<[f64; 3]>,
+    /// How many set-ups its head says that there are, where it is more than one.
+    pub(in crate::verify) setups_stated: Option<usize>,
     /// The turn of the part, degrees.
     pub(in crate::verify) turn: Option<f64>,
     /// Cells of each pen: number, speed, power, frequency, passes, name.
@@ -91,25 +122,64 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
     for (i, line) in text(bytes)?.lines().enumerate() {
         let fault = |what: &str| Fault::new(i + 1, what);
         // Headings in capitals part the sheet; what a part does not know is text for people.
-        if let Some(head) = ["PENS", "SET-UPS", "BLOCKS", "BEFORE", "HOW"].into_iter().find(|h| line.starts_with(h)) {
+        if let Some(head) = HEADINGS.into_iter().find(|h| line.starts_with(h)) {
+            let note = &line[head.len()..];
+            if let Some((_, notes)) = NOTES.iter().find(|(of, notes)| *of == head && !notes.contains(&note)) {
+                return Err(fault(&format!("is not the heading {head}{}", notes[0])));
+            }
             part = head;
             continue;
         }
         // A box to tick stands before each block.
         let line = line.strip_prefix("[ ]").unwrap_or(line);
         let words: Vec<&str> = line.split_whitespace().collect();
+        // In the head each key stands once.
+        let once = |is_new: bool| if is_new { Ok(()) } else { Err(fault("is said twice")) };
         match (part, words.as_slice()) {
-            ("", ["part", "zero", zero @ ..]) => out.zero = axes(zero),
-            ("", ["part", "turn", turn, ..]) => out.turn = turn.parse().ok(),
+            ("", ["size", w, "x", d, "x", h, "mm", "as", "it", "is", "laid"]) => {
+                once(out.size.is_none())?;
+                out.size = numbers([w, d, h]);
+            }
+            ("", ["machine", _, ..]) => {
+                once(out.machine.is_none())?;
+                out.machine = line.trim_start().strip_prefix("machine").map(|name| name.trim().to_owned());
+            }
+            ("", ["part", "laid", "rotated", x, "deg", "about", "x,", y, "deg", "about", "y,", z, rest @ ..])
+                if rest == ["deg", "about", "z", "of", "its", "file"] =>
+            {
+                once(out.laid.is_none())?;
+                out.laid = numbers([x, y, z]);
+            }
+            ("", ["part", "zero", zero @ .., "mm", "in", "the", "table", "frame"]) => {
+                once(out.zero.is_none())?;
+                out.zero = axes(zero);
+            }
+            ("", ["part", "zero", count, "set-ups,", "each", "with", "its", "own:", "see", "SET-UPS"]) => {
+                once(out.setups_stated.is_none())?;
+                out.setups_stated = count.parse().ok();
+            }
+            ("", ["part", "turn", turn, "deg", "about", "z"]) => {
+                once(out.turn.is_none())?;
+                out.turn = turn.parse().ok();
+            }
+            ("PENS", PEN_COLUMNS) if out.pens.is_empty() => {}
+            // A line of the head that is read is known to the last word.
+            ("", ["size" | "machine", ..] | ["part", "zero" | "laid" | "turn", ..]) => {
+                return Err(fault("cannot be read"));
+            }
             ("PENS", ["dots", "of", "pen", number, "dwell", us, "us"]) => {
                 let found = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());
                 out.dwells.push(found.ok_or_else(|| fault("the dwell of a pen is not a number"))?);
             }
             ("PENS", [number, ..]) if number.parse::<u32>().is_ok() => out.pens.push(cells(line, 6)),
-            ("SET-UPS", ["SET-UP", _, "OF", _, "part", "zero", zero @ ..]) => {
-                let zero = axes(zero).ok_or_else(|| fault("the part zero of a set-up cannot be read"))?;
-                out.setups.push(SheetSetup { zero, points: Vec::new() });
+            ("SET-UPS", ["SET-UP", number, "OF", count, "part", "zero", x, y, z, "blocks", blocks @ ..]) => {
+                let zero = axes(&[x, y, z]).filter(|zero| zero.len() == 3);
+                let numbers = number.parse().ok().zip(count.parse().ok());
+                let found = zero.zip(numbers).ok_or_else(|| fault("a set-up cannot be read"))?;
+                let (zero, (number, count)) = found;
+                out.setups.push(SheetSetup { number, count, zero, blocks: blocks.join(" "), points: Vec::new() });
             }
+            ("SET-UPS", ["SET-UP" | "point", ..]) if !is_point(&words) => return Err(fault("cannot be read")),
             ("SET-UPS", ["point", x, y, "of", "the", "part:", "stage", at @ ..]) => {
                 let point: Option<Vec<f64>> = [x, y].into_iter().map(|v| v.parse().ok()).collect();
                 let found = point.zip(axes(at)).zip(out.setups.last_mut());
@@ -131,6 +201,8 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
                 out.under.push((pass, setup));
                 out.lifts.push(lift.take());
             }
+            // What a stage is moved by is known to the last word.
+            ("PENS" | "BLOCKS", [_, ..]) => return Err(fault("is no line of this table")),
             _ => {}
         }
     }
@@ -168,6 +240,17 @@ fn row(columns: &[String], words: &[&str]) -> Option<Vec<String>> {
     (row.len() == columns.len()).then_some(row)
 }
 
+/// Whether these are the words of a registration point.
+fn is_point(words: &[&str]) -> bool {
+    matches!(words, ["point", _, _, "of", "the", "part:", "stage", _, _])
+}
+
+/// Three numbers.
+fn numbers(words: [&&str; 3]) -> Option<[f64; 3]> {
+    let [Ok(a), Ok(b), Ok(c)] = words.map(|word| word.parse()) else { return None };
+    Some([a, b, c])
+}
+
 /// The numbers of words such as X1.5000 and Y-2.0000, in the order X, Y, Z.
 fn axes(words: &[&str]) -> Option<Vec<f64>> {
     let value = |letter: &str, word: &&str| word.strip_prefix(letter)?.parse().ok();
@@ -190,8 +273,10 @@ mod tests {
 
     #[test]
     fn run_sheet_columns_are_found_by_name() {
-        let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\n\nPENS (x)\n  \
-                    no  speed mm/s  name\n   1  1000  60 % = 9 W   60  1  fine, long  name\n\nBLOCKS (x)\n  block    section  \
+        let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\n\nPENS (set them \
+                    in the marking software)\n  no  speed mm/s  power  frequency kHz  passes  name\n   1  1000  60 % = 9 \
+                    W   60  1  fine, long  name\n\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on \
+                    the part, mm; time without the move)\n  block    section  \
                     level  marks mm  lift  pens  file\n  PASS 2\n  B0001  0,0  -1  5.0  yes  1 2  blocks/B0001.dxf\n  \
                     B0002  0,0  -1  5.0  no  3\n";
         let sheet = txt(text.as_bytes()).expect("a sheet");

@@ -9,12 +9,13 @@ use super::hash::is_inside;
 use super::{planes, poses, setups};
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::Machine;
-use crate::program::{Block, BlockId, PassId, Program, Stroke};
+use crate::program::{Block, BlockId, PassId, Pen, Program, Stroke};
+use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::BlockOf;
 use crate::verify::read::formats::{self, BlockFiles, Stepped};
-use crate::verify::read::manifest::{BlockEntry, Manifest};
+use crate::verify::read::manifest::{BlockEntry, Manifest, PenEntry};
 use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::ovf::OvfFile;
 use crate::verify::read::program::ProgramFile;
@@ -39,8 +40,8 @@ pub(in crate::verify) fn check(
         rule.broken("", "manifest.json", "its set-ups differ from those of program.txt");
     }
     let mut begun = BTreeSet::new();
-    let pens = manifest.pens.iter().map(|p| (p.name.as_str(), p.passes));
-    if !pens.eq(program.pens.iter().map(|p| (p.name.as_str(), p.passes))) {
+    let pens = manifest.pens.iter().zip(&program.pens);
+    if manifest.pens.len() != program.pens.len() || !pens.into_iter().all(|(e, pen)| is_pen(e, pen, &facts.machine)) {
         rule.broken("", "manifest.json", "its pens differ from those of program.txt");
     }
     if manifest.blocks.len() != program.blocks.len() {
@@ -66,7 +67,8 @@ pub(in crate::verify) fn check(
         if entry.is_some_and(|e| place.is_none() && !e.files.is_empty()) {
             rule.broken(id, "manifest.json", "it is not of the subset, but has files");
         }
-        if let Some(difference) = entry.and_then(|e| differs(e, id, block, lift)) {
+        let difference = entry.and_then(|e| differs(e, id, block, lift).or_else(|| has_other_pens(e, program, block)));
+        if let Some(difference) = difference {
             rule.broken(id, "manifest.json", format!("its {difference} differs from program.txt"));
         }
     }
@@ -114,6 +116,7 @@ const OF_EVERY_JOB: [&str; 8] = [
 /// Holds that every listed file is one of the job's: whoever loads another marks what nobody has compared.
 pub(in crate::verify) fn all_are_known(manifest: &Manifest, chosen: &[usize], facts: &JobFacts, rule: &mut Rule) {
     let mut known: BTreeSet<String> = OF_EVERY_JOB.map(str::to_owned).into();
+    known.extend((2..=manifest.passes.len()).map(|pass| format!("layout-pass{pass}.svg")));
     let has_frames = manifest.frames.is_some();
     // Where the job file cannot be had, those that are there count.
     let is_asked = |row: &formats::Row| facts.pens.is_none() || facts.formats.contains(&row.format);
@@ -171,6 +174,9 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
         }
     };
     hold(manifest.machine == facts.machine, "its machine differs from the job file");
+    let inputs = manifest.inputs.iter().map(|i| (i.role.as_str(), i.file.as_str()));
+    let asked = facts.inputs.as_deref().unwrap_or_default().iter().map(|(role, file)| (*role, file.as_str()));
+    hold(facts.inputs.is_none() || inputs.eq(asked), "its inputs are not those of the job file");
     hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof differs from the job file");
     hold(near(f.reserve_mm, facts.reserve.mm()), "its focus reserve differs from the job file");
     // The depth range is used rounded down to an even number of increments.
@@ -179,6 +185,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     hold((Nm(0)..grain).contains(&lost), "its depth range differs from the job file");
     hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule differs from the job file");
     hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap differs from the job file");
+    hold(near(manifest.seams.zone_mm, facts.zone_nm / NM_PER_MM), "its zone of seams differs from the job file");
     let passes = &facts.passes;
     let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
         let turn = f64::from(k) * passes.rotate.as_deg();
@@ -220,6 +227,31 @@ fn differs(e: &BlockEntry, id: &str, b: &Block, lift: Option<Nm>) -> Option<&'st
     ]
     .into_iter()
     .find_map(|(name, same)| (!same).then_some(name))
+}
+
+/// Whether an entry of the manifest is this pen.
+fn is_pen(e: &PenEntry, pen: &Pen, machine: &Machine) -> bool {
+    let near = |stated: f64, found: f64| (stated - found).abs() <= SAME * found.abs();
+    let dwell = match (e.dwell_us, pen.dwell) {
+        (Some(stated), Some(dwell)) => near(stated, dwell.as_us()),
+        (stated, dwell) => stated.is_none() && dwell.is_none(),
+    };
+    e.name == pen.name
+        && e.passes == pen.passes
+        && dwell
+        && near(e.speed_mm_s, pen.speed.as_mm_s())
+        && near(e.frequency_khz, pen.frequency.as_khz())
+        && near(e.power_w, pen.power.as_w(machine.laser.max_power))
+        && e.power.parse::<Power>().is_ok_and(|power| power == pen.power)
+}
+
+/// Whether the pens that an entry names are other than those of the block's marks.
+fn has_other_pens(e: &BlockEntry, program: &Program, b: &Block) -> Option<&'static str> {
+    let mut marked: Vec<usize> = program.strokes_of(b).iter().map(|s| s.pen.index()).collect();
+    marked.sort_unstable();
+    marked.dedup();
+    let names = marked.into_iter().map(|pen| program.pens[pen].name.as_str());
+    (!e.pens.iter().map(String::as_str).eq(names)).then_some("list of pens")
 }
 
 /// The files of single blocks in one format.

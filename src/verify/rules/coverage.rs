@@ -7,11 +7,12 @@
 //! where nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at
 //! a time.
 
+mod accepted;
 mod gaps;
 
 use super::stretch::Run;
 use super::texture_stroke::TextureStroke;
-use super::turned::Drawn;
+use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{NM_PER_MM, P2};
 use crate::program::{PassId, PenId, Stroke};
@@ -51,6 +52,13 @@ pub(super) struct Dots {
 pub(in crate::verify) struct Pieces {
     pub(super) lengths: Lengths,
     pub(super) dots: Dots,
+    /// Strokes of which more than one piece is marked.
+    pub(super) strokes_cut: usize,
+    /// Closed strokes that are marked in one piece, and the others.
+    pub(super) figures_whole: usize,
+    pub(super) figures_cut: usize,
+    /// Those of the first that may be the second, since less is left out than can be seen.
+    pub(super) doubtful_figures: usize,
     /// How far the division of what is skipped may be off, mm: ends of gaps, facets at the limit.
     pub(super) doubt_mm: f64,
     /// By how much marks are longer than the texture under them, since cut points lie on the grid beside
@@ -86,6 +94,7 @@ pub(in crate::verify) fn check(
         depth_holds,
         windows,
         drawn,
+        turned: None,
         off: None,
         source,
         once,
@@ -147,6 +156,8 @@ struct Cover<'a> {
     windows: Vec<[f64; 2]>,
     /// Points of tilted blocks in the drawing; empty where nothing is tilted.
     drawn: &'a Drawn,
+    /// The geometry of the tilted block that was looked at last.
+    turned: Option<Turned>,
     /// How far the points of the mark at hand may be off, nm, if it is one of these.
     off: Option<f64>,
     source: &'a mut Rule,
@@ -237,6 +248,15 @@ impl Cover<'_> {
             self.gap(number, [to, sum], passes, [covered, None]);
         }
         self.coverage.checked += 1;
+        self.out.strokes_cut += usize::from(spans.len() > 1);
+        if self.stroke.is_closed() {
+            let left: f64 = spans.iter().fold(sum, |left, span| left - (span.to - span.from));
+            let noise = 2.0 * noise(spans.first(), spans.first());
+            let is_whole = spans.len() == 1 && left <= noise;
+            self.out.figures_whole += usize::from(is_whole);
+            self.out.figures_cut += usize::from(!is_whole);
+            self.out.doubtful_figures += usize::from(is_whole && left > 1e-3);
+        }
         self.spans = spans;
     }
 

@@ -1,4 +1,5 @@
-//! `agreement` of frames: each is the rectangle around the marks of its block in `program.txt`, drawn with the pen that
+//! `agreement` of frames: each is the rectangle around the marks of its block in `program.txt`, or a square of one spot
+//! where they are no larger than that, lies in the field, and is drawn with the pen that
 //! the manifest names, which draws nothing else; the blocks of the outline hold the marks that lie farthest out; the
 //! programs of the stage and the OVF go to these blocks.
 
@@ -6,7 +7,8 @@ use std::path::Path;
 
 use super::agreement::{self, Drawings};
 use super::{poses, stage, subset};
-use crate::geom::{FieldPoint, P3};
+use crate::geom::{FieldPoint, NM_PER_MM, P3};
+use crate::machine::Machine;
 use crate::program::{Block, PenId, Program, Stroke, StrokeId};
 use crate::verify::geometry::Turn;
 use crate::verify::job_facts::JobFacts;
@@ -54,7 +56,13 @@ impl Frames {
         if !is_outline(file, chosen, &places, facts) {
             rule.broken("", "manifest.json", "its outline does not hold the marks that lie farthest out");
         }
-        let mut all = framed(file, PenId(pen as u16));
+        let mut all = framed(file, PenId(pen as u16), &facts.machine);
+        for (id, block) in all.ids.iter().zip(&all.program.blocks) {
+            let mut points = all.program.strokes_of(block).iter().flat_map(|stroke| all.program.points_of(stroke));
+            if points.any(|&p| !facts.machine.field_holds(p)) {
+                rule.broken(id, "frames", "its frame leaves the usable field");
+            }
+        }
         for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
             let Stepped::Blocks(files) = files else { continue };
             let drawings = Drawings { folder, files, program: &all.program, machine: &facts.machine };
@@ -85,14 +93,19 @@ impl Frames {
 }
 
 /// The program with the rectangle around the marks of each block in their place, each entered by a lift.
-fn framed(file: &ProgramFile, pen: PenId) -> ProgramFile {
+fn framed(file: &ProgramFile, pen: PenId, machine: &Machine) -> ProgramFile {
     let mut program = Program { pens: file.program.pens.clone(), ..Program::default() };
     for block in &file.program.blocks {
         let marks = || file.program.strokes_of(block).iter().flat_map(|stroke| file.program.points_of(stroke));
         let ends = |values: &dyn Fn(&FieldPoint) -> i32| {
             [marks().map(values).min().unwrap_or_default(), marks().map(values).max().unwrap_or_default()]
         };
-        let ([left, right], [low, high]) = (ends(&|p| p.x), ends(&|p| p.y));
+        let mut box_nm = [ends(&|p| p.x), ends(&|p| p.y)];
+        let spot = (machine.lens.spot.as_mm() * NM_PER_MM) as i32;
+        if box_nm.iter().all(|[from, to]| to - from < spot) {
+            box_nm = square(box_nm.map(|[from, to]| from + (to - from) / 2), spot, machine);
+        }
+        let [[left, right], [low, high]] = box_nm;
         let first = program.points.len();
         let round = [(left, low), (right, low), (right, high), (left, high), (left, low)];
         for (x, y) in round {
@@ -108,6 +121,19 @@ fn framed(file: &ProgramFile, pen: PenId) -> ProgramFile {
         program.blocks.push(Block { strokes: at..at + 1, retract: true, ..block.clone() });
     }
     ProgramFile { origins: file.origins.clone(), program, ids: file.ids.clone() }
+}
+
+/// A square of one spot, for marks that would be hidden by it: around their middle, unless it leaves the field there; then
+/// by one spot nearer to the axis.
+fn square(middle: [i32; 2], spot: i32, machine: &Machine) -> [[i32; 2]; 2] {
+    let at = |middle: [i32; 2]| middle.map(|v| v - spot / 2).map(|from| [from, from + spot]);
+    let [[left, right], [low, high]] = at(middle);
+    let is_inside =
+        [left, right].iter().all(|&x| [low, high].iter().all(|&y| machine.field_holds(FieldPoint::new(x, y))));
+    if is_inside {
+        return at(middle);
+    }
+    at(middle.map(|v| if v.abs() <= spot { 0 } else { v - spot * v.signum() }))
 }
 
 /// Whether in no direction of eight a mark of the chosen blocks, of the pass of the first of them, lies farther out in

@@ -18,10 +18,11 @@ pub(super) mod page;
 mod paper;
 mod planes;
 mod poses;
-mod runsheets;
+pub(super) mod runsheets;
 mod setups;
 mod slopes;
 mod stage;
+pub(super) mod stated;
 mod stretch;
 mod subset;
 pub(super) mod summary;
@@ -35,7 +36,7 @@ use std::path::Path;
 
 use super::geometry::Geometry;
 use super::job_facts::JobFacts;
-use super::proof::{Lengths, Proof, Rule};
+use super::proof::{Input, Lengths, NotProved, Proof, Rule};
 use super::read::manifest::Manifest;
 use super::read::program::ProgramFile;
 use crate::geom::P2;
@@ -67,6 +68,8 @@ pub(super) struct Findings {
     pub(super) lengths: Lengths,
     pub(super) worst_defocus_um: f64,
     pub(super) worst_incidence_deg: f64,
+    pub(super) against: Vec<Input>,
+    pub(super) not_proved: Vec<NotProved>,
 }
 
 impl Findings {
@@ -104,6 +107,8 @@ impl Findings {
             lengths: Lengths::default(),
             worst_defocus_um: 0.0,
             worst_incidence_deg: 0.0,
+            against: Vec::new(),
+            not_proved: Vec::new(),
         }
     }
 
@@ -136,6 +141,8 @@ impl Findings {
             lengths: self.lengths,
             worst_defocus_um: self.worst_defocus_um,
             worst_incidence_deg: self.worst_incidence_deg,
+            against: self.against,
+            not_proved: self.not_proved,
             worst_position_um: None,
         }
     }

@@ -5,7 +5,7 @@ use crate::geom::{ControllerPoint, Nm, mm_from_nm};
 use crate::machine::{Axis, Carries, Machine};
 use crate::program::{Block, Pen};
 use crate::verify::proof::Rule;
-use crate::verify::read::ovf::{Mark, MarkingParams, OvfFile, WorkPlane};
+use crate::verify::read::ovf::{Bounds, Mark, MarkingParams, OvfFile, Patch, WorkPlane};
 use crate::verify::read::program::ProgramFile;
 
 /// Compares the OVF with the program.
@@ -27,10 +27,33 @@ pub(super) fn check(ovf: &OvfFile<'_>, name: &str, file: &ProgramFile, machine: 
             rule.broken("", name, text);
         }
     }
+    let mut bounds = None;
     for (i, (id, block)) in file.ids.iter().zip(&file.program.blocks).enumerate().take(ovf.len()) {
-        if let Err(fault) = plane(ovf, i, file, block, machine, rule) {
-            rule.broken(id, name, fault);
+        match plane(ovf, i, file, block, machine, rule) {
+            Ok(own) => bounds = Bounds::union(bounds, own),
+            Err(fault) => rule.broken(id, name, fault),
         }
+    }
+    if rule.violated == 0 && ovf.about.bounds != bounds {
+        rule.broken("", name, "the bounds of the job are not those of its points");
+    }
+    // No setting that nothing is marked with: a reader may show or use any of them.
+    let sets = ovf.params.len();
+    let of_pens = file.program.pens.len();
+    let shifted = file.program.blocks.iter().filter(|b| b.focus_shift.0 != 0);
+    let mut used: Vec<(usize, i64)> = shifted
+        .flat_map(|b| file.program.strokes_of(b).iter().map(|stroke| (stroke.pen.index(), b.focus_shift.0)))
+        .collect();
+    used.sort_unstable();
+    used.dedup();
+    if sets != of_pens + used.len() {
+        rule.broken("", name, format!("holds {sets} settings, the program uses {}", of_pens + used.len()));
+    }
+    let words = ["mm; positions are axis commands, points lie around the optical axis", "terrace "];
+    let is_ours = ovf.about.description == words[0] && ovf.about.author.starts_with(words[1]);
+    let is_name = |name: &str| !name.is_empty() && !name.chars().any(char::is_control);
+    if !is_ours || !is_name(&ovf.about.job) || !is_name(&ovf.part) || !is_name(&ovf.about.author) {
+        rule.broken("", name, "what it says of itself is not what a job says");
     }
 }
 
@@ -61,7 +84,7 @@ fn plane(
     block: &Block,
     machine: &Machine,
     rule: &mut Rule,
-) -> Result<(), String> {
+) -> Result<Option<Bounds>, String> {
     let program = &file.program;
     let strokes = program.strokes_of(block);
     let (mut count, mut first) = (0, None);
@@ -96,16 +119,28 @@ fn plane(
         }
     }
     shell(&plane, i, block, machine)?;
+    let bounds = plane.about.as_ref().and_then(|about| about.bounds);
     if machine.tilt.as_ref().is_some_and(|axes| axes.carries == Carries::Head) {
-        return super::poses::single(&plane.more_axes, block, file.origin(block), machine).map_or(Ok(()), Err);
+        return super::poses::single(&plane.more_axes, block, file.origin(block), machine).map_or(Ok(bounds), Err);
     }
-    if plane.more_axes.is_empty() { Ok(()) } else { Err("the work plane has a pose, the head does not tilt".into()) }
+    if plane.more_axes.is_empty() {
+        Ok(bounds)
+    } else {
+        Err("the work plane has a pose, the head does not tilt".into())
+    }
 }
 
 fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Result<(), String> {
     let at = [plane.x_mm, plane.y_mm, plane.z_mm];
     if !at.iter().zip(block.stage.0).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
         return Err(format!("the work plane is at {at:?} mm, but program.txt has {}", super::stage_text(block.stage)));
+    }
+    let patches = plane.about.as_ref().map(|about| &about.patches);
+    let is_centre = |patch: &Patch| {
+        step(patch.u_mm, mm_from_nm(block.stop.centre.x)) && step(patch.v_mm, mm_from_nm(block.stop.centre.y))
+    };
+    if !patches.is_some_and(|all| all.len() == 1 && all.get(&0).is_some_and(is_centre)) {
+        return Err("the centre of the work plane on the part differs from program.txt".into());
     }
     let mut tilt = [0.0; 3];
     for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {

@@ -9,7 +9,9 @@ use std::path::Path;
 use super::times;
 use crate::diag;
 use crate::geom::{NM_PER_MM, Nm};
-use crate::program::Block;
+use crate::machine::Machine;
+use crate::program::{Block, Pen};
+use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::manifest::{BlockEntry, Manifest};
@@ -35,6 +37,7 @@ pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, fact
                 pens_of(file, block).map(|p| file.program.pens[p].name.clone()).collect::<Vec<_>>().join("; ")
             },
         };
+        sheets.columns("runsheet.csv", &table, &CSV_COLUMNS, &[]);
         sheets.table("runsheet.csv", &table, &columns);
     }
     if let Some(sheet) = sheets.read(folder, "runsheet.txt", runsheet::txt) {
@@ -46,6 +49,8 @@ pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, fact
         sheets.head(&sheet);
         sheets.headings(&sheet);
         sheets.lifts(&sheet);
+        let shift = if facts.machine.zoom.is_some() { &["SHIFT"][..] } else { &[] };
+        sheets.columns("runsheet.txt", &sheet.blocks, &TXT_COLUMNS, shift);
         sheets.table("runsheet.txt", &sheet.blocks, &columns);
     }
 }
@@ -55,6 +60,30 @@ type Names = [&'static str; 10];
 const CSV: Names =
     ["block", "stage_x_mm", "stage_y_mm", "stage_z_mm", "lpfl_mm", "file", "strokes", "mark_mm", "time_s", "pens"];
 const TXT: Names = ["block", "X", "Y", "Z", "LPFL", "file", "strokes", "marks mm", "time s", "pens"];
+
+/// All columns of the sheets in order, that of the zoom optic apart, which stands before the strokes.
+const CSV_COLUMNS: [&str; 18] = [
+    "block",
+    "column",
+    "row",
+    "level",
+    "stage_x_mm",
+    "stage_y_mm",
+    "stage_z_mm",
+    "lpfl_mm",
+    "file",
+    "strokes",
+    "mark_mm",
+    "jump_mm",
+    "time_s",
+    "pens",
+    "pass",
+    "setup",
+    "lift_z_mm",
+    "focus_shift_mm",
+];
+const TXT_COLUMNS: [&str; 12] =
+    ["block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s", "pens", "file"];
 
 /// How a sheet writes its table.
 struct Columns {
@@ -95,6 +124,15 @@ impl Sheets<'_> {
             },
         }
         None
+    }
+
+    /// Holds that a table has its columns and no other, `more` of them before the strokes.
+    fn columns(&mut self, name: &str, table: &Table, known: &[&str], more: &[&str]) {
+        let strokes = known.iter().position(|c| *c == "strokes").unwrap_or(0);
+        let wanted = known[..strokes].iter().chain(more).chain(&known[strokes..]);
+        if !table.columns.iter().map(String::as_str).eq(wanted.copied()) {
+            self.rule.broken("", name, "its columns are not those of a run sheet, in their order");
+        }
     }
 
     /// Holds the rows of a table against the blocks.
@@ -192,28 +230,35 @@ impl Sheets<'_> {
             origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0].0)),
             "its part zero differs from program.txt",
         );
+        hold(sheet.setups_stated.unwrap_or(1) == origins.len(), "its number of set-ups differs from program.txt");
         let turn = self.manifest.placement.turn_deg;
         hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn differs from the manifest");
-        let watts = |pen: &crate::program::Pen| pen.power.as_w(self.facts.machine.laser.max_power);
-        let pens = sheet.pens.iter().zip(&self.file.program.pens).zip(1u32..).all(|((cells, pen), i)| {
-            let number = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
-            let power = cells.get(2).and_then(|c| c.rsplit_once(" = ")?.1.strip_suffix(" W")?.parse::<f64>().ok());
-            number(0) == f64::from(i)
-                && number(1) == pen.speed.as_mm_s()
-                && power.is_some_and(|w| (w - watts(pen)).abs() <= 1e-6)
-                && number(3) == pen.frequency.as_khz()
-                && number(4) == f64::from(pen.passes)
-                && cells.get(5).is_some_and(|name| *name == pen.name.trim())
-        });
-        let dwells = (1..).zip(&self.file.program.pens).filter_map(|(i, pen)| Some((i, pen.dwell?.as_us())));
-        let pens = pens && sheet.dwells.iter().copied().eq(dwells);
-        hold(pens && sheet.pens.len() == self.file.program.pens.len(), "its pens differ from those of program.txt");
+        let laid = self.facts.laid_deg;
+        let is_laid = match (&sheet.laid, laid) {
+            (Some(found), Some(laid)) => found.iter().zip(laid).all(|(f, l)| (f - l).abs() <= 1e-9),
+            (found, laid) => found.is_none() && laid.is_none(),
+        };
+        hold(is_laid || self.facts.pens.is_none(), "how its part is laid differs from the job file");
+        let size = self.manifest.summary.part_mm;
+        let is_size =
+            sheet.size.iter().flatten().zip(size).filter(|(f, mm)| (**f - mm).abs() <= 0.000_501).count() == 3;
+        hold(is_size, "the size of its part differs from the manifest");
+        let is_own = sheet.machine.as_deref() == Some(self.facts.machine.name.as_str().trim());
+        hold(is_own, "its machine is another one");
+        hold(
+            are_pens(sheet, &self.file.program.pens, &self.facts.machine),
+            "its pens differ from those of program.txt",
+        );
         if sheet.setups.is_empty() && origins.len() == 1 {
             return;
         }
-        let setups = sheet.setups.iter().zip(origins).zip(&self.manifest.setups).all(|((found, origin), stated)| {
+        let of_setup = |k: usize| runs(self.file, k);
+        let setups = (0..).zip(&sheet.setups).zip(origins).zip(&self.manifest.setups);
+        let setups = { setups }.all(|(((k, found), origin), stated)| {
             let nm = |v: [f64; 2]| v.map(|mm| (mm * NM_PER_MM).round() as i64);
-            near(&found.zero, &origin.0)
+            (found.number, found.count) == (k + 1, origins.len())
+                && found.blocks == of_setup(k)
+                && near(&found.zero, &origin.0)
                 && found.points.len() == stated.registration.len()
                 && found
                     .points
@@ -251,6 +296,46 @@ impl Sheets<'_> {
             }
         }
     }
+}
+
+/// Whether the pens of a sheet are these, in their order.
+pub(in crate::verify) fn are_pens(sheet: &Sheet, pens: &[Pen], machine: &Machine) -> bool {
+    let is_pen = |((cells, pen), i): ((&Vec<String>, &Pen), u32)| {
+        let number = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
+        let power = cells.get(2).and_then(|c| {
+            let (power, watts) = c.rsplit_once(" = ")?;
+            Some((power.parse::<Power>().ok()?, watts.strip_suffix(" W")?.parse::<f64>().ok()?))
+        });
+        number(0) == f64::from(i)
+            && number(1) == pen.speed.as_mm_s()
+            && power.is_some_and(|(power, w)| {
+                power == pen.power && (w - pen.power.as_w(machine.laser.max_power)).abs() <= 1e-6
+            })
+            && number(3) == pen.frequency.as_khz()
+            && number(4) == f64::from(pen.passes)
+            && cells.get(5).is_some_and(|name| *name == pen.name.trim())
+    };
+    let dwells = (1..).zip(pens).filter_map(|(i, pen)| Some((i, pen.dwell?.as_us())));
+    sheet.pens.len() == pens.len()
+        && sheet.pens.iter().zip(pens).zip(1..).all(is_pen)
+        && sheet.dwells.iter().copied().eq(dwells)
+}
+
+/// The blocks of a set-up, counted from 0, as runs.
+fn runs(file: &ProgramFile, setup: usize) -> String {
+    let mut out: Vec<[&str; 2]> = Vec::new();
+    let mut last = None;
+    for (i, (id, block)) in file.ids.iter().zip(&file.program.blocks).enumerate() {
+        if block.setup.index() != setup {
+            continue;
+        }
+        match out.last_mut() {
+            Some(run) if last == i.checked_sub(1) => run[1] = id,
+            _ => out.push([id, id]),
+        }
+        last = Some(i);
+    }
+    out.iter().map(|[from, to]| format!("{from} to {to}")).collect::<Vec<_>>().join(", ")
 }
 
 /// The lift of a row of `runsheet.csv`; the other sheet has lines for it.

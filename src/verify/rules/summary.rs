@@ -75,7 +75,11 @@ pub(in crate::verify) fn check(
     hold("", "stops", s.stops as f64, stops, 0.0);
     hold("", "blocks", s.blocks as f64, file.program.blocks.len() as f64, 0.0);
     hold("", "setups", s.setups as f64, file.origins.len() as f64, 0.0);
+    hold("", "passes", f64::from(s.passes), f64::from(facts.passes.count), 0.0);
     hold("", "fragments", s.fragments as f64, file.program.strokes.len() as f64, 0.0);
+    // Every block's own are held by its slopes.
+    let steepest = manifest.blocks.iter().map(|b| b.incidence_deg[1]).fold(0.0, f64::max);
+    hold("", "worst_incidence_deg", s.worst_incidence_deg, steepest, LENGTH);
     hold("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
     hold("", "mark_mm", s.mark_mm, found.mark_mm, tiny + pieces.turned_mm);
     for ((entry, id), &mm) in manifest.blocks.iter().zip(&file.ids).zip(&marks.block_mm) {
@@ -94,6 +98,13 @@ pub(in crate::verify) fn check(
         hold("", "the sum of marked and skipped dots", sum as f64, s.dots.texture as f64, 0.0);
         hold("", "dots.off_part", s.dots.off_part as f64, pieces.dots.off_part as f64, doubtful);
         hold("", "dots.steep", s.dots.steep as f64, pieces.dots.steep as f64, doubtful);
+    }
+    if covered {
+        hold("", "strokes_cut", s.strokes_cut as f64, pieces.strokes_cut as f64, 0.0);
+        let doubtful = pieces.doubtful_figures as f64;
+        hold("", "figures_whole", s.figures_whole as f64, pieces.figures_whole as f64, doubtful);
+        let figures = (pieces.figures_whole + pieces.figures_cut) as f64;
+        hold("", "the sum of figures", (s.figures_whole + s.figures_cut) as f64, figures, 0.0);
     }
     if once {
         hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny + pieces.rounding_mm);
@@ -149,6 +160,7 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
         ("time_s.total", t.total, all.total()),
         ("jump_mm", manifest.summary.jump_mm, jumps),
         ("by_hand.load_s", hand.load_s, load_s),
+        ("by_hand.assumed", f64::from(hand.assumed), f64::from(facts.machine.operator.is_none())),
         ("by_hand.total_s", hand.total_s, all.total() + load_s * file.program.blocks.len() as f64),
     ];
     for (name, stated, found) in parts {

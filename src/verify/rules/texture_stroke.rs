@@ -41,6 +41,11 @@ impl TextureStroke {
         if let [dot] = self.points[..] { Some(dot) } else { None }
     }
 
+    /// Whether it ends where it begins.
+    pub(super) fn is_closed(&self) -> bool {
+        self.points.first() == self.points.last()
+    }
+
     /// Its length, nm.
     pub(super) fn len(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)

@@ -79,7 +79,7 @@ impl Made {
             min_mark_nm: 0.0,
             only_slivers: false,
             overlap_nm: 0.0,
-            has_zone: false,
+            zone_nm: 0.0,
             passes: Passes::default(),
             setups: None,
             figure_pitch: None,
@@ -92,6 +92,7 @@ impl Made {
             dose: None,
             frames: Some(None),
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
+            inputs: Some(vec![("surface", "part.stl".into())]),
         };
         let mut strokes: Vec<(PenId, Vec<P2>)> =
             (1..10).map(|i| (PenId(0), vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
@@ -125,13 +126,17 @@ impl Made {
         let skipped = texture - mark;
         let program = self.program();
         let time = super::times(&program, &self.facts.machine).0;
+        let worst = self.blocks.iter().map(|b| (self.cosines)(b)[1]).fold(1.0, f64::min);
+        let incidence_deg = worst.acos().to_degrees();
         self.summary = json!({
             "stops": self.blocks.len(), "blocks": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
             "part_mm": [0.0, 0.0, 0.0], "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
-            "by_hand": {"load_s": 15.0, "total_s": time.total + 15.0 * self.blocks.len() as f64}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",
+            "by_hand": {"load_s": 15.0, "assumed": true, "needed": false, "total_s": time.total + 15.0 * self.blocks.len() as f64}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time,
+            "passes": 1, "strokes_cut": 9, "figures_whole": 1, "figures_cut": 0,
+            "dots": {"texture": 0, "marked": 0, "off_part": 0, "steep": 0}, "worst_incidence_deg": incidence_deg,
         });
     }
 
@@ -173,18 +178,15 @@ impl Made {
         let program = self.program();
         let put = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("write");
         put("program.txt", super::writers::program(&program, self.origin).as_bytes());
-        for (i, block) in program.blocks.iter().enumerate() {
-            let id = BlockId::new(i).to_string();
-            put(&format!("blocks/{id}.dxf"), super::writers::dxf(&program, block, &id, &self.facts.machine).as_bytes());
+        let block_s = super::times(&program, &self.facts.machine).1;
+        for (name, bytes) in super::writers::files(&program, self.origin, &self.facts.machine, &block_s) {
+            put(&name, &bytes);
         }
-        put("stage.ngc", super::writers::stage(&program, true).as_bytes());
-        put("stage_m0.nc", super::writers::stage(&program, false).as_bytes());
-        put("job.ovf", &super::writers::ovf(&program, &self.facts.machine));
         let sheets = super::writers::Sheets {
             program: &program,
             origin: self.origin,
             machine: &self.facts.machine,
-            block_s: &super::times(&program, &self.facts.machine).1,
+            block_s: &block_s,
         };
         put("runsheet.csv", sheets.csv().as_bytes());
         put("runsheet.txt", sheets.txt().as_bytes());
@@ -216,18 +218,20 @@ impl Made {
                 "tilt_deg": b.stop.tilt.deg(),
                 "lpfl_mm": b.stop.focus.mm(), "focus_shift_mm": b.focus_shift.mm(), "stage": b.stage.mm(),
                 "lift_z_mm": (b.retract || i == 0).then(|| self.facts.machine.retract_z().mm()), "z_lo_mm": b.z_lo.mm(),
-                "z_hi_mm": b.z_hi.mm(), "files": {"dxf": format!("blocks/{id}.dxf")},
+                "z_hi_mm": b.z_hi.mm(), "pens": pens_of(&program, b), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
                 "incidence_deg": incidence, "stretch": stretch, "dose": dose,
             })
         }).collect();
         let job = entry(folder.parent().expect("inside"), "job.toml");
+        let mut input = entry(folder.parent().expect("inside"), "part.stl");
+        input["role"] = "surface".into();
         let manifest = json!({
             "schema": 3, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
-            "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
+            "inputs": [input], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.mm(), "reserve_mm": self.facts.reserve.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},
-            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {"pitch_mm": [40.0, 40.0]}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {"pitch_mm": [40.0, 40.0]}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| pen_json(p, &self.facts.machine)).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");
@@ -241,7 +245,7 @@ impl Made {
 
     /// Verifies a folder against this job.
     pub(super) fn verify(&self, folder: &Path) -> Proof {
-        let manifest: Manifest = read::manifest::read(folder).expect("a manifest");
+        let manifest: Manifest = read::manifest::read(folder, &read::leaves::STEPPED).expect("a manifest");
         let mut findings = Findings::new();
         findings.fill.ran = true;
         findings.drawing.ran = true;
@@ -281,6 +285,21 @@ impl Made {
         self.write(&folder);
         self.verify(&folder)
     }
+}
+
+/// A pen as a manifest has it.
+fn pen_json(pen: &Pen, machine: &Machine) -> Value {
+    json!({
+        "name": pen.name, "speed_mm_s": pen.speed.as_mm_s(), "power": pen.power.to_string(),
+        "power_w": pen.power.as_w(machine.laser.max_power), "frequency_khz": pen.frequency.as_khz(),
+        "passes": pen.passes,
+    })
+}
+
+/// Names of the pens of a block, in the order of the pens.
+fn pens_of(program: &Program, block: &Block) -> Vec<String> {
+    let marks = |pen: usize| program.strokes[block.strokes.clone()].iter().any(|s| s.pen.index() == pen);
+    (0..program.pens.len()).filter(|&pen| marks(pen)).map(|pen| program.pens[pen].name.clone()).collect()
 }
 
 /// The ramp and its steep strip.

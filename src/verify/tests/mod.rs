@@ -3,6 +3,7 @@
 
 pub(super) mod made;
 mod mutants;
+pub(super) mod places;
 mod scale;
 mod writers;
 
@@ -13,7 +14,7 @@ use made::{MM, Made, MadeBlock, p};
 use super::Proof;
 use crate::geom::Nm;
 use crate::machine::{Commanded, Machine, TiltAngles};
-use crate::manifest::Times;
+use crate::manifest::{MANIFEST, Times};
 use crate::motion;
 use crate::program::{Program, StrokeId};
 
@@ -42,6 +43,43 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
     }
     t.total = t.stage + t.settle + t.zoom + t.mark + t.jump + t.delay;
     (t, blocks)
+}
+
+/// Whether another byte here changes nothing of an OVF on which a reader acts: a letter of the names of job, part and
+/// version, or the last figures of a distance in its meta data.
+fn says_nothing(before: &[u8], after: &[u8], at: usize) -> bool {
+    let names: [&[u8]; 3] = [b"job.toml", b"part.stl", concat!("terrace ", env!("CARGO_PKG_VERSION")).as_bytes()];
+    let is_in = |name: &&[u8]| {
+        before.windows(name.len()).enumerate().any(|(i, w)| w == *name && (i..i + w.len()).contains(&at))
+    };
+    let is_distance = |start: usize| {
+        let value = |bytes: &[u8]| Some(f64::from_le_bytes(bytes.get(start..start + 8)?.try_into().ok()?));
+        // The keys of the two fields of eight bytes.
+        let is_double = start > 0 && [0x09, 0x11].contains(&before[start - 1]);
+        is_double && value(before).zip(value(after)).is_some_and(|(a, b)| (a - b).abs() < 1e-3)
+    };
+    names.iter().any(is_in) || (at.saturating_sub(7)..=at).any(is_distance)
+}
+
+/// Puts the present size and hash of a file into the manifest.
+fn renew_hash(folder: &Path, name: &str) {
+    if name == MANIFEST {
+        return;
+    }
+    let bytes = std::fs::read(folder.join(name)).expect("a file of the folder");
+    alter_manifest(folder, |m| {
+        let entry = m["files"].as_array_mut().expect("files").iter_mut().find(|f| f["file"] == name).expect("listed");
+        entry["bytes"] = bytes.len().into();
+        entry["blake3"] = blake3::hash(&bytes).to_hex().as_str().into();
+    });
+}
+
+fn alter_manifest(folder: &Path, change: impl FnOnce(&mut serde_json::Value)) {
+    let path = folder.join(MANIFEST);
+    let bytes = std::fs::read(&path).expect("a manifest");
+    let mut manifest = serde_json::from_slice(&bytes).expect("JSON");
+    change(&mut manifest);
+    std::fs::write(path, serde_json::to_vec(&manifest).expect("JSON")).expect("a writable folder");
 }
 
 /// Codes of the rules that are broken.
@@ -140,7 +178,7 @@ fn field_reports_marks_outside_the_field() {
 fn travel_reports_targets_beyond_it_or_off_the_increment() {
     assert_only("travel", &mutant(|m| m.origin[0] += 500 * MM));
     assert_only("travel", &mutant(|m| m.origin[1] += 50));
-    assert_only("travel", &damaged("stage.ngc", |t| t.replacen("G0 Z200\n", "G0 Z201\n", 1)));
+    assert_only("travel", &damaged("stage.ngc", |t| t.replacen("G0 Z200.000000\n", "G0 Z201.000000\n", 1)));
 }
 
 #[test]
@@ -356,6 +394,9 @@ fn agreement_reports_every_changed_value_of_the_ovf() {
         for at in (0..sound.len()).step_by(7) {
             let mut bytes = sound.clone();
             bytes[at] ^= 0x40;
+            if says_nothing(&sound, &bytes, at) {
+                continue;
+            }
             std::fs::write(&path, &bytes).expect("write");
             made.write_manifest(folder);
             match broken(&made.verify(folder)).as_slice() {
@@ -381,16 +422,16 @@ fn laser_reports_stage_programs_that_could_fire_in_a_move() {
         ("stage.ngc", "G4 P0.1\n", "G4 P0.05\n"),
         ("stage.ngc", "endif\nM65 P0\nM66", "endif\nM66"),
         ("stage.ngc", "M66 P0 L4 Q2\n", ""),
-        ("stage.ngc", "M66 P0 L4 Q12\n", ""),
+        ("stage.ngc", "M66 P0 L4 Q11\n", ""),
         ("stage.ngc", "o2 if [#5399 LT 0]\n", ""),
-        ("stage.ngc", "o2 if [#5399 LT 0]\n(MSG, timeout)\nM65 P0\nM2\n", "o2 if [#5399 LT 0]\n(MSG, timeout)\nM2\n"),
-        ("stage.ngc", "(MSG, timeout)\nM65 P0\nM2\n", "(MSG, timeout)\nM65 P0\n"),
+        ("stage.ngc", "(MSG, no BUSY, block B0001)\nM65 P0\nM2\n", "(MSG, no BUSY, block B0001)\nM2\n"),
+        ("stage.ngc", "(MSG, no BUSY, block B0001)\nM65 P0\nM2\n", "(MSG, no BUSY, block B0001)\nM65 P0\n"),
         ("stage.ngc", "G21 G90", "G21 G64 G90"),
-        ("stage.ngc", "G94\nM65 P0\n", "G94\nM62 P0\n"),
-        ("stage.ngc", "G0 Z200\nM65 P0\nM2\n", "G0 Z200\nM64 P0\nM2\n"),
-        ("stage.ngc", "G0 Z200\nM65 P0\nM2\n", "G0 Z200\nM65 P0\n"),
+        ("stage.ngc", "G54\nM65 P0\n", "G54\nM62 P0\n"),
+        ("stage.ngc", "G0 Z200.000000\nM65 P0\nM2\n", "G0 Z200.000000\nM64 P0\nM2\n"),
+        ("stage.ngc", "G0 Z200.000000\nM65 P0\nM2\n", "G0 Z200.000000\nM65 P0\n"),
         ("stage_m0.nc", "M0 (mark B0001)\n", ""),
-        ("stage_m0.nc", "G94\nM5\n", "G94\nM3\n"),
+        ("stage_m0.nc", "G92.1\nM5\n", "G92.1\nM3\n"),
     ];
     for (name, from, to) in cases {
         let proof = damaged(name, |t| t.replacen(from, to, 1));

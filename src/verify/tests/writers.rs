@@ -1,10 +1,14 @@
-//! Writers of the files of a job folder for tests: short, apart from the ones of the product.
+//! Writers of the files of a job folder for tests: `program.txt` and the run sheets short, apart from the ones of the
+//! product.
 
 use std::fmt::Write;
 
-use crate::geom::{FieldPoint, mm_from_nm};
+use crate::check::Checked;
+use crate::emit::{Files, Stepped};
+use crate::geom::FieldPoint;
+use crate::job::Format;
 use crate::machine::{Machine, Origin};
-use crate::program::{Block, BlockId, Program};
+use crate::program::{Block, BlockFigures, BlockId, Program};
 
 pub(super) fn program(program: &Program, o: Origin) -> String {
     let mut t = format!("terrace program 1\norigin {} {} {}\npens {}\n", o[0], o[1], o[2], program.pens.len());
@@ -47,153 +51,30 @@ pub(super) fn program(program: &Program, o: Origin) -> String {
     t + "end\n"
 }
 
-pub(super) fn dxf(program: &Program, block: &Block, id: &str, machine: &Machine) -> String {
-    let mut t = String::from("0\nSECTION\n2\nENTITIES\n");
-    for stroke in program.strokes_of(block) {
-        let layer = format!("{id}_P{}", stroke.pen.number());
-        let mut points: Vec<[String; 2]> = program
-            .points_of(stroke)
-            .iter()
-            .map(|&p| machine.scanner.controller_from_field(p))
-            .map(|p| [p.x, p.y].map(|v| format!("{:.6}", mm_from_nm(i64::from(v)))))
-            .collect();
-        if let [[x0, y0], [x1, y1]] = points.as_slice() {
-            write!(t, "0\nLINE\n8\n{layer}\n10\n{x0}\n20\n{y0}\n30\n0.0\n11\n{x1}\n21\n{y1}\n31\n0.0\n").expect("text");
-            continue;
+/// The files of a stepped job that machines get, by the product's own writers: its readers take nothing else.
+pub(super) fn files(program: &Program, origin: Origin, machine: &Machine, block_s: &[f64]) -> Vec<(String, Vec<u8>)> {
+    let checked = Checked::as_written(program.clone(), vec![origin]);
+    let figures: Vec<BlockFigures> =
+        block_s.iter().map(|&time_s| BlockFigures { time_s, ..BlockFigures::default() }).collect();
+    let job = Stepped {
+        checked: &checked,
+        machine,
+        figures: &figures,
+        job: "job.toml",
+        part: "part.stl",
+        block_file: Some("dxf"),
+        frames: None,
+    };
+    let formats = [Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf];
+    let of = |format: Format| match format.target().stepped {
+        Some(Files::Whole(name, write)) => vec![(name.to_owned(), write(&job))],
+        Some(Files::Blocks(ending, write)) => {
+            let file = |i: usize| (Program::block_file(BlockId::new(i), ending), write(&job, i));
+            (0..program.blocks.len()).map(file).collect()
         }
-        let closed = points.first() == points.last();
-        points.truncate(points.len() - usize::from(closed));
-        write!(t, "0\nPOLYLINE\n8\n{layer}\n66\n1\n70\n{}\n", u8::from(closed)).expect("text");
-        for [x, y] in points {
-            write!(t, "0\nVERTEX\n8\n{layer}\n10\n{x}\n20\n{y}\n30\n0.0\n").expect("text");
-        }
-        write!(t, "0\nSEQEND\n8\n{layer}\n").expect("text");
-    }
-    (t + "0\nENDSEC\n0\nEOF\n").replace('\n', "\r\n")
-}
-
-pub(super) fn stage(program: &Program, handshake: bool) -> String {
-    let off = if handshake { "M65 P0" } else { "M5" };
-    let mut t = format!("(made)\nG21 G90 G94\n{off}\n");
-    for (i, b) in program.blocks.iter().enumerate() {
-        let [x, y, z] = b.stage.mm();
-        let id = BlockId::new(i).to_string();
-        writeln!(t, "(BLOCK {id} FILE blocks/{id}.dxf)\n{off}").expect("text");
-        t.push_str(if b.retract || i == 0 { "G0 Z200\n" } else { "(ENTRY LIFT Z200)\n" });
-        writeln!(t, "G0 X{x:.6} Y{y:.6}\nG0 Z{z:.6}\nG4 P0.1").expect("text");
-        if !handshake {
-            writeln!(t, "M0 (mark {id})").expect("text");
-            continue;
-        }
-        let test = |n: usize| format!("o{n} if [#5399 LT 0]\n(MSG, timeout)\nM65 P0\nM2\no{n} endif\n");
-        let [idle, begun, ended] = [1, 2, 3].map(|k| test(3 * i + k));
-        write!(t, "M66 P0 L4 Q2\n{idle}M64 P0\nM66 P0 L3 Q5\n{begun}M65 P0\nM66 P0 L4 Q12\n{ended}").expect("text");
-    }
-    t + off + "\nG0 Z200\n" + off + "\nM2\n"
-}
-
-fn varint(out: &mut Vec<u8>, mut v: u64) {
-    while v >= 0x80 {
-        out.push(v as u8 | 0x80);
-        v >>= 7;
-    }
-    out.push(v as u8);
-}
-
-/// Field `tag` with bytes.
-fn bytes(out: &mut Vec<u8>, tag: u64, value: &[u8]) {
-    varint(out, tag << 3 | 2);
-    varint(out, value.len() as u64);
-    out.extend_from_slice(value);
-}
-
-fn float(out: &mut Vec<u8>, tag: u64, value: f64) {
-    if value == 0.0 {
-        return;
-    }
-    varint(out, tag << 3 | 5);
-    out.extend_from_slice(&(value as f32).to_le_bytes());
-}
-
-/// Zero is the default and not written.
-fn int(out: &mut Vec<u8>, tag: u64, value: u64) {
-    if value == 0 {
-        return;
-    }
-    varint(out, tag << 3);
-    varint(out, value);
-}
-
-/// Appends a delimited message and answers with its offset.
-fn append(out: &mut Vec<u8>, message: &[u8]) -> u64 {
-    let at = out.len() as u64;
-    varint(out, message.len() as u64);
-    out.extend_from_slice(message);
-    at
-}
-
-fn table(shell: u64, parts: &[u64]) -> Vec<u8> {
-    let (mut out, mut packed) = (Vec::new(), Vec::new());
-    parts.iter().for_each(|&p| varint(&mut packed, p));
-    int(&mut out, 1, shell);
-    bytes(&mut out, 2, &packed);
-    out
-}
-
-pub(super) fn ovf(program: &Program, machine: &Machine) -> Vec<u8> {
-    let mut out = b"LVF!\0\0\0\0\0\0\0\0".to_vec();
-    let mut planes = Vec::new();
-    for (i, block) in program.blocks.iter().enumerate() {
-        let start = out.len();
-        planes.push(start as u64);
-        out.extend_from_slice(&[0; 8]);
-        let mut parts = Vec::new();
-        for stroke in program.strokes_of(block) {
-            let mut floats = Vec::new();
-            for &p in program.points_of(stroke) {
-                let at = machine.scanner.controller_from_field(p);
-                for v in [at.x, at.y] {
-                    floats.extend_from_slice(&(mm_from_nm(i64::from(v)) as f32).to_le_bytes());
-                }
-            }
-            let (mut points, mut vectors) = (Vec::new(), Vec::new());
-            bytes(&mut points, 1, &floats);
-            bytes(&mut vectors, if stroke.len == 2 { 2 } else { 1 }, &points);
-            int(&mut vectors, 50, u64::from(stroke.pen.0) + 1);
-            int(&mut vectors, 54, u64::from(program.pens[stroke.pen.index()].passes) - 1);
-            parts.push(append(&mut out, &vectors));
-        }
-        let mut shell = Vec::new();
-        block.stage.0.iter().zip(2..).for_each(|(&v, tag)| float(&mut shell, tag, mm_from_nm(v)));
-        int(&mut shell, 8, parts.len() as u64);
-        int(&mut shell, 10, i as u64);
-        bytes(&mut shell, 11, b"terrace/xyz-galvo2d/x-part/y-part/z-head");
-        let shell = append(&mut out, &shell);
-        let at = append(&mut out, &table(shell, &parts));
-        out[start..start + 8].copy_from_slice(&at.to_le_bytes());
-    }
-    let mut job = Vec::new();
-    for (pen, key) in program.pens.iter().zip(1..) {
-        let (mut params, mut entry) = (Vec::new(), Vec::new());
-        float(&mut params, 1, pen.power.as_w(machine.laser.max_power));
-        float(&mut params, 2, pen.speed.as_mm_s());
-        float(&mut params, 5, machine.scanner.jump_speed.as_mm_s());
-        int(&mut params, 7, (pen.frequency.as_khz() * 1e3) as u64);
-        let d = &machine.delays;
-        [d.jump, d.laser_off, d.laser_on, d.mark, d.polygon]
-            .iter()
-            .zip(11..)
-            .for_each(|(t, tag)| float(&mut params, tag, t.as_us()));
-        bytes(&mut params, 26, pen.name.as_bytes());
-        int(&mut entry, 1, key);
-        bytes(&mut entry, 2, &params);
-        bytes(&mut job, 3, &entry);
-    }
-    int(&mut job, 6, planes.len() as u64);
-    let shell = append(&mut out, &job);
-    let at = append(&mut out, &table(shell, &planes));
-    out[4..12].copy_from_slice(&at.to_le_bytes());
-    out
+        None => Vec::new(),
+    };
+    formats.into_iter().flat_map(of).collect()
 }
 
 /// What the run sheets are written from.
@@ -215,26 +96,36 @@ impl Sheets<'_> {
     }
 
     pub(super) fn csv(&self) -> String {
-        let mut t =
-            "setup,block,stage_z_mm,stage_y_mm,stage_x_mm,lpfl_mm,file,strokes,mark_mm,time_s,pens\n".to_owned();
+        let mut t = "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,\
+             time_s,pens,pass,setup,lift_z_mm,focus_shift_mm\n"
+            .to_owned();
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let names: Vec<&str> = pens.iter().map(|&p| self.program.pens[p].name.as_str()).collect();
             let (focus, strokes) = (b.stop.focus.mm(), b.strokes.len());
-            let file = format!("blocks/{id}.dxf,{strokes},{mm:.3},{time:.3},\"{}\"", names.join("; "));
-            writeln!(t, "{},{id},{z:.6},{y:.6},{x:.6},{focus:.6},{file}", b.setup.number()).expect("text");
+            let [column, row] = b.stop.section.0;
+            let jump = self.program.jump_mm(b);
+            let file = format!("blocks/{id}.dxf,{strokes},{mm:.3},{jump:.3},{time:.3},\"{}\"", names.join("; "));
+            let lift = if b.retract || id == "B0001" { "200.000000" } else { "" };
+            let place = format!("{id},{column},{row},{},{x:.6},{y:.6},{z:.6},{focus:.6}", b.stop.level);
+            writeln!(t, "{place},{file},{},{},{lift},0.000000", b.pass.number(), b.setup.number()).expect("text");
         }
         t
     }
 
     pub(super) fn txt(&self) -> String {
         let [x, y, z] = self.origin.mm();
-        let mut t = format!("part zero  X{x:.4} Y{y:.4} Z{z:.4} mm\npart turn  0 deg\n\nPENS\n");
+        let mut t = format!(
+            "size       0 x 0 x 0 mm as it is laid\nmachine    {}\npart zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table \
+             frame\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n",
+            self.machine.name
+        );
         for (i, p) in self.program.pens.iter().enumerate() {
             let watts = p.power.as_w(self.machine.laser.max_power);
             let (speed, rate) = (p.speed.as_mm_s(), p.frequency.as_khz());
             writeln!(t, "{}  {speed}  {} = {watts} W  {rate}  {}  {}", i + 1, p.power, p.passes, p.name).expect("text");
         }
-        t += "\nBLOCKS\nblock  X  Y  Z  LPFL  strokes  marks mm  time s  pens  file\n";
+        t += "\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on the part, mm; time without the move)\n\
+              block  section  level  X  Y  Z  LPFL  strokes  marks mm  time s  pens  file\n";
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let pens: Vec<String> = pens.iter().map(|p| (p + 1).to_string()).collect();
             let (focus, strokes, pens) = (b.stop.focus.mm(), b.strokes.len(), pens.join(" "));
@@ -243,7 +134,10 @@ impl Sheets<'_> {
             }
             writeln!(
                 t,
-                "{id}  {x:.4}  {y:.4}  {z:.4}  {focus:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf"
+                "{id}  {},{}  {}  {x:.4}  {y:.4}  {z:.4}  {focus:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf",
+                b.stop.section.0[0],
+                b.stop.section.0[1],
+                b.stop.level,
             )
             .expect("text");
         }

@@ -7,6 +7,8 @@ use made::{BOWL, Bench, DOME, Planned};
 use crate::on_the_fly::check::Checked;
 use crate::on_the_fly::program::{Move, Program};
 use crate::program::{PenId, PieceId, StrokeId};
+use crate::verify::read::leaves::ON_THE_FLY;
+use crate::verify::tests::places::{unproved_leaves, unproved_words};
 use crate::verify::{Proof, verify};
 
 fn broken(proof: &Proof) -> Vec<&'static str> {
@@ -65,6 +67,25 @@ fn seven_axis_program_on_a_bowl_verifies() {
     assert!(proof.ok, "{}", proof.to_text());
     assert!(proof.worst_position_um.is_some_and(|p| p < 0.2), "{}", proof.to_text());
     assert!(proof.worst_incidence_deg < 5.0, "the beam follows the normal");
+}
+
+#[test]
+fn every_leaf_of_a_manifest_is_proved_or_listed_as_not_proved() {
+    for sort in [DOME, BOWL] {
+        let bench = Bench::new(sort);
+        let passed = unproved_leaves(&bench.written(bench.checked()), &ON_THE_FLY);
+        assert!(passed.is_empty(), "{passed:#?}");
+    }
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn words_of_programs_are_proved_one_in_some_hundreds() {
+    for sort in [DOME, BOWL] {
+        let bench = Bench::new(sort);
+        let passed = unproved_words(&bench.written(bench.checked()), 4001);
+        assert!(passed.is_empty(), "{passed:#?}");
+    }
 }
 
 /// Indices of the moves of the `n`-th mark.

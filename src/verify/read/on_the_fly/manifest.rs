@@ -3,17 +3,18 @@
 use serde::Deserialize;
 
 use crate::machine::Machine;
-use crate::verify::read::manifest::{Curves, FileEntry, JobRef, Placement};
+use crate::verify::read::manifest::{Curves, FileEntry, InputEntry, JobRef, Placement};
 
 /// The manifest of an on-the-fly job.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Manifest {
     pub(in crate::verify) job: JobRef,
-    pub(in crate::verify) inputs: Vec<FileEntry>,
+    pub(in crate::verify) inputs: Vec<InputEntry>,
     pub(in crate::verify) machine: Machine,
     pub(in crate::verify) placement: Placement,
     /// XYZUV or XYZACUV.
     pub(in crate::verify) axes: String,
+    pub(in crate::verify) limits: Limits,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) left_out: Vec<LeftOut>,
     pub(in crate::verify) files: Vec<FileEntry>,
@@ -32,7 +33,19 @@ pub(in crate::verify) struct LeftOut {
 pub(in crate::verify) struct PenEntry {
     pub(in crate::verify) name: String,
     pub(in crate::verify) speed_mm_s: f64,
+    /// As the job file has it, percent or watts.
+    pub(in crate::verify) power: String,
     pub(in crate::verify) power_percent: f64,
+    pub(in crate::verify) frequency_khz: f64,
+}
+
+/// What the job allows.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Limits {
+    pub(in crate::verify) pdof_mm: f64,
+    pub(in crate::verify) reserve_mm: f64,
+    pub(in crate::verify) fod_um: f64,
+    pub(in crate::verify) bia_deg: f64,
 }
 
 /// How early the laser of a program may be switched.

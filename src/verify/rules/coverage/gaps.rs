@@ -1,13 +1,11 @@
 //! What no mark covers: whether it is off the part, too steep, or so short that the job lets it go unmarked.
 
-use super::{Cover, NOISE, ROUNDED, Span, noise};
-use crate::geom::{NM_PER_MM, Nm};
+use super::accepted::{Accepted, Known};
+use super::{Cover, NOISE, Span, noise};
+use crate::geom::NM_PER_MM;
 use crate::program::Block;
 use crate::verify::geometry::{Line, Piece, Scratch, Slope};
 use crate::verify::rules::stretch::{self, Run, Stretch, confirmed, note, whole};
-
-/// How much of what follows a mark, nm, tells whether its block would have gone on.
-const SURE: f64 = 100.0;
 
 impl Cover<'_> {
     /// Judges an unmarked part of the stroke.
@@ -113,8 +111,11 @@ impl Cover<'_> {
 
     /// Whether the job lets so short a run in the gap between two marks go unmarked: shorter than `min_mark` between
     /// two cuts, or cut again where its height leaves what a block accepts.
-    fn is_small(&self, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
+    fn is_small(&mut self, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
         let least = 2.0 * self.facts.min_mark_nm;
+        if self.parts_one_mark(run, gap, beside, scratch) {
+            return false;
+        }
         if self.facts.only_slivers {
             return self.is_sliver(run, gap, beside, scratch);
         }
@@ -127,22 +128,20 @@ impl Cover<'_> {
         }
         let start = run.stretches.first().map(|s| self.stroke.line(s.segment).at(s.d[0])).unwrap_or_default();
         // Sections of another pass have other borders.
-        let near = |b: &&Block| {
+        let near = |b: &Block| {
             let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
             b.pass == self.pass && (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
         };
-        !self
-            .file
-            .program
-            .blocks
-            .iter()
-            .filter(near)
-            .any(|b| self.longest_inside(run, &self.facts.raised(b), self.facts.section_nm, 0.0, scratch) >= least)
+        (0..self.file.program.blocks.len()).filter(|&b| near(&self.file.program.blocks[b])).all(|block| {
+            let section =
+                Accepted::section(&self.facts.raised(&self.file.program.blocks[block]), self.facts.section_nm);
+            self.longest(run, &section, Known::AsStated, 0.0, scratch) < least
+        })
     }
 
     /// Whether the run is what cuts left over next to marks: shorter than `min_mark` for each end that is the end of a
     /// mark, and not all within what the block of such a mark accepts, which then would have gone on.
-    fn is_sliver(&self, run: &Run, [from, to]: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
+    fn is_sliver(&mut self, run: &Run, [from, to]: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
         let [Some(first), Some(last)] = [run.stretches.first(), run.stretches.last()] else { return false };
         let away =
             [self.stroke.along(first.segment) + first.d[0] - from, to - self.stroke.along(last.segment) - last.d[1]];
@@ -155,78 +154,39 @@ impl Cover<'_> {
         // Cuts in a zone or with an overlap lie elsewhere than where the block ends; without them the mark after would
         // have begun with what its block accepts, too.
         let goes_on: &[Option<Span>] = match () {
-            () if self.facts.has_zone => &[],
+            () if self.facts.zone_nm > 0.0 => &[],
             () if self.facts.overlap_nm > 0.0 => &beside[..1],
             () => &beside,
         };
         let next_to = |k: usize| goes_on.get(k).copied().flatten().filter(|_| away[k] <= reach);
-        let begun = next_to(0).zip(run.begin(SURE));
-        let would_go_on = begun.is_some_and(|(mark, begin)| self.accepts(&mark, &begin, scratch));
-        !would_go_on && !next_to(1).is_some_and(|mark| self.accepts(&mark, run, scratch))
+        let would_go_on = next_to(0).is_some_and(|mark| self.would_go_on(&mark, run, scratch));
+        !would_go_on && !next_to(1).is_some_and(|mark| self.would_have_begun(&mark, run, scratch))
     }
 
-    /// Whether the block of a mark accepts all of the run, on whichever side of the line rounding has put what lies
-    /// there: a rim that the line meets at 1 deg is met 60 nm further on for each nanometre aside. Not looked into on
-    /// machines with a tilt table or a zoom optic, whose blocks need not be centred on their windows, nor where `depth`
-    /// has found a fault.
-    fn accepts(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
-        let block = &self.file.program.blocks[self.block_of(mark.mark)];
-        let machine = &self.facts.machine;
-        let is_centred = machine.tilt.is_none() && machine.zoom.is_none();
-        let is_known = self.depth_holds && is_centred && run.len > 2.0 * ROUNDED;
-        let window = self.windows[block.pass.index()];
-        // Rounding in the plane moves heights by as much as the slope makes of it.
-        let undecided = Nm((self.geometry.grain() * self.facts.max_incidence_rad.tan().max(1.0)).ceil() as i64);
-        let mut sure = self.facts.raised(block);
-        (sure.stop.z_lo, sure.stop.z_hi) = (sure.stop.z_lo + undecided, sure.stop.z_hi - undecided);
-        let reach = self.geometry.reach();
-        let holds = |side| self.longest_inside(run, &sure, window, side, scratch) > run.len - ROUNDED;
-        is_known && [0.0, reach, -reach].into_iter().all(holds)
+    /// Whether the run lies between two marks of one block that accepts how it begins: nothing cuts a mark there.
+    fn parts_one_mark(
+        &mut self,
+        run: &Run,
+        [from, to]: [f64; 2],
+        beside: [Option<Span>; 2],
+        scratch: &mut Scratch,
+    ) -> bool {
+        let ([Some(before), Some(after)], Some(first), Some(last)) =
+            (beside, run.stretches.first(), run.stretches.last())
+        else {
+            return false;
+        };
+        let away =
+            [self.stroke.along(first.segment) + first.d[0] - from, to - self.stroke.along(last.segment) - last.d[1]];
+        let reach = self.geometry.grain() + self.known(beside);
+        let is_next_to_both = away.iter().all(|&away| away <= reach);
+        is_next_to_both
+            && self.block_of(before.mark) == self.block_of(after.mark)
+            && self.would_go_on(&before, run, scratch)
     }
 
     /// How far lengths between two marks may be off, nm.
     fn known(&self, [before, after]: [Option<Span>; 2]) -> f64 {
         2.0 * noise(before.as_ref(), after.as_ref())
-    }
-
-    /// The longest part of the run in a block's window whose heights the block accepts, on a line so far aside.
-    fn longest_inside(&self, run: &Run, block: &Block, window: [f64; 2], side: f64, scratch: &mut Scratch) -> f64 {
-        let (lo, hi) = (block.stop.z_lo.f64(), block.stop.z_hi.f64());
-        let centre = [block.stop.centre.x as f64, block.stop.centre.y as f64];
-        let half = window.map(|s| s / 2.0);
-        let (mut longest, mut length) = (0.0f64, 0.0);
-        for s in &run.stretches {
-            let line = self.stroke.line(s.segment);
-            let Some(d) = line.inside(s.d, centre, half) else {
-                length = 0.0;
-                continue;
-            };
-            if d[0] > s.d[0] {
-                length = 0.0;
-            }
-            self.geometry.along(&line.part(d, side), scratch, |p| {
-                let Some(sheet) = p.sheet else { return length = 0.0 };
-                let inside = share(sheet.z, [lo, hi]);
-                // A piece that leaves the interval ends the part; its share may begin another.
-                length = if inside == 1.0 { length + p.len() } else { inside * p.len() };
-                longest = longest.max(length);
-            });
-            if d[1] < s.d[1] {
-                length = 0.0;
-            }
-        }
-        longest
-    }
-}
-
-/// How much of a stretch on which the height runs evenly between `z` lies within `[lo, hi]`, 0 to 1.
-fn share(z: [f64; 2], [lo, hi]: [f64; 2]) -> f64 {
-    let (a, b) = (z[0].min(z[1]), z[0].max(z[1]));
-    if a >= lo && b <= hi {
-        1.0
-    } else if a == b {
-        0.0
-    } else {
-        ((b.min(hi) - a.max(lo)) / (b - a)).clamp(0.0, 1.0)
     }
 }

@@ -4,6 +4,7 @@
 mod cards;
 mod dots;
 mod drawings;
+mod every;
 mod frames;
 mod head_tilt;
 mod passes;
@@ -16,13 +17,12 @@ mod zoom;
 
 use std::path::{Path, PathBuf};
 
-use super::assert_only;
+use super::{alter_manifest, assert_only, renew_hash};
 use crate::check::Checked;
 use crate::geom::{FieldPoint, Nm};
 use crate::job::{Job, Overrides};
 use crate::job_folder;
 use crate::machine::Origin;
-use crate::manifest::MANIFEST;
 use crate::plan::{self, Plan, SteppedPlan};
 use crate::program::{Block, BlockFigures, PenId, Program, Stroke};
 use crate::verify::{Proof, verify};
@@ -216,27 +216,6 @@ fn alter(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<u8>)) {
     change(&mut bytes);
     assert_ne!(before, bytes, "the damage is one");
     std::fs::write(&path, bytes).expect("a writable folder");
-}
-
-/// Puts the present size and hash of a file into the manifest.
-fn renew_hash(folder: &Path, name: &str) {
-    if name == MANIFEST {
-        return;
-    }
-    let bytes = std::fs::read(folder.join(name)).expect("a file of the folder");
-    alter_manifest(folder, |m| {
-        let entry = m["files"].as_array_mut().expect("files").iter_mut().find(|f| f["file"] == name).expect("listed");
-        entry["bytes"] = bytes.len().into();
-        entry["blake3"] = blake3::hash(&bytes).to_hex().as_str().into();
-    });
-}
-
-fn alter_manifest(folder: &Path, change: impl FnOnce(&mut serde_json::Value)) {
-    let path = folder.join(MANIFEST);
-    let bytes = std::fs::read(&path).expect("a manifest");
-    let mut manifest = serde_json::from_slice(&bytes).expect("JSON");
-    change(&mut manifest);
-    std::fs::write(path, serde_json::to_vec(&manifest).expect("JSON")).expect("a writable folder");
 }
 
 /// Replaces the first occurrence after `from`.
