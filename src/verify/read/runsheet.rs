@@ -31,6 +31,8 @@ pub(in crate::verify) struct SheetSetup {
 pub(in crate::verify) struct Sheet {
     /// Part zero where there is one set-up, mm.
     pub(in crate::verify) zero: Option<Vec<f64>>,
+    /// Which zero the positions of the stage are from.
+    pub(in crate::verify) stage_zero: String,
     /// The turn of the part, degrees.
     pub(in crate::verify) turn: Option<f64>,
     /// Cells of each pen: number, speed, power, frequency, passes, name.
@@ -100,6 +102,7 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
         let words: Vec<&str> = line.split_whitespace().collect();
         match (part, words.as_slice()) {
             ("", ["part", "zero", zero @ ..]) => out.zero = axes(zero),
+            ("", ["zero", stage_zero @ ..]) => out.stage_zero = stage_zero.join(" "),
             ("", ["part", "turn", turn, ..]) => out.turn = turn.parse().ok(),
             ("PENS", ["dots", "of", "pen", number, "dwell", us, "us"]) => {
                 let found = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());

@@ -192,6 +192,7 @@ impl Sheets<'_> {
             origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0].0)),
             "its part zero differs from program.txt",
         );
+        hold(sheet.stage_zero == stage_zero(self.manifest), "it names another zero than the stage programs have");
         let turn = self.manifest.placement.turn_deg;
         hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn differs from the manifest");
         let watts = |pen: &crate::program::Pen| pen.power.as_w(self.facts.machine.laser.max_power);
@@ -251,6 +252,21 @@ impl Sheets<'_> {
             }
         }
     }
+}
+
+/// The zero of the stage as an operator sets it: with LinuxCNC no offset is left, so it is the machine's; the other dialect
+/// runs in G54.
+fn stage_zero(manifest: &Manifest) -> String {
+    let zeros = [
+        ("stage.ngc", "; in stage.ngc that is the machine's zero"),
+        ("stage_m0.nc", "; in stage_m0.nc it is the zero of G54"),
+    ];
+    let held: String = zeros
+        .iter()
+        .filter(|(name, _)| manifest.files.iter().any(|f| f.file == *name))
+        .map(|(_, zero)| *zero)
+        .collect();
+    format!("X Y Z of the stage are from the zero of the table frame{held}")
 }
 
 /// The lift of a row of `runsheet.csv`; the other sheet has lines for it.

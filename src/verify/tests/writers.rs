@@ -86,8 +86,9 @@ pub(super) fn stage(program: &Program, handshake: bool) -> String {
             continue;
         }
         let test = |n: usize| format!("o{n} if [#5399 LT 0]\n(MSG, timeout)\nM65 P0\nM2\no{n} endif\n");
-        let [idle, begun, ended] = [1, 2, 3].map(|k| test(3 * i + k));
+        let [idle, begun, ended, stays] = [1, 2, 3, 4].map(|k| test(4 * i + k));
         write!(t, "M66 P0 L4 Q2\n{idle}M64 P0\nM66 P0 L3 Q5\n{begun}M65 P0\nM66 P0 L4 Q12\n{ended}").expect("text");
+        write!(t, "G4 P0.05\nM66 P0 L4 Q12\n{stays}").expect("text");
     }
     t + off + "\nG0 Z200\n" + off + "\nM2\n"
 }
@@ -228,7 +229,10 @@ impl Sheets<'_> {
 
     pub(super) fn txt(&self) -> String {
         let [x, y, z] = self.origin.mm();
-        let mut t = format!("part zero  X{x:.4} Y{y:.4} Z{z:.4} mm\npart turn  0 deg\n\nPENS\n");
+        let mut t = format!("part zero  X{x:.4} Y{y:.4} Z{z:.4} mm\n");
+        t += "zero  X Y Z of the stage are from the zero of the table frame; in stage.ngc that is the machine's zero; in ";
+        t += "stage_m0.nc it is the zero of G54\n";
+        t += "part turn  0 deg\n\nPENS\n";
         for (i, p) in self.program.pens.iter().enumerate() {
             let watts = p.power.as_w(self.machine.laser.max_power);
             let (speed, rate) = (p.speed.as_mm_s(), p.frequency.as_khz());
