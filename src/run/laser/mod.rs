@@ -14,6 +14,9 @@ use super::Interrupt;
 use super::stage::Stage;
 use crate::diag::Diag;
 
+/// The code of the fault of a laser that marks where it should be idle.
+pub(super) const BUSY: &str = "lightburn-busy";
+
 /// A block as a laser is given it; the stage stands still at its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Work {
@@ -59,8 +62,8 @@ pub trait Laser {
     /// Connects, and makes sure that it is ready and off. Answers with what it says that it is, for the log.
     ///
     /// # Errors
-    /// Where there is no answer or it is not ready.
-    fn open(&mut self) -> Result<String, Diag>;
+    /// Where there is no answer, it is not ready, or the run is aborted.
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag>;
 
     /// Takes a handle of the machine's lock: no other run begins while one is open. A driver whose marking goes on where
     /// this program is killed lets what marks keep it open.
@@ -78,11 +81,11 @@ pub trait Laser {
     }
 
     /// Makes sure that nothing is being marked where the driver was told so over a link whose answers can be others', before
-    /// the stage leaves a block.
+    /// the stage moves and before a block is begun.
     ///
     /// # Errors
-    /// Where something is: then the block that ended last may not have.
-    fn may_leave(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+    /// [`BUSY`] where something is: then the block that ended last may not have. Where that cannot be known, others.
+    fn is_free(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
         let _ = interrupt;
         Ok(())
     }
@@ -111,7 +114,7 @@ mod tests {
     pub(super) struct Rest;
 
     impl Stage for Rest {
-        fn open(&mut self) -> Result<String, Diag> {
+        fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
             unreachable!("the laser does not open the stage")
         }
         fn go(&mut self, _: &Move, _: &Interrupt) -> Result<(), Diag> {
