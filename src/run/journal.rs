@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::elsewhere;
 use super::folder::Folder;
 use super::log::{now_s, unwritable};
 use super::{Order, in_doubt};
@@ -96,12 +95,11 @@ pub fn beside(folder: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Opens and locks the journal of an order, or begins one; answers with the blocks that are left, by number.
+    /// Opens and locks a journal, or begins one; answers with the blocks that are left, by number.
     ///
     /// # Errors
     /// Where another run holds it, it is of another job, or what it holds is not settled.
-    pub(super) fn open(order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
-        let path = elsewhere::choose(order, &folder.manifest)?;
+    pub(super) fn open(path: PathBuf, order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
         // Whatever is no file, or larger than any journal, is not read.
         if let Ok(found) = path.metadata()
             && !(found.is_file() && found.len() <= MAX_FILE)
@@ -130,9 +128,6 @@ impl Journal {
             let whole = std::path::absolute(&journal.path).unwrap_or_else(|_| journal.path.clone());
             let flushed = whole.parent().map_or(Ok(()), |folder| Durability::Synced.flush()(folder));
             flushed.map_err(|e| unwritable(&journal.path, &e))?;
-        }
-        if found.of.as_ref().is_none_or(|manifest| *manifest == folder.manifest) {
-            elsewhere::note(&journal.path, &folder.manifest)?;
         }
         match &found.of {
             None => journal.write(Event::Run {

@@ -239,7 +239,9 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     let mut log = Log::open(order.log)?;
     let (mut journal, left) = match order.beam {
         Beam::Fire if order.frames.is_none() => {
-            let (journal, left) = Journal::open(order, &folder)?;
+            let path = elsewhere::choose(order, &folder.manifest)?;
+            let (journal, left) = Journal::open(path.clone(), order, &folder)?;
+            elsewhere::note(&path, &folder.manifest)?;
             (Some(journal), left)
         }
         _ => (None, (0..folder.blocks.len()).collect()),
@@ -423,16 +425,16 @@ impl Run<'_> {
 
     /// Makes sure that nothing is being marked. Where something is, the block that ended last is in doubt again.
     fn is_free(&mut self) -> Result<(), Diag> {
-        let busy = match self.laser.is_free(self.interrupt) {
-            Err(d) if d.code == laser::BUSY => d,
-            other => return other,
-        };
+        if self.laser.is_free(self.interrupt)? {
+            return Ok(());
+        }
         if let (Some(journal), Some(last)) = (&mut self.journal, self.last.take()) {
             journal.doubt(&last)?;
             self.marked -= 1;
             self.in_work = Some(last);
         }
-        Err(busy)
+        let text = "the laser is marking where the stage is to move or a block is to begin";
+        Err(Diag::limit("run-laser-busy", text).hint("wait for its end; nothing else may start it during a run"))
     }
 
     /// Goes to a block, once nothing is being marked; answers with what is to be marked there.

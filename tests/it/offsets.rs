@@ -3,7 +3,7 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 
 use crate::foreign::readers;
 use crate::run::Bench;
@@ -36,14 +36,20 @@ impl Active {
     }
 }
 
-/// Runs a program after some lines that an operator has entered.
-fn interpret(before: &str, program: &str) -> Interpreted {
+/// Runs the interpreter once. It is killed (SIGBUS) at times where another one begins: all share the file of their tools.
+fn run_interpreter(before: &str, program: &str) -> Output {
     let (venv, dir) = (readers(), folder());
     let path = dir.path().join("program.ngc");
     std::fs::write(&path, format!("{before}\n{program}")).expect("written");
     let mut command = Command::new(venv.join("linuxcnc/rs274"));
     command.arg("-t").arg(venv.join("linuxcnc/tool.tbl")).arg("-v").arg(dir.path().join("fresh.var"));
-    let out = command.arg("-g").arg(&path).output().expect("rs274 starts");
+    command.arg("-g").arg(&path).output().expect("rs274 starts")
+}
+
+/// Runs a program after some lines that an operator has entered.
+fn interpret(before: &str, program: &str) -> Interpreted {
+    let out = (0..20).map(|_| run_interpreter(before, program)).find(|out| out.status.code().is_some());
+    let out = out.expect("rs274 ends");
     assert!(out.status.success(), "{}", said(&out));
     let (mut found, mut active) = (Interpreted::default(), Active::none());
     for line in String::from_utf8_lossy(&out.stdout).lines() {

@@ -867,3 +867,26 @@ fn names_in_the_path_of_a_folder_are_not_replaced() {
     let file = |id: String| bench.job.join(format!("blocks/{id}.dxf")).display().to_string();
     assert_eq!(bench.marked(), blocks(2).into_iter().map(file).collect::<Vec<_>>());
 }
+
+#[test]
+fn a_block_is_in_doubt_again_where_lightburn_is_busy_after_it() {
+    let bench = Bench::in_formats(1, "\"dxf\", \"linuxcnc\", \"lightburn\"");
+    let (shell, lightburn) = (Shell::new(), crate::support::lightburn::LightBurn::faultless());
+    shell.control().move_time = Duration::from_millis(50);
+    let keys = format!("address = \"127.0.0.1\"\nport = {}\nanswers = {}", lightburn.port, lightburn.answers);
+    bench.run_file(&stage_of(&shell), &format!("driver = \"lightburn\"\n{keys}"));
+    // Run, begin, end.
+    let mut child = until_lines(&bench, &["--arm"], 3);
+    // Somebody else starts it, again and again.
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").expect("a port");
+    crate::support::card::until("the run does not end", Duration::from_secs(60), || {
+        let _ = socket.send_to(b"START", ("127.0.0.1", lightburn.port));
+        child.try_wait().expect("a child").is_some()
+    });
+    let out = child.wait_with_output().expect("ended");
+    assert_ended(&out, 1, &["run-laser-busy", "0 of 2 blocks are done; block B0001 was begun", "--redo B0001"]);
+    assert_eq!(bench.journal()[3], ("doubt".to_owned(), "B0001".to_owned()));
+    lightburn.marks();
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
+    assert_ended(&bench.run(&["--arm", "--go-on", "--skip", "B0001"]), 0, &["2 of 2 done"]);
+}

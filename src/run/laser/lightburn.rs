@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 
 use super::super::Interrupt;
 use super::super::stage::Stage;
-use super::{BUSY, Beam, Laser, Work};
+use super::{Beam, Laser, Work};
 use crate::diag::Diag;
 
 /// LightBurn's port for commands, and the port that it answers to.
@@ -467,17 +467,13 @@ impl Laser for LightBurn {
         }
         self.link = Some(link);
         if self.state(interrupt)? != Answer::Ok {
-            return Err(Diag::input(BUSY, "LightBurn is marking").hint("wait for its end or stop it there"));
+            return Err(Diag::input("lightburn-busy", "LightBurn is marking").hint("wait for its end or stop it there"));
         }
         Ok(format!("LightBurn at {to}, idle"))
     }
 
-    fn is_free(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
-        if self.state(interrupt)? == Answer::Ok {
-            return Ok(());
-        }
-        Err(Diag::limit(BUSY, "LightBurn is marking where the stage moves or a block is to begin")
-            .hint("nothing else may start it during a run"))
+    fn is_free(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
+        Ok(self.state(interrupt)? == Answer::Ok)
     }
 
     fn mark(&mut self, work: &Work, beam: Beam, _stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
@@ -487,7 +483,7 @@ impl Laser for LightBurn {
         }
         if self.state(interrupt)? != Answer::Ok {
             let text = format!("LightBurn is marking something else; block {} is not marked", work.block);
-            return Err(Diag::limit(BUSY, text).hint("nothing else may start it during a run"));
+            return Err(Diag::limit("lightburn-busy", text).hint("nothing else may start it during a run"));
         }
         self.load(work, interrupt)?;
         self.start(work, interrupt).map_err(|mut fault| {

@@ -14,9 +14,6 @@ use super::Interrupt;
 use super::stage::Stage;
 use crate::diag::Diag;
 
-/// The code of the fault of a laser that marks where it should be idle.
-pub(super) const BUSY: &str = "lightburn-busy";
-
 /// A block as a laser is given it; the stage stands still at its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Work {
@@ -80,14 +77,14 @@ pub trait Laser {
         Ok(())
     }
 
-    /// Makes sure that nothing is being marked where the driver was told so over a link whose answers can be others', before
-    /// the stage moves and before a block is begun.
+    /// Whether nothing is being marked; asked before the stage moves and before a block is begun where the driver was told
+    /// so over a link whose answers can be others'. Where something is, the block that ended last may not have.
     ///
     /// # Errors
-    /// [`BUSY`] where something is: then the block that ended last may not have. Where that cannot be known, others.
-    fn is_free(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+    /// Where that cannot be known.
+    fn is_free(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
         let _ = interrupt;
-        Ok(())
+        Ok(true)
     }
 
     /// Marks a block, and returns when the beam is off for certain. `stage` is for drivers that hand over through its

@@ -39,7 +39,8 @@ struct State {
     busy: [f64; 2],
     marks: Vec<(Option<String>, [f64; 2])>,
     faults: Vec<(f64, Fault)>,
-    answers: VecDeque<(f64, &'static str)>,
+    answers: VecDeque<(f64, &'static str, SocketAddr)>,
+    most_faults: usize,
     late: f64,
     last: &'static str,
     client: Option<SocketAddr>,
@@ -62,6 +63,7 @@ impl LightBurn {
             marks: Vec::new(),
             faults: Vec::new(),
             answers: VecDeque::new(),
+            most_faults: MOST_FAULTS,
             late: 0.0,
             last: "OK",
             client: None,
@@ -70,6 +72,13 @@ impl LightBurn {
         let shared = Arc::clone(&state);
         std::thread::spawn(move || serve(&own, &foreign, &shared));
         Self { port, answers: 0, state }
+    }
+
+    /// One that does nothing wrong.
+    pub fn faultless() -> Self {
+        let new = Self::new();
+        new.state.lock().expect("no test has failed inside").most_faults = 0;
+        new
     }
 
     /// Draws faults anew from this seed.
@@ -97,11 +106,14 @@ fn serve(own: &UdpSocket, foreign: &UdpSocket, state: &Mutex<State>) {
         let received = own.recv_from(&mut buffer);
         let mut state = state.lock().expect("no test has failed inside");
         if let Ok((count, from)) = received {
-            state.client = Some(from);
             let command = String::from_utf8_lossy(&buffer[..count]).into_owned();
             let answer = state.command(&command);
+            // Whoever else starts it is answered too.
+            if command != "START" {
+                state.client = Some(from);
+            }
             let at = now() + state.latency + std::mem::take(&mut state.late);
-            state.answers.push_back((at, answer));
+            state.answers.push_back((at, answer, from));
         }
         state.send(own, foreign);
     }
@@ -143,7 +155,7 @@ impl State {
     /// Draws what goes wrong with a block, from its load to some time after it.
     fn draw(&mut self) {
         self.faults.clear();
-        for _ in 0..self.random.below(MOST_FAULTS + 1) {
+        for _ in 0..self.random.below(self.most_faults + 1) {
             let at = now() + self.random.below(2500) as f64 / 1e3;
             let fault = match self.random.below(3) {
                 0 => Fault::Doubled,
@@ -173,11 +185,11 @@ impl State {
             let _ = from.send_to(text.as_bytes(), client);
         }
         // One that is late is overtaken.
-        let (due, later): (VecDeque<_>, VecDeque<_>) = self.answers.drain(..).partition(|(at, _)| *at <= now);
+        let (due, later): (VecDeque<_>, VecDeque<_>) = self.answers.drain(..).partition(|(at, ..)| *at <= now);
         self.answers = later;
-        for (_, text) in due {
+        for (_, text, to) in due {
             self.last = text;
-            let _ = own.send_to(text.as_bytes(), client);
+            let _ = own.send_to(text.as_bytes(), to);
         }
     }
 }
