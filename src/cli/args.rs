@@ -394,7 +394,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "BLOCK", requires = "go_on")]
     pub skip: Option<String>,
     /// Mark another part of a series from its first block on; the journal counts the parts.
-    #[arg(long, requires = "arm", conflicts_with = "go_on")]
+    #[arg(long, requires = "arm", conflicts_with_all = ["go_on", "frames"])]
     pub again: bool,
 }
 

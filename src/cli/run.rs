@@ -1,10 +1,9 @@
 //! `terrace run`: Ctrl-C, the bar, the person's answers, the outcome.
 
 use std::io::{BufRead, IsTerminal};
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 use super::args::{Args, RunArgs};
@@ -16,8 +15,8 @@ use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
 
 /// Runs a job and says what has become of it.
 pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
-    let interrupt = Arc::new(Interrupt::default());
-    let told = Arc::clone(&interrupt);
+    let interrupt = Interrupt::default();
+    let told = interrupt.clone();
     let heard = ctrlc::set_handler(move || {
         told.request();
         let text =
@@ -29,10 +28,11 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     }
     let console = Terminal::new(args.quiet);
     let shared: Rc<dyn Console> = Rc::clone(&console) as Rc<dyn Console>;
-    let outcome = run::run(&order(asked), &shared, &interrupt);
+    let order = order(asked);
+    let outcome = run::run(&order, &shared, &interrupt);
     console.bar.finish();
     let outcome = outcome?;
-    print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, &asked.folder) })?;
+    print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, &order) })?;
     let Some(stop) = &outcome.stop else { return Ok(0) };
     let color = std::io::stderr().is_terminal();
     stop.diags().iter().for_each(|d| eprintln_all(&d.render(color)));
@@ -57,7 +57,7 @@ fn order(asked: &RunArgs) -> Order<'_> {
     }
 }
 
-fn text(outcome: &Outcome, folder: &Path) -> String {
+fn text(outcome: &Outcome, order: &Order<'_>) -> String {
     let Outcome { armed, frames, blocks, marked, finished, part, .. } = outcome;
     match armed {
         _ if *frames => format!("frames         {marked} of {blocks} shown\n"),
@@ -65,9 +65,8 @@ fn text(outcome: &Outcome, folder: &Path) -> String {
         true => format!("marked         {marked} blocks, {finished} of {blocks} done\n"),
         false if outcome.stop.is_some() => format!("dry run        {marked} of {blocks} blocks, nothing marked\n"),
         false => format!(
-            "dry run        {marked} of {blocks} blocks, nothing marked\nthen run       terrace run {} with --arm to \
-             mark\n",
-            folder.display()
+            "dry run        {marked} of {blocks} blocks, nothing marked\nto mark        {}\n",
+            order.command("--arm")
         ),
     }
 }

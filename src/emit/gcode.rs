@@ -6,9 +6,12 @@
 //!
 //! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone,
 //! never both at once; first of all, at the end, before a set-up and where a block asks for it, z goes to the far end
-//! of its travel. After a stop at which the operator may have moved them all axes are sent. Both dialects select the
-//! work offset G54 and no tool length; LinuxCNC tests that no offset is active, the other switches G92 off. The laser output is switched off at once (not with the next motion) before every group of moves and
-//! at the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
+//! of its travel. After a stop at which the operator may have moved them all axes are sent. The laser output is switched
+//! off at once (not with the next motion) before every group of moves and at the end, and a dwell follows every group: a
+//! motion queue otherwise lets the laser overlap the move.
+//!
+//! The zero of positions is that of the machine with LinuxCNC, whose program ends where an offset is active. The other
+//! dialect cannot ask: its zero is that of G54, as GRBL and Mach are set up, and it switches G92 and the tool length off.
 //!
 //! The programs of frames go to the registration points and the frames of the outline, and stop at each (M0) in both
 //! dialects: a scan card that is started would mark the block that it has loaded.
@@ -24,6 +27,12 @@ use crate::program::PassId;
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
 
+/// Tests of each block with LinuxCNC, each with a number of its own.
+const LABELS: usize = 4;
+
+/// The dwell after which BUSY must still be low: contacts bounce for less.
+const BOUNCE: &str = "G4 P0.050";
+
 /// Largest number of a line that GRBL and LinuxCNC take.
 const MOST_LINES: u64 = 9_999_999;
 
@@ -36,7 +45,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     let Stepped { checked, machine, figures, .. } = *job;
     let mut p = Writer::new(job, machine.controller.max_line, "M65 P0");
     if job.frames.is_some() {
-        return p.all_frames(Writer::linuxcnc_modes);
+        return p.all_frames(LINUXCNC_ZERO, Writer::linuxcnc_modes);
     }
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
@@ -53,13 +62,19 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
         p.block(i);
         // A card that still marks, and a BUSY of the wrong polarity.
         p.line("M66 P0 L4 Q2");
-        p.stop_on_timeout(3 * i + 1, &format!("BUSY before START, block {id}"));
+        let number = LABELS * i;
+        p.stop_on_timeout(number + 1, &format!("BUSY before START, block {id}"));
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
-        p.stop_on_timeout(3 * i + 2, &format!("no BUSY, block {id}"));
+        p.stop_on_timeout(number + 2, &format!("no BUSY, block {id}"));
         p.line("M65 P0");
-        p.line(&format!("M66 P0 L4 Q{}", wait_s(i)));
-        p.stop_on_timeout(3 * i + 3, &format!("still BUSY, block {id}"));
+        // Twice, a dwell apart: a contact that bounces while it closes is low for a moment.
+        let (until_idle, busy) = (format!("M66 P0 L4 Q{}", wait_s(i)), format!("still BUSY, block {id}"));
+        p.line(&until_idle);
+        p.stop_on_timeout(number + 3, &busy);
+        p.line(BOUNCE);
+        p.line(&until_idle);
+        p.stop_on_timeout(number + 4, &busy);
     }
     p.end();
     p.line("M2");
@@ -72,7 +87,7 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
     let mut p = Writer::new(job, machine.controller.max_line.min(70), "M5");
     if job.frames.is_some() {
-        return p.all_frames(Writer::m0_modes);
+        return p.all_frames(M0_ZERO, Writer::m0_modes);
     }
     p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
@@ -92,7 +107,7 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
 
 /// The zero of positions, in the heads of the two dialects.
 const LINUXCNC_ZERO: &str = "positions are machine positions: any offset of G54, G92 or rotation ends the program";
-const M0_ZERO: &str = "positions are machine positions: the offsets of G54 must be 0";
+const M0_ZERO: &str = "positions are from the zero of G54, which must be the zero of the table frame";
 
 /// Parameters of LinuxCNC that are 0 where no offset is active, and what it is: G92; G54 by axis; its rotation.
 const OFFSETS: [(u32, &str); 5] = [
@@ -154,7 +169,7 @@ impl<'a> Writer<'a> {
             (parameter, format!("G54 has an offset in {letter}"))
         });
         let all = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
-        let first = 3 * self.job.checked.program().blocks.len() + 1;
+        let first = LABELS * self.job.checked.program().blocks.len() + 1;
         for (number, (parameter, what)) in (first..).zip(all.collect::<Vec<_>>()) {
             self.line(&format!("o{number} if [#{parameter} NE 0]"));
             self.line(&format!("(MSG, {what})"));
@@ -191,11 +206,11 @@ impl<'a> Writer<'a> {
     }
 
     /// The program of frames.
-    fn all_frames(mut self, modes: fn(&mut Self)) -> Vec<u8> {
+    fn all_frames(mut self, zero: &str, modes: fn(&mut Self)) -> Vec<u8> {
         let machine = self.job.machine;
         self.comment("terrace: registration points and frames of the outline, absolute, mm");
         self.comment(&format!("machine: {}", super::quoted(&machine.name)));
-        self.comment(M0_ZERO);
+        self.comment(zero);
         self.comment("at every M0 show the frame named with the pilot laser, then press cycle start");
         self.comment("at registration points the head is lifted: the spot is large, judge its centre");
         self.comment("not a safety system: the laser needs its own interlock");
@@ -375,19 +390,25 @@ mod tests {
     fn handshake_program_equals_the_documented_text() {
         let (checked, machine) = sample();
         let text = text(linuxcnc(&job(&checked, &machine, &timed([1.0, 0.5, 60.3]), Some("dxf"))));
-        let body = text.split_once("G61.1\n").expect("modes").1;
-        let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nN1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
+        let body = text.split_once("G61.1 G54\n").expect("modes").1;
+        let offsets = "M65 P0\no13 if [#5210 NE 0]\n(MSG, G92 is active)\nM2\no13 endif\no14 if [#5221 NE 0]\n\
+                       (MSG, G54 has an offset in X)\nM2\no14 endif\no15 if [#5222 NE 0]\n(MSG, G54 has an offset in Y)\n\
+                       M2\no15 endif\no16 if [#5223 NE 0]\n(MSG, G54 has an offset in Z)\nM2\no16 endif\n\
+                       o17 if [#5230 NE 0]\n(MSG, G54 is rotated)\nM2\no17 endif\n";
+        let body = body.strip_prefix(offsets).unwrap_or_else(|| panic!("{body}"));
+        let first = "(BLOCK B0001 FILE blocks/B0001.dxf)\nN1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
                      G0 Z0.335000\nG4 P0.100\nM66 P0 L4 Q2\no1 if [#5399 LT 0]\n(MSG, BUSY before START, block B0001)\n\
                      M65 P0\nM2\no1 endif\nM64 P0\nM66 P0 L3 Q5\no2 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
                      M65 P0\nM2\no2 endif\nM65 P0\nM66 P0 L4 Q12\no3 if [#5399 LT 0]\n(MSG, still BUSY, block B0001)\n\
-                     M65 P0\nM2\no3 endif\n";
+                     M65 P0\nM2\no3 endif\nG4 P0.050\nM66 P0 L4 Q12\no4 if [#5399 LT 0]\n\
+                     (MSG, still BUSY, block B0001)\nM65 P0\nM2\no4 endif\n";
         assert!(body.starts_with(first), "{body}");
         let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\n(ENTRY LIFT Z200.000000)\nN2 M65 P0\nG0 Z0.405000\nG4 P0.100\nM66 P0 L4 Q2\n";
         assert!(body.contains(second), "a move of z alone");
         let third = "(BLOCK B0003 FILE blocks/B0003.dxf)\nN3 M65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
         assert!(body.contains(third), "lifted");
         assert!(body.contains("M66 P0 L4 Q131\n"), "twice 60.3 s and 10 s, rounded up");
-        assert!(body.ends_with("o9 endif\nM65 P0\nG0 Z200.000000\nM65 P0\nM2\n"));
+        assert!(body.ends_with("o12 endif\nM65 P0\nG0 Z200.000000\nM65 P0\nM2\n"));
     }
 
     #[test]
@@ -432,7 +453,8 @@ mod tests {
             for line in text(bytes).lines() {
                 assert!(line.len() <= 40 && line.is_ascii(), "{line}");
                 assert_eq!(line.matches('(').count(), usize::from(line.contains(')')), "{line}");
-                let plain = line.starts_with('(') || !line.to_ascii_lowercase().contains('e') || line.contains("endif");
+                let is_test = line.contains("endif") || line.contains(" NE 0]");
+                let plain = line.starts_with('(') || !line.to_ascii_lowercase().contains('e') || is_test;
                 assert!(plain, "an exponent: {line}");
             }
         }
@@ -453,13 +475,25 @@ mod tests {
                         let text = text(bytes);
                         for comment in text.lines().filter_map(|l| l.strip_prefix('(')) {
                             let ours = [
-                                "terrace:", "machine:", "digital", "BUSY", "output", "not", "at", "BLOCK", "ENTRY",
-                                "...", "MSG,",
+                                "terrace:",
+                                "machine:",
+                                "digital",
+                                "BUSY",
+                                "output",
+                                "not",
+                                "at",
+                                "BLOCK",
+                                "ENTRY",
+                                "positions",
+                                "...",
+                                "MSG,",
                             ];
                             let first = comment.split([' ', ')']).next().unwrap_or_default();
                             assert!(ours.contains(&first), "{comment}");
                             assert!(
-                                first != "MSG," || comment.contains("BUSY") && comment.contains(", block B"),
+                                first != "MSG,"
+                                    || comment.contains("BUSY") && comment.contains(", block B")
+                                    || OFFSETS.iter().any(|(_, what)| comment == format!("MSG, {what})")),
                                 "{comment}"
                             );
                         }
@@ -496,10 +530,16 @@ mod tests {
     fn program_with_stops_uses_only_words_of_grbl() {
         let (checked, machine) = sample();
         let text = text(m0(&job(&checked, &machine, &[], Some("dxf"))));
-        for word in ["G61", "G49", "M6", "#", "o1"] {
+        for word in ["G61", "M6", "#", "o1"] {
             assert!(!text.lines().any(|l| !l.starts_with('(') && l.contains(word)), "{word}");
         }
         assert_eq!(text.matches("\nM0 (mark B").count(), 3);
+        // GRBL takes each of these alone; after every stop the operator may have moved all axes.
+        assert!(text.contains("\nG21 G90 G94 G17 G40 G80 G54\nG49\nG92.1\nM5\n"), "{text}");
+        for block in text.split("(BLOCK ").skip(1) {
+            let moves = block.split("\nM0 ").next().expect("moves");
+            assert!(moves.contains(" X") && moves.contains(" Y") && moves.contains("G0 Z"), "{block}");
+        }
         assert!(text.lines().all(|l| l.len() <= 70));
     }
 

@@ -150,6 +150,7 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
         n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
     }
+    writeln!(out, "zero       {}", zero(&sheet.formats))?;
     if let Some([x, y, z]) = sheet.laid_deg {
         writeln!(out, "part laid  rotated {x} deg about x, {y} deg about y, {z} deg about z of its file")?;
     }
@@ -213,6 +214,17 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         writeln!(out, "WARNING    {}", warning.message)?;
     }
     Ok(())
+}
+
+/// Where the stage's positions count from, and which zero of the control that is in its programs.
+fn zero(formats: &[Format]) -> String {
+    let mut text = String::from("X Y Z of the stage are from the zero of the table frame");
+    let zeros = [
+        (Format::Linuxcnc, "; in stage.ngc that is the machine's zero"),
+        (Format::Gcode, "; in stage_m0.nc it is the zero of G54"),
+    ];
+    zeros.iter().filter(|(format, _)| formats.contains(format)).for_each(|(_, zero)| text += zero);
+    text
 }
 
 /// How far marks may lie from where they should: bounds, summed.

@@ -1,5 +1,6 @@
 //! The drivers that a run file names.
 
+use std::net::ToSocketAddrs;
 use std::rc::Rc;
 
 use super::Console;
@@ -9,11 +10,13 @@ use super::settings::{LaserKeys, RunFile, StageKeys};
 use super::stage::{self, Stage};
 use crate::diag::Diag;
 
-/// What no two runs may drive at once: the machine, and what its stage and its laser are reached by.
+/// What no two runs may drive at once: the machine, and what its stage and its laser are reached by. Looks hosts up.
 pub(super) fn identities(keys: &RunFile) -> Vec<String> {
     let mut all = vec![format!("machine {}", keys.machine)];
     match &keys.stage {
-        StageKeys::Linuxcnc(keys) => all.push(format!("linuxcncrsh at {}", keys.address)),
+        StageKeys::Linuxcnc(keys) => {
+            all.extend(addresses(keys.address.as_str(), &keys.address).iter().map(|at| format!("linuxcncrsh at {at}")));
+        }
         StageKeys::Grbl { port, .. } => {
             // By whatever link the port is named.
             let port = std::fs::canonicalize(port).map_or_else(|_| port.clone(), |found| found.display().to_string());
@@ -24,12 +27,25 @@ pub(super) fn identities(keys: &RunFile) -> Vec<String> {
     match &keys.laser {
         LaserKeys::Lightburn { address, port, .. } => {
             let host = address.as_deref().unwrap_or("localhost");
-            all.push(format!("LightBurn at {host}, port {}", port.unwrap_or(laser::lightburn::PORTS[0])));
+            let port = port.unwrap_or(laser::lightburn::PORTS[0]);
+            let at = addresses((host, port), &format!("{host}:{port}"));
+            all.extend(at.iter().map(|at| format!("LightBurn at {at}")));
         }
         LaserKeys::Lmc { serial, .. } => all.push(format!("LMC card {}", serial.as_deref().unwrap_or_default())),
         LaserKeys::Command(_) | LaserKeys::Handshake {} | LaserKeys::Manual {} => {}
     }
     all
+}
+
+/// The addresses that a name stands for, or the name where nothing knows it.
+fn addresses(named: impl ToSocketAddrs, text: &str) -> Vec<String> {
+    let mut found: Vec<String> = named.to_socket_addrs().into_iter().flatten().map(|at| at.to_string()).collect();
+    found.sort();
+    found.dedup();
+    if found.is_empty() {
+        found.push(text.to_owned());
+    }
+    found
 }
 
 /// The driver of the stage.

@@ -1,72 +1,100 @@
 //! Journals of one job under other names: a folder that was renamed or copied has its journal where it was.
 //!
-//! A journal is noted by the hash of its manifest in a folder of the user's, and looked for beside the job folder.
+//! A journal is noted by the hash of its manifest in a folder of the user's, and looked for beside the job folder. One
+//! that was copied is not noted: it may be older than what it was copied from.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use super::Order;
 use super::journal;
 use crate::diag::{Diag, Place};
 
-/// Refuses to begin a job that was begun with another journal.
+/// The journal of an order for the job of a manifest: the one that it names or the one beside its folder; where that has
+/// nothing of the job, the one with which the job was begun.
 ///
 /// # Errors
-/// `run-journal-elsewhere`.
-pub(super) fn refuse(own: &Path, folder: &Path, manifest: &str) -> Result<(), Diag> {
-    let real = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let own = real(own);
-    let mut others: Vec<PathBuf> = noted(manifest).into_iter().chain(beside(folder)).map(|path| real(&path)).collect();
-    others.sort();
-    others.dedup();
-    for other in others.into_iter().filter(|other| *other != own) {
-        let Some(count @ 1..) = journal::begun(&other, manifest) else { continue };
-        let text = format!("this job was begun with another journal, in which {count} blocks are begun or done");
-        let hint = format!(
-            "go on with --journal {}; to mark another part, run with --again; delete that journal if its part is gone",
-            other.display()
-        );
-        return Err(Diag::input("run-journal-elsewhere", text).at(Place::file(other.display().to_string())).hint(hint));
+/// `run-journal-elsewhere` where the job was begun with other journals than this one, and which counts cannot be known.
+pub(super) fn choose(order: &Order<'_>, manifest: &str) -> Result<PathBuf, Diag> {
+    let own = order.journal.map_or_else(|| journal::beside(order.folder), Path::to_owned);
+    let others = others(&own, order.folder, manifest);
+    let is_begun = journal::begun(&own, manifest).is_some();
+    match others.as_slice() {
+        [] => Ok(own),
+        _ if is_begun && noted(manifest).contains(&real(&own)) => Ok(own),
+        [(only, _)] if !is_begun && order.journal.is_none() => Ok(only.clone()),
+        _ if order.settled.again => Ok(own),
+        [(other, count), ..] => {
+            let text = format!("this job was begun with another journal, in which {count} blocks are begun or done");
+            let with = Order { journal: Some(other.as_path()), ..*order };
+            let hint = format!(
+                "to go on with that part: {}; to mark another part: {}; where that part is gone, delete that journal",
+                with.command("--arm --go-on"),
+                order.command("--arm --again")
+            );
+            Err(Diag::input("run-journal-elsewhere", text).at(Place::file(other.display().to_string())).hint(hint))
+        }
     }
-    Ok(())
 }
 
-/// Notes a journal by its manifest.
+/// The other journals in which the job is begun, and how many blocks.
+fn others(own: &Path, folder: &Path, manifest: &str) -> Vec<(PathBuf, usize)> {
+    let own = real(own);
+    let mut paths: Vec<PathBuf> = noted(manifest).into_iter().chain(beside(folder)).map(|path| real(&path)).collect();
+    paths.sort();
+    paths.dedup();
+    let others = paths.into_iter().filter(|path| *path != own);
+    others.filter_map(|path| journal::begun(&path, manifest).map(|count| (path, count))).collect()
+}
+
+/// Notes a journal by its manifest; returns when that is on the disk.
 ///
 /// # Errors
-/// `run-journal-note` where that cannot be written.
+/// `run-journal-note` where it cannot be written.
 pub(super) fn note(own: &Path, manifest: &str) -> Result<(), Diag> {
-    let path = note_of(manifest);
-    let own = fs::canonicalize(own).unwrap_or_else(|_| own.to_owned()).display().to_string();
-    let text = fs::read_to_string(&path).unwrap_or_default();
-    if text.lines().any(|line| line == own) {
+    let (path, own) = (note_of(manifest), real(own));
+    if noted(manifest).contains(&own) {
         return Ok(());
     }
-    let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, text + &own + "\n"));
-    written.map_err(|e| {
+    let write = || {
+        // A line feed in a name must not make two of it.
+        let line = serde_json::to_string(&own).map_err(|e| std::io::Error::new(ErrorKind::InvalidInput, e))?;
+        path.parent().map_or(Ok(()), fs::create_dir_all)?;
+        let mut file = File::options().create(true).append(true).open(&path)?;
+        // A line that was not completed ends here.
+        file.write_all(format!("\n{line}\n").as_bytes())?;
+        file.sync_all()
+    };
+    write().map_err(|e| {
         Diag::input("run-journal-note", format!("cannot note the journal of this job: {e}"))
             .at(Place::file(path.display().to_string()))
-            .hint("make the folder writable, or set XDG_STATE_HOME to one that is")
+            .hint("make the folder writable, or set XDG_STATE_HOME to one that is; the journal's path must be Unicode")
     })
 }
 
 /// Journals that were noted of a manifest.
 fn noted(manifest: &str) -> Vec<PathBuf> {
-    fs::read_to_string(note_of(manifest)).unwrap_or_default().lines().map(PathBuf::from).collect()
+    let text = fs::read_to_string(note_of(manifest)).unwrap_or_default();
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
 /// Journals beside a job folder.
 fn beside(folder: &Path) -> Vec<PathBuf> {
-    let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-    let entries = whole.parent().and_then(|parent| fs::read_dir(parent).ok());
+    let entries = real(folder).parent().and_then(|parent| fs::read_dir(parent).ok());
     let paths = entries.into_iter().flatten().flatten().map(|entry| entry.path());
     paths.filter(|path| path.to_string_lossy().ends_with(".run.jsonl")).collect()
 }
 
-/// The note of a manifest: lines with the paths of its journals.
+/// A path by which a file has one name, where it is there.
+fn real(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// The note of a manifest: lines with the paths of its journals, as JSON.
 fn note_of(manifest: &str) -> PathBuf {
-    let set = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let state = || set("XDG_STATE_HOME").or_else(|| Some(set("HOME")?.join(".local/state")));
     let folder = if cfg!(windows) { set("LOCALAPPDATA") } else { state() };
-    let name = manifest.chars().filter(char::is_ascii_alphanumeric).take(64).collect::<String>();
-    folder.unwrap_or_else(std::env::temp_dir).join("terrace").join("runs").join(name)
+    folder.unwrap_or_else(std::env::temp_dir).join("terrace").join("runs").join(manifest)
 }

@@ -1,26 +1,29 @@
 //! The journal of an armed run: JSON lines, each on the disk before the next thing happens.
 //!
 //! Its first line names the manifest, so it counts for one compiled job only, wherever the folder lies
-//! ([`super::elsewhere`]). A series of parts has one journal: another part begins with a line of its own. A block that has a `begin` and no `end`
-//! is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last line without its line feed
-//! was not written when its writer was killed, and nothing that follows it has happened: it is removed.
+//! ([`super::elsewhere`]). A series of parts has one journal: another part begins with a line of its own. A block that has
+//! a `begin` and no `end` is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last line
+//! without its line feed was not written when its writer was killed, and nothing that follows it has happened: it is
+//! removed.
 
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::fs::{File, TryLockError};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::Order;
-use super::elsewhere;
 use super::folder::Folder;
 use super::log::{now_s, unwritable};
+use super::{Order, in_doubt};
 use crate::diag::{Diag, Error, Place};
 use crate::job_folder::Durability;
 
 /// Largest journal: a line for each begin and end of a million blocks.
 const MAX_FILE: u64 = 256 << 20;
+
+/// Longest first line, bytes.
+const MAX_HEAD: u64 = 4096;
 
 /// What the user says of the blocks that a journal holds.
 #[derive(Clone, Copy, Debug, Default)]
@@ -92,12 +95,11 @@ pub fn beside(folder: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Opens and locks the journal of an order, or begins one; answers with the blocks that are left, by number.
+    /// Opens and locks a journal, or begins one; answers with the blocks that are left, by number.
     ///
     /// # Errors
     /// Where another run holds it, it is of another job, or what it holds is not settled.
-    pub(super) fn open(order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
-        let path = order.journal.map_or_else(|| beside(order.folder), Path::to_owned);
+    pub(super) fn open(path: PathBuf, order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
         // Whatever is no file, or larger than any journal, is not read.
         if let Ok(found) = path.metadata()
             && !(found.is_file() && found.len() <= MAX_FILE)
@@ -108,15 +110,19 @@ impl Journal {
         }
         let opened = File::options().create(true).read(true).append(true).open(&path);
         let mut journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path, part: 1 };
-        if matches!(journal.file.try_lock(), Err(std::fs::TryLockError::WouldBlock)) {
-            let d = Diag::input("run-journal-locked", "another run of this job is in progress");
-            return Err(journal.at(d).hint("wait for its end").into());
+        match journal.file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let d = Diag::input("run-journal-locked", "another run of this job is in progress");
+                return Err(journal.at(d).hint("wait for its end").into());
+            }
+            Err(TryLockError::Error(e)) => {
+                let text = format!("the journal cannot be locked against a second run: {e}");
+                let hint = "name one on a disk of this computer with --journal";
+                return Err(journal.at(Diag::input("run-lock", text)).hint(hint).into());
+            }
         }
         let mut found = journal.read()?;
-        if !order.settled.again {
-            elsewhere::refuse(&journal.path, order.folder, &folder.manifest)?;
-        }
-        elsewhere::note(&journal.path, &folder.manifest)?;
         if found.of.is_none() {
             // A new name is on the disk when its folder is.
             let whole = std::path::absolute(&journal.path).unwrap_or_else(|_| journal.path.clone());
@@ -153,9 +159,9 @@ impl Journal {
         journal.part = found.part.max(1);
         if folder.blocks.iter().all(|b| found.is_done(&b.id)) {
             let d = Diag::input("run-finished", format!("all {} blocks of this job are done", folder.blocks.len()));
-            return Err(journal.at(d).hint("to mark another part, run with --again").into());
+            return Err(journal.at(d).hint(format!("to mark another part: {}", order.command("--arm --again"))).into());
         }
-        let done: BTreeSet<String> = journal.settle(&found, &order.settled)?.into_iter().collect();
+        let done: BTreeSet<String> = journal.settle(&found, order)?.into_iter().collect();
         let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
         Ok((journal, left))
     }
@@ -220,7 +226,8 @@ impl Journal {
     }
 
     /// Which blocks are done, after what the user says of the block in doubt; that is written as well.
-    fn settle(&mut self, found: &Found, settled: &Settled<'_>) -> Result<Vec<String>, Diag> {
+    fn settle(&mut self, found: &Found, order: &Order<'_>) -> Result<Vec<String>, Diag> {
+        let settled = &order.settled;
         let mut done = found.done.clone();
         let count = done.len();
         let named = settled.redo.or(settled.skip);
@@ -233,7 +240,11 @@ impl Journal {
             None if done.is_empty() || settled.go_on => {}
             None => {
                 let text = format!("{count} blocks are done by an earlier run, the last is {}", done[count - 1]);
-                let hint = "no other block was begun: continue with --go-on; to mark another part, run with --again";
+                let hint = format!(
+                    "no other block was begun: to go on with that part: {}; to mark another part: {}",
+                    order.command("--arm --go-on"),
+                    order.command("--arm --again")
+                );
                 return Err(self.at(Diag::input("run-go-on", text)).hint(hint));
             }
             Some(block) if !settled.go_on || named != Some(block) => {
@@ -241,10 +252,8 @@ impl Journal {
                     "{count} blocks are done by an earlier run; block {block} was begun, and may be marked not at all, in \
                      part or completely"
                 );
-                let hint = format!(
-                    "look at it, then continue with --go-on --redo {block} to mark it again, or with --go-on --skip \
-                     {block} to count it as marked; to mark another part, run with --again"
-                );
+                let hint =
+                    format!("{}; to mark another part: {}", in_doubt(order, block), order.command("--arm --again"));
                 return Err(self.at(Diag::input("run-in-doubt", text)).hint(hint));
             }
             Some(block) if settled.redo.is_some() => self.write(Event::Redo { block: block.clone() })?,
@@ -261,19 +270,24 @@ impl Journal {
     }
 }
 
-/// How many blocks a journal has as begun, if it is one of this manifest.
+/// How many blocks a journal has as begun on its last part; None where it is not of this manifest or nothing was begun.
 pub(super) fn begun(path: &Path, manifest: &str) -> Option<usize> {
-    let found = path.metadata().ok().filter(|found| found.is_file() && found.len() <= MAX_FILE)?;
-    let mut journal =
-        Journal { file: File::open(path).ok().filter(|_| found.len() > 0)?, path: path.to_owned(), part: 1 };
-    let mut text = String::new();
-    journal.file.read_to_string(&mut text).ok()?;
-    let mut all = Found::default();
-    for line in text.lines() {
-        let Ok(Line { event, .. }) = serde_json::from_str(line) else { break };
-        all.take(event);
+    path.metadata().ok().filter(|found| found.is_file() && found.len() <= MAX_FILE)?;
+    let mut lines = BufReader::new(File::open(path).ok()?);
+    let event = |line: &[u8]| serde_json::from_slice(line).ok().map(|Line { event, .. }| event);
+    let mut head = Vec::new();
+    // Whatever else ends like a journal is not read whole.
+    lines.by_ref().take(MAX_HEAD).read_until(b'\n', &mut head).ok()?;
+    let mut found = Found::default();
+    found.take(event(&head)?);
+    if found.of.as_deref() != Some(manifest) {
+        return None;
     }
-    (all.of.as_deref() == Some(manifest)).then(|| all.done.len() + usize::from(all.in_doubt.is_some()))
+    lines.split(b'\n').map_while(|line| event(&line.ok()?)).for_each(|event| {
+        found.take(event);
+    });
+    let count = found.done.len() + usize::from(found.in_doubt.is_some());
+    (count > 0 || found.part > 1).then_some(count)
 }
 
 impl Found {
@@ -315,5 +329,78 @@ impl Found {
             Event::Stop { .. } => {}
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What lines say together; None where one cannot follow.
+    fn found(lines: &[&str]) -> Option<Found> {
+        let mut found = Found::default();
+        let head = r#"{"time_s":1,"event":"run","terrace":"0","manifest":"ab","machine":"m","armed":true}"#;
+        let all = std::iter::once(head.to_owned()).chain(lines.iter().map(|line| {
+            let (event, value) = line.split_once(' ').expect("an event and its value");
+            match value.parse::<u32>() {
+                Ok(number) => format!(r#"{{"time_s":1,"event":"{event}","number":{number}}}"#),
+                Err(_) => format!(r#"{{"time_s":1,"event":"{event}","block":"{value}","why":"{value}"}}"#),
+            }
+        }));
+        let mut lines = all.map(|line| serde_json::from_str::<Line>(&line).expect("a line").event);
+        lines.all(|event| found.take(event)).then_some(found)
+    }
+
+    #[test]
+    fn a_block_is_in_doubt_from_its_begin_and_again_where_something_was_marked_after_it() {
+        let of = |lines: &[&str]| found(lines).map(|f| (f.done, f.in_doubt));
+        let names = |all: &[&str]| all.iter().map(|b| (*b).to_owned()).collect::<Vec<_>>();
+        assert_eq!(of(&["begin B1"]), Some((vec![], Some("B1".into()))));
+        assert_eq!(of(&["begin B1", "end B1", "begin B2", "end B2"]), Some((names(&["B1", "B2"]), None)));
+        let doubted = ["begin B1", "end B1", "begin B2", "end B2", "doubt B2", "stop x"];
+        assert_eq!(of(&doubted), Some((names(&["B1"]), Some("B2".into()))));
+        assert_eq!(of(&[&doubted[..], &["redo B2", "begin B2"]].concat()), Some((names(&["B1"]), Some("B2".into()))));
+        assert_eq!(of(&[&doubted[..], &["skip B2"]].concat()), Some((names(&["B1", "B2"]), None)));
+        // Only the one that ended last, and only while none is in doubt.
+        for wrong in [&["doubt B1"][..], &["begin B1", "doubt B1"], &["begin B1", "end B1", "begin B2", "doubt B1"]] {
+            assert_eq!(of(wrong), None, "{wrong:?}");
+        }
+        assert_eq!(of(&["begin B1", "end B1", "begin B2", "end B2", "doubt B1"]), None);
+        assert_eq!(of(&["begin B1", "end B1", "begin B1"]), None, "twice on one part");
+    }
+
+    #[test]
+    fn another_part_begins_with_nothing_done_and_is_counted() {
+        let series =
+            found(&["begin B1", "end B1", "part 2", "begin B1", "end B1", "begin B2", "part 3"]).expect("parts");
+        assert_eq!((series.part, series.done.len(), series.in_doubt, series.of.as_deref()), (3, 0, None, Some("ab")));
+        for wrong in [&["part 1"][..], &["part 3"], &["part 2", "part 2"]] {
+            assert!(found(wrong).is_none(), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn begun_journals_are_told_by_their_manifest() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("a.run.jsonl");
+        let head = r#"{"time_s":1,"event":"run","terrace":"0","manifest":"ab","machine":"m","armed":true}"#;
+        let (begin, end) =
+            (r#"{"time_s":1,"event":"begin","block":"B1"}"#, r#"{"time_s":1,"event":"end","block":"B1"}"#);
+        for (lines, count) in [
+            (vec![], None),
+            (vec!["no journal"], None),
+            (vec![head], None),
+            (vec![head, begin], Some(1)),
+            (vec![head, begin, end], Some(1)),
+            // The end of a line that was not completed.
+            (vec![head, begin, end, r#"{"time_s":1,"ev"#], Some(1)),
+            (vec![head, r#"{"time_s":1,"event":"part","number":2}"#], Some(0)),
+        ] {
+            std::fs::write(&path, lines.join("\n")).expect("written");
+            assert_eq!(begun(&path, "ab"), count, "{lines:?}");
+            assert_eq!(begun(&path, "cd"), None, "{lines:?}");
+        }
+        assert_eq!(begun(dir.path(), "ab"), None);
+        assert_eq!(begun(&dir.path().join("none"), "ab"), None);
     }
 }

@@ -24,6 +24,7 @@ use std::fs::{File, TryLockError};
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
@@ -43,9 +44,12 @@ use stage::{Move, Stage};
 /// Shortest wait after a move, whatever the machine file says, as in the stage programs.
 const LEAST_SETTLE: Duration = Duration::from_millis(50);
 
-/// What the user has asked of a run that is going on, by Ctrl-C.
-#[derive(Debug, Default)]
-pub struct Interrupt(AtomicU8);
+/// The longest time until an abort is seen.
+const SLICE: Duration = Duration::from_millis(20);
+
+/// What the user has asked of a run that is going on, by Ctrl-C; clones are one.
+#[derive(Clone, Debug, Default)]
+pub struct Interrupt(Arc<AtomicU8>);
 
 impl Interrupt {
     /// One more request: the first ends the run after the block at work, the second at once.
@@ -72,8 +76,21 @@ impl Interrupt {
             if left.is_zero() {
                 return Ok(());
             }
-            std::thread::sleep(left.min(Duration::from_millis(20)));
+            std::thread::sleep(left.min(SLICE));
         }
+    }
+    /// Does what nothing can end in a thread of its own, and waits for it, or until the run is aborted: then it is left to
+    /// itself.
+    ///
+    /// # Errors
+    /// `run-aborted` then.
+    pub(crate) fn wait_for<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Diag> {
+        let thread = std::thread::spawn(work);
+        while !thread.is_finished() {
+            self.check()?;
+            std::thread::sleep(SLICE / 4);
+        }
+        Ok(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     }
     /// Goes on unless the run is aborted.
     ///
@@ -147,6 +164,28 @@ pub struct Order<'a> {
     pub settled: Settled<'a>,
 }
 
+impl Order<'_> {
+    /// The command line for the same job, machine and files, with these words at its end; a shell takes it as it stands.
+    pub fn command(&self, words: &str) -> String {
+        let files = [("--inputs", self.inputs), ("--journal", self.journal), ("--log", self.log)];
+        let files = files.iter().filter_map(|(name, path)| Some(format!(" {name} {}", shell_word((*path)?))));
+        let [folder, run_file] = [self.folder, self.run_file].map(shell_word);
+        format!("terrace run {folder} --with {run_file}{} {words}", files.collect::<String>())
+    }
+}
+
+/// A path as one word of a shell.
+fn shell_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+:,@%".contains(c) || cfg!(windows) && c == '\\';
+    match () {
+        () if !text.is_empty() && text.chars().all(is_plain) => text,
+        // No name of a file holds a double quote there.
+        () if cfg!(windows) => format!("\"{text}\""),
+        () => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}
+
 /// What has become of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
@@ -178,7 +217,8 @@ pub struct Outcome {
 pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) -> Result<Outcome, Error> {
     let keys = RunFile::read(order.run_file)?;
     let _run_file = lock_run_file(order.run_file)?;
-    let locks = locks::take(&drivers::identities(&keys))?;
+    let named = keys.clone();
+    let locks = locks::take(&interrupt.wait_for(move || drivers::identities(&named))?)?;
     let mut folder = Folder::read(order.folder)?;
     if folder.machine.name != keys.machine {
         let text = format!("the job is for machine {:?}, the run file for {:?}", folder.machine.name, keys.machine);
@@ -195,11 +235,13 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         may_fire_frames(order, &*laser)?;
     }
     console.phase("verifying the job folder");
-    check(order, &folder)?;
+    check(order, &folder, interrupt)?;
     let mut log = Log::open(order.log)?;
     let (mut journal, left) = match order.beam {
         Beam::Fire if order.frames.is_none() => {
-            let (journal, left) = Journal::open(order, &folder)?;
+            let path = elsewhere::choose(order, &folder.manifest)?;
+            let (journal, left) = Journal::open(path.clone(), order, &folder)?;
+            elsewhere::note(&path, &folder.manifest)?;
             (Some(journal), left)
         }
         _ => (None, (0..folder.blocks.len()).collect()),
@@ -207,7 +249,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     // The first is that of the machine.
     laser.hold(locks[0].try_clone().map_err(|e| Diag::input("run-locked", format!("cannot hold the lock: {e}")))?);
     console.phase("connecting to stage and laser");
-    let says = laser.open()?;
+    let says = laser.open(interrupt)?;
     log.write("laser", &says)?;
     // From here on both are switched off at the end, whatever happens.
     let mut run = Run {
@@ -243,7 +285,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     if !faults.is_empty() {
         let mut diags = faults;
         if outcome.armed && !outcome.frames {
-            diags.push(certain(&outcome));
+            diags.push(certain(&outcome, order));
         }
         outcome.errors = diags.iter().map(Message::from).collect();
         outcome.stop = Some(Error::many(diags));
@@ -276,8 +318,9 @@ fn may_fire_frames(order: &Order<'_>, laser: &dyn Laser) -> Result<(), Diag> {
 }
 
 /// Refuses a folder that does not verify.
-fn check(order: &Order<'_>, folder: &Folder) -> Result<(), Error> {
-    let proof = verify::verify(order.folder, order.inputs)?;
+fn check(order: &Order<'_>, folder: &Folder, interrupt: &Interrupt) -> Result<(), Error> {
+    let (path, inputs) = (order.folder.to_owned(), order.inputs.map(Path::to_owned));
+    let proof = interrupt.wait_for(move || verify::verify(&path, inputs.as_deref()))??;
     folder.is_unchanged()?;
     if proof.ok {
         return Ok(());
@@ -291,7 +334,7 @@ fn check(order: &Order<'_>, folder: &Folder) -> Result<(), Error> {
 }
 
 /// What is certain of an armed run that has stopped, and what is not.
-fn certain(outcome: &Outcome) -> Diag {
+fn certain(outcome: &Outcome, order: &Order<'_>) -> Diag {
     let Outcome { finished, blocks, in_work, .. } = outcome;
     let done = format!("{finished} of {blocks} blocks are done");
     match in_work {
@@ -299,12 +342,21 @@ fn certain(outcome: &Outcome) -> Diag {
             "run-stopped",
             format!("{done}; block {block} was begun, and may be marked not at all, in part or completely"),
         )
-        .hint(format!("look at it, then run again with --go-on --redo {block}, or with --go-on --skip {block}")),
+        .hint(in_doubt(order, block)),
         None => {
-            let go_on = if *finished > 0 { "run again with --go-on" } else { "run again" };
-            Diag::limit("run-stopped", format!("{done}; no other block was begun")).hint(go_on)
+            let words = if *finished > 0 { "--arm --go-on" } else { "--arm" };
+            let hint = format!("remove the cause, then go on: {}", order.command(words));
+            Diag::limit("run-stopped", format!("{done}; no other block was begun")).hint(hint)
         }
     }
+}
+
+/// What to do with a block in doubt.
+fn in_doubt(order: &Order<'_>, block: &str) -> String {
+    let command = order.command(&format!("--arm --go-on --redo {block}"));
+    format!(
+        "look at it; to mark it again: {command}; to count it as marked: the same with --skip {block} in place of --redo {block}"
+    )
 }
 
 fn interrupted(before: &Block) -> Diag {
@@ -331,7 +383,7 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn open_stage(&mut self) -> Result<(), Diag> {
-        let says = self.stage.open()?;
+        let says = self.stage.open(self.interrupt)?;
         self.log.write("stage", &says)?;
         self.laser.is_idle(self.stage, self.interrupt)
     }
@@ -371,22 +423,29 @@ impl Run<'_> {
         self.lift()
     }
 
-    /// Goes to a block, once nothing is being marked; answers with what is to be marked there. Where something is, the
-    /// block that ended last is in doubt again.
-    fn approach(&mut self, block: &Block) -> Result<Work, Diag> {
-        if let Err(busy) = self.laser.may_leave(self.interrupt) {
-            if let (Some(journal), Some(last)) = (&mut self.journal, self.last.take()) {
-                journal.doubt(&last)?;
-                self.marked -= 1;
-                self.in_work = Some(last);
-            }
-            return Err(busy);
+    /// Makes sure that nothing is being marked. Where something is, the block that ended last is in doubt again.
+    fn is_free(&mut self) -> Result<(), Diag> {
+        if self.laser.is_free(self.interrupt)? {
+            return Ok(());
         }
+        if let (Some(journal), Some(last)) = (&mut self.journal, self.last.take()) {
+            journal.doubt(&last)?;
+            self.marked -= 1;
+            self.in_work = Some(last);
+        }
+        let text = "the laser is marking where the stage is to move or a block is to begin";
+        Err(Diag::limit("run-laser-busy", text).hint("wait for its end; nothing else may start it during a run"))
+    }
+
+    /// Goes to a block, once nothing is being marked; answers with what is to be marked there.
+    fn approach(&mut self, block: &Block) -> Result<Work, Diag> {
+        self.is_free()?;
         self.stage.heads_for(&block.id);
         for to in self.moves.to(block) {
             self.go(&to)?;
         }
         self.interrupt.wait(LEAST_SETTLE.max(Duration::from_secs_f64(self.folder.machine.stage.settle.as_s())))?;
+        self.is_free()?;
         Ok(Work {
             block: block.id.clone(),
             file: self.folder.file(block)?,
@@ -427,6 +486,8 @@ impl Run<'_> {
     /// Goes to the registration points of a set-up, lifted, and waits at each.
     fn registration(&mut self, setup: u32) -> Result<(), Diag> {
         let folder = self.folder;
+        self.is_free()?;
+        self.stage.heads_for("");
         for (point, number) in folder.registration[setup as usize - 1].iter().zip(1..) {
             for to in self.moves.over(point.stage) {
                 self.go(&to)?;
@@ -477,6 +538,8 @@ impl Run<'_> {
     }
 
     fn lift(&mut self) -> Result<(), Diag> {
+        self.is_free()?;
+        self.stage.heads_for("");
         self.moves.lift().map_or(Ok(()), |to| self.go(&to))
     }
 
@@ -498,5 +561,57 @@ impl Run<'_> {
             faults.push(d);
         }
         faults
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn commands_can_be_pasted() {
+        let order = Order {
+            folder: Path::new("out/it's a hood.job"),
+            run_file: Path::new("run.toml"),
+            inputs: Some(Path::new("$HOME/a")),
+            journal: None,
+            log: None,
+            beam: Beam::Fire,
+            frames: None,
+            settled: Settled::default(),
+        };
+        let command = order.command("--arm --go-on --redo B0133");
+        let wanted =
+            r"terrace run 'out/it'\''s a hood.job' --with run.toml --inputs '$HOME/a' --arm --go-on --redo B0133";
+        assert_eq!(command, wanted);
+        // A shell reads the same words.
+        let words = format!("set -- {}; printf '%s\\n' \"$@\"", command.replacen("terrace ", "", 1));
+        let out = std::process::Command::new("sh").args(["-c", &words]).output().expect("a shell");
+        let text = String::from_utf8(out.stdout).expect("UTF-8");
+        let wanted = [
+            "run",
+            "out/it's a hood.job",
+            "--with",
+            "run.toml",
+            "--inputs",
+            "$HOME/a",
+            "--arm",
+            "--go-on",
+            "--redo",
+            "B0133",
+        ];
+        assert_eq!(text.lines().collect::<Vec<_>>(), wanted);
+    }
+
+    #[test]
+    fn an_abort_ends_the_wait_for_what_does_not_end() {
+        let interrupt = Interrupt::default();
+        assert_eq!(interrupt.wait_for(|| 7), Ok(7));
+        interrupt.request();
+        assert_eq!(interrupt.wait_for(|| 7), Ok(7), "the first request lets what is under way end");
+        interrupt.clone().request();
+        let e = interrupt.wait_for(std::thread::park).expect_err("it never ends");
+        assert_eq!(e.code, "run-aborted");
     }
 }

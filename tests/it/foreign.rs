@@ -10,7 +10,7 @@ use crate::support::{JobText, compile, folder, machine_file, manifest, said, sha
 use serde_json::Value;
 
 /// The folder of the foreign readers.
-fn readers() -> PathBuf {
+pub fn readers() -> PathBuf {
     let venv = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv");
     let installed = venv.join("bin/python").exists() && venv.join("linuxcnc/rs274").exists();
     assert!(installed, "the foreign readers are not installed: run tests/python/setup.sh");

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::support::linuxcncrsh::{Card, Shell, Trip};
+use crate::support::linuxcncrsh::{Card, Marks, Shell, Trip};
 use crate::support::surfaces::{Random, mesh, write_stl};
 use crate::support::{JobText, compile, folder, machine_file, said};
 
@@ -26,6 +26,22 @@ impl Bench {
     }
 
     fn with(columns: u32, more: &str) -> Self {
+        Self::made(columns, "\"dxf\", \"linuxcnc\"", more)
+    }
+
+    /// The same in other formats.
+    pub fn in_formats(columns: u32, formats: &str) -> Self {
+        Self::made(columns, formats, "")
+    }
+
+    /// With frames, two registration points and both stage programs.
+    pub fn framed() -> Self {
+        let pilot = "[[pen]]\nname = \"pilot\"\nspeed = \"500 mm/s\"\npower = \"1 %\"\nfrequency = \"60 kHz\"";
+        let points = "[setups]\nregistration = [[\"0 mm\", \"0 mm\"], [\"5 mm\", \"10 mm\"]]";
+        Self::made(1, "\"dxf\", \"linuxcnc\", \"gcode\"", &format!("frames = \"pilot\"\n{pilot}\n{points}"))
+    }
+
+    fn made(columns: u32, formats: &str, more: &str) -> Self {
         let dir = folder();
         let machine = machine_file("xyz-galvo-40").replace("\"40 mm\"", "\"5 mm\"").replace("\"0.1 s\"", "\"50 ms\"");
         std::fs::write(dir.path().join("machine.txt"), machine).expect("written");
@@ -35,7 +51,7 @@ impl Bench {
         let text = JobText {
             machine: "file = \"machine.txt\"".into(),
             focus: "pdof = \"0.2 mm\"".into(),
-            more: format!("[emit]\nformats = [\"dxf\", \"linuxcnc\"]\n{more}"),
+            more: format!("[emit]\nformats = [{formats}]\n{more}"),
             ..JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2.5 mm\"").method("window")
         };
         let job = dir.path().join("part.job");
@@ -68,13 +84,34 @@ impl Bench {
     }
 
     pub fn command(&self, more: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+        let mut command = self.terrace();
         command.arg("run").arg(&self.job).arg("--with").arg(self.path("run.toml")).args(more);
+        command
+    }
+
+    /// The program, whose locks and notes are those of this bench: tests run at the same time on machines of one name.
+    pub fn terrace(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+        command.env("TERRACE_LOCKS", self.path("locks")).env("XDG_STATE_HOME", self.path("state"));
+        command.env("LOCALAPPDATA", self.path("state"));
         command
     }
 
     pub fn run(&self, more: &[&str]) -> Output {
         self.command(more).stdin(Stdio::null()).output().expect("the program starts")
+    }
+
+    /// The same, once the command of a run that was killed has ended.
+    pub fn run_when_free(&self, more: &[&str]) -> Output {
+        let begun = Instant::now();
+        loop {
+            let out = self.run(more);
+            if !said(&out).contains("run-locked") {
+                return out;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(30), "{}", said(&out));
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     pub fn marked(&self) -> Vec<String> {
@@ -127,7 +164,7 @@ impl Bench {
             }
             more = match &in_work {
                 Some(block) => {
-                    let out = self.run(&["--arm"]);
+                    let out = self.run_when_free(&["--arm"]);
                     assert_ended(
                         &out,
                         2,
@@ -141,7 +178,7 @@ impl Bench {
             };
         }
         let words: Vec<&str> = std::iter::once("--arm").chain(more.iter().map(String::as_str)).collect();
-        assert_ended(&self.run(&words), 0, &[&format!("{all} of {all} done")]);
+        assert_ended(&self.run_when_free(&words), 0, &[&format!("{all} of {all} done")]);
         self.assert_marked_once(all, &named);
         assert!(parts < count / 3, "most kills hit a run: {parts} parts were finished by {kills} kills");
         println!("{kills} kills, {parts} parts before the last, of which {} blocks were named", named.len());
@@ -162,7 +199,7 @@ impl Bench {
     }
 }
 
-fn stage_of(shell: &Shell) -> String {
+pub fn stage_of(shell: &Shell) -> String {
     format!("driver = \"linuxcnc\"\naddress = \"{}\"", shell.address)
 }
 
@@ -191,7 +228,8 @@ fn every_block_is_marked_once_and_the_stage_moves_as_in_the_stage_program() {
     let shell = Shell::new();
     bench.shell_and_command(&shell);
     // The dry run: all moves, no laser, no journal.
-    assert_ended(&bench.run(&[]), 0, &["6 of 6 blocks, nothing marked"]);
+    let to_mark = format!("to mark        terrace run {}", bench.job.display());
+    assert_ended(&bench.run(&[]), 0, &["6 of 6 blocks, nothing marked", &to_mark]);
     assert!(bench.marked().is_empty() && !bench.path("part.run.jsonl").exists());
     let moves = |shell: &Shell| -> Vec<String> {
         let mdi = std::mem::take(&mut shell.control().mdi);
@@ -215,7 +253,9 @@ fn every_block_is_marked_once_and_the_stage_moves_as_in_the_stage_program() {
     assert!(log.lines().count() > 20 && log.lines().all(|l| serde_json::from_str::<Value>(l).is_ok()), "{log}");
 
     // What is done is not done again, and a journal is of one job.
-    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-finished", "all 6 blocks"]);
+    let [job, run_file] = [&bench.job, &bench.path("run.toml")].map(|path| path.display().to_string());
+    let again = format!("terrace run {job} --with {run_file} --arm --again");
+    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-finished", "all 6 blocks", &again]);
     compile(&bench.path("part.toml"), &bench.job);
     let text = std::fs::read_to_string(bench.path("part.toml")).expect("read").replace("60 %", "61 %");
     std::fs::write(bench.path("part.toml"), text).expect("written");
@@ -254,8 +294,7 @@ fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
         child.wait().expect("ended");
         let begun: Vec<String> = bench.journal().into_iter().filter(|l| l.0 == "begin").map(|l| l.1).collect();
         // The command of the block may still be at it.
-        std::thread::sleep(Duration::from_millis(150));
-        let out = bench.run(&["--arm"]);
+        let out = bench.run_when_free(&["--arm"]);
         more = vec!["--arm".into(), "--go-on".into()];
         let is_in_doubt = bench.journal().last().is_some_and(|l| l.0 == "begin");
         if is_in_doubt {
@@ -302,8 +341,7 @@ fn no_run_begins_while_the_command_of_a_killed_one_still_marks() {
     let moved = shell.control().mdi.len();
     assert_ended(&bench.run(&["--arm"]), 2, &["run-locked", "command of a killed one"]);
     assert_eq!(shell.control().mdi.len(), moved, "nothing moves");
-    std::thread::sleep(Duration::from_millis(4100));
-    assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
+    assert_ended(&bench.run_when_free(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
 }
 
 #[test]
@@ -372,14 +410,16 @@ fn a_scan_card_is_started_and_watched_and_one_that_does_not_answer_stops_the_run
         (Card::Stuck, ["run-busy", "not fallen", "block B0001 was begun, and may be marked not at all"]),
         // A card that marks already: nothing moves.
         (Card::Busy, ["run-busy", "before START", "no other block was begun"]),
+        (Card::Inverted, ["run-busy", "before START", "no other block was begun"]),
     ] {
+        let is_high = matches!(card, Card::Busy | Card::Inverted);
         std::fs::remove_file(&journal).expect("removed");
         let [before, moved] = [starts(&shell), moves(&shell)];
-        shell.control().card = card;
+        (shell.control().card, shell.control().marks) = (card, Marks::default());
         assert_ended(&bench.run(&["--arm"]), 1, &words);
-        assert_eq!(moves(&shell) > moved, card != Card::Busy, "{card:?}");
+        assert_eq!(moves(&shell) > moved, !is_high, "{card:?}");
         assert!(!shell.control().start);
-        assert_eq!(starts(&shell), before + usize::from(card != Card::Busy), "{card:?}");
+        assert_eq!(starts(&shell), before + usize::from(!is_high), "{card:?}");
     }
     bench.run_file("driver = \"manual\"", "driver = \"handshake\"");
     assert_ended(&bench.run(&[]), 2, &["run-handshake"]);
@@ -404,7 +444,10 @@ fn a_person_moves_marks_and_can_stop() {
     bench.run_file("driver = \"manual\"", "driver = \"manual\"");
     // Lift, x and y, z, mark; y, z where it changes, mark; lift.
     let out = with_answers(&bench, &[], &"\n".repeat(9));
-    assert_ended(&out, 0, &["[ready?] move the stage to Z200.000000", "pilot laser: block B0001", "do not fire"]);
+    let first = "[ready?] block B0001: move the stage to Z200.000000";
+    assert_ended(&out, 0, &[first, "block B0002: move the stage to X0", "pilot laser: block B0001", "do not fire"]);
+    // The last lift goes to no block.
+    assert_ended(&out, 0, &["[ready?] move the stage to Z200.000000"]);
     let out = with_answers(&bench, &["--arm"], "\n\n\n\nstop\n");
     assert_ended(&out, 1, &["run-person", "1 of 2 blocks are done; no other block was begun"]);
     let out = with_answers(&bench, &["--arm", "--go-on"], "\n\n\n");
@@ -520,9 +563,14 @@ fn ctrl_c_ends_after_the_block_and_twice_at_once() {
     assert_ended(&bench.run(&[]), 2, &["run-locked", "in progress"]);
     std::fs::copy(bench.path("run.toml"), bench.path("other.toml")).expect("copied");
     std::os::unix::fs::symlink(&bench.job, bench.path("link")).expect("a link");
-    let mut other = Command::new(env!("CARGO_BIN_EXE_terrace"));
-    other.arg("run").arg(bench.path("link")).arg("--with").arg(bench.path("other.toml")).args(["--arm", "--go-on"]);
-    assert_ended(&other.output().expect("the program starts"), 2, &["run-journal-locked"]);
+    let other = |command: &mut Command| {
+        command.arg("run").arg(bench.path("link")).arg("--with").arg(bench.path("other.toml"));
+        command.args(["--arm", "--go-on"]).output().expect("the program starts")
+    };
+    assert_ended(&other(&mut bench.terrace()), 2, &["run-locked", "machine xyz-galvo-40 is driven by another run"]);
+    // Locks are those of a computer: on another the journal is locked.
+    let elsewhere = bench.path("locks of another computer");
+    assert_ended(&other(bench.terrace().env("TERRACE_LOCKS", &elsewhere)), 2, &["run-journal-locked"]);
     let begun = Instant::now();
     interrupt(&child);
     std::thread::sleep(Duration::from_millis(100));
@@ -591,4 +639,254 @@ fn a_line_that_was_not_completed_is_removed_and_a_wrong_one_refused() {
         std::fs::write(&journal, wrong).expect("written");
         assert_ended(&bench.run(&["--arm"]), 2, &["run-journal", "part.run.jsonl:1"]);
     }
+}
+
+impl Bench {
+    /// The same for a folder of another name, with another run file.
+    fn run_as(&self, folder: &str, run_file: &str, more: &[&str]) -> Output {
+        let mut command = self.terrace();
+        command.arg("run").arg(self.path(folder)).arg("--with").arg(self.path(run_file));
+        // The job file lies where it was.
+        command.arg("--inputs").arg(self.dir.path()).args(more);
+        command.stdin(Stdio::null()).output().expect("the program starts")
+    }
+
+    fn copied(&self, to: &str) {
+        for (name, bytes) in crate::support::files(&self.job) {
+            let path = self.path(to).join(name);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            std::fs::write(path, bytes).expect("written");
+        }
+    }
+}
+
+#[test]
+fn a_folder_that_was_renamed_or_copied_has_the_journal_with_which_it_was_begun() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    // Beside it, and where nothing stands beside it.
+    std::fs::rename(&bench.job, bench.path("other.job")).expect("renamed");
+    let refused = |folder: &str, words: &[&str]| {
+        let out = bench.run_as(folder, "run.toml", &["--arm"]);
+        assert_ended(&out, 2, &["run-finished", "part.run.jsonl", "--arm --again"]);
+        assert_ended(&out, 2, words);
+    };
+    refused("other.job", &["other.job"]);
+    std::fs::rename(bench.path("other.job"), &bench.job).expect("renamed");
+    bench.copied("far/away/part.job");
+    refused("far/away/part.job", &["far/away/part.job"]);
+    assert!(!bench.path("other.run.jsonl").exists() && !bench.path("far/away/part.run.jsonl").exists());
+    assert_eq!(bench.marked(), blocks(2));
+    // Another journal is no way around it; one that was copied may be older than what it was copied from.
+    let other = bench.path("new.jsonl");
+    let named = ["--arm", "--journal", other.to_str().expect("UTF-8")];
+    let words = ["run-journal-elsewhere", "2 blocks are begun or done", "--arm --go-on", "--arm --again"];
+    assert_ended(&bench.run_as("part.job", "run.toml", &named), 2, &words);
+    let text = std::fs::read_to_string(bench.path("part.run.jsonl")).expect("a journal");
+    let begun = text.split_inclusive('\n').take(3).collect::<String>();
+    std::fs::write(bench.path("far/away/part.run.jsonl"), begun).expect("written");
+    assert_ended(&bench.run_as("far/away/part.job", "run.toml", &["--arm", "--go-on"]), 2, &["run-journal-elsewhere"]);
+    assert_eq!(bench.marked(), blocks(2));
+    std::fs::remove_file(bench.path("far/away/part.run.jsonl")).expect("removed");
+    // Another part is counted where the first was.
+    assert_ended(&bench.run_as("far/away/part.job", "run.toml", &["--arm", "--again"]), 0, &["2 of 2 done, part 2"]);
+    refused("part.job", &["part.job"]);
+    assert_eq!(bench.marked().len(), 4);
+    let journal = bench.journal();
+    assert_eq!(journal.iter().filter(|line| line.0 == "part").count(), 1, "{journal:?}");
+    // A job whose part is gone has none, wherever it was noted.
+    std::fs::remove_file(bench.path("part.run.jsonl")).expect("removed");
+    assert_ended(&bench.run_as("far/away/part.job", "run.toml", &["--arm"]), 0, &["2 of 2 done"]);
+}
+
+#[test]
+fn a_run_that_was_interrupted_goes_on_from_a_folder_of_another_name() {
+    let bench = Bench::new(2);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    shell.control().trip = Some((4, Trip::Error));
+    assert_ended(&bench.run(&["--arm"]), 1, &["1 of 4 blocks are done", "--arm --go-on"]);
+    std::fs::rename(&bench.job, bench.path("other.job")).expect("renamed");
+    assert_ended(&bench.run_as("other.job", "run.toml", &["--arm"]), 2, &["run-go-on", "part.run.jsonl"]);
+    assert_ended(&bench.run_as("other.job", "run.toml", &["--arm", "--go-on"]), 0, &["4 of 4 done"]);
+    assert_eq!(bench.marked(), blocks(4));
+    // A dry run asks for nothing.
+    assert_ended(&bench.run_as("other.job", "run.toml", &[]), 0, &["4 of 4 blocks, nothing marked"]);
+}
+
+#[test]
+fn parts_of_a_series_are_counted_and_each_is_marked_whole() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    assert_ended(&bench.run(&["--arm", "--again"]), 0, &["2 of 2 done"]);
+    assert_ended(&bench.run(&["--arm", "--again"]), 0, &["2 of 2 done, part 2"]);
+    // The third stops after its first block, and goes on.
+    let moves = shell.control().mdi.iter().filter(|line| line.starts_with("G21 G90 G53")).count();
+    // Lift, to B0001, down, to B0002.
+    shell.control().trip = Some((moves + 4, Trip::Error));
+    assert_ended(&bench.run(&["--arm", "--again"]), 1, &["1 of 2 blocks are done; no other block was begun"]);
+    shell.control().trip = None;
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-go-on", "1 blocks are done"]);
+    let out = bench.run(&["--arm", "--go-on", "--json"]);
+    let outcome: Value = serde_json::from_slice(&out.stdout).expect("one JSON object");
+    assert_eq!((&outcome["part"], &outcome["finished"], &outcome["marked"]), (&3.into(), &2.into(), &1.into()));
+    assert_eq!(bench.marked(), [blocks(2), blocks(2), blocks(2)].concat());
+    assert_ended(&bench.run(&["--again"]), 2, &["--arm"]);
+}
+
+#[test]
+fn two_run_files_of_one_machine_or_one_address_are_never_run_at_once() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.run_file(&stage_of(&shell), &bench.command_laser("3"));
+    let text = std::fs::read_to_string(bench.path("run.toml")).expect("read");
+    std::fs::write(bench.path("same.toml"), &text).expect("written");
+    // Another machine by its name, behind the same address by another name.
+    let port = shell.address.rsplit(':').next().expect("a port").to_owned();
+    let other = text.replace(&shell.address, &format!("localhost:{port}")).replace("xyz-galvo-40", "other");
+    std::fs::write(bench.path("other.toml"), other).expect("written");
+    bench.copied("copy.job");
+    let mut child = until_lines(&bench, &["--arm"], 2);
+    for (run_file, held) in [("same.toml", "machine xyz-galvo-40"), ("other.toml", "linuxcncrsh at 127.0.0.1:")] {
+        for more in [&["--arm", "--again"][..], &[]] {
+            let out = bench.run_as("copy.job", run_file, more);
+            assert_ended(&out, 2, &["run-locked", held, "is driven by another run"]);
+        }
+    }
+    child.kill().expect("killed");
+    child.wait().expect("ended");
+    // Where it cannot be locked it is not run.
+    std::fs::write(bench.path("no folder"), "").expect("written");
+    let mut command = bench.command(&["--arm"]);
+    let out = command.env("TERRACE_LOCKS", bench.path("no folder")).output().expect("the program starts");
+    assert_ended(&out, 2, &["run-lock", "TERRACE_LOCKS"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_journal_is_a_regular_file() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    let pipe = bench.path("pipe.run.jsonl");
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
+    for path in [Path::new("/dev/full"), Path::new("/dev/zero"), &pipe] {
+        let out = bench.run(&["--arm", "--journal", path.to_str().expect("UTF-8")]);
+        assert_ended(&out, 2, &["run-journal", "regular file"]);
+    }
+    assert!(shell.control().mdi.is_empty());
+    // Beside the folder it is passed over.
+    assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    // Nothing is begun that could not be found again.
+    std::fs::write(bench.path("no folder"), "").expect("written");
+    let mut command = bench.command(&["--arm", "--again"]);
+    std::fs::remove_dir_all(bench.path("state")).expect("removed");
+    let out = command.env("XDG_STATE_HOME", bench.path("no folder")).output().expect("the program starts");
+    assert_ended(&out, 2, &["run-journal-note", "XDG_STATE_HOME"]);
+}
+
+/// A peer of TCP that sends these bytes again and again, with so long between them.
+fn babbler(bytes: &'static [u8], pause: Duration) -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("bound").to_string();
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            std::thread::spawn(move || {
+                while stream.write_all(bytes).is_ok() {
+                    std::thread::sleep(pause);
+                }
+            });
+        }
+    });
+    address
+}
+
+#[test]
+fn a_control_that_never_ends_a_line_or_never_answers_is_left() {
+    let bench = Bench::new(1);
+    let ms = Duration::from_millis;
+    for (bytes, pause, words) in [
+        (&[b'A'; 1000][..], ms(0), "a line of more than 4096 bytes"),
+        (b"A", ms(50), "within 5 s"),
+        (b"XX 1\r\n", ms(0), "among 100 lines"),
+    ] {
+        bench.run_file(
+            &format!("driver = \"linuxcnc\"\naddress = \"{}\"", babbler(bytes, pause)),
+            &bench.command_laser("0"),
+        );
+        assert_ended(&bench.run(&["--arm"]), 1, &["run-linuxcnc-link", words]);
+    }
+    assert!(bench.marked().is_empty());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_second_ctrl_c_ends_the_wait_for_an_answer_and_for_a_person() {
+    let bench = Bench::new(1);
+    let silent = babbler(b"A", Duration::from_millis(50));
+    for (stage, seen) in [
+        (format!("driver = \"linuxcnc\"\naddress = \"{silent}\""), "off.txt"),
+        ("driver = \"manual\"".to_owned(), "part.run.jsonl"),
+    ] {
+        let _ = std::fs::remove_file(bench.path("off.txt"));
+        bench.run_file(&stage, &bench.command_laser("0"));
+        // Its standard input stays open, and nothing comes.
+        let child = bench.command(&["--arm"]).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let child = child.expect("the program starts");
+        crate::support::card::until(seen, Duration::from_secs(20), || {
+            bench.path(seen).exists() && bench.path("off.txt").exists()
+        });
+        // The laser is open: now the stage is, or is asked for.
+        std::thread::sleep(Duration::from_millis(300));
+        for _ in 0..2 {
+            let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+            assert!(sent.success());
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let out = child.wait_with_output().expect("ended");
+        assert_ended(&out, 1, &["run-aborted"]);
+        assert!(!said(&out).contains("within 5 s"), "{}", said(&out));
+    }
+}
+
+#[test]
+fn names_in_the_path_of_a_folder_are_not_replaced() {
+    let mut bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.copied("{block}{shift}/{file}.job");
+    bench.job = bench.path("{block}{shift}/{file}.job");
+    let marked = bench.path("marked.txt").display().to_string();
+    // Its standard input is at its end.
+    let mark = format!("mark = ['sh', '-c', 'cat && echo \"$0\" >> \"{marked}\"', '{{file}}']\nformat = 'dxf'");
+    bench.run_file(&stage_of(&shell), &format!("driver = \"command\"\n{mark}"));
+    let inputs = bench.dir.path().to_str().expect("UTF-8").to_owned();
+    assert_ended(&bench.run(&["--arm", "--inputs", &inputs]), 0, &["2 of 2 done"]);
+    let file = |id: String| bench.job.join(format!("blocks/{id}.dxf")).display().to_string();
+    assert_eq!(bench.marked(), blocks(2).into_iter().map(file).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_block_is_in_doubt_again_where_lightburn_is_busy_after_it() {
+    let bench = Bench::in_formats(1, "\"dxf\", \"linuxcnc\", \"lightburn\"");
+    let (shell, lightburn) = (Shell::new(), crate::support::lightburn::LightBurn::faultless());
+    shell.control().move_time = Duration::from_millis(50);
+    let keys = format!("address = \"127.0.0.1\"\nport = {}\nanswers = {}", lightburn.port, lightburn.answers);
+    bench.run_file(&stage_of(&shell), &format!("driver = \"lightburn\"\n{keys}"));
+    // Run, begin, end.
+    let mut child = until_lines(&bench, &["--arm"], 3);
+    // Somebody else starts it, again and again.
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").expect("a port");
+    crate::support::card::until("the run does not end", Duration::from_secs(60), || {
+        let _ = socket.send_to(b"START", ("127.0.0.1", lightburn.port));
+        child.try_wait().expect("a child").is_some()
+    });
+    let out = child.wait_with_output().expect("ended");
+    assert_ended(&out, 1, &["run-laser-busy", "0 of 2 blocks are done; block B0001 was begun", "--redo B0001"]);
+    assert_eq!(bench.journal()[3], ("doubt".to_owned(), "B0001".to_owned()));
+    lightburn.marks();
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
+    assert_ended(&bench.run(&["--arm", "--go-on", "--skip", "B0001"]), 0, &["2 of 2 done"]);
 }

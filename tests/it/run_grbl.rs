@@ -4,25 +4,33 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use crate::run::{Bench, assert_ended, blocks};
+use crate::support::card::until;
 
 /// A simulator that runs; it ends when its standard input does.
-struct Simulator {
+pub struct Simulator {
     child: Child,
-    port: String,
+    pub port: String,
     log: PathBuf,
 }
 
 impl Simulator {
     fn new(bench: &Bench) -> Self {
-        let log = bench.path("grbl.log");
+        Self::at(&bench.path("grbl.log"))
+    }
+
+    /// One that logs into this file.
+    pub fn at(log: &Path) -> Self {
+        // It is there before the simulator has opened it.
+        std::fs::File::options().create(true).append(true).open(log).expect("a log");
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/grbl_simulator.py");
         let rates = ["110", "111", "112"].map(|n| format!("--set={n}=120000"));
         let mut child = Command::new("python3")
             .arg(script)
             .args(["--wco=-300,-300,-300", "--name", "stage 7", "--log"])
-            .arg(&log)
+            .arg(log)
             .args(rates)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -30,11 +38,40 @@ impl Simulator {
             .expect("python3");
         let mut port = String::new();
         BufReader::new(child.stdout.take().expect("piped")).read_line(&mut port).expect("the name of the terminal");
-        Self { child, port: port.trim().to_owned(), log }
+        Self { child, port: port.trim().to_owned(), log: log.to_owned() }
+    }
+
+    /// The keys of a run file's stage.
+    pub fn keys(&self) -> String {
+        format!("driver = \"grbl\"\nport = {:?}\nidentity = \"stage 7\"", self.port)
+    }
+
+    /// Empties its log.
+    pub fn forget(&self) {
+        std::fs::File::options().write(true).open(&self.log).and_then(|file| file.set_len(0)).expect("a log");
+    }
+
+    /// Waits until it stands still; from when to when it moved, s since 1970.
+    pub fn moves(&self) -> Vec<[f64; 2]> {
+        let (mut moves, mut begun) = (Vec::new(), None);
+        until("the stage does not stand still", Duration::from_secs(10), || {
+            (moves, begun) = (Vec::new(), None);
+            let text = std::fs::read_to_string(&self.log).expect("a log");
+            for (at, what) in text.lines().filter_map(|line| line.split_once(' ')) {
+                let at: f64 = at.parse().expect("s");
+                if what.starts_with("line ") && what.contains("G0") {
+                    begun = Some(at);
+                } else if let Some(from) = begun.take_if(|_| what.starts_with("at ") || what == "reset") {
+                    moves.push([from, at]);
+                }
+            }
+            begun.is_none()
+        });
+        moves
     }
 
     /// Ends the simulator; answers with its log. It ends with an error where its receive buffer ran over.
-    fn end(mut self) -> String {
+    pub fn end(mut self) -> String {
         self.child.stdin.take();
         assert!(self.child.wait().expect("a child").success(), "the receive buffer ran over");
         std::fs::read_to_string(&self.log).expect("a log")
@@ -47,15 +84,11 @@ fn assert_short(log: &str) {
     assert!(sent.len() > 4 && sent.iter().all(|line| line.len() < 80), "{sent:?}");
 }
 
-fn stage_of(simulator: &Simulator) -> String {
-    format!("driver = \"grbl\"\nport = {:?}\nidentity = \"stage 7\"", simulator.port)
-}
-
 #[test]
 fn every_block_is_marked_once_with_grbl() {
     let bench = Bench::new(1);
     let simulator = Simulator::new(&bench);
-    bench.run_file(&stage_of(&simulator), &bench.command_laser("0"));
+    bench.run_file(&simulator.keys(), &bench.command_laser("0"));
     assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
     assert_eq!(bench.marked(), blocks(2));
     assert_short(&simulator.end());
@@ -66,7 +99,7 @@ fn every_block_is_marked_once_with_grbl() {
 fn a_run_with_grbl_killed_at_30_random_moments_marks_every_block_once_but_those_it_names() {
     let bench = Bench::new(15);
     let simulator = Simulator::new(&bench);
-    bench.run_file(&stage_of(&simulator), &bench.command_laser("0.2"));
+    bench.run_file(&simulator.keys(), &bench.command_laser("0.2"));
     bench.assert_survives_kills(30, 4_000);
     assert_short(&simulator.end());
 }

@@ -27,7 +27,7 @@ struct Simulation {
     _one: MutexGuard<'static, ()>,
 }
 
-/// A sample: x, y, z, START, BUSY.
+/// A sample: x, y, z, START, laser.
 type Sample = ([f64; 3], bool, bool);
 
 impl Simulation {
@@ -117,14 +117,29 @@ impl Simulation {
         }
     }
 
-    /// Sets when BUSY rises and how long it stays, s; START and BUSY as they are then.
+    /// Sets when the laser is on after START and for how long, s; START and the laser as they are then. BUSY is high with
+    /// it.
     fn card(&mut self, delay: f64, width: f64) -> String {
         self.tell(&format!("card {delay} {width}"))
+    }
+
+    /// The same with BUSY `inverted` or `bouncing`.
+    fn bad_card(&mut self, delay: f64, width: f64, kind: &str) -> String {
+        self.tell(&format!("card {delay} {width} {kind}"))
     }
 
     fn tell(&mut self, line: &str) -> String {
         writeln!(self.stdin.as_mut().expect("open"), "{line}").expect("taken");
         self.line()
+    }
+
+    /// Enters a line of MDI and waits for its end.
+    fn enter(&mut self, line: &str) {
+        self.set("mode mdi");
+        self.set("set_wait done");
+        self.set(&format!("mdi {line}"));
+        self.set("set_wait received");
+        std::thread::sleep(Duration::from_millis(300));
     }
 
     /// Starts a stage program.
@@ -179,7 +194,7 @@ impl Drop for Simulation {
     }
 }
 
-/// How often START and BUSY rise; the stage never moves while one of them is on.
+/// How often START and the laser rise; the stage never moves while one of them is on.
 #[track_caller]
 fn rises(samples: &[Sample]) -> [usize; 2] {
     let mut rises = [0; 2];
@@ -233,6 +248,61 @@ fn stage_program_stops_with_the_output_off_and_names_the_block_where_the_card_do
     assert_eq!(stuck.until_idle(), "still BUSY, block B0001");
     assert_eq!(stuck.tell("pins"), "FALSE TRUE");
     assert_eq!(rises(&stuck.samples()), [1, 1]);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn an_inverted_or_bouncing_busy_never_lets_the_stage_move_with_the_laser_on() {
+    let bench = Bench::new(2);
+    let program = bench.job.join("stage.ngc");
+    let mut inverted = Simulation::new();
+    inverted.bad_card(0.02, 0.3, "inverted");
+    inverted.start(&program);
+    assert_eq!(inverted.until_idle(), "BUSY before START, block B0001");
+    bench.run_file(&stage_of(&inverted), "driver = \"handshake\"");
+    assert_ended(&bench.run(&["--arm"]), 1, &["run-busy", "before START", "no other block was begun"]);
+    assert_eq!(rises(&inverted.samples()), [0, 0]);
+
+    let mut bouncing = Simulation::new();
+    bouncing.bad_card(0.02, 0.3, "bouncing");
+    bouncing.start(&program);
+    assert_eq!(bouncing.until_idle(), "OK");
+    bench.run_file(&stage_of(&bouncing), "driver = \"handshake\"");
+    assert_ended(&bench.run(&["--arm"]), 0, &["4 of 4 done"]);
+    // A card that begins late, and one that begins too late.
+    bouncing.card(3.0, 0.3);
+    assert_ended(&bench.run(&["--arm", "--again"]), 0, &["4 of 4 done, part 2"]);
+    bouncing.card(7.0, 0.3);
+    assert_ended(&bench.run(&["--arm", "--again"]), 1, &["run-busy", "not risen", "block B0001 was begun"]);
+    std::thread::sleep(Duration::from_secs(3));
+    assert_eq!(rises(&bouncing.samples()), [13, 13]);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn an_offset_ends_the_program_in_the_controller_before_it_moves() {
+    let bench = Bench::new(1);
+    let mut control = Simulation::new();
+    for (line, message, undo) in [
+        ("G92 X5", "G92 is active", "G92.1"),
+        ("G10 L2 P1 Y3", "G54 has an offset in Y", "G10 L2 P1 Y0"),
+        ("G10 L2 P1 R30", "G54 is rotated", "G10 L2 P1 R0"),
+    ] {
+        control.enter(line);
+        control.start(&bench.job.join("stage.ngc"));
+        assert_eq!(control.until_idle(), message);
+        control.enter(undo);
+    }
+    for line in ["G43.1 Z10", "G10 L2 P2 X7\nG55"] {
+        line.lines().for_each(|line| control.enter(line));
+        control.start(&bench.job.join("stage.ngc"));
+        assert_eq!(control.until_idle(), "OK", "{line}");
+    }
+    let samples = control.samples();
+    assert_eq!(rises(&samples), [4, 4]);
+    // Twice through the same places.
+    let places: Vec<[f64; 3]> = samples.windows(2).filter(|w| w[1].2 && !w[0].2).map(|w| w[1].0).collect();
+    assert_eq!(places[..2], places[2..]);
 }
 
 fn stage_of(control: &Simulation) -> String {

@@ -16,10 +16,14 @@ STOPS = ("stage_m0.nc", "PROGRAM_STOP()", "STOP_SPINDLE_TURNING")
 
 def canonical(rs274, tool_table, path):
     """The canonical commands that the interpreter makes of a program."""
-    with tempfile.TemporaryDirectory() as fresh:
-        # The variable file is read and rewritten: an old one would shift this run.
-        command = [rs274, "-t", tool_table, "-v", str(pathlib.Path(fresh) / "fresh.var"), "-g", str(path)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    for _ in range(20):
+        with tempfile.TemporaryDirectory() as fresh:
+            # The variable file is read and rewritten: an old one would shift this run.
+            command = [rs274, "-t", tool_table, "-v", str(pathlib.Path(fresh) / "fresh.var"), "-g", str(path)]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        # It is killed (SIGBUS) at times where another one begins: all share the file of their tools.
+        if done.returncode >= 0:
+            break
     demand(done.returncode == 0, f"{path.name}: rs274 ended with {done.returncode}: {done.stderr.strip()[-500:]}")
     return [re.sub(r"^[\s\dN./]*", "", line).strip() for line in done.stdout.splitlines() if "(" in line]
 
@@ -57,7 +61,9 @@ def check_program(job, commands, name, start, off):
     demand(is_off and off_since_move and moves > 0, f"{name}: the output is not off at the end")
     after = [c for c in commands[commands.index("PROGRAM_END()") + 1 :] if c != "ON_RESET()"]
     demand(not after, f"{name}: {after} after the end")
-    demand(dwells == at_start, f"{name}: {dwells} dwells for {at_start} blocks")
+    # With the handshake BUSY is asked again after another dwell.
+    wanted = (2 if name == "stage.ngc" else 1) * at_start
+    demand(dwells == wanted, f"{name}: {dwells} dwells for {at_start} blocks")
     return f"{name}: {at_start} blocks, {moves} moves"
 
 

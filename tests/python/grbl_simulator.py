@@ -2,8 +2,8 @@
 
 Prints the path of the terminal and runs until its standard input ends. Modelled after the firmware's documentation and
 sources: one `ok` or `error:N` for each line, the receive buffer of 128 bytes and lines of 79 characters, the planner,
-real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos and with WCO in every tenth, alarms
-that lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled:
+real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos and with WCO in every tenth, the work
+offsets G54 and G55, G92, a tool length, alarms that lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled:
 acceleration, arcs, probing, jogging, tools, parking.
 
 Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1; given several
@@ -51,6 +51,7 @@ class Grbl:
         self.master, self.options = master, options
         self.settings = SETTINGS | dict(options.set)
         self.is_used = self.is_door_open = False
+        self.work = {"G54": list(options.wco), "G55": [0.0] * 3}
         self.steps = [0, 0, 0]
         self.moves = 0
         self.log_file = open(options.log, "a", buffering=1) if options.log else None
@@ -68,14 +69,21 @@ class Grbl:
         self.is_dead, self.held_until, self.waiting = False, None, None
         self.modes = {"motion": "G0", "units": "G21", "distance": "G90", "spindle": "M5"}
         self.reports = 0
-        self.offset = self.options.wco if self.is_used else [a + b for a, b in zip(self.options.wco, self.options.g92)]
+        self.active, self.tool = "G54", 0.0
+        self.g92 = [0.0] * 3 if self.is_used else list(self.options.g92)
         self.is_used = True
+        self.shift()
+
+    def shift(self):
+        """Where the zero of positions lies now: work offset, G92 and tool length."""
+        self.offset = [a + b for a, b in zip(self.work[self.active], self.g92)]
+        self.offset[2] += self.tool
 
     # --- Out
 
     def log(self, text):
         if self.log_file:
-            self.log_file.write(f"{time.monotonic():.4f} {text}\n")
+            self.log_file.write(f"{time.time():.4f} {text}\n")
 
     def say(self, text):
         kind, number = self.options.fault
@@ -221,6 +229,7 @@ class Grbl:
             self.steps, self.now_moving = end, None
             self.blocks.pop(0)
             self.state = "Idle"
+            self.log("machine " + " ".join(f"{s / self.settings[100 + k]:.4f}" for k, s in enumerate(end)))
             self.log("at " + " ".join(f"{s / self.settings[100 + k] - self.offset[k]:.4f}" for k, s in enumerate(end)))
 
     # --- Lines
@@ -266,9 +275,9 @@ class Grbl:
             motion, units, distance, spindle = (self.modes[k] for k in ("motion", "units", "distance", "spindle"))
             self.say(f"[GC:{motion} G54 G17 {units} {distance} G94 {spindle} M9 T0 F0 S0]")
         elif text == "$#":
-            for name, values in (("G54", self.options.wco), ("G92", self.options.g92)):
+            for name, values in (*self.work.items(), ("G92", self.g92)):
                 self.say(f"[{name}:" + ",".join(f"{v:.3f}" for v in values) + "]")
-            self.say("[TLO:0.000]")
+            self.say(f"[TLO:{self.tool:.3f}]")
         elif text == "$X":
             if self.state == "Alarm":
                 self.say("[MSG:Caution: Unlocked]")
@@ -292,7 +301,7 @@ class Grbl:
             raise Refused(1)
         if any(not any(c.isdigit() for c in value) for _, value in words):
             raise Refused(2)
-        axes, seen = {}, set()
+        axes, seen, others, given = {}, set(), [], {}
         groups = {"G0": "motion", "G1": "motion", "G80": "motion", "G20": "units", "G21": "units", "G90": "distance",
                   "G91": "distance", "M3": "spindle", "M4": "spindle", "M5": "spindle"}
         for letter, value in words:
@@ -304,14 +313,21 @@ class Grbl:
                         raise Refused(21)
                     seen.add(groups[name])
                     self.modes[groups[name]] = name
-                elif name not in ("G4", "G17", "G40", "G54", "G94", "M0", "M2", "M9"):
+                elif name in ("G10", "G43.1", "G49", "G54", "G55", "G92", "G92.1"):
+                    others.append(name)
+                elif name not in ("G4", "G17", "G40", "G94", "M0", "M2", "M9"):
                     raise Refused(20)
             elif letter in "XYZ":
                 if letter in axes:
                     raise Refused(25)
                 axes["XYZ".index(letter)] = number * (25.4 if self.modes["units"] == "G20" else 1)
-            elif letter not in "FPS":
+            elif letter in "FLNPS":
+                given[letter] = number
+            else:
                 raise Refused(20)
+        # Of these one stands in a line with axes or without, and is no move.
+        if self.set_zero(others, axes, given):
+            return
         if axes:
             if self.modes["motion"] == "G80":
                 raise Refused(31)
@@ -320,6 +336,33 @@ class Grbl:
             # Synchronises: it is answered when all motion has ended.
             self.waiting = True
             self.log(self.modes["spindle"])
+
+    def set_zero(self, names, axes, given):
+        """Sets work offset, G92 and tool length; whether that takes the axes of the line."""
+        takes = [name for name in names if name in ("G10", "G43.1", "G49", "G92")]
+        if len(takes) > 1 or "G49" in takes and axes:
+            raise Refused(24)
+        for name in names:
+            now = [s / self.settings[100 + k] for k, s in enumerate(self.blocks[-1] if self.blocks else self.steps)]
+            if name == "G10":
+                if given.get("L") != 2 or given.get("P") not in (1, 2):
+                    raise Refused(20)
+                table = self.work["G54" if given["P"] == 1 else "G55"]
+                for k, mm in axes.items():
+                    table[k] = mm
+            elif name == "G43.1":
+                self.tool = axes.get(2, 0.0)
+            elif name == "G49":
+                self.tool = 0.0
+            elif name == "G92.1":
+                self.g92 = [0.0] * 3
+            elif name == "G92":
+                for k, mm in axes.items():
+                    self.g92[k] = now[k] - self.work[self.active][k] - (self.tool if k == 2 else 0.0) - mm
+            else:
+                self.active = name
+            self.shift()
+        return bool(takes)
 
     def move(self, axes):
         self.moves += 1
@@ -389,7 +432,7 @@ def main():
                         help="offset of G92 until a reset, mm")
     parser.add_argument("--set", type=setting, action="append", default=[], metavar="N=VALUE", help="a setting of $$")
     parser.add_argument("--fault", type=fault, action="append", default=[], metavar="KIND@N")
-    parser.add_argument("--log", help="appends the lines, moves and resets to this file, each with its time in s")
+    parser.add_argument("--log", help="appends the lines, moves and resets to this file, each with its time in s since 1970")
     options = parser.parse_args()
     faults = options.fault or [("", 0)]
     for number, options.fault in enumerate(faults):

@@ -5,9 +5,11 @@
 ROOT is the unpacked package (setup.sh), FOLDER an empty folder for its files, PORT that of linuxcncrsh. Needs no
 display, no realtime kernel and no installation; LinuxCNC refuses to run as root, so as root it runs as nobody.
 
-Prints `ready` when linuxcncrsh answers. Then takes lines on standard input: `card DELAY WIDTH` sets, in s, how long
-after START BUSY rises and for how long it stays, and `pins` asks for START and BUSY; the answer to both is those two. Samples of every ms go to
-FOLDER/samples.txt: number, x, y, z (commanded, mm), START, BUSY. Ends with its standard input.
+Prints `ready` when linuxcncrsh answers. Then takes lines on standard input: `card DELAY WIDTH [KIND]` sets, in s, how
+long after START the laser is on and for how long it stays, and what BUSY is then: high with it, `inverted`, or
+`bouncing` (low once more for 5 ms, 5 ms after it has risen). `pins` asks for START and the laser; the answer to both is
+those two. Samples of every ms go to FOLDER/samples.txt: number, x, y, z (commanded, mm), START, laser. Ends with its
+standard input.
 """
 
 import os
@@ -72,6 +74,9 @@ HAL = """addf motion-command-handler servo-thread
 addf motion-controller servo-thread
 addf timedelay.0 servo-thread
 addf oneshot.0 servo-thread
+addf timedelay.1 servo-thread
+addf oneshot.1 servo-thread
+addf lut5.0 servo-thread
 addf sampler.0 servo-thread
 net x joint.0.motor-pos-cmd => joint.0.motor-pos-fb sampler.0.pin.0
 net y joint.1.motor-pos-cmd => joint.1.motor-pos-fb sampler.0.pin.1
@@ -81,10 +86,18 @@ net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
 net change iocontrol.0.tool-change => iocontrol.0.tool-changed
 net start motion.digital-out-00 => timedelay.0.in sampler.0.pin.3
 net begun timedelay.0.out => oneshot.0.in
-net busy oneshot.0.out => motion.digital-in-00 sampler.0.pin.4
+net busy oneshot.0.out => timedelay.1.in lut5.0.in-0 sampler.0.pin.4
+net opens timedelay.1.out => oneshot.1.in
+net open oneshot.1.out => lut5.0.in-1
+net input lut5.0.out => motion.digital-in-00
 setp timedelay.0.on-delay 0.02
 setp timedelay.0.off-delay 0
 setp oneshot.0.width 0.05
+setp timedelay.1.on-delay 1000
+setp timedelay.1.off-delay 0
+setp oneshot.1.width 0.005
+setp lut5.0.function 0xD2
+setp lut5.0.in-2 FALSE
 """
 
 children = []
@@ -167,7 +180,7 @@ def up():
     start("io", "-ini", f"{FOLDER}/sim.ini")
     for module in (["homemod"], ["trivkins", "coordinates=XYZ"],
                    ["motmod", "servo_period_nsec=1000000", "num_joints=3", "num_dio=1"],
-                   ["timedelay", "count=1"], ["oneshot", "count=1"], ["sampler", "depth=8000", "cfg=fffbb"]):
+                   ["timedelay", "count=2"], ["oneshot", "count=2"], ["lut5", "count=1"], ["sampler", "depth=8000", "cfg=fffbb"]):
         call("rtapi_app", "load", *module)
     call("halcmd", "-f", f"{FOLDER}/sim.hal")
     call("halcmd", "start")
@@ -205,6 +218,10 @@ try:
         if words[0] == "card":
             call("halcmd", "setp", "timedelay.0.on-delay", words[1])
             call("halcmd", "setp", "oneshot.0.width", words[2])
+            kind = words[3] if len(words) > 3 else ""
+            # BUSY is the laser without the bounce, or the other way round: (in-0 and not in-1) xor in-2.
+            call("halcmd", "setp", "lut5.0.in-2", "TRUE" if kind == "inverted" else "FALSE")
+            call("halcmd", "setp", "timedelay.1.on-delay", "0.005" if kind == "bouncing" else "1000")
         pins = [call("halcmd", "-s", "gets", signal_name).strip() for signal_name in ("start", "busy")]
         print(*pins, flush=True)
 finally:

@@ -140,7 +140,7 @@ impl Laser for Command {
         self.lock = Some(lock);
     }
 
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
         self.off()?;
         Ok(format!("command {:?}", self.keys.mark))
     }
@@ -180,5 +180,27 @@ impl Laser for Command {
         })?;
         self.is_doubtful = false;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_in_values_are_not_replaced() {
+        let values = [("{file}", "x/{block}{shift}/a.dxf"), ("{block}", "{file}"), ("{shift}", "-0.035")];
+        for (word, wanted) in [
+            ("{file}", "x/{block}{shift}/a.dxf"),
+            ("--name={block},{shift}", "--name={file},-0.035"),
+            ("{file}{file}", "x/{block}{shift}/a.dxfx/{block}{shift}/a.dxf"),
+            ("{{block}}", "{{file}}"),
+            ("{fil{block}", "{fil{file}"),
+            ("{other} { }", "{other} { }"),
+            ("a{", "a{"),
+            ("", ""),
+        ] {
+            assert_eq!(filled(word, &values), wanted, "{word}");
+        }
     }
 }

@@ -21,7 +21,7 @@ impl Laser for Handshake {
         false
     }
 
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
         Ok("START and BUSY of the stage's control".into())
     }
 

@@ -6,11 +6,17 @@
 //! and idle after that; where it was never seen busy nobody can say whether it marked anything.
 //!
 //! Answers do not name their command; they can come late, twice, or from somebody else. The rule, which holds for every
-//! driver over a link without order or identity: no single answer ends anything. START is never repeated; load and START
-//! are sent when no late answer can come any more; a state is believed when more answers tell it than answers are
-//! missing; and a block has ended when LightBurn has said so [`ENDED`] times in a row over [`SPREAD`], not before half of
-//! the estimate, and then nothing else comes for as long again: what a surplus answer was taken for comes then. Where the
-//! stage is to leave and LightBurn is busy all the same, the block that had ended is in doubt again.
+//! driver over a link without order or identity: no single answer ends anything. [`SURPLUS`] of them may be others', beside
+//! those that are missing:
+//!
+//! - a state is believed when more answers in a row tell it, and the beginning of a block when more tell it in all;
+//! - a load is believed when so many more commands were answered after it, all with `OK`, and then nothing else comes for
+//!   [`SPREAD`]: LightBurn answers in its order, so the answer that another was taken for is one of these;
+//! - a block has ended when LightBurn has said so [`ENDED`] times in a row over [`SPREAD`], not before half of the estimate,
+//!   and then nothing else comes for as long again.
+//!
+//! START is never repeated; load and START are sent when no late answer can come any more. Where the stage is to leave, or
+//! a block to begin, and LightBurn is busy all the same, the block that had ended is in doubt again.
 //!
 //! LightBurn has no command that stops it: an abort leaves it marking, and the message says so.
 //!
@@ -37,8 +43,14 @@ const POLL: Duration = Duration::from_millis(10);
 /// The longest time until an abort is seen.
 const SLICE: Duration = Duration::from_millis(100);
 
+/// So many answers may be surplus, doubled or another's where something is decided.
+const SURPLUS: usize = 3;
+
 /// How often in a row LightBurn must say that it is idle where a block has ended.
-const ENDED: usize = 5;
+const ENDED: usize = SURPLUS + 2;
+
+/// Most answers that are dropped before a request: more come from somebody who does not stop.
+const MOST_DROPPED: usize = 1000;
 
 /// How far answers to one command may come apart, and the least time over which it must say so.
 const SPREAD: Duration = Duration::from_millis(250);
@@ -57,6 +69,8 @@ struct Waits {
     silence: Duration,
     /// Until it is busy after START, as the stage programs wait for BUSY.
     begin: Duration,
+    /// Until answers agree on a state.
+    agree: Duration,
 }
 
 const WAITS: Waits = Waits {
@@ -64,6 +78,7 @@ const WAITS: Waits = Waits {
     load: Duration::from_secs(20),
     silence: Duration::from_secs(3),
     begin: Duration::from_secs(5),
+    agree: Duration::from_secs(10),
 };
 
 /// An answer of LightBurn.
@@ -154,9 +169,23 @@ impl Link {
         }
     }
 
+    /// Listens until no late answer can come any more, and for [`SPREAD`] at least; whether nothing came.
+    fn is_quiet(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
+        while self.missing() > 0 {
+            if !self.hears_nothing(SLICE, interrupt)? {
+                return Ok(false);
+            }
+        }
+        self.hears_nothing(SPREAD, interrupt)
+    }
+
     /// Sends a command and waits for an answer; those that came before are dropped.
     fn request(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
-        while self.receive(Duration::ZERO)?.is_some() {}
+        for _ in 0..MOST_DROPPED {
+            if self.receive(Duration::ZERO)?.is_none() {
+                break;
+            }
+        }
         let begin = Instant::now();
         self.unanswered.push_back(begin);
         self.socket.send_to(command.as_bytes(), self.to).map_err(|e| broken(&e))?;
@@ -205,18 +234,25 @@ impl LightBurn {
 
     /// Whether LightBurn is idle or busy now.
     fn state(&mut self, interrupt: &Interrupt) -> Result<Answer, Diag> {
-        let Waits { answer, silence, .. } = self.waits;
+        let Waits { answer, silence, agree, .. } = self.waits;
         let link = self.link()?;
-        // An answer that is late tells a state of the past: of so many answers one must be a new one.
-        let (mut needed, mut seen, mut last) = (link.missing() + 1, 0, None);
-        let mut heard = Instant::now();
+        // An answer that is late or another's tells a state of the past: of so many answers one must be a new one.
+        let (mut needed, mut seen, mut last) = (link.missing() + SURPLUS + 1, 0, None);
+        let begin = Instant::now();
+        let mut heard = begin;
         loop {
+            if begin.elapsed() > agree {
+                let text = format!("LightBurn's answers contradict each other for {} s", agree.as_secs_f64());
+                return Err(
+                    Diag::limit("lightburn-answer", text).hint("does another program ask it, or answer for it?")
+                );
+            }
             match link.request("STATUS", answer, interrupt)? {
                 Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
                 Some(state) => {
                     heard = Instant::now();
                     if last.as_ref().is_some_and(|last| *last != state) {
-                        (needed, seen) = (link.missing() + 1, 0);
+                        (needed, seen) = (link.missing() + SURPLUS + 1, 0);
                     }
                     seen += 1;
                     if seen >= needed {
@@ -231,19 +267,27 @@ impl LightBurn {
         }
     }
 
-    /// Polls until LightBurn is in a state; whether it was in time.
-    fn reaches(&mut self, wanted: &Answer, longest: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
-        let begin = Instant::now();
-        while self.state(interrupt)? != *wanted {
-            if interrupt.is_abort() {
-                return Err(aborted());
-            }
-            if begin.elapsed() > longest {
-                return Ok(false);
+    /// Polls until more answers than can be others' say that it is busy; whether they have in time.
+    fn begins(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let Waits { answer, silence, begin: longest, .. } = self.waits;
+        let link = self.link()?;
+        let (begin, mut heard, mut busy) = (Instant::now(), Instant::now(), 0);
+        while begin.elapsed() <= longest {
+            match link.request("STATUS", answer, interrupt)? {
+                Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
+                Some(state) => {
+                    heard = Instant::now();
+                    busy += usize::from(state == Answer::No);
+                    if busy > SURPLUS {
+                        return Ok(true);
+                    }
+                }
+                None if heard.elapsed() > silence => return Err(silent(silence)),
+                None => {}
             }
             std::thread::sleep(POLL);
         }
-        Ok(true)
+        Ok(false)
     }
 
     /// Polls until a block has ended; whether it has in time.
@@ -267,19 +311,19 @@ impl LightBurn {
                     idle = if state == Answer::Ok { idle + 1 } else { 0 };
                 }
                 None if heard.elapsed() > silence => return Err(silent(silence)),
-                None => idle = 0,
+                // It was lost, or is late: then it is awaited before the end.
+                None => {}
             }
             if std::mem::take(&mut link.surplus) {
                 // One of those that were counted may have been it.
-                idle = 0;
                 link.hears_nothing(SPREAD, interrupt)?;
+                (idle, heard) = (0, Instant::now());
             }
-            let is_said = idle >= ENDED && since.elapsed() >= SPREAD && begin.elapsed() >= earliest;
-            if is_said && link.missing() == 0 && link.hears_nothing(SPREAD, interrupt)? {
-                return Ok(true);
-            }
-            if is_said {
-                idle = 0;
+            if idle >= ENDED && since.elapsed() >= SPREAD && begin.elapsed() >= earliest {
+                if link.is_quiet(interrupt)? {
+                    return Ok(true);
+                }
+                (idle, heard) = (0, Instant::now());
             }
             std::thread::sleep(POLL);
         }
@@ -292,17 +336,44 @@ impl LightBurn {
         })?;
         let path = self.path_there(file);
         let longest = self.waits.load;
-        self.link()?.quiet(interrupt)?;
-        match self.link()?.repeat(&format!("FORCELOAD:{path}"), longest, interrupt)? {
-            Some(Answer::Ok) => Ok(()),
-            Some(Answer::No) => {
-                let text = format!("LightBurn cannot load {path}; block {} is not marked", work.block);
-                let hint = "does LightBurn's computer see this path? If not, state laser.folder in the run file";
-                Err(Diag::limit("lightburn-load", text).hint(hint))
+        let mut was_answered = false;
+        for _ in 0..TRIES {
+            match self.is_loaded(&format!("FORCELOAD:{path}"), interrupt)? {
+                Some(true) => return Ok(()),
+                Some(false) => was_answered = true,
+                None => {}
             }
-            Some(Answer::Other(text)) => Err(unknown("FORCELOAD", &text)),
-            None => Err(silent(longest * TRIES as u32)),
         }
+        if !was_answered {
+            return Err(silent(longest * TRIES as u32));
+        }
+        let text = format!("LightBurn cannot load {path}; block {} is not marked", work.block);
+        let hint = "does LightBurn's computer see this path? If not, state laser.folder in the run file";
+        Err(Diag::limit("lightburn-load", text).hint(hint))
+    }
+
+    /// Loads once; whether that was done for certain, None where there is no answer.
+    fn is_loaded(&mut self, load: &str, interrupt: &Interrupt) -> Result<Option<bool>, Diag> {
+        let Waits { load: longest, answer, silence, .. } = self.waits;
+        let link = self.link()?;
+        link.quiet(interrupt)?;
+        match link.request(load, longest, interrupt)? {
+            Some(Answer::Ok) => {}
+            Some(Answer::No) => return Ok(Some(false)),
+            Some(Answer::Other(text)) => return Err(unknown("FORCELOAD", &text)),
+            None => return Ok(None),
+        }
+        let (mut after, mut heard) = (0, Instant::now());
+        while after < SURPLUS {
+            match link.request("STATUS", answer, interrupt)? {
+                Some(Answer::Ok) => (after, heard) = (after + 1, Instant::now()),
+                Some(Answer::No) => return Ok(Some(false)),
+                Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
+                None if heard.elapsed() > silence => return Ok(None),
+                None => {}
+            }
+        }
+        Ok(Some(link.is_quiet(interrupt)?))
     }
 
     /// A file of the job folder as LightBurn's computer sees it.
@@ -326,16 +397,16 @@ impl LightBurn {
         let Waits { answer, begin, .. } = self.waits;
         let block = &work.block;
         self.link()?.quiet(interrupt)?;
-        match self.link()?.request("START", answer, interrupt)? {
-            Some(Answer::No) => {
+        let said = self.link()?.request("START", answer, interrupt)?;
+        if let Some(Answer::Other(text)) = &said {
+            return Err(unknown("START", text));
+        }
+        // Whether it has started is seen from its state, whatever it says.
+        if !self.begins(interrupt)? {
+            if said == Some(Answer::No) {
                 let text = format!("LightBurn does not start: it says that block {block} is not marked");
                 return Err(Diag::limit("lightburn-start", text).hint("is the laser connected and ready in LightBurn?"));
             }
-            Some(Answer::Other(text)) => return Err(unknown("START", &text)),
-            // Whether it has started is seen from its state.
-            Some(Answer::Ok) | None => {}
-        }
-        if !self.reaches(&Answer::No, begin, interrupt)? {
             let text = format!(
                 "LightBurn was not seen marking within {} s after START: whether block {block} is marked is not certain",
                 begin.as_secs_f64()
@@ -349,9 +420,11 @@ impl LightBurn {
         Ok(())
     }
 
-    fn connect(&self) -> Result<Link, Diag> {
+    fn connect(&self, interrupt: &Interrupt) -> Result<Link, Diag> {
         let [port, answers] = self.ports;
-        let found = (self.host.as_str(), port).to_socket_addrs().map(Iterator::collect::<Vec<_>>);
+        let host = self.host.clone();
+        let found =
+            interrupt.wait_for(move || (host.as_str(), port).to_socket_addrs().map(Iterator::collect::<Vec<_>>))?;
         let to = found.ok().and_then(|all| all.iter().find(|a| a.is_ipv4()).or(all.first()).copied());
         let to = to.ok_or_else(|| {
             Diag::input("lightburn-address", format!("there is no host {:?}", self.host))
@@ -380,10 +453,10 @@ impl Laser for LightBurn {
         false
     }
 
-    fn open(&mut self) -> Result<String, Diag> {
-        let mut link = self.connect()?;
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag> {
+        let mut link = self.connect(interrupt)?;
         let to = link.to;
-        match link.repeat("PING", self.waits.answer, &Interrupt::default())? {
+        match link.repeat("PING", self.waits.answer, interrupt)? {
             Some(Answer::Ok) => {}
             Some(Answer::No) => return Err(unknown("PING", "!")),
             Some(Answer::Other(text)) => return Err(unknown("PING", &text)),
@@ -393,18 +466,14 @@ impl Laser for LightBurn {
             }
         }
         self.link = Some(link);
-        if self.state(&Interrupt::default())? != Answer::Ok {
+        if self.state(interrupt)? != Answer::Ok {
             return Err(Diag::input("lightburn-busy", "LightBurn is marking").hint("wait for its end or stop it there"));
         }
         Ok(format!("LightBurn at {to}, idle"))
     }
 
-    fn may_leave(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
-        if self.state(interrupt)? == Answer::Ok {
-            return Ok(());
-        }
-        Err(Diag::limit("lightburn-busy", "LightBurn is marking, and the stage was to move")
-            .hint("nothing else may start it during a run"))
+    fn is_free(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
+        Ok(self.state(interrupt)? == Answer::Ok)
     }
 
     fn mark(&mut self, work: &Work, beam: Beam, _stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {

@@ -149,7 +149,7 @@ impl Lmc {
     }
 
     /// Resets the card and sets what it keeps for all lists.
-    fn set_up(&mut self) -> Result<(), Diag> {
+    fn set_up(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
         let table = self.correction.as_deref().map(correction::read).transpose()?;
         self.command(RESET, &[])?;
         self.command(WRITE_CORRECTION_TABLE, &[table.is_some().into()])?;
@@ -171,8 +171,7 @@ impl Lmc {
         self.command(ENABLE_Z, &[])?;
         self.command(WRITE_ANALOG_PORT_1, &[0x7FF])?;
         self.command(ENABLE_Z, &[])?;
-        std::thread::sleep(self.waits.settle);
-        Ok(())
+        interrupt.wait(self.waits.settle)
     }
 
     fn execute(&mut self) -> Result<(), Diag> {
@@ -296,7 +295,7 @@ impl Laser for Lmc {
         true
     }
 
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag> {
         if self.transport.is_none() {
             self.transport = Some(Box::new(usb::Usb::open(self.serial.as_deref())?));
         }
@@ -306,7 +305,7 @@ impl Laser for Lmc {
             return Err(Diag::input("lmc-busy", "the card still executes a list")
                 .hint("wait for its end, or switch the laser off; then start the run again"));
         }
-        self.set_up()?;
+        self.set_up(interrupt)?;
         let hex = |words: [u16; 4]| words.map(|word| format!("{word:04x}")).join(" ");
         Ok(format!("BJJCZ card, serial number {}, version {}", hex(serial), hex(version)))
     }

@@ -31,7 +31,7 @@ impl Laser for Manual {
         true
     }
 
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
         Ok("a person marks the blocks".into())
     }
 

@@ -59,8 +59,8 @@ pub trait Laser {
     /// Connects, and makes sure that it is ready and off. Answers with what it says that it is, for the log.
     ///
     /// # Errors
-    /// Where there is no answer or it is not ready.
-    fn open(&mut self) -> Result<String, Diag>;
+    /// Where there is no answer, it is not ready, or the run is aborted.
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag>;
 
     /// Takes a handle of the machine's lock: no other run begins while one is open. A driver whose marking goes on where
     /// this program is killed lets what marks keep it open.
@@ -77,14 +77,14 @@ pub trait Laser {
         Ok(())
     }
 
-    /// Makes sure that nothing is being marked where the driver was told so over a link whose answers can be others', before
-    /// the stage leaves a block.
+    /// Whether nothing is being marked; asked before the stage moves and before a block is begun where the driver was told
+    /// so over a link whose answers can be others'. Where something is, the block that ended last may not have.
     ///
     /// # Errors
-    /// Where something is: then the block that ended last may not have.
-    fn may_leave(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+    /// Where that cannot be known.
+    fn is_free(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
         let _ = interrupt;
-        Ok(())
+        Ok(true)
     }
 
     /// Marks a block, and returns when the beam is off for certain. `stage` is for drivers that hand over through its
@@ -111,7 +111,7 @@ mod tests {
     pub(super) struct Rest;
 
     impl Stage for Rest {
-        fn open(&mut self) -> Result<String, Diag> {
+        fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
             unreachable!("the laser does not open the stage")
         }
         fn go(&mut self, _: &Move, _: &Interrupt) -> Result<(), Diag> {

@@ -7,6 +7,8 @@
 //! The stage stands where GRBL is idle and its step counter is within half a step of the target, and the rounding of
 //! two reports. GRBL has no encoders: lost steps are not seen. How long the mechanics settle is not GRBL's to know.
 //!
+//! An abort is looked at between answers, for none of which the driver waits longer than [`WAITS`] says.
+//!
 //! Sources: the pages "Interface", "Commands" and "Settings" of the documentation of GRBL 1.1.
 
 mod link;
@@ -25,7 +27,7 @@ const DEFAULT_BAUD: u32 = 115_200;
 /// The axes in the order of GRBL's reports.
 const AXES: [char; 3] = ['X', 'Y', 'Z'];
 
-/// The line that the stage programs begin with.
+/// Modes as in the stage programs; the work offset must be that of G54 already.
 const MODES: &str = "G21 G90 G94 G17 G40 G80";
 
 const FEED_HOLD: u8 = b'!';
@@ -183,10 +185,11 @@ impl Grbl {
     }
 
     /// Waits for GRBL's first answer and for the end of a motion, and asks what it is.
-    fn identify(&mut self) -> Result<String, Diag> {
+    fn identify(&mut self, interrupt: &Interrupt) -> Result<String, Diag> {
         let begin = Instant::now();
         let mut was_reset = false;
         let state = loop {
+            interrupt.check()?;
             self.link()?.real_time(STATUS)?;
             let until = Instant::now() + self.waits.repeat;
             let mut state = None;
@@ -194,7 +197,8 @@ impl Grbl {
                 match reply {
                     Reply::Banner => was_reset = true,
                     Reply::Report(report) => state = Some(report.state),
-                    _ => continue,
+                    _ if Instant::now() < until => continue,
+                    _ => {}
                 }
                 break;
             }
@@ -239,7 +243,7 @@ impl Grbl {
     }
 
     /// Reads the settings, sets the modes, switches the output off, and learns the work offset.
-    fn make_ready(&mut self) -> Result<Report, Diag> {
+    fn make_ready(&mut self, interrupt: &Interrupt) -> Result<Report, Diag> {
         let replies = self.command("$$")?;
         let setting = |number: u16| {
             replies.iter().find_map(|reply| match reply {
@@ -265,6 +269,7 @@ impl Grbl {
             let (steps_mm, mm_min, mm_s2) = (positive(100 + k)?, positive(110 + k)?, positive(120 + k)?);
             *axis = Axis { step_nm: 1e6 / steps_mm, speed: mm_min * 1e6 / 60.0, acceleration: mm_s2 * 1e6 };
         }
+        interrupt.check()?;
         self.command(MODES)?;
         self.command("M5")?;
         self.learn_offset()?;
@@ -374,6 +379,9 @@ impl Grbl {
                 if let Reply::Report(report) = reply {
                     return Ok(Some(report.state));
                 }
+                if Instant::now() >= until {
+                    break;
+                }
             }
         }
         Ok(None)
@@ -394,7 +402,7 @@ impl Grbl {
         let mut is_reset = false;
         while let Some(reply) = self.link()?.next(until)? {
             is_reset = reply == Reply::Banner;
-            if is_reset {
+            if is_reset || Instant::now() >= until {
                 break;
             }
         }
@@ -433,11 +441,11 @@ impl Grbl {
 }
 
 impl Stage for Grbl {
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag> {
         self.link = Some(Link::open(&self.port, self.baud)?);
         // What is not the control that was meant gets nothing more.
-        let info = self.identify().inspect_err(|_| self.link = None)?;
-        let report = self.make_ready()?;
+        let info = self.identify(interrupt).inspect_err(|_| self.link = None)?;
+        let report = self.make_ready(interrupt)?;
         Ok(format!("GRBL on {}: {info}, at {}", self.port, mm(&self.work(&report))))
     }
 

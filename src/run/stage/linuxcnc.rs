@@ -5,7 +5,8 @@
 //!
 //! START is digital output 0, BUSY digital input 0. The control runs the whole exchange from its own queue, so START is
 //! cleared even where this program ends after it has filled the queue. An MDI command takes 0.1 s to be received: a
-//! dwell holds the queue until it is filled. A BUSY of 20 ms is missed at times all the same, one of 50 ms was not. What
+//! dwell holds the queue until it is filled. A BUSY of 20 ms is missed at times all the same, one of 50 ms was not. A
+//! block has ended when BUSY is low once more after a time in which no contact bounces any more. What
 //! the exchange found is read from the F word, which no rapid uses: messages of the control are given to one of its user
 //! interfaces only, and that may be another.
 //!
@@ -27,6 +28,12 @@ const ANSWER: Duration = Duration::from_secs(5);
 /// Longest line of an answer, bytes, and most lines before it.
 const LONGEST_LINE: usize = 4096;
 const MOST_LINES: usize = 100;
+
+/// The longest time until an abort is seen.
+const SLICE: Duration = Duration::from_millis(100);
+
+/// How long BUSY must stay low where a block has ended: a contact bounces for less.
+const BOUNCE: Duration = Duration::from_millis(50);
 
 /// How often the control is asked while it works.
 const EVERY: Duration = Duration::from_millis(10);
@@ -57,13 +64,16 @@ pub struct LinuxCnc {
     is_started: bool,
     /// Number of the last answer through the F word.
     token: u32,
+    /// What ends the waits for answers.
+    interrupt: Interrupt,
 }
 
 impl LinuxCnc {
     /// As the run file says; connects later.
     pub fn new(keys: &LinuxCncKeys) -> Self {
         let tolerance = keys.tolerance.and_then(|t| t.as_nm()).map_or(TOLERANCE, |nm| nm.0);
-        Self { keys: keys.clone(), tolerance, link: None, was_open: false, is_started: false, token: 0 }
+        let interrupt = Interrupt::default();
+        Self { keys: keys.clone(), tolerance, link: None, was_open: false, is_started: false, token: 0, interrupt }
     }
 
     fn link(&mut self) -> Result<&mut Link, Diag> {
@@ -72,12 +82,14 @@ impl LinuxCnc {
     }
 
     fn get(&mut self, what: &str) -> Result<String, Diag> {
-        let found = self.link()?.get(what);
+        let interrupt = self.interrupt.clone();
+        let found = self.link()?.get(what, &interrupt);
         self.kept(found)
     }
 
     fn set(&mut self, what: &str) -> Result<(), Diag> {
-        let found = self.link()?.set(what);
+        let interrupt = self.interrupt.clone();
+        let found = self.link()?.set(what, &interrupt);
         let is_taken = self.kept(found)?;
         if is_taken {
             return Ok(());
@@ -91,20 +103,22 @@ impl LinuxCnc {
         self.set(&format!("mdi {code}"))
     }
 
-    /// Gives up a link that has failed.
+    /// Gives up a link that has failed, or whose answer was not awaited.
     fn kept<T>(&mut self, found: Result<T, String>) -> Result<T, Diag> {
         found.map_err(|why| {
             self.link = None;
-            lost(&self.keys.address, &why)
+            self.interrupt.check().err().unwrap_or_else(|| lost(&self.keys.address, &why))
         })
     }
 
     /// Connects and takes control; answers with the server's name.
     fn connect(&mut self) -> Result<String, Diag> {
-        let mut link = Link::open(&self.keys.address).map_err(|why| lost(&self.keys.address, &why))?;
+        let address = self.keys.address.clone();
+        let opened = self.interrupt.wait_for(move || Link::open(&address))?;
+        let mut link = self.kept(opened)?;
         let enable = self.keys.enable.as_deref().unwrap_or("EMCTOO");
-        let taken = link.take_control(self.keys.password.as_deref().unwrap_or("EMC"), enable);
-        let name = taken.map_err(|why| lost(&self.keys.address, &why))?.map_err(|what| {
+        let taken = link.take_control(self.keys.password.as_deref().unwrap_or("EMC"), enable, &self.interrupt);
+        let name = self.kept(taken)?.map_err(|what| {
             Diag::limit("run-linuxcnc-password", format!("linuxcncrsh refuses the {what} password"))
                 .hint("set stage.password and stage.enable to those that it was started with (-w, -e)")
         })?;
@@ -115,6 +129,15 @@ impl LinuxCnc {
     /// The next message of the control's that is an error.
     fn error(&mut self) -> Option<String> {
         self.get("error").ok().filter(|text| text != "OK")
+    }
+
+    /// Reads the messages of before; those of a control that has no end of them are for [`Self::watch`].
+    fn forget_errors(&mut self) {
+        for _ in 0..MOST_LINES {
+            if self.error().is_none() {
+                return;
+            }
+        }
     }
 
     /// Reads whether the control is on and without an error.
@@ -191,6 +214,8 @@ impl LinuxCnc {
 
     /// Ends motion, clears START, and makes sure that this is done.
     fn stop(&mut self) -> Result<(), Diag> {
+        // A run that was aborted has to be stopped all the same; each answer has its deadline.
+        self.interrupt = Interrupt::default();
         if self.link.is_none() {
             self.connect()?;
         }
@@ -201,7 +226,7 @@ impl LinuxCnc {
             return Err(alarm("LinuxCNC is off and keeps its outputs: START may be on".into()));
         }
         self.set("abort")?;
-        while self.error().is_some() {}
+        self.forget_errors();
         self.set("mode mdi")?;
         self.mdi("M65 P0")?;
         self.answer("0")?;
@@ -224,10 +249,37 @@ impl LinuxCnc {
         let found = self.answered(longest + RISE + ANSWER, interrupt)?;
         self.is_started = false;
         match [found / 10, found % 10] {
-            [2, 1] => Ok(()),
-            [2, _] => Err(busy(&format!("BUSY of the scan card has not fallen within {} s", longest.as_secs()))),
+            [2, 1] => self.stays_low(longest, interrupt),
+            [2, _] => Err(not_fallen(longest)),
             _ => Err(busy("BUSY of the scan card has not risen within 5 s of START")),
         }
+    }
+
+    /// Waits until BUSY is low and was so some time before: a contact that bounces while it closes is low for a moment.
+    fn stays_low(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
+        let end = Instant::now() + longest;
+        loop {
+            interrupt.wait(BOUNCE)?;
+            if self.input(interrupt)? == 0 {
+                return Ok(());
+            }
+            let left = end.saturating_duration_since(Instant::now()).as_secs_f64().ceil();
+            if left == 0.0 {
+                return Err(not_fallen(longest));
+            }
+            self.mdi(&format!("M66 P0 L4 Q{left}"))?;
+            self.answer("#5399+1")?;
+            if self.answered(Duration::from_secs_f64(left) + ANSWER, interrupt)? == 0 {
+                return Err(not_fallen(longest));
+            }
+        }
+    }
+
+    /// BUSY of the scan card as it is now, 0 or 1.
+    fn input(&mut self, interrupt: &Interrupt) -> Result<u32, Diag> {
+        self.mdi("M66 P0 L0")?;
+        self.answer("#5399")?;
+        self.answered(ANSWER, interrupt)
     }
 }
 
@@ -240,12 +292,17 @@ fn alarm(text: String) -> Diag {
     Diag::limit("run-linuxcnc", text).hint("clear the cause in LinuxCNC: out of emergency stop, on, homed, no error")
 }
 
+fn not_fallen(longest: Duration) -> Diag {
+    busy(&format!("BUSY of the scan card has not fallen within {} s", longest.as_secs()))
+}
+
 fn busy(text: &str) -> Diag {
     Diag::limit("run-busy", text).hint("make sure that the laser is off; check the card and its wires")
 }
 
 impl Stage for LinuxCnc {
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag> {
+        self.interrupt = interrupt.clone();
         let name = self.connect()?;
         if self.keys.identity.as_ref().is_some_and(|wanted| *wanted != name) {
             let wanted = self.keys.identity.as_deref().unwrap_or_default();
@@ -253,8 +310,7 @@ impl Stage for LinuxCnc {
             self.link = None;
             return Err(Diag::limit("run-identity", text).hint("check stage.address; linuxcncrsh -n sets its name"));
         }
-        // Messages of before.
-        while self.error().is_some() {}
+        self.forget_errors();
         self.watch()?;
         let homed = self.get("joint_homed")?;
         // Joints that are not there are listed as not homed; the control itself refuses MDI where one that is there is.
@@ -271,7 +327,7 @@ impl Stage for LinuxCnc {
         self.mdi("G21 G90 G94 G17 G40 G49 G80 G61.1")?;
         self.mdi("M65 P0")?;
         self.answer("0")?;
-        self.answered(ANSWER, &Interrupt::default())?;
+        self.answered(ANSWER, interrupt)?;
         let offset = self.position("pos_offset")?;
         if offset != [0; 6] {
             let text = format!("LinuxCNC has a work offset of {:?} mm", offset.map(|v| v as f64 / 1e6));
@@ -282,6 +338,7 @@ impl Stage for LinuxCnc {
     }
 
     fn go(&mut self, to: &Move, interrupt: &Interrupt) -> Result<(), Diag> {
+        self.interrupt = interrupt.clone();
         let axis = |letter| AXES.iter().position(|&a| a == letter);
         let target: Option<Vec<(usize, i64)>> = to.0.iter().map(|&(l, v)| Some((axis(l)?, v))).collect();
         let target = target.ok_or_else(|| alarm(format!("linuxcncrsh has no axis for {to}")))?;
@@ -294,13 +351,12 @@ impl Stage for LinuxCnc {
     }
 
     fn card_is_idle(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
-        self.mdi("M66 P0 L0")?;
-        self.answer("#5399")?;
-        let is_busy = self.answered(ANSWER, interrupt)? != 0;
-        if is_busy { Err(busy("BUSY of the scan card is on before START")) } else { Ok(()) }
+        self.interrupt = interrupt.clone();
+        if self.input(interrupt)? != 0 { Err(busy("BUSY of the scan card is on before START")) } else { Ok(()) }
     }
 
     fn hand_over(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
+        self.interrupt = interrupt.clone();
         let done = self.exchange(longest, interrupt);
         if done.is_err() {
             let _ = self.halt();
@@ -338,7 +394,6 @@ impl Link {
         for address in address.to_socket_addrs().map_err(said)? {
             match TcpStream::connect_timeout(&address, ANSWER) {
                 Ok(stream) => {
-                    stream.set_read_timeout(Some(ANSWER)).map_err(said)?;
                     stream.set_write_timeout(Some(ANSWER)).map_err(said)?;
                     stream.set_nodelay(true).map_err(said)?;
                     let lines = BufReader::new(stream.try_clone().map_err(said)?);
@@ -351,15 +406,20 @@ impl Link {
     }
 
     /// Names itself and takes control: the server's name, or which password it refuses.
-    fn take_control(&mut self, password: &str, enable: &str) -> Result<Result<String, &'static str>, String> {
-        let hello = self.ask(&format!("hello {password} terrace 1.0"), "HELLO")?;
+    fn take_control(
+        &mut self,
+        password: &str,
+        enable: &str,
+        interrupt: &Interrupt,
+    ) -> Result<Result<String, &'static str>, String> {
+        let hello = self.ask(&format!("hello {password} terrace 1.0"), "HELLO", interrupt)?;
         let Some(server) = hello.strip_prefix("ACK ") else { return Ok(Err("connection")) };
         self.send("set echo off")?;
-        self.set("verbose on")?;
-        if !self.set(&format!("enable {enable}"))? {
+        self.set("verbose on", interrupt)?;
+        if !self.set(&format!("enable {enable}"), interrupt)? {
             return Ok(Err("enable"));
         }
-        self.set("set_wait received")?;
+        self.set("set_wait received", interrupt)?;
         Ok(Ok(server.split(' ').next().unwrap_or_default().to_owned()))
     }
 
@@ -369,12 +429,12 @@ impl Link {
 
     /// The answer that begins with the word; what precedes it is an echo or the rest of a longer message. All of it has
     /// come within [`ANSWER`].
-    fn ask(&mut self, line: &str, word: &str) -> Result<String, String> {
+    fn ask(&mut self, line: &str, word: &str, interrupt: &Interrupt) -> Result<String, String> {
         self.send(line)?;
         let until = Instant::now() + ANSWER;
         for _ in 0..MOST_LINES {
-            let answer =
-                self.line(until)?.ok_or_else(|| format!("no answer to {line:?} within {} s", ANSWER.as_secs()))?;
+            let answer = self.line(until, interrupt)?;
+            let answer = answer.ok_or_else(|| format!("no answer to {line:?} within {} s", ANSWER.as_secs()))?;
             if let Some(rest) = answer.trim().strip_prefix(word) {
                 return Ok(rest.trim().to_owned());
             }
@@ -383,14 +443,15 @@ impl Link {
     }
 
     /// The next line; None where it has not ended by then.
-    fn line(&mut self, until: Instant) -> Result<Option<String>, String> {
+    fn line(&mut self, until: Instant, interrupt: &Interrupt) -> Result<Option<String>, String> {
         let mut bytes = Vec::new();
         loop {
+            interrupt.check().map_err(|d| d.message)?;
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return Ok(None);
             }
-            self.stream.set_read_timeout(Some(left)).map_err(|e| e.to_string())?;
+            self.stream.set_read_timeout(Some(left.min(SLICE))).map_err(|e| e.to_string())?;
             let found = match self.lines.fill_buf() {
                 Ok([]) => return Err("the other side has closed it".into()),
                 Ok(found) => found,
@@ -413,14 +474,14 @@ impl Link {
         }
     }
 
-    fn get(&mut self, what: &str) -> Result<String, String> {
-        self.ask(&format!("get {what}"), &what.to_uppercase())
+    fn get(&mut self, what: &str, interrupt: &Interrupt) -> Result<String, String> {
+        self.ask(&format!("get {what}"), &what.to_uppercase(), interrupt)
     }
 
     /// Whether it was taken.
-    fn set(&mut self, what: &str) -> Result<bool, String> {
+    fn set(&mut self, what: &str, interrupt: &Interrupt) -> Result<bool, String> {
         let word = what.split(' ').next().unwrap_or_default().to_uppercase();
-        let answer = self.ask(&format!("set {what}"), &format!("SET {word} "))?;
+        let answer = self.ask(&format!("set {what}"), &format!("SET {word} "), interrupt)?;
         Ok(answer == "ACK")
     }
 }

@@ -21,7 +21,7 @@ impl Manual {
 }
 
 impl Stage for Manual {
-    fn open(&mut self) -> Result<String, Diag> {
+    fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
         Ok("a person moves the stage".into())
     }
 

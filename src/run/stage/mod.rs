@@ -39,8 +39,8 @@ pub trait Stage {
     /// the control says that it is, for the log.
     ///
     /// # Errors
-    /// Where there is no answer, or the control is not ready or not the one that the run file names.
-    fn open(&mut self) -> Result<String, Diag>;
+    /// Where there is no answer, the control is not ready or not the one that the run file names, or the run is aborted.
+    fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag>;
 
     /// Moves, and returns when the stage stands at the target.
     ///
@@ -48,7 +48,7 @@ pub trait Stage {
     /// Where the control reports an alarm or does not answer, or the run is aborted; the stage is then halted.
     fn go(&mut self, to: &Move, interrupt: &Interrupt) -> Result<(), Diag>;
 
-    /// Says which block the next moves go to, for those who are asked to move.
+    /// Says which block the next moves go to, for those who are asked to move; empty where they go to none.
     fn heads_for(&mut self, block: &str) {
         let _ = block;
     }

@@ -15,7 +15,7 @@ const STEPPED: [&str; 15] = [
     "terrace: registration points and frames of the outline, absolute, mm",
     "machine: \"*\"",
     "positions are machine positions: any offset of G54, G92 or rotation ends the program",
-    "positions are machine positions: the offsets of G54 must be 0",
+    "positions are from the zero of G54, which must be the zero of the table frame",
     "digital output 0 is START to the scan card, digital input 0 is its BUSY",
     "BUSY is high while the card marks: an inverted one ends the program at the first block",
     "BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off",

@@ -62,6 +62,8 @@ pub(in crate::verify) struct Sheet {
     pub(in crate::verify) laid: Option<[f64; 3]>,
     /// How many set-ups its head says that there are, where it is more than one.
     pub(in crate::verify) setups_stated: Option<usize>,
+    /// Which zero the positions of the stage are from.
+    pub(in crate::verify) stage_zero: String,
     /// The turn of the part, degrees.
     pub(in crate::verify) turn: Option<f64>,
     /// Cells of each pen: number, speed, power, frequency, passes, name.
@@ -157,6 +159,10 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
             ("", ["part", "zero", count, "set-ups,", "each", "with", "its", "own:", "see", "SET-UPS"]) => {
                 once(out.setups_stated.is_none())?;
                 out.setups_stated = count.parse().ok();
+            }
+            ("", ["zero", stage_zero @ ..]) => {
+                once(out.stage_zero.is_empty())?;
+                out.stage_zero = stage_zero.join(" ");
             }
             ("", ["part", "turn", turn, "deg", "about", "z"]) => {
                 once(out.turn.is_none())?;

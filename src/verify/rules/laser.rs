@@ -25,6 +25,9 @@ const MILLISECOND: f64 = 1e-3;
 const BEFORE_START: f64 = 2.0;
 const FOR_RISE: f64 = 5.0;
 
+/// The dwell after which BUSY must be low once more, s.
+const BOUNCE: f64 = 0.05;
+
 /// Longest wait for the end of a block, s: of its estimate twice that, rounded up, and this.
 const FOR_END: f64 = 10.0;
 
@@ -210,7 +213,18 @@ impl<'a> Run<'a> {
             }
         };
         let estimate = self.estimates.get(self.block).copied().unwrap_or_default();
-        self.wait(i, false, [estimate, (2.0 * estimate + FOR_END).ceil()], line)
+        let times = [estimate, (2.0 * estimate + FOR_END).ceil()];
+        let i = self.wait(i, false, times, line);
+        // A contact that bounces while it closes is low for a moment.
+        match self.stage.statements.get(i).map(|s| &s.step) {
+            Some(Step::Dwell(seconds)) if (BOUNCE..=BOUNCE + MILLISECOND).contains(seconds) => {
+                self.wait(i + 1, false, times, line)
+            }
+            _ => {
+                self.broken(line, "BUSY is not asked again after a dwell");
+                i
+            }
+        }
     }
 
     /// A wait for BUSY of so many seconds, at least and at most, and the test that stops the program when it ran out of

@@ -231,6 +231,7 @@ impl Sheets<'_> {
             "its part zero differs from program.txt",
         );
         hold(sheet.setups_stated.unwrap_or(1) == origins.len(), "its number of set-ups differs from program.txt");
+        hold(sheet.stage_zero == stage_zero(self.manifest), "it names another zero than the stage programs have");
         let turn = self.manifest.placement.turn_deg;
         hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn differs from the manifest");
         let laid = self.facts.laid_deg;
@@ -336,6 +337,21 @@ fn runs(file: &ProgramFile, setup: usize) -> String {
         last = Some(i);
     }
     out.iter().map(|[from, to]| format!("{from} to {to}")).collect::<Vec<_>>().join(", ")
+}
+
+/// The zero of the stage as an operator sets it: with LinuxCNC no offset is left, so it is the machine's; the other dialect
+/// runs in G54.
+fn stage_zero(manifest: &Manifest) -> String {
+    let zeros = [
+        ("stage.ngc", "; in stage.ngc that is the machine's zero"),
+        ("stage_m0.nc", "; in stage_m0.nc it is the zero of G54"),
+    ];
+    let held: String = zeros
+        .iter()
+        .filter(|(name, _)| manifest.files.iter().any(|f| f.file == *name))
+        .map(|(_, zero)| *zero)
+        .collect();
+    format!("X Y Z of the stage are from the zero of the table frame{held}")
 }
 
 /// The lift of a row of `runsheet.csv`; the other sheet has lines for it.

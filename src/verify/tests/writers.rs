@@ -116,7 +116,8 @@ impl Sheets<'_> {
         let [x, y, z] = self.origin.mm();
         let mut t = format!(
             "size       0 x 0 x 0 mm as it is laid\nmachine    {}\npart zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table \
-             frame\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n",
+             frame\nzero  X Y Z of the stage are from the zero of the table frame; in stage.ngc that is the machine's zero; \
+             in stage_m0.nc it is the zero of G54\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n",
             self.machine.name
         );
         for (i, p) in self.program.pens.iter().enumerate() {

@@ -2,9 +2,11 @@
 
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod card;
 pub mod chromium;
 pub mod fleet;
 pub mod image;
+pub mod lightburn;
 pub mod linuxcncrsh;
 pub mod malformed;
 pub mod nurbs;

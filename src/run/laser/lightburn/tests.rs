@@ -44,7 +44,7 @@ impl Responder {
         // Any free port for the answers; the responder answers to where a request comes from.
         let mut laser = LightBurn::new(Some("127.0.0.1".into()), folder.map(Into::into), Some(self.port), Some(0));
         let ms = Duration::from_millis;
-        laser.waits = Waits { answer: ms(60), load: ms(60), silence: ms(300), begin: ms(500) };
+        laser.waits = Waits { answer: ms(60), load: ms(60), silence: ms(300), begin: ms(500), agree: ms(5000) };
         laser
     }
 
@@ -111,7 +111,7 @@ fn mark(laser: &mut LightBurn, interrupt: &Interrupt) -> Result<(), Diag> {
 fn run(faults: Faults) -> (Responder, Duration, Result<(), Diag>, Result<(), Diag>) {
     let responder = Responder::start(faults);
     let mut laser = responder.driver(None);
-    laser.open().expect("it answers");
+    laser.open(&Interrupt::default()).expect("it answers");
     let begin = Instant::now();
     let marked = mark(&mut laser, &Interrupt::default());
     let time = begin.elapsed();
@@ -191,7 +191,7 @@ fn a_refusal_of_start_that_comes_late_is_not_taken_for_busy() {
     });
     let (_log, received) = channel();
     let mut laser = Responder { port, received: Mutex::new(received) }.driver(None);
-    laser.open().expect("it answers");
+    laser.open(&Interrupt::default()).expect("it answers");
     let e = mark(&mut laser, &Interrupt::default()).expect_err("nothing was marked");
     assert_eq!(e.code, "lightburn-unseen", "{e}");
 }
@@ -222,7 +222,7 @@ fn a_late_answer_is_not_taken_for_that_of_a_load_that_fails() {
     });
     let responder = Responder { port, received: Mutex::new(received) };
     let mut laser = responder.driver(None);
-    laser.open().expect("it answers");
+    laser.open(&Interrupt::default()).expect("it answers");
     assert_eq!(mark(&mut laser, &Interrupt::default()).expect_err("not loaded").code, "lightburn-load");
     assert!(!responder.received().contains(&"START".to_owned()), "another file would be marked");
 }
@@ -232,23 +232,29 @@ fn block_that_does_not_end_times_out_and_an_abort_says_that_the_beam_may_be_on()
     // Busy for as long as the test runs.
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let port = socket.local_addr().expect("bound").port();
+    let (tell, started) = channel();
     std::thread::spawn(move || {
         let (mut buffer, mut is_busy) = ([0; 512], false);
         while let Ok((count, from)) = socket.recv_from(&mut buffer) {
-            is_busy |= &buffer[..count] == b"START";
+            if &buffer[..count] == b"START" {
+                is_busy = true;
+                let _ = tell.send(());
+            }
             let is_status = &buffer[..count] == b"STATUS";
             let _ = socket.send_to(if is_status && is_busy { b"!" } else { b"OK" }, from);
         }
     });
     let (_log, received) = channel();
     let mut laser = Responder { port, received: Mutex::new(received) }.driver(None);
-    laser.open().expect("it answers");
+    laser.open(&Interrupt::default()).expect("it answers");
     let interrupt = Interrupt::default();
+    let asked = interrupt.clone();
     let e = std::thread::scope(|scope| {
-        scope.spawn(|| {
+        scope.spawn(move || {
+            started.recv().expect("it is started");
             std::thread::sleep(Duration::from_millis(60));
-            interrupt.request();
-            interrupt.request();
+            asked.request();
+            asked.request();
         });
         mark(&mut laser, &interrupt).expect_err("aborted")
     });
@@ -256,8 +262,7 @@ fn block_that_does_not_end_times_out_and_an_abort_says_that_the_beam_may_be_on()
     let e = laser.off().expect_err("busy");
     assert!(e.code == "lightburn-off" && e.hint.contains("stop it in LightBurn"), "{e}");
     assert_eq!(mark(&mut laser, &Interrupt::default()).expect_err("busy").code, "lightburn-busy");
-    // The time-out of a block is 10 s at least.
-    assert_eq!(laser.reaches(&Answer::Ok, Duration::from_millis(50), &Interrupt::default()), Ok(false));
+    assert_eq!(laser.is_free(&Interrupt::default()), Ok(false));
 }
 
 #[test]
@@ -273,17 +278,17 @@ fn answers_come_to_their_own_port_and_from_any_port_of_the_host() {
         }
     });
     let mut laser = LightBurn::new(Some("127.0.0.1".into()), None, Some(port), Some(free));
-    assert_eq!(laser.open(), Ok(format!("LightBurn at 127.0.0.1:{port}, idle")));
-    let second = LightBurn::new(Some("127.0.0.1".into()), None, Some(port), Some(free)).open();
+    assert_eq!(laser.open(&Interrupt::default()), Ok(format!("LightBurn at 127.0.0.1:{port}, idle")));
+    let second = LightBurn::new(Some("127.0.0.1".into()), None, Some(port), Some(free)).open(&Interrupt::default());
     assert_eq!(second.expect_err("the port is taken").code, "lightburn-port");
 }
 
 #[test]
 fn lightburn_that_is_not_there_is_told_at_once() {
     let responder = Responder::start(Faults { silent_from: Some("PING"), ..Faults::default() });
-    assert_eq!(responder.driver(None).open().expect_err("silent").code, "lightburn-answer");
+    assert_eq!(responder.driver(None).open(&Interrupt::default()).expect_err("silent").code, "lightburn-answer");
     let mut laser = LightBurn::new(Some("no host".into()), None, None, Some(0));
-    assert_eq!(laser.open().expect_err("no such name").code, "lightburn-address");
+    assert_eq!(laser.open(&Interrupt::default()).expect_err("no such name").code, "lightburn-address");
     assert_eq!(laser.off(), Ok(()));
 }
 
@@ -297,4 +302,140 @@ fn files_are_named_as_the_other_computer_sees_them() {
     assert_eq!(path("/mnt/a.job/"), "/mnt/a.job/blocks/B0001.lbrn2");
     let here = LightBurn::new(None, None, None, None).path_there(Path::new("blocks/B0001.lbrn2"));
     assert!(Path::new(&here).is_absolute() && here.ends_with("B0001.lbrn2"), "{here}");
+}
+
+/// A LightBurn that answers each command as `answer` says, with what it is to send besides: texts, each so many ms later,
+/// from its own port or another's.
+fn scripted(answer: impl Fn(&str) -> (&'static str, Vec<(u64, &'static str, bool)>) + Send + 'static) -> Responder {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let other = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let port = socket.local_addr().expect("bound").port();
+    let (log, received) = channel();
+    std::thread::spawn(move || {
+        let mut buffer = [0; 512];
+        while let Ok((count, from)) = socket.recv_from(&mut buffer) {
+            let command = String::from_utf8_lossy(&buffer[..count]).into_owned();
+            let (text, more) = answer(command.split(':').next().unwrap_or_default());
+            let _ = log.send(command);
+            let _ = socket.send_to(text.as_bytes(), from);
+            for (ms, text, is_other) in more {
+                let socket = if is_other { &other } else { &socket }.try_clone().expect("a socket");
+                std::thread::spawn(move || {
+                    std::thread::sleep(Duration::from_millis(ms));
+                    socket.send_to(text.as_bytes(), from)
+                });
+            }
+        }
+    });
+    Responder { port, received: Mutex::new(received) }
+}
+
+/// One that marks from so many ms after START, for so long, with what it sends besides.
+fn marks_after(ms: u64, marking: Duration, more: Vec<(u64, &'static str, bool)>) -> Responder {
+    let begun = Mutex::new(None::<Instant>);
+    scripted(move |command| {
+        let mut begun = begun.lock().expect("one thread");
+        let delay = Duration::from_millis(ms);
+        let is_busy = begun.is_some_and(|at| (delay..delay + marking).contains(&at.elapsed()));
+        match command {
+            "START" => {
+                *begun = Some(Instant::now());
+                ("OK", more.clone())
+            }
+            "STATUS" if is_busy => ("!", vec![]),
+            _ => ("OK", vec![]),
+        }
+    })
+}
+
+#[test]
+fn up_to_three_surplus_answers_never_end_a_block() {
+    std::thread::scope(|scope| {
+        for count in 0..=SURPLUS {
+            for (spacing, is_other) in [(1, false), (30, false), (30, true), (45, true)] {
+                scope.spawn(move || {
+                    let more = (0..count as u64).map(|i| (20 + spacing * i, "OK", is_other)).collect();
+                    let mut laser = marks_after(0, MARKING, more).driver(None);
+                    laser.open(&Interrupt::default()).expect("it answers");
+                    let begin = Instant::now();
+                    let marked = mark(&mut laser, &Interrupt::default());
+                    // It was marked for all of its time, or nobody claims that it is.
+                    assert!(marked.is_err() || begin.elapsed() >= MARKING, "{count} {spacing}: {marked:?}");
+                    assert!(marked.is_ok() || count > 0, "{marked:?}");
+                });
+            }
+        }
+    });
+}
+
+#[test]
+fn up_to_three_busy_answers_of_others_are_no_beginning_of_a_block() {
+    // It begins 400 ms after START: what comes before is not it.
+    let mut laser = marks_after(400, MARKING, (0..3).map(|i| (10 + 20 * i, "!", true)).collect()).driver(None);
+    laser.open(&Interrupt::default()).expect("it answers");
+    laser.waits.begin = Duration::from_secs(2);
+    let begin = Instant::now();
+    assert_eq!(mark(&mut laser, &Interrupt::default()), Ok(()));
+    assert!(begin.elapsed() >= Duration::from_millis(400) + MARKING, "{:?}", begin.elapsed());
+}
+
+#[test]
+fn surplus_answers_never_stand_for_a_load() {
+    // The load fails, 40 ms after it was asked for; before that others say that it is done.
+    for count in 1..=SURPLUS as u64 {
+        let responder = scripted(move |command| match command {
+            "FORCELOAD" => {
+                std::thread::sleep(Duration::from_millis(40));
+                ("!", vec![])
+            }
+            _ => ("OK", vec![]),
+        });
+        let mut laser = responder.driver(None);
+        laser.open(&Interrupt::default()).expect("it answers");
+        let port = laser.link.as_ref().expect("open").socket.local_addr().expect("bound").port();
+        let done = std::sync::atomic::AtomicBool::new(false);
+        let loaded = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                // Whenever they come.
+                let other = UdpSocket::bind("127.0.0.1:0").expect("a port");
+                while !done.load(std::sync::atomic::Ordering::SeqCst) {
+                    for _ in 0..count {
+                        let _ = other.send_to(b"OK", ("127.0.0.1", port));
+                        std::thread::sleep(Duration::from_millis(3));
+                    }
+                    std::thread::sleep(Duration::from_millis(300));
+                }
+            });
+            let loaded = laser.load(&work(Duration::ZERO), &Interrupt::default());
+            done.store(true, std::sync::atomic::Ordering::SeqCst);
+            loaded
+        });
+        assert_eq!(loaded.expect_err("it was not loaded").code, "lightburn-load");
+    }
+}
+
+#[test]
+fn lightburn_that_somebody_else_starts_is_not_free() {
+    let responder = marks_after(0, Duration::from_secs(3), vec![]);
+    let mut laser = responder.driver(None);
+    laser.open(&Interrupt::default()).expect("it answers");
+    assert_eq!(laser.is_free(&Interrupt::default()), Ok(true));
+    // Somebody else starts it.
+    let other = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let _ = other.send_to(b"START", ("127.0.0.1", responder.port));
+    std::thread::sleep(Duration::from_millis(10));
+    assert_eq!(laser.is_free(&Interrupt::default()), Ok(false));
+}
+
+#[test]
+fn answers_without_end_are_told() {
+    let number = std::sync::atomic::AtomicUsize::new(0);
+    let mut laser = scripted(move |command| match command {
+        "STATUS" if number.fetch_add(1, std::sync::atomic::Ordering::SeqCst) % 2 == 0 => ("!", vec![]),
+        _ => ("OK", vec![]),
+    })
+    .driver(None);
+    laser.waits.agree = Duration::from_millis(300);
+    let e = laser.open(&Interrupt::default()).expect_err("they contradict each other");
+    assert!(e.code == "lightburn-answer" && e.message.contains("contradict"), "{e}");
 }

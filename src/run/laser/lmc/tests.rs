@@ -150,7 +150,7 @@ fn words_are_those_of_galvoplotter_for_opening_marking_pilot_and_abort() {
         // One packet; and four, of which the last begins after the start.
         let blocks = [3, 450].map(|strokes| file(&list(strokes)));
         let (mut orders, mut sent) = (vec!["open".to_owned()], Vec::new());
-        lmc.open().expect("open");
+        lmc.open(&Interrupt::default()).expect("open");
         sent.push(written(&card));
         for block in &blocks {
             for (order, beam) in [("mark", Beam::Fire), ("light", Beam::Pilot)] {
@@ -185,7 +185,7 @@ fn field_correction_is_sent_as_galvoplotter_sends_it() {
         std::fs::write(&path, content).expect("written");
         let (mut lmc, card) = driver(Card::default(), LmcLaser::Fiber);
         lmc.correction = Some(path.clone());
-        (format!("open={}", path.display()), lmc.open(), written(&card))
+        (format!("open={}", path.display()), lmc.open(&Interrupt::default()), written(&card))
     };
     let [double, integer] = [(&bytes, "a.cor"), (&whole, "b.cor")].map(|(content, name)| opened(content, name));
     let wanted = of_galvoplotter("fiber", &[double.0, integer.0]);
@@ -201,7 +201,7 @@ fn field_correction_is_sent_as_galvoplotter_sends_it() {
 fn packets_wait_until_the_card_is_ready() {
     // The stand-in refuses a packet before that.
     let (mut lmc, card) = driver(Card { length: 30, full: 5, ..Card::default() }, LmcLaser::Fiber);
-    lmc.open().expect("open");
+    lmc.open(&Interrupt::default()).expect("open");
     assert_eq!(mark(&mut lmc, &file(&list(450)).work, Beam::Fire), Ok(()));
     let card = card.lock().expect("one test");
     assert_eq!((card.packets, card.busy), (4, 0));
@@ -210,7 +210,7 @@ fn packets_wait_until_the_card_is_ready() {
 #[test]
 fn card_that_was_never_busy_has_not_marked() {
     let (mut lmc, card) = driver(Card { length: 0, ..Card::default() }, LmcLaser::Fiber);
-    lmc.open().expect("open");
+    lmc.open(&Interrupt::default()).expect("open");
     let e = mark(&mut lmc, &file(&list(3)).work, Beam::Fire).expect_err("never busy");
     assert!(e.code == "lmc-unseen" && e.message.contains("is not certain") && !e.hint.is_empty(), "{e}");
     let last = written(&card).pop().unwrap_or_default();
@@ -222,7 +222,7 @@ fn a_list_that_does_not_end_and_an_abort_stop_the_card() {
     let interrupt = Interrupt::default();
     for (is_deaf, certain) in [(false, "the card was stopped and its laser is off"), (true, "could not be stopped")] {
         let (mut lmc, card) = driver(Card { length: usize::MAX, is_deaf, ..Card::default() }, LmcLaser::Fiber);
-        lmc.open().expect("open");
+        lmc.open(&Interrupt::default()).expect("open");
         let block = list(3);
         let commands = List::read(&block, Path::new("B0007.lmc")).expect("a list");
         let e = lmc.run(&commands, Beam::Fire, Duration::from_millis(40), &interrupt).expect_err("too long");
@@ -233,7 +233,7 @@ fn a_list_that_does_not_end_and_an_abort_stop_the_card() {
         assert_eq!(lmc.off().is_err(), is_deaf);
     }
     let (mut lmc, card) = driver(Card { length: usize::MAX, ..Card::default() }, LmcLaser::Fiber);
-    lmc.open().expect("open");
+    lmc.open(&Interrupt::default()).expect("open");
     let e = std::thread::scope(|scope| {
         scope.spawn(|| {
             std::thread::sleep(Duration::from_millis(30));
@@ -250,14 +250,14 @@ fn a_list_that_does_not_end_and_an_abort_stop_the_card() {
 fn a_broken_connection_says_what_is_certain_at_every_write() {
     let block = file(&list(450));
     let (mut lmc, card) = driver(Card { length: 4, ..Card::default() }, LmcLaser::Fiber);
-    lmc.open().expect("open");
+    lmc.open(&Interrupt::default()).expect("open");
     let opened = card.lock().expect("one test").written.len();
     mark(&mut lmc, &block.work, Beam::Fire).expect("marked");
     let all = card.lock().expect("one test").written.len();
     let mut seen = [0, 0];
     for n in opened..all {
         let (mut lmc, card) = driver(Card { length: 4, fails_after: Some(n), ..Card::default() }, LmcLaser::Fiber);
-        lmc.open().expect("open");
+        lmc.open(&Interrupt::default()).expect("open");
         let e = mark(&mut lmc, &block.work, Beam::Fire).expect_err("broken");
         assert!(e.code == "lmc-link" && e.message.contains("the beam may be on"), "{n}: {e}");
         let was_started = card.lock().expect("one test").written.iter().any(|p| p[..2] == EXECUTE_LIST.to_le_bytes());
@@ -273,7 +273,7 @@ fn a_broken_connection_says_what_is_certain_at_every_write() {
 #[test]
 fn lists_that_terrace_does_not_write_are_refused_before_anything_is_sent() {
     let (mut lmc, card) = driver(Card { length: 4, ..Card::default() }, LmcLaser::Fiber);
-    lmc.open().expect("open");
+    lmc.open(&Interrupt::default()).expect("open");
     written(&card);
     let whole = list(3);
     let changed = |at: usize, word: u16| {
@@ -315,9 +315,9 @@ fn pilot_list_holds_nothing_of_the_laser_and_waits_as_long_as_it_takes() {
 #[test]
 fn busy_card_is_not_taken_over_and_no_card_is_told() {
     let (mut lmc, card) = driver(Card { busy: 100, ..Card::default() }, LmcLaser::Fiber);
-    assert_eq!(lmc.open().expect_err("busy").code, "lmc-busy");
+    assert_eq!(lmc.open(&Interrupt::default()).expect_err("busy").code, "lmc-busy");
     assert!(written(&card).len() == 1, "nothing but the request for its number");
     let mut lmc = Lmc::new(Some("no such card".into()), None, LmcLaser::Fiber);
-    assert_eq!(lmc.open().expect_err("no card").code, "lmc-usb");
+    assert_eq!(lmc.open(&Interrupt::default()).expect_err("no card").code, "lmc-usb");
     assert_eq!(lmc.off(), Ok(()));
 }

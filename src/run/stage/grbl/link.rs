@@ -66,7 +66,7 @@ impl Link {
         self.unanswered.clear();
     }
 
-    /// The next line of GRBL; None where there is none until then.
+    /// The next line of GRBL; None where there is none until then, though bytes without an end may come.
     pub(super) fn next(&mut self, until: Instant) -> Result<Option<Reply>, Diag> {
         loop {
             if let Some(reply) = self.replies.pop_front() {
@@ -77,19 +77,20 @@ impl Link {
                 }
                 return Ok(Some(reply));
             }
-            if !self.read()? && Instant::now() >= until {
+            self.read()?;
+            if self.replies.is_empty() && Instant::now() >= until {
                 return Ok(None);
             }
         }
     }
 
-    /// Takes in what has come; whether anything has.
-    fn read(&mut self) -> Result<bool, Diag> {
+    /// Takes in what has come.
+    fn read(&mut self) -> Result<(), Diag> {
         let mut buffer = [0; 256];
         let count = match self.port.read(&mut buffer) {
             Ok(0) => return Err(broken("the port was closed")),
             Ok(count) => count,
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => return Ok(false),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => return Ok(()),
             Err(e) => return Err(broken(&e.to_string())),
         };
         for byte in &buffer[..count] {
@@ -103,7 +104,7 @@ impl Link {
                 self.rest.push(*byte);
             }
         }
-        Ok(true)
+        Ok(())
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), Diag> {

@@ -68,7 +68,7 @@ impl Simulator {
 
     fn opened(&self) -> Grbl {
         let mut grbl = self.driver();
-        grbl.open().expect("it is ready");
+        grbl.open(&Interrupt::default()).expect("it is ready");
         grbl
     }
 
@@ -101,7 +101,7 @@ fn go(grbl: &mut Grbl, words: &[(char, i64)]) -> Result<(), Diag> {
 fn moves_arrive_and_lines_are_those_of_the_stage_program() {
     let simulator = Simulator::start(&[]);
     let mut grbl = simulator.driver();
-    let opened = grbl.open().expect("it is ready");
+    let opened = grbl.open(&Interrupt::default()).expect("it is ready");
     assert!(opened.contains("VER:1.1h.20190825:stage 7") && opened.ends_with("X300.000 Y300.000 Z200.000"), "{opened}");
     go(&mut grbl, &[('Z', 150_000_000)]).expect("there");
     go(&mut grbl, &[('X', 250_001_000), ('Y', 280_123_457)]).expect("there");
@@ -169,23 +169,23 @@ fn a_control_that_is_not_ready_or_another_one_is_refused() {
         (["--g92", "1,0,0"], "grbl-zero"),
         (["--fault", "silent@0"], "grbl-answer"),
     ] {
-        let e = Simulator::start(&arguments).driver().open().expect_err(code);
+        let e = Simulator::start(&arguments).driver().open(&Interrupt::default()).expect_err(code);
         assert_eq!(e.code, code, "{arguments:?}: {e}");
     }
     let simulator = Simulator::start(&[]);
     let mut other = simulator.driver();
     other.identity = Some("stage 8".into());
-    assert_eq!(other.open().expect_err("another stage").code, "grbl-identity");
+    assert_eq!(other.open(&Interrupt::default()).expect_err("another stage").code, "grbl-identity");
     drop(other);
     for [wrong, right] in [["$22=0", "$22=1"], ["$13=1", "$13=0"], ["$110=0", "$110=60000"]] {
         simulator.set(wrong);
-        let e = simulator.driver().open().expect_err(wrong);
+        let e = simulator.driver().open(&Interrupt::default()).expect_err(wrong);
         assert_eq!(e.code, "grbl-setting", "{wrong}: {e}");
         simulator.set(right);
     }
     simulator.opened();
     assert!(!simulator.log().iter().any(|l| l.starts_with("line G0") || l.starts_with("at ")), "it never moves");
-    let e = Grbl::new("/dev/no-such-port", None, None).open().expect_err("no port");
+    let e = Grbl::new("/dev/no-such-port", None, None).open(&Interrupt::default()).expect_err("no port");
     assert_eq!(e.code, "grbl-port");
 }
 
@@ -256,4 +256,29 @@ fn simulator_ends_when_its_receive_buffer_is_overrun() {
     // The end of its input would end it as well.
     let _input = process.0.stdin.take();
     assert_eq!(process.0.wait().expect("it ends").code(), Some(3));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_port_that_never_ends_a_line_or_says_nothing_of_use_is_left() {
+    use serialport::{SerialPort, TTYPort};
+    for bytes in [&[b'A'; 200][..], &b"junk\r\n".repeat(30)] {
+        let (mut master, slave) = TTYPort::pair().expect("a terminal");
+        let port = slave.name().expect("a name");
+        drop(slave);
+        let is_done = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_done.load(std::sync::atomic::Ordering::SeqCst) {
+                    let _ = master.write(bytes);
+                }
+            });
+            let mut grbl = Grbl::new(port, None, None);
+            let ms = Duration::from_millis;
+            grbl.waits = Waits { repeat: ms(100), boot: ms(300), answer: ms(300), ..WAITS };
+            let e = grbl.open(&Interrupt::default()).expect_err("no GRBL");
+            is_done.store(true, std::sync::atomic::Ordering::SeqCst);
+            assert_eq!(e.code, "grbl-answer", "{e}");
+        });
+    }
 }
