@@ -1,14 +1,13 @@
 //! `terrace run`: Ctrl-C, the bar, the person's answers, the outcome.
 
 use std::io::{BufRead, IsTerminal};
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
 use super::args::{Args, RunArgs};
-use super::{eprintln_all, print, show};
+use super::{eprintln_all, named, print, show, tell};
 use crate::diag::{Diag, Error};
 use crate::run::journal::Settled;
 use crate::run::laser::Beam;
@@ -16,6 +15,7 @@ use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
 
 /// Runs a job and says what has become of it.
 pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
+    named::job_folder(&asked.folder)?;
     let interrupt = Arc::new(Interrupt::default());
     let told = Arc::clone(&interrupt);
     let heard = ctrlc::set_handler(move || {
@@ -32,10 +32,9 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     let outcome = run::run(&order(asked), &shared, &interrupt);
     console.bar.finish();
     let outcome = outcome?;
-    print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, &asked.folder) })?;
+    print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, asked) })?;
     let Some(stop) = &outcome.stop else { return Ok(0) };
-    let color = std::io::stderr().is_terminal();
-    stop.diags().iter().for_each(|d| eprintln_all(&d.render(color)));
+    stop.diags().iter().for_each(|d| tell(args, d));
     Ok(1)
 }
 
@@ -57,7 +56,7 @@ fn order(asked: &RunArgs) -> Order<'_> {
     }
 }
 
-fn text(outcome: &Outcome, folder: &Path) -> String {
+fn text(outcome: &Outcome, asked: &RunArgs) -> String {
     let Outcome { armed, frames, blocks, marked, finished, part, .. } = outcome;
     match armed {
         _ if *frames => format!("frames         {marked} of {blocks} shown\n"),
@@ -65,9 +64,10 @@ fn text(outcome: &Outcome, folder: &Path) -> String {
         true => format!("marked         {marked} blocks, {finished} of {blocks} done\n"),
         false if outcome.stop.is_some() => format!("dry run        {marked} of {blocks} blocks, nothing marked\n"),
         false => format!(
-            "dry run        {marked} of {blocks} blocks, nothing marked\nthen run       terrace run {} with --arm to \
+            "dry run        {marked} of {blocks} blocks, nothing marked\nthen run       terrace run {} --with {} --arm to \
              mark\n",
-            folder.display()
+            show::shown(&asked.folder),
+            show::shown(&asked.with)
         ),
     }
 }
