@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
 
-use super::{Diag, Place};
+use super::{Diag, Place, edits};
 
 /// A table that a kind of file may have.
 #[derive(Clone, Copy, Debug)]
@@ -44,10 +44,23 @@ pub fn table_faults(path: &Path, source: &Arc<str>, what: &str, tables: &[TableK
     for key in tables {
         let (heading, Some(found)) = (key.heading(), key.found(root.get_ref())) else { continue };
         let Some(value) = found else {
-            faults.extend(key.needed.map(|hint| {
-                let text = format!("the {what} has no {heading}");
-                Diag::input("toml", text).at(Place::file(file.clone())).hint(hint)
-            }));
+            let Some(hint) = key.needed else { continue };
+            // A slip of the name is told where it stands.
+            let is_slip = |name: &str| {
+                edits(name, key.name) <= 2 && !tables.iter().any(|known| known.name.split('.').next() == Some(name))
+            };
+            let slip = root.get_ref().iter().find(|(name, _)| is_slip(name.get_ref()));
+            faults.push(match slip {
+                Some((name, value)) => {
+                    let place = Place::Text { path: file.clone(), source: source.clone(), span: value.span() };
+                    let text = format!("a {what} has no {}", name.get_ref());
+                    Diag::input("toml", text).at(place).hint(format!("did you mean {heading}?"))
+                }
+                None => {
+                    let text = format!("the {what} has no {heading}");
+                    Diag::input("toml", text).at(Place::file(file.clone())).hint(hint)
+                }
+            });
             continue;
         };
         let text = match (value.get_ref(), key.is_list) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::early;
 use super::plausible;
 use super::space_curves;
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, Kind};
 use crate::geom::{Box2, BoxMm, P2, cos_sin};
 use crate::job::{Job, Mode};
 use crate::machine::Machine;
@@ -89,17 +89,27 @@ impl Inputs {
         };
         let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
-        let faults = match purpose {
-            Purpose::Write => early::faults(job, &machine),
-            Purpose::Measure => early::pens(job, &machine),
-        };
-        if !faults.is_empty() {
-            return Err(Error::many(faults).after(job.warnings.clone()));
-        }
         let mut warnings = job.warnings.clone();
         let unused = machine.unused().into_iter();
         warnings.extend(unused.map(|(key, warning)| warning.at(job.place_in_machine(&key))));
-        warnings.extend(job.plausible(&machine)?);
+        let mut faults = match purpose {
+            Purpose::Write => early::faults(job, &machine),
+            Purpose::Measure => early::pens(job, &machine),
+        };
+        match job.plausible(&machine) {
+            Ok(odd) => warnings.extend(odd),
+            Err(e) => {
+                // A depth range that the optics make implausible is told once.
+                faults.retain(|fault| fault.code != "depth-small");
+                let (odd, implausible): (Vec<Diag>, Vec<Diag>) =
+                    e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
+                warnings.extend(odd);
+                faults.extend(implausible);
+            }
+        }
+        if !faults.is_empty() {
+            return Err(Error::many(faults).after(warnings));
+        }
         // Warnings before an error often show its cause.
         match Self::read(job, purpose, surface, &machine, &mut warnings, each, task) {
             Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),

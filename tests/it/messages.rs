@@ -101,6 +101,10 @@ fn tables_that_are_missing_are_told_all_at_once() {
         assert_eq!(*message, format!("the job file has no {head}"));
         assert!(hint.starts_with(help), "{hint}");
     }
+    let found = of_job("[[pen]]", "[[pens]]");
+    assert_eq!(found, [["a job file has no pens", "did you mean [[pen]]?"]]);
+    let found = of_job("[focus]", "[fokus]");
+    assert_eq!(found, [["a job file has no fokus", "did you mean [focus]?"]]);
     let found = without(&["[[pen]]", "[focus]"]);
     assert_eq!(found.len(), 2, "{found:?}");
 }
