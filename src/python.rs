@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::diag::shell_word;
+
 /// The Python programs that may have a package, in the order in which they are tried: the one that `TERRACE_PYTHON`
 /// names alone, else that of the program's own environment and those on the path.
 pub(crate) fn interpreters() -> Vec<OsString> {
@@ -30,9 +32,10 @@ pub(crate) fn install_line(package: &str) -> String {
     let folder = environment().unwrap_or_else(|| PathBuf::from("terrace-python"));
     if cfg!(windows) {
         // Both of its shells run this.
-        let folder = folder.display();
-        return format!("cmd /c \"py -m venv {folder} && {folder}\\Scripts\\pip install {package}\"");
+        let [folder, pip] =
+            [folder.clone(), folder.join(r"Scripts\pip")].map(|path| shell_word(&path.display().to_string()));
+        return format!("cmd /c \"py -m venv {folder} && {pip} install {package}\"");
     }
-    let folder = folder.display();
-    format!("python3 -m venv '{folder}' && '{folder}/bin/pip' install {package}")
+    let [folder, pip] = [folder.clone(), folder.join("bin/pip")].map(|path| shell_word(&path.display().to_string()));
+    format!("python3 -m venv {folder} && {pip} install {package}")
 }

@@ -55,7 +55,8 @@ impl Choice {
 /// `resume-done` with the line.
 pub fn listed(path: &Path) -> Result<BTreeSet<BlockId>, Error> {
     let bytes = diag::read_file(path, 64 << 20)?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = diag::utf8(bytes)
+        .map_err(|e| e.at(Diag::input("resume-done", format!("the list is {e}")), path.display().to_string()))?;
     let mut out = BTreeSet::new();
     for (i, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();
@@ -164,8 +165,7 @@ pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durabil
     }
     job_folder::prepare(target, Mode::Stepped)?;
     let name = folder.join("program.txt");
-    let (program, origins) =
-        text::parse(&name.display().to_string(), &fs::read(&name).map_err(|e| unread(&name, &e))?)?;
+    let (program, origins) = text::parse(&name.display().to_string(), &diag::read_file(&name, u64::MAX)?)?;
     let chosen = whole.chosen(&program, choice)?;
     let of = program.blocks.len();
     if whole.told.blocks.len() != of {
@@ -203,14 +203,14 @@ impl<'a> Whole<'a> {
         }
         for fact in &head.files {
             let path = folder.join(&fact.file);
-            let bytes = fs::read(&path).map_err(|e| unread(&path, &e))?;
+            let bytes = diag::read_file(&path, u64::MAX)?;
             if blake3::hash(&bytes).to_hex().to_string() != fact.blake3 {
                 let d = Diag::limit("resume-changed", "the file is not as it was written").at(place(&path));
                 return Err(d.hint("restore the job folder from a copy: a changed one is not resumed").into());
             }
         }
         let path = folder.join(MANIFEST);
-        let bytes = fs::read(&path).map_err(|e| unread(&path, &e))?;
+        let bytes = diag::read_file(&path, u64::MAX)?;
         let broken = |e: serde_json::Error| {
             Diag::input("manifest", format!("this is not a manifest of this version: {e}"))
                 .at(place(&path))
@@ -300,7 +300,7 @@ impl Rest<'_> {
         let Self { whole, checked, .. } = self;
         let copied = |name: &str| {
             let path = whole.folder.join(name);
-            fs::read(&path).map_err(|e| unread(&path, &e))
+            diag::read_file(&path, u64::MAX)
         };
         put("program.txt", &copied("program.txt")?)?;
         let formats: Vec<_> = whole.formats.iter().map(|t| t.format).collect();

@@ -12,7 +12,7 @@ use std::sync::{Arc, OnceLock};
 use serde::{Deserialize, Serialize};
 
 use crate::diag::{Diag, Error, Fault, Place, Severity};
-use crate::job::{Job, KeyValue, Keys, Mode, Overrides, Setting};
+use crate::job::{Job, KeyValue, Keys, Mode, Overrides, Setting, near_keys};
 use crate::manifest::Summary;
 use crate::parallel;
 use crate::plan::{self, Inputs};
@@ -125,7 +125,11 @@ fn edited((path, text): (&Path, &str), settings: &[Setting], number: usize) -> R
     for (setting, value) in settings.iter().zip(&values) {
         keys.set(&setting.key, value).map_err(|what| {
             let d = Diag::input("sweep-key", format!("{} cannot be set: {what}", setting.key));
-            d.at(Place::file(path.display().to_string())).hint("name a key as docs/job-file.md does")
+            let hint = match near_keys(&setting.key).as_slice() {
+                [] => "name a key with its table as docs/job-file.md does, such as focus.pdof".to_owned(),
+                near => format!("did you mean {}?", near.join(" or ")),
+            };
+            d.at(Place::file(path.display().to_string())).hint(hint)
         })?;
     }
     Ok((values, keys.text()))

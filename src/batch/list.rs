@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::unit::{Combinations, Compile, Task, Unit};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{self, Diag, Error, Place};
 use crate::job::{Job, Overrides, Setting};
 use crate::job_folder::Hashes;
 use crate::machine::Machine;
@@ -105,8 +105,8 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
         }
         files.sort();
     } else {
-        let text = String::from_utf8(crate::diag::read_file(path, 16 << 20)?)
-            .map_err(|_| Diag::input("batch-utf8", "the list is not UTF-8 text").at(place()))?;
+        let text = diag::utf8(diag::read_file(path, 16 << 20)?)
+            .map_err(|e| e.at(Diag::input("batch-utf8", format!("the list is {e}")), path.display().to_string()))?;
         let base = path.parent().unwrap_or(Path::new(""));
         let lines = text.lines().map(|l| l.split('#').next().unwrap_or("").trim()).filter(|l| !l.is_empty());
         files.extend(lines.map(|l| base.join(l)));

@@ -1,5 +1,6 @@
 //! Arguments of the command line.
 
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
@@ -31,6 +32,9 @@ pub struct Args {
     /// No warnings and no progress.
     #[arg(short, long, global = true)]
     pub quiet: bool,
+    /// Colours in messages and help: on a terminal (not with NO_COLOR or TERM=dumb), always or never.
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto", value_parser = one_of(&Colors::ALL, Colors::name))]
+    pub color: Colors,
     /// Do not flush output to disk: faster, but files may be lost on a power failure.
     #[arg(long, global = true)]
     pub no_sync: bool,
@@ -50,6 +54,13 @@ impl Args {
         for name in names {
             all = all.mut_subcommand(&name, |command| about(command, &name));
         }
+        // An option that all commands take is not shown where it has no effect.
+        for (option, commands) in [("seed", &OF_SEED[..]), ("threads", &OF_THREADS[..])] {
+            let hidden = all.get_arguments().find(|arg| arg.get_id() == option).cloned().map(|arg| arg.hide(true));
+            for name in examples::commands().into_iter().filter(|name| !commands.contains(name)) {
+                all = all.mut_subcommand(name, |command| command.args(hidden.clone()));
+            }
+        }
         all
     }
 
@@ -59,9 +70,79 @@ impl Args {
         I: IntoIterator<Item = T>,
         T: Into<std::ffi::OsString> + Clone,
     {
-        let mut all = Self::described();
+        let typed: Vec<std::ffi::OsString> = typed.into_iter().map(Into::into).collect();
+        let mut all = Self::described().color(Colors::typed(&typed).choice());
         Self::from_arg_matches(&all.try_get_matches_from_mut(typed)?).map_err(|e| e.format(&mut all))
     }
+}
+
+/// Commands on which the seed has an effect: those that cut strokes.
+const OF_SEED: [&str; 7] = ["check", "compile", "preview", "orient", "compare", "sweep", "batch"];
+
+/// Commands that use several threads.
+const OF_THREADS: [&str; 11] =
+    ["check", "compile", "verify", "run", "preview", "orient", "compare", "sweep", "resume", "batch", "inspect"];
+
+/// When messages and help are coloured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Colors {
+    /// On a terminal that takes them.
+    Auto,
+    /// Wherever they go.
+    Always,
+    /// Never.
+    Never,
+}
+
+impl Colors {
+    const ALL: [Self; 3] = [Self::Auto, Self::Always, Self::Never];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Always => "always",
+            Self::Never => "never",
+        }
+    }
+
+    /// What a command line asks for that is not parsed yet, and may not be well-formed: its own errors are coloured too.
+    fn typed(typed: &[std::ffi::OsString]) -> Self {
+        let mut words = typed.iter().map(|word| word.to_string_lossy()).take_while(|word| word != "--");
+        let mut found = Self::Auto;
+        while let Some(word) = words.next() {
+            let value = match word.strip_prefix("--color") {
+                Some("") => words.next(),
+                Some(rest) => rest.strip_prefix('=').map(|value| value.to_owned().into()),
+                None => None,
+            };
+            found = value.and_then(|value| Self::ALL.into_iter().find(|one| one.name() == value)).unwrap_or(found);
+        }
+        found
+    }
+
+    fn choice(self) -> clap::ColorChoice {
+        match self {
+            Self::Auto if !environment_takes_colors() => clap::ColorChoice::Never,
+            Self::Auto => clap::ColorChoice::Auto,
+            Self::Always => clap::ColorChoice::Always,
+            Self::Never => clap::ColorChoice::Never,
+        }
+    }
+
+    /// Whether messages on stderr are coloured.
+    pub fn on_stderr(self) -> bool {
+        match self {
+            Self::Auto => environment_takes_colors() && std::io::stderr().is_terminal(),
+            Self::Always => true,
+            Self::Never => false,
+        }
+    }
+}
+
+/// Whether the environment leaves colours to the terminal (no-color.org, terminfo).
+fn environment_takes_colors() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !is_set("NO_COLOR") && std::env::var_os("TERM").is_none_or(|term| term != "dumb")
 }
 
 fn threads(text: &str) -> Result<usize, String> {
@@ -97,6 +178,9 @@ pub enum Command {
         /// Print the JSON schema of job files instead.
         #[arg(long)]
         schema: bool,
+        /// Write the schema to this file.
+        #[arg(short, long, value_name = "FILE", requires = "schema")]
+        output: Option<PathBuf>,
     },
     /// Plan a job and check it against the machine without writing anything.
     Check {
@@ -250,6 +334,9 @@ pub enum Command {
         /// Print the JSON schema of machine files instead.
         #[arg(long, conflicts_with = "name")]
         schema: bool,
+        /// Write the machine, or the schema, to this file.
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
     },
     /// Explain the code of a message, such as travel in `error[travel]`.
     Explain {
@@ -482,6 +569,37 @@ mod tests {
             let help = command.clone().render_help().to_string();
             assert!(help.contains("\nExamples:\n"), "{}: {help}", command.get_name());
         }
+    }
+
+    #[test]
+    fn colours_are_read_from_a_command_line_that_is_not_well_formed() {
+        let asked = |line: &str| Colors::typed(&line.split(' ').map(Into::into).collect::<Vec<_>>());
+        for (line, colors) in [
+            ("terrace check job.toml", Colors::Auto),
+            ("terrace --color never check job.toml", Colors::Never),
+            ("terrace check --color=always --what", Colors::Always),
+            ("terrace check --color=always --color=never", Colors::Never),
+            ("terrace check --color sometimes", Colors::Auto),
+            ("terrace check -- --color=never", Colors::Auto),
+        ] {
+            assert_eq!(asked(line), colors, "{line}");
+        }
+        assert_eq!(Args::of(["terrace", "--color", "never", "machines"]).expect("well-formed").color, Colors::Never);
+    }
+
+    #[test]
+    fn help_shows_options_where_they_have_an_effect() {
+        let mut all = Args::described();
+        all.build();
+        let shows = |command: &str, option: &str| {
+            let mut found = all.find_subcommand(command).expect("a command").clone();
+            found.render_long_help().to_string().contains(option)
+        };
+        for (command, seed, threads) in [("run", false, true), ("machines", false, false), ("compile", true, true)] {
+            assert_eq!((shows(command, "--seed"), shows(command, "--threads")), (seed, threads), "{command}");
+        }
+        // It is taken all the same.
+        assert_eq!(Args::of(["terrace", "machines", "--seed", "3"]).expect("well-formed").seed, 3);
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
         "init",
         &[
             ("terrace init try", "Writes try/job.toml and the files that it names"),
-            ("terrace init --schema > job.schema.json", "The JSON schema for an editor"),
+            ("terrace init --schema -o job.schema.json", "The JSON schema for an editor"),
         ],
     ),
     (
@@ -35,6 +35,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
         "compile",
         &[
             ("terrace compile job.toml", "Writes job.job"),
+            ("terrace compile job.toml --verify", "Writes it once it is verified"),
             ("terrace compile job.toml -o panel.job", "Writes another folder"),
             ("terrace compile job.toml --mode on-the-fly", "Writes job.fly.job: scanner and stage move together"),
             ("terrace compile - -o panel.job < job.toml", "A job from standard input"),
@@ -90,6 +91,10 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
                 "terrace sweep job.toml --set focus.pdof=70um,140um --set partition.method=contour,z-range -o sweep.csv",
                 "All combinations, as a CSV file",
             ),
+            (
+                "terrace sweep job.toml --set machine.profile=xyz-galvo-40,xyz-galvo-100,xyz-zoom-40",
+                "Ranks lenses and heads by stops and time",
+            ),
         ],
     ),
     (
@@ -132,7 +137,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
         "machines",
         &[
             ("terrace machines", "Lists them"),
-            ("terrace machines xyz-galvo-40 > our-machine.toml", "A machine file to start from"),
+            ("terrace machines xyz-galvo-40 -o our-machine.toml", "A machine file to start from"),
         ],
     ),
     (

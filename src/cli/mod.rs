@@ -12,6 +12,7 @@ mod fleet;
 mod import;
 mod inspect;
 mod manual;
+mod named;
 mod orient;
 mod preview;
 mod resume;
@@ -20,7 +21,8 @@ mod show;
 mod steps;
 mod sweep;
 
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::cell::Cell;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
@@ -89,15 +91,22 @@ fn fail(args: &Args, e: &Error) -> ExitCode {
         print_failure(e);
     }
     let (warnings, faults): (Vec<Diag>, Vec<Diag>) = e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
-    let color = std::io::stderr().is_terminal();
-    faults.iter().for_each(|d| eprintln_all(&d.render(color)));
+    faults.iter().for_each(|d| tell(args, d));
     warn(args, &warnings);
     ExitCode::from(e.exit_code())
 }
 
-/// Writes a line to stderr; a closed stderr is not a reason to stop.
+/// Writes a line to stderr, without what a terminal acts on; a closed stderr is not a reason to stop.
 fn eprintln_all(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", diag::escaped(text));
+}
+
+/// Writes a message to stderr, with colours where they are wanted.
+fn tell(args: &Args, d: &Diag) {
+    let color = args.color.on_stderr();
+    let text = d.render(color);
+    // Names in it were made harmless when it was rendered; colours must stay.
+    let _ = writeln!(std::io::stderr(), "{}", if color { text.into() } else { diag::escaped(&text) });
 }
 
 /// Writes to stdout; a reader that closed the pipe has had enough. Names come from files: what a terminal acts on is
@@ -118,16 +127,18 @@ fn unwritable(what: &str, place: Place, e: &std::io::Error) -> Error {
 
 fn run(args: &Args) -> Result<u8, Error> {
     match &args.command {
-        Command::Init { folder, schema } => init(args, folder, *schema)?,
+        Command::Init { schema: true, output, .. } => schema_text(args, job::json_schema(), output.as_deref())?,
+        Command::Init { folder, .. } => init(args, folder)?,
         Command::Check { job, choice } => {
             let mut facets = Facets::default();
             let plan = planned(args, load(args, job, choice)?, &mut |facet| facets.take(facet))?;
             let found = part::look_at(&plan, &facets);
             warn(args, &found);
-            report(args, plan.summary().warned(&found), None)?;
+            report(args, &plan, plan.summary().warned(&found), None)?;
         }
         Command::Compile { job, output, verify, choice } => compile(args, job, output.as_deref(), *verify, choice)?,
         Command::Verify { folder, inputs } => {
+            named::job_folder(folder)?;
             let steps = Steps::new(args.quiet);
             let told = steps.numbered(&verify::Phase::ALL, show::proving);
             let proof = verify::verify_told(folder, inputs.as_deref(), &told)?;
@@ -188,8 +199,10 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Import { file, output, tolerance, angle } => {
             import::run(args, file, output.as_deref(), *tolerance, *angle)?;
         }
-        Command::Machines { schema: true, .. } => print(&format!("{}\n", crate::machine::json_schema()))?,
-        Command::Machines { name, .. } => machines(args, name.as_deref())?,
+        Command::Machines { schema: true, output, .. } => {
+            schema_text(args, crate::machine::json_schema(), output.as_deref())?;
+        }
+        Command::Machines { name, output, .. } => machines(args, name.as_deref(), output.as_deref())?,
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(*shell, &mut Args::described(), "terrace", &mut out);
@@ -231,21 +244,34 @@ fn job_from_stdin() -> Result<String, Error> {
     job::read_text(Path::new("standard input"), &mut std::io::stdin().lock())
 }
 
-/// Verifies a folder, and says so in words for its report.
+/// What was proved of a folder.
+#[derive(Clone, Copy)]
+struct Proved {
+    rules: usize,
+    checks: u64,
+}
+
+impl Proved {
+    /// In words, for a report.
+    fn text(self) -> String {
+        let Self { rules, checks } = self;
+        format!(
+            "Verified: its files were read back and hold all {rules} rules, with {checks} checks of marks, stage and files."
+        )
+    }
+}
+
+/// Verifies a folder.
 ///
 /// # Errors
 /// `not-verified` where it does not hold; what keeps it from being verified.
-fn proved(folder: &Path) -> Result<String, Error> {
+fn proved(folder: &Path) -> Result<Proved, Error> {
     let proof = verify::verify(folder, None)?;
     if !proof.ok {
         let text = format!("the folder that was made does not verify:\n{}", proof.to_text());
         return Err(Diag::bug("not-verified", text).into());
     }
-    let checks: u64 = proof.rules.iter().map(|rule| rule.checked).sum();
-    Ok(format!(
-        "Verified: its files were read back and hold all {} rules, with {checks} checks of marks, stage and files.",
-        proof.rules.len()
-    ))
+    Ok(Proved { rules: proof.rules.len(), checks: proof.rules.iter().map(|rule| rule.checked).sum() })
 }
 
 fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, choice: &Choice) -> Result<(), Error> {
@@ -256,7 +282,11 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, cho
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     let told = steps.numbered(&phases, show::phase);
     let plan = plan_told(args, job, &steps, &mut |_| {}, &told)?;
-    let prove = |folder: &Path| if is_proved { proved(folder).map(Some) } else { Ok(None) };
+    let proof = Cell::new(None);
+    let prove = |folder: &Path| {
+        proof.set(if is_proved { Some(proved(folder)?) } else { None });
+        Ok(proof.get().map(Proved::text))
+    };
     job_folder::write_proved(&plan, &target, durability(args), &told, &prove)?;
     steps.done();
     warn(args, plan.warnings());
@@ -264,7 +294,7 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, cho
         let d = Diag::warning("job-from-stdin", "the job came from standard input, and verify reads it again");
         warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job().path.display()))]);
     }
-    report(args, plan.summary(), Some(&target))
+    report(args, &plan, plan.summary(), Some((&target, proof.get())))
 }
 
 fn planned(args: &Args, job: Job, each: &mut dyn FnMut([[f64; 3]; 3])) -> Result<Plan, Error> {
@@ -295,18 +325,31 @@ fn warn(args: &Args, warnings: &[Diag]) {
     if args.quiet {
         return;
     }
-    let color = std::io::stderr().is_terminal();
     let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
     for w in warnings {
         if !told.contains(w) {
-            eprintln_all(&w.render(color));
+            tell(args, w);
             told.push(w.clone());
         }
     }
 }
 
-fn report(args: &Args, summary: AnySummary, folder: Option<&Path>) -> Result<(), Error> {
-    print(&if args.json { show::json(&summary.to_json()) } else { show::summary(&summary, folder) })
+/// Prints the figures of a plan; of a job that was written also its folder, and what was proved of that.
+fn report(
+    args: &Args,
+    plan: &Plan,
+    summary: AnySummary,
+    written: Option<(&Path, Option<Proved>)>,
+) -> Result<(), Error> {
+    let (machine, focus) = (plan.machine(), &plan.job().focus);
+    if !args.json {
+        return print(&(show::summary(&summary) + &show::optics(machine, focus) + &show::written(&summary, written)));
+    }
+    let mut json = summary.to_json();
+    if let Some((_, Some(Proved { rules, checks }))) = written {
+        json["verified"] = serde_json::json!({"rules": rules, "checks": checks});
+    }
+    print(&show::json(&json))
 }
 
 /// Writes a result that is one file, never over one of the `inputs`.
@@ -331,11 +374,24 @@ fn wrote(args: &Args, files: &[PathBuf]) -> Result<(), Error> {
     print(&if args.json { show::json(&serde_json::json!({"files": names})) } else { names.join("\n") + "\n" })
 }
 
-fn init(args: &Args, folder: &Path, schema: bool) -> Result<(), Error> {
-    let schema_text = format!("{}\n", job::json_schema());
-    if schema {
-        return print(&schema_text);
+/// Prints a schema, or writes it to a file.
+fn schema_text(args: &Args, schema: String, file: Option<&Path>) -> Result<(), Error> {
+    print_or_write(args, &(schema + "\n"), file)
+}
+
+/// Prints a result that is one text, or writes it to a file: in UTF-8, whatever the shell does with what is printed.
+fn print_or_write(args: &Args, text: &str, file: Option<&Path>) -> Result<(), Error> {
+    let Some(file) = file else { return print(text) };
+    if std::fs::symlink_metadata(file).is_ok() {
+        let d = Diag::input("output-exists", "the file exists already").at(Place::file(file.display().to_string()));
+        return Err(d.hint("name another file, or delete this one first").into());
     }
+    write_file(args, file, text.as_bytes(), &[])?;
+    wrote(args, &[file.to_owned()])
+}
+
+fn init(args: &Args, folder: &Path) -> Result<(), Error> {
+    let schema_text = format!("{}\n", job::json_schema());
     let files = [
         ("job.toml", job::SAMPLE_JOB.as_bytes().to_vec()),
         (job::SAMPLE_SURFACE_NAME, job::sample_surface()),
@@ -356,27 +412,39 @@ fn init(args: &Args, folder: &Path, schema: bool) -> Result<(), Error> {
     }
     wrote(args, &paths)?;
     if !args.quiet {
-        eprintln_all(&format!("next: terrace compile {}", paths[0].display()));
+        eprintln_all(&format!("next: terrace compile {}", show::shown(&paths[0])));
     }
     Ok(())
 }
 
-fn machines(args: &Args, name: Option<&str>) -> Result<(), Error> {
+fn machines(args: &Args, name: Option<&str>, output: Option<&Path>) -> Result<(), Error> {
     if let Some(name) = name {
         let machine = Machine::built_in(name)?;
         let text = PROFILES.iter().find(|(n, _)| *n == name).map_or("", |(_, t)| t);
         let value = serde_json::to_value(&machine).unwrap_or_default();
+        if output.is_some() {
+            return print_or_write(args, text, output);
+        }
         return print(&if args.json { show::json(&value) } else { text.to_owned() });
+    }
+    if output.is_some() {
+        let d = Diag::input("usage", "--output needs the name of a machine, or --schema");
+        return Err(d.hint("terrace machines xyz-galvo-40 -o our-machine.toml").into());
     }
     if args.json {
         let names: Vec<&str> = PROFILES.iter().map(|(n, _)| *n).collect();
         return print(&show::json(&serde_json::json!(names)));
     }
+    let wide = PROFILES.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     for (name, _) in PROFILES {
         let m = Machine::built_in(name)?;
-        let [x, y] = m.lens.field.map(|f| f.as_mm());
+        let field = m.lens.field.map(|f| f.as_mm().to_string()).join(" x ");
         let travel = m.axes().map(|(_, a)| format!("{}", a.travel[1].as_mm() - a.travel[0].as_mm())).join(" x ");
-        print(&format!("{name:<18} field {x} x {y} mm, travel {travel} mm; {}\n", m.source))?;
+        let depth = m.depth_of_focus_mm();
+        print(&format!(
+            "{name:<wide$}  field {field:<9} mm, depth of focus {depth:.3} mm, travel {travel:<15} mm; {}\n",
+            m.source
+        ))?;
     }
     Ok(())
 }

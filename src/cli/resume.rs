@@ -4,13 +4,14 @@ use std::path::Path;
 
 use super::args::{Args, Left};
 use super::steps::Steps;
-use super::{durability, print, show};
+use super::{durability, named, print, show};
 use crate::diag::Error;
 use crate::manifest::duration;
 use crate::resume::{self, Choice};
 
 /// Writes the folder of what is left.
 pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {
+    named::job_folder(folder)?;
     let done = left.done.as_deref().map(resume::listed).transpose()?.unwrap_or_default();
     let choice = Choice { from: left.from, only: left.only.clone(), done };
     let steps = Steps::new(args.quiet);
@@ -33,6 +34,6 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Res
         duration(s.by_hand_s),
         target.display(),
         target.join("layout.svg").display(),
-        target.display()
+        show::shown(target)
     ))
 }

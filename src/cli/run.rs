@@ -7,7 +7,7 @@ use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 use super::args::{Args, RunArgs};
-use super::{eprintln_all, print, show};
+use super::{eprintln_all, named, print, show, tell};
 use crate::diag::{Diag, Error};
 use crate::run::journal::Settled;
 use crate::run::laser::Beam;
@@ -15,6 +15,7 @@ use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
 
 /// Runs a job and says what has become of it.
 pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
+    named::job_folder(&asked.folder)?;
     let interrupt = Interrupt::default();
     let told = interrupt.clone();
     let heard = ctrlc::set_handler(move || {
@@ -34,8 +35,7 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     let outcome = outcome?;
     print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, &order) })?;
     let Some(stop) = &outcome.stop else { return Ok(0) };
-    let color = std::io::stderr().is_terminal();
-    stop.diags().iter().for_each(|d| eprintln_all(&d.render(color)));
+    stop.diags().iter().for_each(|d| tell(args, d));
     Ok(1)
 }
 

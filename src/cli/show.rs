@@ -5,8 +5,12 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::Proved;
 use crate::batch::Outcome;
 use crate::budget::Budget;
+use crate::diag::shell_word;
+use crate::job::Focus;
+use crate::machine::Machine;
 use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
 use crate::plan::Phase;
 use crate::run;
@@ -137,14 +141,47 @@ fn merged(s: &Summary) -> String {
 }
 
 /// The figures of a job as a person reads them.
-pub fn summary(s: &AnySummary, folder: Option<&Path>) -> String {
+pub fn summary(s: &AnySummary) -> String {
     match s {
-        AnySummary::Stepped(s) => stepped(s, folder),
-        AnySummary::OnTheFly(s) => on_the_fly(s, folder),
+        AnySummary::Stepped(s) => stepped(s),
+        AnySummary::OnTheFly(s) => on_the_fly(s),
     }
 }
 
-fn stepped(s: &Summary, folder: Option<&Path>) -> String {
+/// A path as a shell takes it.
+pub fn shown(path: &Path) -> String {
+    shell_word(&path.display().to_string())
+}
+
+/// The depth of focus of the optics, beside the PDOF that a job asks for.
+pub fn optics(machine: &Machine, focus: &Focus) -> String {
+    let depth = machine.depth_of_focus_mm();
+    format!(
+        "optics         depth of focus {depth:.3} mm (spot {}, {:.0} nm, M2 {}); PDOF is {:.3} of it\n",
+        machine.lens.spot,
+        machine.laser.wavelength.as_mm() * 1e6,
+        machine.laser.m2,
+        focus.pdof.mm() / depth
+    )
+}
+
+/// Where a job was written, what was proved of it, and what to do next; nothing of a job that was not.
+pub(super) fn written(s: &AnySummary, written: Option<(&Path, Option<Proved>)>) -> String {
+    let Some((folder, proved)) = written else { return String::new() };
+    let mut text = format!("job folder     {}\n", folder.display());
+    if matches!(s, AnySummary::Stepped(_)) {
+        text += &format!("open           {}\n", folder.join("layout.svg").display());
+    }
+    text += &match proved {
+        Some(Proved { rules, checks }) => {
+            format!("verified       the files were read back and hold all {rules} rules ({checks} checks)\n")
+        }
+        None => format!("then run       terrace verify {}\n", shown(folder)),
+    };
+    text
+}
+
+fn stepped(s: &Summary) -> String {
     let t = &s.time_s;
     let mut lines = vec![
         format!("part           {}", sides(s.part_mm)),
@@ -198,18 +235,18 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         lines.insert(1, format!("passes         {}", s.passes));
     }
     for c in &s.candidates {
+        let by_hand = if c.compared_s == c.time_s.total {
+            String::new()
+        } else {
+            format!(", {} by hand", duration(c.compared_s))
+        };
         lines.push(format!(
-            "candidate      {:<8} {} stops, {} fragments, {}",
+            "candidate      {:<8} {} stops, {} fragments, {}{by_hand}",
             c.method,
             c.stops,
             c.fragments,
             duration(c.time_s.total)
         ));
-    }
-    if let Some(folder) = folder {
-        lines.push(format!("job folder     {}", folder.display()));
-        lines.push(format!("open           {}", folder.join("layout.svg").display()));
-        lines.push(format!("then run       terrace verify {}", folder.display()));
     }
     lines.join("\n") + "\n"
 }
@@ -219,7 +256,7 @@ fn sides([x, y, z]: [f64; 3]) -> String {
     format!("{x:.3} x {y:.3} x {z:.3} mm")
 }
 
-fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
+fn on_the_fly(s: &OnTheFlySummary) -> String {
     let mut lines = vec![
         format!("part           {}", sides(s.part_mm)),
         format!("marks          {} in {} moves, {:.3} mm", s.marks, s.moves, s.mark_mm),
@@ -233,10 +270,6 @@ fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
     }));
     lines.extend(errors(&s.budget));
     lines.extend(s.curves.as_ref().map(curves));
-    if let Some(folder) = folder {
-        lines.push(format!("job folder     {}", folder.display()));
-        lines.push(format!("then run       terrace verify {}", folder.display()));
-    }
     lines.join("\n") + "\n"
 }
 

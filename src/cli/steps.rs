@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
+use crate::diag::escaped;
+
 /// How often a run that is not watched on a terminal says what it is doing.
 const EVERY: Duration = Duration::from_secs(10);
 
@@ -38,10 +40,14 @@ impl Step {
             None => format!("{text}, {spent}"),
             Some((percent @ (0 | 100..), _)) => format!("{text}  {percent} %, {spent}"),
             Some((percent, at)) => {
+                let [spent_so_far, told] = [now, *at].map(|time| time.duration_since(*begin));
                 // As fast as until the last percent, of which some time has passed again.
-                let all = at.duration_since(*begin).mul_f64(100.0 / f64::from(*percent));
-                let left = all.saturating_sub(now.duration_since(*begin));
-                format!("{text}  {percent} %, {spent}, {} left", seconds(left))
+                let as_before = told.mul_f64(100.0 / f64::from(*percent)).saturating_sub(spent_so_far);
+                // The next percent is not there yet, so the rest takes as long as this at least: a step that stands
+                // still has more and more left, and never nothing.
+                let next = f64::from(percent + 1);
+                let at_least = spent_so_far.mul_f64((100.0 - next) / next);
+                format!("{text}  {percent} %, {spent}, {} left", seconds(as_before.max(at_least)))
             }
         }
     }
@@ -87,7 +93,7 @@ impl Steps {
 
     /// Begins a step of which nobody knows how far it is.
     pub fn begin(&self, text: impl Into<String>) {
-        *locked(&self.step) = Step { text: text.into(), begin: Instant::now(), done: None };
+        *locked(&self.step) = Step { text: plain(text), begin: Instant::now(), done: None };
     }
 
     /// Says how far a step is, which begins if it is another one than before.
@@ -97,7 +103,7 @@ impl Steps {
 
     /// Changes what is being done within a step that goes on.
     pub fn rename(&self, text: impl Into<String>) {
-        locked(&self.step).text = text.into();
+        locked(&self.step).text = plain(text);
     }
 
     /// Says how far the step is, whatever it is.
@@ -133,6 +139,11 @@ impl Drop for Steps {
     }
 }
 
+/// A text that a terminal shows and does not act on: it may hold names of files.
+fn plain(text: impl Into<String>) -> String {
+    escaped(&text.into()).into_owned()
+}
+
 fn locked(step: &Mutex<Step>) -> MutexGuard<'_, Step> {
     step.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -162,9 +173,11 @@ mod tests {
         let step = |done| Step { text: text.clone(), begin, done };
         let at = |done, s| step(done).line(after(begin, s));
         assert_eq!(at(Some((45, after(begin, 12.0))), 12.0), format!("{text}  45 %, 12 s, 15 s left"));
-        // What has passed since the percent was told is not left any more, and never less than nothing.
-        assert_eq!(at(Some((45, after(begin, 12.0))), 14.0), format!("{text}  45 %, 14 s, 13 s left"));
-        assert_eq!(at(Some((45, after(begin, 12.0))), 70.0), format!("{text}  45 %, 1 min 10 s, 0 s left"));
+        // What has passed since the percent was told is not left any more, as long as the next one may come by then.
+        assert_eq!(at(Some((45, after(begin, 12.0))), 12.2), format!("{text}  45 %, 12 s, 14 s left"));
+        // It has not come: the rest takes 54 / 46 of the time so far at least.
+        assert_eq!(at(Some((45, after(begin, 12.0))), 70.0), format!("{text}  45 %, 1 min 10 s, 1 min 22 s left"));
+        assert_eq!(at(Some((9, after(begin, 9.0))), 209.0), format!("{text}  9 %, 3 min 29 s, 31 min 21 s left"));
         assert_eq!(at(Some((0, begin)), 3.0), format!("{text}  0 %, 3 s"), "nothing is known of what is left");
         assert_eq!(at(Some((100, after(begin, 9.0))), 9.0), format!("{text}  100 %, 9 s"));
         assert_eq!(at(None, 3.0), format!("{text}, 3 s"));
@@ -204,7 +217,7 @@ mod tests {
             }
         });
         assert_eq!(lines[0], "cutting strokes, 0 s");
-        assert_eq!(lines[1..], ["cutting strokes  40 %, 0 s, 0 s left", "cutting strokes  40 %, 0 s, 0 s left"]);
+        assert!(lines[1..].iter().all(|line| line.starts_with("cutting strokes  40 %, 0 s, ")), "{lines:?}");
         // What ends before says nothing.
         let (end, ended) = channel::<()>();
         drop(end);

@@ -6,6 +6,8 @@
 
 pub mod memory;
 mod message;
+mod shape;
+mod text;
 
 use std::fmt;
 use std::ops::Range;
@@ -13,6 +15,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub use message::{Failure, Fault, Message, Severity};
+#[cfg(test)]
+pub(crate) use shape::lists_all_of;
+pub use shape::{TableKey, has_keys, table_faults};
+pub use text::{NotUtf8, shell_word, utf8};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use serde::de::DeserializeOwned;
@@ -200,15 +206,16 @@ impl fmt::Display for Diag {
     }
 }
 
+/// Whether a terminal acts on a character, or it turns the order of others. Line ends and tabs are not among these.
+pub fn is_active(c: char) -> bool {
+    let is_break = matches!(c, '\n' | '\t');
+    let turns = matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() && !is_break || turns
+}
+
 /// A text without characters on which terminals act, or that turn the order of others: these are written `\u001b`, which
 /// JSON reads as the same.
 pub fn escaped(text: &str) -> std::borrow::Cow<'_, str> {
-    let is_active = |c: char| {
-        let is_break = matches!(c, '\n' | '\t');
-        let turns =
-            matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-        c.is_control() && !is_break || turns
-    };
     if !text.contains(is_active) {
         return text.into();
     }
@@ -284,11 +291,11 @@ pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
 /// The diagnostic for a file that the system does not give: where it was looked for, and what lies there instead.
 pub fn unreadable(path: &Path, e: &std::io::Error) -> Diag {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut hint = "check the path; paths in a job file are relative to the job file".to_owned();
+    let mut hint = "check the path".to_owned();
     if e.kind() == std::io::ErrorKind::NotFound {
         hint = match (near_names(&whole).as_slice(), whole.parent().filter(|p| !p.is_dir())) {
-            (_, Some(folder)) => format!("there is no folder {}; {hint}", folder.display()),
-            ([], None) => format!("it was looked for as {}; {hint}", whole.display()),
+            (_, Some(folder)) => format!("there is no folder {}", folder.display()),
+            ([], None) => format!("it was looked for as {}", whole.display()),
             (near, None) => format!("it was looked for as {}; did you mean {}?", whole.display(), near.join(" or ")),
         };
     }
@@ -354,6 +361,10 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str)
         // Where a value's own message ends in a remedy, that is the hint.
         let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((e.message().trim(), keys));
         let mut d = Diag::input("toml", fault).at(place).hint(remedy);
+        // The table that misses a key is the whole file: no line of it is at fault.
+        if e.message().starts_with("missing field") && e.span().is_some_and(|span| span.start == 0) {
+            d.place = Place::file(path);
+        }
         if e.message().contains("unknown field") || e.message().contains("unknown variant") {
             d.hint = "check the spelling against the names listed".into();
         } else if e.message().contains("missing field") {

@@ -27,14 +27,16 @@ pub(super) fn dwell(time: Time) -> Option<u16> {
     is_kept.then_some(whole as u16)
 }
 
-/// What is said of a pen whose dwell a card cannot keep.
-pub(super) fn dwell_fault(pens: &[Pen]) -> Option<String> {
-    let (pen, time) = pens.iter().find_map(|pen| Some((pen, pen.dwell.filter(|&t| dwell(t).is_none())?)))?;
-    Some(format!(
+/// The first pen whose dwell a card cannot keep, and what is said of it.
+pub(super) fn dwell_fault(pens: &[Pen]) -> Option<(usize, String)> {
+    let unkept = |(i, pen): (usize, &Pen)| Some((i, pen.dwell.filter(|&time| dwell(time).is_none())?));
+    let (i, time) = pens.iter().enumerate().find_map(unkept)?;
+    let text = format!(
         "pen {:?} has a dwell of {} us: the card counts 10 us, 1 to 60000 of them, which miss that by more than 5 %",
-        pen.name,
+        pens[i].name,
         time.as_us()
-    ))
+    );
+    Some((i, text))
 }
 
 /// What helps.

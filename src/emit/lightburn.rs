@@ -5,6 +5,7 @@
 //! LightBurn workspace is a corner of the field, so `XForm` moves the optical axis into its middle. Numbers are plain
 //! decimals.
 
+use super::known::{Key, Known, KnownFault};
 use crate::check::Checked;
 use crate::diag::Diag;
 use crate::geom::{ControllerPoint, NM_PER_MM, Nm};
@@ -44,16 +45,19 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     out
 }
 
-/// What of a program LightBurn cannot hold.
-pub(super) fn faults(program: &Program, _machine: &Machine) -> Vec<Diag> {
-    let highest = program.strokes.iter().map(|s| s.pen.index() + 1).max().unwrap_or(0);
-    let text = format!("the job marks with pen {highest}, but a LightBurn project has {MOST_LAYERS} layers");
-    let hint = "use fewer pens, or a larger dose.step where the dose makes pens; or leave \"lightburn\" out";
-    let mut faults: Vec<Diag> =
-        (highest > MOST_LAYERS).then(|| Diag::limit("lightburn-layers", text).hint(hint)).into_iter().collect();
-    if program.strokes.iter().any(Stroke::is_dot) {
+/// What of a job LightBurn cannot hold.
+pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
+    let Known { last_pen, has_dots, .. } = *known;
+    let mut faults = Vec::new();
+    if last_pen > MOST_LAYERS {
+        let text = format!("the job marks with pen {last_pen}, but a LightBurn project has {MOST_LAYERS} layers");
+        let hint = "use fewer pens, or a larger dose.step where the dose makes pens; or leave \"lightburn\" out";
+        faults.push((Key::Format, Diag::limit("lightburn-layers", text).hint(hint)));
+    }
+    if has_dots {
         let text = "the job has dots, and a path of a LightBurn project cannot be a point with a dwell";
-        faults.push(Diag::limit("lightburn-dots", text).hint("leave \"lightburn\" out of emit.formats"));
+        let hint = "leave \"lightburn\" out of emit.formats";
+        faults.push((Key::Format, Diag::limit("lightburn-dots", text).hint(hint)));
     }
     faults
 }
@@ -168,11 +172,12 @@ mod tests {
     fn more_pens_than_layers_are_refused() {
         let (checked, machine) = sample();
         let mut program = checked.program().clone();
-        assert!(faults(&program, &machine).is_empty());
+        let faults = |program: &Program| known_faults(&Known::of_program(program, &machine));
+        assert!(faults(&program).is_empty());
         program.pens.resize(31, program.pens[0].clone());
-        assert!(faults(&program, &machine).is_empty(), "pens that mark nothing need no layer");
+        assert!(faults(&program).is_empty(), "pens that mark nothing need no layer");
         program.strokes[0].pen = crate::program::PenId(30);
-        assert_eq!(faults(&program, &machine)[0].code, "lightburn-layers");
+        assert_eq!(faults(&program)[0].1.code, "lightburn-layers");
     }
 
     #[test]
@@ -180,7 +185,8 @@ mod tests {
         let (checked, machine) = sample();
         let mut program = checked.program().clone();
         program.strokes[0].len = 1;
-        assert_eq!(faults(&program, &machine)[0].code, "lightburn-dots");
+        let faults = known_faults(&Known::of_program(&program, &machine));
+        assert!(matches!(&faults[..], [(Key::Format, fault)] if fault.code == "lightburn-dots"), "{faults:?}");
     }
 
     #[test]

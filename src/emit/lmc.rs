@@ -9,6 +9,7 @@
 //! balor. Opening the laser, sending packets and waiting is left to whoever sends them.
 
 use super::cards;
+use super::known::{Key, Known, KnownFault};
 use crate::check::Checked;
 use crate::diag::Diag;
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM};
@@ -95,38 +96,45 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     list.out
 }
 
-/// What of a program the card cannot take, would clip, or would lose.
-pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
+/// What of pens and machine the card cannot take.
+pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
+    let machine = known.machine;
     let Some(lmc) = machine.lmc else {
         let text = "emit.formats has \"lmc\", but the machine file has no [lmc]";
-        return vec![
-            Diag::input("emit-lmc", text).hint("state lmc.units_per_mm of the card, such as 500, and lmc.laser"),
-        ];
+        let hint = "state lmc.units_per_mm of the card, such as 500, and lmc.laser";
+        return vec![(Key::Format, Diag::input("emit-lmc", text).hint(hint))];
     };
     let mut faults = Vec::new();
-    for pen in &program.pens {
-        faults.extend(pen_fault(&lmc, pen));
+    for (i, pen) in known.pens.iter().enumerate() {
+        faults.extend(pen_fault(&lmc, pen).map(|(key, fault)| (Key::Pen(i, key), fault)));
     }
-    if let Some(text) = cards::dwell_fault(&program.pens) {
-        faults.push(Diag::limit("lmc-dwell", text).hint(cards::DWELL_HINT));
+    if let Some((i, text)) = cards::dwell_fault(known.pens) {
+        faults.push((Key::Pen(i, "dwell"), Diag::limit("lmc-dwell", text).hint(cards::DWELL_HINT)));
     }
-    let jump = speed(&lmc, machine.scanner.jump_speed.as_mm_s());
-    if jump.is_none() {
+    if speed(&lmc, machine.scanner.jump_speed.as_mm_s()).is_none() {
         let text = format!("the card cannot jump at {}", machine.scanner.jump_speed);
-        faults.push(Diag::limit("lmc-speed", text).hint("change scanner.jump_speed"));
+        let fault = Diag::limit("lmc-speed", text).hint("change scanner.jump_speed");
+        faults.push((Key::Machine("scanner.jump_speed"), fault));
     }
     let delays = &machine.delays;
-    for (name, delay) in [
-        ("laser_on", delays.laser_on),
-        ("laser_off", delays.laser_off),
-        ("jump", delays.jump),
-        ("polygon", delays.polygon),
+    for (key, delay) in [
+        ("delays.laser_on", delays.laser_on),
+        ("delays.laser_off", delays.laser_off),
+        ("delays.jump", delays.jump),
+        ("delays.polygon", delays.polygon),
     ] {
         if delay.as_us().abs().round() > f64::from(u16::MAX) {
-            let text = format!("delays.{name} of {delay} is more than the 65535 us that the card counts");
-            faults.push(Diag::limit("lmc-delay", text));
+            let text = format!("{key} of {delay} is more than the 65535 us that the card counts");
+            faults.push((Key::Machine(key), Diag::limit("lmc-delay", text)));
         }
     }
+    faults
+}
+
+/// What of a program the card would clip or lose.
+pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
+    let Some(lmc) = machine.lmc else { return Vec::new() };
+    let mut faults = Vec::new();
     let beyond = |p: &&FieldPoint| units(&lmc, machine, **p).iter().any(|u| !(0..=0xFFFF).contains(u));
     if let Some(p) = program.points.iter().find(beyond) {
         let [x, y] = units(&lmc, machine, *p);
@@ -142,7 +150,8 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
     faults
 }
 
-fn pen_fault(lmc: &Lmc, pen: &Pen) -> Option<Diag> {
+/// What of a pen the card cannot take, and the pen's key that says so.
+fn pen_fault(lmc: &Lmc, pen: &Pen) -> Option<(&'static str, Diag)> {
     if speed(lmc, pen.speed.as_mm_s()).is_none() {
         let text = format!(
             "pen {:?} marks at {}: the card counts whole units of {} mm/s up to 65535, which miss that by more than 5 %",
@@ -150,7 +159,7 @@ fn pen_fault(lmc: &Lmc, pen: &Pen) -> Option<Diag> {
             pen.speed,
             1000.0 / lmc.units_per_mm
         );
-        return Some(Diag::limit("lmc-speed", text).hint("choose a multiple of that"));
+        return Some(("speed", Diag::limit("lmc-speed", text).hint("choose a multiple of that")));
     }
     let period = period(lmc, pen);
     (!(1.0..=65535.0).contains(&period)).then(|| {
@@ -158,7 +167,7 @@ fn pen_fault(lmc: &Lmc, pen: &Pen) -> Option<Diag> {
             "pen {:?} has {}: the card counts a period of {period} units, 1 to 65535 are possible",
             pen.name, pen.frequency
         );
-        Diag::limit("lmc-frequency", text)
+        ("frequency", Diag::limit("lmc-frequency", text))
     })
 }
 
@@ -256,6 +265,7 @@ impl List {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emit::{self, Format};
     use crate::program::sample;
     use crate::units::{Frequency, Speed};
 
@@ -331,7 +341,7 @@ mod tests {
             let (checked, mut machine) = sample();
             let mut program = checked.program().clone();
             change(&mut program, &mut machine);
-            faults(&program, &machine).first().map(|d| d.code)
+            emit::faults(&[Format::Lmc], &program, &machine).err().map(|e| e.diags()[0].code)
         };
         assert_eq!(code(&|_, _| {}), None);
         assert_eq!(code(&|_, m| m.lmc = None), Some("emit-lmc"));

@@ -13,6 +13,7 @@ pub mod csv;
 pub mod dxf;
 pub mod frames;
 pub mod gcode;
+mod known;
 pub mod lightburn;
 pub mod lmc;
 pub mod on_the_fly;
@@ -21,7 +22,10 @@ pub mod poses;
 pub mod rtc;
 mod target;
 
-pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, names, needs_person};
+pub use known::{Key, Known, KnownFault};
+pub use target::{
+    Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, known_faults, names, needs_person,
+};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

@@ -9,6 +9,7 @@
 use std::io::Write;
 
 use super::cards;
+use super::known::{Key, Known, KnownFault};
 use crate::check::Checked;
 use crate::diag::{Diag, Place};
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm};
@@ -90,28 +91,38 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     out.bytes
 }
 
-/// What of a program the board cannot take, would clip, or would lose.
-pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
+/// What of pens and machine the board cannot take.
+pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
+    let machine = known.machine;
     let Some(rtc) = machine.rtc else {
         let text = "emit.formats has \"rtc\", but the machine file has no [rtc]";
         let hint = "state rtc.board, and rtc.bits_per_mm from the correction file";
-        return vec![Diag::input("emit-rtc", text).hint(hint)];
+        return vec![(Key::Format, Diag::input("emit-rtc", text).hint(hint))];
     };
-    let Counts { name, range, speeds, .. } = counts(rtc.board);
-    let is_within = |bits: i64| (range[0]..=range[1]).contains(&bits);
+    let Counts { name, speeds, .. } = counts(rtc.board);
     let mut faults = Vec::new();
-    let jump = std::iter::once(("scanner.jump_speed".to_owned(), machine.scanner.jump_speed));
-    let pens = program.pens.iter().map(|pen| (format!("pen {:?}", pen.name), pen.speed));
-    for (what, speed) in jump.chain(pens) {
+    let jump = (Key::Machine("scanner.jump_speed"), "scanner.jump_speed".to_owned(), machine.scanner.jump_speed);
+    let pens = known.pens.iter().enumerate();
+    let pens = pens.map(|(i, pen)| (Key::Pen(i, "speed"), format!("pen {:?}", pen.name), pen.speed));
+    for (key, what, speed) in std::iter::once(jump).chain(pens) {
         let bits = speed.as_mm_s() * rtc.bits_per_mm / 1000.0;
         if !(speeds[0]..=speeds[1]).contains(&bits) {
             let text = format!("{what}: {speed} are {bits} bits per ms, {name} takes {} to {}", speeds[0], speeds[1]);
-            faults.push(Diag::limit("rtc-speed", text).hint("check rtc.bits_per_mm"));
+            faults.push((key, Diag::limit("rtc-speed", text).hint("check rtc.bits_per_mm")));
         }
     }
-    if let Some(text) = cards::dwell_fault(&program.pens) {
-        faults.push(Diag::limit("rtc-dwell", text).hint(cards::DWELL_HINT));
+    if let Some((i, text)) = cards::dwell_fault(known.pens) {
+        faults.push((Key::Pen(i, "dwell"), Diag::limit("rtc-dwell", text).hint(cards::DWELL_HINT)));
     }
+    faults
+}
+
+/// What of a program the board would clip or lose.
+pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
+    let Some(rtc) = machine.rtc else { return Vec::new() };
+    let Counts { name, range, .. } = counts(rtc.board);
+    let is_within = |bits: i64| (range[0]..=range[1]).contains(&bits);
+    let mut faults = Vec::new();
     if let Some(p) = program.points.iter().find(|&&p| !bits(&rtc, machine, p).into_iter().all(is_within)) {
         let [x, y] = bits(&rtc, machine, *p);
         let text = format!("a mark lies at ({x}, {y}) bits, {name} has {} to {}", range[0], range[1]);
@@ -197,6 +208,7 @@ impl Text<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emit::{self, Format};
     use crate::program::sample;
 
     fn sample() -> (Checked, Machine) {
@@ -277,7 +289,7 @@ mod tests {
             let (checked, mut machine) = sample();
             let mut program = checked.program().clone();
             change(&mut program, machine.rtc.as_mut().expect("a board"));
-            faults(&program, &machine).first().map(|d| d.code)
+            emit::faults(&[Format::Rtc], &program, &machine).err().map(|e| e.diags()[0].code)
         };
         assert_eq!(code(&|_, _| {}), None);
         assert_eq!(code(&|_, r| r.bits_per_mm = 27_000.0), Some("rtc-field"));
@@ -295,6 +307,7 @@ mod tests {
         assert_eq!(code(&|p, _| p.pens[0].dwell = Some(Time::us(15.0))), Some("rtc-dwell"));
         let (checked, mut machine) = sample();
         machine.rtc = None;
-        assert_eq!(faults(checked.program(), &machine)[0].code, "emit-rtc");
+        let refused = emit::faults(&[Format::Rtc], checked.program(), &machine).expect_err("no board");
+        assert_eq!(refused.diags()[0].code, "emit-rtc");
     }
 }

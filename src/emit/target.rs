@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::known::{Known, KnownFault};
 use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc};
 use crate::check::Checked;
 use crate::diag::{Diag, Error};
@@ -99,7 +100,9 @@ pub struct Target {
     pub stepped: Option<Files>,
     /// What it writes of an on-the-fly job; None where it cannot.
     pub on_the_fly: Option<FlyFile>,
-    /// What keeps a program of a stepped job from being written in it on a machine.
+    /// What keeps a stepped job from being written in it, as far as that is known before the job is planned.
+    pub known_faults: fn(&Known<'_>) -> Vec<KnownFault>,
+    /// What else keeps a program of a stepped job from being written in it on a machine.
     pub faults: fn(&Program, &Machine) -> Vec<Diag>,
     /// Whether a file of a stepped job tells which pen each stroke is marked with.
     pub carries_pens: bool,
@@ -124,6 +127,7 @@ pub const TARGETS: [Target; 10] = [
         name: "dxf",
         stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
         on_the_fly: None,
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: true,
         carries_settings: false,
@@ -142,6 +146,7 @@ pub const TARGETS: [Target; 10] = [
         name: "csv",
         stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
         on_the_fly: None,
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: true,
         carries_settings: false,
@@ -159,7 +164,8 @@ pub const TARGETS: [Target; 10] = [
         name: "lightburn",
         stepped: Some(Files::Blocks("lbrn2", |job, i| lightburn::block(job.checked, job.machine, i))),
         on_the_fly: None,
-        faults: lightburn::faults,
+        known_faults: lightburn::known_faults,
+        faults: no_faults,
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
@@ -177,6 +183,7 @@ pub const TARGETS: [Target; 10] = [
         name: "lmc",
         stepped: Some(Files::Blocks("lmc", |job, i| lmc::block(job.checked, job.machine, i))),
         on_the_fly: None,
+        known_faults: lmc::known_faults,
         faults: lmc::faults,
         carries_pens: true,
         carries_settings: true,
@@ -194,6 +201,7 @@ pub const TARGETS: [Target; 10] = [
         name: "rtc",
         stepped: Some(Files::Blocks("rtc", |job, i| rtc::block(job.checked, job.machine, i))),
         on_the_fly: None,
+        known_faults: rtc::known_faults,
         faults: rtc::faults,
         carries_pens: true,
         carries_settings: true,
@@ -216,6 +224,7 @@ pub const TARGETS: [Target; 10] = [
             write: on_the_fly::linuxcnc,
             servo_s: on_the_fly::LINUXCNC_SERVO_S,
         }),
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: false,
         carries_settings: false,
@@ -236,6 +245,7 @@ pub const TARGETS: [Target; 10] = [
         name: "gcode",
         stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
         on_the_fly: None,
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: false,
         carries_settings: false,
@@ -254,6 +264,7 @@ pub const TARGETS: [Target; 10] = [
         name: "ovf",
         stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
         on_the_fly: None,
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: true,
         carries_settings: true,
@@ -270,6 +281,7 @@ pub const TARGETS: [Target; 10] = [
         name: "poses",
         stepped: Some(Files::Whole("poses.csv", poses::write)),
         on_the_fly: None,
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: false,
         carries_settings: false,
@@ -293,6 +305,7 @@ pub const TARGETS: [Target; 10] = [
             write: on_the_fly::pmac,
             servo_s: on_the_fly::PMAC_SERVO_S,
         }),
+        known_faults: no_known_faults,
         faults: no_faults,
         carries_pens: false,
         carries_settings: false,
@@ -321,13 +334,28 @@ impl Format {
 /// # Errors
 /// What a controller would clip, drop or truncate, by format.
 pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Result<(), Error> {
-    let faults: Vec<Diag> = formats.iter().flat_map(|f| (f.target().faults)(program, machine)).collect();
+    let known = Known::of_program(program, machine);
+    let of = |f: &Format| {
+        let known = (f.target().known_faults)(&known).into_iter().map(|(_, fault)| fault);
+        known.chain((f.target().faults)(program, machine))
+    };
+    let faults: Vec<Diag> = formats.iter().flat_map(of).collect();
     if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+}
+
+/// What is refused of a job before it is planned, by format.
+pub fn known_faults(formats: &[Format], known: &Known<'_>) -> Vec<(Format, KnownFault)> {
+    formats.iter().flat_map(|&f| (f.target().known_faults)(known).into_iter().map(move |fault| (f, fault))).collect()
 }
 
 /// Whether a person has to load the files of the blocks, because no file of a stepped job in these formats holds all.
 pub fn needs_person(formats: &[Format]) -> bool {
     !formats.iter().any(|f| f.target().holds_job)
+}
+
+/// Formats that take every job, as far as it is known before it is planned.
+fn no_known_faults(_: &Known<'_>) -> Vec<KnownFault> {
+    Vec::new()
 }
 
 /// Formats that take every program that the check takes.

@@ -22,8 +22,8 @@ impl<'a> Faults<'a> {
         Self { path, source, list: Vec::new(), warnings: Vec::new() }
     }
 
-    /// The place of a key such as `texture.0.pitch`: its value, the nearest table around it that is given, or
-    /// the file.
+    /// The place of a key such as `texture.0.pitch`, or of an entry of a list such as `emit.formats.lmc`: its value, the
+    /// nearest table or list around it that is given, or the file.
     pub(super) fn place(&self, key: &str) -> Place {
         let path = self.path.display().to_string();
         let Ok(root) = DeTable::parse(self.source) else { return Place::file(path) };
@@ -32,7 +32,10 @@ impl<'a> Faults<'a> {
         for step in key.split('.') {
             let found = match &at {
                 DeValue::Table(table) => table.get(step),
-                DeValue::Array(list) => step.parse::<usize>().ok().and_then(|i| list.get(i)),
+                DeValue::Array(list) => match step.parse::<usize>() {
+                    Ok(i) => list.get(i),
+                    Err(_) => list.iter().find(|entry| entry.get_ref().as_str() == Some(step)),
+                },
                 _ => None,
             };
             let Some(found) = found.cloned() else { break };
@@ -43,6 +46,21 @@ impl<'a> Faults<'a> {
             Some(span) => Place::Text { path, source: self.source.clone(), span },
             None => Place::file(path),
         }
+    }
+
+    /// Whether the file gives a key, such as `limits.steep`.
+    pub(super) fn is_given(&self, key: &str) -> bool {
+        let Ok(root) = DeTable::parse(self.source) else { return false };
+        let mut table = root.get_ref();
+        let mut steps = key.split('.').peekable();
+        while let Some(found) = steps.next().and_then(|step| table.get(step)) {
+            match (found.get_ref(), steps.peek()) {
+                (_, None) => return true,
+                (DeValue::Table(inner), Some(_)) => table = inner,
+                _ => return false,
+            }
+        }
+        false
     }
 
     pub(super) fn push(&mut self, key: &str, fault: Diag) {

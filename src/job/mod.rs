@@ -9,6 +9,7 @@ mod direction;
 mod faults;
 pub mod file;
 mod file_unit;
+mod not_a_job;
 mod plausible;
 mod read;
 mod resolve;
@@ -16,6 +17,7 @@ mod resolved;
 mod sample;
 mod setting;
 mod texture;
+mod unused;
 
 pub use crate::emit::Format;
 pub use file::{
@@ -29,4 +31,4 @@ pub use resolved::{
     Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};
-pub use setting::{KeyValue, Keys, Setting};
+pub use setting::{KeyValue, Keys, Setting, near_keys};

@@ -15,6 +15,7 @@ use super::resolved::{
 };
 use super::texture::Texture;
 use super::texture::keys::TextureKeys;
+use super::unused;
 use crate::diag::{Diag, Error};
 use crate::emit::{Format, TARGETS, Target, names};
 use crate::geom::{MAX_NM, Nm, P2};
@@ -96,6 +97,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     if mode == Mode::OnTheFly {
         on_the_fly(file, f);
     }
+    unused::warn(file, mode, f);
     let Faults { list, warnings, .. } = faults;
     let Some(machine) = machine.filter(|_| list.is_empty()) else { return Err(Error::many(list)) };
     Ok(Job {
@@ -252,23 +254,47 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
             ("focus", Length::mm(1.0))
         }
     };
+    let mut is_sound = true;
     if keys.factor.is_some_and(|factor| !factor.is_finite() || factor <= 0.0) {
         f.push("focus.factor", Diag::input("focus-factor", "focus.factor must be above zero"));
+        is_sound = false;
     } else if !(1e-4..=1000.0).contains(&pdof.as_mm()) {
         f.push(
             key,
             Diag::input("focus-range", format!("the depth of focus comes to {pdof}"))
                 .hint("it must lie between 0.1 um and 1000 mm"),
         );
+        is_sound = false;
     }
+    factor_warnings(keys, f);
     let pdof = pdof.as_nm().unwrap_or(MAX_NM);
     let reserve = keys.reserve.as_nm().unwrap_or(MAX_NM);
-    if reserve >= pdof {
+    // A depth that is at fault itself says nothing of the reserve.
+    if is_sound && reserve >= pdof {
         let text = format!("focus.reserve {} leaves nothing of the PDOF of {} mm", keys.reserve, pdof.mm());
         let hint = "the reserve is what errors may use up of PDOF: make it smaller, or make the errors smaller";
         f.push("focus.reserve", Diag::input("focus-reserve", text).hint(hint));
     }
     Focus { pdof, reserve, depth: keys.rule.range(pdof - reserve), rule: keys.rule, level: keys.level }
+}
+
+/// Range of `focus.factor` in Cao and Zhu (2013), step 1: PDOF = 0.8 to 1.2 DOF.
+const FACTORS: std::ops::RangeInclusive<f64> = 0.8..=1.2;
+
+/// A factor that has no effect, or is not one that the article knows.
+fn factor_warnings(keys: &FocusKeys, f: &mut Faults<'_>) {
+    let Some(factor) = keys.factor.filter(|factor| factor.is_finite() && *factor > 0.0) else { return };
+    if keys.pdof.is_some() {
+        let d =
+            Diag::warning("key-unused", "focus.factor has no effect beside focus.pdof, which is the depth of focus");
+        f.warn("focus.factor", d.hint("leave it out, or give focus.dof instead of focus.pdof"));
+    } else if keys.dof.is_some() && !FACTORS.contains(&factor) {
+        let text = format!(
+            "focus.factor {factor} is not between 0.8 and 1.2, the PDOF that Cao and Zhu give as a share of DOF"
+        );
+        let hint = "state what was measured as focus.pdof";
+        f.warn("focus.factor", Diag::warning("focus-factor", text).hint(hint));
+    }
 }
 
 fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
@@ -282,6 +308,10 @@ fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
     for (i, pen) in keys.iter().take(MAX_PENS).enumerate() {
         if keys[..i].iter().any(|p| p.name == pen.name) {
             f.push(&format!("pen.{i}.name"), Diag::input("pen-twice", format!("two pens are named {:?}", pen.name)));
+        }
+        if pen.name.starts_with('-') {
+            let text = format!("pen name {:?} begins with -, which spreadsheets take for a formula", pen.name);
+            f.push(&format!("pen.{i}.name"), Diag::input("pen-name", text).hint("begin it with a letter or a digit"));
         }
         if !pen.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || pen.name.is_empty() {
             let text = format!("pen name {:?} holds something other than letters, digits, - and _", pen.name);

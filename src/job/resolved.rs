@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{self, Diag, Error, Place};
 use crate::emit::Format;
 use crate::geom::{NM_PER_MM, Nm, P2, Pose};
 use crate::machine::{Machine, Origin};
@@ -368,9 +368,26 @@ impl Job {
         let at = |d: &Diag| {
             let Place::File { path, line: None } = &d.place else { return d.clone() };
             let key = named.iter().find(|(_, file)| d.code == "file-unreadable" && file.display().to_string() == *path);
-            key.map_or_else(|| d.clone(), |(key, _)| d.clone().at(self.place_of(key)))
+            key.map_or_else(
+                || d.clone(),
+                |(key, _)| {
+                    let hint = format!("{}; paths in a job file are relative to the job file", d.hint);
+                    d.clone().at(self.place_of(key)).hint(hint)
+                },
+            )
         };
         Error::many(e.diags().iter().map(at).collect())
+    }
+
+    /// The place of a key of the machine file, such as `delays.jump`; of a built-in machine its name in the job file.
+    pub fn place_in_machine(&self, key: &str) -> Place {
+        let MachineInput::File(file) = &self.machine else { return self.place_of("machine.profile") };
+        let path = self.relative(file);
+        let shown = path.display().to_string();
+        match std::fs::read_to_string(&path) {
+            Ok(text) => diag::place_of(&shown, &text.into(), key),
+            Err(_) => Place::file(shown),
+        }
     }
 
     /// The machine that the job names.

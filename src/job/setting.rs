@@ -6,6 +6,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
+use crate::diag::edits;
+
 /// Most values of a setting.
 const MOST_VALUES: usize = 10_000;
 
@@ -139,6 +141,45 @@ fn set(keys: &mut Table, key: &str, value: Value) -> Result<(), String> {
     Err("it ends in a table".into())
 }
 
+/// Keys of a job file that may have been meant by one that has no place: those of that last word, or those that differ
+/// from it by a character or two; of a list the first entry.
+pub fn near_keys(key: &str) -> Vec<String> {
+    let schema: serde_json::Value = serde_json::from_str(&super::json_schema()).expect("a schema is JSON");
+    let mut all = Vec::new();
+    keys_of(&schema, &schema, "", &mut all);
+    let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
+    let typed = last(key);
+    let distance = |known: &String| edits(key, known).min(edits(&typed, &last(known)));
+    let nearest = all.iter().map(distance).min().unwrap_or(usize::MAX);
+    if nearest > 2 || nearest >= typed.len() {
+        return Vec::new();
+    }
+    all.retain(|known| distance(known) == nearest && known != key);
+    all
+}
+
+/// Appends the dotted names of all keys with values below `at`.
+fn keys_of(schema: &serde_json::Value, at: &serde_json::Value, around: &str, out: &mut Vec<String>) {
+    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
+        return keys_of(schema, &schema["$defs"][name], around, out);
+    }
+    let choices = at["anyOf"].as_array().into_iter().flatten();
+    let inner: Vec<&serde_json::Value> = choices.filter(|c| c["type"] != "null").collect();
+    if let [only] = inner[..] {
+        return keys_of(schema, only, around, out);
+    }
+    if let Some(keys) = at["properties"].as_object() {
+        for (key, value) in keys {
+            let dot = if around.is_empty() { "" } else { "." };
+            keys_of(schema, value, &format!("{around}{dot}{key}"), out);
+        }
+    } else if at["items"]["$ref"].is_string() && at["type"] == "array" && !around.contains('.') {
+        keys_of(schema, &at["items"], &format!("{around}.0"), out);
+    } else if around.contains('.') {
+        out.push(around.to_owned());
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,6 +209,29 @@ mod tests {
             ["focus.pdof", "=3", "a..b=3", "focus.pdof=1..2mm/1", "focus.pdof=x..2mm", "focus.pdof=1..mm", "a.b="]
         {
             assert!(bad.parse::<Setting>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_key_that_was_meant_is_found() {
+        assert_eq!(near_keys("pdof"), ["focus.pdof"]);
+        assert_eq!(near_keys("focus.pdfo"), ["focus.pdof"]);
+        assert_eq!(near_keys("methd"), ["partition.method"]);
+        assert_eq!(near_keys("texture.1.pitch"), ["texture.0.pitch"]);
+        assert_eq!(near_keys("count"), ["passes.count"]);
+        assert!(near_keys("speed").contains(&"pen.0.speed".to_owned()));
+        assert_eq!(near_keys("nonsense"), [""; 0]);
+        // Every key that is offered can be set.
+        let mut all = Vec::new();
+        let schema: serde_json::Value = serde_json::from_str(&crate::job::json_schema()).expect("JSON");
+        keys_of(&schema, &schema, "", &mut all);
+        assert!(all.len() > 80 && all.iter().any(|key| key == "emit.formats"), "{all:?}");
+        for key in &all {
+            let mut keys = Table::new();
+            for list in ["texture", "pen"] {
+                keys.insert(list.into(), Value::Array(vec![Value::Table(Table::new())]));
+            }
+            set(&mut keys, key, Value::Integer(1)).unwrap_or_else(|e| panic!("{key}: {e}"));
         }
     }
 

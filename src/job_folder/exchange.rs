@@ -2,12 +2,14 @@
 //!
 //! Consumes the path as given; links are followed, so the folder behind a link is replaced and the
 //! link stays. Beside the target `NAME` live, only while a run writes, `.NAME.new` (the folder in the
-//! making), `.NAME.old` (the one it replaces) and `.NAME.lock`. The lock is the system's own and ends
+//! making; once names are exchanged, the one that was replaced), `.NAME.old` (the one that is replaced, where names
+//! cannot be exchanged) and `.NAME.lock`. The lock is the system's own and ends
 //! with its process, however that ends; a second run on the same target waits for it. `.NAME.claim` is another, held
 //! by a batch from before it looks whether the folder is up to date until it is: of two batches one compiles.
 //!
-//! Promises that under the final name there is the whole old folder, the whole new one, or, between
-//! two renames, none; [`Target::recover`] clears up what a stopped run left. This holds when a process is
+//! Promises that under the final name there is the whole old folder or the whole new one; where the system cannot
+//! exchange two names in one step (other systems than Linux, some network shares), also none between two renames.
+//! [`Target::recover`] clears up what a stopped run left. This holds when a process is
 //! killed, and, where the new folder and its parent are flushed, when power fails. Limits: file systems
 //! without locks (some network shares) are used without one.
 
@@ -17,9 +19,9 @@ use std::path::{Component, Path, PathBuf};
 
 use super::flush::{Flush, flush_tree};
 use super::{failed, place};
-use crate::diag::{Diag, Error};
+use crate::diag::{self, Diag, Error};
 use crate::job::Mode;
-use crate::manifest::MANIFEST;
+use crate::manifest::{self, FileFact, InputFact, JobRef, MANIFEST};
 
 /// Where a job folder goes.
 #[derive(Debug)]
@@ -47,6 +49,11 @@ impl Lock {
     /// Waits until no other process holds the lock of this file.
     fn of(path: &Path) -> Result<Self, Error> {
         let refused = |e: std::io::Error| failed("lock the output", path, &e);
+        if is_no_file(path) {
+            let text = "cannot lock the output: something that is no regular file has the name of its lock";
+            let d = Diag::input("output-unwritable", text).at(place(path));
+            return Err(d.hint("remove it, or name another folder with -o").into());
+        }
         loop {
             let file = File::options().create(true).append(true).open(path).map_err(refused)?;
             match file.lock() {
@@ -62,6 +69,10 @@ impl Lock {
 
     /// The lock of a file that is there and that no process holds.
     fn free(path: &Path) -> Option<Self> {
+        // To open a pipe is to wait for its other end.
+        if is_no_file(path) {
+            return None;
+        }
         let file = File::options().append(true).open(path).ok()?;
         let is_free = file.try_lock().is_ok() && is_same(&file, path);
         is_free.then(|| Self { path: path.to_owned(), _file: file })
@@ -169,8 +180,20 @@ impl Target {
     /// Puts the finished new folder in place. Where that fails the old one is put back. The new folder is flushed
     /// before its name changes, and the folder around it before the old one is removed.
     pub(super) fn exchange(&self, _lock: &Lock, flush: &Flush<'_>) -> Result<(), Error> {
+        self.put(flush, swap)
+    }
+
+    /// The same, by a function that exchanges two names in one step, or cannot.
+    fn put(&self, flush: &Flush<'_>, swap: fn(&Path, &Path) -> bool) -> Result<(), Error> {
         flush_tree(&self.new, flush).map_err(|e| failed("put the new folder on the disk", &self.new, &e))?;
+        let parent = self.path.parent().unwrap_or(Path::new("/"));
+        let flush_parent = || flush(parent).map_err(|e| failed("put the folder on the disk", parent, &e));
         let replaces = is_there(&self.path);
+        if replaces && swap(&self.new, &self.path) {
+            flush_parent()?;
+            // It has the name of an unfinished folder by now: a run that is stopped here has it removed by the next.
+            return fs::remove_dir_all(&self.new).map_err(|e| failed("remove the replaced folder", &self.new, &e));
+        }
         if replaces {
             fs::rename(&self.path, &self.old).map_err(|e| failed("set the old folder aside", &self.path, &e))?;
         }
@@ -181,8 +204,7 @@ impl Target {
             }
             return Err(failed("put the new folder in place", &self.path, &e));
         }
-        let parent = self.path.parent().unwrap_or(Path::new("/"));
-        flush(parent).map_err(|e| failed("put the folder on the disk", parent, &e))?;
+        flush_parent()?;
         if replaces { self.discard_old() } else { Ok(()) }
     }
 
@@ -198,8 +220,25 @@ fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
+/// Whether what has this name is a pipe, a folder, a link or the like.
+fn is_no_file(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|meta| !meta.is_file())
+}
+
+/// Exchanges the names of two folders in one step; false where system or file system cannot, and nothing is changed.
+#[cfg(target_os = "linux")]
+fn swap(one: &Path, other: &Path) -> bool {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE).is_ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn swap(_: &Path, _: &Path) -> bool {
+    false
+}
+
 /// The mode of a job folder of any version; None where the folder is something else: other programs have files of
-/// this name too.
+/// this name too. All that manifests of every version have must be there, and the files that it lists.
 fn mode_of(path: &Path) -> Option<Mode> {
     #[derive(serde::Deserialize)]
     struct Sign {
@@ -210,9 +249,17 @@ fn mode_of(path: &Path) -> Option<Mode> {
         /// Stepped folders of the first schema have none.
         #[serde(default)]
         mode: Mode,
+        #[serde(rename = "job")]
+        _job: JobRef,
+        #[serde(rename = "inputs")]
+        _inputs: Vec<InputFact>,
+        files: Vec<FileFact>,
     }
-    let bytes = fs::read(path.join(MANIFEST)).ok()?;
-    serde_json::from_slice::<Sign>(&bytes).ok().map(|sign| sign.mode)
+    let bytes = diag::read_file(&path.join(MANIFEST), manifest::MAX_FILE).ok()?;
+    let sign: Sign = serde_json::from_slice(&bytes).ok()?;
+    // A folder of ours may have lost files; one that never had any is not of ours.
+    let has_some = sign.files.iter().any(|fact| is_there(&path.join(&fact.file)));
+    has_some.then_some(sign.mode)
 }
 
 #[cfg(unix)]
@@ -248,4 +295,93 @@ pub(super) fn resolved(path: &Path) -> std::io::Result<PathBuf> {
         }
     }
     Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+    use super::*;
+
+    /// A folder `.a.job.new` with a text in its sign, about to become `a.job`.
+    fn made(dir: &Path, text: &str) -> Target {
+        let target = Target::find(&dir.join("a.job"), "sign").expect("a place");
+        fs::create_dir(&target.new).expect("made");
+        fs::write(target.new.join("sign"), text).expect("written");
+        target
+    }
+
+    #[test]
+    fn a_folder_is_replaced_whether_names_can_be_exchanged_or_not() {
+        for swap in [swap as fn(&Path, &Path) -> bool, |_, _| false] {
+            let dir = tempfile::tempdir().expect("a folder");
+            for text in ["one", "two", "three"] {
+                made(dir.path(), text).put(&|_| Ok(()), swap).expect("put in place");
+                assert_eq!(fs::read_to_string(dir.path().join("a.job/sign")).expect("there"), text);
+                assert_eq!(fs::read_dir(dir.path()).expect("there").count(), 1, "nothing is left beside it");
+            }
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn at_no_moment_there_is_no_folder() {
+        let dir = tempfile::tempdir().expect("a folder");
+        made(dir.path(), "0").put(&|_| Ok(()), swap).expect("put in place");
+        let (sign, is_done) = (dir.path().join("a.job"), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            let seen = scope.spawn(|| {
+                let mut looks = 0_u64;
+                while !is_done.load(Relaxed) {
+                    assert!(is_there(&sign), "after {looks} looks");
+                    looks += 1;
+                }
+                looks
+            });
+            for i in 1..500 {
+                made(dir.path(), &i.to_string()).put(&|_| Ok(()), swap).expect("put in place");
+            }
+            is_done.store(true, Relaxed);
+            assert!(seen.join().expect("always there") > 0);
+        });
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_under_the_name_of_a_lock_is_refused_and_not_waited_for() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let target = Target::find(&dir.path().join("a.job"), "sign").expect("a place");
+        for path in [&target.lock, &target.claim] {
+            let status = std::process::Command::new("mkfifo").arg(path).status().expect("mkfifo");
+            assert!(status.success());
+        }
+        for refused in [target.lock(), target.claim()] {
+            assert_eq!(refused.expect_err("a pipe").diags()[0].code, "output-unwritable");
+        }
+        assert!(Lock::free(&target.claim).is_none());
+    }
+
+    #[test]
+    fn only_a_whole_manifest_of_ours_makes_a_job_folder() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let mode = |text: &str| {
+            fs::write(dir.path().join(MANIFEST), text).expect("written");
+            mode_of(dir.path())
+        };
+        fs::write(dir.path().join("program.txt"), "").expect("written");
+        let job = "\"job\":{\"file\":\"../a.toml\",\"blake3\":\"00\"},\"inputs\":[]";
+        let files = "\"files\":[{\"file\":\"program.txt\",\"bytes\":0,\"blake3\":\"00\"}]";
+        let whole = |extra: &str| format!("{{\"terrace\":\"0.1.0\",\"schema\":1{extra},{job},{files}}}");
+        assert_eq!(mode(&whole("")), Some(Mode::Stepped));
+        assert_eq!(mode(&whole(",\"mode\":\"on-the-fly\"")), Some(Mode::OnTheFly));
+        for text in [
+            "{\"terrace\":\"x\",\"schema\":1}".to_owned(),
+            format!("{{\"terrace\":\"x\",\"schema\":1,{job}}}"),
+            format!("{{\"terrace\":\"x\",\"schema\":1,{files}}}"),
+            whole("").replace("program.txt", "other.txt"),
+            whole("").replace("\"schema\":1", "\"schema\":\"one\""),
+        ] {
+            assert_eq!(mode(&text), None, "{text}");
+        }
+    }
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::place;
 use crate::diag::{Diag, Error};
 use crate::job::Job;
-use crate::manifest::InputFact;
+use crate::manifest::{self, InputFact};
 
 /// Size and hash of a file, or why it cannot be read.
 type Hash = Result<(u64, String), Error>;
@@ -28,7 +28,7 @@ impl Hashes {
         list.into_iter()
             .map(|(role, file)| {
                 let (bytes, blake3) = self.of(&job.relative(file))?;
-                let shown = file.to_string_lossy().replace('\\', "/");
+                let shown = manifest::portable(&file.to_string_lossy());
                 Ok(InputFact { role: role.into(), file: shown, bytes, blake3 })
             })
             .collect()

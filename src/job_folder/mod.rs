@@ -249,11 +249,13 @@ mod tests {
     /// order, each with whether the target held the new folder by then, and whether the old one was still there.
     fn flushed(target: &Path, text: &str) -> Vec<(PathBuf, bool, bool)> {
         let target = Target::find(target, "sign").expect("a place");
-        let old = target.path.with_file_name(".out.job.old");
+        let [new, old] = [".out.job.new", ".out.job.old"].map(|name| target.path.with_file_name(name));
         let seen = Mutex::new(Vec::new());
         let flush = |path: &Path| {
             let is_new = fs::read_to_string(target.path.join("sign")).is_ok_and(|held| held == text);
-            seen.lock().expect("no panic").push((path.to_owned(), is_new, old.exists()));
+            // Where names are exchanged, the old folder has that of the new one by then.
+            let has_old = old.exists() || is_new && new.exists();
+            seen.lock().expect("no panic").push((path.to_owned(), is_new, has_old));
             Ok(())
         };
         let fill = |new: &Path| {

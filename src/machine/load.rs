@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::{Cost, Fault, Machine, Tilt, ToolServo, range};
-use crate::diag::{self, Diag, Error, Place};
+use crate::diag::{self, Diag, Error, Place, TableKey};
 use crate::geom::Nm;
 
 /// The built-in profiles: name and text.
@@ -20,6 +20,37 @@ pub const PROFILES: [(&str, &str); 6] = [
 /// Where all keys of a machine file are listed.
 const KEYS: &str =
     "`terrace machines NAME` prints a built-in machine to start from; `terrace machines --schema` lists every key";
+
+/// The tables of a machine file.
+const TABLES: [TableKey; 19] = {
+    const fn one(name: &'static str) -> TableKey {
+        TableKey { name, is_list: false, needed: None }
+    }
+    const fn needed(name: &'static str) -> TableKey {
+        TableKey { name, is_list: false, needed: Some(KEYS) }
+    }
+    [
+        needed("lens"),
+        needed("scanner"),
+        needed("stage"),
+        needed("stage.x"),
+        needed("stage.y"),
+        needed("stage.z"),
+        needed("laser"),
+        one("delays"),
+        one("controller"),
+        one("zoom"),
+        one("tilt"),
+        TableKey { name: "tilt.axes", is_list: true, needed: Some("add two [[tilt.axes]]") },
+        one("operator"),
+        one("cost"),
+        one("tool_servo"),
+        one("tool_servo.drive"),
+        TableKey { name: "tool_servo.oscillations", is_list: true, needed: None },
+        one("lmc"),
+        one("rtc"),
+    ]
+};
 
 /// Largest machine file that is read.
 const MAX_FILE: u64 = 1 << 20;
@@ -46,13 +77,21 @@ impl Machine {
     pub fn load(path: &Path) -> Result<Self, Error> {
         let shown = path.display().to_string();
         let bytes = diag::read_file(path, MAX_FILE)?;
-        let text = String::from_utf8(bytes)
-            .map_err(|_| Diag::input("machine-utf8", "the file is not UTF-8 text").at(Place::file(&shown)))?;
+        let text = diag::utf8(bytes)
+            .map_err(|e| e.at(Diag::input("machine-utf8", format!("the machine file is {e}")), &shown))?;
         Self::parse(&shown, &text)
     }
 
     pub(super) fn parse(path: &str, text: &str) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
+        if diag::has_keys(text, &["surface", "texture"]) {
+            let d = Diag::input("not-a-machine", "this is a job file, not a machine file").at(Place::file(path));
+            return Err(d.hint("name a machine file: `terrace machines NAME -o FILE` writes one to start from").into());
+        }
+        let faults = diag::table_faults(Path::new(path), &source, "machine file", &TABLES);
+        if !faults.is_empty() {
+            return Err(Error::many(faults));
+        }
         let machine: Self = diag::from_toml(path, &source, KEYS)?;
         let at = |(key, d): Fault| d.at(diag::place_of(path, &source, &key));
         let faults: Vec<Diag> = machine.faults().into_iter().map(at).collect();
@@ -141,4 +180,14 @@ impl Machine {
 pub fn json_schema() -> String {
     let schema = schemars::schema_for!(Machine);
     serde_json::to_string_pretty(&schema).expect("a schema is plain JSON")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_table_of_the_schema_is_listed_as_what_it_is() {
+        diag::lists_all_of(&json_schema(), &TABLES, &["servo", "move"]);
+    }
 }

@@ -16,6 +16,7 @@ mod load;
 mod range;
 mod tilt_axes;
 mod tool_servo;
+mod unused;
 
 pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
@@ -428,7 +429,7 @@ pub enum RtcBoard {
 }
 
 /// A fault of a machine file, and the key whose value it is of.
-type Fault = (String, Diag);
+pub type Fault = (String, Diag);
 
 impl Machine {
     /// Depth of focus of the optics, mm: twice the Rayleigh length of a Gaussian beam, 2 z_R = 2 π w² / (M² λ), where

@@ -15,7 +15,12 @@ pub const MANIFEST: &str = "manifest.json";
 const SCHEMA: u32 = 3;
 
 /// Largest manifest that is read: some 600 bytes for each of a million blocks.
-const MAX_FILE: u64 = 1 << 30;
+pub(crate) const MAX_FILE: u64 = 1 << 30;
+
+/// A path as manifests and run sheets have it: on Windows with `/` for its backslashes, which elsewhere belong to names.
+pub fn portable(path: &str) -> String {
+    if cfg!(windows) { path.replace('\\', "/") } else { path.to_owned() }
+}
 
 /// An input file of the job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

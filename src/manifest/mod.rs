@@ -10,6 +10,7 @@ mod registration;
 mod stepped;
 
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
+pub(crate) use head::{MAX_FILE, portable};
 pub use on_the_fly::{
     AxisPeaks, Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary,
     on_the_fly_manifest,
@@ -80,6 +81,8 @@ pub struct Candidate {
     pub fragments: usize,
     /// Its job time.
     pub time_s: Times,
+    /// The time by which `auto` compares it, s: with the person who loads the files, where the job needs one.
+    pub compared_s: f64,
 }
 
 /// How many dots there are; each counts once, whatever the passes of its pen.

@@ -56,7 +56,7 @@ impl Layout {
         let step = machine.increment_nm();
         let field = machine.usable_field();
         let partition = &job.partition;
-        check(job, field)?;
+        check(job, machine)?;
         let keep = Keep(partition.keep_whole.min(field[0]).min(field[1]));
         let even = |v: Nm| step * 2 * (v / (step * 2));
         // Windows reach over each other by a little more than the overlap, so that rounding takes nothing of it.
@@ -80,8 +80,9 @@ impl Layout {
             let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
             return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
         }
-        // A list of heights for every section that holds marks.
-        memory::ask("what lies in the sections", 200 * sections.len() as u64)?;
+        // A list of heights for every section that holds marks (50 bytes) in a table of 81 bytes an entry, which is half
+        // empty after it has grown, is there twice while it grows, and is joined with another one.
+        memory::ask("what lies in the sections", 600 * sections.len() as u64)?;
         Ok(Self { sections, window, keep, origin, height: stated.map(|Origin([.., z])| Nm(z)) })
     }
 
@@ -102,10 +103,7 @@ impl Layout {
         let height = height.unwrap_or_else(|| default_height(machine, [lo, hi]));
         let origin = Origin([x.0, y.0, height.0]);
         let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {
-            let text = format!("a depth range of {} mm is below two stage increments", job.focus.depth.mm());
-            return Err(Diag::limit("depth-small", text)
-                .hint("enlarge focus.pdof, or state a finer stage.increment")
-                .into());
+            return Err(shallow(job).hint(SHALLOW).into());
         };
         let Partition { overlap, hysteresis, .. } = job.partition;
         let hysteresis = hysteresis.map_or_else(|| footprint.roughness(), Nm::f64);
@@ -139,8 +137,20 @@ impl Grid {
     }
 }
 
-/// Holds the lengths of `[partition]` to the field.
-fn check(job: &Job, field: [Nm; 2]) -> Result<(), Error> {
+/// What helps where blocks would be too shallow.
+const SHALLOW: &str = "enlarge focus.pdof, or state a finer stage.increment";
+
+/// What is said of a depth range that the stage cannot tell from none.
+fn shallow(job: &Job) -> Diag {
+    Diag::limit("depth-small", format!("a depth range of {} mm is below two stage increments", job.focus.depth.mm()))
+}
+
+/// Holds the lengths of `[partition]` to the field, and the depth range to the increment of the stage.
+///
+/// # Errors
+/// `section-large`, `section-small`, `zone-large`, `overlap-large`, `depth-small`.
+pub(super) fn check(job: &Job, machine: &Machine) -> Result<(), Error> {
+    let (field, step) = (machine.usable_field(), machine.increment_nm());
     let Partition { section, zone, overlap, .. } = job.partition;
     let refuse = |fault: Diag, key: &str, hint: &str| Err(fault.at(job.place_of(key)).hint(hint).into());
     if let Some(section) = section
@@ -149,6 +159,13 @@ fn check(job: &Job, field: [Nm; 2]) -> Result<(), Error> {
         let text = format!("partition.section {} mm is larger than the usable field", section.mm());
         let fault = Diag::limit("section-large", text);
         return refuse(fault, "partition.section", "leave it out, or make it smaller");
+    }
+    if section.is_some_and(|section| section < step * 2) {
+        let fault = Diag::limit("section-small", "a section is smaller than two stage increments");
+        return refuse(fault, "partition.section", "leave it out, or make it larger");
+    }
+    if job.focus.depth < step * 2 {
+        return refuse(shallow(job), "focus", SHALLOW);
     }
     if field.iter().any(|&f| zone >= f / 2) {
         let fault = Diag::limit("zone-large", "partition.zone is half the usable field or more");

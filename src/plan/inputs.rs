@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use super::early;
 use super::plausible;
 use super::space_curves;
-use crate::check::pen_faults;
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, Kind};
 use crate::geom::{Box2, BoxMm, P2, cos_sin};
-use crate::job::Job;
+use crate::job::{Job, Mode};
 use crate::machine::Machine;
 use crate::manifest::SpaceCurves;
 use crate::program::{PassId, PenId};
@@ -30,8 +30,18 @@ pub struct Inputs {
     pub warnings: Vec<Diag>,
 }
 
+/// What inputs are read for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// A job that is planned, checked and written in its formats.
+    Write,
+    /// Measures of a job: nothing is written.
+    Measure,
+}
+
 impl Inputs {
-    /// Reads machine, surface and drawings, and holds the job to what the machine can be.
+    /// Reads machine, surface and drawings, and holds the job to what the machine can be; not to what its formats can
+    /// carry, as nothing is to be written.
     ///
     /// # Errors
     /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
@@ -45,27 +55,30 @@ impl Inputs {
     /// # Errors
     /// As [`Inputs::load`].
     pub fn load_told(job: &Job, task: Task<'_>) -> Result<Self, Error> {
-        Self::loaded(job, None, &mut |_| {}, task)
+        Self::loaded(job, Purpose::Measure, None, &mut |_| {}, task)
     }
 
-    /// [`Inputs::load_told`] that hands on each facet of the surface file as the file has it.
+    /// Reads what [`Inputs::load`] does for a job that is to be written, and hands on each facet of the surface file as
+    /// the file has it.
     ///
     /// # Errors
-    /// As [`Inputs::load`].
+    /// As [`Inputs::load`]; besides, before any other file is read, all that job and machine file do not allow: formats
+    /// that cannot carry the job, sections, depth and methods that the machine cannot do.
     pub fn load_each(job: &Job, each: &mut dyn FnMut([[f64; 3]; 3]), task: Task<'_>) -> Result<Self, Error> {
-        Self::loaded(job, None, each, task)
+        Self::loaded(job, Purpose::Write, None, each, task)
     }
 
     /// The same for one of several jobs; the surface of another is taken over where both read and turn it alike.
     ///
     /// # Errors
-    /// As [`Inputs::load`].
+    /// As [`Inputs::load_each`].
     pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
-        Self::loaded(job, other, &mut |_| {}, Task::untold())
+        Self::loaded(job, Purpose::Write, other, &mut |_| {}, Task::untold())
     }
 
     fn loaded(
         job: &Job,
+        purpose: Purpose,
         other: Option<(&Job, &Arc<Surface>)>,
         each: &mut dyn FnMut([[f64; 3]; 3]),
         task: Task<'_>,
@@ -76,14 +89,29 @@ impl Inputs {
         };
         let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
-        let pens = pen_faults(&job.pens, &machine);
-        if !pens.is_empty() {
-            return Err(Error::many(pens.into_iter().map(|(key, fault)| fault.at(job.place_of(&key))).collect()));
-        }
         let mut warnings = job.warnings.clone();
-        warnings.extend(job.plausible(&machine)?);
+        let unused = machine.unused().into_iter();
+        warnings.extend(unused.map(|(key, warning)| warning.at(job.place_in_machine(&key))));
+        let mut faults = match purpose {
+            Purpose::Write => early::faults(job, &machine),
+            Purpose::Measure => early::pens(job, &machine),
+        };
+        match job.plausible(&machine) {
+            Ok(odd) => warnings.extend(odd),
+            Err(e) => {
+                // A depth range that the optics make implausible is told once.
+                faults.retain(|fault| fault.code != "depth-small");
+                let (odd, implausible): (Vec<Diag>, Vec<Diag>) =
+                    e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
+                warnings.extend(odd);
+                faults.extend(implausible);
+            }
+        }
+        if !faults.is_empty() {
+            return Err(Error::many(faults).after(warnings));
+        }
         // Warnings before an error often show its cause.
-        match Self::read(job, surface, &machine, &mut warnings, each, task) {
+        match Self::read(job, purpose, surface, &machine, &mut warnings, each, task) {
             Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
@@ -91,6 +119,7 @@ impl Inputs {
 
     fn read(
         job: &Job,
+        purpose: Purpose,
         surface: Option<&Arc<Surface>>,
         machine: &Machine,
         warnings: &mut Vec<Diag>,
@@ -114,15 +143,15 @@ impl Inputs {
         warnings.extend(plausible::odd_part(job, surface.size_mm(), machine));
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
         drop(drawings);
+        texture.ask_for_tracing()?;
         let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();
         if let Some((pen, number)) = texture.dot_pens().into_iter().find(is_without) {
-            let text =
-                format!("texture {number} has dots, and their pen {:?} has no dwell", job.pens[pen.index()].name);
-            let hint = "add dwell = \"100 us\" or pulses = 10 to the pen; leave out points of a drawing with `except`";
-            return Err(Diag::input("pen-dwell", text)
-                .at(job.place_of(&format!("pen.{}", pen.index())))
-                .hint(hint)
-                .into());
+            return Err(early::no_dwell(job, pen, number).into());
+        }
+        let dots = !texture.dot_pens().is_empty() && purpose == Purpose::Write && job.mode == Mode::Stepped;
+        let not_carried = if dots { early::formats(job, machine, true) } else { Vec::new() };
+        if !not_carried.is_empty() {
+            return Err(Error::many(not_carried));
         }
         let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
         let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };

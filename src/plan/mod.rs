@@ -14,6 +14,8 @@ mod candidate;
 mod candidates;
 mod dose;
 mod doubled;
+mod early;
+mod fly_formats;
 mod focal_plane;
 mod frames;
 mod grid;
@@ -113,7 +115,7 @@ impl Plan {
 /// # Errors
 /// Faults of the inputs; limits of the machine that the job breaks.
 pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
-    let inputs = Inputs::load_told(&job, Phase::Read.task(progress))?;
+    let inputs = Inputs::load_each(&job, &mut |_| {}, Phase::Read.task(progress))?;
     of_inputs(job, inputs, progress)
 }
 

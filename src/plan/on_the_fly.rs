@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::budget::{Relief, Stated};
 use crate::diag::{Diag, Error, Place};
-use crate::emit::{self, FlyFile, TARGETS, Target};
+use crate::emit::{self, FlyFile};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
@@ -29,12 +29,13 @@ use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::turnaround::quickest;
 use crate::on_the_fly::xyzacuv::{Instant, TimedAxes, ToolPath, decompose};
 use crate::on_the_fly::xyzuv::ScannerLimits;
-use crate::program::{Pen, PieceId};
+use crate::program::PieceId;
 use crate::progress::Task;
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::units::Speed;
 
+use super::fly_formats;
 use super::inputs::Inputs;
 use super::plausible;
 use super::progress::{Phase, Progress};
@@ -152,7 +153,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         ..
     } = strokes::in_order(job, machine, inputs, None, progress)?;
     warnings.extend(found);
-    warnings.extend(formats(job, machine, &strokes.pens, origin)?);
+    warnings.extend(fly_formats::unwritten(job, machine)?);
     if KinematicModel::of(machine, &strokes.pens, origin.mm()).is_none_or(|model| model.spot.is_none()) {
         let why = "which is for seven axes with scanner.acceleration in the machine file";
         let hint = "leave it out: without seven axes the quickest turnaround is chosen for all marks";
@@ -193,27 +194,6 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
     let relief = (checked.program().kind == Kind::Xyzacuv).then(|| planner.relief(&made.followed.path));
     Ok(Planned { checked, deviations, relief, lengths, left_out, texture: followed })
-}
-
-/// What of the job's formats cannot be written for the axes of the machine.
-///
-/// # Errors
-/// Where that is all of them.
-fn formats(job: &Job, machine: &Machine, pens: &[Pen], origin: Origin) -> Result<Option<Diag>, Error> {
-    let kind = if KinematicModel::of(machine, pens, origin.mm()).is_some() { Kind::Xyzacuv } else { Kind::Xyzuv };
-    let writes = |target: &Target| target.on_the_fly.is_some_and(|file| file.kinds.contains(&kind));
-    let left: Vec<&Target> = job.formats.iter().map(|f| f.target()).filter(|t| !writes(t)).collect();
-    if left.is_empty() || !job.names_formats && left.len() < job.formats.len() {
-        return Ok(None);
-    }
-    let text =
-        format!("emit.formats {} cannot be written for the axes {}", emit::names(left.iter().copied()), kind.letters());
-    let hint = format!("leave it out; formats for these axes: {}", emit::names(TARGETS.iter().filter(|t| writes(t))));
-    let place = job.place_of("emit.formats");
-    if left.len() == job.formats.len() {
-        return Err(Diag::input("emit-mode", text).at(place).hint(hint).into());
-    }
-    Ok(Some(Diag::warning("emit-mode", text).at(place).hint(hint)))
 }
 
 /// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than
@@ -285,16 +265,18 @@ impl Planner<'_> {
             let tool = Pose { p: [p[0], p[1], height.z], n: height.normal() };
             model.is_none() || most.hold(Deviation::of(&Pose { p, n }, &tool))
         };
+        let [following, timing, _limiting] = task.split([1, 6, 1]);
         let follow = Follow { near, holds: &holds, without };
         let blocks = 0..strokes.blocks.len();
         let followed = Path::following(strokes, blocks, surface, height_field, spacing, &follow);
+        drop(following);
         if followed.marked.is_empty() {
             let text = "the height field that the axes follow leaves the part under all of the texture";
             return Err(Diag::limit("fly-focus", text).hint(UNFOCUSED).into());
         }
         let (motion, kind) = match model {
-            Some(model) => (self.seven(&followed.path, &model)?, Kind::Xyzacuv),
-            None => (self.five(&followed.path, &machine, task)?, Kind::Xyzuv),
+            Some(model) => (self.seven(&followed.path, &model, timing)?, Kind::Xyzacuv),
+            None => (self.five(&followed.path, &machine, timing)?, Kind::Xyzuv),
         };
         Ok(Made { program: self.within_limits(motion, kind)?, followed })
     }
@@ -311,12 +293,14 @@ impl Planner<'_> {
         if near * beside > STRAY { STRAY / beside } else { near }
     }
 
-    fn seven(&self, path: &Path, model: &KinematicModel<'_>) -> Result<Motion, Error> {
+    fn seven(&self, path: &Path, model: &KinematicModel<'_>, task: Task<'_>) -> Result<Motion, Error> {
+        let [dividing, _timing] = task.split([1, 2]);
         let angle = self.job.limits.warn_incidence.as_rad();
         let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
         let path = &model.with_run_ups(path, &self.job.skywriting);
         let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
         found.within_travel(model)?;
+        drop(dividing);
         Ok(turning(model, &found.timed(model, 1)?))
     }
 

@@ -149,7 +149,7 @@ impl<'a> Draft<'a> {
             // A single method is checked in the end, with everything else.
             let fault = if found.len() > 1 { one.fault(machine, &first.grid, &clearance) } else { None };
             if fault.is_none() {
-                tried.push(one.listed());
+                tried.push(one.listed(job, machine));
                 unmerged.push(one.unmerged);
             }
             made.push((*method, one, fault));

@@ -6,6 +6,7 @@
 //! right corner, from where the order begins; stage positions have no meaning in it.
 
 use super::assemble::{Members, append_stroke, segments};
+use super::early;
 use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
 use super::off_part::OffPart;
@@ -62,8 +63,7 @@ pub fn in_order(
     progress: Progress<'_>,
 ) -> Result<Strokes, Error> {
     if !inputs.texture.dot_pens().is_empty() {
-        let text = "on-the-fly programs cannot mark dots: the beam would have to stand still";
-        return Err(Diag::limit("fly-job", text).at(job.place()).hint("compile a stepped job").into());
+        return Err(early::no_dots().at(job.place()).into());
     }
     let area = inputs.texture.bounds();
     let size = area.size();

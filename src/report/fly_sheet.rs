@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::runsheet::{budget, clock, field, pens};
+use crate::diag;
 use crate::emit::TARGETS;
-use crate::manifest::{LaserSwitching, OnTheFlyFacts};
+use crate::manifest::{LaserSwitching, OnTheFlyFacts, portable};
 
 /// The sheet for the operator, plain text of fixed width. `job_file` is the path from the job folder to the job file,
 /// `files` are the programs in the folder.
@@ -12,15 +13,15 @@ pub fn on_the_fly_txt(facts: &OnTheFlyFacts<'_>, job_file: &str, files: &[&str])
     let mut out = String::new();
     // Writing to a String cannot fail.
     let _ = written(&mut out, facts, job_file, files);
-    out.into_bytes()
+    diag::escaped(&out).into_owned().into_bytes()
 }
 
 fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &[&str]) -> std::fmt::Result {
     let OnTheFlyFacts { job, machine, program, summary: s, .. } = *facts;
     let [x, y, z] = program.origin.mm();
     writeln!(out, "RUN SHEET, ON THE FLY\n")?;
-    writeln!(out, "job        {}", job_file.replace('\\', "/"))?;
-    writeln!(out, "part       {}", job.surface.file.display().to_string().replace('\\', "/"))?;
+    writeln!(out, "job        {}", portable(job_file))?;
+    writeln!(out, "part       {}", portable(&job.surface.file.display().to_string()))?;
     let [w, d, h] = s.part_mm;
     writeln!(out, "size       {w:.3} x {d:.3} x {h:.3} mm as it is laid")?;
     writeln!(out, "machine    {}, axes {}", machine.name, program.kind.letters())?;

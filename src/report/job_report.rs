@@ -92,8 +92,9 @@ fn verdict(h: &mut String, job: &Layout<'_>) {
     verdict_block(h, &lines);
 }
 
-/// What the report says as long as nothing is proved.
-pub const NOT_VERIFIED: &str = "Not verified yet: run terrace verify on this folder, or compile it with --verify.";
+/// What the report says of verification where the folder was not verified before it was written.
+pub const NOT_VERIFIED: &str =
+    "terrace verify reads the files of this folder back and says whether they can be marked.";
 
 /// How many warnings there are, in words.
 pub(super) fn warnings_line(count: usize) -> String {

@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use crate::budget::Budget;
 use crate::check::Checked;
+use crate::diag;
 use crate::emit::{self, Format};
 use crate::geom::Nm;
 use crate::machine::{FieldShape, Machine};
-use crate::manifest::{Facts, Registered, Subset, Summary, lift_mm, registration};
+use crate::manifest::{Facts, Registered, Subset, Summary, lift_mm, portable, registration};
 use crate::program::{Block, BlockFigures, PassId, Pen, Program, SetupId};
 use crate::report::table::csv_cell;
 use crate::units::{Angle, Length};
@@ -117,7 +118,7 @@ pub fn txt(sheet: &Sheet<'_>) -> Vec<u8> {
         .and_then(|()| steps(&mut out, sheet))
         .and_then(|()| setups(&mut out, sheet))
         .and_then(|()| blocks(&mut out, sheet));
-    out.into_bytes()
+    diag::escaped(&out).into_owned().into_bytes()
 }
 
 /// The field, and what of it is used where that is less.
@@ -140,8 +141,8 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     let [x, y, z] = sheet.checked.origin().mm();
     writeln!(out, "RUN SHEET")?;
     writeln!(out)?;
-    writeln!(out, "job        {}", sheet.job_file.replace('\\', "/"))?;
-    writeln!(out, "part       {}", sheet.surface.replace('\\', "/"))?;
+    writeln!(out, "job        {}", portable(sheet.job_file))?;
+    writeln!(out, "part       {}", portable(&sheet.surface))?;
     let [w, d, h] = s.part_mm;
     writeln!(out, "size       {w:.3} x {d:.3} x {h:.3} mm as it is laid")?;
     writeln!(out, "machine    {}", sheet.machine.name)?;

@@ -390,7 +390,13 @@ fn summary(program: &Program) -> Summary {
         worst_incidence_deg: 3.6,
         time_s,
         by_hand: ByHand { load_s: 15.0, assumed: true, needed: false, total_s: 3707.0 + 15.0 * stops as f64 },
-        candidates: vec![Candidate { method: "contour".into(), stops, fragments: 3 * stops, time_s }],
+        candidates: vec![Candidate {
+            method: "contour".into(),
+            stops,
+            fragments: 3 * stops,
+            time_s,
+            compared_s: time_s.total,
+        }],
         warnings: vec![Message {
             code: "texture-off-part".into(),
             severity: Severity::Warning,

@@ -39,7 +39,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
@@ -111,6 +111,11 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     fn len(&self) -> u64;
     /// How many points they have together, at most.
     fn points(&self) -> u64;
+    /// How many points its longest stroke has, about: all where it has one stroke, four times the mean of several.
+    fn longest(&self) -> u64 {
+        let strokes = self.len().max(1);
+        if strokes == 1 { self.points() } else { self.points().min(4 * self.points().div_ceil(strokes)) }
+    }
     /// The box of all strokes, turned part frame.
     fn bounds(&self) -> Box2;
     /// Appends the points of stroke `i`.
@@ -401,6 +406,16 @@ impl Texture {
     /// How many points all strokes have together, but for neighbours that fall on one nanometre.
     pub fn points_estimate(&self) -> u64 {
         self.points
+    }
+
+    /// Asks for the memory in which a stroke is traced: its points, and where it crosses the part.
+    ///
+    /// # Errors
+    /// `memory`.
+    pub fn ask_for_tracing(&self) -> Result<(), Diag> {
+        const BYTES: u64 = 2 * size_of::<P2>() as u64;
+        let longest = self.parts.iter().map(|part| part.placed.figure().longest()).max().unwrap_or(0);
+        memory::ask("the longest stroke of the texture", BYTES.saturating_mul(longest))
     }
 
     /// The box of all strokes, turned part frame.

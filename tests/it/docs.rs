@@ -314,6 +314,19 @@ fn whole_machines_of_the_documents_load() {
     }
 }
 
+#[test]
+fn every_built_in_machine_is_counted_and_has_its_row() {
+    let text = text_of("docs/machine-file.md");
+    let numbers = ["five", "six", "seven", "eight", "nine", "ten"];
+    let count = numbers[machine::PROFILES.len() - 5];
+    let section =
+        text.split(&format!("\n## The {count} built-in profiles\n")).nth(1).expect("the section of this count");
+    let rows = section.lines().take_while(|line| !line.starts_with("## ")).filter_map(|l| l.strip_prefix("| `"));
+    let named: Vec<&str> = rows.filter_map(|l| l.split('`').next()).collect();
+    let names: Vec<&str> = machine::PROFILES.iter().map(|(name, _)| *name).collect();
+    assert_eq!(named, names);
+}
+
 /// Every key of an example exists.
 fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
     for (key, value) in example {

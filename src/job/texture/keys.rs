@@ -238,6 +238,11 @@ pub struct PlacedMaskKeys {
 }
 
 impl TextureKeys {
+    /// Whether it lies in a rectangle of its own.
+    pub fn has_rectangle(&self) -> bool {
+        matches!(self.area, Some(AreaKeys::Rectangle(_)))
+    }
+
     /// The files that it names.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
         let masks = [&self.inside, &self.outside].into_iter().flatten().map(|mask| PathBuf::from(mask.file().0));

@@ -11,6 +11,7 @@ use std::borrow::Cow;
 
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
+use crate::diag;
 use crate::manifest::duration;
 
 /// Columns of a terminal that a table should not exceed.
@@ -432,14 +433,22 @@ pub(crate) fn plain(v: f64, decimals: usize) -> String {
     if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// A cell of CSV whose text may hold what parts cells.
+/// A cell of CSV whose text may hold what parts cells, or begin with what a spreadsheet takes for a formula: such a text
+/// gets an apostrophe in front. Numbers stay as they are.
 pub(super) fn csv_cell(text: &str) -> String {
+    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
+    let text = if is_formula { &format!("'{text}") } else { text };
     if text.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
-/// Text in one line: what controls a terminal, tabs and line feeds included, becomes a space.
+/// Text in one line: what controls a terminal or turns the order of others, tabs and line feeds included, becomes a
+/// space.
 fn plain_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+    text.chars()
+        .map(|c| if c.is_control() || diag::is_active(c) { ' ' } else { c })
+        .collect::<String>()
+        .trim()
+        .to_owned()
 }
 
 /// Text that Markdown shows as it is.

@@ -149,7 +149,7 @@ fn count(noise: &mut Random) -> Option<u64> {
 fn csv_round_trips() {
     for seed in 0..256 {
         let mut noise = Random::case(seed);
-        let row = |noise: &mut Random| (noise.words(12, "\n\r\t\"',;µ|"), count(noise), noise.float());
+        let row = |noise: &mut Random| (noise.words(12, "\n\r\t\"',;µ|=+-@"), count(noise), noise.float());
         let rows: Vec<_> = (0..noise.below(6)).map(|_| row(&mut noise)).collect();
         let mut table = Table::new("", vec![Column::text("a,b"), Column::count("n"), Column::number("v", "um", 1)]);
         for (words, n, v) in &rows {
@@ -159,10 +159,32 @@ fn csv_round_trips() {
         assert_eq!(&back[0], &["a_b", "n", "v_um"], "seed {seed}");
         assert_eq!(back.len(), rows.len() + 1, "seed {seed}");
         for (cells, (words, n, v)) in back[1..].iter().zip(&rows) {
-            assert_eq!(&cells[0], words, "seed {seed}");
+            // What a spreadsheet would compute has an apostrophe in front, and nothing else has one more than it had.
+            let is_formula = words.starts_with(['=', '+', '-', '@', '\t', '\r']) && words.parse::<f64>().is_err();
+            let apostrophe = if is_formula { "'" } else { "" };
+            assert_eq!(cells[0], format!("{apostrophe}{words}"), "seed {seed}");
             assert_eq!(cells[1].parse().ok(), *n, "seed {seed}");
             assert_eq!(cells[2].parse().ok(), Some(*v).filter(|v| v.is_finite()), "seed {seed}");
         }
+    }
+}
+
+#[test]
+fn no_cell_of_csv_begins_a_formula() {
+    for (text, cell) in [
+        ("=1+1", "'=1+1"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("+ zoom of xyz-zoom-40", "'+ zoom of xyz-zoom-40"),
+        ("-rf", "'-rf"),
+        ("\t=1", "'\t=1"),
+        ("-2 deg", "'-2 deg"),
+        // Numbers stay numbers, and what is quoted stays quoted.
+        ("-2.5e-3", "-2.5e-3"),
+        ("+7", "+7"),
+        ("=A1,B1", "\"'=A1,B1\""),
+        ("a=1", "a=1"),
+    ] {
+        assert_eq!(csv_cell(text), cell);
     }
 }
 

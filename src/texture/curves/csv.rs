@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
-use crate::diag::{Diag, Place, memory};
+use crate::diag::{self, Diag, Place, memory};
 use crate::texture::artwork::{Artwork, Figure, Labels, MAX_MM, MAX_POINTS, Shape};
 use crate::texture::clip::{Lines, extent};
 use crate::texture::place::LEAST;
@@ -24,9 +24,13 @@ const MEMORY: u64 = 24;
 pub(super) fn read(bytes: &[u8], path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Artwork, Box<Diag>> {
     memory::ask("the curves", MEMORY * bytes.len() as u64)?;
     let file = path.display().to_string();
-    let Ok(text) = std::str::from_utf8(bytes) else {
-        let d = Diag::input("curve-format", "the file is not text in UTF-8").at(Place::file(file));
-        return Err(d.hint("write the curves as CSV with columns x, y, z, or as DXF").into());
+    let text = match std::str::from_utf8(bytes) {
+        Ok(text) => text,
+        Err(_) => {
+            let told = diag::utf8(bytes.to_vec()).map_or_else(|e| e.to_string(), |_| String::new());
+            let d = Diag::input("curve-format", format!("the file is {told}")).at(Place::file(file));
+            return Err(d.hint("write the curves as CSV with columns x, y, z in UTF-8, or as DXF").into());
+        }
     };
     let mut reader = Reader { file, unit_mm, art: Artwork::default(), labels: HashMap::new(), id: None, first_row: 0 };
     reader.art.lines = Lines::in_space();

@@ -431,6 +431,20 @@ impl Kind {
         marking.pitch_mm.filter(|_| is_area && is_filled)
     }
 
+    /// Whether it is of dots, whatever a file holds. A drawing may have points besides, which are dots too.
+    pub fn is_of_dots(&self) -> bool {
+        match self {
+            Self::Dots { .. } | Self::Poisson { .. } => true,
+            Self::Drawing { marking, .. } => marking.tone.is_some_and(|tone| tone.screen.is_of_dots()),
+            _ => false,
+        }
+    }
+
+    /// Whether it is a pattern: made from its keys alone, and marked with the pen of its texture alone.
+    pub fn is_pattern(&self) -> bool {
+        !matches!(self, Self::Drawing { .. } | Self::Curves { .. })
+    }
+
     /// The pattern in a later pass: straight hatches turn by `turned_rad`, lines along contours move by a `share` of
     /// their pitch, all else stays.
     #[must_use]
