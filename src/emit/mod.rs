@@ -21,7 +21,7 @@ pub mod poses;
 pub mod rtc;
 mod target;
 
-pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, names, needs_person};
+pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, names};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

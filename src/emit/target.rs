@@ -9,7 +9,7 @@ use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc
 use crate::check::Checked;
 use crate::diag::{Diag, Error};
 use crate::geom::Nm;
-use crate::machine::Machine;
+use crate::machine::{LoadingWay, Machine};
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
 use crate::program::{BlockFigures, BlockId, Program};
@@ -76,6 +76,20 @@ pub enum Files {
     Blocks(&'static str, fn(&Stepped<'_>, usize) -> Vec<u8>),
 }
 
+impl Files {
+    /// Their name in messages: of files of single blocks by their ending.
+    pub fn shown(self) -> &'static str {
+        match self {
+            Self::Whole(name, _) => name,
+            Self::Blocks("dxf", _) => "blocks/*.dxf",
+            Self::Blocks("csv", _) => "blocks/*.csv",
+            Self::Blocks("lbrn2", _) => "blocks/*.lbrn2",
+            Self::Blocks("lmc", _) => "blocks/*.lmc",
+            Self::Blocks(..) => "blocks/*.rtc",
+        }
+    }
+}
+
 /// The file of an on-the-fly job.
 #[derive(Clone, Copy)]
 pub struct FlyFile {
@@ -107,8 +121,8 @@ pub struct Target {
     pub carries_settings: bool,
     /// Whether a file of a stepped job sets the zoom optic for each block.
     pub carries_focus_shift: bool,
-    /// Whether one file of a stepped job holds all its blocks, so that nobody loads them one by one.
-    pub holds_job: bool,
+    /// Ways of loading the blocks of a stepped job that use its files.
+    pub ways: &'static [LoadingWay],
     /// Whether it is a program for the control of the stage.
     pub moves_stage: bool,
     /// Whether the operator can move the part in the middle of a stepped job.
@@ -116,6 +130,9 @@ pub struct Target {
     /// Lines of the run sheet that say how its files are used.
     pub sheet: &'static [&'static str],
 }
+
+/// The ways that use files of single blocks.
+const OF_BLOCKS: &[LoadingWay] = &[LoadingWay::Run, LoadingWay::Card, LoadingWay::Person];
 
 /// All targets, in the order in which files are written.
 pub const TARGETS: [Target; 10] = [
@@ -128,7 +145,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -146,7 +163,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -163,7 +180,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -181,7 +198,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -198,7 +215,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: true,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -220,7 +237,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[LoadingWay::Card],
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -240,7 +257,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[LoadingWay::Person],
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -258,7 +275,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: true,
-        holds_job: true,
+        ways: &[LoadingWay::Ovf],
         moves_stage: false,
         allows_setups: false,
         sheet: &[
@@ -274,7 +291,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[LoadingWay::Person],
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -297,7 +314,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[],
         moves_stage: true,
         allows_setups: false,
         sheet: &[],
@@ -323,11 +340,6 @@ impl Format {
 pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Result<(), Error> {
     let faults: Vec<Diag> = formats.iter().flat_map(|f| (f.target().faults)(program, machine)).collect();
     if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
-}
-
-/// Whether a person has to load the files of the blocks, because no file of a stepped job in these formats holds all.
-pub fn needs_person(formats: &[Format]) -> bool {
-    !formats.iter().any(|f| f.target().holds_job)
 }
 
 /// Formats that take every program that the check takes.

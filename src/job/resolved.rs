@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, place_of};
 use crate::emit::Format;
 use crate::geom::{NM_PER_MM, Nm, P2, Pose};
 use crate::machine::{Machine, Origin};
@@ -322,9 +322,8 @@ impl Job {
         job.passes = Passes::default();
         job.setups = None;
         job.dose = None;
-        // Nothing is written, so nothing has to be carried by the formats of the job; but whether a person loads files
-        // decides between methods.
-        job.formats.retain(|format| format.target().holds_job);
+        // Nothing is written, so nothing has to be carried by the formats of the job.
+        job.formats.clear();
         job.frames = None;
         job
     }
@@ -371,6 +370,14 @@ impl Job {
             key.map_or_else(|| d.clone(), |(key, _)| d.clone().at(self.place_of(key)))
         };
         Error::many(e.diags().iter().map(at).collect())
+    }
+
+    /// A key of the machine file as a place; of a built-in machine the key that names it.
+    pub fn place_in_machine(&self, key: &str) -> Place {
+        let MachineInput::File(file) = &self.machine else { return self.place_of("machine.profile") };
+        let path = self.relative(file);
+        let shown = path.display().to_string();
+        std::fs::read_to_string(&path).map_or_else(|_| Place::file(&shown), |text| place_of(&shown, &text.into(), key))
     }
 
     /// The machine that the job names.

@@ -44,13 +44,19 @@ pub(super) struct Candidate {
 
 impl Candidate {
     /// As the summary lists it.
-    pub(super) fn listed(&self) -> manifest::Candidate {
+    pub(super) fn listed(&self, job: &Job, machine: &Machine) -> manifest::Candidate {
         manifest::Candidate {
             method: self.method.name().into(),
             stops: self.program.stops(),
             fragments: self.fragments,
             time_s: self.times,
+            total_s: self.total_s(job, machine),
         }
+    }
+
+    /// Its time with the loading of its blocks, s.
+    fn total_s(&self, job: &Job, machine: &Machine) -> f64 {
+        self.times.total + load_s(job, machine) * self.program.blocks.len() as f64
     }
 
     /// The first invariant that it breaks, if it breaks any.
@@ -75,7 +81,7 @@ impl Candidate {
 
     /// What the best candidate has least of.
     pub(super) fn measure(&self, job: &Job, machine: &Machine) -> (f64, f64) {
-        let spent = self.times.total + load_s(job, machine) * self.program.blocks.len() as f64;
+        let spent = self.total_s(job, machine);
         match job.partition.objective {
             Objective::Time => (spent, 0.0),
             Objective::Stops => (self.program.stops() as f64, spent),

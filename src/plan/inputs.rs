@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::loading_way;
 use super::plausible;
 use super::space_curves;
 use crate::check::pen_faults;
@@ -34,7 +35,7 @@ impl Inputs {
     /// Reads machine, surface and drawings, and holds the job to what the machine can be.
     ///
     /// # Errors
-    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
+    /// Faults of the files; `operator-way`; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
     /// where the texture lies off the part; `curve-distance` where space curves lie off its surface.
     pub fn load(job: &Job) -> Result<Self, Error> {
         Self::load_told(job, Task::untold())
@@ -76,6 +77,7 @@ impl Inputs {
         };
         let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
+        loading_way::served(job, &machine)?;
         let pens = pen_faults(&job.pens, &machine);
         if !pens.is_empty() {
             return Err(Error::many(pens.into_iter().map(|(key, fault)| fault.at(job.place_of(&key))).collect()));

@@ -9,7 +9,7 @@ use super::rotation::Rotation;
 use super::unusable;
 use crate::diag::Error;
 use crate::geom::{BoxMm, NM_PER_MM, Nm};
-use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
+use crate::job::{DepthRule, Dose, Format, Job, Level, MachineInput, Mode, Overrides, Passes, Setups};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, PassId, Pen};
 use crate::surface::{self, Content};
@@ -61,6 +61,8 @@ pub(super) struct JobFacts {
     pub(super) frames: Option<Option<String>>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,
+    /// Whether the job names a built-in machine, all of whose values are assumptions.
+    pub(super) is_built_in: bool,
 }
 
 impl JobFacts {
@@ -91,6 +93,7 @@ impl JobFacts {
             dose: None,
             frames: None,
             formats: Vec::new(),
+            is_built_in: false,
         }
     }
 
@@ -127,6 +130,7 @@ impl JobFacts {
             dose: job.dose,
             frames: Some(job.frames.map(|pen| job.pens[pen.index()].name.clone())),
             formats: job.formats.clone(),
+            is_built_in: matches!(job.machine, MachineInput::Profile(_)),
         }
     }
 

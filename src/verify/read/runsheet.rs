@@ -33,6 +33,9 @@ pub(in crate::verify) struct Sheet {
     pub(in crate::verify) zero: Option<Vec<f64>>,
     /// The turn of the part, degrees.
     pub(in crate::verify) turn: Option<f64>,
+    /// Who loads the blocks, in the words of the sheet, and the time of the job with it.
+    pub(in crate::verify) loading: Option<String>,
+    pub(in crate::verify) in_all: Option<String>,
     /// Cells of each pen: number, speed, power, frequency, passes, name.
     pub(in crate::verify) pens: Vec<Vec<String>>,
     /// Of pens that mark dots their number and the dwell, us.
@@ -101,6 +104,8 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
         match (part, words.as_slice()) {
             ("", ["part", "zero", zero @ ..]) => out.zero = axes(zero),
             ("", ["part", "turn", turn, ..]) => out.turn = turn.parse().ok(),
+            ("", ["loading", words @ ..]) => out.loading = Some(words.join(" ")),
+            ("", ["in", "all", time, ..]) => out.in_all = Some(time.trim_end_matches(';').to_owned()),
             ("PENS", ["dots", "of", "pen", number, "dwell", us, "us"]) => {
                 let found = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());
                 out.dwells.push(found.ok_or_else(|| fault("the dwell of a pen is not a number"))?);
@@ -190,12 +195,14 @@ mod tests {
 
     #[test]
     fn run_sheet_columns_are_found_by_name() {
-        let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\n\nPENS (x)\n  \
+        let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\nloading    a person \
+                    loads\nin all     0:10:00; a person attends all of it\n\nPENS (x)\n  \
                     no  speed mm/s  name\n   1  1000  60 % = 9 W   60  1  fine, long  name\n\nBLOCKS (x)\n  block    section  \
                     level  marks mm  lift  pens  file\n  PASS 2\n  B0001  0,0  -1  5.0  yes  1 2  blocks/B0001.dxf\n  \
                     B0002  0,0  -1  5.0  no  3\n";
         let sheet = txt(text.as_bytes()).expect("a sheet");
         assert_eq!((sheet.zero, sheet.turn), (Some(vec![1.0, -2.0, 0.5]), Some(12.5)));
+        assert_eq!((sheet.loading.as_deref(), sheet.in_all.as_deref()), (Some("a person loads"), Some("0:10:00")));
         assert_eq!(sheet.pens[0][5], "fine, long  name");
         let blocks = sheet.blocks;
         let cell = |row: usize, name: &str| blocks.rows[row].1[blocks.column(name).expect(name)].as_str();

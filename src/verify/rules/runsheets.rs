@@ -194,6 +194,12 @@ impl Sheets<'_> {
         );
         let turn = self.manifest.placement.turn_deg;
         hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn differs from the manifest");
+        let (loads, total) = loading(self.manifest);
+        hold(
+            sheet.loading.as_ref().is_some_and(|words| words.starts_with(&loads)),
+            "who loads the blocks differs from the manifest",
+        );
+        hold(sheet.in_all.as_ref() == Some(&total), "its time in all differs from the manifest");
         let watts = |pen: &crate::program::Pen| pen.power.as_w(self.facts.machine.laser.max_power);
         let pens = sheet.pens.iter().zip(&self.file.program.pens).zip(1u32..).all(|((cells, pen), i)| {
             let number = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
@@ -251,6 +257,24 @@ impl Sheets<'_> {
             }
         }
     }
+}
+
+/// How the sheet begins to tell who loads the blocks, and its time in all.
+fn loading(manifest: &Manifest) -> (String, String) {
+    let loading = &manifest.summary.loading;
+    let (blocks, total_s) = match &manifest.subset {
+        Some(subset) => (subset.blocks.len(), subset.total_s),
+        None => (manifest.summary.blocks, loading.total_s),
+    };
+    let blocks = if blocks == 1 { "1 block".to_owned() } else { format!("{blocks} blocks") };
+    let words = match loading.way.as_str() {
+        "person" => format!("a person loads and starts {blocks}, {} s each", loading.load_s),
+        "run" => format!("terrace run loads and starts {blocks}"),
+        "card" => format!("the scan card has {blocks} stored"),
+        _ => format!("a controller reads job.ovf and marks {blocks} of it"),
+    };
+    let whole = total_s.round() as u64;
+    (words, format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60))
 }
 
 /// The lift of a row of `runsheet.csv`; the other sheet has lines for it.

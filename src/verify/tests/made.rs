@@ -92,6 +92,7 @@ impl Made {
             dose: None,
             frames: Some(None),
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
+            is_built_in: false,
         };
         let mut strokes: Vec<(PenId, Vec<P2>)> =
             (1..10).map(|i| (PenId(0), vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
@@ -131,7 +132,8 @@ impl Made {
             "part_mm": [0.0, 0.0, 0.0], "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
-            "by_hand": {"load_s": 15.0, "total_s": time.total + 15.0 * self.blocks.len() as f64}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",
+            "loading": {"way": "run", "assumed": false, "load_s": 0.0, "load_assumed": false, "total_s": time.total},
+            "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",
         });
     }
 
@@ -223,7 +225,7 @@ impl Made {
         }).collect();
         let job = entry(folder.parent().expect("inside"), "job.toml");
         let manifest = json!({
-            "schema": 3, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
+            "schema": 4, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.mm(), "reserve_mm": self.facts.reserve.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},

@@ -178,7 +178,8 @@ impl Bench {
         s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or_default().f64() / 1000.0;
         let (time_s, block_times) = super::times(&program, &self.plan.machine);
         s.time_s = time_s;
-        s.by_hand.total_s = time_s.total + s.by_hand.load_s * program.blocks.len() as f64;
+        s.loading = s.loading.of_blocks(program.blocks.len(), time_s.total);
+        s.candidates.clear();
         self.plan.figures.resize(program.blocks.len(), BlockFigures::default());
         self.plan.figures.iter_mut().zip(block_times).for_each(|(f, time_s)| f.time_s = time_s);
         let origins = self.plan.checked.origins().to_vec();
