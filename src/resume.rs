@@ -268,7 +268,7 @@ impl<'a> Whole<'a> {
             stops: program.stops(),
             mark_mm: program.blocks.iter().map(|b| program.mark_mm(b)).sum(),
             time_s,
-            by_hand_s: time_s + machine.load_s() * blocks as f64,
+            total_s: self.told.summary.loading.of_blocks(blocks, time_s).total_s,
         }
     }
 }

@@ -199,7 +199,7 @@ pub fn table(sweep: &Sweep) -> Table {
         Column::count("stops"),
         Column::count("blocks"),
         Column::time("machine time"),
-        Column::time("by hand"),
+        Column::time("with loading"),
         Column::count("fragments"),
         Column::number("seam", "mm", 0),
         Column::number("worst incidence", "deg", 2),
@@ -212,7 +212,7 @@ pub fn table(sweep: &Sweep) -> Table {
         match &row.summary {
             Ok(s) => {
                 cells.push(s.method.as_str().into());
-                cells.extend([s.stops.into(), s.blocks.into(), s.time_s.total.into(), s.by_hand.total_s.into()]);
+                cells.extend([s.stops.into(), s.blocks.into(), s.time_s.total.into(), s.loading.total_s.into()]);
                 cells.extend([s.fragments.into(), s.seam_mm.into(), s.worst_incidence_deg.into()]);
                 let warnings: Vec<&str> = s.warnings.iter().map(|w| w.code.as_str()).collect();
                 cells.extend([s.worst_defocus_um.into(), warnings.join(", ").into()]);
@@ -261,7 +261,7 @@ pub fn chart(sweep: &Sweep) -> Option<Plot> {
     let panels = vec![
         panel(Axis::new("stops", ""), |s| s.stops as f64),
         panel(Axis::new("machine time", "min"), |s| s.time_s.total / 60.0),
-        panel(Axis::new("by hand", "min"), |s| s.by_hand.total_s / 60.0),
+        panel(Axis::new("with loading", "min"), |s| s.loading.total_s / 60.0),
     ];
     Some(LineChart { title: format!("Sweep of {key}"), x: Axis::new(key, &unit), panels, limits: Vec::new() }.draw())
 }

@@ -37,7 +37,7 @@ pub fn index_html(report: &Report, folder: &Path) -> Result<String, Error> {
     let _ = writeln!(h, "<p>{}</p>", sums.join("<br/>"));
     h.push_str(
         "<table>\n<thead><tr><th></th><th class=\"l\">job</th><th class=\"state\">state</th><th>stops</th>\
-         <th>machine time</th><th>by hand</th><th>warnings</th><th class=\"l\">files</th></tr></thead>\n<tbody>\n",
+         <th>machine time</th><th>with loading</th><th>warnings</th><th class=\"l\">files</th></tr></thead>\n<tbody>\n",
     );
     for outcome in outcomes {
         row(&mut h, outcome, folder)?;
@@ -77,12 +77,12 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
     let _ = writeln!(
         h,
         "<tr class=\"{state}\"><td class=\"pic\">{picture}</td><td class=\"l\">{job}</td><td class=\"state\">{state}{}</td>\
-         <td data-of=\"stops\">{}</td><td data-of=\"machine time\">{}</td><td data-of=\"by hand\">{}</td>\
+         <td data-of=\"stops\">{}</td><td data-of=\"machine time\">{}</td><td data-of=\"with loading\">{}</td>\
          <td data-of=\"warnings\">{}</td><td class=\"l\">{}</td></tr>",
         if outcome.verified { ", verified" } else { "" },
         figures.stops.map_or("-".into(), |n| n.to_string()),
         duration(figures.time_s),
-        figures.by_hand_s.map_or("-".into(), duration),
+        duration(figures.total_s),
         figures.warnings,
         links.join(" &#183; ")
     );

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::unit::Unit;
 use crate::diag::{Fault, Message};
+use crate::machine::LoadingWay;
 use crate::manifest::{AnySummary, duration};
 
 /// What the manifest of a job's folder tells of it.
@@ -17,8 +18,10 @@ pub struct Figures {
     pub stops: Option<usize>,
     /// Job time, s: that of the machine.
     pub time_s: f64,
-    /// Time of the machine and of the person who loads the blocks, s; None where no person is needed.
-    pub by_hand_s: Option<f64>,
+    /// Time of the machine with the loading of the blocks, s.
+    pub total_s: f64,
+    /// Who loads the blocks; None of on-the-fly jobs.
+    pub way: Option<LoadingWay>,
     /// Number of warnings.
     pub warnings: usize,
 }
@@ -29,11 +32,12 @@ impl From<&AnySummary> for Figures {
             AnySummary::Stepped(s) => Self {
                 stops: Some(s.stops),
                 time_s: s.time_s.total,
-                by_hand_s: s.by_hand.needed.then_some(s.by_hand.total_s),
+                total_s: s.loading.total_s,
+                way: Some(s.loading.way),
                 warnings: s.warnings.len(),
             },
             AnySummary::OnTheFly(s) => {
-                Self { stops: None, time_s: s.time_s, by_hand_s: None, warnings: s.warnings.len() }
+                Self { stops: None, time_s: s.time_s, total_s: s.time_s, way: None, warnings: s.warnings.len() }
             }
         }
     }
@@ -121,7 +125,8 @@ impl Outcome {
         if let Some(f) = self.state.figures() {
             v["stops"] = json!(f.stops);
             v["time_s"] = json!(f.time_s);
-            v["by_hand_s"] = json!(f.by_hand_s);
+            v["total_s"] = json!(f.total_s);
+            v["way"] = json!(f.way);
             v["warnings"] = json!(f.warnings);
             v["verified"] = json!(self.verified.then_some(true));
         }
@@ -152,12 +157,14 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// `12 stops, 3 min 5 s, by hand 6 min 5 s, 1 warning`.
+/// `12 stops, 3 min 5 s, with loading 6 min 5 s, 1 warning`.
 impl fmt::Display for Figures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.stops.iter().try_for_each(|&n| write!(f, "{}, ", counted(n, "stop")))?;
         write!(f, "{}", duration(self.time_s))?;
-        self.by_hand_s.iter().try_for_each(|&s| write!(f, ", by hand {}", duration(s)))?;
+        if self.total_s > self.time_s {
+            write!(f, ", with loading {}", duration(self.total_s))?;
+        }
         if self.warnings > 0 { write!(f, ", {}", counted(self.warnings, "warning")) } else { Ok(()) }
     }
 }

@@ -5,6 +5,7 @@ use std::fmt;
 use serde_json::{Value, json};
 
 use super::outcome::{Outcome, counted};
+use crate::machine::LoadingWay;
 use crate::manifest::duration;
 
 /// All outcomes, in the order of the list.
@@ -19,9 +20,9 @@ pub struct Totals {
     /// Job time, s.
     pub time_s: f64,
     /// Jobs whose blocks a person loads.
-    pub by_hand: usize,
-    /// Their time with that person, s.
-    pub by_hand_s: f64,
+    pub by_person: usize,
+    /// Time of all jobs with the loading of their blocks, s.
+    pub total_s: f64,
 }
 
 impl Report {
@@ -47,8 +48,8 @@ impl Report {
         for f in self.0.iter().filter_map(|o| o.state.figures()) {
             t.stops += f.stops.unwrap_or(0);
             t.time_s += f.time_s;
-            t.by_hand += usize::from(f.by_hand_s.is_some());
-            t.by_hand_s += f.by_hand_s.unwrap_or(0.0);
+            t.by_person += usize::from(f.way == Some(LoadingWay::Person));
+            t.total_s += f.total_s;
         }
         t
     }
@@ -60,7 +61,7 @@ impl Report {
         let jobs: Vec<Value> = self.0.iter().map(Outcome::to_json).collect();
         json!({"compiled": compiled, "unchanged": unchanged, "failed": failed, "missing": missing,
             "left": left, "exit_code": self.exit_code(), "stops": t.stops, "time_s": t.time_s,
-            "by_hand_s": (t.by_hand > 0).then_some(t.by_hand_s), "jobs": jobs})
+            "total_s": t.total_s, "jobs": jobs})
     }
 
     /// The sums, a line each.
@@ -72,9 +73,9 @@ impl Report {
             format!("{compiled} compiled, {unchanged} unchanged, {failed} failed{missed}"),
             format!("machine time {}, {}", duration(t.time_s), counted(t.stops, "stop")),
         ];
-        if t.by_hand > 0 {
-            let jobs = counted(t.by_hand, "job");
-            lines.push(format!("by hand {} for {jobs} whose blocks a person loads", duration(t.by_hand_s)));
+        if t.total_s > t.time_s {
+            let jobs = counted(t.by_person, "job");
+            lines.push(format!("with loading {}; a person loads the blocks of {jobs}", duration(t.total_s)));
         }
         if left > 0 {
             let all = self.0.len();

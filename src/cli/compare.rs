@@ -14,9 +14,9 @@ use crate::report::table::TERMINAL;
 pub(super) fn text(c: &Comparison) -> String {
     let verdict = Verdict::of(c).sentences.join("\n");
     let table = overview(c).text(TERMINAL);
-    let galvo = c.galvo.name();
+    let (galvo, loading) = (c.galvo.name(), c.loading.told_of_every());
     format!(
-        "{verdict}\n\n{table}\ngalvo          {galvo}, in every row\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
+        "{verdict}\n\n{table}\ngalvo          {galvo}, in every row\nloading        of stepped rows: {loading}\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
     )
 }
 
@@ -27,7 +27,15 @@ pub(super) fn json(c: &Comparison) -> Value {
         "machine": c.machine,
         "galvo": c.galvo.name(),
         "verdict": Verdict::of(c),
-        "by_hand": c.by_hand,
+        "loading": {
+            "way": c.loading.way,
+            "assumed": c.loading.assumed,
+            "load_s": c.loading.load_s,
+            "load_assumed": c.loading.load_assumed,
+        },
+        "key_costs": c.key_costs.iter().map(|cost| json!({
+            "system": cost.system, "key": cost.key, "value": cost.value, "time_s": cost.time_s,
+        })).collect::<Vec<_>>(),
         "marked_m": c.marked_mm / 1000.0,
         "limits": {
             "fod_um": c.limits.focus * 1000.0,

@@ -25,13 +25,13 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Res
     let [first, last] = [s.blocks.first(), s.blocks.last()].map(|id| id.map_or("", String::as_str));
     print(&format!(
         "left           {} of {} blocks, {first} to {last}, at {} stops\nmarks          {:.3} mm\ntime           {}\n\
-         by hand        {}\njob folder     {}\nopen           {}\nthen run       terrace verify {}\n",
+         with loading   {}\njob folder     {}\nopen           {}\nthen run       terrace verify {}\n",
         s.blocks.len(),
         found.of,
         s.stops,
         s.mark_mm,
         duration(s.time_s),
-        duration(s.by_hand_s),
+        duration(s.total_s),
         target.display(),
         target.join("layout.svg").display(),
         show::shown(target)

@@ -121,12 +121,13 @@ fn blocks(s: &Summary) -> String {
     if s.blocks > s.stops { format!(", {} blocks", s.blocks) } else { String::new() }
 }
 
-/// The time with a person who loads the blocks.
-fn by_hand(s: &Summary) -> String {
-    let hand = &s.by_hand;
-    let [who, source] =
-        [if hand.needed { "a person loads" } else { "if a person loads" }, if hand.assumed { ", assumed" } else { "" }];
-    format!("by hand        {}, {who} {} files at {} s each{source}", duration(hand.total_s), s.blocks, hand.load_s)
+/// Who loads the blocks, and the time with it.
+fn loading(s: &Summary) -> [String; 2] {
+    let least = if s.loading.is_least() { " at least" } else { "" };
+    [
+        format!("loading        {}", s.loading.told(s.blocks)),
+        format!("in all         {}{least}; a person attends all of it", duration(s.loading.total_s)),
+    ]
 }
 
 /// How many stops any partition needs, and how near the job comes.
@@ -222,11 +223,7 @@ fn stepped(s: &Summary) -> String {
             ),
         );
     }
-    lines.push(by_hand(s));
-    lines.push(format!(
-        "by run         {} at least with `terrace run`; loading and handshake come on top",
-        duration(t.total)
-    ));
+    lines.extend(loading(s));
     lines.extend(s.curves.as_ref().map(curves));
     if s.setups > 1 {
         lines.insert(1, format!("set-ups        {}", s.setups));
@@ -235,17 +232,13 @@ fn stepped(s: &Summary) -> String {
         lines.insert(1, format!("passes         {}", s.passes));
     }
     for c in &s.candidates {
-        let by_hand = if c.compared_s == c.time_s.total {
-            String::new()
-        } else {
-            format!(", {} by hand", duration(c.compared_s))
-        };
         lines.push(format!(
-            "candidate      {:<8} {} stops, {} fragments, {}{by_hand}",
+            "candidate      {:<8} {} stops, {} fragments, {}{}",
             c.method,
             c.stops,
             c.fragments,
-            duration(c.time_s.total)
+            duration(c.time_s.total),
+            if c.total_s > c.time_s.total { format!(", {} with loading", duration(c.total_s)) } else { String::new() }
         ));
     }
     lines.join("\n") + "\n"

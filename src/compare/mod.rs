@@ -34,10 +34,10 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::diag::{Diag, Error};
-use crate::emit::needs_person;
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Commanded, Cost, Machine};
+use crate::manifest::Loading;
 use crate::motion::{GalvoModel, stage_move};
 use crate::nurbs;
 use crate::on_the_fly::axes::following_error::Protection;
@@ -157,8 +157,8 @@ pub struct Figures {
     /// What a simple model says, s: eq. 8 of Cui et al. for what steps and eq. 9 for what is synchronised, every move
     /// as long as that of a field; for turning axes a stop at every node of the path.
     pub model_s: Option<f64>,
-    /// Time with a person who loads the file of each block, s; None for systems that need none.
-    pub by_hand_s: Option<f64>,
+    /// Time that loading all blocks takes, s; None for systems that load none.
+    pub load_s: Option<f64>,
     /// Standstills of the stage between marks.
     pub stops: usize,
     /// Focal offset, um.
@@ -202,14 +202,9 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Time of the machine and, where files are loaded by hand, of the person who does it, s.
-    pub fn counted_s(&self, by_hand: bool) -> f64 {
-        self.by_hand_s.filter(|_| by_hand).unwrap_or_else(|| self.time.total())
-    }
-
-    /// Time that a person attends, s.
-    fn attended_s(&self, by_hand: bool) -> f64 {
-        self.by_hand_s.filter(|_| by_hand).unwrap_or(0.0)
+    /// Time of the machine and of loading the blocks, one after the other, s: a person attends all of it.
+    pub fn counted_s(&self) -> f64 {
+        self.time.total() + self.load_s.unwrap_or(0.0)
     }
 }
 
@@ -262,6 +257,19 @@ impl Curves {
     }
 }
 
+/// A key of the job that a stepped system goes by, and what it would take without it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeyCost {
+    /// The system.
+    pub system: &'static str,
+    /// The key.
+    pub key: &'static str,
+    /// Its value.
+    pub value: String,
+    /// Time without it, loading included, s.
+    pub time_s: f64,
+}
+
 /// A whole comparison.
 #[derive(Debug)]
 pub struct Comparison {
@@ -275,12 +283,14 @@ pub struct Comparison {
     pub marked_mm: f64,
     /// How often the job goes over the whole texture; compared is one time.
     pub passes: u32,
-    /// Whether a person loads the files of stepped jobs block by block: the job's formats hold none of the whole job.
-    pub by_hand: bool,
+    /// Who loads the blocks of stepped systems, and in which time each.
+    pub loading: Loading,
     /// How the spot moves, in every system: as the file of the job's machine has it, whatever a system runs on.
     pub galvo: GalvoModel,
     /// What an hour of the job's machine costs, where its file says so.
     pub cost: Option<Cost>,
+    /// What single keys of the job cost the fastest of the stepped systems that `compile` makes on the machine.
+    pub key_costs: Vec<KeyCost>,
     /// Systems in the order asked for.
     pub rows: Vec<Row>,
     /// For pictures and more tables.
@@ -294,7 +304,7 @@ impl Comparison {
     /// to it.
     pub fn cost_of(&self, figures: &Figures) -> Option<f64> {
         let cost = self.cost.filter(|_| !matches!(figures.hardware, Hardware::Other(_)))?;
-        Some(cost.of(figures.counted_s(self.by_hand), figures.attended_s(self.by_hand)))
+        Some(cost.of(figures.counted_s()))
     }
 }
 
@@ -310,6 +320,8 @@ struct Subject<'a> {
     size: [f64; 2],
     /// How the spot moves, in every system.
     galvo: GalvoModel,
+    /// Time for one block, s, as far as it is known.
+    load_s: f64,
     /// Of the scanner, while it compensates the following error of the stage.
     protection: Protection,
     /// Time of a stage move by the width of the field, s.
@@ -350,9 +362,13 @@ pub fn compare(
     exact: Option<&nurbs::Surface>,
     progress: Progress<'_>,
 ) -> Result<Comparison, Error> {
-    let [reading, ordering, measuring] = Task::new(progress.percent).split([2, 1, 17]);
+    let [reading, ordering, measuring, replanning] = Task::new(progress.percent).split([2, 1, 16, 1]);
     (progress.begins)("reading surface and texture");
-    let inputs = Arc::new(Inputs::load_told(job, reading)?);
+    let mut inputs = Inputs::load_told(job, reading)?;
+    let loading = Loading::new(job, &inputs.machine, 0, 0.0);
+    // The job is planned without its formats, from which the way follows where nobody states it.
+    inputs.machine.operator.way = Some(loading.way);
+    let inputs = Arc::new(inputs);
     let machine = &Machine { zoom: None, ..inputs.machine.clone() };
     let mut whole =
         strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
@@ -379,6 +395,7 @@ pub fn compare(
         limits,
         size,
         galvo: GalvoModel::of(machine),
+        load_s: loading.load_s,
         protection,
         move_s: across.travel_s + across.settle_s,
         exact,
@@ -397,6 +414,7 @@ pub fn compare(
         }
         rows.push(Row { system: system.name, figures });
     }
+    let key_costs = key_costs(&subject, &rows, replanning);
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let warnings = [inputs.warnings.as_slice(), &whole.warnings].concat();
     Ok(Comparison {
@@ -405,13 +423,26 @@ pub fn compare(
         limits,
         marked_mm,
         passes: job.passes.count,
-        by_hand: needs_person(&job.formats),
+        loading,
+        key_costs,
         galvo: subject.galvo,
         cost: machine.cost,
         rows,
         curves,
         warnings,
     })
+}
+
+/// What the keys of the job cost the fastest stepped system of the machine that marks all in focus.
+fn key_costs(subject: &Subject<'_>, rows: &[Row], task: Task<'_>) -> Vec<KeyCost> {
+    let made = rows.iter().filter_map(|row| {
+        let methods = [Method::Contour, Method::ZRange, Method::Window];
+        let method = methods.into_iter().find(|method| method.name() == row.system)?;
+        let figures = row.figures.as_ref().ok().filter(|f| f.keeps_limits() || f.is_yours_to_set())?;
+        Some((method, row.system, figures.counted_s()))
+    });
+    let Some((method, system, _)) = made.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Vec::new() };
+    stepped::key_costs(subject, method, system, task)
 }
 
 /// What is said of a system that marks less than may be marked: a thousandth of it, or what the table shows.

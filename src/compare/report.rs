@@ -17,7 +17,7 @@ pub fn overview(c: &Comparison) -> Table {
     let columns = vec![
         Column::text("system"),
         Column::text("machine"),
-        Column::time(if c.by_hand { "time by hand" } else { "time" }),
+        Column::time(if c.loading.load_s > 0.0 { "time with loading" } else { "time" }),
         third,
         Column::number("worst defocus", "um", 1),
         Column::number("worst incidence", "deg", 2),
@@ -30,7 +30,7 @@ pub fn overview(c: &Comparison) -> Table {
         match &row.figures {
             Ok(f) => cells.extend([
                 f.hardware.label(&c.machine).into(),
-                f.counted_s(c.by_hand).into(),
+                f.counted_s().into(),
                 if c.cost.is_some() { c.cost_of(f).into() } else { f.stops.into() },
                 f.of_marks(f.focus_um.worst).into(),
                 f.of_marks(f.incidence_deg.worst).into(),
@@ -54,7 +54,7 @@ fn systems(c: &Comparison) -> Table {
         Column::text("machine"),
         Column::text("galvo"),
         Column::time("total"),
-        Column::time("by hand"),
+        Column::time("with loading"),
         Column::time("model"),
         Column::time("stage"),
         Column::time("settle"),
@@ -96,7 +96,7 @@ fn systems(c: &Comparison) -> Table {
 fn figures(c: &Comparison, f: &Figures) -> Vec<Cell> {
     let t = &f.time;
     let mut cells: Vec<Cell> = vec![f.hardware.label(&c.machine).into(), c.galvo.name().into()];
-    cells.extend([Some(t.total()), f.by_hand_s, f.model_s].map(Cell::from));
+    cells.extend([Some(t.total()), f.load_s.map(|_| f.counted_s()), f.model_s].map(Cell::from));
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
     cells.extend([f.stops.into(), f.speed.into(), f.of_marks(f.marked_mm / 1000.0).into()]);
     let worst = [f.focus_um.worst, f.incidence_deg.worst, f.displacement_mm.worst];
@@ -322,11 +322,12 @@ fn convergence(c: &Comparison) -> Option<Table> {
 /// The time that counts of every system, in its parts; of those beyond the limits hatched.
 fn times(c: &Comparison) -> Plot {
     let mut parts: Vec<String> = Figures::default().time.parts().iter().map(|(name, _)| (*name).to_owned()).collect();
-    parts.extend(c.by_hand.then(|| "loading by hand".to_owned()));
+    let is_loaded = c.loading.load_s > 0.0;
+    parts.extend(is_loaded.then(|| "loading".to_owned()));
     let bar = |name: &str, f: &Figures| {
         let mut parts: Vec<f64> = f.time.parts().iter().map(|(_, s)| *s).collect();
-        parts.extend(c.by_hand.then(|| f.counted_s(true) - f.time.total()));
-        let is_hatched = !f.keeps_limits();
+        parts.extend(is_loaded.then(|| f.load_s.unwrap_or(0.0)));
+        let is_hatched = !f.keeps_limits() && !f.is_yours_to_set();
         Bar { name: if is_hatched { format!("{name} (beyond limits)") } else { name.to_owned() }, parts, is_hatched }
     };
     let marks =
@@ -421,9 +422,10 @@ pub fn page(c: &Comparison) -> String {
 /// What all systems are held to, and what of the job is compared.
 fn limits(c: &Comparison) -> String {
     let mut out = format!(
-        "Machine {}. Galvo of all systems: {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, displacement of \
+        "Machine {}. Blocks of stepped systems: {}. Galvo of all systems: {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, displacement of \
          the spot {:.1} mm. Marks of {:.2} m, every pass of the pens counted.",
         c.machine,
+        c.loading.told_of_every(),
         c.galvo.name(),
         c.limits.focus * 1000.0,
         c.limits.angle.to_degrees(),

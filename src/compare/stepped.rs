@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{Figures, Hardware, Split, Subject, marked, path_of};
+use super::{Figures, Hardware, KeyCost, Split, Subject, marked, path_of};
 use crate::diag::Error;
 use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
@@ -14,6 +14,7 @@ use crate::on_the_fly::xyzuv::step_scan_s;
 use crate::plan::{Draft, SteppedPlan};
 use crate::program::Program;
 use crate::progress::Task;
+use crate::units::Length;
 
 /// Planes of focus so far apart, nm, that every field has one.
 const ONE_PLANE: Nm = Nm(2_000_000_000);
@@ -43,6 +44,31 @@ pub(super) fn planned(
     let job = subject.job.plain(method);
     let draft = Draft::new(&job, machine, subject.inputs, &|_, _| task.step());
     draft.and_then(|draft| draft.checked(Vec::new()))
+}
+
+/// The job by a method without one of the keys of its partition that may cost time, and the time of each such job.
+pub(super) fn key_costs(subject: &Subject<'_>, method: Method, system: &'static str, task: Task<'_>) -> Vec<KeyCost> {
+    type Key = (&'static str, fn(&Partition) -> Nm, fn(&mut Partition));
+    const KEYS: [Key; 4] = [
+        ("partition.section", |p| p.section.unwrap_or_default(), |p| p.section = None),
+        ("partition.overlap", |p| p.overlap, |p| p.overlap = Nm(0)),
+        ("partition.zone", |p| p.zone, |p| p.zone = Nm(0)),
+        ("partition.keep_whole", |p| p.keep_whole, |p| p.keep_whole = Nm(0)),
+    ];
+    let stated: Vec<&Key> = KEYS.iter().filter(|(_, value, _)| value(&subject.job.partition) > Nm(0)).collect();
+    let tasks = task.parts(stated.len().max(1));
+    let cost = |(&(key, value, unset), task): (&Key, Task<'_>)| {
+        let mut job = subject.job.plain(method);
+        unset(&mut job.partition);
+        let task = task.of_steps(PERCENTS);
+        let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step()).ok()?;
+        let time_s = draft.times().total + subject.load_s * draft.program().blocks.len() as f64;
+        // Beyond the limits of the machine it would be no job.
+        draft.checked(Vec::new()).ok()?;
+        let value = Length::mm(value(&subject.job.partition).mm()).to_string();
+        Some(KeyCost { system, key, value, time_s })
+    };
+    stated.into_iter().zip(tasks).filter_map(cost).collect()
 }
 
 /// A stepped program that is to be measured.
@@ -158,7 +184,7 @@ fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figur
     Figures {
         time: Split { stage, settle, zoom, mark, jump, delay },
         model_s: Some(step_scan_s(stops, subject.move_s, zoom + mark + jump + delay)),
-        by_hand_s: Some(plan.times.total + plan.machine.load_s() * program.blocks.len() as f64),
+        load_s: Some(subject.load_s * program.blocks.len() as f64),
         stops,
         marked_mm: plan.mark_mm,
         seam_mm: plan.seam_mm,

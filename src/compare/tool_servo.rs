@@ -124,7 +124,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let revolution = ((revolution_s / spiral.cycle).round() as usize).max(4);
     let [run, every] = looked_at(all, revolution);
     let runs = all.div_ceil(run);
-    let servo = tool.servo.map(|s| Servo::new(s.frequency.as_khz() * 1000.0, s.damping)).transpose()?;
+    let servo = tool.servo.map(Servo::of).transpose()?;
     let jerk = tool.jerk_mm_s3();
     let limits = [
         tool.speed.map_or(f64::INFINITY, |v| v.as_mm_s()),

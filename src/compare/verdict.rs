@@ -9,7 +9,8 @@ use std::fmt;
 use serde::Serialize;
 
 use super::system::Kind;
-use super::{Beyond, Comparison, Figures, Hardware, Row, SYSTEMS};
+use super::{Beyond, Comparison, Figures, Hardware, KeyCost, Row, SYSTEMS};
+use crate::machine::LoadingWay;
 use crate::manifest::duration;
 use crate::report::table::plain;
 
@@ -19,6 +20,9 @@ const ALIKE: f64 = 1.05;
 const ROUND: f64 = 0.1;
 /// Differences of incidence that are told, deg.
 const TOLD_DEG: f64 = 0.5;
+
+/// The limit of the job from which on `compile` marks with a warning.
+const WARN_KEY: &str = "limits.warn_incidence";
 
 /// How a system stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -34,6 +38,8 @@ pub enum Standing {
     EstimateOnly,
     /// Keeps the limits of its drive, and marks nothing: it makes the surface.
     OtherProcess,
+    /// Keeps all limits but one from which `compile` warns, which the job sets.
+    YoursToSet,
     /// Some marks, or the motion, do not keep the limits.
     BeyondLimits,
     /// There are no figures of it.
@@ -91,6 +97,7 @@ impl Verdict {
             Standing::Usable | Standing::OtherHardware => compared(),
             Standing::EstimateOnly => format!("{}, estimate only", compared()),
             Standing::OtherProcess => "another process: turns the surface, marks nothing".to_owned(),
+            Standing::YoursToSet => format!("yours to set: {} by {WARN_KEY}", reasons.join("; ")),
             Standing::BeyondLimits => format!("not usable: {}", reasons.join("; ")),
             Standing::DoesNotApply => format!("does not apply: {}", reasons.join("; ")),
         }
@@ -112,10 +119,9 @@ struct Rows<'a>(&'a Comparison);
 impl<'a> Rows<'a> {
     /// The rows that have figures.
     fn timed(&self) -> impl Iterator<Item = Timed<'a>> {
-        let by_hand = self.0.by_hand;
-        self.0.rows.iter().filter_map(move |row| {
+        self.0.rows.iter().filter_map(|row| {
             let figures = row.figures.as_ref().ok()?;
-            Some(Timed { system: row.system, kind: kind(row.system), figures, time_s: figures.counted_s(by_hand) })
+            Some(Timed { system: row.system, kind: kind(row.system), figures, time_s: figures.counted_s() })
         })
     }
 
@@ -132,13 +138,16 @@ impl<'a> Rows<'a> {
                 (Standing::DoesNotApply, why)
             }
             Ok(_) if best.is_some_and(|best| best.system == row.system) => (Standing::Recommended, Vec::new()),
-            Ok(f) if !f.keeps_limits() => (Standing::BeyondLimits, f.beyond.iter().map(Beyond::to_string).collect()),
+            Ok(f) if !f.keeps_limits() => {
+                let standing = if f.is_yours_to_set() { Standing::YoursToSet } else { Standing::BeyondLimits };
+                (standing, f.beyond.iter().map(Beyond::to_string).collect())
+            }
             Ok(f) if f.tool.is_some() => (Standing::OtherProcess, Vec::new()),
             Ok(f) if f.hardware != Hardware::Own => (Standing::OtherHardware, Vec::new()),
             Ok(f) if f.job_key.is_none() => (Standing::EstimateOnly, Vec::new()),
             Ok(_) => (Standing::Usable, Vec::new()),
         };
-        let time_s = row.figures.as_ref().ok().map(|f| f.counted_s(self.0.by_hand));
+        let time_s = row.figures.as_ref().ok().map(Figures::counted_s);
         let marks = row.figures.as_ref().is_ok_and(|f| f.tool.is_none());
         let times_the_recommended = time_s.filter(|_| marks).zip(best).map(|(time_s, best)| time_s / best.time_s);
         Assessed { system: row.system, standing, time_s, times_the_recommended, reasons }
@@ -163,6 +172,7 @@ impl<'a> Rows<'a> {
             let time = duration(t.time_s);
             format!("A fast tool servo turns the surface in {time}: another process, which marks no texture.")
         }));
+        out.extend(self.yours_to_set());
         out.extend(self.beyond_limits());
         out.extend(self.not_applicable());
         out
@@ -182,37 +192,68 @@ impl<'a> Rows<'a> {
         };
         let cost = self.0.cost_of(best.figures).zip(self.0.cost);
         let cost = cost.map_or(String::new(), |(v, cost)| format!(", {} {}", plain(v, 2), cost.currency()));
-        let is_loaded = self.0.by_hand && best.figures.by_hand_s.is_some();
-        let loaded = if is_loaded { " with files loaded by hand" } else { "" };
+        let loaded = best.figures.load_s.map_or("", |_| match self.0.loading.way {
+            LoadingWay::Person => " with blocks loaded by a person",
+            LoadingWay::Run if self.0.loading.is_least() => " and what terrace run takes to load the blocks",
+            LoadingWay::Run => " with blocks loaded by terrace run",
+            LoadingWay::Card => " with blocks stored on the scan card",
+            LoadingWay::Ovf => " by a controller that reads job.ovf",
+        });
         let mut out = vec![format!("{what}: {}{loaded}{cost}, all in focus.", duration(best.time_s))];
         out.extend(best.figures.job_key.as_ref().map(|key| format!("In the job file: {key}.")));
+        out.extend(self.key_costs(best));
         out
+    }
+
+    /// The keys of the job without which a system would be quicker, and by how much.
+    fn key_costs(&self, of: Timed<'_>) -> impl Iterator<Item = String> {
+        let costs = self.0.key_costs.iter().filter(move |cost| cost.system == of.system);
+        costs.filter(move |cost| of.time_s > ALIKE * cost.time_s).map(move |KeyCost { key, value, time_s, .. }| {
+            format!(
+                "Of this time {key} = {value:?} of the job file, not the machine, costs {}: without it {} takes {}.",
+                duration(of.time_s - time_s),
+                of.system,
+                duration(*time_s)
+            )
+        })
     }
 
     /// That nothing can be recommended, and what comes nearest to it.
     fn no_recommendation(&self) -> Vec<String> {
-        let mut out = vec![format!("None of these systems keeps all limits on {}.", self.0.machine)];
         let nearly = |t: &Timed<'_>| {
             let made = t.figures.hardware == Hardware::Own && t.figures.job_key.is_some();
-            made && matches!(t.figures.beyond[..], [Beyond::Incidence(_)])
+            made && t.figures.is_yours_to_set()
         };
-        let nearest = self.timed().filter(nearly).min_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        out.extend(nearest.map(|t| {
-            let [worst, allowed] = [t.figures.incidence_deg.worst, self.0.limits.angle.to_degrees()];
-            let [worst, allowed] = apart(worst, allowed);
-            format!(
-                "{} takes {}, all in focus, but beams meet the part at up to {worst} deg; limits.warn_incidence allows \
-                 {allowed} deg.",
-                t.system,
-                duration(t.time_s)
-            )
-        }));
-        out
+        let Some(t) = self.timed().filter(nearly).min_by(|a, b| a.time_s.total_cmp(&b.time_s)) else {
+            return vec![format!("None of these systems keeps all limits on {}.", self.0.machine)];
+        };
+        let [worst, allowed] = [t.figures.incidence_deg.worst, self.0.limits.angle.to_degrees()];
+        let [worst, allowed] = apart(worst, allowed);
+        let answer = format!(
+            "Yours to set: {} takes {}, all in focus, with beams at up to {worst} deg; {WARN_KEY} of the job file is \
+             {allowed} deg, above which compile warns.",
+            t.system,
+            duration(t.time_s)
+        );
+        let key = t.figures.job_key.as_ref().map(|key| format!("In the job file: {key}."));
+        std::iter::once(answer).chain(key).chain(self.key_costs(t)).collect()
+    }
+
+    /// Which systems are beyond nothing but a limit that the job sets as it likes.
+    fn yours_to_set(&self) -> Option<String> {
+        let out = self.timed().filter(|t| t.figures.is_yours_to_set()).map(|t| {
+            let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
+            (t.system, reasons.join("; "))
+        });
+        let told: Vec<String> =
+            by_reason(out).iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
+        (!told.is_empty()).then(|| format!("Beyond {WARN_KEY} alone, which is yours to set: {}.", told.join(", ")))
     }
 
     /// Which systems must not be used, those of one reason together.
     fn beyond_limits(&self) -> Option<String> {
-        let out = self.timed().filter(|t| !t.figures.keeps_limits()).map(|t| {
+        let is_beyond = |t: &Timed<'_>| !t.figures.keeps_limits() && !t.figures.is_yours_to_set();
+        let out = self.timed().filter(is_beyond).map(|t| {
             let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
             (t.system, reasons.join("; "))
         });
@@ -239,6 +280,11 @@ impl Figures {
     /// All limits are kept by all marks and by the motion.
     pub fn keeps_limits(&self) -> bool {
         self.beyond.is_empty() && self.within >= 100.0
+    }
+
+    /// Whether nothing but `limits.warn_incidence` is not kept, above which `compile` marks with a warning.
+    pub(super) fn is_yours_to_set(&self) -> bool {
+        matches!(self.beyond[..], [Beyond::Incidence(_)])
     }
 }
 
@@ -388,6 +434,7 @@ mod tests {
     use super::*;
     use crate::compare::{Curves, Split, page};
     use crate::diag::{Diag, Error};
+    use crate::manifest::Loading;
     use crate::on_the_fly::decompose::Limits;
     use crate::on_the_fly::statistics::Statistics;
 
@@ -419,9 +466,10 @@ mod tests {
             limits: Limits { focus: 0.035, angle: 20f64.to_radians(), field: 28.0 },
             marked_mm: 1000.0,
             passes: 1,
-            by_hand: false,
+            loading: Loading { way: LoadingWay::Ovf, ..Loading::default() },
             galvo: crate::motion::GalvoModel::AtSpeed,
             cost: None,
+            key_costs: Vec::new(),
             rows: rows.into_iter().map(|(system, figures)| Row { system, figures }).collect(),
             curves: Curves::default(),
             warnings: Vec::new(),
@@ -487,7 +535,9 @@ mod tests {
                 let quick = Figures { within, ..beyond(limit.clone(), made(1.0, 18.8)) };
                 let c = comparison(vec![("contour", Ok(quick.clone())), ("window", Ok(made(300.0, 18.8)))]);
                 assert_eq!(Verdict::of(&c).recommended, Some("window"), "{limit}");
-                assert_eq!(Verdict::of(&c).systems[0].standing, Standing::BeyondLimits);
+                let is_warned = matches!(limit, Beyond::Incidence(_));
+                let standing = if is_warned { Standing::YoursToSet } else { Standing::BeyondLimits };
+                assert_eq!(Verdict::of(&c).systems[0].standing, standing, "{limit}");
                 assert_eq!(Verdict::of(&comparison(vec![("contour", Ok(quick))])).recommended, None, "{limit}");
             }
         }
@@ -513,34 +563,65 @@ mod tests {
         assert_eq!(
             sentences[..3],
             [
-                "None of these systems keeps all limits on xyz-galvo-40.",
-                "z-range takes 3 min 49 s, all in focus, but beams meet the part at up to 24 deg; limits.warn_incidence \
-                 allows 20 deg.",
+                "Yours to set: z-range takes 3 min 49 s, all in focus, with beams at up to 24 deg; limits.warn_incidence \
+                 of the job file is 20 deg, above which compile warns.",
+                "In the job file: partition.method = \"z-range\".",
                 "A zoom optic (that of xyz-zoom-40) takes 1 min 55 s, within all limits.",
             ]
         );
-        let last = "Beyond the limits: flat (4 mm out of focus, 0.035 mm allowed), contour and z-range (beam incidence 24 \
-                    deg, 20 deg allowed).";
-        assert_eq!(sentences.last().map(String::as_str), Some(last));
+        let last = [
+            "Beyond limits.warn_incidence alone, which is yours to set: contour and z-range (beam incidence 24 deg, 20 \
+             deg allowed).",
+            "Beyond the limits: flat (4 mm out of focus, 0.035 mm allowed).",
+        ];
+        assert_eq!(sentences[sentences.len() - 2..], last);
+        assert_eq!(
+            Verdict::of(&c).note(2),
+            "yours to set: beam incidence 24 deg, 20 deg allowed by limits.warn_incidence"
+        );
+        assert!(!page(&c).contains("<s>z-range</s>") && page(&c).contains("<s>flat</s>"));
+        // Where nothing else than that keeps a machine from it, nothing is recommended and nothing is struck out.
+        c.rows.truncate(1);
+        assert_eq!(Verdict::of(&c).sentences[0], "None of these systems keeps all limits on xyz-galvo-40.");
         assert!(systems.iter().all(|s| s.times_the_recommended.is_none()));
     }
 
     #[test]
-    fn time_by_hand_decides_where_files_are_loaded_by_hand() {
-        let loaded = |by_hand_s, f| Ok(Figures { by_hand_s: Some(by_hand_s), ..f });
-        let rows = vec![("z-range", loaded(900.0, made(100.0, 5.0))), ("window", loaded(700.0, made(200.0, 5.0)))];
-        let mut c = comparison(rows);
-        assert_eq!(Verdict::of(&c).recommended, Some("z-range"));
-        c.by_hand = true;
+    fn time_with_loading_decides_and_a_person_attends_all_of_it() {
+        let loaded = |load_s, f| Ok(Figures { load_s: Some(load_s), ..f });
+        let rows = |load: [f64; 2]| {
+            vec![("z-range", loaded(load[0], made(100.0, 5.0))), ("window", loaded(load[1], made(200.0, 5.0)))]
+        };
+        let mut c = comparison(rows([800.0, 500.0]));
+        c.loading.way = LoadingWay::Person;
         let verdict = Verdict::of(&c);
-        assert_eq!(verdict.sentences[0], "Step by window: 11 min 40 s with files loaded by hand, all in focus.");
+        assert_eq!(verdict.sentences[0], "Step by window: 11 min 40 s with blocks loaded by a person, all in focus.");
         assert!((verdict.systems[0].times_the_recommended.expect("a ratio") - 9.0 / 7.0).abs() < 1e-12);
-        // The machine waits while a person loads, and the person attends all of it.
+        // The machine waits while a person loads, and a person attends all of it by every way.
         let text = r#"{"machine": "60 EUR/h", "operator": "30 EUR/h"}"#;
         c.cost = serde_json::from_str(text).expect("rates");
-        assert!(Verdict::of(&c).sentences[0].contains("by hand, 17.50 EUR, all"), "{:?}", Verdict::of(&c).sentences);
-        c.by_hand = false;
-        assert!(Verdict::of(&c).sentences[0].contains("1 min 40 s, 1.67 EUR, all"), "{:?}", Verdict::of(&c).sentences);
+        let first = |c: &Comparison| Verdict::of(c).sentences[0].clone();
+        assert!(first(&c).contains("by a person, 17.50 EUR, all"), "{}", first(&c));
+        c.rows = comparison(rows([0.0, 0.0])).rows;
+        c.loading.way = LoadingWay::Ovf;
+        let told = "Step by z-range: 1 min 40 s by a controller that reads job.ovf, 2.50 EUR, all in focus.";
+        assert_eq!(first(&c), told);
+    }
+
+    #[test]
+    fn keys_of_the_job_that_make_stepping_slower_are_named_with_what_they_cost() {
+        let mut c = comparison(vec![("z-range", Ok(made(68.0, 5.0))), ("window", Ok(made(70.0, 5.0)))]);
+        let cost = |key, time_s| KeyCost { system: "z-range", key, value: "8.2244 mm".into(), time_s };
+        c.key_costs = vec![
+            cost("partition.section", 41.9),
+            // As fast, and another system's.
+            cost("partition.overlap", 67.0),
+            KeyCost { system: "window", ..cost("partition.zone", 1.0) },
+        ];
+        let told = Verdict::of(&c).sentences;
+        let wanted = "Of this time partition.section = \"8.2244 mm\" of the job file, not the machine, costs 26.1 s: without \
+                      it z-range takes 41.9 s.";
+        assert_eq!(told[2..], [wanted.to_owned()]);
     }
 
     #[test]

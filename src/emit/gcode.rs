@@ -2,7 +2,7 @@
 //!
 //! Two dialects of the same moves. [`linuxcnc`] hands over to the scan card by a digital output (START)
 //! and an input (BUSY) and never steps on after a timeout. [`m0`] stops at every block until the operator
-//! presses cycle start; it keeps to what GRBL and Mach read.
+//! presses cycle start, in words that LinuxCNC, GRBL and Mach read; Mach also cancels its turned coordinates (G69).
 //!
 //! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone,
 //! never both at once; first of all, at the end, before a set-up and where a block asks for it, z goes to the far end
@@ -21,7 +21,7 @@
 
 use super::Stepped;
 use crate::geom::Nm;
-use crate::machine::{Commanded, TiltAngles};
+use crate::machine::{Commanded, Dialect, TiltAngles};
 use crate::program::PassId;
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
@@ -81,7 +81,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.out
 }
 
-/// The program that stops at every block for the operator (M0).
+/// The program that stops at every block for the operator (M0), in the dialect of the machine's control.
 pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     let Stepped { checked, machine, .. } = *job;
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
@@ -183,6 +183,9 @@ impl<'a> Writer<'a> {
         self.line("G21 G90 G94 G17 G40 G80 G54");
         self.line("G49");
         self.line("G92.1");
+        if self.job.machine.controller.dialect == Dialect::Mach {
+            self.line("G69");
+        }
         self.line("M5");
     }
 

@@ -23,9 +23,7 @@ pub mod rtc;
 mod target;
 
 pub use known::{Key, Known, KnownFault};
-pub use target::{
-    Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, known_faults, names, needs_person,
-};
+pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, known_faults, names};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

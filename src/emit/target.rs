@@ -10,7 +10,7 @@ use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc
 use crate::check::Checked;
 use crate::diag::{Diag, Error};
 use crate::geom::Nm;
-use crate::machine::Machine;
+use crate::machine::{LoadingWay, Machine};
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
 use crate::program::{BlockFigures, BlockId, Program};
@@ -77,6 +77,20 @@ pub enum Files {
     Blocks(&'static str, fn(&Stepped<'_>, usize) -> Vec<u8>),
 }
 
+impl Files {
+    /// Their name in messages: of files of single blocks by their ending.
+    pub fn shown(self) -> &'static str {
+        match self {
+            Self::Whole(name, _) => name,
+            Self::Blocks("dxf", _) => "blocks/*.dxf",
+            Self::Blocks("csv", _) => "blocks/*.csv",
+            Self::Blocks("lbrn2", _) => "blocks/*.lbrn2",
+            Self::Blocks("lmc", _) => "blocks/*.lmc",
+            Self::Blocks(..) => "blocks/*.rtc",
+        }
+    }
+}
+
 /// The file of an on-the-fly job.
 #[derive(Clone, Copy)]
 pub struct FlyFile {
@@ -110,8 +124,8 @@ pub struct Target {
     pub carries_settings: bool,
     /// Whether a file of a stepped job sets the zoom optic for each block.
     pub carries_focus_shift: bool,
-    /// Whether one file of a stepped job holds all its blocks, so that nobody loads them one by one.
-    pub holds_job: bool,
+    /// Ways of loading the blocks of a stepped job that use its files.
+    pub ways: &'static [LoadingWay],
     /// Whether it is a program for the control of the stage.
     pub moves_stage: bool,
     /// Whether the operator can move the part in the middle of a stepped job.
@@ -119,6 +133,9 @@ pub struct Target {
     /// Lines of the run sheet that say how its files are used.
     pub sheet: &'static [&'static str],
 }
+
+/// The ways that use files of single blocks.
+const OF_BLOCKS: &[LoadingWay] = &[LoadingWay::Run, LoadingWay::Card, LoadingWay::Person];
 
 /// All targets, in the order in which files are written.
 pub const TARGETS: [Target; 10] = [
@@ -132,7 +149,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -151,7 +168,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -169,7 +186,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -188,7 +205,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -206,7 +223,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: true,
-        holds_job: false,
+        ways: OF_BLOCKS,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -229,7 +246,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[LoadingWay::Card],
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -250,7 +267,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[LoadingWay::Person],
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -269,7 +286,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: true,
-        holds_job: true,
+        ways: &[LoadingWay::Ovf],
         moves_stage: false,
         allows_setups: false,
         sheet: &[
@@ -286,7 +303,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[LoadingWay::Person],
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -310,7 +327,7 @@ pub const TARGETS: [Target; 10] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
-        holds_job: false,
+        ways: &[],
         moves_stage: true,
         allows_setups: false,
         sheet: &[],
@@ -346,11 +363,6 @@ pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Resul
 /// What is refused of a job before it is planned, by format.
 pub fn known_faults(formats: &[Format], known: &Known<'_>) -> Vec<(Format, KnownFault)> {
     formats.iter().flat_map(|&f| (f.target().known_faults)(known).into_iter().map(move |fault| (f, fault))).collect()
-}
-
-/// Whether a person has to load the files of the blocks, because no file of a stepped job in these formats holds all.
-pub fn needs_person(formats: &[Format]) -> bool {
-    !formats.iter().any(|f| f.target().holds_job)
 }
 
 /// Formats that take every job, as far as it is known before it is planned.

@@ -322,9 +322,8 @@ impl Job {
         job.passes = Passes::default();
         job.setups = None;
         job.dose = None;
-        // Nothing is written, so nothing has to be carried by the formats of the job; but whether a person loads files
-        // decides between methods.
-        job.formats.retain(|format| format.target().holds_job);
+        // Nothing is written, so nothing has to be carried by the formats of the job.
+        job.formats.clear();
         job.frames = None;
         job
     }

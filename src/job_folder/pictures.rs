@@ -58,7 +58,7 @@ impl<'a> Pictures<'a> {
     pub(super) fn count(&self) -> usize {
         match self.plan {
             Of::Stepped(plan) => plan.passes.len() + 4,
-            Of::OnTheFly(_) => 3,
+            Of::OnTheFly(_) => 4,
         }
     }
 
@@ -93,7 +93,9 @@ impl<'a> Pictures<'a> {
                 let marks = Marks::of(&self.scene, 0..self.scene.groups.len());
                 let layout = self.on_the_fly(plan, &marks);
                 told("layout.svg", &report::on_the_fly_svg(&layout))?;
-                told("report.html", &report::on_the_fly_html(&layout))
+                let energy = report::EnergyMap::of_moves(&layout);
+                told("energy.svg", &report::energy_svg(layout.job, &energy))?;
+                told("report.html", &report::on_the_fly_html(&layout, &energy))
             }
         }
     }

@@ -16,16 +16,17 @@ use crate::units::{number_and_unit, quantity_from_text};
 pub struct Cost {
     /// An hour of the machine, whether it marks, moves or waits.
     pub machine: Rate,
-    /// An hour of the person who attends it.
+    /// An hour of the person who attends it as long as the job takes.
     #[serde(default)]
     pub operator: Option<Rate>,
 }
 
 impl Cost {
-    /// Cost of a job that takes the machine `machine_s` and a person `attended_s`, in the currency.
-    pub fn of(&self, machine_s: f64, attended_s: f64) -> f64 {
+    /// Cost of a job that takes `total_s`, loading included, in the currency. Whoever loads the blocks, a person attends
+    /// the machine as long as it marks: none of these lasers may be left alone.
+    pub fn of(&self, total_s: f64) -> f64 {
         let operator = self.operator.map_or(0.0, |rate| rate.per_h);
-        (self.machine.per_h * machine_s + operator * attended_s) / 3600.0
+        (self.machine.per_h + operator) * total_s / 3600.0
     }
 
     /// The currency of both rates.
@@ -125,13 +126,13 @@ mod tests {
     }
 
     #[test]
-    fn cost_is_time_times_rate_of_machine_and_operator() {
+    fn cost_is_time_times_the_rates_of_machine_and_operator() {
         let machine = parsed("machine = \"80 EUR/h\"\noperator = \"45.5EUR/h\"").expect("a machine");
         let cost = machine.cost.expect("rates");
-        assert_eq!(cost.of(7200.0, 1800.0), 160.0 + 22.75);
+        assert_eq!(cost.of(1800.0), 40.0 + 22.75);
         assert_eq!(cost.currency(), "EUR");
         let alone = parsed("machine = \"80 EUR/h\"").expect("a machine").cost.expect("a rate");
-        assert_eq!(alone.of(1800.0, 1800.0), 40.0);
+        assert_eq!(alone.of(1800.0), 40.0);
         let text = serde_json::to_string(&cost).expect("JSON");
         assert_eq!(serde_json::from_str::<Cost>(&text).expect("the same"), cost, "{text}");
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{Cost, Fault, Machine, Tilt, ToolServo, range};
+use super::{Cost, Dialect, Fault, LoadingWay, Machine, Tilt, ToolServo, range};
 use crate::diag::{self, Diag, Error, Place, TableKey};
 use crate::geom::Nm;
 
@@ -168,6 +168,18 @@ impl Machine {
                 "rtc.list_memory".into(),
                 Diag::input("machine-list", text).hint("4000 is the default of the boards"),
             ));
+        }
+        if self.operator.way == Some(LoadingWay::Card) && self.controller.dialect != Dialect::Linuxcnc {
+            let text = "operator.way is \"card\", but the handshake that starts the card is for LinuxCNC, and \
+                        controller.dialect is another";
+            let hint = "state operator.way = \"run\" or \"person\", or the control that moves the stage";
+            faults.push(("operator.way".into(), Diag::input("operator-way", text).hint(hint)));
+        }
+        if self.controller.dialect == Dialect::Grbl && self.tilt.is_some() {
+            let text =
+                "controller.dialect is \"grbl\", but GRBL has the axes X, Y and Z alone, and the machine has [tilt]";
+            let hint = "state the control that moves the tilt axes: \"linuxcnc\" or \"mach\"";
+            faults.push(("controller.dialect".into(), Diag::input("machine-dialect", text).hint(hint)));
         }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         faults.extend(self.cost.iter().flat_map(Cost::faults));

@@ -63,9 +63,9 @@ pub struct Machine {
     /// Two tilt axes, where there are some.
     #[serde(default)]
     pub tilt: Option<Tilt>,
-    /// How long a person at the machine takes, where that is stated.
+    /// Who loads and starts the blocks of a stepped job, and how long a person takes.
     #[serde(default)]
-    pub operator: Option<Operator>,
+    pub operator: Operator,
     /// What an hour costs, where that is stated.
     #[serde(default)]
     pub cost: Option<Cost>,
@@ -170,6 +170,20 @@ pub struct Servo {
     pub frequency: Frequency,
     /// Damping ratio; 1 is critical.
     pub damping: f64,
+    /// What of the command it is told in advance.
+    #[serde(default)]
+    pub feed_forward: FeedForward,
+}
+
+/// What of its command a servo is told in advance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum FeedForward {
+    /// Nothing: it is behind by a time constant times its speed.
+    #[default]
+    None,
+    /// The speed: only its acceleration keeps it behind.
+    Velocity,
 }
 
 /// What an axis moves when it moves.
@@ -325,6 +339,22 @@ pub struct Controller {
     /// Period of the servo in which the laser is switched on the fly; None for what is usual of the controller.
     #[serde(default, deserialize_with = "positive_option")]
     pub servo_period: Option<Time>,
+    /// Which control reads `stage_m0.nc`.
+    #[serde(default)]
+    pub dialect: Dialect,
+}
+
+/// Dialects of the stage program that stops at every block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum Dialect {
+    /// LinuxCNC; without tilt axes GRBL and Mach read the same words.
+    #[default]
+    Linuxcnc,
+    /// GRBL: it has the axes X, Y and Z alone.
+    Grbl,
+    /// Mach: it may turn its coordinates (G68), which the program cancels (G69).
+    Mach,
 }
 
 impl Controller {
@@ -340,7 +370,7 @@ fn default_line() -> usize {
 
 impl Default for Controller {
     fn default() -> Self {
-        Self { max_line: default_line(), max_strokes: 0, servo_period: None }
+        Self { max_line: default_line(), max_strokes: 0, servo_period: None, dialect: Dialect::default() }
     }
 }
 
@@ -362,17 +392,44 @@ pub struct Zoom {
     pub accuracy: Option<Length>,
 }
 
-/// How long a person at the machine takes.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+/// Who loads and starts the blocks of a stepped job.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 pub struct Operator {
-    /// Time to load the file of one block and to start it.
-    #[serde(deserialize_with = "non_negative")]
-    pub load: Time,
+    /// The way; None where nobody states it.
+    #[serde(default)]
+    pub way: Option<LoadingWay>,
+    /// Time to load one block and to start it, by a person or by `terrace run`.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub load: Option<Time>,
 }
 
-/// Time to load the file of one block where the machine file does not state it, s.
-const ASSUMED_LOAD_S: f64 = 15.0;
+/// Who loads and starts the blocks of a stepped job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum LoadingWay {
+    /// `terrace run` loads and starts each block.
+    Run,
+    /// The scan card has all blocks stored; the handshake of `stage.ngc` starts each.
+    Card,
+    /// A person loads and starts each block.
+    #[default]
+    Person,
+    /// A controller reads `job.ovf` and marks the whole job.
+    Ovf,
+}
+
+impl LoadingWay {
+    /// Its name in machine files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Card => "card",
+            Self::Person => "person",
+            Self::Ovf => "ovf",
+        }
+    }
+}
 
 /// A BJJCZ (LMC) card: how it counts.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
@@ -502,11 +559,6 @@ impl Machine {
             out[i] = axis.sign() * (p[i] + origin[i]);
         }
         out
-    }
-
-    /// Time in which a person loads the file of one block and starts it, s.
-    pub fn load_s(&self) -> f64 {
-        self.operator.map_or(ASSUMED_LOAD_S, |operator| operator.load.as_s())
     }
 
     /// How far the zoom optic shifts the focal plane up or down at most, in whole stage increments; 0 without one.

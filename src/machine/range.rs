@@ -56,7 +56,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "delays.jump", Some(m.delays.jump), ["0 s", "1 s"]);
     hold(&mut out, "delays.mark", Some(m.delays.mark), ["0 s", "1 s"]);
     hold(&mut out, "delays.polygon", Some(m.delays.polygon), ["0 s", "1 s"]);
-    hold(&mut out, "operator.load", m.operator.map(|o| o.load), ["0 s", "60 min"]);
+    hold(&mut out, "operator.load", m.operator.load, ["0 s", "60 min"]);
     hold(&mut out, "controller.servo_period", m.controller.servo_period, ["1 us", "0.1 s"]);
     let zoom = m.zoom.as_ref();
     hold(&mut out, "zoom.range", zoom.map(|z| z.range), ["1 um", "1 m"]);

@@ -12,7 +12,7 @@ use crate::job::{Job, Mode, Objective};
 pub const MANIFEST: &str = "manifest.json";
 
 /// Version of the manifest's keys.
-const SCHEMA: u32 = 3;
+const SCHEMA: u32 = 4;
 
 /// Largest manifest that is read: some 600 bytes for each of a million blocks.
 pub(crate) const MAX_FILE: u64 = 1 << 30;

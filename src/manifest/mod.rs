@@ -5,14 +5,16 @@
 //! depends on the clock, the computer or where the folder lies.
 
 mod head;
+mod loading;
 mod on_the_fly;
 mod registration;
 mod stepped;
 
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
 pub(crate) use head::{MAX_FILE, portable};
+pub use loading::Loading;
 pub use on_the_fly::{
-    AxisPeaks, Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary,
+    AxisPeaks, Deviations, FlyAccuracy, FlyEnergy, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary,
     on_the_fly_manifest,
 };
 pub use registration::{Registered, registered, registration};
@@ -48,28 +50,6 @@ pub struct Times {
     pub total: f64,
 }
 
-/// The job if a person loads the files of the blocks one by one and starts each.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ByHand {
-    /// Time for the file of one block, s.
-    pub load_s: f64,
-    /// Whether the machine file does not state that time.
-    pub assumed: bool,
-    /// Whether the job cannot be marked otherwise with its files: none holds all blocks.
-    pub needed: bool,
-    /// Time of the machine and of the person, one after the other, s; the person attends all of it.
-    pub total_s: f64,
-}
-
-impl ByHand {
-    /// For so many blocks of a job that takes the machine `machine_s`.
-    pub(crate) fn new(job: &Job, machine: &Machine, blocks: usize, machine_s: f64) -> Self {
-        let load_s = machine.load_s();
-        let needed = emit::needs_person(&job.formats);
-        Self { load_s, assumed: machine.operator.is_none(), needed, total_s: machine_s + load_s * blocks as f64 }
-    }
-}
-
 /// One candidate of `auto`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
@@ -79,10 +59,10 @@ pub struct Candidate {
     pub stops: usize,
     /// Its fragments.
     pub fragments: usize,
-    /// Its job time.
+    /// Its job time: that of the machine.
     pub time_s: Times,
-    /// The time by which `auto` compares it, s: with the person who loads the files, where the job needs one.
-    pub compared_s: f64,
+    /// That time with the loading of its blocks, s: what `auto` minimises.
+    pub total_s: f64,
 }
 
 /// How many dots there are; each counts once, whatever the passes of its pen.
@@ -175,10 +155,10 @@ pub struct Summary {
     /// The space curves; left out where there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curves: Option<SpaceCurves>,
-    /// The job's time: that of the machine, nobody attending.
+    /// The job's time: that of the machine.
     pub time_s: Times,
-    /// The job by hand.
-    pub by_hand: ByHand,
+    /// Who loads the blocks, and the job's time with it.
+    pub loading: Loading,
     /// What `auto` compared; empty where one method was asked for.
     pub candidates: Vec<Candidate>,
     /// What the user should know.
@@ -203,8 +183,8 @@ pub struct Subset {
     pub mark_mm: f64,
     /// Their time, as that of a job.
     pub time_s: f64,
-    /// The same by hand.
-    pub by_hand_s: f64,
+    /// That time with the loading of its blocks, s.
+    pub total_s: f64,
 }
 
 /// The frames of a job folder.

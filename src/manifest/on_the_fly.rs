@@ -10,7 +10,7 @@ use crate::budget::Budget;
 use crate::diag::{Diag, Message};
 use crate::job::Job;
 use crate::machine::Machine;
-use crate::on_the_fly::check::Checked;
+use crate::on_the_fly::check::{Checked, LineEnergy};
 use crate::on_the_fly::program::Program;
 use crate::program::Pen;
 use crate::split::Skipped;
@@ -110,6 +110,9 @@ pub struct OnTheFlySummary {
     pub worst_displacement_mm: f64,
     /// Fastest mark, mm/s.
     pub mark_speed_mm_s: f64,
+    /// What the laser gives to each length of the marks.
+    #[serde(default)]
+    pub line_energy: FlyEnergy,
     /// How early the laser may be switched, by program.
     pub laser: Vec<LaserSwitching>,
     /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
@@ -124,6 +127,33 @@ pub struct OnTheFlySummary {
     pub peaks: BTreeMap<String, AxisPeaks>,
     /// What the user should know.
     pub warnings: Vec<Message>,
+}
+
+/// What the laser gives to each length of the marks, where the power of a pen is constant and the spot slows down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlyEnergy {
+    /// Mean over the length of the marks, J/m.
+    pub mean_j_per_m: f64,
+    /// How much of the length is marked at the speed of its pen, within 1 %, percent.
+    pub length_at_speed_percent: f64,
+    /// Time with the laser on at less than half the speed of the pen, s.
+    pub slow_s: f64,
+    /// The most that a line gets over the length of a spot, as a multiple of P / v of its pen.
+    pub worst_share: f64,
+    /// Where that is, mm in the part frame.
+    pub worst_at_mm: [f64; 2],
+}
+
+impl FlyEnergy {
+    fn of(energy: &LineEnergy) -> Self {
+        Self {
+            mean_j_per_m: energy.mean_j_per_m,
+            length_at_speed_percent: 100.0 * energy.at_speed,
+            slow_s: energy.slow_s,
+            worst_share: energy.worst_share,
+            worst_at_mm: energy.worst_at,
+        }
+    }
 }
 
 /// How far the marks of a program may lie from where they should.
@@ -192,6 +222,7 @@ impl OnTheFlySummary {
             deviations,
             worst_displacement_mm: figures.displacement_mm,
             mark_speed_mm_s: figures.mark_speed,
+            line_energy: FlyEnergy::of(&figures.energy),
             laser,
             blend_mm,
             budget,

@@ -50,12 +50,12 @@ impl Candidate {
             stops: self.program.stops(),
             fragments: self.fragments,
             time_s: self.times,
-            compared_s: self.spent_s(job, machine),
+            total_s: self.total_s(job, machine),
         }
     }
 
-    /// Its time with the person who loads the files, where the job needs one, s.
-    fn spent_s(&self, job: &Job, machine: &Machine) -> f64 {
+    /// Its time with the loading of its blocks, s.
+    fn total_s(&self, job: &Job, machine: &Machine) -> f64 {
         self.times.total + load_s(job, machine) * self.program.blocks.len() as f64
     }
 
@@ -81,7 +81,7 @@ impl Candidate {
 
     /// What the best candidate has least of.
     pub(super) fn measure(&self, job: &Job, machine: &Machine) -> (f64, f64) {
-        let spent = self.spent_s(job, machine);
+        let spent = self.total_s(job, machine);
         match job.partition.objective {
             Objective::Time => (spent, 0.0),
             Objective::Stops => (self.program.stops() as f64, spent),

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::early;
+use super::loading_way;
 use super::plausible;
 use super::space_curves;
 use crate::diag::{Diag, Error, Kind};
@@ -44,7 +45,7 @@ impl Inputs {
     /// carry, as nothing is to be written.
     ///
     /// # Errors
-    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
+    /// Faults of the files; `operator-way`; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
     /// where the texture lies off the part; `curve-distance` where space curves lie off its surface.
     pub fn load(job: &Job) -> Result<Self, Error> {
         Self::load_told(job, Task::untold())
@@ -89,6 +90,7 @@ impl Inputs {
         };
         let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
+        loading_way::served(job, &machine)?;
         let mut warnings = job.warnings.clone();
         let unused = machine.unused().into_iter();
         warnings.extend(unused.map(|(key, warning)| warning.at(job.place_in_machine(&key))));

@@ -1,16 +1,15 @@
 //! The time of a program by the machine's motion model.
 
 use super::start::Start;
-use crate::emit;
 use crate::job::Job;
 use crate::machine::{Machine, TiltAngles};
-use crate::manifest::Times;
+use crate::manifest::{Loading, Times};
 use crate::motion::{self, Marking, StageMove};
 use crate::program::Program;
 
-/// Time that a person needs for each block, s; 0 where nobody is needed.
+/// Time that loading one block takes, s, as far as it is known.
 pub(super) fn load_s(job: &Job, machine: &Machine) -> f64 {
-    if emit::needs_person(&job.formats) { machine.load_s() } else { 0.0 }
+    Loading::new(job, machine, 0, 0.0).load_s
 }
 
 /// The time of a program that begins as every job does.

@@ -23,6 +23,7 @@ mod hatch_direction;
 mod inputs;
 mod job_time;
 pub mod lay;
+mod loading_way;
 mod merge;
 mod methods;
 mod nothing;

@@ -17,7 +17,7 @@ use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftO
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
-use crate::on_the_fly::check::{self, Checked};
+use crate::on_the_fly::check::{self, Checked, LineEnergy};
 use crate::on_the_fly::decompose::{Family, Limits};
 use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::follow::{Follow, Stretch};
@@ -101,6 +101,7 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
             let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
             warnings.extend(budget.warning(&job, &inputs.machine));
+            warnings.extend(uneven(&figures.energy));
             let accuracy = FlyAccuracy {
                 part_mm: inputs.surface.size_mm(),
                 deviations,
@@ -424,6 +425,24 @@ fn slower(job: &Job, slower: f64) -> Diag {
     Diag::warning("fly-slow", text)
         .at(job.place())
         .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
+}
+
+/// The energy over a spot, as a multiple of the pen's, from which marks are told to be uneven.
+const UNEVEN: f64 = 2.0;
+
+/// Marks that get much more energy where the spot slows down with the laser on.
+fn uneven(energy: &LineEnergy) -> Option<Diag> {
+    let LineEnergy { at_speed, slow_s, worst_share, worst_at: [x_mm, y_mm], .. } = *energy;
+    (worst_share > UNEVEN).then(|| {
+        let text = format!(
+            "the spot slows down with the laser on: a line gets up to {worst_share:.1} times the energy of its pen (P / v) \
+             over the length of a spot, {:.1} % of the marks run at the speed of their pens, {slow_s:.1} s below half of it",
+            100.0 * at_speed
+        );
+        Diag::warning("fly-energy", text)
+            .at(Place::Part { x_mm, y_mm })
+            .hint("set a pen speed that the axes reach (energy.svg shows where they do not), or compile a stepped job")
+    })
 }
 
 fn too_sharp(job: &Job) -> Error {

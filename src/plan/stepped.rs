@@ -270,11 +270,11 @@ impl<'a> Draft<'a> {
         let met = if machine.tilts_head() { Nm(4) } else { Nm(0) };
         let depth = [grid.lattice.depth, met];
         warnings::warn(job, &best.split, placed, best.worst_defocus, depth, &mut warnings)?;
-        warnings.extend(warnings::not_carried(job, checked.program()));
+        warnings.extend(warnings::not_carried(job, machine, checked.program()));
         let why = "which no file of a stepped job carries";
         let hint = "switch it on in the controller or the marking software";
         warnings.extend(warnings::no_skywriting(job, [why, hint]));
-        warnings.extend(warnings::set_by_hand(job, checked.program()));
+        warnings.extend(warnings::focus_shift_lost(job, machine, checked.program())?);
         warnings.extend(self.shares.warnings(job, best.times.total, machine));
         warnings.extend(self.warnings);
         warnings.extend(warnings::short_overlaps(&best.split));

@@ -7,7 +7,7 @@ use crate::diag::{Diag, Message};
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::Machine;
-use crate::manifest::{ByHand, Candidate, Dots, SpaceCurves, Summary, Times};
+use crate::manifest::{Candidate, Dots, Loading, SpaceCurves, Summary, Times};
 use crate::partition::bound::Certificate;
 use crate::program::{Block, Program};
 use crate::split::Fragments;
@@ -76,7 +76,7 @@ pub(super) fn summary(
         budget: figures.budget.clone(),
         curves: figures.curves,
         time_s: figures.times,
-        by_hand: ByHand::new(job, machine, program.blocks.len(), figures.times.total),
+        loading: Loading::new(job, machine, program.blocks.len(), figures.times.total),
         candidates,
         warnings: warnings.iter().map(Message::from).collect(),
     }

@@ -5,8 +5,11 @@ use super::methods::row;
 use super::off_part::{OffPart, length, lengths_and_dots};
 use super::plausible;
 use crate::diag::{Diag, Error, Place};
+use crate::emit::{Format, Target};
 use crate::geom::Nm;
 use crate::job::{Job, Method, Steep};
+use crate::machine::{LoadingWay, Machine};
+use crate::manifest::Loading;
 use crate::program::Program;
 use crate::projection::Footprint;
 use crate::split::Fragments;
@@ -77,12 +80,23 @@ pub(super) fn warn(
     Ok(())
 }
 
+/// The targets of the job whose files are used by the way in which its blocks are loaded.
+fn used(job: &Job, way: LoadingWay) -> impl Iterator<Item = &'static Target> {
+    job.formats.iter().map(|format| format.target()).filter(move |target| target.ways.contains(&way))
+}
+
 /// Pens that compensate for the slope, and no file that passes them to the marking software.
-pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
-    let carried = job.formats.iter().any(|f| f.target().carries_pens);
+pub(super) fn not_carried(job: &Job, machine: &Machine, program: &Program) -> Option<Diag> {
+    let Loading { way, .. } = Loading::new(job, machine, 0, 0.0);
+    let carried = used(job, way).any(|target| target.carries_pens);
     (program.pens.len() > job.pens.len() && !carried).then(|| {
-        let text = "none of emit.formats carries pens: the dose is not compensated";
-        Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
+        let text = format!(
+            "no file that is used by operator.way = {:?} carries pens: the dose is not compensated",
+            way.name()
+        );
+        Diag::warning("dose-lost", text)
+            .at(job.place_of("emit.formats"))
+            .hint("add a format of single blocks, such as \"dxf\", and set each layer's pen from the run sheet")
     })
 }
 
@@ -93,15 +107,43 @@ pub(super) fn no_skywriting(job: &Job, [why, hint]: [&str; 2]) -> Option<Diag> {
     Some(Diag::warning("skywriting-lost", text).at(job.place_of(&format!("pen.{pen}.skywriting"))).hint(hint))
 }
 
-/// A zoom optic, and no file that sets it.
-pub(super) fn set_by_hand(job: &Job, program: &Program) -> Option<Diag> {
-    let carried = job.formats.iter().any(|f| f.target().carries_focus_shift);
+/// A zoom optic, and no file that sets it: a warning where somebody else does, before each block.
+///
+/// # Errors
+/// `focus-shift-lost` where `stage.ngc` would start blocks out of focus.
+pub(super) fn focus_shift_lost(job: &Job, machine: &Machine, program: &Program) -> Result<Option<Diag>, Error> {
+    let Loading { way, .. } = Loading::new(job, machine, 0, 0.0);
     let shifted = program.blocks.iter().filter(|b| b.focus_shift != Nm(0)).count();
-    (shifted > 0 && !carried).then(|| {
-        let text = format!("none of emit.formats sets the zoom optic, which {shifted} blocks need shifted");
-        Diag::warning("focus-shift-lost", text)
-            .hint("add \"ovf\" or \"rtc\", or set it before each block from the run sheet")
-    })
+    // Where nothing is written, nothing is lost.
+    if shifted == 0 || job.formats.is_empty() || used(job, way).any(|target| target.carries_focus_shift) {
+        return Ok(None);
+    }
+    let place = job.place_of("emit.formats");
+    let needed = format!("the zoom optic must be shifted for {shifted} blocks");
+    let starts = job.formats.contains(&Format::Linuxcnc);
+    match way {
+        LoadingWay::Card => {
+            let text = format!("{needed}, and no file sets it: stage.ngc would start them out of focus");
+            let hint = "add \"rtc\", whose lists set the optic, or state another operator.way in the machine file";
+            Err(Diag::limit("focus-shift-lost", text).at(place).hint(hint).into())
+        }
+        LoadingWay::Person if machine.operator.way.is_none() && starts => {
+            let text = format!("{needed}, and whoever starts stage.ngc would mark them out of focus");
+            let hint = "state operator.way in the machine file: \"run\", \"card\", \"person\" or \"ovf\"; or leave \
+                        \"linuxcnc\" out";
+            Err(Diag::limit("focus-shift-lost", text).at(place).hint(hint).into())
+        }
+        LoadingWay::Run => {
+            let text = format!("{needed}, and no file that terrace run loads sets it");
+            let hint = "add \"rtc\", or use a command with {shift} in the run file: other drivers refuse the job";
+            Ok(Some(Diag::warning("focus-shift-lost", text).at(place).hint(hint)))
+        }
+        LoadingWay::Person | LoadingWay::Ovf => {
+            let text = format!("{needed}, and no file that a person loads sets it");
+            let hint = "set it before each block from the run sheet (SHIFT), or add \"rtc\"";
+            Ok(Some(Diag::warning("focus-shift-lost", text).at(place).hint(hint)))
+        }
+    }
 }
 
 /// What was to stay whole and does not, and why.

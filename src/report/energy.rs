@@ -15,6 +15,22 @@ use crate::program::BlockId;
 /// Blocks that are listed.
 const LISTED: usize = 10;
 
+/// The line that leads to the map.
+pub(super) fn map_line(h: &mut String, map: &EnergyMap) {
+    let Some((median, times, [x, y], cell)) = map.worst() else { return };
+    let _ = writeln!(
+        h,
+        "<p><a href=\"energy.svg\">Map of the energy by area (energy.svg)</a>: median {} J/cm2 {} in cells of {} mm; at most \
+         {} times that, at ({}, {}) mm.</p>",
+        plain(median, 3),
+        map.area(),
+        plain(cell, 3),
+        plain(times, 2),
+        plain(x, 2),
+        plain(y, 2),
+    );
+}
+
 /// Writes the section.
 pub(super) fn section(h: &mut String, job: &Layout<'_>, map: &EnergyMap) {
     let program = job.checked.program();
@@ -26,18 +42,7 @@ pub(super) fn section(h: &mut String, job: &Layout<'_>, map: &EnergyMap) {
         let _ = writeln!(h, "<tr><td>{}</td><td>{}</td></tr>", escape(&pen.name), plain(nominal, 4));
     }
     h.push_str("</table></div>\n");
-    if let Some((median, times, [x, y], cell)) = map.worst() {
-        let _ = writeln!(
-            h,
-            "<p><a href=\"energy.svg\">Map of the energy by area (energy.svg)</a>: median {} J/cm2 of surface in cells of {} \
-             mm; at most {} times that, at ({}, {}) mm.</p>",
-            plain(median, 3),
-            plain(cell, 3),
-            plain(times, 2),
-            plain(x, 2),
-            plain(y, 2),
-        );
-    }
+    map_line(h, map);
     let energies = job.figures.iter().map(|figures| &figures.energy).enumerate();
     let mut worst: Vec<(usize, Overshoot, f64, f64)> =
         energies.filter_map(|(i, e)| Some((i, e.worst()?, e.mean_j_per_m()?, e.share_at_speed()?))).collect();

@@ -9,9 +9,10 @@ use std::fmt::Write;
 
 use super::colour::{hex, of_height};
 use super::page::escape;
-use super::{Layout, image, plain};
+use super::{Layout, OnTheFlyLayout, image, plain};
 use crate::geom::{NM_PER_MM, Turn};
 use crate::motion::deposits;
+use crate::on_the_fly::program::Marked;
 use crate::parallel;
 
 /// Cells along the longer side of the texture; no smaller than the spot.
@@ -24,6 +25,8 @@ const LISTS: usize = 16;
 
 /// Energy by area over the texture, that of all passes together.
 pub struct EnergyMap {
+    /// What the area is of.
+    area: &'static str,
     /// Lower left corner, part frame.
     lo: [f64; 2],
     cell: f64,
@@ -71,10 +74,43 @@ impl EnergyMap {
         });
         let sum = |cell: usize| lists.iter().map(|list| list[cell]).sum();
         let energy: Vec<f64> = (0..count[0] * count[1]).map(sum).collect();
+        Self::new("of surface", lo, cell, count, energy)
+    }
+
+    /// Of the moves of an on-the-fly program, whose spot has the speed of each: by area as the lens sees it.
+    pub fn of_moves(job: &OnTheFlyLayout<'_>) -> Self {
+        let (lo, size) = (job.texture.lo.mm(), job.texture.size().map(|v| v.mm()));
+        let cell = (size[0].max(size[1]) / CELLS).max(job.machine.lens.spot.as_mm());
+        let count = size.map(|v| ((v / cell).ceil() as usize).max(1));
+        let mut energy = vec![0.0; count[0] * count[1]];
+        for moved in job.program.marked(job.machine) {
+            let Marked { pen, s, from, to } = moved;
+            let joule = job.program.pens[pen.index()].power.as_w(job.machine.laser.max_power) * s;
+            let way = (to[0] - from[0]).hypot(to[1] - from[1]);
+            let steps = (4.0 * way / cell).ceil().max(1.0);
+            for k in 0..steps as u32 {
+                let share = (f64::from(k) + 0.5) / steps;
+                let [x, y] = [0, 1].map(|k| {
+                    let v = (from[k] + share * (to[k] - from[k]) - lo[k]) / cell;
+                    (v.max(0.0) as usize).min(count[k] - 1)
+                });
+                // J/mm² to J/cm².
+                energy[y * count[0] + x] += 100.0 * joule / (steps * cell * cell);
+            }
+        }
+        Self::new("seen along z", lo, cell, count, energy)
+    }
+
+    fn new(area: &'static str, lo: [f64; 2], cell: f64, size: [usize; 2], energy: Vec<f64>) -> Self {
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
-        Self { lo, cell, size: count, energy, median }
+        Self { area, lo, cell, size, energy, median }
+    }
+
+    /// What the area is of, after a number of J/cm2.
+    pub(super) fn area(&self) -> &'static str {
+        self.area
     }
 
     /// Median of the cells with marks, J/cm²; the most of any cell as a multiple of it, and where that is; the side of a
@@ -134,10 +170,11 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     }
     let _ = write!(
         out,
-        "<text x=\"4\" y=\"{}\">Energy by area as a multiple of the median, {} J/cm2 of surface; cells of {} mm, the \
+        "<text x=\"4\" y=\"{}\">Energy by area as a multiple of the median, {} J/cm2 {}; cells of {} mm, the \
          lower left at ({}, {}) mm</text>\n</svg>\n",
         height + 50.0,
         plain(map.median, 3),
+        map.area,
         plain(map.cell, 3),
         plain(x, 3),
         plain(y, 3),

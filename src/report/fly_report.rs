@@ -2,13 +2,14 @@
 
 use std::fmt::Write;
 
+use super::energy_map::EnergyMap;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{OnTheFlyLayout, budget, job_report, length_text, plain, record};
+use super::{OnTheFlyLayout, budget, energy, job_report, length_text, plain, record};
 use crate::manifest::{LaserSwitching, duration};
 
 /// The report as the text of an HTML file.
-pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
+pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>, energy_map: &EnergyMap) -> String {
     let s = job.summary;
     let mut h = page::open(&format!("{}: job report", job.job), job.job, job_report::STYLE);
     let reasons = [
@@ -31,7 +32,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         } else {
             format!("Not marked of {texture}: {}.", told.join(", "))
         },
-        format!("Nobody has to attend: {} of the machine alone, without a stop.", duration(s.time_s)),
+        format!("A person attends {}: one program marks all, without a stop.", duration(s.time_s)),
     ];
     record::picture(&mut h, &format!("Marks over the part, {} of them", s.marks));
     job_report::verdict_block(&mut h, &lines);
@@ -57,6 +58,13 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         ("Worst incidence (BIA)", format!("{} deg", plain(s.deviations.worst_bia_deg, 2))),
         ("Farthest from the field's centre", format!("{} mm", plain(s.worst_displacement_mm, 3))),
         ("Fastest mark", format!("{} mm/s", plain(s.mark_speed_mm_s, 1))),
+        ("Mean line energy", format!("{} J/m", plain(s.line_energy.mean_j_per_m, 4))),
+        ("Length at the speed of the pens", format!("{} %", plain(s.line_energy.length_at_speed_percent, 1))),
+        ("Laser on below half that speed", duration(s.line_energy.slow_s)),
+        ("Most energy of a line over a spot", {
+            let [x, y] = s.line_energy.worst_at_mm.map(|v| plain(v, 3));
+            format!("{} times P / v of its pen, at ({x}, {y}) mm", plain(s.line_energy.worst_share, 2))
+        }),
     ];
     let early = |l: &LaserSwitching| {
         let text =
@@ -81,6 +89,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         );
     }
     h.push_str("</table>\n</div>\n</div>\n");
+    energy::map_line(&mut h, energy_map);
     budget::section(&mut h, &s.budget);
     record::unmarked(&mut h, &job.scene.unmarked);
     record::histograms(&mut h, job.scene, &job.program.pens);

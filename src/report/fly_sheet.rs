@@ -42,6 +42,12 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
     budget(out, &s.budget)?;
     writeln!(out, "incidence  {:.2} deg at most", s.deviations.worst_bia_deg)?;
     writeln!(out, "time       {} ({} with the laser on)", clock(s.time_s), clock(s.mark_s))?;
+    let energy = &s.line_energy;
+    writeln!(
+        out,
+        "energy     up to {:.2} times P / v of its pen over a spot, {:.1} % of the marks at the speed of the pens",
+        energy.worst_share, energy.length_at_speed_percent
+    )?;
     for LaserSwitching { file, servo_period_s, laser_error_mm } in &s.laser {
         writeln!(
             out,

@@ -64,7 +64,7 @@ pub(super) const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.
 td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:static}}\
 @media print{.wide{overflow:visible}}";
 
-/// What to know before anything else: what needs attention, what is not marked and why, and who attends the job.
+/// What to know before anything else: what needs attention, what is not marked and why, and who attends and loads.
 fn verdict(h: &mut String, job: &Layout<'_>) {
     let s = job.summary;
     let mut lines = vec![NOT_VERIFIED.to_owned(), warnings_line(s.warnings.len())];
@@ -81,14 +81,9 @@ fn verdict(h: &mut String, job: &Layout<'_>) {
     } else {
         format!("Not marked of {}: {}.", length_text(s.texture_mm), told.join(", "))
     });
-    let hand = &s.by_hand;
-    lines.push(if hand.needed {
-        let assumed = if hand.assumed { ", assumed" } else { "" };
-        let (total, load) = (duration(hand.total_s), hand.load_s);
-        format!("A person attends {total}: {} files are loaded by hand, {load} s each{assumed}.", s.blocks)
-    } else {
-        format!("Nobody has to attend: {} of the machine alone.", duration(s.time_s.total))
-    });
+    let least = if s.loading.is_least() { "at least " } else { "" };
+    let total = duration(s.loading.total_s);
+    lines.push(format!("A person attends {least}{total}: {}.", s.loading.told(s.blocks)));
     verdict_block(h, &lines);
 }
 
@@ -192,22 +187,14 @@ fn times(h: &mut String, job: &Layout<'_>) {
     }
     let total = job.summary.time_s.total;
     let _ = writeln!(h, "<tr><th>total</th><th>{}</th><th>{}</th><th></th></tr>", plain(total, 2), duration(total));
-    let hand = &job.summary.by_hand;
+    let loading = &job.summary.loading;
     let _ = writeln!(
         h,
-        "<tr><td>by hand: {} files at {} s{}</td><td>{}</td><td>{}</td><td></td></tr>",
-        job.summary.blocks,
-        hand.load_s,
-        if hand.assumed { ", assumed" } else { "" },
-        plain(hand.total_s, 2),
-        duration(hand.total_s)
-    );
-    let _ = writeln!(
-        h,
-        "<tr><td>by terrace run, at least: loading and handshake of each block come on top</td><td>{}</td>\
-         <td>{}</td><td></td></tr>\n</table></div>",
-        plain(total, 2),
-        duration(total)
+        "<tr><td>with loading{}: {}</td><td>{}</td><td>{}</td><td></td></tr>\n</table></div>",
+        if loading.is_least() { ", at least" } else { "" },
+        escape(&loading.told(job.summary.blocks)),
+        plain(loading.total_s, 2),
+        duration(loading.total_s)
     );
 }
 
@@ -217,11 +204,15 @@ fn candidates(h: &mut String, job: &Layout<'_>) {
     }
     h.push_str(
         "<h2>Methods compared</h2>\n<div class=\"wide\"><table>\n\
-         <tr><th>method</th><th>stops</th><th>strokes</th><th>time</th></tr>\n",
+         <tr><th>method</th><th>stops</th><th>strokes</th><th>time</th><th>with loading</th></tr>\n",
     );
     for c in &job.summary.candidates {
-        let (method, time) = (escape(&c.method), duration(c.time_s.total));
-        let _ = writeln!(h, "<tr><td>{method}</td><td>{}</td><td>{}</td><td>{time}</td></tr>", c.stops, c.fragments);
+        let (method, [time, total]) = (escape(&c.method), [c.time_s.total, c.total_s].map(duration));
+        let _ = writeln!(
+            h,
+            "<tr><td>{method}</td><td>{}</td><td>{}</td><td>{time}</td><td>{total}</td></tr>",
+            c.stops, c.fragments
+        );
     }
     h.push_str("</table></div>\n");
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::budget::Budget;
 use crate::check::Checked;
 use crate::diag;
-use crate::emit::{self, Format};
+use crate::emit::{self, Files, Format, Target};
 use crate::geom::Nm;
 use crate::machine::{FieldShape, Machine};
 use crate::manifest::{Facts, Registered, Subset, Summary, lift_mm, portable, registration};
@@ -66,6 +66,11 @@ impl<'a> Sheet<'a> {
             frames: job.frames.map(|pen| job.pens[pen.index()].name.clone()),
             subset: None,
         }
+    }
+    /// The targets whose files are used by the way in which the blocks are loaded.
+    fn used(&self) -> impl Iterator<Item = &'static Target> {
+        let way = self.summary.loading.way;
+        self.formats.iter().map(|format| format.target()).filter(move |target| target.ways.contains(&way))
     }
     /// The file of block `index`, where blocks have files of their own.
     fn block_file(&self, index: usize) -> Option<String> {
@@ -199,18 +204,11 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         clock(t.jump),
         clock(t.delay)
     )?;
-    let hand = &s.by_hand;
-    let who = if hand.needed { "a person loads" } else { "if a person loads" };
-    let source =
-        if hand.assumed { "assumed: see operator.load of the machine file" } else { "as the machine file states" };
-    let (total_s, files) = sheet.subset.map_or((hand.total_s, s.blocks), |t| (t.by_hand_s, t.blocks.len()));
-    writeln!(out, "by hand    {}, {who} {files} files at {} s each ({source})", clock(total_s), hand.load_s)?;
-    let machine_s = sheet.subset.map_or(t.total, |subset| subset.time_s);
-    writeln!(
-        out,
-        "by run     {} at least with `terrace run`; loading and handshake of each block come on top",
-        clock(machine_s)
-    )?;
+    let blocks = sheet.subset.map_or(s.blocks, |subset| subset.blocks.len());
+    let total_s = sheet.subset.map_or(s.loading.total_s, |subset| subset.total_s);
+    let least = if s.loading.is_least() { " at least" } else { "" };
+    writeln!(out, "loading    {}", s.loading.told(blocks))?;
+    writeln!(out, "in all     {}{least}; a person attends all of it", clock(total_s))?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }
@@ -269,7 +267,7 @@ pub(super) fn pens(out: &mut String, pens: &[Pen], machine: &Machine, note: &str
 fn settings_note(sheet: &Sheet<'_>) -> &'static str {
     if has_drawings(sheet) {
         "DXF and CSV do not carry these values: set them in the marking software"
-    } else if sheet.formats.iter().any(|f| f.target().carries_settings) {
+    } else if sheet.used().any(|t| t.carries_settings) {
         "the files of the job carry these values"
     } else {
         "set them in the marking software"
@@ -278,7 +276,7 @@ fn settings_note(sheet: &Sheet<'_>) -> &'static str {
 
 /// Whether there are drawings for marking software, which leave the settings of pens to it.
 fn has_drawings(sheet: &Sheet<'_>) -> bool {
-    sheet.formats.iter().map(|f| f.target()).any(|t| t.carries_pens && !t.carries_settings)
+    sheet.used().any(|t| t.carries_pens && !t.carries_settings)
 }
 
 /// What to do, in order; only what the files of this folder need.
@@ -314,7 +312,20 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     }
     let place = if sheet.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
     writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")?;
-    if sheet.formats.iter().any(|f| f.target().moves_stage) {
+    if sheet.used().any(|t| t.format == Format::Lightburn) {
+        let [w, h] = sheet.machine.lens.field.map(|f| f.as_mm());
+        writeln!(
+            out,
+            "  - LightBurn: the working area of the device must be {w} x {h} mm (Edit, Device Settings), or every block lies"
+        )?;
+        writeln!(
+            out,
+            "    off its place: its shapes lie about the point {} {} mm of that area. terrace cannot read the device.",
+            w / 2.0,
+            h / 2.0
+        )?;
+    }
+    if sheet.used().any(|t| t.moves_stage) {
         writeln!(
             out,
             "  - Run the stage program once with the laser source off; with stage.ngc the scan card must answer with BUSY."
@@ -332,17 +343,28 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
             "  - SHIFT is what the zoom optic adds to the focal plane that the stage sets, up is positive, within {} of 0.",
             Length::mm(zoom.range.as_mm() / 2.0)
         )?;
-        writeln!(out, "    At 0 the focal plane is the working distance below the lens. Set it before each block.")?;
+        let who = if sheet.used().any(|t| t.carries_focus_shift) {
+            "The files of this way set it."
+        } else {
+            "Set it before each block."
+        };
+        writeln!(out, "    At 0 the focal plane is the working distance below the lens. {who}")?;
     }
     writeln!(
         out,
         "  - terrace is not a safety system. Enclosure, interlock, eye protection and emergency stop are your own."
     )?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
-    for target in sheet.formats.iter().map(|f| f.target()) {
+    for target in sheet.used() {
         for (i, line) in target.sheet.iter().enumerate() {
             writeln!(out, "  {} {line}", if i == 0 { '-' } else { ' ' })?;
         }
+    }
+    let way = sheet.summary.loading.way;
+    let unused = sheet.formats.iter().map(|f| f.target()).filter(|t| !t.ways.contains(&way));
+    let unused: Vec<&str> = unused.filter_map(|t| t.stepped).map(Files::shown).collect();
+    if !unused.is_empty() {
+        writeln!(out, "  - Not used by operator.way = {:?}: {}.", way.name(), unused.join(", "))?;
     }
     Ok(())
 }

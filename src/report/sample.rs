@@ -6,8 +6,8 @@ use super::{BlockMap, Layout, Marks};
 use crate::check::Checked;
 use crate::diag::{Message, Severity};
 use crate::geom::{Box2, FieldPoint, Grid, Nm, P2};
-use crate::machine::{Machine, Origin, TiltAngles};
-use crate::manifest::{ByHand, Candidate, Summary, Times};
+use crate::machine::{LoadingWay, Machine, Origin, TiltAngles};
+use crate::manifest::{Candidate, Loading, Summary, Times};
 use crate::program::{
     Block, BlockFigures, PassId, Pen, PenId, Program, SectionId, Sections, SetupId, Stop, Stroke, StrokeId, stroke_mm,
 };
@@ -389,14 +389,8 @@ fn summary(program: &Program) -> Summary {
         worst_defocus_mean_um: 48.2,
         worst_incidence_deg: 3.6,
         time_s,
-        by_hand: ByHand { load_s: 15.0, assumed: true, needed: false, total_s: 3707.0 + 15.0 * stops as f64 },
-        candidates: vec![Candidate {
-            method: "contour".into(),
-            stops,
-            fragments: 3 * stops,
-            time_s,
-            compared_s: time_s.total,
-        }],
+        loading: Loading { way: LoadingWay::Run, assumed: true, load_s: 0.0, load_assumed: false, total_s: 3707.0 },
+        candidates: vec![Candidate { method: "contour".into(), stops, fragments: 3 * stops, time_s, total_s: 3707.0 }],
         warnings: vec![Message {
             code: "texture-off-part".into(),
             severity: Severity::Warning,

@@ -9,7 +9,8 @@ use super::sample::Sample;
 use super::{EnergyMap, NOT_VERIFIED, layout_svg, report_html};
 use crate::block_map::BlockMap;
 use crate::geom::{Box2, FieldPoint, Nm, P2};
-use crate::machine::Origin;
+use crate::machine::{LoadingWay, Origin};
+use crate::manifest::Loading;
 use crate::random::Random;
 
 fn report(sample: &Sample) -> String {
@@ -373,12 +374,16 @@ fn the_report_begins_with_what_needs_attention_and_a_picture() {
     let s = &mut sample.summary;
     (s.texture_mm, s.mark_mm) = (2000.0, 1890.0);
     (s.skipped_mm, s.skipped_off_part_mm, s.skipped_steep_mm, s.skipped_small_mm) = (110.0, 100.0, 0.0, 10.0);
-    (s.by_hand.needed, s.by_hand.total_s, s.by_hand.load_s) = (true, 725.2, 15.0);
+    s.loading = Loading { way: LoadingWay::Person, assumed: true, load_s: 15.0, load_assumed: true, total_s: 725.2 };
     let html = report(&sample);
-    let count = sample.summary.blocks;
+    let count =
+        if sample.summary.blocks == 1 { "1 block".to_owned() } else { format!("{} blocks", sample.summary.blocks) };
     for said in [
         "<li>Not marked of 2000.0 mm: off the part 100.0 mm (5.0 %), too small 10.0 mm (0.5 %).</li>".to_owned(),
-        format!("<li>A person attends 12 min 5 s: {count} files are loaded by hand, 15 s each, assumed.</li>"),
+        format!(
+            "<li>A person attends 12 min 5 s: a person loads and starts {count}, 15 s each (assumed: state \
+             operator.way and operator.load in the machine file).</li>"
+        ),
         "<a href=\"view.html\"><img src=\"layout.svg\" alt=\"Blocks over the part".to_owned(),
     ] {
         assert!(html.contains(&said), "{said}\n{}", &html[..4000.min(html.len())]);
@@ -391,11 +396,14 @@ fn the_report_begins_with_what_needs_attention_and_a_picture() {
     assert_eq!(html.matches("</table></div>").count(), html.matches("<table").count());
     sample.summary.warnings.clear();
     (sample.summary.skipped_off_part_mm, sample.summary.skipped_small_mm) = (0.0, 0.0);
-    sample.summary.by_hand.needed = false;
+    sample.summary.loading.way = LoadingWay::Ovf;
+    sample.summary.loading.load_assumed = false;
     let html = report(&sample);
-    for said in
-        ["<li>No warnings.</li>", "<li>All of the texture is marked: 2000.0 mm.</li>", "<li>Nobody has to attend: "]
-    {
+    for said in [
+        "<li>No warnings.</li>",
+        "<li>All of the texture is marked: 2000.0 mm.</li>",
+        "<li>A person attends 12 min 5 s: a controller reads job.ovf and marks ",
+    ] {
         assert!(html.contains(said), "{said}");
     }
 }

@@ -9,7 +9,7 @@ use super::rotation::Rotation;
 use super::unusable;
 use crate::diag::Error;
 use crate::geom::{BoxMm, NM_PER_MM, Nm};
-use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
+use crate::job::{DepthRule, Dose, Format, Job, Level, MachineInput, Mode, Overrides, Passes, Setups};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, PassId, Pen};
 use crate::surface::{self, Content};
@@ -63,6 +63,8 @@ pub(super) struct JobFacts {
     pub(super) formats: Vec<Format>,
     /// What the job reads, each with what it is for, as the manifest names it; None where the job could not be read.
     pub(super) inputs: Option<Vec<(&'static str, String)>>,
+    /// Whether the job names a built-in machine, all of whose values are assumptions.
+    pub(super) is_built_in: bool,
 }
 
 impl JobFacts {
@@ -94,6 +96,7 @@ impl JobFacts {
             frames: None,
             formats: Vec::new(),
             inputs: None,
+            is_built_in: false,
         }
     }
 
@@ -131,6 +134,7 @@ impl JobFacts {
             frames: Some(job.frames.map(|pen| job.pens[pen.index()].name.clone())),
             formats: job.formats.clone(),
             inputs: Some(inputs_of(job)),
+            is_built_in: matches!(job.machine, MachineInput::Profile(_)),
         }
     }
 

@@ -127,9 +127,9 @@ fn stepped_figures(s: &Summary) -> Vec<(&'static str, String)> {
         ("worst defocus", format!("{:.1} um", s.worst_defocus_um)),
         ("worst incidence", format!("{:.2} deg", s.worst_incidence_deg)),
     ];
-    if s.by_hand.needed {
-        rows.insert(3, ("time by hand", duration(s.by_hand.total_s)));
-    }
+    let least = if s.loading.is_least() { " at least" } else { "" };
+    rows.insert(3, ("with loading", duration(s.loading.total_s) + least));
+    rows.insert(4, ("loading", s.loading.told(s.blocks)));
     if s.dots.texture > 0 {
         rows.push(("dots", format!("{} of {}", s.dots.marked, s.dots.texture)));
     }

@@ -133,7 +133,7 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let promised = "part_mm stops stops_merged blocks passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
                     skipped_off_part_mm skipped_steep_mm skipped_small_mm dots fragments strokes_cut \
                     figures_whole figures_cut seam_mm setups jump_mm worst_defocus_um worst_defocus_mean_um \
-                    worst_incidence_deg budget time_s by_hand candidates warnings";
+                    worst_incidence_deg budget time_s loading candidates warnings";
     assert_eq!(keys(&summary), promised.split_whitespace().collect());
     assert_eq!(keys(&summary["time_s"]), ["stage", "settle", "zoom", "mark", "jump", "delay", "total"].into());
     let parts: f64 = ["stage", "settle", "zoom", "mark", "jump", "delay"]
@@ -378,8 +378,12 @@ fn every_built_in_machine_is_listed_and_its_file_compiles() {
         job.write(dir.path(), "by-file.toml");
         job.machine = format!("profile = \"{name}\"");
         job.write(dir.path(), "by-name.toml");
-        let by_file = done(dir.path(), &["compile", "by-file.toml", "--json"]);
-        assert_eq!(by_file, done(dir.path(), &["check", "by-name.toml", "--json"]), "{name}");
+        let by_file = json(&done(dir.path(), &["compile", "by-file.toml", "--json"]));
+        let mut by_name = json(&done(dir.path(), &["check", "by-name.toml", "--json"]));
+        // A file states what a built-in machine assumes.
+        assert_eq!([&by_file, &by_name].map(|s| s["loading"]["assumed"] == true), [false, true], "{name}");
+        by_name["loading"]["assumed"] = false.into();
+        assert_eq!(by_file, by_name, "{name}");
         verify(&dir.path().join("by-file.job"));
     }
     refused(&run(dir.path(), &["machines", "laser-o-matic"]), 2, "machine-unknown");

@@ -395,3 +395,42 @@ fn marks_at_the_scanners_own_speeds_and_short_moves_keep_their_limits() {
     std::fs::write(&job, text.replacen("[[pen]]", circles, 1)).expect("a file");
     proved(dir.path(), &job);
 }
+
+/// The spot slows down at corners with the laser on: the figures say so, and verify finds them again.
+#[test]
+fn marks_that_slow_down_are_told_with_their_energy_and_verify_holds_the_figures() {
+    let dir = folder();
+    write_stl(&dir.path().join("part.stl"), &mesh(4, [-6.0, -6.0, 6.0, 6.0], |_, _| 0.0));
+    let path = job(dir.path(), "xyzac-galvo-10", "0.5 mm", "3000 mm/s", "2 mm", "");
+    let text = std::fs::read_to_string(&path).expect("a job");
+    let text = text
+        .replace("pattern = \"hatch\"\npitch = \"2 mm\"\ndirection = \"10 deg\"", "pattern = \"hilbert\"\norder = 4");
+    std::fs::write(&path, text).expect("write");
+    let [summary, _] = proved(dir.path(), &path);
+    let energy = &summary["line_energy"];
+    // 60 % of the laser's power at less than the speed of the pen: never less than P / v.
+    let nominal = number(energy, "mean_j_per_m") * number(&summary, "mark_mm") / 1e3 / number(&summary, "mark_s");
+    assert!(nominal > 0.0 && number(energy, "worst_share") > 2.0, "{energy}");
+    assert!(number(energy, "length_at_speed_percent") < 100.0 && number(energy, "slow_s") > 0.0, "{energy}");
+    let warned = summary["warnings"].as_array().expect("a list").iter().find(|w| w["code"] == "fly-energy");
+    assert!(warned.is_some(), "{summary}");
+    let out = dir.path().join("made.job");
+    let picture = std::fs::read_to_string(out.join("energy.svg")).expect("a picture");
+    assert!(picture.contains("J/cm2 seen along z"), "{}", &picture[picture.len() - 400..]);
+    let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
+    assert!(report.contains("Most energy of a line over a spot") && report.contains("href=\"energy.svg\""));
+    // A figure that is not that of the program is found.
+    for (key, factor) in
+        [("worst_share", 0.5), ("mean_j_per_m", 1.01), ("length_at_speed_percent", 1.5), ("slow_s", 0.9)]
+    {
+        let file = out.join("manifest.json");
+        let kept = std::fs::read_to_string(&file).expect("a manifest");
+        let mut manifest: serde_json::Value = serde_json::from_str(&kept).expect("JSON");
+        let value = number(&manifest["summary"]["line_energy"], key);
+        manifest["summary"]["line_energy"][key] = (value * factor + 1e-3).into();
+        std::fs::write(&file, manifest.to_string()).expect("written");
+        let told = said(&terrace(&["verify", out.to_str().expect("text")]));
+        assert!(told.contains(&format!("line_energy.{key} is given as")), "{key}: {told}");
+        std::fs::write(&file, kept).expect("written");
+    }
+}

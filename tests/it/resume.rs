@@ -176,7 +176,7 @@ fn verify_reports_a_rest_that_is_not_what_it_says() {
     {
         assert!(alter(edit).contains(&"agreement".to_owned()));
     }
-    for key in ["stops", "mark_mm", "time_s", "by_hand_s"] {
+    for key in ["stops", "mark_mm", "time_s", "total_s"] {
         assert_eq!(alter(&|m| m["subset"][key] = 1.into()), ["summary"], "{key}");
     }
 }

@@ -44,7 +44,7 @@ fn rows_of_a_sweep_are_the_figures_of_the_jobs_so_set() {
             assert_eq!(number(row, key), number(&summary, key), "{key} of {row}");
         }
         assert_eq!(number(row, "machine_time_s"), number(&summary["time_s"], "total"));
-        assert_eq!(number(row, "by_hand_s"), number(&summary["by_hand"], "total_s"));
+        assert_eq!(number(row, "with_loading_s"), number(&summary["loading"], "total_s"));
         assert_eq!(number(row, "seam_mm"), number(&summary, "seam_mm"));
     }
     assert!(number(&rows[0], "stops") > number(&rows[4], "stops"), "a larger PDOF needs fewer stops");

@@ -101,8 +101,9 @@ fn folder(path: &Path) -> Result<Shown, Error> {
     let found = manifest::read(path)?;
     let (figures, time_s, mark_mm) = match &found.summary {
         AnySummary::Stepped(s) => {
-            let by_hand = duration(s.by_hand.total_s);
-            (format!("stops    {}\nby hand  {by_hand}", s.stops), s.time_s.total, s.mark_mm)
+            let least = if s.loading.is_least() { " at least" } else { "" };
+            let (told, total) = (s.loading.told(s.blocks), duration(s.loading.total_s));
+            (format!("stops    {}\nloading  {told}\nin all   {total}{least}", s.stops), s.time_s.total, s.mark_mm)
         }
         AnySummary::OnTheFly(s) => (format!("moves    {}", s.moves), s.time_s, s.mark_mm),
     };

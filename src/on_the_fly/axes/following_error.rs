@@ -4,7 +4,8 @@
 //! model at any step. Units: s, Hz, and whatever unit a position has (mm or rad).
 //!
 //! # Model
-//! An axis answers its command as ωn² / (s² + 2 ζ ωn s + ωn²). [`Scanner`] is the error synthesis of Cui et al.
+//! An axis answers its command as ωn² / (s² + 2 ζ ωn s + ωn²), or, where the speed of the command is fed forward, as
+//! (2 ζ ωn s + ωn²) / (s² + 2 ζ ωn s + ωn²): it is then behind by the acceleration over ωn² alone. [`Scanner`] is the error synthesis of Cui et al.
 //! (2021): the stage's following error is added to the scanner's command.
 //!
 //! # Limits
@@ -12,7 +13,7 @@
 //! told the stage's error without delay.
 
 use crate::diag::{Diag, Error};
-use crate::machine::{self, Machine};
+use crate::machine::{self, FeedForward, Machine};
 
 /// A second-order axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +21,7 @@ pub struct Servo {
     /// ωn, rad/s.
     omega: f64,
     damping: f64,
+    feed_forward: FeedForward,
 }
 
 impl Servo {
@@ -29,7 +31,7 @@ impl Servo {
     /// `fly-servo` where one is not positive and finite.
     pub fn new(natural_hz: f64, damping: f64) -> Result<Self, Error> {
         if [natural_hz, damping].iter().all(|v| *v > 0.0 && v.is_finite()) {
-            return Ok(Self { omega: std::f64::consts::TAU * natural_hz, damping });
+            return Ok(Self { omega: std::f64::consts::TAU * natural_hz, damping, feed_forward: FeedForward::None });
         }
         Err(Diag::bug("fly-servo", "a servo's natural frequency or damping is not positive".to_owned()).into())
     }
@@ -60,13 +62,26 @@ impl Servo {
         Ok([&machine.stage.x, &machine.stage.y].map(|axis| servo.lag(axis.speed.as_mm_s())))
     }
 
-    fn stated(servo: Option<machine::Servo>, hz: f64) -> Result<Self, Error> {
-        servo.map_or_else(|| Self::new(hz, 0.7), |s| Self::new(s.frequency.as_khz() * 1000.0, s.damping))
+    /// As a machine file states it.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn of(servo: machine::Servo) -> Result<Self, Error> {
+        let alone = Self::new(servo.frequency.as_khz() * 1000.0, servo.damping)?;
+        Ok(Self { feed_forward: servo.feed_forward, ..alone })
     }
 
-    /// How far the position stays behind a command that moves at `speed`, once settled: 2 ζ v / ωn.
+    fn stated(servo: Option<machine::Servo>, hz: f64) -> Result<Self, Error> {
+        servo.map_or_else(|| Self::new(hz, 0.7), Self::of)
+    }
+
+    /// How far the position stays behind a command that moves at `speed`, once settled: 2 ζ v / ωn; 0 where the speed
+    /// is fed forward.
     pub fn lag(&self, speed: f64) -> f64 {
-        2.0 * self.damping * speed / self.omega
+        match self.feed_forward {
+            FeedForward::None => 2.0 * self.damping * speed / self.omega,
+            FeedForward::Velocity => 0.0,
+        }
     }
 
     /// Positions at the samples of `command`, `dt` s apart, starting at rest on the first.

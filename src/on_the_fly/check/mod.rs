@@ -10,6 +10,11 @@
 //! Limits are held by the program's own whole nanometres and microseconds. What the rounding of its samples may have
 //! put on a speed, an acceleration or a jerk is taken from it before; what is left may be [`OVER`] above its limit.
 
+mod energy;
+
+pub use energy::LineEnergy;
+use energy::Marks;
+
 use crate::check::{Reach, fits, pen_faults, refused};
 use crate::diag::{Diag, Error};
 use crate::geom::{NM_PER_MM, Nm, mm_from_nm};
@@ -45,6 +50,8 @@ pub struct Figures {
     pub shortest_us: i64,
     /// Largest speed, acceleration and jerk of every axis.
     pub peaks: [Peaks; AXES],
+    /// What the laser gives to each length of the marks.
+    pub energy: LineEnergy,
 }
 
 impl Figures {
@@ -347,6 +354,7 @@ fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
     let mut out = Figures { time_s: program.total_s(), peaks: peaks::peaks(program), ..Figures::default() };
     out.shortest_us = program.steps().map(|(us, _, to)| to.us - us).min().unwrap_or(0);
     let (mut piece, mut before, mut was_on) = (None, [0.0; AXES], false);
+    let mut marks = Marks::new(machine);
     for (us, from, to) in program.steps() {
         let s = (to.us - us) as f64 * 1e-6;
         let (p, q) = (spot(from), spot(&to.to));
@@ -363,7 +371,13 @@ fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
             out.jump_mm += way;
         }
         let mark = to.mark.map(|m| m.piece);
-        out.marks += usize::from(mark.is_some() && mark != piece);
+        if let Some(mark) = to.mark.filter(|_| mark != piece) {
+            out.marks += 1;
+            marks.begin(&program.pens[mark.pen.index()], [p.part[0], p.part[1]]);
+        }
+        if on {
+            marks.go(way, s, [q.part[0], q.part[1]]);
+        }
         piece = mark;
         let speed: [f64; AXES] = std::array::from_fn(|k| mm_from_nm(to.to[k] - from[k]) / s);
         if on || was_on {
@@ -376,6 +390,7 @@ fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
         let lever = program.moves.last().map_or(0.0, |m| spot(&m.to).lever);
         out.corner_mm_s = out.corner_mm_s.max(corner(before, [0.0; AXES], lever));
     }
+    out.energy = marks.energy();
     Ok(out)
 }
 

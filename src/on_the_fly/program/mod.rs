@@ -119,6 +119,19 @@ pub struct Move {
     pub mark: Option<Mark>,
 }
 
+/// A move with the laser on, as it is seen along z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Marked {
+    /// Index of its pen.
+    pub pen: PenId,
+    /// Its time, s.
+    pub s: f64,
+    /// Where the spot begins, part frame, mm.
+    pub from: [f64; 2],
+    /// Where it ends.
+    pub to: [f64; 2],
+}
+
 /// A program of moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
@@ -186,6 +199,17 @@ impl Program {
     pub(super) fn fields(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> [i64; 2], Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
         Ok(move |at: &AxisCommands| frame.field(at))
+    }
+
+    /// The moves with the laser on, none where the machine does not have the axes.
+    pub fn marked(&self, machine: &Machine) -> impl Iterator<Item = Marked> {
+        let frame = Frame::new(machine, self.origin, self.kind).ok();
+        let of = move |(us, from, to): (i64, &AxisCommands, &Move)| {
+            let (mark, frame) = (to.mark?, frame.as_ref()?);
+            let [from, at] = [from, &to.to].map(|sample| frame.spot(sample).part);
+            Some(Marked { pen: mark.pen, s: (to.us - us) as f64 * 1e-6, from: [from[0], from[1]], to: [at[0], at[1]] })
+        };
+        self.steps().filter_map(of)
     }
 
     /// When the last move ends, s.

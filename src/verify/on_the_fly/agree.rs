@@ -1,8 +1,10 @@
+// mm in a microsecond.
 //! `agreement`, `summary`: both programs, the manifest and the job say the same.
 
 use std::path::Path;
 
 use super::chain::Chain;
+use super::energy::Energy;
 use crate::job::Format;
 use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
@@ -15,7 +17,7 @@ use crate::verify::read::runsheet;
 use crate::verify::rules::runsheets::are_pens;
 
 /// The files of every on-the-fly job, besides its programs.
-const OF_EVERY_JOB: [&str; 4] = ["runsheet.txt", "layout.svg", "report.html", "view.html"];
+const OF_EVERY_JOB: [&str; 5] = ["runsheet.txt", "layout.svg", "energy.svg", "report.html", "view.html"];
 
 /// Relative difference at which two figures are still the same.
 const SAME: f64 = 1e-9;
@@ -228,6 +230,14 @@ pub(super) fn summary(
     hold("mark_s", s.mark_s, on_us as f64 / 1e6, SAME * total);
     hold("mark_mm", s.mark_mm, mark_nm / 1e6, SAME * mark_nm / 1e6);
     hold("worst_displacement_mm", s.worst_displacement_mm, away / 1e6, 1e-5);
+    let energy = &s.line_energy;
+    let found = Energy::of(program, facts, chain);
+    let near = |v: f64| 1e-6 * v.max(1.0);
+    hold("line_energy.mean_j_per_m", energy.mean_j_per_m, found.mean_j_per_m, near(found.mean_j_per_m));
+    hold("line_energy.slow_s", energy.slow_s, found.slow_s, found.slow_doubt_s + near(total));
+    let at_speed = found.at_speed_percent;
+    hold("line_energy.length_at_speed_percent", energy.length_at_speed_percent, at_speed, found.doubt_percent + 1e-6);
+    hold("line_energy.worst_share", energy.worst_share, found.worst_share, 1e-4 * found.worst_share);
     // nm in us are mm in s; the switch may come a servo period too early, in each program that of its controller.
     for (_, target) in targets(&manifest.axes).filter(|(_, t)| manifest.files.iter().any(|f| f.file == t.file)) {
         let stated = s.laser.iter().find(|l| l.file == target.file);

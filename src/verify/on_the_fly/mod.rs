@@ -7,6 +7,7 @@
 mod agree;
 mod chain;
 mod cover;
+mod energy;
 mod limits;
 mod marks;
 mod rests;

@@ -16,7 +16,7 @@ use crate::verify::read::leaves::Leaves;
 pub(in crate::verify) const NAME: &str = "manifest.json";
 
 /// Version of the keys that is known.
-const SCHEMA: u32 = 3;
+const SCHEMA: u32 = 4;
 
 /// Largest manifest that is read: some 600 bytes for each of a million blocks.
 const MAX_FILE: u64 = 1 << 30;
@@ -135,7 +135,7 @@ pub(in crate::verify) struct SubsetEntry {
     pub(in crate::verify) stops: usize,
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) time_s: f64,
-    pub(in crate::verify) by_hand_s: f64,
+    pub(in crate::verify) total_s: f64,
 }
 
 /// The frames of the blocks.
@@ -197,6 +197,8 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) stops: usize,
     pub(in crate::verify) blocks: usize,
     pub(in crate::verify) passes: u32,
+    #[serde(default)]
+    pub(in crate::verify) method: String,
     pub(in crate::verify) setups: usize,
     pub(in crate::verify) fragments: usize,
     pub(in crate::verify) strokes_cut: usize,
@@ -214,7 +216,9 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) worst_incidence_deg: f64,
     pub(in crate::verify) jump_mm: f64,
     pub(in crate::verify) time_s: Times,
-    pub(in crate::verify) by_hand: ByHand,
+    pub(in crate::verify) loading: Loading,
+    #[serde(default)]
+    pub(in crate::verify) candidates: Vec<Candidate>,
     #[serde(default)]
     pub(in crate::verify) lower_bound_stops: Option<f64>,
     #[serde(default)]
@@ -239,12 +243,20 @@ pub(in crate::verify) struct Dots {
     pub(in crate::verify) steep: u64,
 }
 
-/// The job with a person who loads the blocks.
+/// Who loads the blocks, and the job's time with it.
 #[derive(Clone, Debug, Deserialize)]
-pub(in crate::verify) struct ByHand {
-    pub(in crate::verify) load_s: f64,
+pub(in crate::verify) struct Loading {
+    pub(in crate::verify) way: String,
     pub(in crate::verify) assumed: bool,
-    pub(in crate::verify) needed: bool,
+    pub(in crate::verify) load_s: f64,
+    pub(in crate::verify) load_assumed: bool,
+    pub(in crate::verify) total_s: f64,
+}
+
+/// A candidate of `auto`, of which only the one that was taken can be timed again.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Candidate {
+    pub(in crate::verify) method: String,
     pub(in crate::verify) total_s: f64,
 }
 

@@ -66,6 +66,9 @@ pub(in crate::verify) struct Sheet {
     pub(in crate::verify) stage_zero: String,
     /// The turn of the part, degrees.
     pub(in crate::verify) turn: Option<f64>,
+    /// Who loads the blocks, in the words of the sheet, and the time of the job with it.
+    pub(in crate::verify) loading: Option<String>,
+    pub(in crate::verify) in_all: Option<String>,
     /// Cells of each pen: number, speed, power, frequency, passes, name.
     pub(in crate::verify) pens: Vec<Vec<String>>,
     /// Of pens that mark dots their number and the dwell, us.
@@ -167,6 +170,14 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
             ("", ["part", "turn", turn, "deg", "about", "z"]) => {
                 once(out.turn.is_none())?;
                 out.turn = turn.parse().ok();
+            }
+            ("", ["loading", words @ ..]) => {
+                once(out.loading.is_none())?;
+                out.loading = Some(words.join(" "));
+            }
+            ("", ["in", "all", time, ..]) => {
+                once(out.in_all.is_none())?;
+                out.in_all = Some(time.trim_end_matches(';').to_owned());
             }
             ("PENS", PEN_COLUMNS) if out.pens.is_empty() => {}
             // A line of the head that is read is known to the last word.
@@ -279,7 +290,8 @@ mod tests {
 
     #[test]
     fn run_sheet_columns_are_found_by_name() {
-        let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\n\nPENS (set them \
+        let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\nloading    a person \
+                    loads\nin all     0:10:00; a person attends all of it\n\nPENS (set them \
                     in the marking software)\n  no  speed mm/s  power  frequency kHz  passes  name\n   1  1000  60 % = 9 \
                     W   60  1  fine, long  name\n\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on \
                     the part, mm; time without the move)\n  block    section  \
@@ -287,6 +299,7 @@ mod tests {
                     B0002  0,0  -1  5.0  no  3\n";
         let sheet = txt(text.as_bytes()).expect("a sheet");
         assert_eq!((sheet.zero, sheet.turn), (Some(vec![1.0, -2.0, 0.5]), Some(12.5)));
+        assert_eq!((sheet.loading.as_deref(), sheet.in_all.as_deref()), (Some("a person loads"), Some("0:10:00")));
         assert_eq!(sheet.pens[0][5], "fine, long  name");
         let blocks = sheet.blocks;
         let cell = |row: usize, name: &str| blocks.rows[row].1[blocks.column(name).expect(name)].as_str();

@@ -11,8 +11,9 @@ use crate::verify::read::gcode::{Statement, Step};
 use crate::verify::read::manifest::BlockEntry;
 
 /// G words, in tenths, that neither move nor change how moves are run: units, plane, offsets off,
-/// exact path, distance mode, feed mode. That units and distance mode are right is for `agreement`.
-const HARMLESS: [u32; 13] = [170, 200, 210, 400, 490, 540, 610, 611, 800, 900, 910, 921, 940];
+/// exact path, distance mode, feed mode. That units and distance mode are right, and that G69 is for Mach alone, is for
+/// `agreement`.
+const HARMLESS: [u32; 14] = [170, 200, 210, 400, 490, 540, 610, 611, 690, 800, 900, 910, 921, 940];
 
 /// A dwell may be shorter than the settling time by this, s: it is written in decimals.
 const DWELL_ROUNDING: f64 = 1e-6;

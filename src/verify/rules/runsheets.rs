@@ -250,6 +250,12 @@ impl Sheets<'_> {
             are_pens(sheet, &self.file.program.pens, &self.facts.machine),
             "its pens differ from those of program.txt",
         );
+        let (loads, total) = loading(self.manifest);
+        hold(
+            sheet.loading.as_ref().is_some_and(|words| words.starts_with(&loads)),
+            "who loads the blocks differs from the manifest",
+        );
+        hold(sheet.in_all.as_ref() == Some(&total), "its time in all differs from the manifest");
         if sheet.setups.is_empty() && origins.len() == 1 {
             return;
         }
@@ -352,6 +358,24 @@ fn stage_zero(manifest: &Manifest) -> String {
         .map(|(_, zero)| *zero)
         .collect();
     format!("X Y Z of the stage are from the zero of the table frame{held}")
+}
+
+/// How the sheet begins to tell who loads the blocks, and its time in all.
+fn loading(manifest: &Manifest) -> (String, String) {
+    let loading = &manifest.summary.loading;
+    let (blocks, total_s) = match &manifest.subset {
+        Some(subset) => (subset.blocks.len(), subset.total_s),
+        None => (manifest.summary.blocks, loading.total_s),
+    };
+    let blocks = if blocks == 1 { "1 block".to_owned() } else { format!("{blocks} blocks") };
+    let words = match loading.way.as_str() {
+        "person" => format!("a person loads and starts {blocks}, {} s each", loading.load_s),
+        "run" => format!("terrace run loads and starts {blocks}"),
+        "card" => format!("the scan card has {blocks} stored"),
+        _ => format!("a controller reads job.ovf and marks {blocks} of it"),
+    };
+    let whole = total_s.round() as u64;
+    (words, format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60))
 }
 
 /// The lift of a row of `runsheet.csv`; the other sheet has lines for it.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::stage_text;
 use crate::geom::{Nm, mm_from_nm};
-use crate::machine::{Axis, Machine};
+use crate::machine::{Axis, Dialect, Machine};
 use crate::program::Block;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -122,6 +122,7 @@ pub(super) fn agreement(
         registration(stage, manifest, file, machine, rule);
         units(stage, rule);
         offsets(stage, machine, rule);
+        dialect(stage, machine, rule);
         first_lifts(stage, machine, rule);
         names(stage, rule);
         numbers(stage, rule);
@@ -167,6 +168,10 @@ fn offsets(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
         if !modes.contains(&921) {
             broken("G92 is off (G92.1)");
         }
+        // Mach may turn its coordinates by G68.
+        if machine.controller.dialect == Dialect::Mach && !modes.contains(&690) {
+            broken("turned coordinates are off (G69)");
+        }
         return;
     }
     // G92; X, Y and Z of G54; its rotation; A, B and C where they tilt.
@@ -175,6 +180,26 @@ fn offsets(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
         if !tested.contains(&parameter) {
             broken(&format!("#{parameter} is tested: an offset could be active"));
         }
+    }
+}
+
+/// The words of `stage_m0.nc` are those of the control that reads it: GRBL has no axes but X, Y and Z, and Mach alone
+/// has G69.
+fn dialect(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
+    let dialect = machine.controller.dialect;
+    if stage.handshake {
+        return;
+    }
+    rule.checked += 1;
+    for s in &stage.statements {
+        let fault = match &s.step {
+            Step::Move([.., a, b, c]) if dialect == Dialect::Grbl && [a, b, c].iter().any(|axis| axis.is_some()) => {
+                "GRBL has the axes X, Y and Z alone"
+            }
+            Step::Modal(codes) if dialect != Dialect::Mach && codes.contains(&690) => "G69 is a word of Mach alone",
+            _ => continue,
+        };
+        return rule.broken("", stage.place(s.line), fault);
     }
 }
 

@@ -55,12 +55,12 @@ pub(super) fn figures(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts,
         (all.mark, all.jump, all.delay) = (all.mark + mark, all.jump + jump, all.delay + delay);
         mark_mm += file.program.strokes_of(block).iter().map(|s| times::marked_mm(&file.program, s)).sum::<f64>();
     }
-    let load_s = facts.machine.load_s() * file.program.blocks.len() as f64;
+    let load_s = super::summary::load_s(super::summary::way(facts), facts) * file.program.blocks.len() as f64;
     for (name, stated, found) in [
         ("stops", subset.stops as f64, super::stops(&file.program) as f64),
         ("mark_mm", subset.mark_mm, mark_mm),
         ("time_s", subset.time_s, all.total()),
-        ("by_hand_s", subset.by_hand_s, all.total() + load_s),
+        ("total_s", subset.total_s, all.total() + load_s),
     ] {
         rule.checked += 1;
         let near = (stated - found).abs() <= 1e-9 * found.max(1.0); // never of a NaN

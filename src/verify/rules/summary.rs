@@ -12,6 +12,8 @@ use super::times::{self, Times};
 use super::turned::Turned;
 use super::{Findings, Rule};
 use crate::geom::{BoxMm, NM_PER_MM};
+use crate::job::Format;
+use crate::machine::LoadingWay;
 use crate::program::Block;
 use crate::verify::geometry::{Geometry, Scratch};
 use crate::verify::job_facts::JobFacts;
@@ -130,6 +132,10 @@ pub(in crate::verify) fn check(
         let nearest = s.worst_defocus_um.clamp(found, stated);
         hold("", "worst_defocus_um", s.worst_defocus_um, nearest, tolerance);
     }
+    // Without the job it is not known what its formats are.
+    if facts.pens.is_some() {
+        loading(manifest, file, facts, rule);
+    }
 }
 
 /// Holds times and jumps, which follow from the program and the machine file alone.
@@ -147,9 +153,10 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
         (all.mark, all.jump, all.delay, jumps) = (all.mark + mark, all.jump + jump_s, all.delay + delay, jumps + jump);
     }
     let t = &manifest.summary.time_s;
-    // Where the machine file does not state it, 15 s are taken.
-    let load_s = facts.machine.operator.map_or(15.0, |o| o.load.as_s());
-    let hand = &manifest.summary.by_hand;
+    let way = way(facts);
+    let load_s = load_s(way, facts);
+    let loading = &manifest.summary.loading;
+    let total_s = all.total() + load_s * file.program.blocks.len() as f64;
     let parts = [
         ("time_s.stage", t.stage, all.stage),
         ("time_s.settle", t.settle, all.settle),
@@ -159,12 +166,62 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
         ("time_s.delay", t.delay, all.delay),
         ("time_s.total", t.total, all.total()),
         ("jump_mm", manifest.summary.jump_mm, jumps),
-        ("by_hand.load_s", hand.load_s, load_s),
-        ("by_hand.assumed", f64::from(hand.assumed), f64::from(facts.machine.operator.is_none())),
-        ("by_hand.total_s", hand.total_s, all.total() + load_s * file.program.blocks.len() as f64),
+        ("loading.load_s", loading.load_s, load_s),
+        ("loading.total_s", loading.total_s, total_s),
     ];
     for (name, stated, found) in parts {
         hold("", name, stated, found, near(found));
+    }
+    // Of the candidates of `auto` the folder holds the program of one.
+    for taken in manifest.summary.candidates.iter().filter(|c| c.method == manifest.summary.method) {
+        // Further passes are planned after the choice.
+        let most = if file.program.blocks.iter().all(|b| b.pass.0 == 0) { total_s } else { taken.total_s.min(total_s) };
+        hold("", "total_s of the candidate that was taken", taken.total_s, most, near(total_s));
+    }
+}
+
+/// The way in which blocks are loaded: as the machine file states it; else by a person, but where `job.ovf` alone can
+/// mark the job.
+pub(super) fn way(facts: &JobFacts) -> LoadingWay {
+    let is_of_blocks = |format: &Format| {
+        use Format::{Csv, Dxf, Gcode, Lightburn, Linuxcnc, Lmc, Rtc};
+        matches!(format, Dxf | Csv | Lightburn | Lmc | Rtc | Linuxcnc | Gcode)
+    };
+    let one_file = facts.formats.contains(&Format::Ovf) && !facts.formats.iter().any(is_of_blocks);
+    facts.machine.operator.way.unwrap_or(if one_file { LoadingWay::Ovf } else { LoadingWay::Person })
+}
+
+/// Time for one block, s: a person takes 15 s where the machine file does not state it.
+pub(super) fn load_s(way: LoadingWay, facts: &JobFacts) -> f64 {
+    let stated = facts.machine.operator.load.map(|load| load.as_s());
+    match way {
+        LoadingWay::Person => stated.unwrap_or(15.0),
+        LoadingWay::Run => stated.unwrap_or(0.0),
+        LoadingWay::Card | LoadingWay::Ovf => 0.0,
+    }
+}
+
+/// Holds who loads the blocks to what the machine file says, and what is told as assumed.
+fn loading(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
+    let (stated, way) = (&manifest.summary.loading, way(facts));
+    let operator = facts.machine.operator;
+    let found = [
+        ("way", stated.way == way.name()),
+        ("assumed", stated.assumed == (operator.way.is_none() || facts.is_built_in)),
+        ("load_assumed", stated.load_assumed == (way == LoadingWay::Person && operator.load.is_none())),
+    ];
+    for (name, holds) in found {
+        rule.checked += 1;
+        if !holds {
+            rule.broken("", PLACE, format!("loading.{name} does not follow from the machine file"));
+        }
+    }
+    let is_shifted = file.program.blocks.iter().any(|b| b.focus_shift.0 != 0);
+    let [starts, sets] = [Format::Linuxcnc, Format::Rtc].map(|format| facts.formats.contains(&format));
+    let trusts_card = way == LoadingWay::Card || operator.way.is_none() && way == LoadingWay::Person;
+    rule.checked += 1;
+    if is_shifted && starts && trusts_card && !sets {
+        rule.broken("", "stage.ngc", "it starts blocks on the scan card whose focus shift no file sets");
     }
 }
 

@@ -93,6 +93,7 @@ impl Made {
             frames: Some(None),
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
             inputs: Some(vec![("surface", "part.stl".into())]),
+            is_built_in: false,
         };
         let mut strokes: Vec<(PenId, Vec<P2>)> =
             (1..10).map(|i| (PenId(0), vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
@@ -134,7 +135,7 @@ impl Made {
             "part_mm": [0.0, 0.0, 0.0], "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
-            "by_hand": {"load_s": 15.0, "assumed": true, "needed": false, "total_s": time.total + 15.0 * self.blocks.len() as f64}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time,
+            "loading": {"way": "run", "assumed": false, "load_s": 0.0, "load_assumed": false, "total_s": time.total}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time,
             "passes": 1, "strokes_cut": 9, "figures_whole": 1, "figures_cut": 0,
             "dots": {"texture": 0, "marked": 0, "off_part": 0, "steep": 0}, "worst_incidence_deg": incidence_deg,
         });
@@ -187,6 +188,7 @@ impl Made {
             origin: self.origin,
             machine: &self.facts.machine,
             block_s: &block_s,
+            total_s: super::times(&program, &self.facts.machine).0.total,
         };
         put("runsheet.csv", sheets.csv().as_bytes());
         put("runsheet.txt", sheets.txt().as_bytes());
@@ -227,7 +229,7 @@ impl Made {
         let mut input = entry(folder.parent().expect("inside"), "part.stl");
         input["role"] = "surface".into();
         let manifest = json!({
-            "schema": 3, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
+            "schema": 4, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [input], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.mm(), "reserve_mm": self.facts.reserve.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},

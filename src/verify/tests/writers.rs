@@ -83,6 +83,7 @@ pub(super) struct Sheets<'a> {
     pub(super) origin: Origin,
     pub(super) machine: &'a Machine,
     pub(super) block_s: &'a [f64],
+    pub(super) total_s: f64,
 }
 
 impl Sheets<'_> {
@@ -114,11 +115,16 @@ impl Sheets<'_> {
 
     pub(super) fn txt(&self) -> String {
         let [x, y, z] = self.origin.mm();
+        let whole = self.total_s.round() as u64;
         let mut t = format!(
             "size       0 x 0 x 0 mm as it is laid\nmachine    {}\npart zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table \
              frame\nzero  X Y Z of the stage are from the zero of the table frame; in stage.ngc that is the machine's zero; \
-             in stage_m0.nc it is the zero of G54\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n",
-            self.machine.name
+             in stage_m0.nc it is the zero of G54\nloading    terrace run loads and starts {} blocks\nin all     {}:{:02}:{:02}\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n",
+            self.machine.name,
+            self.program.blocks.len(),
+            whole / 3600,
+            whole / 60 % 60,
+            whole % 60
         );
         for (i, p) in self.program.pens.iter().enumerate() {
             let watts = p.power.as_w(self.machine.laser.max_power);

@@ -56,6 +56,15 @@ pub(in crate::verify) struct Laser {
     pub(in crate::verify) laser_error_mm: f64,
 }
 
+/// What the laser gives to each length of the marks.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct LineEnergy {
+    pub(in crate::verify) mean_j_per_m: f64,
+    pub(in crate::verify) length_at_speed_percent: f64,
+    pub(in crate::verify) slow_s: f64,
+    pub(in crate::verify) worst_share: f64,
+}
+
 /// The figures that verification finds again.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
@@ -70,6 +79,7 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) worst_displacement_mm: f64,
     pub(in crate::verify) laser: Vec<Laser>,
+    pub(in crate::verify) line_energy: LineEnergy,
     #[serde(default)]
     pub(in crate::verify) curves: Option<Curves>,
 }

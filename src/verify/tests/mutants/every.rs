@@ -58,7 +58,7 @@ fn plain() -> Bench {
         partition = { method = "z-range", section = "8 mm", overlap = "0.05 mm" }
         passes = { count = 2, rotate = "90 deg", lower = "10 um" }
         setups = { columns = 2, registration = [["0 mm", "0 mm"], ["12 mm", "0 mm"]] }
-        emit = { frames = "pilot", formats = ["dxf", "csv", "lmc", "linuxcnc", "gcode", "ovf"] }
+        emit = { frames = "pilot", formats = ["dxf", "csv", "lmc", "linuxcnc", "gcode"] }
         [[texture]]
         pattern = "hatch"
         pitch = "3 mm"
