@@ -78,15 +78,26 @@ impl Energy {
             return;
         }
         let width = spot.min(length);
-        // When the spot is at a place, found by halving.
-        let when = |way: f64| {
-            let i = course.partition_point(|c| c[0] < way).clamp(1, course.len() - 1);
+        // When the spot comes to a place, or leaves it where it rests there.
+        let when = |way: f64, leaves: bool| {
+            let before = course.partition_point(|c| if leaves { c[0] <= way } else { c[0] < way });
+            let i = before.clamp(1, course.len() - 1);
             let ([from, begun], [to, ended]) = (course[i - 1], course[i]);
-            if to > from { begun + ((way - from) / (to - from)).clamp(0.0, 1.0) * (ended - begun) } else { ended }
+            if to > from {
+                begun + ((way - from) / (to - from)).clamp(0.0, 1.0) * (ended - begun)
+            } else if leaves {
+                ended
+            } else {
+                begun
+            }
         };
-        let ends = course.iter().flat_map(|c| [c[0], c[0] - width]);
-        let windows = ends.map(|from| from.clamp(0.0, length - width));
-        let longest = windows.map(|from| when(from + width) - when(from)).fold(0.0, f64::max);
+        let last = length - width;
+        let starts = course.iter().flat_map(|c| [c[0], c[0] - width]).map(|from| from.clamp(0.0, last));
+        let times = starts.map(|from| {
+            let to = if from < last { from + width } else { length };
+            when(to, true) - when(from, false)
+        });
+        let longest = times.fold(0.0, f64::max);
         let longest = if width < length { longest } else { total };
         self.worst_share = self.worst_share.max(speed * longest / width);
     }
