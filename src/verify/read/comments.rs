@@ -155,7 +155,7 @@ mod tests {
             assert_eq!(known(lines).len(), 1, "{lines:?}");
         }
         assert_eq!(known(&["abort, x", "PASS 1", "PRINT,1"]).len(), 2);
-        assert!(is_on_the_fly("pen 1: \"fine, (?)\", 800 mm/s, 50 percent at 60 kHz") == false);
+        assert!(!is_on_the_fly("pen 1: \"fine, (?)\", 800 mm/s, 50 percent at 60 kHz"));
         assert!(is_on_the_fly("pen 1: \"fine\", 800 mm/s, 50 percent at 60 kHz"));
         assert!(is_on_the_fly("pen 1: \"fine\", 800 mm/s, 50 perc"), "cut");
         assert!(!is_on_the_fly("pen 1: \"f"), "cut too short");

@@ -365,7 +365,7 @@ mod tests {
             "(FOCUS SHIFT x)",
             "(mark it)",
             "(MSG, no BUSY, block 7)",
-            "( PASS 1)",
+            "(PASS one)",
         ] {
             assert_eq!(steps(&format!("{line}\n")), [Step::Unknown(line.into())], "{line}");
         }

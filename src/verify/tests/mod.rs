@@ -418,8 +418,8 @@ fn agreement_reports_every_changed_value_of_the_ovf() {
 fn laser_reports_stage_programs_that_could_fire_in_a_move() {
     let cases: [(&str, &str, &str); 15] = [
         ("stage.ngc", "M64 P0\n", ""),
-        ("stage.ngc", "G4 P0.1\n", ""),
-        ("stage.ngc", "G4 P0.1\n", "G4 P0.05\n"),
+        ("stage.ngc", "G4 P0.100\n", ""),
+        ("stage.ngc", "G4 P0.100\n", "G4 P0.099\n"),
         ("stage.ngc", "endif\nM65 P0\nM66", "endif\nM66"),
         ("stage.ngc", "M66 P0 L4 Q2\n", ""),
         ("stage.ngc", "M66 P0 L4 Q11\n", ""),
@@ -513,7 +513,7 @@ fn folder_with_an_invalid_manifest_is_an_error_with_a_hint() {
     in_folder(&made, |folder| {
         let path = folder.join("manifest.json");
         let sound = std::fs::read_to_string(&path).expect("text");
-        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":3", "\"schema\":2")] {
+        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":4", "\"schema\":2")] {
             std::fs::write(&path, text).expect("write");
             assert_eq!(code(folder), "manifest");
         }

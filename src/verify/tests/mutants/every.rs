@@ -84,7 +84,7 @@ fn zoom() -> Bench {
         "[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\nfocus_bits_per_mm = 5000\nlist_memory = 200\n",
         r#"
         focus = { pdof = "0.1 mm" }
-        dose = { compensate = "speed", step = 0.0001 }
+        dose = { compensate = "speed", step = 0.002 }
         partition = { method = "z-range", min_mark = "2 um" }
         emit = { formats = ["lightburn", "rtc", "linuxcnc", "ovf"] }
         [[texture]]
