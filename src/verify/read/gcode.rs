@@ -103,6 +103,8 @@ struct Reader {
     names: Vec<(usize, String)>,
     numbers: Vec<(usize, u64)>,
     sentence: Sentence,
+    /// What the message at the next stop says: its set-up or registration point.
+    stop: String,
 }
 
 impl Reader {
@@ -110,7 +112,20 @@ impl Reader {
         let (code, comments) = split_comments(text).map_err(|m| Fault::new(line, m))?;
         for comment in comments {
             match statement(comment) {
-                Some(step) => self.push(line, step),
+                Some(step) => {
+                    match &step {
+                        Step::Setup(_) => self.stop = comment.replace("SETUP ", "MSG, set-up ").replace(" OF ", " of "),
+                        Step::Registration(_) => {
+                            self.stop = comment.replace("REGISTRATION ", "MSG, registration point ")
+                        }
+                        _ => {}
+                    }
+                    self.push(line, step);
+                }
+                None if comment == self.stop => {
+                    let before = self.sentence.end();
+                    self.unknown(before);
+                }
                 None => match named_block(comment) {
                     Some(block) => {
                         let before = self.sentence.end();
@@ -182,20 +197,15 @@ const OFFSETS: [&str; 8] = [
     "G54 has an offset in C",
 ];
 
-/// The block that a comment names for the operator: in a message or at a stop. Of messages at stops without a block,
-/// nothing.
+/// The block that a comment names for the operator: in a message or at a stop. Of messages about offsets, nothing.
 fn named_block(comment: &str) -> Option<&str> {
     const NAMING: [&str; 5] =
         ["MSG, BUSY before START, block ", "MSG, no BUSY, block ", "MSG, still BUSY, block ", "mark ", "frame "];
     let named = NAMING.iter().find_map(|words| comment.strip_prefix(words)).filter(|id| is_block(id));
-    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|c| c.is_ascii_digit());
     if OFFSETS.iter().any(|words| comment.strip_prefix("MSG, ") == Some(words)) {
         return Some("");
     }
-    let set_up =
-        || comment.strip_prefix("MSG, set-up ")?.split_once(" of ").filter(|(n, m)| is_number(n) && is_number(m));
-    let point = || comment.strip_prefix("MSG, registration point ").filter(|n| is_number(n));
-    named.or_else(|| (set_up().is_some() || point().is_some()).then_some(""))
+    named
 }
 
 /// The number of a line, and its code after it.

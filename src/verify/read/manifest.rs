@@ -170,7 +170,8 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) centre_mm: [f64; 2],
     pub(in crate::verify) lpfl_mm: f64,
     pub(in crate::verify) focus_shift_mm: f64,
-    /// Where the stage lifts to on its way here; None where it does not.
+    /// Where the stage lifts to on its way here; null where it does not.
+    #[serde(deserialize_with = "stated")]
     pub(in crate::verify) lift_z_mm: Option<f64>,
     pub(in crate::verify) stage: [f64; 3],
     pub(in crate::verify) tilt_deg: [f64; 2],
@@ -188,6 +189,11 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) incidence_deg: [f64; 2],
     pub(in crate::verify) stretch: [f64; 2],
     pub(in crate::verify) dose: [f64; 2],
+}
+
+/// A value or null, which has to be there.
+fn stated<'a, D: serde::Deserializer<'a>>(value: D) -> Result<Option<f64>, D::Error> {
+    Option::deserialize(value)
 }
 
 /// The figures that verification finds again on its own.

@@ -188,6 +188,9 @@ impl Search<'_> {
             let text = "the stated interval of its marks is not inside the one that the stop admits";
             self.depth.broken(id, part_place(block.stop.centre), text);
         }
+        if block.stop.z_hi - block.stop.z_lo > self.facts.depth_range {
+            self.depth.broken(id, part_place(block.stop.centre), "its stop admits more than the depth range");
+        }
         if let Some(fault) = zoom_fault {
             self.depth.broken(id, part_place(block.stop.centre), fault);
         }

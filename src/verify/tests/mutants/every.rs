@@ -112,6 +112,7 @@ fn head() -> Bench {
         [[texture]]
         pattern = "hatch"
         pitch = "4 mm"
+        area = ["0.5 mm", "1 mm", "11.3 mm", "7.1 mm"]
         pen = "fine"
         "#,
     )
