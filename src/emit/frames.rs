@@ -6,7 +6,7 @@
 //! never start a scan card, which would mark the block that it has loaded.
 
 use crate::check::Checked;
-use crate::geom::{FieldPoint, NM_PER_MM, P3};
+use crate::geom::{FieldPoint, NM_PER_MM, Nm, P3};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, BlockId, PenId, Program, Stroke, StrokeId};
 
@@ -59,7 +59,9 @@ fn rectangle(program: &Program, block: &Block, machine: &Machine) -> Vec<FieldPo
     let ends = |[lo, hi]: [i32; 2], v: i32| [lo.min(v), hi.max(v)];
     let start = [[i32::MAX, i32::MIN]; 2];
     let [x, y] = points.fold(start, |[x, y], p| [ends(x, p.x), ends(y, p.y)]);
-    let spot = (machine.lens.spot.as_mm() * NM_PER_MM) as i32;
+    // A field smaller than a spot holds no square of one.
+    let spot = (machine.lens.spot.as_mm() * NM_PER_MM)
+        .min(machine.usable_field().map(Nm::f64).into_iter().fold(f64::INFINITY, f64::min)) as i32;
     let is_hidden = [x, y].iter().all(|[lo, hi]| hi - lo < spot);
     let mut corners = around(if is_hidden { spot_around([x, y], spot, machine) } else { [x, y] }).to_vec();
     corners.dedup();

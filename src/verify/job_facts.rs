@@ -170,10 +170,15 @@ impl JobFacts {
     }
 }
 
+/// A path as a manifest has it: with slashes where backslashes separate.
+fn named(file: &Path) -> String {
+    let text = file.to_string_lossy();
+    if cfg!(windows) { text.replace('\\', "/") } else { text.into_owned() }
+}
+
 /// What a job reads, as a manifest lists it: a file that follows on itself once.
 fn inputs_of(job: &Job) -> Vec<(&'static str, String)> {
-    let mut all: Vec<_> =
-        job.input_files().into_iter().map(|(role, file)| (role, file.to_string_lossy().replace('\\', "/"))).collect();
+    let mut all: Vec<_> = job.input_files().into_iter().map(|(role, file)| (role, named(file))).collect();
     all.dedup();
     all
 }

@@ -12,7 +12,7 @@ use terrace::plan;
 use crate::support::{folder, said, terrace};
 
 /// Words of the page, the file of a test below the root, and the test.
-const TRIED: [(&str, &str, &str); 62] = [
+const TRIED: [(&str, &str, &str); 63] = [
     ("OBJ: no free-form surfaces, no weights", "src/surface/obj.rs", "unknown_keywords_are_counted_and_named_once"),
     ("ASCII PLY: one element to a line", "src/surface/ply.rs", "faults_are_named"),
     ("3MF: at most a million instances", "src/surface/threemf/tests.rs", "a_small_file_cannot_stand_for_a_huge_part"),
@@ -147,9 +147,14 @@ const TRIED: [(&str, &str, &str); 62] = [
         "nothing_is_said_of_dots_and_of_a_spot_that_is_always_at_speed",
     ),
     (
-        "time of a person is in `by_hand` alone",
+        "loading of blocks is in `loading` alone",
         "tests/it/operator.rs",
-        "summary_has_the_time_with_a_person_and_says_whether_one_is_needed",
+        "auto_counts_the_loading_of_blocks_by_the_way_that_is_stated",
+    ),
+    (
+        "refused where the handshake would start them without it",
+        "tests/it/operator.rs",
+        "blocks_with_a_focus_shift_are_refused_where_the_handshake_would_start_them_out_of_focus",
     ),
     (
         "what a pass really removes is not measured",

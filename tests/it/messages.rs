@@ -365,9 +365,12 @@ fn candidates_show_what_they_were_compared_by() {
     let candidates =
         |text: &str| text.lines().filter(|l| l.starts_with("candidate")).map(str::to_owned).collect::<Vec<_>>();
     let whole = text(SAMPLE_JOB);
-    assert!(candidates(&whole).len() > 1 && candidates(&whole).iter().all(|l| !l.contains("by hand")), "{whole}");
-    let by_hand = text(&SAMPLE_JOB.replace("[\"dxf\", \"linuxcnc\", \"ovf\"]", "[\"dxf\", \"linuxcnc\"]"));
-    assert!(candidates(&by_hand).iter().all(|l| l.ends_with(" by hand")), "{by_hand}");
+    assert!(candidates(&whole).len() > 1 && candidates(&whole).iter().all(|l| !l.contains("loading")), "{whole}");
+    let machine = run(dir.path(), &["machines", "xyz-galvo-40"]).stdout;
+    let machine = String::from_utf8(machine).expect("text").replace("way = \"run\"", "way = \"person\"");
+    std::fs::write(dir.path().join("machine.toml"), machine).expect("written");
+    let by_hand = text(&SAMPLE_JOB.replace("profile = \"xyz-galvo-40\"", "file = \"machine.toml\""));
+    assert!(candidates(&by_hand).iter().all(|l| l.ends_with(" with loading")), "{by_hand}");
     assert!(
         by_hand
             .contains("\noptics         depth of focus 1.770 mm (spot 0.02 mm, 355 nm, M2 1); PDOF is 0.040 of it\n"),

@@ -101,7 +101,8 @@ fn framed(file: &ProgramFile, pen: PenId, machine: &Machine) -> ProgramFile {
             [marks().map(values).min().unwrap_or_default(), marks().map(values).max().unwrap_or_default()]
         };
         let mut box_nm = [ends(&|p| p.x), ends(&|p| p.y)];
-        let spot = (machine.lens.spot.as_mm() * NM_PER_MM) as i32;
+        let [width, depth] = machine.usable_field();
+        let spot = (machine.lens.spot.as_mm() * NM_PER_MM).min(width.min(depth).f64()) as i32;
         if box_nm.iter().all(|[from, to]| to - from < spot) {
             box_nm = square(box_nm.map(|[from, to]| from + (to - from) / 2), spot, machine);
         }

@@ -81,7 +81,8 @@ pub(in crate::verify) fn check(
     hold("", "fragments", s.fragments as f64, file.program.strokes.len() as f64, 0.0);
     // Every block's own are held by its slopes.
     let steepest = manifest.blocks.iter().map(|b| b.incidence_deg[1]).fold(0.0, f64::max);
-    hold("", "worst_incidence_deg", s.worst_incidence_deg, steepest, LENGTH);
+    let cos = |deg: f64| deg.to_radians().cos();
+    hold("", "the cosine of worst_incidence_deg", cos(s.worst_incidence_deg), cos(steepest), LENGTH);
     hold("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
     hold("", "mark_mm", s.mark_mm, found.mark_mm, tiny + pieces.turned_mm);
     for ((entry, id), &mm) in manifest.blocks.iter().zip(&file.ids).zip(&marks.block_mm) {
