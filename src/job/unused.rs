@@ -19,7 +19,6 @@ pub(super) fn warn(file: &JobFile, mode: Mode, f: &mut Faults<'_>) {
     if mode == Mode::Stepped {
         stepped(file, f);
     }
-    limits(file, f);
 }
 
 /// Tells which of these keys have no effect, and why.
@@ -50,15 +49,6 @@ fn stepped(file: &JobFile, f: &mut Faults<'_>) {
     let is_turned = file.texture.iter().any(turns);
     let why = "no texture has straight hatches, which alone turn from pass to pass";
     tell(f, &[("passes.rotate".into(), is_rotated && !is_turned)], why, "leave it out");
-}
-
-fn limits(file: &JobFile, f: &mut Faults<'_>) {
-    // Patterns over the part, and drawings that are repeated over it, lie where the part does.
-    let is_placed =
-        |t: &TextureKeys| t.inside.is_some() || t.curves.is_some() || t.file.is_some() && !t.tile || t.has_rectangle();
-    let key = "limits.max_off_part";
-    let is_unused = f.is_given(key) && !file.texture.is_empty() && !file.texture.iter().any(is_placed);
-    tell(f, &[(key.into(), is_unused)], "all textures lie over the whole part", "leave it out");
 }
 
 fn surface_keys(file: &JobFile, f: &mut Faults<'_>) {
@@ -162,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_passes_and_limits_are_told() {
+    fn keys_of_passes_are_told() {
         let with = |table: &str, keys: &str| {
             let text = SAMPLE_JOB.to_owned();
             // Tables that the sample has are extended, others are added.
@@ -177,9 +167,8 @@ mod tests {
         let rotated = with("passes", "rotate = \"60 deg\"\nshift = \"1 mm\"");
         assert_eq!(rotated, ["passes.rotate, passes.shift have no effect: the job has one pass"]);
         assert_eq!(with("passes", "count = 3\nrotate = \"60 deg\""), [""; 0]);
-        assert_eq!(with("limits", "max_off_part = \"5 %\"").len(), 1);
-        let area = ("area = \"part\"", "area = [\"-9 mm\", \"-9 mm\", \"9 mm\", \"9 mm\"]");
-        assert_eq!(told(&[area, ("# max_off_part", "max_off_part")]), [""; 0]);
+        // A limit that is kept anyway is no mistake.
+        assert_eq!(with("limits", "max_off_part = \"5 %\""), [""; 0]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Malformed and odd surface files, one row each, and real ones: the outcome is fixed here.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -570,21 +571,29 @@ fn damaged_surface_files_never_panic_and_yield_finite_coordinates() {
     assert!(accepted > 500 && refused > 3000, "{accepted} accepted, {refused} refused");
 }
 
-/// The same for as long as `FUZZ_SECONDS` says for each file (10 where it says nothing), from `FUZZ_SEED`; a file that
-/// fails stays in `FUZZ_FOLDER`, where that is set.
+/// The same for as long as `FUZZ_SECONDS` says for each format (10 where it says nothing), from `FUZZ_SEED`; only the
+/// formats of `FUZZ_FORMATS` where that is set; a file that fails stays in `FUZZ_FOLDER`, where that is set.
 #[test]
 #[ignore = "takes as long as FUZZ_SECONDS says"]
 fn damaged_surface_files_never_panic_for_minutes() {
     let number = |name: &str, default: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
     let time = Duration::from_secs(number("FUZZ_SECONDS", 10));
+    let formats = std::env::var("FUZZ_FORMATS").ok();
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = std::env::var_os("FUZZ_FOLDER").map_or(temporary.path().to_owned(), Into::into);
-    for (i, (extension, seed)) in seeds().into_iter().enumerate() {
+    let mut by_format: BTreeMap<&str, Vec<Vec<u8>>> = BTreeMap::new();
+    for (extension, seed) in seeds() {
+        by_format.entry(extension).or_default().push(seed);
+    }
+    for (i, (extension, seeds)) in by_format.into_iter().enumerate() {
+        if formats.as_ref().is_some_and(|formats| !formats.split(',').any(|format| format == extension)) {
+            continue;
+        }
         let path = folder.join(format!("a.{extension}"));
         let mut random = Random::new(number("FUZZ_SEED", 1) + i as u64);
         let (start, mut tally) = (Instant::now(), Tally::default());
         while start.elapsed() < time {
-            tally.damaged(&path, &seed, &mut random);
+            seeds.iter().for_each(|seed| tally.damaged(&path, seed, &mut random));
         }
         eprintln!("{extension}: {} accepted, {} refused", tally.accepted, tally.refused);
     }

@@ -249,7 +249,7 @@ fn the_converter_is_found_in_the_user_s_folder_then_on_the_path_else_the_line_th
     let text = said(&refused);
     assert!(text.contains("error[cad-converter]"), "{text}");
     let line = format!(
-        "python3 -m venv '{0}' && '{0}/bin/pip' install cadquery-ocp",
+        "python3 -m venv {0} && {0}/bin/pip install cadquery-ocp",
         dir.path().join("data/terrace/python").display()
     );
     assert!(text.contains(&line), "{text}");

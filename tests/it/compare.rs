@@ -472,8 +472,8 @@ fn tool_servo_turns_the_surface_within_its_drive_and_is_never_recommended() {
     assert!((need(&found, "top speed of the full stroke").0 / 1.289 - 1.0).abs() < 0.04);
     let (needed, limit) = need(&found, "jerk of 4000 um at 64 Hz");
     assert!(needed < limit.expect("a limit"));
-    // Settled, an axis is 2 damping v / omega late.
-    let lag = 2.0 * 0.7 * need(&found, "speed").0 * 1e6 / (std::f64::consts::TAU * 1000.0);
+    // The speed is fed forward: what is left is the acceleration over omega squared.
+    let lag = need(&found, "acceleration").0 * 1e6 / (std::f64::consts::TAU * 200.0).powi(2);
     let late = need(&found, "worst following error").0;
     assert!((late / lag - 1.0).abs() < 0.1, "{late} um, {lag} um");
     let stroke = need(&found, "stroke");

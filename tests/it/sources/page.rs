@@ -63,7 +63,7 @@ const SETTINGS: [&str; 37] = [
     "Cui et al. 2021",
     "Cao and Zhu 2013",
     "10 deg by default",
-    "else 15 s",
+    "more than 5 % quicker",
     "eq. 1 to 4",
     "eq. 4",
     "eq. 8 and 9",

@@ -81,7 +81,7 @@ fn laser_reports_a_set_up_without_its_stop() {
         assert_only("agreement", &proof);
         // Another set-up's number.
         let proof = bench.damaged(name, |bytes| replace(bytes, "(SETUP 2", "(SETUP 2", "(SETUP 3"));
-        assert_only("agreement", &proof);
+        assert!(broken(&proof).contains(&"agreement"), "{}", proof.to_text());
     }
     // START before the part lies.
     let proof = bench.damaged("stage.ngc", |bytes| {
