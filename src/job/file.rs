@@ -566,6 +566,20 @@ pub struct EmitKeys {
     /// no frames.
     #[serde(default)]
     pub frames: Option<String>,
+    /// What the power of marks on the fly follows.
+    #[serde(default)]
+    pub power: MarkPower,
+}
+
+/// What the power of marks on the fly follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum MarkPower {
+    /// The pen: it is constant, however fast the spot moves.
+    #[default]
+    Pen,
+    /// The speed of the spot: that of the pen times the share of its speed, so that every length of a line gets as much.
+    Speed,
 }
 
 /// The JSON schema of a job file.

@@ -21,7 +21,7 @@ mod unused;
 
 pub use crate::emit::Format;
 pub use file::{
-    Compensate, DepthRule, Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
+    Compensate, DepthRule, Dose, Implausible, Level, MarkPower, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
     json_schema,
 };
 pub use file_unit::FileUnit;

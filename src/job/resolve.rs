@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
-    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts, PassesKeys,
-    PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, MarkPower, Method, Mode, NonManifold, Objective, Parts,
+    PassesKeys, PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::resolved::{
     Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
@@ -96,6 +96,9 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let frames = frames(file, f);
     if mode == Mode::OnTheFly {
         on_the_fly(file, f);
+    } else if file.mode == Mode::Stepped && file.emit.power == MarkPower::Speed {
+        let fault = Diag::input("emit-power", "emit.power = \"speed\" is for jobs that are marked on the fly");
+        f.push("emit.power", fault.hint("leave it out: no file of a stepped job changes the power within a line"));
     }
     unused::warn(file, mode, f);
     let Faults { list, warnings, .. } = faults;
@@ -133,6 +136,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         formats,
         names_formats: file.emit.formats.is_some(),
         frames,
+        power_by_speed: file.emit.power == MarkPower::Speed && mode == Mode::OnTheFly,
         warnings,
         source,
     })

@@ -72,6 +72,8 @@ pub struct Job {
     pub names_formats: bool,
     /// The pen of frames, if they are asked for.
     pub frames: Option<PenId>,
+    /// Whether the power of marks on the fly follows the speed of the spot.
+    pub power_by_speed: bool,
     /// What the user should know of the file.
     pub warnings: Vec<Diag>,
 }

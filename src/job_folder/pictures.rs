@@ -148,6 +148,7 @@ impl<'a> Pictures<'a> {
         report::OnTheFlyLayout {
             job: &self.name,
             program: plan.checked.program(),
+            power_by_speed: plan.checked.power_by_speed(),
             machine: &plan.machine,
             part: self.part,
             texture: plan.texture.bounds(),

@@ -183,7 +183,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     };
     let (made, worst) = planner.planned(motion)?;
     let asked = Schedule::of(&made.followed.path, machine, &strokes.pens, 0.0).mark_s;
-    let checked = Checked::new(made.program, machine)?;
+    let checked = Checked::new(made.program, machine, job.power_by_speed)?;
     let slow = checked.figures().mark_s / asked;
     if slow > 1.001 {
         warnings.push(slower(job, slow));

@@ -84,8 +84,10 @@ impl EnergyMap {
         let count = size.map(|v| ((v / cell).ceil() as usize).max(1));
         let mut energy = vec![0.0; count[0] * count[1]];
         for moved in job.program.marked(job.machine) {
-            let Marked { pen, s, from, to } = moved;
-            let joule = job.program.pens[pen.index()].power.as_w(job.machine.laser.max_power) * s;
+            let Marked { pen, s, way_mm, from, to } = moved;
+            let pen = &job.program.pens[pen.index()];
+            let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
+            let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
             let way = (to[0] - from[0]).hypot(to[1] - from[1]);
             let steps = (4.0 * way / cell).ceil().max(1.0);
             for k in 0..steps as u32 {

@@ -42,6 +42,9 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
     budget(out, &s.budget)?;
     writeln!(out, "incidence  {:.2} deg at most", s.deviations.worst_bia_deg)?;
     writeln!(out, "time       {} ({} with the laser on)", clock(s.time_s), clock(s.mark_s))?;
+    if job.power_by_speed {
+        writeln!(out, "power      follows the speed of the spot: every length of a line gets as much")?;
+    }
     let energy = &s.line_energy;
     writeln!(
         out,

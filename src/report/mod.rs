@@ -110,6 +110,8 @@ pub struct OnTheFlyLayout<'a> {
     pub job: &'a str,
     /// The program.
     pub program: &'a OnTheFlyProgram,
+    /// Whether the power of its marks follows the speed of the spot.
+    pub power_by_speed: bool,
     /// The machine it was checked against.
     pub machine: &'a Machine,
     /// The box of the part.

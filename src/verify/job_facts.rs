@@ -63,6 +63,8 @@ pub(super) struct JobFacts {
     pub(super) formats: Vec<Format>,
     /// What the job reads, each with what it is for, as the manifest names it; None where the job could not be read.
     pub(super) inputs: Option<Vec<(&'static str, String)>>,
+    /// Whether the power of marks on the fly follows the speed of the spot.
+    pub(super) power_by_speed: bool,
     /// Whether the job names a built-in machine, all of whose values are assumptions.
     pub(super) is_built_in: bool,
 }
@@ -96,6 +98,7 @@ impl JobFacts {
             frames: None,
             formats: Vec::new(),
             inputs: None,
+            power_by_speed: false,
             is_built_in: false,
         }
     }
@@ -134,6 +137,7 @@ impl JobFacts {
             frames: Some(job.frames.map(|pen| job.pens[pen.index()].name.clone())),
             formats: job.formats.clone(),
             inputs: Some(inputs_of(job)),
+            power_by_speed: job.power_by_speed,
             is_built_in: matches!(job.machine, MachineInput::Profile(_)),
         }
     }

@@ -434,3 +434,43 @@ fn marks_that_slow_down_are_told_with_their_energy_and_verify_holds_the_figures(
         std::fs::write(&file, kept).expect("written");
     }
 }
+
+/// With power that follows the speed of the spot every length of a line gets as much, in both programs; a power that does
+/// not follow is found.
+#[test]
+fn power_that_follows_the_speed_is_written_for_both_controllers_and_held_by_verify() {
+    let dir = folder();
+    write_stl(
+        &dir.path().join("part.stl"),
+        &mesh(20, [0.0, 0.0, 20.0, 15.0], |x, y| 0.2 * (x / 2.0).sin() * (y / 3.0).cos()),
+    );
+    let path = job(dir.path(), "xyz-galvo-40", "0.5 mm", "1000 mm/s", "1 mm", "emit = { power = \"speed\" }\n");
+    let [summary, _] = proved(dir.path(), &path);
+    assert!((number(&summary["line_energy"], "worst_share") - 1.0).abs() < 1e-9, "{summary}");
+    let out = dir.path().join("made.job");
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).expect("a program");
+    let powers = |text: &str, word: &str| -> Vec<f64> {
+        text.lines().filter_map(|l| l.strip_prefix(word)).map(|v| v.parse().expect("percent")).collect()
+    };
+    let (cnc, pmac) = (read("fly.ngc"), read("fly.pmc"));
+    let written = powers(&cnc, "M67 E0 Q");
+    assert_eq!(written, powers(&pmac, "M2=="));
+    assert!(written.iter().all(|p| (0.0..=60.0).contains(p)), "{written:?}");
+    let sheet = read("runsheet.txt");
+    assert!(sheet.contains("power      follows the speed of the spot"), "{sheet}");
+    // One power of both programs that does not follow.
+    let line = cnc.lines().find(|l| l.starts_with("M67 E0 Q")).expect("a power");
+    let other = line.replace("M67 E0 Q", "M2==");
+    let wrong = written[0] * 0.97;
+    for (name, text, from, to) in [
+        ("fly.ngc", &cnc, line.to_owned(), format!("M67 E0 Q{wrong:.3}")),
+        ("fly.pmc", &pmac, other, format!("M2=={wrong:.3}")),
+    ] {
+        std::fs::write(out.join(name), text.replacen(&from, &to, 1)).expect("written");
+    }
+    let told = said(&terrace(&["verify", out.to_str().expect("text")]));
+    assert!(told.contains("a mark does not have the power that its speed asks for"), "{told}");
+    // A stepped job has no such thing.
+    let stepped = terrace(&["check", &path]);
+    assert!(said(&stepped).contains("error[emit-power]"), "{}", said(&stepped));
+}

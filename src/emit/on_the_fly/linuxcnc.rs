@@ -7,9 +7,10 @@
 //!
 //! The laser is digital output 0: M62 and M63 switch it with the next move, up to one servo period early;
 //! M65 at once, before every rest, at the start and at the end, because M63 waits for a move that may
-//! never come. Its power is analogue output 0 in percent (M67, with the next move).
+//! never come. Its power is analogue output 0 in percent (M67, with the next move); where it follows the speed of the
+//! spot, it is set anew before every move that asks for another.
 
-use super::{At, Pieces, approach, clean, head, percent, push_time, settle, word};
+use super::{At, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
 use crate::machine::Machine;
 use crate::on_the_fly::check::Checked;
 
@@ -42,13 +43,17 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
     line(&mut out, &dwell(settle(machine)));
     line(&mut out, "G93");
     let mut at = At::start(program, machine);
-    let (mut laser, mut pieces) = (false, Pieces::default());
+    let (mut laser, mut pieces, mut powers) = (false, Pieces::default(), Powers::new(checked, machine));
     for (us, from, to) in program.steps() {
-        if let Some((text, pen)) = pieces.begin(to.mark) {
-            comment(&mut out, &text);
-            if let Some(pen) = pen {
+        let begun = pieces.begin(to.mark);
+        if let Some((text, pen)) = &begun {
+            comment(&mut out, text);
+            if let Some(pen) = pen.filter(|_| !checked.power_by_speed()) {
                 line(&mut out, &format!("M67 E0 Q{}", percent(checked, machine, pen)));
             }
+        }
+        if let Some(power) = powers.before(from, to, (to.us - us) as f64 * 1e-6, begun.is_some()) {
+            line(&mut out, &format!("M67 E0 Q{power}"));
         }
         if *from == to.to {
             // A rest is not a move: what waits for one would not come.

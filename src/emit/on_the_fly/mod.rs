@@ -16,7 +16,7 @@ pub use pmac::{SERVO_S as PMAC_SERVO_S, blend_us, pmac};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::check::{Checked, Figures};
-use crate::on_the_fly::program::{AxisCommands, Kind, Mark, Program};
+use crate::on_the_fly::program::{AxisCommands, Kind, Mark, Move, Program};
 use crate::program::PenId;
 
 /// How far a controller that blends moves may round a corner of a mark, mm.
@@ -103,6 +103,39 @@ impl Pieces {
         let pen = (self.pen != Some(new.pen)).then_some(new.pen);
         self.pen = Some(new.pen);
         Some((format!("MARK {} PEN {}", new.source.0, new.pen.number()), pen))
+    }
+}
+
+/// How far the power that is written may lie from what the speed of the spot asks for, as a share of the pen's.
+const POWER_STEP: f64 = 0.005;
+
+/// The power of marks as it is written, percent of the laser's.
+struct Powers<'a> {
+    checked: &'a Checked,
+    machine: &'a Machine,
+    written: Option<f64>,
+}
+
+impl<'a> Powers<'a> {
+    fn new(checked: &'a Checked, machine: &'a Machine) -> Self {
+        Self { checked, machine, written: None }
+    }
+
+    /// The power to be set before a move of a mark that takes `s`; None where that is set already. A new mark always
+    /// has its own where power follows the speed.
+    fn before(&mut self, from: &AxisCommands, to: &Move, s: f64, is_new: bool) -> Option<String> {
+        let mark = to.mark.filter(|_| self.checked.power_by_speed())?;
+        let pen = &self.checked.program().pens[mark.pen.index()];
+        let full = self.machine.laser.max_power;
+        let most = pen.power.as_w(full) / full.as_w() * 100.0;
+        let spot = self.checked.program().spots(self.machine).ok()?;
+        let wanted = most * (spot(from).way(&spot(&to.to)) / (s * pen.speed.as_mm_s())).min(1.0);
+        let is_near = self.written.is_some_and(|written| (written - wanted).abs() <= POWER_STEP * most);
+        if is_near && !is_new {
+            return None;
+        }
+        self.written = Some(wanted);
+        Some(format!("{wanted:.3}"))
     }
 }
 

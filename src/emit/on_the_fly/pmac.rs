@@ -11,7 +11,7 @@
 //! A DWELL waits for the motion before it. The coordinate system has its axes defined in mm and degrees, and no
 //! look-ahead or limit that stretches times.
 
-use super::{At, BLEND_MM, Pieces, approach, clean, head, percent, push_time, settle, word};
+use super::{At, BLEND_MM, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
 use crate::machine::Machine;
 use crate::on_the_fly::check::{Checked, Figures};
 
@@ -52,13 +52,17 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
     modes.extend_from_slice(b" TS0\n");
     out.extend_from_slice(&modes);
     let mut at = At::start(program, machine);
-    let (mut laser, mut pieces) = (false, Pieces::default());
+    let (mut laser, mut pieces, mut powers) = (false, Pieces::default(), Powers::new(checked, machine));
     for (us, from, to) in program.steps() {
-        if let Some((text, pen)) = pieces.begin(to.mark) {
-            comment(&mut out, &text);
-            if let Some(pen) = pen {
+        let begun = pieces.begin(to.mark);
+        if let Some((text, pen)) = &begun {
+            comment(&mut out, text);
+            if let Some(pen) = pen.filter(|_| !checked.power_by_speed()) {
                 line(&mut out, &format!("M2=={}", percent(checked, machine, pen)));
             }
+        }
+        if let Some(power) = powers.before(from, to, (to.us - us) as f64 * 1e-6, begun.is_some()) {
+            line(&mut out, &format!("M2=={power}"));
         }
         if laser != to.mark.is_some() {
             laser = to.mark.is_some();

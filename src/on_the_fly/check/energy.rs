@@ -4,7 +4,7 @@
 //! how much of them runs at the speed of their pens, and where a line gets most. The power of a pen is constant, so where
 //! the spot slows down E(s) = P / v(s) rises. On the part it is spread over the spot: the energy at a place is that of
 //! the line over the length of a spot, P times the longest time for such a way; marks shorter than a spot count as they
-//! are. Units: mm, s, W, J/m.
+//! are. Where the power follows the speed, every length gets P / v of the pen. Units: mm, s, W, J/m.
 
 use crate::machine::Machine;
 use crate::program::Pen;
@@ -34,6 +34,8 @@ pub(super) struct Marks<'a> {
     /// Way and time since the piece began at the end of each of its moves, and where that is.
     piece: Vec<([f64; 2], [f64; 2])>,
     pen: Option<&'a Pen>,
+    /// Whether the power follows the speed.
+    by_speed: bool,
     /// Energy, J, and length, mm, of all marks.
     sums: [f64; 2],
     at_speed: f64,
@@ -41,9 +43,9 @@ pub(super) struct Marks<'a> {
 }
 
 impl<'a> Marks<'a> {
-    pub(super) fn new(machine: &'a Machine) -> Self {
-        let spot = machine.lens.spot.as_mm();
-        Self { machine, spot, piece: Vec::new(), pen: None, sums: [0.0; 2], at_speed: 0.0, out: LineEnergy::default() }
+    pub(super) fn new(machine: &'a Machine, by_speed: bool) -> Self {
+        let (spot, out) = (machine.lens.spot.as_mm(), LineEnergy::default());
+        Self { machine, spot, piece: Vec::new(), pen: None, by_speed, sums: [0.0; 2], at_speed: 0.0, out }
     }
 
     /// A piece begins at `at` with this pen.
@@ -57,7 +59,9 @@ impl<'a> Marks<'a> {
     pub(super) fn go(&mut self, way: f64, s: f64, at: [f64; 2]) {
         let (Some(pen), Some(&([length, time], _))) = (self.pen, self.piece.last()) else { return };
         let speed = pen.speed.as_mm_s();
-        self.sums[0] += pen.power.as_w(self.machine.laser.max_power) * s;
+        // How long the pen's own power would take for as much energy.
+        let full_s = if self.by_speed { way / speed } else { s };
+        self.sums[0] += pen.power.as_w(self.machine.laser.max_power) * full_s;
         self.sums[1] += way;
         if way >= (1.0 - AT_SPEED) * speed * s {
             self.at_speed += way;
@@ -65,7 +69,7 @@ impl<'a> Marks<'a> {
         if 2.0 * way < speed * s {
             self.out.slow_s += s;
         }
-        self.piece.push(([length + way, time + s], at));
+        self.piece.push(([length + way, time + full_s], at));
     }
 
     /// The piece ends.
@@ -125,6 +129,10 @@ mod tests {
     use crate::units::{Frequency, Length, Power, Speed};
 
     fn found(spot_mm: f64, moves: &[[f64; 2]]) -> LineEnergy {
+        found_by(false, spot_mm, moves)
+    }
+
+    fn found_by(by_speed: bool, spot_mm: f64, moves: &[[f64; 2]]) -> LineEnergy {
         let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         machine.lens.spot = Length::mm(spot_mm);
         let pen = Pen {
@@ -135,7 +143,7 @@ mod tests {
             passes: 1,
             dwell: None,
         };
-        let mut marks = Marks::new(&machine);
+        let mut marks = Marks::new(&machine, by_speed);
         marks.begin(&pen, [0.0; 2]);
         let mut x = 0.0;
         for &[way, s] in moves {
@@ -165,6 +173,14 @@ mod tests {
             (0..1000).map(|_| [0.005, 0.000_05]).chain((0..10).map(|_| [0.005, 0.0005])).collect();
         let e = found(0.1, &fine);
         assert!((e.worst_share - 5.5).abs() < 1e-6, "{e:?}");
+    }
+
+    #[test]
+    fn power_that_follows_the_speed_gives_every_length_the_same() {
+        let moves = [[5.0, 0.05], [0.05, 0.005], [4.95, 0.0495]];
+        let e = found_by(true, 0.1, &moves);
+        assert!((e.worst_share - 1.0).abs() < 1e-9 && (e.mean_j_per_m - 70.0).abs() < 1e-9, "{e:?}");
+        assert_eq!([e.at_speed, e.slow_s], [found(0.1, &moves).at_speed, 0.005]);
     }
 
     #[test]

@@ -67,19 +67,21 @@ impl Figures {
 pub struct Checked {
     program: Program,
     figures: Figures,
+    /// Whether the power of marks follows the speed of the spot.
+    power_by_speed: bool,
 }
 
 impl Checked {
-    /// Checks a program.
+    /// Checks a program; whether its power follows the speed of the spot decides its energy.
     ///
     /// # Errors
     /// Every limit that is broken (`travel`, `fly-field`, `fly-speed`, `fly-acceleration`, `fly-jerk`,
     /// `fly-mark-speed`, `fly-line`, `job-empty`), of each axis the worst; `fly-invariant` where the fault is ours.
-    pub fn new(program: Program, machine: &Machine) -> Result<Self, Error> {
+    pub fn new(program: Program, machine: &Machine, power_by_speed: bool) -> Result<Self, Error> {
         let mut faults = invariants(&program);
         faults.extend(pen_faults(&program.pens, machine).into_iter().map(|(_, fault)| fault));
         if faults.is_empty() {
-            let figures = figures(&program, machine)?;
+            let figures = figures(&program, machine, power_by_speed)?;
             faults.extend(travel(&program, machine));
             faults.extend(field(&program, machine)?);
             faults.extend(dynamics(&figures.peaks, &program, machine));
@@ -87,7 +89,7 @@ impl Checked {
             faults.extend(mark_speed(&program, machine)?);
             faults.extend(lines(&program, machine));
             if faults.is_empty() {
-                return Ok(Self { program, figures });
+                return Ok(Self { program, figures, power_by_speed });
             }
         }
         Err(refused(faults))
@@ -101,11 +103,15 @@ impl Checked {
     pub fn figures(&self) -> &Figures {
         &self.figures
     }
+    /// Whether the power of marks follows the speed of the spot.
+    pub fn power_by_speed(&self) -> bool {
+        self.power_by_speed
+    }
     /// For mutants of the verifier: a program that nobody checked.
     #[cfg(test)]
     pub(crate) fn unchecked(program: Program, machine: &Machine) -> Self {
-        let figures = figures(&program, machine).expect("a machine with the axes");
-        Self { program, figures }
+        let figures = figures(&program, machine, false).expect("a machine with the axes");
+        Self { program, figures, power_by_speed: false }
     }
 }
 
@@ -348,13 +354,13 @@ fn corner(before: [f64; AXES], after: [f64; AXES], lever: f64) -> f64 {
     step[0].hypot(step[1]) + step[5].hypot(step[6]) + (step[3] + step[4]).to_radians() * lever
 }
 
-fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
+fn figures(program: &Program, machine: &Machine, power_by_speed: bool) -> Result<Figures, Error> {
     let spot = program.spots(machine)?;
     let field = program.fields(machine)?;
     let mut out = Figures { time_s: program.total_s(), peaks: peaks::peaks(program), ..Figures::default() };
     out.shortest_us = program.steps().map(|(us, _, to)| to.us - us).min().unwrap_or(0);
     let (mut piece, mut before, mut was_on) = (None, [0.0; AXES], false);
-    let mut marks = Marks::new(machine);
+    let mut marks = Marks::new(machine, power_by_speed);
     for (us, from, to) in program.steps() {
         let s = (to.us - us) as f64 * 1e-6;
         let (p, q) = (spot(from), spot(&to.to));

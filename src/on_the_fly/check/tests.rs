@@ -33,14 +33,14 @@ fn program() -> Program {
 fn codes(change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<&'static str> {
     let (mut program, mut machine) = (program(), machine());
     change(&mut program, &mut machine);
-    Checked::new(program, &machine).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
+    Checked::new(program, &machine, false).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
 }
 
 #[test]
 fn valid_program_passes_with_its_figures() {
     assert_eq!(codes(|_, _| {}), Vec::<&str>::new());
     let machine = machine();
-    let checked = Checked::new(program(), &machine).expect("sound");
+    let checked = Checked::new(program(), &machine, false).expect("sound");
     let f = checked.figures();
     assert_eq!((f.time_s, f.marks, f.shortest_us), (0.11, 1, 1000));
     assert!((f.mark_s - 0.1).abs() < 1e-12 && (f.mark_mm - 10.0).abs() < 1e-9 && (f.jump_mm - 10.0).abs() < 1e-9);
@@ -106,7 +106,7 @@ fn turning_axes_have_limits_of_their_own() {
         for m in &mut p.moves[..100] {
             m.to[4] = (size * (1.0 - (62.831_853e-6 * m.us as f64).cos()).powi(2) * 1e6) as i64;
         }
-        Checked::new(p, &machine).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
+        Checked::new(p, &machine, false).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
     };
     // 163 and 15,791 times its size of speed and acceleration: limits are 11.5 and 1146 degrees.
     assert_eq!(turned(0.06, None), Vec::<&str>::new());

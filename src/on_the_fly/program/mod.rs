@@ -126,6 +126,8 @@ pub struct Marked {
     pub pen: PenId,
     /// Its time, s.
     pub s: f64,
+    /// How far the beam moves across itself.
+    pub way_mm: f64,
     /// Where the spot begins, part frame, mm.
     pub from: [f64; 2],
     /// Where it ends.
@@ -202,12 +204,14 @@ impl Program {
     }
 
     /// The moves with the laser on, none where the machine does not have the axes.
-    pub fn marked(&self, machine: &Machine) -> impl Iterator<Item = Marked> {
+    pub fn marked(&self, machine: &Machine) -> impl Iterator<Item = Marked> + use<'_> {
         let frame = Frame::new(machine, self.origin, self.kind).ok();
         let of = move |(us, from, to): (i64, &AxisCommands, &Move)| {
             let (mark, frame) = (to.mark?, frame.as_ref()?);
-            let [from, at] = [from, &to.to].map(|sample| frame.spot(sample).part);
-            Some(Marked { pen: mark.pen, s: (to.us - us) as f64 * 1e-6, from: [from[0], from[1]], to: [at[0], at[1]] })
+            let [from, at] = [from, &to.to].map(|sample| frame.spot(sample));
+            let way_mm = from.way(&at);
+            let [from, at] = [from.part, at.part].map(|[x, y, _]| [x, y]);
+            Some(Marked { pen: mark.pen, s: (to.us - us) as f64 * 1e-6, way_mm, from, to: at })
         };
         self.steps().filter_map(of)
     }

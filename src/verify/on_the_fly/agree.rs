@@ -1,4 +1,3 @@
-// mm in a microsecond.
 //! `agreement`, `summary`: both programs, the manifest and the job say the same.
 
 use std::path::Path;
@@ -23,6 +22,8 @@ const OF_EVERY_JOB: [&str; 5] = ["runsheet.txt", "layout.svg", "energy.svg", "re
 const SAME: f64 = 1e-9;
 /// A power is written with three decimals of a percent.
 const PERCENT: f64 = 0.0006;
+/// How far power may lie from what the speed of the spot asks for, as a share of that of its pen.
+const FOLLOWED: f64 = 0.01;
 /// How far a blending controller may round a corner, nm.
 const ROUNDED: f64 = 200.5;
 
@@ -75,7 +76,7 @@ fn differs(first: &str, a: &FlyProgram, name: &str, b: &FlyProgram) -> Option<(S
         return Some((name.into(), format!("begins or ends elsewhere than {first}")));
     }
     let mut moves = a.steps.iter().zip(&b.steps);
-    if let Some((x, y)) = moves.find(|(x, y)| (x.us, x.to, x.mark) != (y.us, y.to, y.mark)) {
+    if let Some((x, y)) = moves.find(|(x, y)| (x.us, x.to, x.mark, x.power) != (y.us, y.to, y.mark, y.power)) {
         return Some((format!("{name}:{}", y.line), format!("differs from line {} of {first}", x.line)));
     }
     if a.steps.len() != b.steps.len() {
@@ -86,7 +87,7 @@ fn differs(first: &str, a: &FlyProgram, name: &str, b: &FlyProgram) -> Option<(S
 }
 
 /// Manifest and program against the job.
-pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgram, rule: &mut Rule) {
+pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgram, chain: &Chain, rule: &mut Rule) {
     let mut hold = |holds: bool, text: &str| {
         rule.checked += 1;
         if !holds {
@@ -133,12 +134,22 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
                 && m.frequency_khz == p.frequency.as_khz()
         });
     hold(same, "its pens differ from those of the job file");
-    for (line, pen, power) in &program.powers {
+    for (us, from, step) in program.moves() {
+        let Some(mark) = step.mark else { continue };
         rule.checked += 1;
-        let wanted = pens.get(pen.index()).map(|p| p.power.as_w(full) / full.as_w() * 100.0);
-        let near = wanted.zip(*power).is_some_and(|(w, p)| (w - p).abs() <= PERCENT);
+        let wanted = pens.get(mark.pen.index()).map(|pen| {
+            let most = pen.power.as_w(full) / full.as_w() * 100.0;
+            if !facts.power_by_speed {
+                return [most, PERCENT];
+            }
+            let way = chain.beam(&from.float()).way(&chain.beam(&step.to.float())) / 1e6;
+            let share = way / (pen.speed.as_mm_s() * (step.us - us) as f64 / 1e6);
+            [most * share.min(1.0), FOLLOWED * most + PERCENT]
+        });
+        let near = wanted.zip(step.power).is_some_and(|([w, tolerance], p)| (w - p).abs() <= tolerance);
         if !near {
-            rule.broken("", format!("line {line}"), "a mark does not have the power of its pen");
+            let what = if facts.power_by_speed { "that its speed asks for" } else { "of its pen" };
+            rule.broken("", format!("line {}", step.line), format!("a mark does not have the power {what}"));
         }
     }
 }

@@ -44,7 +44,9 @@ impl Energy {
             let (way, s) = (a.way(&b) / 1e6, (step.us - us) as f64 / 1e6);
             let speed = pen.speed.as_mm_s();
             let share = way / (speed * s);
-            joule += pen.power.as_w(full) * s;
+            // How long the pen's own power would take for as much energy.
+            let full_s = if facts.power_by_speed { way / speed } else { s };
+            joule += pen.power.as_w(full) * full_s;
             length += way;
             if share >= AT_SPEED {
                 fast += way;
@@ -60,7 +62,7 @@ impl Energy {
             }
             let (_, _, course) = course.get_or_insert_with(|| (run, speed, vec![[0.0; 2]]));
             let [gone, time] = course.last().copied().unwrap_or_default();
-            course.push([gone + way, time + s]);
+            course.push([gone + way, time + full_s]);
         }
         out.end(course, spot);
         if length > 0.0 {

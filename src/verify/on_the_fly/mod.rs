@@ -154,7 +154,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     }
     let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
     findings.against = inputs.used(&job, folder);
-    agree::with_job(&manifest, &facts, program, &mut findings.agreement);
+    agree::with_job(&manifest, &facts, program, &chain, &mut findings.agreement);
     agree::sheet(folder, &manifest, &facts, &mut findings.agreement);
     let pens = facts.pens.clone().unwrap_or_default();
     check_program(name, program, &chain, &manifest, &pens, &mut findings);

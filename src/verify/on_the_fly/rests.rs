@@ -121,7 +121,13 @@ mod tests {
                 let total = slower * (f64::from(side) * motion.total_s() + time);
                 let mut to = Commands::default();
                 (to.0[5], to.0[6]) = if side == 0 { (way, 0) } else { (500_000, way) };
-                out.steps.push(Step { line: out.steps.len() + 1, us: (total * 1e6).ceil() as i64, to, mark: None });
+                out.steps.push(Step {
+                    line: out.steps.len() + 1,
+                    us: (total * 1e6).ceil() as i64,
+                    to,
+                    mark: None,
+                    power: None,
+                });
             }
         }
         out

@@ -57,7 +57,7 @@ mod tests {
         let axis = &mut machine.tilt.as_mut().expect("a table").axes[1];
         (axis.travel, axis.commands) = (AxisTravel::CONTINUOUS, AngleCommands::Modulo);
         let at = |deg: i64| Commands([0, 0, 0, 0, 1_000_000 * deg, 0, 0]);
-        let step = |deg| Step { line: 1, us: 1, to: at(deg), mark: None };
+        let step = |deg| Step { line: 1, us: 1, to: at(deg), mark: None, power: None };
         let program = |list: &[i64]| FlyProgram {
             start: at(350),
             steps: list.iter().map(|&deg| step(deg)).collect(),

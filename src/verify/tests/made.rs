@@ -93,6 +93,7 @@ impl Made {
             frames: Some(None),
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
             inputs: Some(vec![("surface", "part.stl".into())]),
+            power_by_speed: false,
             is_built_in: false,
         };
         let mut strokes: Vec<(PenId, Vec<P2>)> =

@@ -161,7 +161,7 @@ impl Bench {
     }
 
     pub(super) fn checked(&self) -> Checked {
-        Checked::new(self.program.clone(), &self.machine).unwrap_or_else(|e| panic!("{e}"))
+        Checked::new(self.program.clone(), &self.machine, false).unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// Writes a program into a folder and answers with its path.

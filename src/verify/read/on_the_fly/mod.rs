@@ -64,6 +64,8 @@ pub(in crate::verify) struct Step {
     pub(in crate::verify) to: Commands,
     /// What is marked; None with the laser off.
     pub(in crate::verify) mark: Option<Claim>,
+    /// Power of the mark in percent of the laser's; None with the laser off, or where it was never set.
+    pub(in crate::verify) power: Option<f64>,
 }
 
 /// A program as its controller runs it.
@@ -197,7 +199,8 @@ impl Runner {
         let Some(end) = self.us.checked_add(us) else { return self.fault("the program does not end") };
         self.us = end;
         let to = Commands(self.at.map(Option::unwrap_or_default));
-        self.program.steps.push(Step { line: self.line, us: end, to, mark });
+        let power = self.power.filter(|_| mark.is_some());
+        self.program.steps.push(Step { line: self.line, us: end, to, mark, power });
     }
 
     fn finish(mut self, ended: bool) -> FlyProgram {
