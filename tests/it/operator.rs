@@ -28,7 +28,8 @@ const ALL_FORMATS: &str = "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", 
 
 /// Ten jobs, alike in nothing but that their files serve every way.
 fn ten_jobs(dir: &Path, machine: &str) -> Vec<PathBuf> {
-    let forms: [(&str, fn(f64, f64) -> f64); 2] = [
+    type Height = fn(f64, f64) -> f64;
+    let forms: [(&str, Height); 2] = [
         ("wave", |x, y| 0.3 * (x / 9.0).sin() * (y / 11.0).cos()),
         ("hill", |x, y| 1.5 - 0.002 * ((x - 25.0).powi(2) + (y - 20.0).powi(2))),
     ];

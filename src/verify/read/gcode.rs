@@ -178,10 +178,9 @@ fn statement(comment: &str) -> Option<Step> {
         Some(rest.parse().map_or_else(|_| unknown(), Step::Registration))
     } else if let Some(rest) = comment.strip_prefix("FOCUS SHIFT ") {
         Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::FocusShift))
-    } else if let Some(rest) = comment.strip_prefix("ENTRY LIFT Z") {
-        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::EntryLift))
     } else {
-        None
+        let rest = comment.strip_prefix("ENTRY LIFT Z")?;
+        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::EntryLift))
     }
 }
 

@@ -431,7 +431,7 @@ fn lightburn_that_somebody_else_starts_is_not_free() {
 fn answers_without_end_are_told() {
     let number = std::sync::atomic::AtomicUsize::new(0);
     let mut laser = scripted(move |command| match command {
-        "STATUS" if number.fetch_add(1, std::sync::atomic::Ordering::SeqCst) % 2 == 0 => ("!", vec![]),
+        "STATUS" if number.fetch_add(1, std::sync::atomic::Ordering::SeqCst).is_multiple_of(2) => ("!", vec![]),
         _ => ("OK", vec![]),
     })
     .driver(None);
