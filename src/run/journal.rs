@@ -1,7 +1,7 @@
 //! The journal of an armed run: JSON lines, each on the disk before the next thing happens.
 //!
 //! Its first line names the manifest, so it counts for one compiled job only, wherever the folder lies
-//! ([`super::elsewhere`]). A series of parts has one journal: another part begins with a line of its own. A block that has
+//! (`super::elsewhere`). A series of parts has one journal: another part begins with a line of its own. A block that has
 //! a `begin` and no `end` is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last line
 //! without its line feed was not written when its writer was killed, and nothing that follows it has happened: it is
 //! removed.

@@ -17,7 +17,7 @@ pub const AT_SPEED: f64 = 0.01;
 pub struct LineEnergy {
     /// Mean over the length of the marks, J/m.
     pub mean_j_per_m: f64,
-    /// Share of the length that is marked within [`AT_SPEED`] of the speed of its pen.
+    /// Share of the length that is marked within `AT_SPEED` of the speed of its pen.
     pub at_speed: f64,
     /// Time with the laser on at less than half the speed of the pen, s.
     pub slow_s: f64,

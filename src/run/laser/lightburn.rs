@@ -6,13 +6,13 @@
 //! and idle after that; where it was never seen busy nobody can say whether it marked anything.
 //!
 //! Answers do not name their command; they can come late, twice, or from somebody else. The rule, which holds for every
-//! driver over a link without order or identity: no single answer ends anything. [`SURPLUS`] of them may be others', beside
+//! driver over a link without order or identity: no single answer ends anything. `SURPLUS` of them may be others', beside
 //! those that are missing:
 //!
 //! - a state is believed when more answers in a row tell it, and the beginning of a block when more tell it in all;
 //! - a load is believed when so many more commands were answered after it, all with `OK`, and then nothing else comes for
-//!   [`SPREAD`]: LightBurn answers in its order, so the answer that another was taken for is one of these;
-//! - a block has ended when LightBurn has said so [`ENDED`] times in a row over [`SPREAD`], not before half of the estimate,
+//!   `SPREAD`: LightBurn answers in its order, so the answer that another was taken for is one of these;
+//! - a block has ended when LightBurn has said so `ENDED` times in a row over `SPREAD`, not before half of the estimate,
 //!   and then nothing else comes for as long again.
 //!
 //! START is never repeated; load and START are sent when no late answer can come any more. Where the stage is to leave, or

@@ -7,7 +7,7 @@
 //! The stage stands where GRBL is idle and its step counter is within half a step of the target, and the rounding of
 //! two reports. GRBL has no encoders: lost steps are not seen. How long the mechanics settle is not GRBL's to know.
 //!
-//! An abort is looked at between answers, for none of which the driver waits longer than [`WAITS`] says.
+//! An abort is looked at between answers, for none of which the driver waits longer than `WAITS` says.
 //!
 //! Sources: the pages "Interface", "Commands" and "Settings" of the documentation of GRBL 1.1.
 
