@@ -111,7 +111,7 @@ impl Hardware {
     pub fn label(self, own: &str) -> String {
         match self {
             Self::Own => own.to_owned(),
-            Self::WithZoom(lender) => format!("+ zoom of {lender}"),
+            Self::WithZoom(lender) => format!("with zoom of {lender}"),
             Self::WithTilt(lender) => format!("+ tilt of {lender}"),
             Self::Synchronised => "+ synchronised control".to_owned(),
             Self::Other(machine) => machine.to_owned(),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use crate::diag::{self, Diag, Error, Place};
+use crate::diag::{self, Diag, Error};
 use crate::units::{Length, positive_option};
 
 /// Where all keys of a run file are listed.
@@ -33,8 +33,8 @@ impl RunFile {
     /// The file's faults with their places.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let shown = path.display().to_string();
-        let text = String::from_utf8(diag::read_file(path, MAX_FILE)?)
-            .map_err(|_| Diag::input("run-file-utf8", "the run file is not UTF-8 text").at(Place::file(&shown)))?;
+        let text = diag::utf8(diag::read_file(path, MAX_FILE)?)
+            .map_err(|e| e.at(Diag::input("run-file-utf8", format!("the run file is {e}")), &shown))?;
         let source: Arc<str> = text.into();
         diag::from_toml(&shown, &source, KEYS)
     }

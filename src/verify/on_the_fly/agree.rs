@@ -8,6 +8,7 @@ use crate::job::Format;
 use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
+use crate::verify::read::comments::Kind;
 use crate::verify::read::formats::{self, FORMATS, OnTheFly};
 use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::on_the_fly::FlyProgram;
@@ -66,6 +67,41 @@ pub(super) fn programs(all: &[(&'static str, FlyProgram)], rule: &mut Rule) {
         rule.checked += a.steps.len() as u64;
         if let Some((place, message)) = differs(first, a, name, b) {
             rule.broken("", place, message);
+        }
+    }
+}
+
+/// What the comments of a program say is what the manifest states.
+pub(super) fn comments((name, program): &(&'static str, FlyProgram), manifest: &Manifest, rule: &mut Rule) {
+    let s = &manifest.summary;
+    let laser = s.laser.iter().find(|l| l.file == *name);
+    let [period, error] = laser.map_or([f64::NAN; 2], |l| [l.servo_period_s, l.laser_error_mm]);
+    for (line, kind, figures) in &program.said {
+        let stated = match kind {
+            Kind::Words => Vec::new(),
+            Kind::Size => vec![s.moves as f64, s.marks as f64, s.time_s],
+            Kind::Switch => vec![period * 1e3, error / period],
+            Kind::LaserError => vec![error],
+            Kind::Blend => vec![s.blend_mm],
+            Kind::Pen => {
+                let number: usize = figures.first().and_then(|number| number.parse().ok()).unwrap_or(0);
+                let pen = number.checked_sub(1).and_then(|i| manifest.pens.get(i));
+                let power = |text: &str| text.split(' ').next().and_then(|v| v.parse().ok()).unwrap_or(f64::NAN);
+                pen.map_or_else(
+                    || vec![f64::NAN],
+                    |pen| vec![number as f64, pen.speed_mm_s, power(&pen.power), pen.frequency_khz],
+                )
+            }
+        };
+        rule.checked += 1;
+        let is_same = |(figure, stated): (&String, &f64)| {
+            let decimals = figure.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+            // Rounded where it is written, and where it is stated.
+            let tolerance = 0.51 * 10f64.powi(-(decimals as i32)) + 1e-9 * stated.abs();
+            figure.parse::<f64>().is_ok_and(|figure| (figure - stated).abs() <= tolerance)
+        };
+        if !figures.iter().zip(&stated).all(is_same) {
+            rule.broken("", format!("{name}:{line}"), "a comment says other figures than the manifest");
         }
     }
 }

@@ -131,6 +131,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     drop(reading);
     let comparing = Phase::Files.task(progress);
     agree::programs(&programs, &mut findings.agreement);
+    programs.iter().for_each(|program| agree::comments(program, &manifest, &mut findings.agreement));
     findings.laser.ran = !programs.is_empty();
     for (name, program) in &programs {
         findings.laser.checked += program.steps.len() as u64;

@@ -27,20 +27,38 @@ const STEPPED: [&str; 15] = [
     "PASS #",
 ];
 
-/// Sentences of on-the-fly programs.
-const ON_THE_FLY: [&str; 11] = [
-    "terrace: on-the-fly program for LinuxCNC, X Y Z stage and U V scanner, absolute, mm",
-    "terrace: on-the-fly program for Power PMAC, axes *, absolute, mm and degrees",
-    "machine: \"*\"",
-    "# moves, # marks, # s",
-    "laser switched up to one servo period of # ms early: # mm/s x period",
-    "LASER ERROR # mm",
-    "pen #: \"*\", # mm/s, # * at # kHz",
-    "digital output 0 is the laser, analogue output 0 its power in percent",
-    "corners are rounded by 0.0002 mm at most, times hold where the limits of the axes allow them",
-    "M1 is the laser, M2 its power in percent",
-    "blending rounds corners of marks by # mm at most",
+/// Sentences of on-the-fly programs, with what their figures are.
+const ON_THE_FLY: [(&str, Kind); 12] = [
+    ("terrace: on-the-fly program for LinuxCNC, X Y Z stage and U V scanner, absolute, mm", Kind::Words),
+    ("terrace: on-the-fly program for Power PMAC, axes *, absolute, mm and degrees", Kind::Words),
+    ("machine: \"*\"", Kind::Words),
+    ("# moves, # marks, # s", Kind::Size),
+    ("laser switched up to one servo period of # ms early: # mm/s x period", Kind::Switch),
+    ("LASER ERROR # mm", Kind::LaserError),
+    ("pen #: \"*\", # mm/s, # * at # kHz", Kind::Pen),
+    ("digital output 0 is the laser, analogue output 0 its power in percent", Kind::Words),
+    ("corners are rounded by 0.0002 mm at most, times hold where the limits of the axes allow them", Kind::Words),
+    ("M1 is the laser, M2 its power in percent", Kind::Words),
+    ("blending rounds corners of marks by # mm at most", Kind::Blend),
+    ("not a safety system: the laser needs its own interlock", Kind::Words),
 ];
+
+/// What the figures of a sentence of an on-the-fly program are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::verify) enum Kind {
+    /// It has none.
+    Words,
+    /// Moves, marks, time in s.
+    Size,
+    /// Servo period in ms, speed in mm/s.
+    Switch,
+    /// How early the laser is switched, mm.
+    LaserError,
+    /// Number, speed in mm/s, power in its unit, frequency in kHz.
+    Pen,
+    /// How far corners are rounded, mm.
+    Blend,
+}
 
 /// Least length of a sentence that was cut to the longest line of its controller.
 const CUT: usize = 24;
@@ -84,11 +102,21 @@ impl Sentence {
     }
 }
 
-/// Whether a comment of an on-the-fly program is a sentence of ours, maybe cut.
-pub(super) fn is_on_the_fly(comment: &str) -> bool {
-    const LAST: &str = "not a safety system: the laser needs its own interlock";
-    let is_cut = |sentence: &str| comment.len() >= CUT && fits_beginning(sentence, comment);
-    ON_THE_FLY.iter().chain([&LAST]).any(|sentence| fits(sentence, comment) || is_cut(sentence))
+/// What a comment of an on-the-fly program says, maybe cut, with its figures as they stand there; None where it is no
+/// sentence of ours.
+pub(super) fn on_the_fly(comment: &str) -> Option<(Kind, Vec<String>)> {
+    let is_long = comment.len() >= CUT;
+    ON_THE_FLY.iter().find_map(|(sentence, kind)| {
+        let mut figures = Vec::new();
+        let fits = fits_with(sentence, comment, false, &mut figures)
+            || is_long && fits_with(sentence, comment, true, &mut figures);
+        // The last one may be cut.
+        if sentence.ends_with(|c| !comment.ends_with(c)) && comment.ends_with(|c: char| c.is_ascii_digit() || c == '.')
+        {
+            figures.pop();
+        }
+        fits.then_some((*kind, figures))
+    })
 }
 
 /// Whether a controller could act on a byte of a name.
@@ -98,31 +126,37 @@ fn is_quiet(c: char) -> bool {
 
 /// Whether a text is a sentence. Blanks do not count: a comment is cut at one or within a word.
 fn fits(sentence: &str, text: &str) -> bool {
-    let [sentence, text] = [sentence, text].map(|t| t.bytes().filter(|c| *c != b' ').collect::<Vec<u8>>());
-    matches(&sentence, &text, false)
+    fits_with(sentence, text, false, &mut Vec::new())
 }
 
-/// Whether a text is what a sentence begins with.
-fn fits_beginning(sentence: &str, text: &str) -> bool {
+/// The same, or what a sentence begins with where the text is cut; adds its figures.
+fn fits_with(sentence: &str, text: &str, is_cut: bool, figures: &mut Vec<String>) -> bool {
     let [sentence, text] = [sentence, text].map(|t| t.bytes().filter(|c| *c != b' ').collect::<Vec<u8>>());
-    matches(&sentence, &text, true)
+    figures.clear();
+    matches(&sentence, &text, is_cut, figures)
 }
 
-/// Compares with a sentence in which `#` stands for a decimal and `*` for any quiet text.
-fn matches(sentence: &[u8], text: &[u8], is_cut: bool) -> bool {
+/// Compares with a sentence in which `#` stands for a decimal and `*` for any quiet text without quotes.
+fn matches(sentence: &[u8], text: &[u8], is_cut: bool, figures: &mut Vec<String>) -> bool {
     match (sentence.split_first(), text.split_first()) {
         (None, None) => true,
         (_, None) => is_cut,
         (None, Some(_)) => false,
         (Some((b'#', rest)), Some(_)) => {
             let digits = text.iter().take_while(|c| c.is_ascii_digit() || **c == b'.').count();
-            digits > 0 && matches(rest, &text[digits..], is_cut)
+            let (figure, more) = text.split_at(digits);
+            figures.push(String::from_utf8_lossy(figure).into_owned());
+            let fits = digits > 0 && matches(rest, more, is_cut, figures);
+            if !fits {
+                figures.pop();
+            }
+            fits
         }
         (Some((b'*', rest)), Some(_)) => {
-            let quiet = text.iter().take_while(|&&c| is_quiet(char::from(c))).count();
-            (0..=quiet).rev().any(|n| matches(rest, &text[n..], is_cut))
+            let quiet = text.iter().take_while(|&&c| c != b'"' && is_quiet(char::from(c))).count();
+            (0..=quiet).any(|n| matches(rest, &text[n..], is_cut, figures))
         }
-        (Some((a, rest)), Some((b, more))) => a == b && matches(rest, more, is_cut),
+        (Some((a, rest)), Some((b, more))) => a == b && matches(rest, more, is_cut, figures),
     }
 }
 
@@ -155,10 +189,19 @@ mod tests {
             assert_eq!(known(lines).len(), 1, "{lines:?}");
         }
         assert_eq!(known(&["abort, x", "PASS 1", "PRINT,1"]).len(), 2);
-        assert!(!is_on_the_fly("pen 1: \"fine, (?)\", 800 mm/s, 50 percent at 60 kHz"));
-        assert!(is_on_the_fly("pen 1: \"fine\", 800 mm/s, 50 percent at 60 kHz"));
-        assert!(is_on_the_fly("pen 1: \"fine\", 800 mm/s, 50 perc"), "cut");
-        assert!(!is_on_the_fly("pen 1: \"f"), "cut too short");
+        assert_eq!(on_the_fly("pen 1: \"fine, (?)\", 800 mm/s, 50 percent at 60 kHz"), None);
+        assert_eq!(on_the_fly("pen 1: \"f"), None, "cut too short");
+        for (text, kind, figures) in [
+            ("pen 1: \"fine\", 800 mm/s, 50 percent at 60 kHz", Kind::Pen, &["1", "800", "50", "60"][..]),
+            ("pen 1: \"pen 2: , 3 mm/s\", 800 mm/s, 50 W at 60 kHz", Kind::Pen, &["1", "800", "50", "60"]),
+            ("pen 1: \"fine\", 800 mm/s, 50 perc", Kind::Pen, &["1", "800", "50"]),
+            ("pen 1: \"fine fine\", 800 mm/s, 50 percent at 6", Kind::Pen, &["1", "800", "50"]),
+            ("12 moves, 3 marks, 1.250 s", Kind::Size, &["12", "3", "1.250"]),
+            ("LASER ERROR 0.388047 mm", Kind::LaserError, &["0.388047"]),
+            ("M1 is the laser, M2 its power in percent", Kind::Words, &[]),
+        ] {
+            assert_eq!(on_the_fly(text), Some((kind, figures.iter().map(|f| (*f).to_owned()).collect())), "{text}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //!
 //! Patterns: `a.b` is a key in an object, `[]` every item of an array, `*` any key, `**` all that is below.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use serde::Deserializer;
@@ -323,9 +323,16 @@ impl<'de> Visitor<'de> for Walk<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<(), A::Error> {
         let Self { node, path, unknown } = self;
+        let mut names = BTreeSet::new();
         while let Some(name) = entries.next_key::<String>()? {
             let below = node.and_then(|node| node.key(&name));
-            entries.next_value_seed(Walk { node: below, path: &Path::Key(path, &name), unknown: &mut *unknown })?;
+            let path = Path::Key(path, &name);
+            entries.next_value_seed(Walk { node: below, path: &path, unknown: &mut *unknown })?;
+            // Of two values one reader takes the first, another the last.
+            if names.contains(&name) {
+                return Err(A::Error::custom(format!("{path} stands there twice")));
+            }
+            names.insert(name);
         }
         Walk { node, path, unknown }.hold(|node| !node.keys.is_empty() || node.is_all);
         Ok(())
@@ -357,5 +364,7 @@ mod tests {
             assert_eq!(unknown(text).as_deref(), Some(place), "{text}");
         }
         assert!(STEPPED.unknown(b"{").is_err());
+        let twice = STEPPED.unknown(br#"{"blocks": [{"files": {"dxf": "a", "csv": "b", "dxf": "c"}}]}"#);
+        assert!(twice.is_err_and(|e| e.to_string().contains("blocks[0].files.dxf stands there twice")));
     }
 }

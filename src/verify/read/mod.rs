@@ -3,7 +3,7 @@
 //! Every reader checks its file as it goes, bounds what it allocates by the bytes there are, and
 //! answers a fault with its line or place, never with a panic.
 
-mod comments;
+pub(in crate::verify) mod comments;
 mod csv;
 pub(super) mod curves;
 mod dxf;

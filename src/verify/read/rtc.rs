@@ -71,7 +71,7 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
     let Some(rest) = text.strip_prefix(head.as_str()).filter(|_| text.ends_with('\n')) else {
         return Err(Fault::new(1, format!("does not begin as lists of block {id} for {board}, or is cut")));
     };
-    let (mut lists, mut open, mut commands) = (0, false, 0);
+    let (mut lists, mut open, mut commands, mut strokes) = (0, false, 0, 0);
     let mut set: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
     let mut points: Vec<[i64; 2]> = Vec::new();
     let mut dwell: Option<i64> = None;
@@ -92,6 +92,7 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
                 return Err(fault("the stroke before has one point, or not all settings".into()));
             }
             visit(FileStroke { pen: None, points: &points, settings: &settings });
+            strokes += 1;
             points.clear();
             dwell = None;
         }
@@ -100,7 +101,10 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
             return Err(fault(format!("the list has more than {memory} commands")));
         }
         match words[..] {
-            ["list", n] if !open && n.parse() == Ok(lists + 1) => (lists, open, commands) = (lists + 1, true, 0),
+            ["list", n] if !open && n.parse() == Ok(lists + 1) => {
+                (lists, open, commands, strokes) = (lists + 1, true, 0, 0);
+            }
+            ["end"] if open && strokes == 0 => return Err(fault("the list marks nothing".into())),
             ["end"] if open => {
                 open = false;
                 set.clear();
@@ -168,6 +172,7 @@ mod tests {
             ("end\n", ""),
             ("end\n", "end\nend\n"),
             ("end\n", "end\nlist 2\njump 0 0\nmark 1 1\nend\n"),
+            ("end\n", "end\nlist 2\nend\n"),
             (
                 "mark 4 5\n",
                 "mark 4 5\nmark 4 6\nmark 4 7\nmark 4 8\nmark 4 9\nmark 4 10\nmark 4 11\nmark 4 12\nmark 4 13\nmark 4 14\nmark 4 15\n",

@@ -121,9 +121,11 @@ pub(in crate::verify) fn all_are_known(manifest: &Manifest, chosen: &[usize], fa
     // Where the job file cannot be had, those that are there count.
     let is_asked = |row: &formats::Row| facts.pens.is_none() || facts.formats.contains(&row.format);
     let expected = formats::expected(&facts.formats, &manifest.files, &manifest.blocks);
+    let mut drawings = BTreeSet::new();
     for (row, files) in expected.filter(|(row, _)| is_asked(row)) {
         match files {
             Stepped::Blocks(files) => {
+                drawings.insert(row.name);
                 for entry in chosen.iter().filter_map(|&i| manifest.blocks.get(i)) {
                     let name = formats::of_block(&entry.id, files.ending);
                     if entry.files.get(row.name) != Some(&name) {
@@ -137,6 +139,16 @@ pub(in crate::verify) fn all_are_known(manifest: &Manifest, chosen: &[usize], fa
                 known.insert(file.to_owned());
                 known.extend(has_frames.then(|| formats::of_frames(file)));
             }
+        }
+    }
+    for entry in chosen.iter().filter_map(|&i| manifest.blocks.get(i)) {
+        rule.checked += 1;
+        if let Some(format) = entry.files.keys().find(|format| !drawings.contains(format.as_str())) {
+            rule.broken(
+                &entry.id,
+                "manifest.json",
+                format!("it names a file of {format:?}, which is no format of its drawings"),
+            );
         }
     }
     for entry in &manifest.files {

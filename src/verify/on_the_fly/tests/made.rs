@@ -172,7 +172,9 @@ impl Bench {
     fn stating(&self, checked: Checked, lengths: FlyLengths) -> PathBuf {
         let inputs = Arc::new(Inputs::load(&self.job).expect("inputs"));
         let laser = crate::plan::laser(&self.job, &self.machine, &checked);
-        let accuracy = FlyAccuracy { laser, part_mm: inputs.surface.size_mm(), ..FlyAccuracy::default() };
+        let figures = checked.figures();
+        let blend_mm = crate::emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
+        let accuracy = FlyAccuracy { laser, blend_mm, part_mm: inputs.surface.size_mm(), ..FlyAccuracy::default() };
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),

@@ -319,7 +319,8 @@ fn agreement_and_summary_report_a_change_of_one_file() {
             let from = from + at(&t[from..], &format!("\"{key}\": "));
             digit(t, from)
         });
-        assert_only("summary", &proof);
+        // Comments of the programs state some of them too.
+        assert!(broken(&proof).contains(&"summary"), "{key}: {}", proof.to_text());
     }
     let proof = bench.damaged("manifest.json", |t| t.replacen("\"speed_mm_s\": 50", "\"speed_mm_s\": 51", 1));
     assert_only("agreement", &proof);

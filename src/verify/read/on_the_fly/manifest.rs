@@ -72,6 +72,7 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) texture_mm: f64,
     pub(in crate::verify) skipped_mm: f64,
     pub(in crate::verify) skipped_focus_mm: f64,
+    pub(in crate::verify) blend_mm: f64,
     pub(in crate::verify) moves: usize,
     pub(in crate::verify) marks: usize,
     pub(in crate::verify) time_s: f64,

@@ -11,7 +11,7 @@ pub(in crate::verify) mod pmac;
 use std::ops::Index;
 
 use super::Fault;
-use super::comments::is_on_the_fly;
+use super::comments::{Kind, on_the_fly};
 use crate::program::{PenId, StrokeId};
 
 /// Axes of a sample: X Y Z A C U V.
@@ -79,6 +79,8 @@ pub(in crate::verify) struct FlyProgram {
     pub(in crate::verify) rapids: Vec<(usize, [Option<i64>; AXES])>,
     /// Power in percent and pen of every mark as it begins, by line.
     pub(in crate::verify) powers: Vec<(usize, PenId, Option<f64>)>,
+    /// What its comments say, with their lines and figures.
+    pub(in crate::verify) said: Vec<(usize, Kind, Vec<String>)>,
     /// Time over which moves are blended into each other, us.
     pub(in crate::verify) blend_us: i64,
     /// The largest distance by which corners may be rounded as the program asks, nm.
@@ -124,8 +126,9 @@ impl Runner {
     fn comment(&mut self, text: &str) {
         let mut words = text.split_whitespace();
         if words.next() != Some("MARK") {
-            if !is_on_the_fly(text) {
-                self.fault(format!("({text}) is no comment of an on-the-fly program"));
+            match on_the_fly(text) {
+                Some((kind, figures)) => self.program.said.push((self.line, kind, figures)),
+                None => self.fault(format!("({text}) is no comment of an on-the-fly program")),
             }
             return;
         }
