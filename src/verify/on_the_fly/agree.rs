@@ -241,7 +241,7 @@ pub(super) fn summary(
     facts: &JobFacts,
     program: &FlyProgram,
     chain: &Chain,
-    lengths: &Lengths,
+    (lengths, doubt_mm): (&Lengths, f64),
     rule: &mut Rule,
 ) {
     rule.ran = true;
@@ -265,8 +265,8 @@ pub(super) fn summary(
         }
     };
     hold("texture_mm", s.texture_mm, lengths.texture_mm, 1e-6 + SAME * lengths.texture_mm);
-    // Both ends of every piece are rounded and merged.
-    let ends = 4e-4 * (1.0 + program.powers.len() as f64 + manifest.left_out.len() as f64);
+    // Both ends of every piece are rounded and merged, and may lie elsewhere where corners of facets are welded.
+    let ends = doubt_mm + 4e-4 * (1.0 + program.powers.len() as f64 + manifest.left_out.len() as f64);
     hold("skipped_mm", s.skipped_mm, lengths.skipped_mm, ends);
     let left_out: f64 = manifest.left_out.iter().map(|l| l.to_mm - l.from_mm).sum();
     hold("skipped_focus_mm", s.skipped_focus_mm, left_out, 1e-6 + SAME * left_out);

@@ -16,23 +16,27 @@ pub(super) struct Cover {
     pub(super) stroke: u32,
     pub(super) from: f64,
     pub(super) to: f64,
+    /// How far both may lie from there where corners of facets are welded, nm.
+    pub(super) loose: f64,
 }
 
 /// What a mark covers, of a closed stroke in two pieces where it runs over its seam.
-pub(super) fn of(stroke: u32, line: &Stroke, trace: &Trace) -> Vec<Cover> {
-    between(stroke, line, trace.from.min(trace.to), trace.from.max(trace.to))
+pub(super) fn of(stroke: u32, line: &Stroke, trace: &Trace, loose: f64) -> Vec<Cover> {
+    let mut out = between(stroke, line, trace.from.min(trace.to), trace.from.max(trace.to));
+    out.iter_mut().for_each(|cover| cover.loose = loose);
+    out
 }
 
 /// The same of two places on a stroke.
 pub(super) fn between(stroke: u32, line: &Stroke, from: f64, to: f64) -> Vec<Cover> {
     let length = line.len();
     if !line.is_closed() {
-        return vec![Cover { stroke, from: from.max(0.0) + 0.0, to: to.min(length) }];
+        return vec![Cover { stroke, from: from.max(0.0) + 0.0, to: to.min(length), loose: 0.0 }];
     }
     let (first, last) = ((from / length).floor() as i64, (to / length).ceil() as i64);
     let turns = (first..last).map(|turn| turn as f64 * length);
     turns
-        .map(|shift| Cover { stroke, from: (from - shift).max(0.0) + 0.0, to: (to - shift).min(length) })
+        .map(|shift| Cover { stroke, from: (from - shift).max(0.0) + 0.0, to: (to - shift).min(length), loose: 0.0 })
         .filter(|cover| cover.to > cover.from)
         .collect()
 }
@@ -95,6 +99,8 @@ pub(super) struct CoverageChecker<'a> {
     pub(super) facts: &'a JobFacts,
     pub(super) scratch: Scratch,
     pub(super) lengths: Lengths,
+    /// How far lengths of what is not marked may be off where corners of facets are welded.
+    pub(super) doubt_mm: f64,
 }
 
 impl CoverageChecker<'_> {
@@ -110,23 +116,28 @@ impl CoverageChecker<'_> {
         let [once, coverage] = rules;
         self.lengths.texture_mm += line.len() / 1e6;
         once.checked += covers.len() as u64;
-        let mut reached = 0.0f64;
+        // How far marks reach, and how loosely that is known.
+        let (mut reached, mut loose) = (0.0f64, 0.0);
         for cover in covers {
+            self.doubt_mm += 2.0 * cover.loose / 1e6;
             self.lengths.mark_mm += (cover.to - cover.from) / 1e6;
             let shared = reached.min(cover.to) - cover.from;
             if shared > 0.0 {
                 self.lengths.overlap_mm += shared / 1e6;
             }
-            if shared > CUT + self.facts.overlap_nm {
+            if shared > CUT + self.facts.overlap_nm + loose + cover.loose {
                 let text = format!("{:.6} mm of {name} are marked twice", shared / 1e6);
                 once.broken("", place(line.at(cover.from)), text);
             }
-            self.gaps(line, reached, cover.from, left_out, name, coverage);
-            reached = cover.to.max(reached);
+            self.gaps(line, [reached, cover.from], loose + cover.loose, left_out, name, coverage);
+            if cover.to > reached {
+                (reached, loose) = (cover.to, cover.loose);
+            }
         }
-        self.gaps(line, reached, line.len(), left_out, name, coverage);
+        self.gaps(line, [reached, line.len()], loose, left_out, name, coverage);
         for out in left_out {
-            let shared = covers.iter().map(|c| c.to.min(out.to) - c.from.max(out.from)).fold(0.0, f64::max);
+            let shared =
+                covers.iter().map(|c| c.to.min(out.to) - c.from.max(out.from) - 2.0 * c.loose).fold(0.0, f64::max);
             if shared > 2.0 * CUT {
                 let text = format!("{:.6} mm of {name} are marked although listed in `left_out`", shared / 1e6);
                 coverage.broken("", place(line.at(out.from)), text);
@@ -135,36 +146,45 @@ impl CoverageChecker<'_> {
     }
 
     /// A stretch that nobody marks, apart from what of it is stated as left out; none where two marks overlap.
-    fn gaps(&mut self, line: &Stroke, from: f64, to: f64, left_out: &[Cover], name: &str, coverage: &mut Rule) {
+    fn gaps(
+        &mut self,
+        line: &Stroke,
+        [from, to]: [f64; 2],
+        loose: f64,
+        left_out: &[Cover],
+        name: &str,
+        coverage: &mut Rule,
+    ) {
         if to <= from {
             return;
         }
         let mut at = from;
         for out in left_out.iter().filter(|o| o.to + 2.0 * CUT > from && o.from - 2.0 * CUT < to) {
             let [begin, end] = [out.from - 2.0 * CUT, out.to + 2.0 * CUT].map(|v| v.clamp(at, to));
-            self.gap(line, at, begin, name, coverage);
+            self.gap(line, [at, begin], loose, name, coverage);
             if end > begin {
                 self.open(line, begin, end, 0.0, true);
             }
             at = end;
         }
-        self.gap(line, at, to, name, coverage);
+        self.gap(line, [at, to], loose, name, coverage);
     }
 
     /// A stretch that nobody marks: it must be off the part, too steep or too short.
-    fn gap(&mut self, line: &Stroke, from: f64, to: f64, name: &str, coverage: &mut Rule) {
+    fn gap(&mut self, line: &Stroke, [from, to]: [f64; 2], loose: f64, name: &str, coverage: &mut Rule) {
         if to <= from {
             return;
         }
         coverage.checked += 1;
         let side = self.geometry.reach();
         let run = self.open(line, from, to, 0.0, true);
-        if run.0 <= self.allowed() {
+        let allowed = self.allowed() + loose;
+        if run.0 <= allowed {
             return;
         }
         // On an edge either side may be right.
         let other = [side, -side].map(|s| self.open(line, from, to, s, false).0);
-        if other.iter().all(|&r| r > self.allowed()) {
+        if other.iter().all(|&r| r > allowed) {
             let text = format!("{:.6} mm of {name} are not marked", run.0 / 1e6);
             coverage.broken("", place(run.1), text);
         }
@@ -222,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_mark_over_two_legs_is_placed_where_nothing_is_left_out() {
-        let cover = |from: f64, to: f64| Cover { stroke: 0, from, to };
+        let cover = |from: f64, to: f64| Cover { stroke: 0, from, to, loose: 0.0 };
         // A stroke of 1000 there and back, which leaves 300 to 400 out on its way, and 50 less on the way back.
         let mut covers = Covers::default();
         covers.add(vec![vec![cover(400.0, 1600.0)]]);

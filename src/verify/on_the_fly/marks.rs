@@ -73,11 +73,12 @@ struct BeamHit {
     doubt: Doubt,
 }
 
-/// How far focal offset (nm) and angle (rad) of a hit may be off where corners of facets are welded.
+/// How far focal offset (nm), angle (rad) and place (nm) of a hit may be off where corners of facets are welded.
 #[derive(Clone, Copy, Debug, Default)]
 struct Doubt {
     off: f64,
     lean: f64,
+    xy: f64,
 }
 
 impl Doubt {
@@ -89,8 +90,18 @@ impl Doubt {
         Self {
             off: geometry.z_tolerance(sheet.slope2),
             lean: (slope + geometry.slope_doubt(sheet)).atan() - slope.atan(),
+            xy: 0.0,
         }
     }
+}
+
+/// Where a mark lies on its stroke.
+pub(super) struct Traced {
+    /// All places on the stroke that it may be, the best first.
+    pub(super) traces: Vec<Trace>,
+    /// How far it may lie from there where corners of facets are welded, nm: as far as leaning beams meet another height
+    /// beside it.
+    pub(super) loose: f64,
 }
 
 /// Looks at marks.
@@ -114,16 +125,16 @@ impl<'a> MarkChecker<'a> {
         Self { chain, geometry, heights, wanted, edge, scratch, hit_points: Vec::new(), worst: Worst::default() }
     }
 
-    /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims. All places on the stroke
-    /// that it may be, the best first.
+    /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims.
     pub(super) fn mark(
         &mut self,
         place: &str,
         moves: &[(Commands, Step)],
         stroke: &Stroke,
         rules: &mut Rules<'_>,
-    ) -> Vec<Trace> {
+    ) -> Traced {
         self.hit_points.clear();
+        let mut loose = 0.0f64;
         let mut off_part = false;
         let mut last: Option<(Beam, BeamHit)> = None;
         for (i, (from, step)) in moves.iter().enumerate() {
@@ -153,6 +164,7 @@ impl<'a> MarkChecker<'a> {
                     Some(hit) => {
                         last = Some((beam, hit));
                         self.hit_points.push(hit.xy);
+                        loose = loose.max(hit.doubt.xy);
                         self.hold(&hit, &place, rules.focus);
                     }
                     None if !off_part => {
@@ -167,17 +179,18 @@ impl<'a> MarkChecker<'a> {
             }
         }
         // Position: the hit points on the part against the stroke as it is drawn.
-        let traces = stroke.follow(&self.hit_points, STRAY);
-        let Some(trace) = traces.first() else { return traces };
+        let most = STRAY + loose;
+        let traces = stroke.follow(&self.hit_points, most, loose);
+        let Some(trace) = traces.first() else { return Traced { traces, loose } };
         rules.position.checked += self.hit_points.len() as u64;
         self.worst.stray = self.worst.stray.max(trace.worst);
         let first = moves.first().map_or(0, |l| l.1.line);
-        if trace.worst > STRAY || trace.worst.is_nan() {
+        if trace.worst > most || trace.worst.is_nan() {
             let [x, y] = trace.at.map(|v| v / 1e6);
             let text = format!("a mark is {:.4} um off its stroke at ({x:.6}, {y:.6}) mm", trace.worst / 1e3);
             rules.position.broken("", format!("{place}:{first}"), text);
         }
-        traces
+        Traced { traces, loose }
     }
 
     /// Checks focal offset and angle at a hit point.
@@ -261,7 +274,8 @@ impl<'a> MarkChecker<'a> {
     fn hit(&mut self, beam: &Beam, way: [f64; 2], beside: Option<(Beam, BeamHit)>) -> Option<BeamHit> {
         let is_near = |hit: &BeamHit| {
             beside.is_none_or(|(other, there)| {
-                (hit.xy[0] - there.xy[0]).hypot(hit.xy[1] - there.xy[1]) <= STRAY + 2.0 * beam.distance(&other)
+                let doubt = hit.doubt.xy + there.doubt.xy;
+                (hit.xy[0] - there.xy[0]).hypot(hit.xy[1] - there.xy[1]) <= STRAY + doubt + 2.0 * beam.distance(&other)
             })
         };
         let wanted = self.wanted;
@@ -318,7 +332,7 @@ impl<'a> MarkChecker<'a> {
             found = Some(([x, y, z], sheet, across >= 1.0 && over[0] > self.edge));
         });
         let (p, sheet, aside) = found?;
-        let (grad, doubt) = (sheet.grad, Doubt::of(&sheet, self.geometry));
+        let (grad, mut doubt) = (sheet.grad, Doubt::of(&sheet, self.geometry));
         let off = (0..3).map(|k| (p[k] - beam.at[k]) * up[k]).sum();
         let size = (1.0 + grad[0] * grad[0] + grad[1] * grad[1]).sqrt();
         let normal = [-grad[0] / size, -grad[1] / size, 1.0 / size];
@@ -329,6 +343,8 @@ impl<'a> MarkChecker<'a> {
         ];
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
+        // A sheet that is higher by some height is met that much earlier along the beam.
+        doubt.xy = doubt.off * normal[2] / cos * up[0].hypot(up[1]);
         Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside, doubt })
     }
 }

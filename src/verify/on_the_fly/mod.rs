@@ -20,7 +20,7 @@ use std::path::Path;
 
 use chain::Chain;
 use cover::{Cover, CoverageChecker, Covers};
-use marks::{MarkChecker, Rules, Wanted, Worst};
+use marks::{MarkChecker, Rules, Traced, Wanted, Worst};
 use track::Stroke;
 
 use super::geometry::{Geometry, Scratch};
@@ -59,6 +59,8 @@ struct Findings {
     summary: Rule,
     marks: usize,
     lengths: Lengths,
+    /// How far lengths of what is not marked may be off where corners of facets are welded.
+    doubt_mm: f64,
     worst: Worst,
     against: Vec<Input>,
     not_proved: Vec<NotProved>,
@@ -80,6 +82,7 @@ impl Findings {
             summary: Rule::new("summary", "counts, times and lengths are as stated"),
             marks: 0,
             lengths: Lengths::default(),
+            doubt_mm: 0.0,
             worst: Worst::default(),
             against: Vec::new(),
             not_proved: Vec::new(),
@@ -172,7 +175,8 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     let checked = (&facts, &texture, &geometry);
     let covers = check_marks(name, program, &chain, checked, &mut findings, marks);
     check_coverage(covers, &manifest, checked, &mut findings, Phase::Coverage.task(progress));
-    agree::summary(&manifest, &facts, program, &chain, &findings.lengths, &mut findings.summary);
+    let lengths = (&findings.lengths, findings.doubt_mm);
+    agree::summary(&manifest, &facts, program, &chain, lengths, &mut findings.summary);
     Ok(findings.into_proof())
 }
 
@@ -235,13 +239,14 @@ fn check_marks(
             );
         }
         let mut rules = Rules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };
-        let traces = checker.mark(name, &moves, stroke, &mut rules);
+        let Traced { traces, loose } = checker.mark(name, &moves, stroke, &mut rules);
+        let stray = marks::STRAY + loose;
         let back = traces.first().map_or(0.0, |t| t.back);
-        if back > marks::STRAY {
+        if back > stray {
             once.broken("", place(), format!("a mark runs back over {:.6} mm", back / 1e6));
         }
         // What lies elsewhere covers nothing.
-        let places = traces.iter().filter(|t| t.worst <= marks::STRAY).map(|t| cover::of(claim.stroke.0, stroke, t));
+        let places = traces.iter().filter(|t| t.worst <= stray).map(|t| cover::of(claim.stroke.0, stroke, t, loose));
         covers.add(places.collect());
         moves.clear();
         marks += 1;
@@ -283,7 +288,7 @@ fn check_coverage(
     let left_out = left_out(manifest, texture, coverage);
     let covers = covers.sorted(&left_out);
     let mut coverage_checker =
-        CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default() };
+        CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default(), doubt_mm: 0.0 };
     let (mut rest, mut stated) = (covers.as_slice(), left_out.as_slice());
     // What of a list in the order of strokes belongs to stroke `i`, the next one.
     let own = |list: &mut &[Cover], i: usize| {
@@ -301,4 +306,5 @@ fn check_coverage(
         }
     }
     findings.lengths = coverage_checker.lengths;
+    findings.doubt_mm = coverage_checker.doubt_mm;
 }

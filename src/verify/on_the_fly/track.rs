@@ -113,10 +113,11 @@ impl Stroke {
         best
     }
 
-    /// Follows the hit points of a mark; `limit` is how far it may stray. A stroke that crosses or meets itself is
+    /// Follows the hit points of a mark; `limit` is how far it may stray, `loose` how far of this each hit point may lie
+    /// from where it is on the welded part. A stroke that crosses or meets itself is
     /// tried from all its places near the first hit, both ways. The best first, then others that are within the
     /// limit: a stroke that runs back over itself has more than one place for a mark.
-    pub(super) fn follow(&self, foot_points: &[[f64; 2]], limit: f64) -> Vec<Trace> {
+    pub(super) fn follow(&self, foot_points: &[[f64; 2]], limit: f64, loose: f64) -> Vec<Trace> {
         let Some(&first) = foot_points.first() else { return Vec::new() };
         let mut starts: Vec<(f64, f64)> = Vec::new();
         let mut nearest: Option<(f64, f64)> = None;
@@ -125,7 +126,7 @@ impl Stroke {
             if nearest.is_none_or(|n| off < n.1) {
                 nearest = Some((place, off));
             }
-            if off <= limit && starts.last().is_none_or(|s| place - s.0 > SPARE) {
+            if off <= limit && starts.last().is_none_or(|s| place - s.0 > SPARE + 2.0 * loose) {
                 starts.push((place, off));
             } else if off <= limit
                 && let Some(last) = starts.last_mut()
@@ -142,8 +143,8 @@ impl Stroke {
         let cost = |t: &Trace| t.worst.max(t.back);
         let mut out: Vec<Trace> = Vec::new();
         for start in starts {
-            let trace = self.followed(foot_points, start, None);
-            let other = self.followed(foot_points, start, Some(trace.to <= trace.from));
+            let trace = self.followed(foot_points, start, None, loose);
+            let other = self.followed(foot_points, start, Some(trace.to <= trace.from), loose);
             out.extend([trace, other]);
         }
         out.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
@@ -156,23 +157,30 @@ impl Stroke {
     }
 
     /// From a place on, one way or the one that is nearer.
-    fn followed(&self, foot_points: &[[f64; 2]], (from, off): (f64, f64), mut forward: Option<bool>) -> Trace {
+    fn followed(
+        &self,
+        foot_points: &[[f64; 2]],
+        (from, off): (f64, f64),
+        mut forward: Option<bool>,
+        loose: f64,
+    ) -> Trace {
+        let behind_by = BEHIND + 2.0 * loose;
         let mut trace = Trace { from, to: from, worst: off, at: foot_points[0], back: 0.0 };
         for pair in foot_points.windows(2) {
             let (before, hit) = (pair[0], pair[1]);
-            let reach = 1.5 * distance(before, hit) + SPARE;
+            let reach = 1.5 * distance(before, hit) + SPARE + 2.0 * loose;
             let here = trace.to;
             let ahead = self.nearest(hit, here, here + reach);
             let behind = self.nearest(hit, here, here - reach);
             let of = |n: Option<(f64, f64)>| n.map_or(f64::INFINITY, |n| n.1);
             // The mark keeps its way: it has turned back only where what lies behind is nearer by more than rounding.
             let goes = match forward {
-                Some(true) => of(ahead) <= of(behind) + BEHIND,
-                Some(false) => of(ahead) + BEHIND < of(behind),
+                Some(true) => of(ahead) <= of(behind) + behind_by,
+                Some(false) => of(ahead) + behind_by < of(behind),
                 None => of(ahead) <= of(behind),
             };
             let Some((to, off)) = (if goes { ahead.or(behind) } else { behind.or(ahead) }) else { continue };
-            if forward.is_none() && (to - trace.from).abs() > 10.0 * BEHIND {
+            if forward.is_none() && (to - trace.from).abs() > 10.0 * behind_by {
                 forward = Some(to > trace.from);
             }
             // Against its way: that is marked twice.
@@ -236,17 +244,17 @@ mod tests {
         // A loop that crosses itself at (100, 100).
         let s = stroke(&[[0, 100], [200, 100], [200, 200], [100, 200], [100, 0]]);
         let along = foot_points(&[[100.0, 150.0], [100.0, 100.0], [100.0, 50.0]]);
-        let t = s.follow(&along, 1000.0)[0];
+        let t = s.follow(&along, 1000.0, 0.0)[0];
         assert_eq!((t.from, t.to, t.worst, t.back), (450_000.0, 550_000.0, 0.0, 0.0));
-        let t = s.follow(&foot_points(&[[100.0, 100.0], [0.0, 100.2]]), 1000.0)[0];
+        let t = s.follow(&foot_points(&[[100.0, 100.0], [0.0, 100.2]]), 1000.0, 0.0)[0];
         assert_eq!((t.from, t.to), (100_000.0, 0.0));
         assert!((t.worst - 200.0).abs() < 1e-9);
         // A cut corner is seen, though both ends lie on the stroke.
-        let t = s.follow(&foot_points(&[[195.0, 100.0], [200.0, 105.0]]), 1000.0)[0];
+        let t = s.follow(&foot_points(&[[195.0, 100.0], [200.0, 105.0]]), 1000.0, 0.0)[0];
         assert!((t.worst - 5000.0 / 2f64.sqrt()).abs() < 1.0, "{t:?}");
         let square = stroke(&[[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]);
         let round = foot_points(&[[0.0, 50.0], [0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0], [0.0, 50.0]]);
-        let t = square.follow(&round, 1000.0)[0];
+        let t = square.follow(&round, 1000.0, 0.0)[0];
         assert!(((t.to - t.from).abs() - 400_000.0).abs() < 1.0 && t.worst < 1.0, "{t:?}");
     }
 
@@ -254,7 +262,7 @@ mod tests {
     fn a_stroke_that_runs_back_over_itself_has_two_places_for_a_mark() {
         let s = stroke(&[[0, 0], [1000, 0], [0, 0]]);
         let places = |foot_points: &[[f64; 2]]| {
-            let mut found: Vec<[f64; 2]> = s.follow(foot_points, 1000.0).iter().map(|t| [t.from, t.to]).collect();
+            let mut found: Vec<[f64; 2]> = s.follow(foot_points, 1000.0, 0.0).iter().map(|t| [t.from, t.to]).collect();
             found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
             found
         };
@@ -271,15 +279,18 @@ mod tests {
     #[test]
     fn a_stroke_there_and_back_is_closed_and_may_begin_where_it_turns() {
         let s = stroke(&[[0, 0], [1000, 0], [0, 0]]);
-        let t =
-            s.follow(&foot_points(&[[1000.0, 0.0], [500.0, 0.0], [0.0, 0.0], [500.0, 0.0], [1000.0, 0.0]]), 1000.0)[0];
+        let t = s.follow(
+            &foot_points(&[[1000.0, 0.0], [500.0, 0.0], [0.0, 0.0], [500.0, 0.0], [1000.0, 0.0]]),
+            1000.0,
+            0.0,
+        )[0];
         assert!(((t.to - t.from).abs() - 2_000_000.0).abs() < 1.0 && t.back == 0.0, "{t:?}");
     }
 
     #[test]
     fn a_mark_that_turns_back_is_seen() {
         let s = stroke(&[[0, 0], [1000, 0]]);
-        let t = s.follow(&foot_points(&[[100.0, 0.0], [300.0, 0.0], [250.0, 0.0], [400.0, 0.0]]), 1000.0)[0];
+        let t = s.follow(&foot_points(&[[100.0, 0.0], [300.0, 0.0], [250.0, 0.0], [400.0, 0.0]]), 1000.0, 0.0)[0];
         assert!((t.back - 50_000.0).abs() < 1.0 && (t.to - 400_000.0).abs() < 1.0, "{t:?}");
     }
 }

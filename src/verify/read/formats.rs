@@ -229,9 +229,20 @@ pub(in crate::verify) fn of_frames(file: &str) -> String {
     format!("frames/{stem}-frame.{ending}")
 }
 
-/// Whether `file` is the name that `named` gives the file of that block in any format.
-pub(in crate::verify) fn is_of_block(file: &str, id: &str, named: fn(&str, &str) -> String) -> bool {
-    FORMATS.iter().any(|row| matches!(row.stepped, Some(Stepped::Blocks(files)) if file == named(id, files.ending)))
+/// The format, and its ending, of the files by which stage programs and run sheets name a block's drawing: the first of
+/// those that the job asks for; where the job cannot be had, of those that are there.
+pub(in crate::verify) fn of_drawings(
+    asked: &[Format],
+    listed: &[FileEntry],
+    blocks: &[BlockEntry],
+) -> Option<(&'static str, &'static str)> {
+    let of = |row: &'static Row| match row.stepped {
+        Some(Stepped::Blocks(files)) => Some((row.name, files.ending)),
+        _ => None,
+    };
+    let row = |format: &Format| FORMATS.iter().find(|row| row.format == *format);
+    let first = asked.iter().filter_map(row).find_map(of);
+    first.or_else(|| expected(asked, listed, blocks).find_map(|(row, _)| of(row)))
 }
 
 /// The bytes of a file of the job folder, or why they cannot be had.

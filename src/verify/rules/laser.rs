@@ -22,15 +22,19 @@ const DWELL_ROUNDING: f64 = 1e-6;
 const LEAST_SETTLE: f64 = 0.05;
 const MILLISECOND: f64 = 1e-3;
 
-/// Longest waits for BUSY, s: before START, and for its rise.
+/// Waits for BUSY, s: before START, and for its rise. A longer one leaves the beam where it should not be; a shorter one
+/// ends the program although all is well.
 const BEFORE_START: f64 = 2.0;
 const FOR_RISE: f64 = 5.0;
 
 /// The dwell after which BUSY must be low once more, s.
 const BOUNCE: f64 = 0.05;
 
-/// Longest wait for the end of a block, s: of its estimate twice that, rounded up, and this.
+/// The wait for the end of a block, s: of its estimate twice that and this, rounded up.
 const FOR_END: f64 = 10.0;
+
+/// How far the estimate of the manifest may lie from that of the program, s.
+const ESTIMATE_ROUNDING: f64 = 1e-6;
 
 /// Holds the rule; the estimated times are those of the manifest, which `summary` holds.
 pub(super) fn check(stages: &[StageFile], blocks: &[BlockEntry], machine: &Machine, rule: &mut Rule) {
@@ -175,7 +179,7 @@ impl<'a> Run<'a> {
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
                 Step::OutputOff => self.off = true,
                 Step::Wait { high: false, .. } => {
-                    i = self.wait(i - 1, false, [0.0, BEFORE_START], *line);
+                    i = self.wait(i - 1, false, [BEFORE_START; 2], *line);
                     self.idle = true;
                 }
                 Step::OutputOn => i = self.fire(i, *line),
@@ -202,7 +206,7 @@ impl<'a> Run<'a> {
             self.broken(line, "START comes while the part is moved to its next set-up");
         }
         (self.off, self.idle, self.fired) = (false, false, true);
-        let i = self.wait(i, true, [0.0, FOR_RISE], line);
+        let i = self.wait(i, true, [FOR_RISE; 2], line);
         let i = match self.stage.statements.get(i) {
             Some(Statement { step: Step::OutputOff, .. }) => {
                 self.off = true;
@@ -214,7 +218,7 @@ impl<'a> Run<'a> {
             }
         };
         let estimate = self.estimates.get(self.block).copied().unwrap_or_default();
-        let times = [estimate, (2.0 * estimate + FOR_END).ceil()];
+        let times = [-ESTIMATE_ROUNDING, ESTIMATE_ROUNDING].map(|by| (2.0 * (estimate + by) + FOR_END).ceil());
         let i = self.wait(i, false, times, line);
         // A contact that bounces while it closes is low for a moment.
         match self.stage.statements.get(i).map(|s| &s.step) {
@@ -237,7 +241,7 @@ impl<'a> Run<'a> {
             Some(Step::Wait { high, seconds }) if *high == wanted => {
                 if !(least..=most).contains(seconds) {
                     let at = statements[i].line;
-                    let text = format!("the wait for BUSY {level} lasts {seconds} s, and not {least} s to {most} s");
+                    let text = format!("the wait for BUSY {level} lasts {seconds} s, and not {most} s");
                     self.broken(at, text);
                 }
             }

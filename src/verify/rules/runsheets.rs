@@ -3,7 +3,6 @@
 //! stand the part's place and the pens. Numbers agree to the decimals that they are written with. One violation per
 //! block.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::times;
@@ -14,7 +13,8 @@ use crate::program::{Block, Pen};
 use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
-use crate::verify::read::manifest::{BlockEntry, Manifest};
+use crate::verify::read::formats;
+use crate::verify::read::manifest::Manifest;
 use crate::verify::read::program::ProgramFile;
 use crate::verify::read::runsheet::{self, Sheet, Table};
 use crate::verify::read::{Fault, number};
@@ -27,8 +27,7 @@ const DECIMALS: [i32; 2] = [4, 6];
 
 /// Holds the run sheets that are there against the program.
 pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
-    let entries = manifest.blocks.iter().map(|e| (e.id.as_str(), e)).collect();
-    let mut sheets = Sheets { manifest, entries, file, facts, rule };
+    let mut sheets = Sheets { manifest, file, facts, rule };
     if let Some(table) = sheets.read(folder, "runsheet.csv", runsheet::csv) {
         let columns = Columns {
             names: CSV,
@@ -103,7 +102,6 @@ fn pens_of(file: &ProgramFile, block: &Block) -> impl Iterator<Item = usize> {
 
 struct Sheets<'a> {
     manifest: &'a Manifest,
-    entries: BTreeMap<&'a str, &'a BlockEntry>,
     file: &'a ProgramFile,
     facts: &'a JobFacts,
     rule: &'a mut Rule,
@@ -169,10 +167,9 @@ impl Sheets<'_> {
             number::nm_from_decimal(cell.as_bytes())
                 .is_some_and(|found| 2 * (found - nm).abs() <= 10i64.pow((6 - place) as u32))
         };
-        // Any one of the block's own files; none where it has none.
-        let entry = self.entries.get(id).copied();
-        let is_own =
-            |e: &BlockEntry| e.files.is_empty() && drawing.is_empty() || e.files.values().any(|f| f == drawing);
+        // Of the block's own files that which the stage programs name; none where it has none.
+        let drawings = formats::of_drawings(&self.facts.formats, &self.manifest.files, &self.manifest.blocks);
+        let own = drawings.map_or_else(String::new, |(_, ending)| formats::of_block(id, ending));
         let program = &self.file.program;
         let mm: f64 = program.strokes_of(block).iter().map(|s| times::marked_mm(program, s)).sum();
         let marking = times::marking(program, block, &self.facts.machine);
@@ -180,7 +177,7 @@ impl Sheets<'_> {
             ("name", name == id),
             ("stage target", is_at(x, block.stage[0]) && is_at(y, block.stage[1]) && is_at(z, block.stage[2])),
             ("focus (lpfl)", is_at(focus, block.stop.focus.0)),
-            ("drawing", entry.map_or(drawing.is_empty(), is_own)),
+            ("drawing", drawing == own),
             ("number of strokes", strokes.parse() == Ok(block.strokes.len())),
             ("mark length", is_written(marks, mm, length)),
             ("time", is_written(time, marking.total(), seconds)),

@@ -24,6 +24,8 @@ pub(in crate::verify) struct StageFile {
     /// Whether it shows frames: it then never fires, and goes to registration points too.
     pub(super) is_frames: bool,
     pub(super) statements: Vec<Statement>,
+    /// The ending of the drawings that it names; None where there are none.
+    drawings: Option<&'static str>,
     /// Blocks that comments name in addition to those that begin a block, each with its line.
     names: Vec<(usize, String)>,
     /// Numbers of lines.
@@ -45,12 +47,13 @@ pub(super) fn read(
     rule: &mut Rule,
 ) -> Vec<StageFile> {
     let mut out = Vec::new();
+    let drawings = formats::of_drawings(&facts.formats, &manifest.files, &manifest.blocks).map(|(_, ending)| ending);
     for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
         let Stepped::Stage { file, handshake, read } = files else { continue };
         let name = if is_frames { formats::of_frames(file) } else { file.to_owned() };
         match formats::bytes(folder, &name).map(|bytes| read(&bytes)) {
             Ok(Ok(Program { statements, names, numbers })) => {
-                out.push(StageFile { name, handshake, is_frames, statements, names, numbers });
+                out.push(StageFile { name, handshake, is_frames, statements, drawings, names, numbers });
             }
             Ok(Err(fault)) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
             Err(unread) => rule.broken("", name, unread),
@@ -123,6 +126,7 @@ pub(super) fn agreement(
         units(stage, rule);
         offsets(stage, machine, rule);
         dialect(stage, machine, rule);
+        axes(stage, machine, rule);
         first_lifts(stage, machine, rule);
         names(stage, rule);
         numbers(stage, rule);
@@ -200,6 +204,19 @@ fn dialect(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
             _ => continue,
         };
         return rule.broken("", stage.place(s.line), fault);
+    }
+}
+
+/// Only axes that the machine has are moved: a control stops at the word of another, in the middle of the job.
+fn axes(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
+    let letters: Vec<usize> = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| 3 + axis.letter as usize).collect();
+    for moved in Positions::of(stage) {
+        rule.checked += 1;
+        let other = (3..6).find(|axis| moved.to[*axis].is_some() && !letters.contains(axis));
+        if let Some(axis) = other {
+            let text = format!("the machine has no axis {}", ['A', 'B', 'C'][axis - 3]);
+            return rule.broken(moved.block, stage.place(moved.line), text);
+        }
     }
 }
 
@@ -362,8 +379,8 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             );
         }
         let named = if stage.is_frames { formats::of_frame } else { formats::of_block };
-        if drawing.as_ref().is_some_and(|name| !formats::is_of_block(name, id, named)) {
-            rule.broken(id, stage.place(s.line), "it names the drawing of another block");
+        if *drawing != stage.drawings.map(|ending| named(id, ending)) {
+            rule.broken(id, stage.place(s.line), "it does not name the drawing of its block");
         }
         let is_next = file.origins.len() > 1 && setup != Some(block.setup);
         setup = Some(block.setup);

@@ -1,6 +1,7 @@
 //! Mutants of what the operator reads, of the way between blocks, and of the figures of the manifest.
 
 use super::*;
+use crate::verify::tests::broken;
 
 /// Changes the text of a file of the written folder, renews its hash, and verifies.
 fn edited(bench: &Bench, name: &str, change: impl FnOnce(&str) -> String) -> Proof {
@@ -177,7 +178,9 @@ fn summary_reports_wrong_times_slopes_dose_and_bound() {
         verified(&target)
     };
     let scaled = |v: &mut serde_json::Value, by: f64| *v = (v.as_f64().expect("a number") * by).into();
-    assert_only("summary", &wrong(&|m| scaled(&mut m["blocks"][3]["time_s"], 3.0)));
+    // The waits of the stage program follow from it.
+    let slow = wrong(&|m| scaled(&mut m["blocks"][3]["time_s"], 3.0));
+    assert_eq!(broken(&slow), ["laser", "summary"], "{}", slow.to_text());
     assert_only("summary", &wrong(&|m| scaled(&mut m["blocks"][3]["jump_mm"], 1.001)));
     for key in ["incidence_deg", "stretch", "dose"] {
         for k in 0..2 {
