@@ -71,6 +71,8 @@ struct BeamHit {
     /// It comes to the part from the side, at a step or at the border, below the sheet that begins there.
     aside: bool,
     doubt: Doubt,
+    /// How far beside it a beam meets the sheet that passes by it at a distance of 1.
+    runs: f64,
 }
 
 /// How far focal offset (nm), angle (rad) and place (nm) of a hit may be off where corners of facets are welded.
@@ -218,7 +220,8 @@ impl<'a> MarkChecker<'a> {
         // A mark along an edge: either side of it will do.
         for side in [0.0, self.edge, -self.edge] {
             let doubt = Doubt::default();
-            let (mut bare, mut worst) = (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false, doubt });
+            let (mut bare, mut worst) =
+                (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false, doubt, runs: 0.0 });
             let edge = self.edge;
             let shifted = line.part([0.0, line.len], side);
             self.geometry.along(&shifted, &mut self.scratch, |piece| {
@@ -291,7 +294,10 @@ impl<'a> MarkChecker<'a> {
             let shift = [s * x - t * y, s * y + t * x];
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
             let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
-            let hit = BeamHit { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
+            let mut hit = BeamHit { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
+            if self.geometry.weld() > 0.0 {
+                hit.doubt.xy += met.runs * s.hypot(t);
+            }
             if is_sure(&hit) {
                 return Some(hit);
             }
@@ -344,8 +350,10 @@ impl<'a> MarkChecker<'a> {
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
         // A sheet that is higher by some height is met that much earlier along the beam.
-        doubt.xy = doubt.off * normal[2] / cos * up[0].hypot(up[1]);
-        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside, doubt })
+        let by_height = normal[2] / cos * up[0].hypot(up[1]);
+        doubt.xy = doubt.off * by_height;
+        let runs = sheet.slope2.sqrt() * by_height;
+        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside, doubt, runs })
     }
 }
 

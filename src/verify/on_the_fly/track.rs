@@ -164,7 +164,6 @@ impl Stroke {
         mut forward: Option<bool>,
         loose: f64,
     ) -> Trace {
-        let behind_by = BEHIND + 2.0 * loose;
         let mut trace = Trace { from, to: from, worst: off, at: foot_points[0], back: 0.0 };
         for pair in foot_points.windows(2) {
             let (before, hit) = (pair[0], pair[1]);
@@ -175,12 +174,12 @@ impl Stroke {
             let of = |n: Option<(f64, f64)>| n.map_or(f64::INFINITY, |n| n.1);
             // The mark keeps its way: it has turned back only where what lies behind is nearer by more than rounding.
             let goes = match forward {
-                Some(true) => of(ahead) <= of(behind) + behind_by,
-                Some(false) => of(ahead) + behind_by < of(behind),
+                Some(true) => of(ahead) <= of(behind) + BEHIND,
+                Some(false) => of(ahead) + BEHIND < of(behind),
                 None => of(ahead) <= of(behind),
             };
             let Some((to, off)) = (if goes { ahead.or(behind) } else { behind.or(ahead) }) else { continue };
-            if forward.is_none() && (to - trace.from).abs() > 10.0 * behind_by {
+            if forward.is_none() && (to - trace.from).abs() > 10.0 * BEHIND {
                 forward = Some(to > trace.from);
             }
             // Against its way: that is marked twice.
