@@ -350,10 +350,11 @@ impl<'a> MarkChecker<'a> {
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
         // A sheet that is higher by some height is met that much earlier along the beam.
-        let by_height = normal[2] / cos * up[0].hypot(up[1]);
-        doubt.xy = doubt.off * by_height;
-        let runs = sheet.slope2.sqrt() * by_height;
-        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside, doubt, runs })
+        let lean = sin.atan2(cos);
+        let slope = sheet.slope2.sqrt() + if doubt.off > 0.0 { self.geometry.slope_doubt(&sheet) } else { 0.0 };
+        let by_height = normal[2] / (lean + doubt.lean).cos().max(0.1) * up[0].hypot(up[1]);
+        doubt.xy = if doubt.off > 0.0 { self.geometry.z_tolerance(slope * slope) * by_height } else { 0.0 };
+        Some(BeamHit { xy: [p[0], p[1]], off, lean, aside, doubt, runs: slope * by_height })
     }
 }
 
