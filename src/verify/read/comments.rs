@@ -9,7 +9,7 @@ use super::Fault;
 const FURTHER: &str = "... ";
 
 /// Sentences of stepped programs; `*` stands for names and figures.
-const STEPPED: [&str; 15] = [
+const STEPPED: [&str; 14] = [
     "terrace: stage program for LinuxCNC, absolute, mm",
     "terrace: stage program with stops, absolute, mm, dwell in s",
     "terrace: registration points and frames of the outline, absolute, mm",
@@ -24,7 +24,6 @@ const STEPPED: [&str; 15] = [
     "at every M0 show the frame named with the pilot laser, then press cycle start",
     "at registration points the head is lifted: the spot is large, judge its centre",
     "not a safety system: the laser needs its own interlock",
-    "PASS #",
 ];
 
 /// Sentences of on-the-fly programs, with what their figures are.
@@ -174,7 +173,7 @@ mod tests {
         assert_eq!(known(&["machine: \"a mill (1)\""]), [(1, "machine: \"a mill (1)\"".to_owned())]);
         for lines in [
             &["machine: \"a mill, 1\""][..],
-            &["output off before every move and at the end, a wait that", "... times out ends the program", "PASS 2"],
+            &["output off before every move and at the end, a wait that", "... times out ends the program"],
             &[
                 "machine: \"aaaaaaaaaaaaaaaaaaaaa",
                 "... aaaaaa\"",
@@ -183,12 +182,10 @@ mod tests {
         ] {
             assert_eq!(known(lines), [], "{lines:?}");
         }
-        for lines in
-            [&["LOGOPEN,f"][..], &["machine: \"x\"", "... LOGOPEN,f"], &["... machine: \"x\""], &["PASS x"], &["x"]]
-        {
+        for lines in [&["LOGOPEN,f"][..], &["machine: \"x\"", "... LOGOPEN,f"], &["... machine: \"x\""], &["x"]] {
             assert_eq!(known(lines).len(), 1, "{lines:?}");
         }
-        assert_eq!(known(&["abort, x", "PASS 1", "PRINT,1"]).len(), 2);
+        assert_eq!(known(&["abort, x", "PRINT,1"]).len(), 2);
         assert_eq!(on_the_fly("pen 1: \"fine, (?)\", 800 mm/s, 50 percent at 60 kHz"), None);
         assert_eq!(on_the_fly("pen 1: \"f"), None, "cut too short");
         for (text, kind, figures) in [

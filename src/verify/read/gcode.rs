@@ -18,6 +18,8 @@ pub(in crate::verify) enum Step {
     Setup(u32),
     /// The comment that begins a stop at a registration point, with its number in the set-up.
     Registration(usize),
+    /// The comment that begins a pass, with its number.
+    Pass(u32),
     /// The comment that states the shift of the zoom optic, nm.
     FocusShift(i64),
     /// The comment that states the z to lift to first where the program is begun here, nm.
@@ -176,6 +178,8 @@ fn statement(comment: &str) -> Option<Step> {
         Some(numbers.map_or_else(unknown, |(number, _)| Step::Setup(number)))
     } else if let Some(rest) = comment.strip_prefix("REGISTRATION ") {
         Some(rest.parse().map_or_else(|_| unknown(), Step::Registration))
+    } else if let Some(rest) = comment.strip_prefix("PASS ") {
+        Some(rest.parse().map_or_else(|_| unknown(), Step::Pass))
     } else if let Some(rest) = comment.strip_prefix("FOCUS SHIFT ") {
         Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::FocusShift))
     } else {

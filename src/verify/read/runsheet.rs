@@ -124,14 +124,23 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
     let mut out = Sheet::default();
     let mut part = "";
     let (mut pass, mut setup, mut lift) = (1, None, None);
+    let (mut before, mut has_pens) = ("", false);
+    let mut headings: Vec<&str> = Vec::new();
     for (i, line) in text(bytes)?.lines().enumerate() {
         let fault = |what: &str| Fault::new(i + 1, what);
+        if !line.is_empty() && line == std::mem::replace(&mut before, line) {
+            return Err(fault("stands there twice"));
+        }
         // Headings in capitals part the sheet; what a part does not know is text for people.
         if let Some(head) = HEADINGS.into_iter().find(|h| line.starts_with(h)) {
             let note = &line[head.len()..];
             if let Some((_, notes)) = NOTES.iter().find(|(of, notes)| *of == head && !notes.contains(&note)) {
                 return Err(fault(&format!("is not the heading {head}{}", notes[0])));
             }
+            if headings.contains(&head) {
+                return Err(fault("is a heading that was before"));
+            }
+            headings.push(head);
             part = head;
             continue;
         }
@@ -179,7 +188,7 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
                 once(out.in_all.is_none())?;
                 out.in_all = Some(time.trim_end_matches(';').to_owned());
             }
-            ("PENS", PEN_COLUMNS) if out.pens.is_empty() => {}
+            ("PENS", PEN_COLUMNS) if !has_pens => has_pens = true,
             // A line of the head that is read is known to the last word.
             ("", ["size" | "machine", ..] | ["part", "zero" | "laid" | "turn", ..]) => {
                 return Err(fault("cannot be read"));
@@ -188,7 +197,7 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
                 let found = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());
                 out.dwells.push(found.ok_or_else(|| fault("the dwell of a pen is not a number"))?);
             }
-            ("PENS", [number, ..]) if number.parse::<u32>().is_ok() => out.pens.push(cells(line, 6)),
+            ("PENS", [number, ..]) if has_pens && number.parse::<u32>().is_ok() => out.pens.push(cells(line, 6)),
             ("SET-UPS", ["SET-UP", number, "OF", count, "part", "zero", x, y, z, "blocks", blocks @ ..]) => {
                 let zero = axes(&[x, y, z]).filter(|zero| zero.len() == 3);
                 let numbers = number.parse().ok().zip(count.parse().ok());
@@ -203,7 +212,9 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
                 let ((point, at), setup) = found.ok_or_else(|| fault("a registration point cannot be read"))?;
                 setup.points.push([point, at]);
             }
-            ("BLOCKS", ["block", ..]) => out.blocks.columns = cells(line, usize::MAX),
+            ("BLOCKS", ["block", ..]) if out.blocks.columns.is_empty() => {
+                out.blocks.columns = cells(line, usize::MAX);
+            }
             ("BLOCKS", ["PASS", number]) => pass = number.parse().map_err(|_| fault("the pass has no number"))?,
             ("BLOCKS", ["LIFT", "to", z, "then", "go", "to", id]) => {
                 let z = z.strip_prefix('Z').and_then(|z| z.strip_suffix(',')).and_then(|z| z.parse().ok());

@@ -116,7 +116,7 @@ impl<'a> Run<'a> {
 
     /// The stop at which the part is moved; answers whether it is one.
     fn is_moved(&mut self, line: usize) -> bool {
-        if self.part == Part::Lies {
+        if self.part != Part::Moves {
             return false;
         }
         if !self.off {
@@ -172,7 +172,7 @@ impl<'a> Run<'a> {
             match step {
                 Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
-                Step::FocusShift(_) | Step::EntryLift(_) => {}
+                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) => {}
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
@@ -273,7 +273,7 @@ impl<'a> Run<'a> {
                     return k + 1;
                 }
                 Step::OutputOff => off = true,
-                Step::End => stops |= off,
+                Step::End if !stops => stops = off,
                 other => {
                     self.broken(s.line, format!("{} is not expected in this branch", name(other)));
                     return k;
@@ -296,7 +296,7 @@ impl<'a> Run<'a> {
             match step {
                 Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
-                Step::FocusShift(_) | Step::EntryLift(_) => {}
+                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) => {}
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
@@ -311,7 +311,12 @@ impl<'a> Run<'a> {
                 Step::IfOffset(label, _) if self.stage.handshake => {
                     i = self.branch(i, *label, *line, "an active offset");
                 }
-                Step::Pause => self.fired = true,
+                Step::Pause => {
+                    if self.fired {
+                        self.broken(*line, "the program stops here, where nothing is to be done");
+                    }
+                    self.fired = true;
+                }
                 Step::End => {
                     self.end(*line);
                     ended = true;
@@ -339,6 +344,7 @@ fn name(step: &Step) -> String {
         Step::Block(..) => "a block".into(),
         Step::Setup(_) => "a set-up".into(),
         Step::Registration(_) => "a registration point".into(),
+        Step::Pass(_) => "a pass".into(),
         Step::FocusShift(_) => "a focus shift".into(),
         Step::EntryLift(_) => "a lift to begin with".into(),
         Step::Modal(_) => "a modal word".into(),

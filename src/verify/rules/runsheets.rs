@@ -193,7 +193,10 @@ impl Sheets<'_> {
         let is = |name: &str, value: i64| cell(name).is_none_or(|c| number::integer(c.as_bytes()) == Some(value));
         let [column, line] = block.stop.section.0.map(i64::from);
         let jump = times::jump_mm(&self.file.program, block);
-        let shift = cell("focus_shift_mm").or_else(|| cell("SHIFT"));
+        let (shift, shift_decimals) = match cell("focus_shift_mm") {
+            Some(cell) => (Some(cell), 6),
+            None => (cell("SHIFT"), 4),
+        };
         [
             ("section", is("column", column) && is("row", line)),
             ("section", cell("section").is_none_or(|c| c == format!("{column},{line}"))),
@@ -202,7 +205,9 @@ impl Sheets<'_> {
             ("set-up", is("setup", i64::from(block.setup.0) + 1)),
             (
                 "focus shift",
-                shift.map_or(self.facts.machine.zoom.is_none(), |c| is_written(c, block.focus_shift.mm(), 4)),
+                shift.map_or(self.facts.machine.zoom.is_none(), |c| {
+                    is_written(c, block.focus_shift.mm(), shift_decimals)
+                }),
             ),
             ("jump length", cell("jump_mm").is_none_or(|c| is_written(c, jump, 3))),
         ]

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::stage_text;
 use crate::geom::{Nm, mm_from_nm};
 use crate::machine::{Axis, Dialect, Machine};
-use crate::program::Block;
+use crate::program::{Block, PassId};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::formats::{self, Stepped};
@@ -155,7 +155,7 @@ fn units(stage: &StageFile, rule: &mut Rule) {
 /// no tool length, the one for LinuxCNC ends where a parameter says that there is an offset, the other switches G92 off.
 fn offsets(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
     rule.checked += 1;
-    let (mut modes, mut tested) = (Vec::new(), Vec::new());
+    let (mut modes, mut tested): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
     for s in &stage.statements {
         match &s.step {
             Step::Modal(codes) => modes.extend(codes),
@@ -163,6 +163,21 @@ fn offsets(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
             Step::Move(_) => break,
             _ => {}
         }
+    }
+    // The last, G54 and what follows it, have messages of their own.
+    let wanted: &[u32] = if stage.handshake {
+        &[210, 900, 940, 170, 400, 490, 800, 611, 540]
+    } else {
+        &[210, 900, 940, 170, 400, 800, 540, 490, 921]
+    };
+    let is_mach = !stage.handshake && machine.controller.dialect == Dialect::Mach;
+    if !modes.iter().eq(wanted.iter().chain(is_mach.then_some(&690))) {
+        let missing = wanted.iter().find(|code| !modes.contains(code));
+        let text = missing.map_or_else(
+            || "its modes are not those of its dialect, each once".to_owned(),
+            |code| format!("it moves the stage without G{}", f64::from(*code) / 10.0),
+        );
+        rule.broken("", &stage.name, text);
     }
     let mut broken = |what: &str| rule.broken("", &stage.name, format!("the stage moves before {what}"));
     if !modes.contains(&540) || !modes.contains(&490) {
@@ -300,7 +315,8 @@ fn registration(stage: &StageFile, manifest: &Manifest, file: &ProgramFile, mach
                 rule.checked += 1;
                 let letters = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| axis.letter as usize);
                 let is_upright = letters.into_iter().all(|letter| at[3 + letter] == Some(0));
-                if wanted.next() != Some((number, [at[0], at[1]])) || !is_upright {
+                let here = std::mem::replace(&mut at, [None; 6]);
+                if wanted.next() != Some((number, [here[0], here[1]])) || !is_upright {
                     let text = format!("the stop at registration point {number} is not that of the manifest");
                     rule.broken("", stage.place(s.line), text);
                 }
@@ -326,8 +342,9 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
     // The axes that were sent since the operator may have moved them.
     let mut sent = [false; 6];
     let mut blocks = file.ids.iter().zip(&file.program.blocks);
-    // The set-up that begins before the next block, and the one that was marked last.
+    // The set-up that begins before the next block, and the one that was marked last; the same of the pass.
     let (mut begins, mut setup, mut by_hand) = (None, None, false);
+    let (mut pass_begins, mut pass) = (None, PassId(0));
     let mut rest = stage.statements.iter().peekable();
     while let Some(s) = rest.next() {
         let (id, drawing) = match &s.step {
@@ -342,6 +359,10 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             }
             Step::Registration(_) => {
                 by_hand = true;
+                continue;
+            }
+            Step::Pass(number) => {
+                pass_begins = Some(*number);
                 continue;
             }
             Step::Pause if by_hand => {
@@ -387,6 +408,10 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         if begins.take() != is_next.then_some(block.setup.number()) {
             rule.broken(id, stage.place(s.line), "it does not begin a set-up here as in program.txt");
         }
+        let is_next = std::mem::replace(&mut pass, block.pass) != block.pass;
+        if pass_begins.take() != is_next.then_some(block.pass.number()) {
+            rule.broken(id, stage.place(s.line), "it does not begin a pass here as in program.txt");
+        }
         let heading: Vec<&Step> =
             std::iter::from_fn(|| rest.next_if(|n| n.step.is_before_moves())).map(|n| &n.step).collect();
         let from = at;
@@ -414,6 +439,10 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
     }
     if let Some((id, _)) = blocks.next() {
         rule.broken(id, &stage.name, "this block is missing");
+    }
+    let sign = machine.stage.z.sign();
+    if at[2].is_none_or(|z| sign * z < sign * machine.retract_z().0) {
+        rule.broken("", &stage.name, "the stage is not lifted at the end");
     }
 }
 

@@ -47,6 +47,9 @@ pub(super) struct Made {
     pub(super) strokes: Vec<(PenId, Vec<P2>)>,
     pub(super) blocks: Vec<MadeBlock>,
     pub(super) summary: Value,
+    /// How many strokes are cut, and how many figures are marked whole.
+    pub(super) strokes_cut: usize,
+    pub(super) figures_whole: usize,
     /// Facets, corners in mm.
     pub(super) facets: Vec<[[f64; 3]; 3]>,
     /// Mean and least cosine of the incidence under the marks of a block.
@@ -101,6 +104,8 @@ impl Made {
         strokes.push((PenId(1), vec![p(25.0, 5.0), p(30.0, 5.0), p(30.0, 9.0), p(25.0, 9.0), p(25.0, 5.0)]));
         let blocks = (0..4).map(|k| block(k, &strokes)).collect();
         let mut made = Self {
+            strokes_cut: 9,
+            figures_whole: 1,
             facts,
             origin: Origin([-40 * MM, -10 * MM, 0]),
             strokes,
@@ -137,7 +142,7 @@ impl Made {
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
             "loading": {"way": "run", "assumed": false, "load_s": 0.0, "load_assumed": false, "total_s": time.total}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time,
-            "passes": 1, "strokes_cut": 9, "figures_whole": 1, "figures_cut": 0,
+            "passes": 1, "strokes_cut": self.strokes_cut, "figures_whole": self.figures_whole, "figures_cut": 0,
             "dots": {"texture": 0, "marked": 0, "off_part": 0, "steep": 0}, "worst_incidence_deg": incidence_deg,
         });
     }

@@ -28,6 +28,7 @@ fn dome() -> Made {
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
     made.cosines = cosines;
+    (made.strokes_cut, made.figures_whole) = (4500, 0);
     (made.facts.pdof, made.facts.depth_range) = (Nm(90_000_000), Nm(90_000_000));
     made.origin = Origin([-225 * MM, -225 * MM, 0]);
     made.strokes = (0..4500)
