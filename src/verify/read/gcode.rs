@@ -335,6 +335,7 @@ mod tests {
         let text = "(PASS 1)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 FILE x.dxf)\nG0 Z5\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
             M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY, block B0002)\nM2\no101 endif\nM30\n";
         let expected = [
+            Step::Pass(1),
             Step::Modal(vec![210, 900, 611]),
             Step::OutputOff,
             Step::Block("B0001".into(), Some("x.dxf".into())),
@@ -350,7 +351,7 @@ mod tests {
         ];
         assert_eq!(steps(text), expected);
         let read = read(text.as_bytes()).expect("text");
-        assert_eq!((read.statements[2].line, read.names), (4, vec![(11, "B0002".to_owned())]));
+        assert_eq!((read.statements[3].line, read.names), (4, vec![(11, "B0002".to_owned())]));
     }
 
     #[test]
