@@ -119,7 +119,7 @@ impl Sheets<'_> {
         let mut t = format!(
             "size       0 x 0 x 0 mm as it is laid\nmachine    {}\npart zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table \
              frame\nzero  X Y Z of the stage are from the zero of the table frame; in stage.ngc that is the machine's zero; \
-             in stage_m0.nc it is the zero of G54\nloading    terrace run loads and starts {} blocks\nin all     {}:{:02}:{:02}\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n",
+             in stage_m0.nc it is the zero of G54\nloading    terrace run loads and starts {} blocks\nin all     {}:{:02}:{:02}\npart turn  0 deg about z\n\nPENS (the files of the job carry these values)\n  no  speed mm/s  power               frequency kHz  passes  name\n",
             self.machine.name,
             self.program.blocks.len(),
             whole / 3600,
