@@ -421,6 +421,14 @@ fn a_scan_card_is_started_and_watched_and_one_that_does_not_answer_stops_the_run
         assert!(!shell.control().start);
         assert_eq!(starts(&shell), before + usize::from(!is_high), "{card:?}");
     }
+    // One that a run has started which was then killed: it is about to mark.
+    std::fs::remove_file(&journal).expect("removed");
+    shell.control().card = Card::Works;
+    let now = shell.control().clock.now();
+    shell.control().marks = Marks { on: vec![[now + 2.0, now + 4.0]], ..Marks::default() };
+    let moved = moves(&shell);
+    assert_ended(&bench.run(&["--arm"]), 1, &["run-busy", "before START"]);
+    assert_eq!(moves(&shell), moved);
     bench.run_file("driver = \"manual\"", "driver = \"handshake\"");
     assert_ended(&bench.run(&[]), 2, &["run-handshake"]);
 }

@@ -44,7 +44,7 @@ const STALLED: Duration = Duration::from_secs(10);
 /// How much nearer to its target an axis must come to count as moving, millionths of mm or degrees.
 const NEARER: i64 = 1_000;
 
-/// How long BUSY may take to rise, as in the stage program.
+/// How long BUSY may take to rise after START, as in the stage program.
 const RISE: Duration = Duration::from_secs(5);
 
 /// How far an axis may stand from its target where the run file does not say, nm or millionths of a degree.
@@ -237,7 +237,9 @@ impl LinuxCnc {
 
     /// START, BUSY, and what came of them.
     fn exchange(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
-        self.card_is_idle(interrupt)?;
+        if self.input(interrupt)? != 0 {
+            return Err(busy("BUSY of the scan card is on before START"));
+        }
         let queue = ["G4 P0.6", "M64 P0", "M66 P0 L3 Q5", "#<_terrace>=[#5399+1]", "M65 P0"];
         self.is_started = true;
         for code in queue {
@@ -352,7 +354,12 @@ impl Stage for LinuxCnc {
 
     fn card_is_idle(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
         self.interrupt = interrupt.clone();
-        if self.input(interrupt)? != 0 { Err(busy("BUSY of the scan card is on before START")) } else { Ok(()) }
+        self.mdi(&format!("M66 P0 L3 Q{}", RISE.as_secs()))?;
+        self.answer("#5399+1")?;
+        match self.answered(RISE + ANSWER, interrupt)? {
+            0 => Ok(()),
+            _ => Err(busy("BUSY of the scan card is on before START")),
+        }
     }
 
     fn hand_over(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {

@@ -53,10 +53,11 @@ pub trait Stage {
         let _ = block;
     }
 
-    /// Makes sure that BUSY of the scan card is off.
+    /// Makes sure that BUSY of the scan card is off, and that no START of before, such as that of a run which was killed,
+    /// still raises it. Nothing has moved yet.
     ///
     /// # Errors
-    /// Where it is on. Controls without such an input refuse.
+    /// Where it is on or rises. Controls without such an input refuse.
     fn card_is_idle(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
         let _ = interrupt;
         Err(no_handshake())
