@@ -37,7 +37,7 @@ macro_rules! quantity {
             fn from_str(text: &str) -> Result<Self, String> {
                 let (number, unit) = number_and_unit(text, $what, $example)?;
                 match unit {
-                    $($unit => Ok(Self(number * $factor)),)+
+                    $($unit => Ok(Self(in_base(number, $factor))),)+
                     "" => Err(format!(
                         "{} {text:?} has no unit; write it as {:?}", $what, $example)),
                     other => Err(format!(
@@ -175,6 +175,13 @@ impl Share {
     }
 }
 
+/// A number of units, each `factor` base units. Parts of the base unit divide, so that 200 us are 0.0002 s to the last
+/// digit.
+fn in_base(number: f64, factor: f64) -> f64 {
+    let parts = (1.0 / factor).round();
+    if factor < 1.0 && (parts * factor - 1.0).abs() < 1e-12 { number / parts } else { number * factor }
+}
+
 impl Length {
     /// A length of `v` mm.
     pub const fn mm(v: f64) -> Self {
@@ -182,7 +189,7 @@ impl Length {
     }
     /// A length of `v` µm.
     pub const fn um(v: f64) -> Self {
-        Self(v * 1e-3)
+        Self(v / 1e3)
     }
     /// The length in mm.
     pub const fn as_mm(self) -> f64 {
@@ -216,7 +223,7 @@ impl Time {
     }
     /// A duration of `v` µs.
     pub const fn us(v: f64) -> Self {
-        Self(v * 1e-6)
+        Self(v / 1e6)
     }
     /// The duration in s.
     pub const fn as_s(self) -> f64 {
@@ -495,6 +502,10 @@ mod tests {
             let l: Length = text.parse().expect(text);
             assert!((l.as_mm() - mm).abs() < 1e-12, "{text}");
         }
+        for (text, seconds) in [("200 us", "0.0002 s"), ("3 ms", "0.003 s"), ("0.3 us", "0.0000003 s")] {
+            assert_eq!(text.parse::<Time>().expect(text).to_string(), seconds);
+        }
+        assert_eq!("6100 mm/min".parse::<Speed>().expect("mm/min").to_string(), format!("{} mm/s", 6100.0 / 60.0));
         assert!(("90 deg".parse::<Angle>().expect("deg").as_rad() - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
         let thirty: Angle = "30 deg".parse().expect("deg");
         assert_eq!((thirty.as_deg(), thirty.to_string()), (30.0, "30 deg".to_owned()));
