@@ -20,6 +20,9 @@ type Layer = [i64; 4];
 /// Elements of a setting, each once.
 const KNOWN: [&str; 8] = ["index", "name", "maxPower", "maxPower2", "speed", "frequency", "numPasses", "priority"];
 
+/// The first line.
+const DECLARATION: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+
 /// Attributes of the project.
 const PROJECT: [(&str, &str); 5] = [
     ("AppVersion", "1.4.00"),
@@ -44,6 +47,9 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
     let (x, y) = if of.machine.scanner.swap_xy { (field[1], field[0]) } else { (field[0], field[1]) };
     let middle = [x, y].map(|size| (size.as_mm() * 5e5).round() as i64);
     let text = printable(bytes)?;
+    if !text.starts_with(DECLARATION) {
+        return Err(Fault::new(1, format!("does not begin with {}", DECLARATION.trim_end())));
+    }
     let document = Document::parse(text).map_err(|e| Fault::new(e.pos().row as usize, e.to_string()))?;
     let fault = |node: &Node<'_, '_>, what: &str| {
         Fault::new(document.text_pos_at(node.range().start).row as usize, what.to_owned())

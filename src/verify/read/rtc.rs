@@ -3,7 +3,7 @@
 //! Consumes the text line by line; hands over each stroke in file order, in bits, with the settings that the list has
 //! set. Settings do not outlive their list. Anything that is not known is a fault with its line.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::comments::printable;
 use super::number::{integer, millionths};
@@ -73,6 +73,8 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
     };
     let (mut lists, mut open, mut commands, mut strokes) = (0, false, 0, 0);
     let mut set: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
+    // Those that were set since the last stroke.
+    let mut fresh: BTreeSet<usize> = BTreeSet::new();
     let mut points: Vec<[i64; 2]> = Vec::new();
     let mut dwell: Option<i64> = None;
     for (number, line) in (4..).zip(rest.lines()) {
@@ -93,6 +95,7 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
             }
             visit(FileStroke { pen: None, points: &points, settings: &settings });
             strokes += 1;
+            fresh.clear();
             points.clear();
             dwell = None;
         }
@@ -105,6 +108,9 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
                 (lists, open, commands, strokes) = (lists + 1, true, 0, 0);
             }
             ["end"] if open && strokes == 0 => return Err(fault("the list marks nothing".into())),
+            ["end"] if open && !fresh.is_empty() => {
+                return Err(fault("a setting is set and nothing marked with it".into()));
+            }
             ["end"] if open => {
                 open = false;
                 set.clear();
@@ -121,6 +127,9 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
                     if name.ends_with("speed") { millionths(v.as_bytes()) } else { integer(v.as_bytes()) }
                 };
                 let values: Option<Vec<i64>> = values.iter().map(number).collect();
+                if !fresh.insert(place) {
+                    return Err(fault(format!("{name} is set twice before a stroke")));
+                }
                 set.insert(place, values.ok_or_else(|| fault(format!("a value of {name} is not a number")))?);
             }
             _ => return Err(fault(format!("{line:?} is not expected here"))),
@@ -162,6 +171,8 @@ mod tests {
             ("B0001", "B0002"),
             ("list 1", "list 2"),
             ("power 2457\n", ""),
+            ("power 2457\n", "power 2457\npower 2457\n"),
+            ("end\n", "power 2457\nend\n"),
             ("power 2457", "power 2457 1"),
             ("power 2457", "power 1e3"),
             ("jump_speed 100000.5", "jump_speed 1e5"),

@@ -279,11 +279,10 @@ fn numbers(words: [&&str; 3]) -> Option<[f64; 3]> {
     Some([a, b, c])
 }
 
-/// The numbers of words such as X1.5000 and Y-2.0000, in the order X, Y, Z.
+/// The numbers of words such as X1.5000 and Y-2.0000, in the order X, Y, Z, two or three and nothing else.
 fn axes(words: &[&str]) -> Option<Vec<f64>> {
-    let value = |letter: &str, word: &&str| word.strip_prefix(letter)?.parse().ok();
-    let found: Vec<f64> = ["X", "Y", "Z"].iter().zip(words).map_while(|(l, w)| value(l, w)).collect();
-    (found.len() >= 2).then_some(found)
+    let value = |(letter, word): (&&str, &&str)| word.strip_prefix(letter)?.parse().ok();
+    (2..=3).contains(&words.len()).then(|| ["X", "Y", "Z"].iter().zip(words).map(value).collect())?
 }
 
 #[cfg(test)]

@@ -149,7 +149,7 @@ fn is_prose(name: &str, line: &str, part: &str) -> bool {
 
 /// Whether a controller does the same with other words in a line: one more time what it did before, a longer dwell, the
 /// number of a line, a comment less, the output off or at rest once less where it is off and at rest already (`laser` looks
-/// whether it is), the last figure of a time; a project without the first line of an XML file.
+/// whether it is), the last figure of a time.
 fn does_the_same(name: &str, line: &str, [old, new]: [&str; 2]) -> bool {
     let is_program = [".ngc", ".nc", ".pmc"].iter().any(|ending| name.ends_with(ending));
     let is_comment = |text: &str| text.starts_with('(') || text.starts_with("//");
@@ -157,7 +157,6 @@ fn does_the_same(name: &str, line: &str, [old, new]: [&str; 2]) -> bool {
     let is_off = begins(&["M5", "M65 P0", "G4 "]) || line.starts_with('N') && line.ends_with(['5', '0']);
     // Positions on the fly are held to a micrometre and to the limits of the axes, not to the last figure.
     let is_sample = name.starts_with("fly") && begins(&["TM", "G1 "]);
-    let is_head = name.ends_with(".lbrn2") && line.starts_with("<?xml");
     // An angle is known to more than its last figure.
     let is_pose = name.ends_with("poses.csv") && new.len() == old.len();
     // Heights of boxes are those of the marks to a nanometre; the flag of a lift says nothing of the first block.
@@ -174,7 +173,6 @@ fn does_the_same(name: &str, line: &str, [old, new]: [&str; 2]) -> bool {
     is_pose
         || is_box && (near(old, new) || is_first)
         || is_sheet && (is_blank || is_middle || near(old, new))
-        || is_head && new.is_empty()
         || is_sample && !new.contains(' ') && !old.contains(' ')
         || is_program
             && match (old.is_empty(), new.is_empty()) {
