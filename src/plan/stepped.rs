@@ -287,15 +287,16 @@ impl<'a> Draft<'a> {
             times: best.times,
             fragments: best.fragments,
             split: &best.split,
+            blocks: &best.figures,
             worst_defocus: best.worst_defocus,
             worst_defocus_mean: best.worst_defocus_mean,
             unmerged: best.unmerged.stops,
             curves,
             budget,
         };
+        let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         let energies = checked.program().line_energies(machine);
         best.figures.iter_mut().zip(energies).for_each(|(figures, energy)| figures.energy = energy);
-        let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         Ok(SteppedPlan {
             job: job.clone(),
             machine: machine.clone(),

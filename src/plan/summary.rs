@@ -9,7 +9,7 @@ use crate::job::{Job, Method};
 use crate::machine::Machine;
 use crate::manifest::{Candidate, Dots, Loading, SpaceCurves, Summary, Times};
 use crate::partition::bound::Certificate;
-use crate::program::{Block, Program};
+use crate::program::{Block, BlockFigures, Program};
 use crate::split::Fragments;
 
 /// What the best candidate is known by, all passes together.
@@ -18,6 +18,8 @@ pub(super) struct Figures<'a> {
     pub(super) times: Times,
     pub(super) fragments: usize,
     pub(super) split: &'a Fragments,
+    /// Those of every block of the program.
+    pub(super) blocks: &'a [BlockFigures],
     /// Largest distance of a mark from its focal plane.
     pub(super) worst_defocus: Nm,
     /// What it would be with every focal plane at the mean height of its marks.
@@ -72,7 +74,7 @@ pub(super) fn summary(
         jump_mm: blocks(Program::jump_mm),
         worst_defocus_um: figures.worst_defocus.f64() / 1000.0,
         worst_defocus_mean_um: figures.worst_defocus_mean.f64() / 1000.0,
-        worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
+        worst_incidence_deg: figures.blocks.iter().map(|b| b.slope.incidence_deg()[1]).fold(0.0, f64::max),
         budget: figures.budget.clone(),
         curves: figures.curves,
         time_s: figures.times,

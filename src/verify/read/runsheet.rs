@@ -128,7 +128,8 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
     let mut headings: Vec<&str> = Vec::new();
     for (i, line) in text(bytes)?.lines().enumerate() {
         let fault = |what: &str| Fault::new(i + 1, what);
-        if !line.is_empty() && line == std::mem::replace(&mut before, line) {
+        // Two inputs may be warned of in the same words.
+        if !line.is_empty() && line == std::mem::replace(&mut before, line) && !line.starts_with("WARNING ") {
             return Err(fault("stands there twice"));
         }
         // Headings in capitals part the sheet; what a part does not know is text for people.

@@ -139,13 +139,18 @@ fn along_edges(
 }
 
 impl Run {
-    /// Its first stretch, cut to this length.
+    /// What it begins with, of this length at most.
     pub(super) fn begin(&self, most: f64) -> Option<Self> {
-        let first = *self.stretches.first()?;
-        let len = first.len().min(most);
-        let stretch =
-            Stretch { d: [first.d[0], first.d[0] + len], to_end: first.to_end && len == first.len(), ..first };
-        Some(Self { stretches: vec![stretch], len })
+        let mut begin = Self { stretches: Vec::new(), len: 0.0 };
+        for &s in &self.stretches {
+            let len = s.len().min(most - begin.len);
+            begin.stretches.push(Stretch { d: [s.d[0], s.d[0] + len], to_end: s.to_end && len == s.len(), ..s });
+            begin.len += len;
+            if begin.len >= most {
+                break;
+            }
+        }
+        (begin.len > 0.0).then_some(begin)
     }
 
     /// Whether the other run lies within this one.

@@ -47,6 +47,13 @@ impl Accepted {
         Self { lo: [x[0], y[0], z[0]], hi: [x[1], y[1], z[1]], is_of_marks }
     }
 
+    /// The same with its borders so far inside, in plan and in height.
+    fn inset(self, [plan, height]: [f64; 2]) -> Self {
+        let by = [plan, plan, height];
+        let [lo, hi] = [(self.lo, 1.0), (self.hi, -1.0)].map(|(v, sign)| [0, 1, 2].map(|k| v[k] + sign * by[k]));
+        Self { lo, hi, ..self }
+    }
+
     /// Which shares of the way from `a` to `b` lie inside, where the borders in plan are `plan` wider and those of height
     /// `height`, nm.
     fn share(&self, a: P3, b: P3, plan: f64, height: f64) -> Option<[f64; 2]> {
@@ -68,12 +75,13 @@ impl Accepted {
 }
 
 impl Cover<'_> {
-    /// Whether the block of the mark before a run would have gone on: for certain it accepts how the run begins.
-    pub(super) fn would_go_on(&mut self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
+    /// Whether the block of the mark before a run would have gone on: for certain it accepts how the run begins, as far from
+    /// its border as `zone` says, in plan and in height.
+    pub(super) fn would_go_on(&mut self, mark: &Span, run: &Run, zone: [f64; 2], scratch: &mut Scratch) -> bool {
         let Some(begin) = run.begin(SURE) else { return false };
         let reach = self.geometry.reach();
         self.depth_holds && run.len > 2.0 * ROUNDED && {
-            let accepted = self.accepted(mark);
+            let accepted = self.accepted(mark).inset(zone);
             // On whichever side of the line rounding has put what lies there: a rim that the line meets at 1 deg is met
             // 60 nm further on for each nanometre aside.
             [0.0, reach, -reach].into_iter().all(|side| {
@@ -82,8 +90,9 @@ impl Cover<'_> {
         }
     }
 
-    /// Whether the block of the mark after a run would have begun with it: it may accept all of it, and for certain does
-    /// half.
+    /// Whether the block of the mark after a run would have begun with it: it may accept all of it, for certain does four
+    /// fifths, and no other block may accept all. Where another does, or more is in doubt, which stop had how the run
+    /// begins lies in the last figure of a border or of a height.
     pub(super) fn would_have_begun(&mut self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
         let reach = self.geometry.reach();
         self.depth_holds && run.len > 2.0 * ROUNDED && {
@@ -91,8 +100,18 @@ impl Cover<'_> {
             self.longest_of(mark, run, &accepted, Known::Perhaps, 0.0, scratch) > run.len - ROUNDED
                 && [0.0, reach, -reach]
                     .into_iter()
-                    .all(|side| self.longest_of(mark, run, &accepted, Known::Surely, side, scratch) > run.len / 2.0)
+                    .all(|side| self.longest_of(mark, run, &accepted, Known::Surely, side, scratch) > 0.8 * run.len)
+                && !self.is_of_another(mark, run, scratch)
         }
+    }
+
+    /// Whether a block other than that of a mark may accept all of a run.
+    fn is_of_another(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
+        let (own, window) = (self.block_of(mark.mark), self.windows[self.pass.index()]);
+        self.blocks_near(run).into_iter().filter(|&block| block != own).any(|block| {
+            let section = Accepted::section(&self.facts.raised(&self.file.program.blocks[block]), window);
+            self.longest(run, &section, Known::Perhaps, 0.0, scratch) > run.len - ROUNDED
+        })
     }
 
     /// What the block of a mark accepts.

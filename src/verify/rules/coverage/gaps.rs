@@ -126,13 +126,7 @@ impl Cover<'_> {
         if least == 0.0 {
             return false;
         }
-        let start = run.stretches.first().map(|s| self.stroke.line(s.segment).at(s.d[0])).unwrap_or_default();
-        // Sections of another pass have other borders.
-        let near = |b: &Block| {
-            let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
-            b.pass == self.pass && (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
-        };
-        (0..self.file.program.blocks.len()).filter(|&b| near(&self.file.program.blocks[b])).all(|block| {
+        self.blocks_near(run).into_iter().all(|block| {
             let section =
                 Accepted::section(&self.facts.raised(&self.file.program.blocks[block]), self.facts.section_nm);
             self.longest(run, &section, Known::AsStated, 0.0, scratch) < least
@@ -159,8 +153,19 @@ impl Cover<'_> {
             () => &beside,
         };
         let next_to = |k: usize| goes_on.get(k).copied().flatten().filter(|_| away[k] <= reach);
-        let would_go_on = next_to(0).is_some_and(|mark| self.would_go_on(&mark, run, scratch));
+        let would_go_on = next_to(0).is_some_and(|mark| self.would_go_on(&mark, run, [0.0; 2], scratch));
         !would_go_on && !next_to(1).is_some_and(|mark| self.would_have_begun(&mark, run, scratch))
+    }
+
+    /// Blocks of this pass whose sections may reach to the run.
+    pub(super) fn blocks_near(&self, run: &Run) -> Vec<usize> {
+        let start = run.stretches.first().map(|s| self.stroke.line(s.segment).at(s.d[0])).unwrap_or_default();
+        // Sections of another pass have other borders.
+        let near = |b: &Block| {
+            let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
+            b.pass == self.pass && (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
+        };
+        (0..self.file.program.blocks.len()).filter(|&b| near(&self.file.program.blocks[b])).collect()
     }
 
     /// Whether the run lies between two marks of one block that accepts how it begins: nothing cuts a mark there.
@@ -182,7 +187,13 @@ impl Cover<'_> {
         let is_next_to_both = away.iter().all(|&away| away <= reach);
         is_next_to_both
             && self.block_of(before.mark) == self.block_of(after.mark)
-            && self.would_go_on(&before, run, scratch)
+            && self.would_go_on(&before, run, self.zone(), scratch)
+    }
+
+    /// How far from the border of what a block accepts a cut may lie in a job with zones, nm: in plan, and in height, where
+    /// levels reach over each other by a quarter of the depth range at most.
+    fn zone(&self) -> [f64; 2] {
+        if self.facts.zone_nm == 0.0 { [0.0; 2] } else { [self.facts.zone_nm, self.facts.depth_range_nm() / 4.0] }
     }
 
     /// How far lengths between two marks may be off, nm.
