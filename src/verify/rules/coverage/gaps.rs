@@ -154,7 +154,10 @@ impl Cover<'_> {
         };
         let next_to = |k: usize| goes_on.get(k).copied().flatten().filter(|_| away[k] <= reach);
         let would_go_on = next_to(0).is_some_and(|mark| self.would_go_on(&mark, run, [0.0; 2], scratch));
-        !would_go_on && !next_to(1).is_some_and(|mark| self.would_have_begun(&mark, run, scratch))
+        // Between two marks of one block it is the first that counts (`parts_one_mark`).
+        let is_left = next_to(0).zip(next_to(1)).is_some_and(|(a, b)| self.block_of(a.mark) == self.block_of(b.mark));
+        let begins = next_to(1).filter(|_| !is_left);
+        !would_go_on && !begins.is_some_and(|mark| self.would_have_begun(&mark, run, scratch))
     }
 
     /// Blocks of this pass whose sections may reach to the run.
