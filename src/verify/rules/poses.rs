@@ -60,6 +60,9 @@ fn fault(
     machine: &Machine,
     [share, wide]: [f64; 2],
 ) -> Option<String> {
+    if !at.iter().chain(&turns).all(|v| v.is_finite()) {
+        return Some("the pose is not of finite numbers".into());
+    }
     let HeadPose { centre, axes } = HeadPose::of(machine, block.stage, block.stop.tilt, origin);
     let mm = |p: [f64; 3]| p.map(|v| v.round() / NM_PER_MM);
     if (0..3).any(|k| (at[k] - centre[k]).abs() > NEAR[0] + share * centre[k].abs()) {

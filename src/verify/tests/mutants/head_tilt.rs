@@ -71,12 +71,14 @@ fn poses_that_differ_from_the_commands_are_reported() {
     for column in 1..7 {
         let value: f64 = fields[column].parse().expect("a number");
         let mut changed: Vec<String> = fields.iter().map(|f| (*f).to_owned()).collect();
-        changed[column] = format!("{:.6}", value + 0.000_01);
-        let proof = sound.damaged("poses.csv", |bytes| replace(bytes, "", tilted, &changed.join(",")));
-        found("agreement", &proof);
+        for other in [format!("{:.6}", value + 0.000_01), "NaN".into(), "inf".into()] {
+            changed[column] = other;
+            let proof = sound.damaged("poses.csv", |bytes| replace(bytes, "", tilted, &changed.join(",")));
+            found("agreement", &proof);
+        }
     }
     found("agreement", &sound.damaged("poses.csv", |bytes| replace(bytes, "", &format!("{tilted}\r\n"), "")));
-    // The pose of the work plane in the OVF, written by a compiler that takes the axes to be others than they are.
+    // The pose of the work plane in the OVF with an angle that is not a number, and written by a compiler that takes the axes to be others than they are.
     let job = |plan: &SteppedPlan| {
         let mut machine = plan.machine.clone();
         machine.tilt.as_mut().expect("axes").axes.iter_mut().for_each(|axis| axis.reversed = true);
@@ -84,6 +86,12 @@ fn poses_that_differ_from_the_commands_are_reported() {
     };
     let other = job(&sound.plan);
     found("agreement", &sound.damaged("job.ovf", |bytes| *bytes = other));
+    let angle = fields[5].parse::<f32>().expect("a number").to_le_bytes();
+    let proof = sound.damaged("job.ovf", |bytes| {
+        let at = bytes.windows(4).position(|four| four == angle).expect("the angle");
+        bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    });
+    found("agreement", &proof);
 }
 
 #[test]
