@@ -382,7 +382,7 @@ fn log_has_a_line_as_each_job_ends_and_the_index_links_pictures() {
 }
 
 /// Lines of a child's stderr as they come.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn lines_of(child: &mut std::process::Child) -> impl Iterator<Item = String> + use<> {
     use std::io::BufRead;
     let stderr = child.stderr.take().expect("piped");
@@ -390,31 +390,54 @@ fn lines_of(child: &mut std::process::Child) -> impl Iterator<Item = String> + u
 }
 
 /// Ctrl-C, as a terminal sends it.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn interrupt(child: &std::process::Child) {
     let sent = Command::new("kill").arg("-INT").arg(child.id().to_string()).status().expect("kill starts");
     assert!(sent.success());
 }
 
+/// Waits until a process has this file open.
+#[cfg(target_os = "linux")]
+fn await_open(child: &std::process::Child, file: &Path) {
+    let files = PathBuf::from(format!("/proc/{}/fd", child.id()));
+    let is_open = || {
+        let mut links = std::fs::read_dir(&files).expect("it runs").flatten().map(|fd| std::fs::read_link(fd.path()));
+        links.any(|link| link.is_ok_and(|link| link == file))
+    };
+    let start = Instant::now();
+    while !is_open() {
+        assert!(start.elapsed() < Duration::from_mins(1), "{} is not opened", file.display());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 #[test]
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn ctrl_c_lets_the_running_job_end_and_the_next_run_goes_on() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
     small_jobs(&jobs, 4);
-    // Longer than it takes to send a signal.
-    let text = std::fs::read_to_string(jobs.join("s1.toml")).expect("readable").replace("\"5 mm\"", "\"0.6 mm\"");
-    write(&jobs.join("s1.toml"), text);
     let start = || {
         let mut command = command(&jobs, &out, 1);
         command.args(["-j1", "--no-sync"]).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.spawn().expect("it starts")
     };
+    // The second job runs until the lock of its folder is free.
+    let lock_path = out.join(".s1.job.lock");
+    let hold = || {
+        std::fs::create_dir_all(&out).expect("made");
+        let lock = std::fs::File::create(&lock_path).expect("writable");
+        lock.lock().expect("a system with locks");
+        lock
+    };
+    let held = hold();
     let mut child = start();
     let mut lines = lines_of(&mut child);
     assert!(lines.next().expect("a line").contains("s0.toml"));
+    await_open(&child, &lock_path);
     interrupt(&child);
     assert!(lines.next().expect("a line").contains("Ctrl-C again"));
+    drop(held);
     assert!(lines.next().expect("a line").contains("s1.toml"));
     let done = child.wait_with_output().expect("ended");
     let shown = said(&done);
@@ -425,9 +448,11 @@ fn ctrl_c_lets_the_running_job_end_and_the_next_run_goes_on() {
 
     // The second one ends it at once.
     std::fs::remove_dir_all(&out).expect("removed");
+    let _held = hold();
     let mut child = start();
     let mut lines = lines_of(&mut child);
     lines.next();
+    await_open(&child, &lock_path);
     interrupt(&child);
     lines.next();
     interrupt(&child);

@@ -46,7 +46,7 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
 }
 
 /// Whether another byte here changes nothing of an OVF on which a reader acts: a letter of the names of job, part and
-/// version, or the last figures of a distance in its meta data.
+/// version, the last figures of a distance in its meta data or of a pose.
 fn says_nothing(before: &[u8], after: &[u8], at: usize) -> bool {
     let names: [&[u8]; 3] = [b"job.toml", b"part.stl", concat!("terrace ", env!("CARGO_PKG_VERSION")).as_bytes()];
     let is_in = |name: &&[u8]| {
@@ -58,7 +58,18 @@ fn says_nothing(before: &[u8], after: &[u8], at: usize) -> bool {
         let is_double = start > 0 && [0x09, 0x11].contains(&before[start - 1]);
         is_double && value(before).zip(value(after)).is_some_and(|(a, b)| (a - b).abs() < 1e-3)
     };
-    names.iter().any(is_in) || (at.saturating_sub(7)..=at).any(is_distance)
+    // The key of the six values of a pose, in packed bytes.
+    const POSE: [u8; 2] = [0x62, 24];
+    // What single precision does not tell, as `rules::poses`: mm of a position, degrees of an angle.
+    let is_of_pose = |start: usize| {
+        let value = |bytes: &[u8]| Some(f32::from_le_bytes(bytes.get(start..start + 4)?.try_into().ok()?));
+        let index = (0..6).find(|i| start >= 4 * i + 2 && before[start - 4 * i - 2..].starts_with(&POSE));
+        let limit = index.map(|i| if i < 3 { 2e-6 } else { 3e-5 });
+        limit.zip(value(before)).zip(value(after)).is_some_and(|((limit, a), b)| (a - b).abs() < limit)
+    };
+    names.iter().any(is_in)
+        || (at.saturating_sub(7)..=at).any(is_distance)
+        || (at.saturating_sub(3)..=at).any(is_of_pose)
 }
 
 /// Puts the present size and hash of a file into the manifest.
