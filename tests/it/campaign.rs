@@ -43,6 +43,8 @@ trait Machine {
     fn begin(&mut self, seed: u64);
     /// Waits until nothing moves or marks; then what happened since the schedule began.
     fn seen(&mut self) -> Seen;
+    /// Homes the stage, as a message asks the person to.
+    fn home(&mut self) {}
 }
 
 /// What the journal says: blocks that are done, the one in doubt, and how often each was marked again or skipped.
@@ -118,7 +120,8 @@ fn schedule(part: &Part, dir: &Path, machine: &mut dyn Machine, seed: u64, kills
         command.env("TERRACE_LOCKS", dir.join("locks")).env("XDG_STATE_HOME", dir.join("state"));
         command.args(["run", "-j", "1"]).arg(&part.bench.job).arg("--with").arg(dir.join("run.toml"));
         command.args(["--arm", "--journal"]).arg(&journal).args(&more);
-        let err = std::fs::File::create(dir.join(format!("{seed}.{attempt}.txt"))).expect("a file");
+        let said = dir.join(format!("{seed}.{attempt}.txt"));
+        let err = std::fs::File::create(&said).expect("a file");
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(err).spawn().expect("started");
         let is_killed = attempt < kills;
         let code = ended(child, is_killed.then(|| Duration::from_millis(random.below(within_ms) as u64)), seed);
@@ -126,6 +129,9 @@ fn schedule(part: &Part, dir: &Path, machine: &mut dyn Machine, seed: u64, kills
         let found = Journal::read(&journal);
         if found.done.len() == part.blocks.len() {
             break;
+        }
+        if std::fs::read_to_string(&said).expect("messages").contains("home the stage") {
+            machine.home();
         }
         // Those of the last run are at an end when the next begins, or it is refused.
         if random.below(2) == 0 {
@@ -329,6 +335,9 @@ impl Machine for WithGrbl {
     }
     fn seen(&mut self) -> Seen {
         Seen { marks: self.1.seen(), moves: self.0.moves() }
+    }
+    fn home(&mut self) {
+        self.0.home();
     }
 }
 

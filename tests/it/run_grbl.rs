@@ -1,7 +1,7 @@
 //! `terrace run` with the GRBL driver against a simulator of GRBL 1.1 on a pseudo-terminal
 //! (`python/grbl_simulator.py`). The faults of the control are tested with the driver itself, in `src/run/stage/grbl`.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -49,6 +49,17 @@ impl Simulator {
     /// Empties its log.
     pub fn forget(&self) {
         std::fs::File::options().write(true).open(&self.log).and_then(|file| file.set_len(0)).expect("a log");
+    }
+
+    /// Resets the control and homes the stage, as a person does in a terminal.
+    pub fn home(&self) {
+        let port = || std::fs::File::options().read(true).write(true).open(&self.port).expect("a port");
+        port().write_all(b"\x18").expect("written");
+        std::thread::sleep(Duration::from_millis(200));
+        let homed = || std::fs::read_to_string(&self.log).expect("a log").matches("line $H").count();
+        let before = homed();
+        port().write_all(b"$H\n").expect("written");
+        until("the stage is not homed", Duration::from_secs(10), || homed() > before);
     }
 
     /// Waits until it stands still; from when to when it moved, s since 1970.
