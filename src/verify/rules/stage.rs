@@ -315,7 +315,7 @@ fn registration(stage: &StageFile, manifest: &Manifest, file: &ProgramFile, mach
                 rule.checked += 1;
                 let letters = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| axis.letter as usize);
                 let is_upright = letters.into_iter().all(|letter| at[3 + letter] == Some(0));
-                let here = std::mem::replace(&mut at, [None; 6]);
+                let here = std::mem::take(&mut at);
                 if wanted.next() != Some((number, [here[0], here[1]])) || !is_upright {
                     let text = format!("the stop at registration point {number} is not that of the manifest");
                     rule.broken("", stage.place(s.line), text);
