@@ -1,5 +1,10 @@
 //! Speed and memory of the whole job, on three sizes: `make bench` prints the table.
 //!
+//! A plain program that does what cannot be left out (`floor`) runs first on every size, in the same run. CPU seconds
+//! are told as multiples of its own as well, and these and the memory are compared with the figures that the repository
+//! keeps (`benches/kept.json`): what has become slower or larger by more than a tenth is said at the end. `KEEP=write`
+//! keeps the figures of this run.
+//!
 //! Every case runs in a process of its own, on one thread unless its name says two, from files in
 //! the page cache, and reports its CPU seconds (user and system) and its peak memory, as the kernel
 //! counts them.
@@ -9,10 +14,15 @@ mod surfaces;
 
 #[path = "support/cpu.rs"]
 mod cpu;
+#[path = "support/floor.rs"]
+mod floor;
+#[path = "support/kept.rs"]
+mod kept;
 #[path = "support/memory.rs"]
 mod memory;
 
 use cpu::cpu_s;
+use kept::Kept;
 use memory::peak_mb;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -32,13 +42,16 @@ fn main() {
         return;
     }
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    println!("{:<34} {:>9} {:>9} {:>9}  ", "case, one thread", "CPU s", "wall s", "peak MB");
+    println!("{:<34} {:>9} {:>9} {:>9} {:>9}  ", "case, one thread", "CPU s", "x floor", "wall s", "peak MB");
+    let mut kept = Kept::read();
     for (n, name) in [(500, "0.5M"), (1000, "2M"), (2000, "8M")] {
         let stl = dir.join(format!("dome-{name}.stl"));
         if !stl.exists() {
             write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], dome));
         }
+        let mut floor_s = 0.0;
         for case in [
+            "floor",
             "load",
             "walk",
             "contour",
@@ -55,9 +68,31 @@ fn main() {
             let me = std::env::current_exe().expect("this program");
             let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-            print!("{:<34} {}", format!("{name} triangles, {case}"), String::from_utf8_lossy(&out.stdout));
+            let text = String::from_utf8(out.stdout).expect("text");
+            let [cpu_s, wall_s, peak_mb, note] = columns(&text);
+            let [cpu_s, wall_s, peak_mb]: [f64; 3] = [cpu_s, wall_s, peak_mb].map(|v| v.parse().expect("a number"));
+            if case == "floor" {
+                floor_s = cpu_s;
+            }
+            let ratio = cpu_s / floor_s;
+            let case = format!("{name} triangles, {case}");
+            println!("{case:<34} {cpu_s:>9.2} {ratio:>9.2} {wall_s:>9.2} {peak_mb:>9.0}  {note}");
+            kept.add(&case, ratio, peak_mb);
         }
     }
+    kept.tell();
+}
+
+/// The three figures of a case, and what is noted of it.
+fn columns(line: &str) -> [&str; 4] {
+    let mut rest = line.trim();
+    let mut next = || {
+        let (word, more) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+        rest = more.trim_start();
+        word
+    };
+    let [a, b, c] = [next(), next(), next()];
+    [a, b, c, rest]
 }
 
 /// Runs one case and prints what it took.
@@ -66,6 +101,7 @@ fn run(case: &str, stl: &Path) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let start = Instant::now();
     let note = pool.install(|| match case {
+        "floor" => format!("{} pieces", floor::job(stl, 0.1)),
         "load" => format!("{} facets", load(stl).facet_count()),
         "walk" => walk(&load(stl)),
         "verify" => {

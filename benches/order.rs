@@ -4,7 +4,7 @@
 //! times the effort finds, which takes some minutes; `cargo bench --bench order -- 10` takes ten times.
 
 use terrace::geom::FieldPoint;
-use terrace::machine::{Commanded, Machine, MoveTimes};
+use terrace::machine::{Commanded, Machine, MoveTimes, Settling};
 use terrace::order::stops::{self, EFFORT, HeightOrder, Stage};
 use terrace::order::strokes::{self, Path, Visit};
 use terrace::units::Time;
@@ -171,7 +171,7 @@ fn machine(times: Option<[f64; 2]>) -> Machine {
 /// A stage without inertia and settling, for which only distances count.
 fn distance() -> Machine {
     let mut machine = machine(None);
-    machine.stage.settle = Time::s(0.0);
+    machine.stage.settle = Settling::Every(Time::s(0.0));
     for axis in [&mut machine.stage.x, &mut machine.stage.y, &mut machine.stage.z] {
         axis.jerk = None;
         axis.acceleration = "1e9 mm/s2".parse().expect("an acceleration");

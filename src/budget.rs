@@ -9,7 +9,8 @@
 //! - projection, p (1/cos s - 1): textures lie in plan, so a spacing of p is p / cos s long on a slope of s against the
 //!   part's z (Cao and Zhu 2013, step 5: orthographic projection). Where the part is tilted by t, s is at most i + t;
 //! - stage, sqrt 2 a: x and y each within the positioning accuracy a;
-//! - telecentricity, d tan e: a beam that leans by e is beside its place where the part is d out of focus;
+//! - telecentricity, d tan e: a beam that leans by e is beside its place where the part is d out of focus; stated by
+//!   distance from the optical axis, e is that at the block's farthest mark or nearer, as is the field residual;
 //! - tessellation, f / cos i: facets f from the surface along its normal;
 //! - slope, l tan i: what the lateral errors l but the projection climb on a slope of i.
 //!
@@ -28,7 +29,7 @@ use crate::diag::Diag;
 use crate::job::{DepthRule, Job};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, BlockFigures, Program};
-use crate::units::Length;
+use crate::units::{Angle, Length};
 
 /// Without a reserve, what errors may take beyond PDOF before it is told, as a share of half the range: PDOF is not
 /// measured more closely.
@@ -246,6 +247,8 @@ struct Seen {
     cos_in_plan: f64,
     is_tilted: bool,
     relief: Option<f64>,
+    /// How far from the optical axis marks lie at most, mm.
+    off_axis: f64,
 }
 
 /// The errors of one block.
@@ -285,6 +288,7 @@ impl<'a> Stated<'a> {
             cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(0.0) } else { cos },
             is_tilted,
             relief: None,
+            off_axis: figures.off_axis_mm,
         })
     }
 
@@ -313,6 +317,7 @@ impl<'a> Stated<'a> {
             cos_in_plan: relief.map_or(cos, |r| r.slope_rad.cos()),
             is_tilted: relief.is_some(),
             relief: relief.map(|r| r.off_um),
+            off_axis: self.machine.farthest_in_field(),
         }))
     }
 
@@ -328,10 +333,13 @@ impl<'a> Stated<'a> {
         // Nothing bounds what goes with 1 / cos at a right angle.
         let term = |cause, um: Option<f64>| Term { cause, um: um.filter(|um| um.is_finite()) };
         let [residual, residual_z] = job.placement.residual;
+        let lens = &machine.lens;
+        let lean = lens.telecentricity.as_ref().map(|e| Angle::deg(e.largest_within(seen.off_axis)));
+        let field_residual = lens.field_residual.as_ref().map(|r| Length::mm(r.largest_within(seen.off_axis)));
         let moved = [
             term(Cause::Stage, um(machine.stage.accuracy).map(|a| std::f64::consts::SQRT_2 * a)),
-            term(Cause::Telecentricity, machine.lens.telecentricity.map(|e| seen.defocus * e.as_rad().tan())),
-            term(Cause::FieldResidual, um(machine.lens.field_residual)),
+            term(Cause::Telecentricity, lean.map(|e| seen.defocus * e.as_rad().tan())),
+            term(Cause::FieldResidual, um(field_residual)),
             term(Cause::Registration, um(residual)),
         ];
         let climbed = moved.iter().filter_map(|t| t.um).reduce(|a, b| a + b).map(|l| l * tan);
@@ -386,7 +394,10 @@ mod tests {
         let job = Job::parse(Path::new("a.toml"), text, &Overrides::default()).expect("a job");
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let stated = Stated::new(&job, &machine, Some(0.001));
-        let at = |cos_in_plan| stated.at(&Seen { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None });
+        let at = |cos_in_plan| {
+            let seen = Seen { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None, off_axis: 0.0 };
+            stated.at(&seen)
+        };
         let projection = |errors: &Errors| errors.lateral.terms.iter().find(|t| t.cause == Cause::Projection).copied();
         assert_eq!(projection(&at(0.5)).and_then(|t| t.um), Some(1000.0));
         let upright = at(0.0);

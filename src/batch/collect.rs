@@ -6,7 +6,7 @@ use std::path::Path;
 use super::fragment::Fragment;
 use super::outcome::{Outcome, State};
 use super::report::Report;
-use super::unit::{Task, Unit};
+use super::unit::{Compile, Task, Unit};
 use super::work::End;
 use crate::diag::{Diag, Error, Fault, Place};
 use crate::job::Job;
@@ -71,7 +71,8 @@ fn missing(unit: &Unit, why: String) -> Diag {
 fn is_here(unit: &Unit) -> bool {
     let here = || -> Result<bool, Error> {
         let job = Job::load(&unit.job, &unit.overrides)?;
-        Ok(job_folder::is_unchanged(&job, unit.inputs.clone(), unit.folder()))
+        let pictures = matches!(&unit.task, Task::Compile(Compile { pictures: true, .. }));
+        Ok(job_folder::is_unchanged(&job, unit.inputs.clone(), pictures, unit.folder()))
     };
     here().unwrap_or(false)
 }

@@ -59,7 +59,7 @@ mod tests {
 
     fn units(costs: &[f64]) -> Vec<Unit> {
         let of = |(id, &cost_s): (usize, &f64)| {
-            let task = Task::Compile(Compile { folder: format!("{id}.job").into(), verify: false });
+            let task = Task::Compile(Compile { folder: format!("{id}.job").into(), verify: false, pictures: true });
             let unit = Unit::new(id, Path::new("a.toml"), task, &Overrides::default(), None, &Hashes::default());
             Unit { cost_s, ..unit }
         };

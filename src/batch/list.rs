@@ -27,12 +27,13 @@ pub fn plan(
     output: Option<&Path>,
     overrides: &Overrides,
     is_verified: bool,
+    is_drawn: bool,
 ) -> Result<Vec<Unit>, Error> {
     let jobs = jobs(paths, output, overrides)?;
     let hashes = Hashes::default();
     Ok(parallel::map(jobs.len(), |id| {
         let Listed { path, folder, job } = &jobs[id];
-        let task = Task::Compile(Compile { folder: folder.clone(), verify: is_verified });
+        let task = Task::Compile(Compile { folder: folder.clone(), verify: is_verified, pictures: is_drawn });
         Unit::new(id, path, task, overrides, job.as_ref().ok(), &hashes)
     }))
 }

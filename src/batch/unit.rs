@@ -60,6 +60,13 @@ pub struct Compile {
     pub folder: PathBuf,
     /// Whether it is verified, an unchanged one too.
     pub verify: bool,
+    /// Whether layout, maps, report and view are drawn.
+    #[serde(default = "drawn")]
+    pub pictures: bool,
+}
+
+fn drawn() -> bool {
+    true
 }
 
 /// Some combinations of a sweep.

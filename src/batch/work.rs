@@ -13,7 +13,7 @@ use super::outcome::{Figures, Outcome, State};
 use super::unit::{Combinations, Compile, Task, Unit, hash};
 use crate::diag::{Diag, Error, Fault};
 use crate::job::{Job, read_file};
-use crate::job_folder::{self, Durability};
+use crate::job_folder::{self, Durability, Writing};
 use crate::manifest::{self, InputFact};
 use crate::plan;
 use crate::sweep::{self, Row};
@@ -93,9 +93,9 @@ pub fn work(unit: &Unit, settings: &Settings<'_>) -> Done {
 /// What became of a unit whose folder is up to date and need not be verified; None of others. Its files are as they
 /// were when it was planned.
 pub fn up_to_date(unit: &Unit) -> Option<Done> {
-    let Task::Compile(Compile { folder, verify: false }) = &unit.task else { return None };
+    let Task::Compile(Compile { folder, verify: false, pictures }) = &unit.task else { return None };
     let job = Job::load(&unit.job, &unit.overrides).ok()?;
-    let state = unchanged(&job, Some(unit.inputs.clone()), folder)?;
+    let state = unchanged(&job, Some(unit.inputs.clone()), *pictures, folder)?;
     Some(Done { hash: unit.hash.clone(), end: End::Job(Outcome::of(unit, state)) })
 }
 
@@ -106,32 +106,33 @@ fn compiled(
     compile: &Compile,
     settings: &Settings<'_>,
 ) -> Result<(State, bool), Error> {
-    let folder = &compile.folder;
+    let &Compile { ref folder, verify, pictures } = compile;
     job_folder::prepare(folder, job.mode)?;
-    let state = match unchanged(&job, inputs.clone(), folder) {
+    let state = match unchanged(&job, inputs.clone(), pictures, folder) {
         Some(state) => state,
         None => {
             let _claim = job_folder::claim(folder)?;
             // Another process may have had it in work until now.
-            match unchanged(&job, inputs, folder) {
+            match unchanged(&job, inputs, pictures, folder) {
                 Some(state) => state,
                 None => {
                     let plan = plan::plan(job, &|_, _| {})?;
-                    job_folder::write_with(&plan, folder, settings.durability, &|_, _| {})?;
+                    let writing = Writing { durability: settings.durability, pictures };
+                    job_folder::write_proved(&plan, folder, writing, &|_, _| {}, &|_| Ok(None))?;
                     State::Compiled(Figures::from(&plan.summary()))
                 }
             }
         }
     };
-    if compile.verify {
+    if verify {
         (settings.verify)(folder)?;
     }
-    Ok((state, compile.verify))
+    Ok((state, verify))
 }
 
 /// The state of a folder that is up to date.
-fn unchanged(job: &Job, inputs: Option<Vec<InputFact>>, folder: &Path) -> Option<State> {
-    let is_unchanged = job_folder::is_unchanged(job, inputs?, folder);
+fn unchanged(job: &Job, inputs: Option<Vec<InputFact>>, pictures: bool, folder: &Path) -> Option<State> {
+    let is_unchanged = job_folder::is_unchanged(job, inputs?, pictures, folder);
     let found = is_unchanged.then(|| manifest::read(folder).ok()).flatten()?;
     Some(State::Unchanged(Figures::from(&found.summary)))
 }

@@ -51,14 +51,45 @@ const MAX_CELLS: i64 = 16_000_000;
 const WIDEST_GAP: i64 = 8;
 const SPARSE_GAP: Nm = Nm(1_000_000);
 
-/// Whether the stops of blocks stand on the centres of sections.
-pub fn is_gridded(blocks: &[Block], sections: &Sections) -> bool {
-    let on = |v: i64, k: usize, origin: i64| {
-        let from = Nm(v - origin) - sections.pitch[k] / 2;
-        from.rem_euclid(sections.pitch[k]) == Nm(0)
-            && (0..i64::from(sections.count[k])).contains(&(from / sections.pitch[k]))
+/// Marks may reach into the next section by this part of one: overlaps of seams.
+const BEYOND: i64 = 8;
+
+/// Whether the marks of every one of these blocks lie in a section.
+pub fn is_gridded(program: &Program, blocks: &[Block], sections: &Sections) -> bool {
+    blocks.iter().all(|b| section(program, b, sections).is_some())
+}
+
+/// The section in which the marks of a block lie, if they do: its own, or the one that their middle lies in. Of a block
+/// without marks the one on whose centre it stands.
+fn section(program: &Program, block: &Block, sections: &Sections) -> Option<Box2<Turned>> {
+    if !block.stop.tilt.is_upright() {
+        return None;
+    }
+    let c = block.stop.centre;
+    let mut marks = Box2::<Turned>::EMPTY;
+    let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
+    points.for_each(|p| marks.add(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y))));
+    let cell = |column: i64, row: i64| {
+        let is_there =
+            (0..i64::from(sections.count[0])).contains(&column) && (0..i64::from(sections.count[1])).contains(&row);
+        let [w, h] = sections.pitch.map(|Nm(v)| v);
+        let centre = P2::new(sections.origin.x + column * w + w / 2, sections.origin.y + row * h + h / 2);
+        is_there.then(|| Box2::around(Turn::upright(centre), sections.pitch.map(|w| w / 2)))
     };
-    blocks.iter().map(|b| b.stop.centre).all(|c| on(c.x, 0, sections.origin.x) && on(c.y, 1, sections.origin.y))
+    let over = |x: i64, y: i64| {
+        let at = |v: i64, k: usize, origin: i64| (v - origin).div_euclid(sections.pitch[k].0);
+        cell(at(x, 0, sections.origin.x), at(y, 1, sections.origin.y))
+    };
+    if marks.is_empty() {
+        return over(c.x, c.y).filter(|s| [s.lo.x.midpoint(s.hi.x), s.lo.y.midpoint(s.hi.y)] == [c.x, c.y]);
+    }
+    let holds = |s: &Box2<Turned>| {
+        let [w, h] = sections.pitch.map(|Nm(v)| v / BEYOND);
+        s.lo.x - w <= marks.lo.x && marks.hi.x <= s.hi.x + w && s.lo.y - h <= marks.lo.y && marks.hi.y <= s.hi.y + h
+    };
+    let [column, row] = block.stop.section.0.map(i64::from);
+    let middle = over(marks.lo.x.midpoint(marks.hi.x), marks.lo.y.midpoint(marks.hi.y));
+    [cell(column, row), middle].into_iter().flatten().find(holds)
 }
 
 /// What a block's stop admits.
@@ -70,9 +101,9 @@ struct Accepts {
 }
 
 impl Accepts {
-    /// `window` is the full size of the stop's window.
-    fn of(block: &Block, turn: Option<Turn>, window: [Nm; 2]) -> Self {
-        let window = Box2::around(block.stop.centre, window.map(|w| w / 2));
+    /// In a section, or else in the field around its stop.
+    fn of(block: &Block, turn: Option<Turn>, section: Option<Box2<Turned>>, field: [Nm; 2]) -> Self {
+        let window = section.unwrap_or_else(|| Box2::around(block.stop.centre, field.map(|w| w / 2)));
         Self { turn, window, z: [block.stop.z_lo, block.stop.z_hi] }
     }
 
@@ -102,9 +133,10 @@ impl BlockMap {
         let shown = closing::gaps(&grid, &marked, least, widest);
         let dense = region_growing::dense(&grid, &marked);
         let heights = region_growing::Heights::under(surface, &grid, &dense);
-        let window = if is_gridded(&program.blocks, sections) { sections.pitch } else { field };
+        let is_gridded = is_gridded(program, &program.blocks, sections);
+        let section = |b: &Block| section(program, b, sections).filter(|_| is_gridded);
         let stops: Vec<Accepts> =
-            program.blocks.iter().zip(turns).map(|(b, turn)| Accepts::of(b, *turn, window)).collect();
+            program.blocks.iter().zip(turns).map(|(b, turn)| Accepts::of(b, *turn, section(b), field)).collect();
         let may = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];
             heights.at(cell).is_some_and(|z| stop.admits(grid.centre(cell), z))

@@ -307,10 +307,18 @@ fn a_valley_holds_two_parts_of_a_level() {
 fn stops_on_centres_of_sections_are_gridded() {
     let at = |x: i64, y: i64| program(&[(P2::new(x * MM, y * MM), [0, 1], Vec::new())]);
     let grid = sections(3, 2);
-    assert!(is_gridded(&at(20, 20).blocks, &grid) && is_gridded(&at(100, 60).blocks, &grid));
+    let gridded = |program: Program| is_gridded(&program, &program.blocks, &grid);
+    assert!(gridded(at(20, 20)) && gridded(at(100, 60)));
     for (x, y) in [(21, 20), (20, 40), (140, 20), (-20, 20), (20, 100)] {
-        assert!(!is_gridded(&at(x, y).blocks, &grid), "{x} {y}");
+        assert!(!gridded(at(x, y)), "{x} {y}");
     }
+    // Wherever a stop stands, it is where its marks lie that counts.
+    let marked = |x: i64, from: i64, to: i64| {
+        let line = vec![P2::new(from * MM, 20 * MM), P2::new(to * MM, 20 * MM)];
+        program(&[(P2::new(x * MM, 23 * MM), [0, 1], vec![line])])
+    };
+    assert!(gridded(marked(25, 10, 40)) && gridded(marked(70, 45, 80)));
+    assert!(!gridded(marked(40, 20, 60)));
 }
 
 /// Windows of 40 mm strewn over a slope, their depth intervals at random; every piece of a line goes to
@@ -346,7 +354,7 @@ fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
     blocks.retain(|b| !b.2.is_empty());
     let program = program(&blocks);
     let grid = Sections { origin: P2::new(0, 0), pitch: [Nm(40 * MM); 2], count: [3, 3] };
-    assert!(!is_gridded(&program.blocks, &grid));
+    assert!(!is_gridded(&program, &program.blocks, &grid));
     let map = BlockMap::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
     let place = |label: u32| blocks.get((label as usize).wrapping_sub(1)).map(|b| b.0);
     let (mut same, mut marked) = (0, 0);

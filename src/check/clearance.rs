@@ -85,7 +85,12 @@ fn movement(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
     if before.setup != block.setup || before.stop.tilt != block.stop.tilt || before.stop.centre == block.stop.centre {
         return None;
     }
-    let from = if block.retract { raised(before.stage, limits.machine) } else { before.stage };
+    let machine = limits.machine;
+    let mut from = if block.retract { raised(before.stage, machine) } else { before.stage };
+    if machine.stage.diagonal && !block.retract && machine.stage.z.sign() * (block.stage[2] - from[2]) < 0 {
+        // On a diagonal the head is nowhere lower than at its lower end.
+        from[2] = block.stage[2];
+    }
     let way = way(limits, block, [from, Commanded([block.stage[0], block.stage[1], from[2]])]);
     let is_clear = if block.stop.tilt.is_upright() {
         let focus = limits.machine.field_centre(from, block.stop.tilt, limits.origins[block.setup.index()])[2];

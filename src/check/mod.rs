@@ -231,10 +231,11 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
         broken(format!("P3: marks between {} and {} nm span more than {} nm", z[0].0, z[1].0, limits.depth.0));
     }
     let step = limits.machine.increment_nm();
-    if stop.focus < block.z_lo - step || stop.focus > block.z_hi + step {
+    let off = (block.z_hi - stop.focus).max(stop.focus - block.z_lo);
+    if (stop.focus < block.z_lo - step || stop.focus > block.z_hi + step) && off > limits.depth / 2 {
         broken(format!(
-            "P6: the focal plane {} nm lies outside of the marks, {} to {} nm",
-            block.stop.focus.0, z[0].0, z[1].0
+            "P6: the focal plane {} nm lies outside of the marks, {} to {} nm, and farther from them than half of {} nm",
+            block.stop.focus.0, z[0].0, z[1].0, limits.depth.0
         ));
     }
     let origin = limits.origins[block.setup.index()];

@@ -200,6 +200,9 @@ pub enum Command {
         /// Verify the folder before it takes its place; its report then says that it is verified.
         #[arg(long)]
         verify: bool,
+        /// Draw no layout, maps, report and view.
+        #[arg(long)]
+        no_pictures: bool,
         #[command(flatten)]
         choice: Choice,
     },
@@ -372,6 +375,9 @@ pub struct Batch {
     /// Verify every folder, unchanged ones too; one that breaks a rule is a failed job.
     #[arg(long)]
     pub verify: bool,
+    /// Draw no layouts, maps, reports and views.
+    #[arg(long)]
+    pub no_pictures: bool,
     /// Write the report as JSON to this file too, when the batch ends.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,

@@ -22,7 +22,13 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
         write_results(args, asked, &found, &inputs(&units, asked))?;
         return Ok(found.exit_code());
     }
-    let list = batch::plan(&asked.jobs, asked.output.as_deref(), &overrides(args, &asked.choice), asked.verify)?;
+    let list = batch::plan(
+        &asked.jobs,
+        asked.output.as_deref(),
+        &overrides(args, &asked.choice),
+        asked.verify,
+        !asked.no_pictures,
+    )?;
     let inputs = inputs(&list, asked);
     // What cannot be written at the end of a night is found before it begins.
     for file in [&asked.report, &asked.log, &asked.index, &asked.plan].into_iter().flatten() {

@@ -31,7 +31,7 @@ use clap::error::ContextKind;
 
 use crate::diag::{self, Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
-use crate::job_folder::{self, Durability};
+use crate::job_folder::{self, Durability, Writing};
 use crate::machine::{Machine, PROFILES};
 use crate::manifest::AnySummary;
 use crate::nurbs::{GridSteps, Surface};
@@ -136,7 +136,10 @@ fn run(args: &Args) -> Result<u8, Error> {
             warn(args, &found);
             report(args, &plan, plan.summary().warned(&found), None)?;
         }
-        Command::Compile { job, output, verify, choice } => compile(args, job, output.as_deref(), *verify, choice)?,
+        Command::Compile { job, output, verify, no_pictures, choice } => {
+            let writing = Writing { durability: durability(args), pictures: !no_pictures };
+            compile(args, job, output.as_deref(), writing, *verify, choice)?;
+        }
         Command::Verify { folder, inputs } => {
             named::job_folder(folder)?;
             let steps = Steps::new(args.quiet);
@@ -274,12 +277,20 @@ fn proved(folder: &Path) -> Result<Proved, Error> {
     Ok(Proved { rules: proof.rules.len(), checks: proof.rules.iter().map(|rule| rule.checked).sum() })
 }
 
-fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, choice: &Choice) -> Result<(), Error> {
+fn compile(
+    args: &Args,
+    path: &Path,
+    output: Option<&Path>,
+    writing: Writing,
+    is_proved: bool,
+    choice: &Choice,
+) -> Result<(), Error> {
     let job = load(args, path, choice)?;
     let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
     job_folder::prepare(&target, job.mode)?;
     let steps = Steps::new(args.quiet);
-    let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
+    let mut phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
+    phases.retain(|phase| writing.pictures || *phase != Phase::Draw);
     let told = steps.numbered(&phases, show::phase);
     let plan = plan_told(args, job, &steps, &mut |_| {}, &told)?;
     let proof = Cell::new(None);
@@ -287,7 +298,7 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, cho
         proof.set(if is_proved { Some(proved(folder)?) } else { None });
         Ok(proof.get().map(Proved::text))
     };
-    job_folder::write_proved(&plan, &target, durability(args), &told, &prove)?;
+    job_folder::write_proved(&plan, &target, writing, &told, &prove)?;
     steps.done();
     warn(args, plan.warnings());
     if path == Path::new("-") {

@@ -170,8 +170,9 @@ pub fn optics(machine: &Machine, focus: &Focus) -> String {
 pub(super) fn written(s: &AnySummary, written: Option<(&Path, Option<Proved>)>) -> String {
     let Some((folder, proved)) = written else { return String::new() };
     let mut text = format!("job folder     {}\n", folder.display());
-    if matches!(s, AnySummary::Stepped(_)) {
-        text += &format!("open           {}\n", folder.join("layout.svg").display());
+    let layout = folder.join("layout.svg");
+    if matches!(s, AnySummary::Stepped(_)) && layout.is_file() {
+        text += &format!("open           {}\n", layout.display());
     }
     text += &match proved {
         Some(Proved { rules, checks }) => {
@@ -202,6 +203,7 @@ fn stepped(s: &Summary) -> String {
             s.worst_defocus_um, s.worst_defocus_mean_um
         ),
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
+        format!("off the axis   {:.3} mm at most, 95 % within {:.3} mm", s.off_axis_mm.largest, s.off_axis_mm.p95),
     ];
     lines.extend(errors(&s.budget));
     lines.push(format!(

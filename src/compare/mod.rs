@@ -436,7 +436,7 @@ pub fn compare(
 /// What the keys of the job cost the fastest stepped system of the machine that marks all in focus.
 fn key_costs(subject: &Subject<'_>, rows: &[Row], task: Task<'_>) -> Vec<KeyCost> {
     let made = rows.iter().filter_map(|row| {
-        let methods = [Method::Contour, Method::ZRange, Method::Window];
+        let methods = [Method::Auto, Method::Contour, Method::ZRange, Method::Window];
         let method = methods.into_iter().find(|method| method.name() == row.system)?;
         let figures = row.figures.as_ref().ok().filter(|f| f.keeps_limits() || f.is_yours_to_set())?;
         Some((method, row.system, figures.counted_s()))

@@ -26,7 +26,9 @@ const PERCENTS: usize = 3 * 101;
 /// near to the part as it must, the figures tell.
 pub(super) fn flat(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut job = subject.job.plain(Method::ZRange);
-    job.focus = Focus { pdof: ONE_PLANE, reserve: Nm(0), depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
+    // The depth range would let the planes lie anywhere.
+    let one_plane = Focus { pdof: ONE_PLANE, reserve: Nm(0), depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
+    job.focus = Focus { is_kept: true, ..one_plane };
     job.partition = Partition { method: Method::ZRange, ..Partition::default() };
     let task = task.of_steps(PERCENTS);
     let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step())?;

@@ -53,7 +53,14 @@ pub struct System {
 }
 
 /// All systems, in the order of the table.
-pub static SYSTEMS: [&System; 13] = [
+pub static SYSTEMS: [&System; 14] = [
+    // What `compile` makes where no method is asked for.
+    &System {
+        name: "auto",
+        kind: Kind::Stepped,
+        run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Auto, t)),
+        start: 1,
+    },
     // Fields side by side, one focal plane each.
     &System { name: "flat", kind: Kind::Stepped, run: Run::Stepped(stepped::flat), start: 1 },
     // The methods of partition.

@@ -4,8 +4,8 @@
 //! and an input (BUSY) and never steps on after a timeout. [`m0`] stops at every block until the operator
 //! presses cycle start, in words that LinuxCNC, GRBL and Mach read; Mach also cancels its turned coordinates (G69).
 //!
-//! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone,
-//! never both at once; first of all, at the end, before a set-up and where a block asks for it, z goes to the far end
+//! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone;
+//! where the machine file says so, x, y and z move together between stops that need no lift, but not from the end of z. First of all, at the end, before a set-up and where a block asks for it, z goes to the far end
 //! of its travel. After a stop at which the operator may have moved them all axes are sent. The laser output is switched
 //! off at once (not with the next motion) before every group of moves and at the end, and a dwell follows every group: a
 //! motion queue otherwise lets the laser overlap the move.
@@ -16,13 +16,13 @@
 //! The programs of frames go to the registration points and the frames of the outline, and stop at each (M0) in both
 //! dialects: a scan card that is started would mark the block that it has loaded.
 //!
-//! The first line of block B0133 has the number N133. A comment says to which z the stage must be lifted before the
-//! program is begun there, where the block's own moves do not lift.
+//! The first line of block B0133 has the number N133. Comments say what must be done before the program is begun
+//! there: the lift, where the block's own moves do not lift, and the axes that they do not move.
 
 use super::Stepped;
 use crate::geom::Nm;
 use crate::machine::{Commanded, Dialect, TiltAngles};
-use crate::program::PassId;
+use crate::program::{Block, PassId};
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
@@ -121,6 +121,9 @@ const OFFSETS: [(u32, &str); 5] = [
 /// The parameter of the first rotary axis, A; those of B and C follow.
 const FIRST_ROTARY: u32 = 5224;
 
+/// An axis, and where it is sent to, nm or millionths of a degree.
+type Word = (char, i64);
+
 /// A stage program as it grows.
 struct Writer<'a> {
     job: &'a Stepped<'a>,
@@ -130,7 +133,8 @@ struct Writer<'a> {
     /// The line that switches the laser off at once.
     off: &'static str,
     retract_z: i64,
-    dwell: String,
+    /// Which axes were sent since the last dwell: x or y, z.
+    sent: [bool; 2],
     /// Position of the stage; None before the first move.
     at: Option<Commanded>,
     /// Letters and positions of the tilt axes; empty where there is no tilt table.
@@ -144,14 +148,13 @@ struct Writer<'a> {
 impl<'a> Writer<'a> {
     fn new(job: &'a Stepped<'a>, longest: usize, off: &'static str) -> Self {
         let machine = job.machine;
-        let ms = ((machine.stage.settle.as_s() * 1e3).ceil() as u64).max(LEAST_DWELL_MS);
         Self {
             job,
             out: Vec::new(),
             longest,
             off,
             retract_z: machine.retract_z().0,
-            dwell: format!("G4 P{}.{:03}", ms / 1000, ms % 1000),
+            sent: [false; 2],
             at: None,
             letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),
             tilt: None,
@@ -254,34 +257,86 @@ impl<'a> Writer<'a> {
         if self.has_zoom {
             self.focus_shift(block.focus_shift.0);
         }
-        // The stage position is unknown at the start, so the first move lifts as well.
-        let lifts = block.retract || self.at.is_none();
-        if !lifts || self.is_lifted() {
-            self.entry();
-        }
+        let moves = self.moves(block);
+        self.entry(&moves, block);
         match id.number() {
             number @ ..=MOST_LINES => self.line(&format!("N{number} {}", self.off)),
             _ => self.line(self.off),
         }
+        moves.iter().for_each(|words| self.travel(words));
+        (self.at, self.tilt) = (Some(block.stage), Some(block.stop.tilt));
+        self.dwell();
+    }
+
+    /// The moves to a block: words of one line each.
+    fn moves(&self, block: &Block) -> Vec<Vec<Word>> {
+        // The stage position is unknown at the start, so the first move lifts as well.
+        let lifts = block.retract || self.at.is_none();
+        let mut moves = Vec::new();
+        if lifts && !self.is_lifted() {
+            moves.push(vec![('Z', self.retract_z)]);
+        }
         let [x, y, z] = block.stage.0;
-        if lifts {
-            self.lift();
-        }
         let is_new = self.stops || self.tilt != Some(block.stop.tilt);
-        let tilt = self.letters.filter(|_| is_new).map(|l| (l, block.stop.tilt));
-        self.tilt = Some(block.stop.tilt);
-        let moves = self.stops || self.at.is_none_or(|at| [at[0], at[1]] != [x, y]);
-        match tilt {
-            // Degrees have six decimals as well.
-            Some(([a, b], TiltAngles([u, v]))) => self.travel(&[('X', x), ('Y', y), (a, u), (b, v)]),
-            None if moves => self.travel(&[('X', x), ('Y', y)]),
-            None => {}
+        let tilt = self.letters.filter(|_| is_new).map(|letters| std::iter::zip(letters, block.stop.tilt.0));
+        let mut across = Vec::new();
+        if tilt.is_some() || self.stops || self.at.is_none_or(|at| [at[0], at[1]] != [x, y]) {
+            across.extend([('X', x), ('Y', y)]);
         }
-        if self.stops || self.at.is_none_or(|at| at[2] != z) {
-            self.travel(&[('Z', z)]);
+        // Degrees have six decimals as well.
+        across.extend(tilt.into_iter().flatten());
+        let from = if lifts { Some(self.retract_z) } else { self.at.map(|at| at[2]) };
+        let along = (self.stops || from != Some(z)).then_some(('Z', z));
+        if !lifts && !self.is_lifted() && self.job.machine.stage.diagonal {
+            across.extend(along);
+            moves.push(across);
+        } else {
+            moves.extend([across, along.into_iter().collect()]);
         }
-        self.at = Some(block.stage);
-        self.line(&self.dwell.clone());
+        moves.retain(|words| !words.is_empty());
+        moves
+    }
+
+    /// What has to be done by hand before the program is begun at this block, which then has all of its position: the
+    /// lift, where the block's moves do not begin with one; then the axes that they do not move, and all others where z is
+    /// not moved or moves together with them.
+    fn entry(&mut self, moves: &[Vec<Word>], block: &Block) {
+        // z goes down last: where it is to be stated, all others are before it.
+        let moves_z = moves.iter().any(|words| words.last().is_some_and(|word| *word == ('Z', block.stage[2])));
+        let is_sent = |axis: char| {
+            if !moves_z {
+                return false;
+            }
+            let mut lines = moves.iter().filter(|words| words.iter().any(|word| word.0 == axis));
+            lines.any(|words| axis == 'Z' || words.iter().all(|word| word.0 != 'Z'))
+        };
+        let [x, y, z] = block.stage.0;
+        let missing = |words: &[Word]| words.iter().copied().filter(|word| !is_sent(word.0)).collect::<Vec<_>>();
+        let across = missing(&[('X', x), ('Y', y)]);
+        let turned = self.letters.map(|letters| std::iter::zip(letters, block.stop.tilt.0).collect::<Vec<_>>());
+        let mut missing = [across, missing(&turned.unwrap_or_default()), missing(&[('Z', z)])].to_vec();
+        missing.retain(|words| !words.is_empty());
+        let lift = ('Z', self.retract_z);
+        if !missing.is_empty() || moves.first().is_none_or(|words| words[..] != [lift]) {
+            self.entry_line("LIFT", &[lift]);
+        }
+        missing.iter().for_each(|words| self.entry_line("GO", words));
+    }
+
+    fn entry_line(&mut self, what: &str, words: &[Word]) {
+        self.out.extend_from_slice(format!("(ENTRY {what}").as_bytes());
+        self.words(words);
+        self.out.extend_from_slice(b")\n");
+    }
+
+    /// The dwell in which the axes that were sent settle.
+    fn dwell(&mut self) {
+        let sent = std::mem::take(&mut self.sent);
+        // Where the zoom optic alone has moved, it is given the longer of both.
+        let [xy, z] = if sent == [false; 2] { [true; 2] } else { sent };
+        let seconds = self.job.machine.stage.settle.after(xy, z);
+        let ms = ((seconds * 1e3).ceil() as u64).max(LEAST_DWELL_MS);
+        self.line(&format!("G4 P{}.{:03}", ms / 1000, ms % 1000));
     }
 
     /// The stop before a set-up, lifted and with the output off: the part is moved by hand, and maybe the axes.
@@ -314,13 +369,6 @@ impl<'a> Writer<'a> {
         self.out.extend_from_slice(b")\n");
     }
 
-    /// The z to lift to first where the program is begun at this block, whose own moves do not lift.
-    fn entry(&mut self) {
-        self.out.extend_from_slice(b"(ENTRY LIFT Z");
-        super::push_mm(&mut self.out, self.retract_z);
-        self.out.extend_from_slice(b")\n");
-    }
-
     fn is_lifted(&self) -> bool {
         self.at.is_some_and(|at| at[2] == self.retract_z)
     }
@@ -334,13 +382,20 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn travel(&mut self, words: &[(char, i64)]) {
+    fn travel(&mut self, words: &[Word]) {
         self.out.extend_from_slice(b"G0");
+        self.words(words);
+        self.out.push(b'\n');
+        let moves_z = words.iter().any(|word| word.0 == 'Z');
+        self.sent[1] |= moves_z;
+        self.sent[0] |= words.len() > usize::from(moves_z);
+    }
+
+    fn words(&mut self, words: &[Word]) {
         for &(axis, nm) in words {
             self.out.extend_from_slice(&[b' ', axis as u8]);
             super::push_mm(&mut self.out, nm);
         }
-        self.out.push(b'\n');
     }
 
     /// Ends the program if the wait before timed out; `number` is unique among such tests.
@@ -363,7 +418,7 @@ impl<'a> Writer<'a> {
 mod tests {
     use super::*;
     use crate::check::Checked;
-    use crate::machine::Machine;
+    use crate::machine::{AxisSettling, Machine, Settling};
     use crate::program::{BlockFigures, SetupId, sample};
     use crate::units::Time;
 
@@ -406,7 +461,7 @@ mod tests {
                      M65 P0\nM2\no3 endif\nG4 P0.050\nM66 P0 L4 Q12\no4 if [#5399 LT 0]\n\
                      (MSG, still BUSY, block B0001)\nM65 P0\nM2\no4 endif\n";
         assert!(body.starts_with(first), "{body}");
-        let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\n(ENTRY LIFT Z200.000000)\nN2 M65 P0\nG0 Z0.405000\nG4 P0.100\nM66 P0 L4 Q2\n";
+        let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\n(ENTRY LIFT Z200.000000)\n(ENTRY GO X-1.000000 Y2.000000)\nN2 M65 P0\nG0 Z0.405000\nG4 P0.100\nM66 P0 L4 Q2\n";
         assert!(body.contains(second), "a move of z alone");
         let third = "(BLOCK B0003 FILE blocks/B0003.dxf)\nN3 M65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
         assert!(body.contains(third), "lifted");
@@ -578,8 +633,8 @@ mod tests {
         let text = text(linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), None)));
         let first =
             "(BLOCK B0001)\n(FOCUS SHIFT -0.035000)\nN1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.37";
-        let second =
-            "(BLOCK B0002)\n(FOCUS SHIFT 0.035000)\n(ENTRY LIFT Z200.000000)\nN2 M65 P0\nG4 P0.100\nM66 P0 L4 Q2\n";
+        let second = "(BLOCK B0002)\n(FOCUS SHIFT 0.035000)\n(ENTRY LIFT Z200.000000)\n\
+                      (ENTRY GO X-1.000000 Y2.000000)\n(ENTRY GO Z0.370000)\nN2 M65 P0\nG4 P0.100\nM66 P0 L4 Q2\n";
         let third = "(BLOCK B0003)\n(FOCUS SHIFT 0.000000)\nN3 M65 P0\n";
         for part in [first, second, third] {
             assert!(text.contains(part), "{part}: {text}");
@@ -587,11 +642,32 @@ mod tests {
     }
 
     #[test]
+    fn z_moves_together_with_x_and_y_where_the_machine_says_so_and_no_lift_is_needed() {
+        let (mut program, origin) = sample::program();
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("profile");
+        machine.stage.diagonal = true;
+        machine.stage.settle = Settling::ByAxis(AxisSettling { xy: Time::s(0.2), z: Time::s(0.06) });
+        program.blocks[2].retract = false;
+        program.blocks[2].stage[2] += 1_000;
+        let checked = Checked::unchecked(program, origin);
+        let text = text(linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), None)));
+        let parts = [
+            "N1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.335000\nG4 P0.200\n",
+            "(ENTRY LIFT Z200.000000)\n(ENTRY GO X-1.000000 Y2.000000)\nN2 M65 P0\nG0 Z0.405000\nG4 P0.060\n",
+            "(ENTRY LIFT Z200.000000)\n(ENTRY GO X-41.000000 Y2.000000)\nN3 M65 P0\n\
+             G0 X-41.000000 Y2.000000 Z0.406000\nG4 P0.200\n",
+        ];
+        for part in parts {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+    }
+
+    #[test]
     fn a_dwell_is_never_left_out() {
         let (checked, mut machine) = sample();
-        machine.stage.settle = Time::s(0.0);
+        machine.stage.settle = Settling::Every(Time::s(0.0));
         assert!(text(m0(&job(&checked, &machine, &[], None))).contains("\nG4 P0.050\n"));
-        machine.stage.settle = Time::s(1.2501);
+        machine.stage.settle = Settling::Every(Time::s(1.2501));
         assert!(text(m0(&job(&checked, &machine, &[], None))).contains("\nG4 P1.251\n"));
     }
 }

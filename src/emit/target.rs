@@ -253,8 +253,8 @@ pub const TARGETS: [Target; 10] = [
             "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
             "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
             "wait takes too long the program ends without moving on: check the laser, then let `terrace resume`",
-            "write a program of what is left. The first line of block B0133 is N133. To begin there, first lift,",
-            "go to X and Y of the block, then to its Z: its moves send only what differs from the block before.",
+            "write a program of what is left. The first line of block B0133 is N133. To begin there, first do",
+            "what the comments ENTRY before it say.",
         ],
     },
     Target {
@@ -273,8 +273,7 @@ pub const TARGETS: [Target; 10] = [
         sheet: &[
             "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
             "cycle start. Never press it while the laser is on. Dwells are in seconds. The first line of block",
-            "B0133 is N133. To begin there, first lift, go to X and Y of the block, then to its Z: its moves",
-            "rely on the block before.",
+            "B0133 is N133. To begin there, first do what the comments ENTRY before it say.",
         ],
     },
     Target {

@@ -279,7 +279,7 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
         let hint = "the reserve is what errors may use up of PDOF: make it smaller, or make the errors smaller";
         f.push("focus.reserve", Diag::input("focus-reserve", text).hint(hint));
     }
-    Focus { pdof, reserve, depth: keys.rule.range(pdof - reserve), rule: keys.rule, level: keys.level }
+    Focus { pdof, reserve, depth: keys.rule.range(pdof - reserve), rule: keys.rule, level: keys.level, is_kept: false }
 }
 
 /// Range of `focus.factor` in Cao and Zhu (2013), step 1: PDOF = 0.8 to 1.2 DOF.

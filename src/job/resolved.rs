@@ -150,6 +150,8 @@ pub struct Focus {
     pub rule: super::DepthRule,
     /// Position of the focal plane of a block.
     pub level: Level,
+    /// Whether it stays there wherever the stop stands.
+    pub is_kept: bool,
 }
 
 impl Focus {

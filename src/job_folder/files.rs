@@ -66,13 +66,14 @@ pub(super) fn tell_proof(folder: &Path, proved: &str) -> Result<(), Error> {
 }
 
 /// The report of a folder.
-const REPORT: &str = "report.html";
+pub(super) const REPORT: &str = "report.html";
 
 /// Writes the files of a stepped job; answers with its manifest.
 pub(super) fn stepped(
     plan: &SteppedPlan,
     head: &Head,
     filling: &mut Filling<'_>,
+    is_drawn: bool,
     progress: Progress<'_>,
 ) -> Result<Vec<u8>, Error> {
     let [whole, formats, framed] = Phase::Write.task(progress).split([1, 6, 3]);
@@ -94,10 +95,9 @@ pub(super) fn stepped(
     } else {
         drop(framed);
     }
-    let pictures = Pictures::of_stepped(plan);
-    let drawing = Phase::Draw.task(progress).of_steps(pictures.count());
-    pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)?;
-    drop(drawing);
+    if is_drawn {
+        draw(&Pictures::of_stepped(plan), filling, progress)?;
+    }
     let facts = Facts {
         job_file: &head.job.file,
         job,
@@ -115,6 +115,12 @@ pub(super) fn stepped(
     let mut files = std::mem::take(&mut filling.files);
     files.sort_by(|a, b| a.file.cmp(&b.file));
     Ok(manifest::manifest(&Head { files, ..head.clone() }, &facts))
+}
+
+/// Draws the pictures of a plan.
+fn draw(pictures: &Pictures<'_>, filling: &mut Filling<'_>, progress: Progress<'_>) -> Result<(), Error> {
+    let drawing = Phase::Draw.task(progress).of_steps(pictures.count());
+    pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)
 }
 
 /// Writes one file for every block.
@@ -181,6 +187,7 @@ pub(super) fn on_the_fly(
     plan: &OnTheFlyPlan,
     head: &Head,
     filling: &mut Filling<'_>,
+    is_drawn: bool,
     progress: Progress<'_>,
 ) -> Result<Vec<u8>, Error> {
     let writing = Phase::Write.task(progress).of_steps(plan.job.formats.len());
@@ -194,10 +201,9 @@ pub(super) fn on_the_fly(
         writing.step();
     }
     drop(writing);
-    let pictures = Pictures::of_on_the_fly(plan)?;
-    let drawing = Phase::Draw.task(progress).of_steps(pictures.count());
-    pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)?;
-    drop(drawing);
+    if is_drawn {
+        draw(&Pictures::of_on_the_fly(plan)?, filling, progress)?;
+    }
     let facts =
         OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
     filling.put("runsheet.txt", &report::on_the_fly_txt(&facts, &head.job.file, &programs))?;

@@ -73,7 +73,16 @@ pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
 /// # Errors
 /// As [`write()`].
 pub fn write_with(plan: &Plan, target: &Path, durability: Durability, progress: Progress<'_>) -> Result<(), Error> {
-    write_proved(plan, target, durability, progress, &|_| Ok(None))
+    write_proved(plan, target, Writing { durability, pictures: true }, progress, &|_| Ok(None))
+}
+
+/// How a job folder is written.
+#[derive(Clone, Copy, Debug)]
+pub struct Writing {
+    /// Whether it is flushed to the disk.
+    pub durability: Durability,
+    /// Whether layout, maps, report and view are drawn.
+    pub pictures: bool,
 }
 
 /// What was proved of a new folder, for its report; None where nothing was to be proved.
@@ -86,13 +95,13 @@ pub type Prove<'a> = dyn Fn(&Path) -> Result<Option<String>, Error> + 'a;
 pub fn write_proved(
     plan: &Plan,
     target: &Path,
-    durability: Durability,
+    Writing { durability, pictures }: Writing,
     progress: Progress<'_>,
     prove: &Prove<'_>,
 ) -> Result<(), Error> {
     let fill: &Fill<'_> = match plan {
-        Plan::Stepped(plan) => &|filling, head| files::stepped(plan, head, filling, progress),
-        Plan::OnTheFly(plan) => &|filling, head| files::on_the_fly(plan, head, filling, progress),
+        Plan::Stepped(plan) => &|filling, head| files::stepped(plan, head, filling, pictures, progress),
+        Plan::OnTheFly(plan) => &|filling, head| files::on_the_fly(plan, head, filling, pictures, progress),
     };
     write_job(plan.job(), target, durability, fill, prove)
 }
@@ -100,14 +109,14 @@ pub fn write_proved(
 /// For mutants of the verifier: the folder of a plan that was tampered with.
 #[cfg(test)]
 pub(crate) fn write_stepped(plan: &SteppedPlan, target: &Path) -> Result<(), Error> {
-    let fill: &Fill<'_> = &|filling, head| files::stepped(plan, head, filling, &|_, _| {});
+    let fill: &Fill<'_> = &|filling, head| files::stepped(plan, head, filling, true, &|_, _| {});
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
 /// The same on the fly.
 #[cfg(test)]
 pub(crate) fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
-    let fill: &Fill<'_> = &|filling, head| files::on_the_fly(plan, head, filling, &|_, _| {});
+    let fill: &Fill<'_> = &|filling, head| files::on_the_fly(plan, head, filling, true, &|_, _| {});
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
@@ -123,7 +132,11 @@ fn write_job(
     let allowed = || target.may_be_replaced(job.mode, &input_paths(job));
     exchange(&target, durability.flush(), &allowed, &|new| {
         files::fill(job, new, &target.path, fill)?;
-        prove(new)?.map_or(Ok(()), |proved| files::tell_proof(new, &proved))
+        // Without pictures there is no report that could say so.
+        match prove(new)?.filter(|_| new.join(files::REPORT).exists()) {
+            Some(proved) => files::tell_proof(new, &proved),
+            None => Ok(()),
+        }
     })
 }
 
@@ -198,12 +211,13 @@ pub fn input_paths(job: &Job) -> Vec<PathBuf> {
 }
 
 /// Whether the folder was made from exactly this job and these inputs by this program, and is whole.
-pub fn is_unchanged(job: &Job, inputs: Vec<InputFact>, folder: &Path) -> bool {
+pub fn is_unchanged(job: &Job, inputs: Vec<InputFact>, pictures: bool, folder: &Path) -> bool {
     let made = || {
         let found = Head::read(folder).ok()?;
         let wanted = Head::new(job, path_from(&job.path, folder).ok()?, inputs);
         let is_there = |f: &FileFact| fs::metadata(folder.join(&f.file)).is_ok_and(|m| m.len() == f.bytes);
-        Some(found.is_same(&wanted) && found.files.iter().all(is_there))
+        let is_drawn = found.files.iter().any(|f| f.file == files::REPORT);
+        Some(found.is_same(&wanted) && (is_drawn || !pictures) && found.files.iter().all(is_there))
     };
     made().unwrap_or(false)
 }

@@ -123,6 +123,21 @@ impl Machine {
         } else if self.lens.field.iter().any(|f| f.as_mm() > 1000.0) {
             fault("machine-field", "lens.field", "lens.field is beyond 1 m".into(), "check the unit");
         }
+        let farthest = self.farthest_in_field();
+        let over_field = [
+            ("lens.telecentricity", self.lens.telecentricity.as_ref().and_then(|v| v.fault(farthest))),
+            ("lens.field_residual", self.lens.field_residual.as_ref().and_then(|v| v.fault(farthest))),
+        ];
+        for (key, why) in over_field {
+            if let Some(why) = why {
+                fault(
+                    "machine-over-field",
+                    key,
+                    format!("{key}: {why}"),
+                    "state it from the axis to the farthest corner",
+                );
+            }
+        }
         if !(1..=1_000_000).contains(&self.increment_nm().0) {
             let text = "stage.increment is not between 1 nm and 1 mm";
             fault("machine-increment", "stage.increment", text.into(), "0.1 um is usual");
@@ -181,6 +196,12 @@ impl Machine {
             let hint = "state the control that moves the tilt axes: \"linuxcnc\" or \"mach\"";
             faults.push(("controller.dialect".into(), Diag::input("machine-dialect", text).hint(hint)));
         }
+        if self.stage.diagonal && self.tilt.is_some() {
+            let text =
+                "stage.diagonal moves x, y and z together, but the machine has [tilt], whose axes turn with x and y";
+            let hint = "leave out stage.diagonal";
+            faults.push(("stage.diagonal".into(), Diag::input("machine-diagonal", text).hint(hint)));
+        }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         faults.extend(self.cost.iter().flat_map(Cost::faults));
         faults.extend(self.tool_servo.iter().flat_map(ToolServo::faults));
@@ -200,6 +221,6 @@ mod tests {
 
     #[test]
     fn every_table_of_the_schema_is_listed_as_what_it_is() {
-        diag::lists_all_of(&json_schema(), &TABLES, &["servo", "move"]);
+        diag::lists_all_of(&json_schema(), &TABLES, &["servo", "move", "settle"]);
     }
 }

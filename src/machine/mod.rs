@@ -13,7 +13,9 @@ mod command;
 mod cost;
 mod head_tilt;
 mod load;
+mod over_field;
 mod range;
+mod settling;
 mod tilt_axes;
 mod tool_servo;
 mod unused;
@@ -22,6 +24,8 @@ pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
 pub use head_tilt::Stand;
 pub use load::{PROFILES, json_schema};
+pub use over_field::OverField;
+pub use settling::{AxisSettling, Settling};
 pub use tilt_axes::{AngleCommands, AxisTravel, Letter, RotaryAxis, Tilt};
 pub use tool_servo::{Drive, Oscillation, ToolServo};
 
@@ -113,11 +117,11 @@ pub struct Lens {
     #[serde(deserialize_with = "positive")]
     pub spot: Length,
     /// Largest angle between the beam and the optical axis over the field, for the error budget.
-    #[serde(default)]
-    pub telecentricity: Option<Angle>,
+    #[serde(default, deserialize_with = "over_field::option")]
+    pub telecentricity: Option<OverField<Angle>>,
     /// Largest distance of the spot from where it should be once the field is corrected, for the error budget.
-    #[serde(default, deserialize_with = "non_negative_option")]
-    pub field_residual: Option<Length>,
+    #[serde(default, deserialize_with = "over_field::option")]
+    pub field_residual: Option<OverField<Length>>,
 }
 
 /// The galvo head.
@@ -263,8 +267,11 @@ pub struct Stage {
     #[serde(default = "default_increment", deserialize_with = "positive")]
     pub increment: Length,
     /// Waiting time after a move before the laser may fire.
-    #[serde(default, deserialize_with = "non_negative")]
-    pub settle: Time,
+    #[serde(default)]
+    pub settle: Settling,
+    /// Whether z moves together with x and y on the way from stop to stop.
+    #[serde(default)]
+    pub diagonal: bool,
     /// Positioning accuracy of x and of y, for the error of stitching and the error budget.
     #[serde(default, deserialize_with = "positive_option")]
     pub accuracy: Option<Length>,
@@ -517,6 +524,23 @@ impl Machine {
         };
         // Even and rounded down, so that the half is exact and nothing lies outside.
         size.map(|s| Nm::floor(s * NM_PER_MM + 1e-3).max(Nm(0)) / 2 * 2)
+    }
+
+    /// Full sizes of the upright rectangle around all places that may be marked from one standstill.
+    pub fn field_box(&self) -> [Nm; 2] {
+        match self.lens.shape {
+            FieldShape::Rectangle => self.usable_field(),
+            FieldShape::Circle => [Nm::ceil(2.0 * self.field_reach() * NM_PER_MM); 2],
+        }
+    }
+
+    /// How far from the optical axis a point may be marked at all, mm.
+    pub fn farthest_in_field(&self) -> f64 {
+        let [x, y] = self.lens.field.map(|f| f.as_mm() / 2.0 - self.lens.margin.as_mm());
+        match self.lens.shape {
+            FieldShape::Rectangle => x.hypot(y),
+            FieldShape::Circle => x.min(y),
+        }
     }
 
     /// How far from the optical axis a point may be marked in any direction, mm.

@@ -2,7 +2,7 @@
 //! memory that follows from them runs away. `docs/machine-file.md` states every one. Those of the field, the travel and
 //! the increments have codes of their own.
 
-use super::{Fault, Machine, ToolServo};
+use super::{Fault, Machine, OverField, ToolServo};
 use crate::diag::Diag;
 use crate::units::Quantity;
 
@@ -28,8 +28,8 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "lens.working_distance", Some(m.lens.working_distance), ["0.1 mm", "10 m"]);
     hold(&mut out, "lens.diameter", Some(m.lens.diameter), ["0.1 mm", "2 m"]);
     hold(&mut out, "lens.spot", Some(m.lens.spot), ["0.1 um", "10 mm"]);
-    hold(&mut out, "lens.telecentricity", m.lens.telecentricity, ["0 deg", "30 deg"]);
-    hold(&mut out, "lens.field_residual", m.lens.field_residual, ["0 mm", "10 mm"]);
+    over_field(&mut out, "lens.telecentricity", m.lens.telecentricity.as_ref(), ["0 deg", "30 deg"]);
+    over_field(&mut out, "lens.field_residual", m.lens.field_residual.as_ref(), ["0 mm", "10 mm"]);
     hold(&mut out, "scanner.jump_speed", Some(m.scanner.jump_speed), ["0.1 mm/s", "1000 m/s"]);
     hold(&mut out, "scanner.max_mark_speed", Some(m.scanner.max_mark_speed), ["0.1 mm/s", "1000 m/s"]);
     hold(&mut out, "scanner.acceleration", m.scanner.acceleration, ["1 mm/s2", "1e9 mm/s2"]);
@@ -38,7 +38,9 @@ fn ranges(m: &Machine) -> Vec<Range> {
     for (name, servo) in [("scanner", m.scanner.servo), ("stage", m.stage.servo)] {
         hold(&mut out, format!("{name}.servo.frequency"), servo.map(|s| s.frequency), ["0.1 Hz", "1 MHz"]);
     }
-    hold(&mut out, "stage.settle", Some(m.stage.settle), ["0 s", "60 min"]);
+    for settle in m.stage.settle.by_axis() {
+        hold(&mut out, "stage.settle", Some(settle), ["0 s", "60 min"]);
+    }
     hold(&mut out, "stage.clearance", Some(m.stage.clearance), ["1 um", "1 m"]);
     hold(&mut out, "stage.accuracy", m.stage.accuracy, ["1 nm", "10 mm"]);
     hold(&mut out, "stage.z_accuracy", m.stage.z_accuracy, ["1 nm", "10 mm"]);
@@ -95,6 +97,14 @@ fn tool_servo(out: &mut Vec<Range>, tool: Option<&ToolServo>) {
     for oscillation in oscillations.iter().map(Some).chain([None]) {
         hold(out, "tool_servo.oscillations.stroke", oscillation.map(|o| o.stroke), ["1 nm", "1 m"]);
         hold(out, "tool_servo.oscillations.frequency", oscillation.map(|o| o.frequency), ["0.01 Hz", "1 MHz"]);
+    }
+}
+
+/// Appends the range of a key for each of its values over the field; of none, so that it is in the document.
+fn over_field<Q: Quantity>(out: &mut Vec<Range>, key: &str, value: Option<&OverField<Q>>, ends: [&'static str; 2]) {
+    let values = value.map(OverField::values).unwrap_or_default();
+    for value in values.into_iter().map(Some).chain([None]) {
+        hold(out, key, value, ends);
     }
 }
 

@@ -28,7 +28,7 @@ use crate::diag::Message;
 use crate::emit;
 use crate::job::Job;
 use crate::machine::Machine;
-use crate::program::{BlockFigures, Sections};
+use crate::program::{BlockFigures, OffAxis, Sections};
 use crate::texture::Directions;
 
 /// Parts of the job time, s. They sum to the total.
@@ -149,6 +149,9 @@ pub struct Summary {
     pub worst_defocus_mean_um: f64,
     /// Largest angle between the beam and the normal of a marked place.
     pub worst_incidence_deg: f64,
+    /// How far from the optical axis marks lie.
+    #[serde(default)]
+    pub off_axis_mm: OffAxis,
     /// How far marks may lie from where they should.
     #[serde(default)]
     pub budget: Budget,

@@ -21,7 +21,8 @@ impl StageMove {
 }
 
 /// Time from one stage target to the next (axis commands, nm), as the stage programs command it: x and
-/// y together, then z on its own; with `retract_z` first z up to that command. No change, no time.
+/// y together, then z on its own; with `retract_z` first z up to that command. Where the machine moves diagonally, all
+/// three together, unless it lifts or comes from where it lifts to. No change, no time.
 ///
 /// Measured times of the machine file replace the profiles: `xy` for any move that changes x or y, `z`
 /// for one of z alone, and one `z` more for a retract. They hold the settling already.
@@ -56,13 +57,15 @@ pub fn tilting_move(
     let lifted = axis_time(&stage.z, from[2], top);
     let across = axis_time(&stage.x, from[0], to[0]).max(axis_time(&stage.y, from[1], to[1])).max(tilt_s);
     let focused = axis_time(&stage.z, top, to[2]);
-    StageMove { travel_s: lifted + across + focused, settle_s: stage.settle.as_s() }
+    let is_diagonal = stage.diagonal && retract_z.is_none() && from[2] != machine.retract_z().0;
+    let travel_s = if is_diagonal { across.max(focused) } else { lifted + across + focused };
+    StageMove { travel_s, settle_s: stage.settle.after(plane, from[2] != to[2] || lift.is_some()) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::MoveTimes;
+    use crate::machine::{AxisSettling, MoveTimes, Settling};
     use crate::units::Time;
 
     const ZERO: Commanded = Commanded([0; 3]);
@@ -85,12 +88,28 @@ mod tests {
         };
         let both = stage_move(&m, ZERO, Commanded([40_000_000, -3_000_000, 70_000]), None);
         assert!(close(both.travel_s, time(x, 40.0) + time(z, 0.07)), "{both:?}");
-        assert_eq!(both.settle_s, m.stage.settle.as_s());
+        assert_eq!(both.settle_s, m.stage.settle.longest());
         let z_only = stage_move(&m, Commanded([1, 2, 0]), Commanded([1, 2, -70_000]), None);
         assert!(close(z_only.travel_s, time(z, 0.07)));
         let lifted = stage_move(&m, ZERO, Commanded([40_000_000, 0, 70_000]), Some(Nm(200_000_000)));
         assert!(close(lifted.travel_s, time(z, 200.0) + time(x, 40.0) + time(z, 199.93)));
         assert_eq!(stage_move(&m, Commanded([5; 3]), Commanded([5; 3]), None), StageMove::default());
+    }
+
+    #[test]
+    fn a_diagonal_costs_its_slowest_axis_and_settles_as_the_axes_that_moved() {
+        let mut m = machine();
+        m.stage.diagonal = true;
+        m.stage.settle = Settling::ByAxis(AxisSettling { xy: Time::s(0.1), z: Time::s(0.04) });
+        let alone = |to| stage_move(&m, ZERO, Commanded(to), None);
+        let [across, down] = [alone([40_000_000, 0, 0]), alone([0, 0, -3_000_000])];
+        let both = alone([40_000_000, 0, -3_000_000]);
+        assert_eq!(both.travel_s, across.travel_s.max(down.travel_s));
+        assert_eq!([across, down, both].map(|m| m.settle_s), [0.1, 0.04, 0.1]);
+        // A lift is made by itself.
+        let lifted = stage_move(&m, ZERO, Commanded([40_000_000, 0, 0]), Some(Nm(9_000_000)));
+        let up = alone([0, 0, 9_000_000]).travel_s;
+        assert!(close(lifted.travel_s, up + across.travel_s + up), "{lifted:?}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod endpoints;
 mod kd_tree;
 mod move_times;
+pub mod slide;
 pub mod stops;
 pub mod strokes;
 mod tour;

@@ -6,13 +6,14 @@
 use crate::geom::Nm;
 use crate::machine::{Commanded, Machine, MoveTimes};
 use crate::motion;
+use crate::units::Time;
 
 /// Times of a machine's stage.
 pub(super) enum MoveTimer {
     /// Measured times.
     Fixed(MoveTimes),
-    /// Profiles of the axes, the settling after every move, and the command that z is lifted to.
-    Profiles { axes: [AxisTimes; 3], settle_s: f64, top: f64 },
+    /// Profiles of the axes, the settling, the command that z is lifted to, and whether z moves together with x and y.
+    Profiles { axes: [AxisTimes; 3], settling: [f64; 2], top: f64, is_diagonal: bool },
 }
 
 impl MoveTimer {
@@ -27,7 +28,8 @@ impl MoveTimer {
                 motion::stage_move(machine, Commanded::default(), to, None).travel_s
             })
         });
-        Self::Profiles { axes, settle_s: machine.stage.settle.as_s(), top: machine.retract_z().f64() }
+        let settling = machine.stage.settle.by_axis().map(Time::as_s);
+        Self::Profiles { axes, settling, top: machine.retract_z().f64(), is_diagonal: machine.stage.diagonal }
     }
 
     /// Time of a move over these distances, none negative, without a lift.
@@ -37,8 +39,10 @@ impl MoveTimer {
         }
         match self {
             Self::Fixed(times) => if gap[0] > 0.0 || gap[1] > 0.0 { times.xy } else { times.z }.as_s(),
-            Self::Profiles { axes: [x, y, z], settle_s, .. } => {
-                x.at(gap[0]).max(y.at(gap[1])) + z.at(gap[2]) + settle_s
+            Self::Profiles { axes: [x, y, z], settling, is_diagonal, .. } => {
+                let [across, along] = [x.at(gap[0]).max(y.at(gap[1])), z.at(gap[2])];
+                let travel = if *is_diagonal { across.max(along) } else { across + along };
+                travel + settled(settling, gap)
             }
         }
     }
@@ -52,12 +56,20 @@ impl MoveTimer {
     pub(super) fn lifted(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
         match self {
             Self::Fixed(times) => times.xy.as_s() + times.z.as_s(),
-            Self::Profiles { axes: [.., z], top, .. } => {
-                let [x, y, _] = gap(a, b);
-                self.over([x, y, (top - a[2]).abs()]) + z.at((top - b[2]).abs())
+            Self::Profiles { axes: [x, y, z], settling, top, .. } => {
+                let gap = gap(a, b);
+                let [up, down] = [a, b].map(|end| (top - end[2]).abs());
+                let settled = settled(settling, [gap[0], gap[1], up.max(down)]);
+                x.at(gap[0]).max(y.at(gap[1])) + z.at(up) + z.at(down) + settled
             }
         }
     }
+}
+
+/// Settling after a move over these distances.
+fn settled([xy, z]: &[f64; 2], gap: [f64; 3]) -> f64 {
+    let plane = if gap[0] > 0.0 || gap[1] > 0.0 { *xy } else { 0.0 };
+    plane.max(if gap[2] > 0.0 { *z } else { 0.0 })
 }
 
 fn gap(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -100,8 +112,7 @@ fn between(nm: f64, time: impl Fn(Nm) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::PROFILES;
-    use crate::units::Time;
+    use crate::machine::{AxisSettling, PROFILES, Settling};
 
     #[test]
     fn integer_move_times_equal_those_of_the_motion_model() {
@@ -109,9 +120,14 @@ mod tests {
         // Of all sizes, from 0 upwards.
         let mut next = |bits: u32| random.between(0, (1 << bits) - 1) >> random.below(29);
         for (name, _) in PROFILES {
-            for times in [None, Some(MoveTimes { xy: Time::s(3.7), z: Time::s(0.3) })] {
+            let measured = Some(MoveTimes { xy: Time::s(3.7), z: Time::s(0.3) });
+            for (times, is_diagonal) in [(None, false), (measured, false), (None, true)] {
                 let mut machine = Machine::built_in(name).expect("profile");
                 machine.stage.move_times = times.or(machine.stage.move_times);
+                if is_diagonal {
+                    machine.stage.diagonal = true;
+                    machine.stage.settle = Settling::ByAxis(AxisSettling { xy: Time::s(0.1), z: Time::s(0.04) });
+                }
                 let timer = MoveTimer::new(&machine);
                 for i in 0..3000 {
                     let a = [next(28), next(28), next(26)];

@@ -211,34 +211,104 @@ fn neighbours(
     far: impl Fn([f64; 3]) -> f64,
     cost: impl Fn(u32, u32) -> f64,
 ) -> Vec<Vec<(f64, u32)>> {
-    let nearest = |endpoint: usize, elsewhere: bool, found: &mut Vec<(f64, u32)>| {
-        found.clear();
-        let mut limit = f64::INFINITY;
-        let start = (endpoint as u32).checked_sub(1);
-        tree.around(at[endpoint], start, limit, &far, |d, number| {
-            let other = number as usize + 1;
-            if other != endpoint && !(elsewhere && at[endpoint][..2] == at[other][..2]) {
-                let place = found.partition_point(|f| f.0 <= d);
-                found.insert(place, (d, other as u32));
-                if found.len() > NEIGHBOURS {
-                    found.pop();
-                    limit = found[NEIGHBOURS - 1].0;
-                }
-            }
-            limit
-        });
-    };
-    let (mut near, mut beside) = (Vec::new(), Vec::new());
+    let columns = Columns::new(at);
+    let (mut near, mut beside) = (Nearest::default(), Nearest::default());
     let list = |endpoint: usize| {
-        nearest(endpoint, false, &mut near);
-        nearest(endpoint, true, &mut beside);
-        near.extend(beside.iter().filter(|&&(_, p)| at[p as usize][..2] != at[endpoint][..2]));
-        near.iter_mut().for_each(|f| f.0 = cost(endpoint as u32, f.1));
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        near.dedup();
-        near.clone()
+        near.0.clear();
+        tree.around(at[endpoint], (endpoint as u32).checked_sub(1), f64::INFINITY, &far, |d, number| {
+            let other = number as usize + 1;
+            if other == endpoint { near.limit() } else { near.insert(d, other as u32) }
+        });
+        columns.beside(endpoint, at, &far, &mut beside);
+        let mut found = near.0.clone();
+        found.extend(beside.0.iter().filter(|&&(_, p)| at[p as usize][..2] != at[endpoint][..2]));
+        found.iter_mut().for_each(|f| f.0 = cost(endpoint as u32, f.1));
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found.dedup();
+        found
     };
     (0..at.len()).map(list).collect()
+}
+
+/// The nearest of what was found, [`NEIGHBOURS`] at most, by distance.
+#[derive(Default)]
+struct Nearest(Vec<(f64, u32)>);
+
+impl Nearest {
+    /// The distance below which another one counts.
+    fn limit(&self) -> f64 {
+        if self.0.len() < NEIGHBOURS { f64::INFINITY } else { self.0[NEIGHBOURS - 1].0 }
+    }
+
+    /// Inserts what lies nearer than the limit; answers with the new limit.
+    fn insert(&mut self, d: f64, endpoint: u32) -> f64 {
+        let place = self.0.partition_point(|f| f.0 <= d);
+        self.0.insert(place, (d, endpoint));
+        self.0.truncate(NEIGHBOURS);
+        self.limit()
+    }
+}
+
+/// Stops over one place, place by place. Thousands of levels may lie over one: nearest stops over other places are
+/// looked for among the places.
+struct Columns {
+    tree: Tree<2>,
+    /// Of every place the height and the endpoint of its stops, upwards.
+    levels: Vec<Vec<(f64, u32)>>,
+    /// The place of every endpoint but the first, from which the stage comes.
+    of: Vec<u32>,
+}
+
+impl Columns {
+    fn new(at: &[[f64; 3]]) -> Self {
+        let mut order: Vec<u32> = (1..at.len() as u32).collect();
+        let key = |&p: &u32| at[p as usize];
+        order.sort_by(|a, b| {
+            let (a_at, b_at) = (key(a), key(b));
+            (0..3).map(|k| a_at[k].total_cmp(&b_at[k])).find(|o| o.is_ne()).unwrap_or(a.cmp(b))
+        });
+        let mut columns = Self { tree: Tree::new([].into_iter()), levels: Vec::new(), of: vec![u32::MAX; at.len()] };
+        let mut places = Vec::new();
+        for column in order.chunk_by(|a, b| key(a)[..2] == key(b)[..2]) {
+            column.iter().for_each(|&p| columns.of[p as usize] = places.len() as u32);
+            places.push([key(&column[0])[0], key(&column[0])[1]]);
+            columns.levels.push(column.iter().map(|&p| (at[p as usize][2], p)).collect());
+        }
+        columns.tree = Tree::new(places.into_iter());
+        columns
+    }
+
+    /// The nearest stops that are not over the place of an endpoint.
+    fn beside(&self, endpoint: usize, at: &[[f64; 3]], far: impl Fn([f64; 3]) -> f64, found: &mut Nearest) {
+        found.0.clear();
+        let ([x, y, z], own) = (at[endpoint], self.of[endpoint]);
+        let in_plane = |[x, y]: [f64; 2]| far([x, y, 0.0]);
+        let near = (own != u32::MAX).then_some(own);
+        self.tree.around([x, y], near, f64::INFINITY, in_plane, |_, column| {
+            let levels = &self.levels[column as usize];
+            if column == own || at[levels[0].1 as usize][..2] == [x, y] {
+                return found.limit();
+            }
+            let split = levels.partition_point(|level| level.0 < z);
+            let away = |&(_, p): &(f64, u32)| far([0, 1, 2].map(|k| (at[p as usize][k] - at[endpoint][k]).abs()));
+            // Up and down from the height of the endpoint, each until no stop lies nearer.
+            for level in &levels[split..] {
+                let d = away(level);
+                if d >= found.limit() {
+                    break;
+                }
+                found.insert(d, level.1);
+            }
+            for level in levels[..split].iter().rev() {
+                let d = away(level);
+                if d >= found.limit() {
+                    break;
+                }
+                found.insert(d, level.1);
+            }
+            found.limit()
+        });
+    }
 }
 
 #[cfg(test)]
@@ -298,6 +368,28 @@ mod tests {
             if section % 2 == 0 { order.extend(up.iter().rev()) } else { order.extend(up) }
         }
         order
+    }
+
+    #[test]
+    fn neighbours_over_other_places_are_those_of_a_search_through_all() {
+        let machine = machine(None);
+        let timer = MoveTimer::new(&machine);
+        let far = |gap: [f64; 3]| timer.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
+        for stops in [dome(150), grid(4, 3, 9), grid(1, 1, 20), dome(3)] {
+            let at: Vec<[f64; 3]> =
+                std::iter::once([0.0; 3]).chain(stops.iter().map(|p| p.0.map(|v| v as f64))).collect();
+            let (columns, mut found) = (Columns::new(&at), Nearest::default());
+            for endpoint in 0..at.len() {
+                columns.beside(endpoint, &at, far, &mut found);
+                let others = (1..at.len()).filter(|&p| at[p][..2] != at[endpoint][..2]);
+                let gap = |p: usize| [0, 1, 2].map(|k| (at[p][k] - at[endpoint][k]).abs());
+                let mut all: Vec<f64> = others.map(|p| far(gap(p))).collect();
+                all.sort_by(f64::total_cmp);
+                all.truncate(NEIGHBOURS);
+                let near: Vec<f64> = found.0.iter().map(|f| f.0).collect();
+                assert_eq!(near, all);
+            }
+        }
     }
 
     #[test]

@@ -378,13 +378,14 @@ impl Stage<'_> {
         if stops.iter().any(|stop| !stop.tilt.is_upright()) {
             return self.tilted_tour(targets, stops);
         }
-        let lifts = |a: usize, b: usize| stops[a].focus < lowest && self.lifts(stops[a], stops[b]);
+        let lifts =
+            |a: usize, b: usize| self.lowest_between(stops[a], stops[b]) < lowest && self.lifts(stops[a], stops[b]);
         let is_low = stops.iter().any(|stop| stop.focus < lowest);
         let stage = order::stops::Stage { machine: self.machine, from, lifts: is_low.then_some(&lifts) };
         order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT)
     }
 
-    fn climb(&self) -> HeightOrder {
+    pub(super) fn climb(&self) -> HeightOrder {
         match self.climb {
             StopOrder::Time => HeightOrder::Free,
             StopOrder::ZUp => HeightOrder::Up,
@@ -426,7 +427,12 @@ impl Stage<'_> {
     }
 
     /// Whether the stage must lift between two stops with their commands, of a part that lies at `origin`.
-    fn lifts_between(&self, (a, from): (&Stop, Commanded), (b, to): (&Stop, Commanded), origin: Origin) -> bool {
+    pub(super) fn lifts_between(
+        &self,
+        (a, from): (&Stop, Commanded),
+        (b, to): (&Stop, Commanded),
+        origin: Origin,
+    ) -> bool {
         if !self.rounds(a) && !self.rounds(b) {
             return self.lifts(a, b);
         }
@@ -440,12 +446,22 @@ impl Stage<'_> {
     /// Whether the stage must lift between two stops.
     fn lifts(&self, a: &Stop, b: &Stop) -> bool {
         if a.tilt == b.tilt {
-            return a.centre != b.centre && a.focus - self.start.lowered < self.lowest_over(a, b);
+            return a.centre != b.centre && self.lowest_between(a, b) - self.start.lowered < self.lowest_over(a, b);
         }
         let turn = |u: i64, v: i64| self.machine.turn(TiltAngles([u, v]), self.origin);
         let [[a0, a1], [b0, b1]] = [a.tilt.0, b.tilt.0];
         a.focus - self.start.lowered
             < self.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
+    }
+
+    /// The lowest focal plane on the way from one stop to another of the same tilt, without a lift.
+    fn lowest_between(&self, a: &Stop, b: &Stop) -> Nm {
+        if self.machine.stage.diagonal { a.focus.min(b.focus) } else { a.focus }
+    }
+
+    /// Whether the head keeps clear of the part where it stands at a stop.
+    pub(super) fn is_clear(&self, stop: &Stop) -> bool {
+        stop.focus - self.start.lowered >= self.lowest_over(stop, stop)
     }
 
     /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.

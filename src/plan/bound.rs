@@ -1,7 +1,8 @@
 //! How few stops a job needs at least: what is taken of its marks, and the certificate.
 //!
 //! The bound holds for all upright stops that the machine can take, whatever the method: for closed boxes
-//! of the usable field by the depth range. Points of marks are rounded to the nanometre, as are cuts, so
+//! of the usable field by the depth range. Of a circular field the box is the square around it, which holds all that a
+//! stop can mark. Points of marks are rounded to the nanometre, as are cuts, so
 //! boxes are taken a few nm larger than they are. With a zoom optic a stop holds all that lies within the optic's reach. Where `keep_whole` asks for whole figures and the method
 //! keeps them, figures that a stop holds count as one piece. What was too short to be marked does not count.
 
@@ -29,7 +30,7 @@ const CELLS: i64 = 64;
 
 /// What a stop holds at most, nm; None where it is out of reach of 32 bits.
 pub(super) fn size(machine: &Machine, focus: &Focus) -> Option<[i32; 3]> {
-    let [width, height] = machine.usable_field();
+    let [width, height] = machine.field_box();
     let depth = match (machine.most_focus_shift(), focus.level) {
         (Nm(0), _) => focus.depth,
         (shift, Level::Mid) => shift * 2 + focus.depth + machine.increment_nm() * 2,
@@ -131,3 +132,79 @@ impl Unmarked {
 
 /// Figures that are looked at, at most: the search takes seconds for more.
 const MOST_FIGURES: usize = 200_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::FieldShape;
+    use crate::random::Random;
+    use crate::units::Length;
+
+    /// Whether one circle of this radius and a depth hold all of some points: the circle is one through two of them, or
+    /// about one.
+    fn one_stop_holds(points: &[[i32; 3]], radius: f64, depth: i32) -> bool {
+        let heights = || points.iter().map(|p| p[2]);
+        if heights().max().zip(heights().min()).is_some_and(|(hi, lo)| hi - lo > depth) {
+            return false;
+        }
+        let at: Vec<[f64; 2]> = points.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect();
+        let mut centres = at.clone();
+        for (i, a) in at.iter().enumerate() {
+            for b in &at[i + 1..] {
+                let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+                let half = dx.hypot(dy) / 2.0;
+                if half > 0.0 && half <= radius {
+                    let off = (radius * radius - half * half).sqrt() / (2.0 * half);
+                    let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
+                    centres.extend([1.0, -1.0].map(|s| [middle[0] - s * off * dy, middle[1] + s * off * dx]));
+                }
+            }
+        }
+        centres.iter().any(|c| at.iter().all(|p| (p[0] - c[0]).hypot(p[1] - c[1]) <= radius + 1.0))
+    }
+
+    /// The least number of stops, by trying every way to part the points.
+    fn least(points: &[[i32; 3]], radius: f64, depth: i32) -> usize {
+        let all = (1usize << points.len()) - 1;
+        let chosen =
+            |set: usize| (0..points.len()).filter(|i| set >> i & 1 == 1).map(|i| points[i]).collect::<Vec<_>>();
+        let is_held: Vec<bool> = (0..=all).map(|set| one_stop_holds(&chosen(set), radius, depth)).collect();
+        let mut least = vec![usize::MAX; all + 1];
+        least[0] = 0;
+        for set in 1..=all {
+            let mut part = set;
+            while part > 0 {
+                if is_held[part] {
+                    least[set] = least[set].min(1 + least[set & !part]);
+                }
+                part = (part - 1) & set;
+            }
+        }
+        least[all]
+    }
+
+    #[test]
+    fn no_bound_of_a_circular_field_is_above_the_least_cover_by_circles() {
+        let text = "surface.file = \"a.stl\"\nsurface.unit = \"mm\"\nfocus.pdof = \"0.07 mm\"\n\
+                    machine.profile = \"xyz-galvo-40\"\n[[texture]]\npattern = \"hatch\"\npitch = \"1 mm\"\n\
+                    [[pen]]\nname = \"a\"\nspeed = \"1 m/s\"\npower = \"50 %\"\nfrequency = \"60 kHz\"\n";
+        let job = crate::job::Job::parse(std::path::Path::new("a.toml"), text, &Default::default()).expect("a job");
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        (machine.lens.shape, machine.lens.field) = (FieldShape::Circle, [Length::mm(20.0); 2]);
+        let size = size(&machine, &job.focus).expect("a size");
+        // A line of 19 mm.
+        assert_eq!(bound::lower_bound(&[[0, 0, 0], [9_500_000, 0, 0], [19_000_000, 0, 0]], size).stops(), 1);
+        let mut random = Random::new(41);
+        let mut sharp = 0;
+        for case in 0..30 {
+            let extent = random.between(10_000_000, 60_000_000);
+            let heights = if case % 2 == 0 { 0 } else { 150_000 };
+            let mut point = || [extent, extent, heights].map(|v| random.between(0, v) as i32);
+            let points: Vec<[i32; 3]> = (0..9).map(|_| point()).collect();
+            let (found, least) = (bound::lower_bound(&points, size).stops(), least(&points, 10_000_000.0, size[2]));
+            assert!((1..=least).contains(&found), "{found} of {least}: {points:?}");
+            sharp += usize::from(found == least);
+        }
+        assert!(sharp >= 10, "{sharp} of 30 are as large as they can be");
+    }
+}

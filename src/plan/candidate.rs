@@ -30,6 +30,8 @@ pub(super) struct Candidate {
     pub(super) ids: Vec<StopId>,
     /// What it was before stops were merged.
     pub(super) unmerged: Unmerged,
+    /// Where the part's origin lies in the table frame.
+    pub(super) origin: Origin,
     pub(super) setups: Setups,
     /// The cells of its set-ups.
     pub(super) used: Used,
@@ -61,7 +63,7 @@ impl Candidate {
 
     /// The first invariant that it breaks, if it breaks any.
     pub(super) fn fault(&self, machine: &Machine, grid: &Grid, clearance: &Clearance) -> Option<Diag> {
-        let origins = self.origins(grid);
+        let origins = self.origins();
         let limits = Limits {
             machine,
             origins: &origins,
@@ -75,8 +77,8 @@ impl Candidate {
     }
 
     /// Positions of the part's origin, by set-up.
-    pub(super) fn origins(&self, grid: &Grid) -> Vec<Origin> {
-        self.used.iter().map(|cell| self.setups.origin(cell, grid.origin)).collect()
+    pub(super) fn origins(&self) -> Vec<Origin> {
+        self.used.iter().map(|cell| self.setups.origin(cell, self.origin)).collect()
     }
 
     /// What the best candidate has least of.
@@ -100,10 +102,10 @@ impl Candidate {
             && new.short <= old.short
     }
 
-    /// Where pass `pass` begins after all passes before it, the first of which began at `begin` on the grid `first`.
-    pub(super) fn start_of(&self, pass: PassId, begin: &Start, passes: &Passes, first: &Grid) -> Start {
+    /// Where pass `pass` begins after all passes before it, the first of which began at `begin`.
+    pub(super) fn start_of(&self, pass: PassId, begin: &Start, passes: &Passes) -> Start {
         let lowered = passes.lowered(pass);
-        let Origin([x, y, z]) = first.origin;
+        let Origin([x, y, z]) = self.origin;
         let last = self.program.blocks.last();
         let stood = |b: &Block| Stop { focus: b.plane() + lowered, ..b.stop.clone() };
         Start {

@@ -11,11 +11,12 @@
 use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
-use crate::geom::{Box2, Nm, P2, Turned};
+use super::extent::{Extent, Near};
+use crate::geom::{Nm, P2};
 use crate::machine::{Commanded, Machine};
 use crate::motion;
 use crate::partition::Stops;
-use crate::program::{Block, Program, SetupId, Stop, StopId};
+use crate::program::{Block, SetupId, Stop, StopId};
 use crate::split::Sliver;
 
 /// The machine that stops are merged for, and what a stop costs beside its moves.
@@ -37,44 +38,6 @@ pub(super) enum Pairs {
     /// Those whose merger saves time in the tour as it is.
     Saving,
 }
-
-/// A box of marks, nm: x, y and z.
-#[derive(Clone, Copy)]
-struct Extent {
-    lo: [i64; 3],
-    hi: [i64; 3],
-}
-
-impl Extent {
-    fn of(program: &Program, block: &Block) -> Self {
-        let c = block.stop.centre;
-        let mut area = Box2::<Turned>::EMPTY;
-        let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
-        points.for_each(|p| area.add(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y))));
-        Self { lo: [area.lo.x, area.lo.y, block.z_lo.0], hi: [area.hi.x, area.hi.y, block.z_hi.0] }
-    }
-
-    fn union(&self, other: &Self) -> Self {
-        let ends = |pick: fn(i64, i64) -> i64, a: [i64; 3], b: [i64; 3]| [0, 1, 2].map(|k| pick(a[k], b[k]));
-        Self { lo: ends(i64::min, self.lo, other.lo), hi: ends(i64::max, self.hi, other.hi) }
-    }
-
-    fn middle(&self) -> [i64; 3] {
-        [0, 1, 2].map(|k| self.lo[k].midpoint(self.hi[k]))
-    }
-
-    /// Between which lower corners, on the lattice of `corner`, a box of `size` that stands there holds these marks.
-    fn room(&self, corner: [i64; 3], size: [i64; 3], step: i64) -> [[i64; 2]; 3] {
-        [0, 1, 2].map(|k| {
-            let up = (self.lo[k] - ROUNDING - corner[k]).div_euclid(step) * step;
-            let down = (corner[k] + size[k] - self.hi[k] - ROUNDING).div_euclid(step) * step;
-            [corner[k] - down.max(0), corner[k] + up.max(0)]
-        })
-    }
-}
-
-/// What rounding may have done to a mark, nm: a cut moved onto the border of a window, a height to the nanometre.
-const ROUNDING: i64 = 2;
 
 /// How often all stops look for a partner.
 const ROUNDS: usize = 8;
@@ -118,7 +81,7 @@ pub(super) fn merged(stops: &Stops, made: &Candidate, costs: &Costs<'_>) -> Opti
     let time = |i: usize| made.figures[i].time_s;
     let mut poorest: Vec<usize> = (0..tour.nodes.len()).collect();
     poorest.sort_by(|&a, &b| time(a).total_cmp(&time(b)).then(a.cmp(&b)));
-    let near = Near::new(&tour.nodes, tour.size);
+    let near = Near::new(tour.nodes.iter().map(|n| n.extent.middle()), tour.size);
     for _ in 0..ROUNDS {
         let before = poorest.len();
         poorest.retain(|&i| !tour.nodes[i].is_gone);
@@ -180,7 +143,7 @@ impl<'a> Tour<'a> {
     /// The merger of stop `i` with another that saves the most time; None where none can be or saves any.
     fn best(&self, i: usize, near: &Near) -> Option<Merger> {
         let mut best: Option<Merger> = None;
-        for j in near.of(&self.nodes[i], self.size) {
+        for j in near.of(self.nodes[i].extent.middle()) {
             let [a, b] = [&self.nodes[i], &self.nodes[j]];
             if i == j || b.is_gone || a.setup != b.setup {
                 continue;
@@ -313,37 +276,6 @@ impl<'a> Tour<'a> {
     }
 }
 
-/// Finds stops whose marks may fit one box with others.
-struct Near(BTreeMap<[i64; 2], Vec<(i64, usize)>>);
-
-impl Near {
-    fn new(nodes: &[Node], size: [i64; 3]) -> Self {
-        let mut cells: BTreeMap<[i64; 2], Vec<(i64, usize)>> = BTreeMap::new();
-        for (i, node) in nodes.iter().enumerate() {
-            let middle = node.extent.middle();
-            cells.entry(cell(middle, size)).or_default().push((middle[2], i));
-        }
-        cells.values_mut().for_each(|list| list.sort_unstable());
-        Self(cells)
-    }
-
-    /// Those whose marks had their middle within a box's size of that of `node`: what has grown since holds what it
-    /// held.
-    fn of(&self, node: &Node, size: [i64; 3]) -> impl Iterator<Item = usize> {
-        let middle = node.extent.middle();
-        let [column, row] = cell(middle, size);
-        let cells = (-1..=1).flat_map(move |y| (-1..=1).map(move |x| [column + x, row + y]));
-        cells.filter_map(|at| self.0.get(&at)).flat_map(move |list| {
-            let from = list.partition_point(|&(z, _)| z < middle[2] - size[2]);
-            list[from..].iter().take_while(move |&&(z, _)| z <= middle[2] + size[2]).map(|&(_, i)| i)
-        })
-    }
-}
-
-fn cell(at: [i64; 3], size: [i64; 3]) -> [i64; 2] {
-    [0, 1].map(|k| at[k].div_euclid(size[k]))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -397,35 +329,13 @@ mod tests {
     }
 
     #[test]
-    fn a_box_may_stand_wherever_it_holds_the_marks_and_nowhere_else() {
-        let mut random = Random::new(3);
-        for _ in 0..2000 {
-            let corner = [0, 1, 2].map(|k| random.between(-SIZE[k], SIZE[k]));
-            let lo = [0, 1, 2].map(|k| corner[k] + random.between(0, SIZE[k]));
-            let extent = Extent { lo, hi: [0, 1, 2].map(|k| lo[k] + random.between(0, corner[k] + SIZE[k] - lo[k])) };
-            for (k, [from, to]) in extent.room(corner, SIZE, 100).into_iter().enumerate() {
-                let holds = |at: i64| at <= extent.lo[k] && extent.hi[k] <= at + SIZE[k];
-                assert!(
-                    from <= corner[k]
-                        && corner[k] <= to
-                        && (to - corner[k]) % 100 == 0
-                        && (corner[k] - from) % 100 == 0
-                );
-                assert!(holds(from) && holds(to));
-                // To the rounding of marks no place on the lattice is left out.
-                assert!(!holds(from - 100 - ROUNDING) && !holds(to + 100 + ROUNDING));
-            }
-        }
-    }
-
-    #[test]
     fn mergers_lose_what_the_tour_loses_and_boxes_hold_all_marks() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         for (pairs, seed) in [(Pairs::All, 4), (Pairs::Saving, 5), (Pairs::All, 6), (Pairs::Saving, 7)] {
             let (costs, mut random) = (costs(&machine, pairs), Random::new(seed));
             let mut tour = tour(&costs, &mut random, 60);
             let first: Vec<Extent> = tour.nodes.iter().map(|n| n.extent).collect();
-            let near = Near::new(&tour.nodes, SIZE);
+            let near = Near::new(tour.nodes.iter().map(|n| n.extent.middle()), SIZE);
             let mut mergers = 0;
             for i in 0..60 {
                 let Some(merger) = (!tour.nodes[i].is_gone).then(|| tour.best(i, &near)).flatten() else { continue };

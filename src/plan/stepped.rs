@@ -23,6 +23,7 @@ use super::job_time::{load_s, times};
 use super::merge::{self, Pairs};
 use super::off_part::OffPart;
 use super::pass::Pass;
+use super::places;
 use super::plausible::{self, Shares};
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
@@ -43,7 +44,7 @@ use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
-use crate::program::{Block, BlockFigures, PassId, Program};
+use crate::program::{Block, BlockFigures, OffAxis, PassId, Program};
 use crate::progress::Task;
 use crate::projection::{Footprint, Samples};
 use crate::split::{Fragments, Sliver};
@@ -145,7 +146,7 @@ impl<'a> Draft<'a> {
         for (((method, stops), parts), task) in found.iter().zip(parts).zip(ordering) {
             let [ordering, merging] = task.split([1, 2]);
             let one = first.candidate(&on, (*method, stops), parts, None, ordering);
-            let one = first.merged(&on, stops, one, merging);
+            let one = first.placed(&on, first.merged(&on, stops, one, merging));
             // A single method is checked in the end, with everything else.
             let fault = if found.len() > 1 { one.fault(machine, &first.grid, &clearance) } else { None };
             if fault.is_none() {
@@ -191,10 +192,10 @@ impl<'a> Draft<'a> {
         let passes = (job.passes.count > 1).then(|| Phase::Passes.task(progress));
         let passes = passes.map_or_else(Vec::new, |task| task.parts(job.passes.count as usize - 1));
         for (number, task) in (1..job.passes.count).map(PassId).zip(passes) {
-            let start = draft.best.start_of(number, &begin, &job.passes, &draft.grid);
+            let start = draft.best.start_of(number, &begin, &job.passes);
             draft.add_pass(inputs, start, task)?;
         }
-        draft.origins = draft.best.origins(&draft.grid);
+        draft.origins = draft.best.origins();
         Ok(draft)
     }
 
@@ -214,7 +215,7 @@ impl<'a> Draft<'a> {
         let parts = parts.pop().unwrap_or_default();
         let on = Given { job, machine, inputs, clearance: &self.clearance };
         let next = ready.candidate(&on, (method, &stops), parts, None, ordering);
-        let next = ready.merged(&on, &stops, next, merging);
+        let next = ready.placed(&on, ready.merged(&on, &stops, next, merging));
         let first = self.best.program.blocks.len();
         let blocks = first..first + next.program.blocks.len();
         if self.best.fragments + next.fragments > MAX_FRAGMENTS
@@ -278,6 +279,8 @@ impl<'a> Draft<'a> {
         warnings.extend(self.shares.warnings(job, best.times.total, machine));
         warnings.extend(self.warnings);
         warnings.extend(warnings::short_overlaps(&best.split));
+        let farthest = OffAxis::of_blocks(checked.program());
+        best.figures.iter_mut().zip(farthest).for_each(|(figures, mm)| figures.off_axis_mm = mm);
         let stated = Stated::new(job, machine, inputs.surface.tessellation_mm());
         let budget = stated.of_program(checked.program(), &best.figures);
         warnings.extend(budget.warning(job, machine));
@@ -388,9 +391,9 @@ impl Ready {
         setups: Option<&Setups>,
         task: Task<'_>,
     ) -> Candidate {
-        let &Given { job, machine, clearance, .. } = on;
+        let &Given { job, machine, .. } = on;
         let pens = dose::Pens::new(job.dose, &job.pens, parts.iter().flat_map(|p| &p.list));
-        let stage = Stage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops };
+        let stage = self.stage(on);
         let new = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
         let setups = |centres: &[_]| setups.map_or_else(|| new(centres), Setups::clone);
         let how = assemble::How { level: job.focus.level, strokes: job.order.strokes, lattice: self.grid.lattice };
@@ -415,6 +418,7 @@ impl Ready {
             program,
             ids,
             unmerged: Unmerged::default(),
+            origin: self.grid.origin,
             setups,
             used,
         }
@@ -445,6 +449,29 @@ impl Ready {
             }
         }
         made
+    }
+
+    /// A candidate with its stops where they cost least.
+    fn placed(&self, on: &Given<'_>, mut made: Candidate) -> Candidate {
+        let Grid { window, sections, lattice, .. } = &self.grid;
+        let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
+        let stated = on.job.placement.origin.is_some() || on.job.setups.is_some() || self.start.laid.is_some();
+        let site = places::Site {
+            stage: &self.stage(on),
+            level: on.job.focus.level,
+            keeps_focus: on.job.focus.is_kept,
+            depth: lattice.depth,
+            window: *window,
+            pitch: sections.pitch,
+            is_loose: upright && !stated,
+        };
+        places::place(&mut made, &site);
+        made
+    }
+
+    fn stage<'b>(&'b self, on: &Given<'b>) -> Stage<'b> {
+        let &Given { job, machine, clearance, .. } = on;
+        Stage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops }
     }
 
     /// What the pass is remembered by, once `made` of it.

@@ -9,7 +9,7 @@ use crate::job::{Job, Method};
 use crate::machine::Machine;
 use crate::manifest::{Candidate, Dots, Loading, SpaceCurves, Summary, Times};
 use crate::partition::bound::Certificate;
-use crate::program::{Block, BlockFigures, Program};
+use crate::program::{Block, BlockFigures, OffAxis, Program};
 use crate::split::Fragments;
 
 /// What the best candidate is known by, all passes together.
@@ -75,6 +75,7 @@ pub(super) fn summary(
         worst_defocus_um: figures.worst_defocus.f64() / 1000.0,
         worst_defocus_mean_um: figures.worst_defocus_mean.f64() / 1000.0,
         worst_incidence_deg: figures.blocks.iter().map(|b| b.slope.incidence_deg()[1]).fold(0.0, f64::max),
+        off_axis_mm: OffAxis::of(program),
         budget: figures.budget.clone(),
         curves: figures.curves,
         time_s: figures.times,

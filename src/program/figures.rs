@@ -14,6 +14,8 @@ pub struct BlockFigures {
     pub slope: Slope,
     /// What energy its lines get.
     pub energy: LineEnergy,
+    /// How far from the optical axis its marks lie at most, mm.
+    pub off_axis_mm: f64,
 }
 
 impl Pen {

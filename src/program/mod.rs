@@ -12,7 +12,8 @@
 //! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
 //!   as the block's centre and plane; the focus shift is within the range of the zoom optic;
 //! - P5 every pen exists;
-//! - P6 the focal plane of a block lies among its marks, to a stage increment;
+//! - P6 the focal plane of a block lies among its marks, to a stage increment, or all of them lie within half the depth
+//!   range of it;
 //! - P7 passes follow each other, and within each the set-ups.
 //!
 //! Two more speak of the texture and the part's surface, which a program does not hold. `split` makes them, and
@@ -30,6 +31,7 @@
 
 mod figures;
 mod ids;
+mod off_axis;
 #[cfg(test)]
 pub(crate) mod sample;
 mod sections;
@@ -37,6 +39,7 @@ pub mod text;
 
 pub use figures::{BlockFigures, Slope};
 pub use ids::{BlockId, PassId, PenId, PieceId, SectionId, SetupId, StopId, StrokeId};
+pub use off_axis::OffAxis;
 pub use sections::Sections;
 
 use std::ops::Range;

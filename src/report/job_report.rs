@@ -136,6 +136,8 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Worst defocus", format!("{} um", plain(s.worst_defocus_um, 2))),
         ("Worst defocus from the mean height", format!("{} um", plain(s.worst_defocus_mean_um, 2))),
         ("Worst incidence", format!("{} deg", plain(s.worst_incidence_deg, 2))),
+        ("Farthest mark from the optical axis", format!("{} mm", plain(s.off_axis_mm.largest, 3))),
+        ("95 % of the marks are as near to it as", format!("{} mm", plain(s.off_axis_mm.p95, 3))),
         ("Texture", length_text(s.texture_mm)),
         ("Marked", length_text(s.mark_mm)),
         ("Marked twice in overlaps", length_text(s.overlap_mm)),

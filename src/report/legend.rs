@@ -325,6 +325,8 @@ fn stepped(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     c.pair(0.0, "marks at z", &format!("{} to {} mm", mm(lo, 2), mm(hi, 2)));
     c.pair(0.0, "worst defocus", &format!("{} um", plain(s.worst_defocus_um, 1)));
     c.pair(0.0, "worst incidence", &format!("{} deg", plain(s.worst_incidence_deg, 1)));
+    let off = [s.off_axis_mm.largest, s.off_axis_mm.p95].map(|mm| plain(mm, 1));
+    c.pair(0.0, "off axis", &format!("{} mm, 95 % to {} mm", off[0], off[1]));
     c.pair(0.0, "marked", &length_text(s.mark_mm));
     if s.dots.texture > 0 {
         c.pair(0.0, "dots", &format!("{} of {}", s.dots.marked, s.dots.texture));

@@ -215,9 +215,9 @@ impl Layout<'_> {
         Self { blocks: 0..self.checked.program().blocks.len(), ..self.clone() }
     }
 
-    /// Whether the stops stand on the grid of sections; else their windows lie freely.
+    /// Whether the marks of each block lie in a section; else windows lie freely.
     fn is_gridded(&self) -> bool {
-        crate::block_map::is_gridded(self.blocks(), &self.sections)
+        crate::block_map::is_gridded(self.checked.program(), self.blocks(), &self.sections)
     }
 
     /// The figures of the block with that number in [`Layout::blocks`].

@@ -192,6 +192,7 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         s.worst_defocus_um,
         sheet.depth_mm * 1e3
     )?;
+    writeln!(out, "off axis   {:.1} mm at most, 95 % to {:.1} mm", s.off_axis_mm.largest, s.off_axis_mm.p95)?;
     budget(out, &s.budget)?;
     writeln!(
         out,

@@ -9,7 +9,8 @@ use crate::geom::{Box2, FieldPoint, Grid, Nm, P2};
 use crate::machine::{LoadingWay, Machine, Origin, TiltAngles};
 use crate::manifest::{Candidate, Loading, Summary, Times};
 use crate::program::{
-    Block, BlockFigures, PassId, Pen, PenId, Program, SectionId, Sections, SetupId, Stop, Stroke, StrokeId, stroke_mm,
+    Block, BlockFigures, OffAxis, PassId, Pen, PenId, Program, SectionId, Sections, SetupId, Stop, Stroke, StrokeId,
+    stroke_mm,
 };
 use crate::scene::{Frame, Group, Mark, Point, Relief, Scene};
 use crate::surface::Surface;
@@ -388,6 +389,7 @@ fn summary(program: &Program) -> Summary {
         worst_defocus_um: 35.0,
         worst_defocus_mean_um: 48.2,
         worst_incidence_deg: 3.6,
+        off_axis_mm: OffAxis { largest: 28.1, p95: 22.4 },
         time_s,
         loading: Loading { way: LoadingWay::Run, assumed: true, load_s: 0.0, load_assumed: false, total_s: 3707.0 },
         candidates: vec![Candidate { method: "contour".into(), stops, fragments: 3 * stops, time_s, total_s: 3707.0 }],

@@ -444,7 +444,7 @@ impl Run<'_> {
         for to in self.moves.to(block) {
             self.go(&to)?;
         }
-        self.interrupt.wait(LEAST_SETTLE.max(Duration::from_secs_f64(self.folder.machine.stage.settle.as_s())))?;
+        self.interrupt.wait(LEAST_SETTLE.max(Duration::from_secs_f64(self.folder.machine.stage.settle.longest())))?;
         self.is_free()?;
         Ok(Work {
             block: block.id.clone(),

@@ -1,7 +1,9 @@
-//! The moves from block to block, as the stage programs make them: z alone, or x, y and the tilt axes together.
+//! The moves from block to block, as the stage programs make them: z alone, or x, y and the tilt axes together; all three
+//! linear axes together where the machine moves diagonally.
 
 use super::folder::{Block, Folder};
 use super::stage::Move;
+use crate::geom::Nm;
 
 /// Where the stage has been sent.
 pub(super) struct Moves<'a> {
@@ -21,7 +23,10 @@ impl<'a> Moves<'a> {
     /// The moves to a block; the first of all is a lift.
     pub fn to(&mut self, block: &Block) -> Vec<Move> {
         let mut moves = Vec::new();
-        if self.at.is_none() || block.lift.is_some() {
+        let lifts = self.at.is_none() || block.lift.is_some();
+        let Nm(top) = self.folder.machine.retract_z();
+        let is_diagonal = self.folder.machine.stage.diagonal && !lifts && self.at.is_some_and(|at| at[2] != top);
+        if lifts {
             moves.extend(self.lift_to(block.lift.unwrap_or(self.folder.machine.retract_z().0)));
         }
         let [x, y, z] = block.stage;
@@ -32,7 +37,10 @@ impl<'a> Moves<'a> {
             moves.push(Move([('X', x), ('Y', y)].into_iter().chain(tilt).collect()));
         }
         if self.at.is_none_or(|at| at[2] != z) {
-            moves.push(Move(vec![('Z', z)]));
+            match moves.last_mut().filter(|_| is_diagonal) {
+                Some(Move(words)) => words.push(('Z', z)),
+                None => moves.push(Move(vec![('Z', z)])),
+            }
         }
         (self.at, self.tilt) = (Some(block.stage), Some(block.tilt));
         moves

@@ -52,6 +52,17 @@ impl Rule {
         }
     }
 
+    /// Adds what was found of the same rule after this.
+    pub(super) fn add(&mut self, after: Self) {
+        self.ran |= after.ran;
+        self.checked += after.checked;
+        self.violated += after.violated;
+        self.violations.extend(after.violations);
+        self.violations.truncate(KEPT);
+        self.left_out
+            .extend(after.left_out.into_iter().filter(|text| !self.left_out.contains(text)).collect::<Vec<_>>());
+    }
+
     /// Notes a violation; beyond the first ones only their number is kept.
     pub(super) fn broken(&mut self, block: &str, place: impl Into<String>, message: impl Into<String>) {
         self.violated += 1;

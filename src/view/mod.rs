@@ -126,6 +126,7 @@ fn stepped_figures(s: &Summary) -> Vec<(&'static str, String)> {
         ("not marked", format!("{:.3} mm", s.skipped_mm)),
         ("worst defocus", format!("{:.1} um", s.worst_defocus_um)),
         ("worst incidence", format!("{:.2} deg", s.worst_incidence_deg)),
+        ("off axis", format!("{:.1} mm, 95 % to {:.1} mm", s.off_axis_mm.largest, s.off_axis_mm.p95)),
     ];
     let least = if s.loading.is_least() { " at least" } else { "" };
     rows.insert(3, ("with loading", duration(s.loading.total_s) + least));

@@ -299,6 +299,28 @@ fn report_of(args: &[&Path]) -> (Output, Value) {
 }
 
 #[test]
+fn a_folder_without_pictures_verifies_and_is_made_again_when_they_are_wanted() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    small_jobs(&jobs, 1);
+    let job = jobs.join("s0.toml");
+    let run = |more: &[&str]| {
+        let more: Vec<&Path> = more.iter().map(Path::new).collect();
+        let (done, report) = report_of(&[&[job.as_path(), Path::new("-o"), &out], &more[..]].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+        report["jobs"][0]["state"].as_str().expect("a state").to_owned()
+    };
+    let drawn = || {
+        let names = files(&out.join("s0.job")).into_iter().map(|(name, _)| name);
+        names.filter(|name| name.ends_with(".svg") || name.ends_with(".html")).count()
+    };
+    assert_eq!((run(&["--no-pictures", "--verify"]), drawn()), ("compiled".to_owned(), 0));
+    assert_eq!(run(&["--no-pictures"]), "unchanged");
+    assert_eq!((run(&[]), drawn() > 3), ("compiled".to_owned(), true));
+    assert_eq!(run(&["--no-pictures"]), "unchanged");
+}
+
+#[test]
 fn a_folder_that_does_not_verify_is_a_failed_job() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));

@@ -133,7 +133,7 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let promised = "part_mm stops stops_merged blocks passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
                     skipped_off_part_mm skipped_steep_mm skipped_small_mm dots fragments strokes_cut \
                     figures_whole figures_cut seam_mm setups jump_mm worst_defocus_um worst_defocus_mean_um \
-                    worst_incidence_deg budget time_s loading candidates warnings";
+                    worst_incidence_deg off_axis_mm budget time_s loading candidates warnings";
     assert_eq!(keys(&summary), promised.split_whitespace().collect());
     assert_eq!(keys(&summary["time_s"]), ["stage", "settle", "zoom", "mark", "jump", "delay", "total"].into());
     let parts: f64 = ["stage", "settle", "zoom", "mark", "jump", "delay"]

@@ -37,7 +37,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     let limits = &found["limits"];
     let systems = found["systems"].as_array().expect("systems");
     let of = |name: &str| systems.iter().find(|s| s["system"] == name).unwrap_or_else(|| panic!("no {name}"));
-    assert_eq!(systems.len(), 13);
+    assert_eq!(systems.len(), 14);
     // Of another process, for which this machine has no tool.
     for s in systems.iter().filter(|s| s["system"] != "tool-servo") {
         let parts = ["stage_s", "settle_s", "zoom_s", "mark_s", "jump_s", "delay_s"].map(|k| number(s, k));
@@ -560,19 +560,19 @@ fn jerk_of_a_tool_servo_is_stated_once() {
 fn a_key_of_the_job_that_makes_stepping_slower_is_named_with_the_time_without_it() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");
-    write_stl(&stl, &mesh(4, [0.0, 0.0, 30.0, 10.0], |_, _| 0.0));
-    let text = |section: &str| JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").partition(section);
-    let small = text("section = \"5 mm\"").write(dir.path(), "small.toml");
+    write_stl(&stl, &mesh(4, [0.0, 0.0, 90.0, 30.0], |_, _| 0.0));
+    let text = |keys: &str| JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").partition(keys);
+    let dear = text("overlap = \"8 mm\"").write(dir.path(), "dear.toml");
     let whole = text("").write(dir.path(), "whole.toml");
-    let [small, whole] = [&small, &whole].map(|job| compared(&["--systems", "flat,contour"], job));
+    let [dear, whole] = [&dear, &whole].map(|job| compared(&["--systems", "flat,contour"], job));
     let contour = |found: &Value| number(&found["systems"][1], "total_s");
-    let cost = &small["key_costs"][0];
+    let cost = &dear["key_costs"][0];
     assert_eq!(
         (&cost["system"], &cost["key"], &cost["value"]),
-        (&"contour".into(), &"partition.section".into(), &"5 mm".into())
+        (&"contour".into(), &"partition.overlap".into(), &"8 mm".into())
     );
     assert!((number(cost, "time_s") - contour(&whole)).abs() < 1e-9, "{cost} {whole:#}");
-    let told = small["verdict"]["sentences"].to_string();
-    assert!(told.contains("partition.section = \\\"5 mm\\\" of the job file, not the machine, costs "), "{told}");
+    let told = dear["verdict"]["sentences"].to_string();
+    assert!(told.contains("partition.overlap = \\\"8 mm\\\" of the job file, not the machine, costs "), "{told}");
     assert_eq!(whole["key_costs"], Value::Array(Vec::new()));
 }

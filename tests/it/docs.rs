@@ -180,7 +180,7 @@ fn tables(schema: &Value) -> BTreeMap<String, BTreeMap<String, BTreeSet<String>>
         let mut keys = BTreeMap::new();
         for (key, value) in at["properties"].as_object().expect("an object has keys") {
             // What is written in one line is explained as a key.
-            let in_line = ["move", "servo", "inside", "outside"];
+            let in_line = ["move", "servo", "settle", "inside", "outside"];
             match object(schema, value).filter(|_| !in_line.contains(&key.as_str())) {
                 Some(inner) => {
                     let dot = if name.is_empty() { "" } else { "." };

@@ -135,7 +135,8 @@ const ORDER: [&str; 35] = [
 ];
 
 /// What the verifier may name: readers of input files and types. Nothing that planned or wrote what it verifies.
-const VERIFIER: [&str; 9] = ["progress", "geom", "units", "diag", "machine", "program", "surface", "texture", "job"];
+const VERIFIER: [&str; 10] =
+    ["progress", "parallel", "geom", "units", "diag", "machine", "program", "surface", "texture", "job"];
 
 #[test]
 fn modules_name_only_modules_above_them() {

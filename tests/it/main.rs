@@ -56,6 +56,7 @@ mod partition;
 mod passes;
 mod patterns;
 mod placed;
+mod places;
 mod random_jobs;
 mod reads;
 mod refusals;

@@ -101,9 +101,10 @@ fn seams_of_passes_do_not_coincide() {
     }
     compile(&job(dir.path(), "contour", "0 deg", "[passes]\ncount = 2\nshift = \"0 mm\"\n"), &out);
     let m = manifest(&out);
-    // The same twice, once there and once back.
+    // The same twice, once there and once back; where a stop stands depends on the way.
     let stops = |pass| {
-        let mut at: Vec<String> = blocks(&m, pass).iter().map(|b| format!("{} {}", b["stage"], b["mark_mm"])).collect();
+        let mut at: Vec<String> =
+            blocks(&m, pass).iter().map(|b| format!("{} {} {}", b["section"], b["level"], b["mark_mm"])).collect();
         at.sort();
         at
     };

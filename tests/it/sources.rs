@@ -27,7 +27,7 @@ const MA: usize = 3;
 const CUI: &str = "fixtures/sources/cui/job.toml";
 
 /// Systems that step with nothing but an XYZ stage, those that step with more, and those that do not mark.
-const PLAIN: [&str; 4] = ["flat", "contour", "z-range", "window"];
+const PLAIN: [&str; 5] = ["auto", "flat", "contour", "z-range", "window"];
 const STEPPED_WITH_MORE: [&str; 3] = ["zoom", "tilt", "head-tilt"];
 const OTHER_PROCESSES: [&str; 1] = ["tool-servo"];
 

@@ -141,7 +141,7 @@ impl<'a> Powers<'a> {
 
 /// How long the stage rests before the first mark, us.
 fn settle(machine: &Machine) -> i64 {
-    ((machine.stage.settle.as_s() * 1e6).ceil() as i64).max(50_000)
+    ((machine.stage.settle.longest() * 1e6).ceil() as i64).max(50_000)
 }
 
 /// Power of a pen in percent of the laser's, three decimals.

@@ -24,6 +24,8 @@ pub(in crate::verify) enum Step {
     FocusShift(i64),
     /// The comment that states the z to lift to first where the program is begun here, nm.
     EntryLift(i64),
+    /// The comment that states axis values to go to after that, as those of a move.
+    EntryGo([Option<i64>; 6]),
     /// Modal G words, in tenths: G61.1 is 611.
     Modal(Vec<u32>),
     /// A rapid move to the axis values given: x, y and z in nm, a, b and c in millionths of a degree.
@@ -55,15 +57,15 @@ pub(in crate::verify) enum Step {
 impl Step {
     /// Whether it may stand between the title of a block and its moves.
     pub(in crate::verify) fn is_before_moves(&self) -> bool {
-        matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_) | Self::EntryLift(_))
+        matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_)) || self.is_entry()
+    }
+    /// Whether it states what comes first where the program is begun at a block.
+    pub(in crate::verify) fn is_entry(&self) -> bool {
+        matches!(self, Self::EntryLift(_) | Self::EntryGo(_))
     }
     /// The focus shift that it states, if it is such a comment.
     pub(in crate::verify) fn focus_shift(&self) -> Option<Nm> {
         if let Self::FocusShift(nm) = self { Some(Nm(*nm)) } else { None }
-    }
-    /// The z to lift to before the program is begun here, if it is such a comment.
-    pub(in crate::verify) fn entry_lift(&self) -> Option<Nm> {
-        if let Self::EntryLift(nm) = self { Some(Nm(*nm)) } else { None }
     }
 }
 
@@ -182,10 +184,25 @@ fn statement(comment: &str) -> Option<Step> {
         Some(rest.parse().map_or_else(|_| unknown(), Step::Pass))
     } else if let Some(rest) = comment.strip_prefix("FOCUS SHIFT ") {
         Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::FocusShift))
+    } else if let Some(rest) = comment.strip_prefix("ENTRY GO ") {
+        Some(axis_values(rest).map_or_else(unknown, Step::EntryGo))
     } else {
         let rest = comment.strip_prefix("ENTRY LIFT Z")?;
         Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::EntryLift))
     }
+}
+
+/// Words of axes, each at most once.
+fn axis_values(text: &str) -> Option<[Option<i64>; 6]> {
+    let mut to = [None; 6];
+    for word in text.split(' ') {
+        let axis = "XYZABC".find(word.chars().next()?)?;
+        let value = nm_from_decimal(&word.as_bytes()[1..])?;
+        if to[axis].replace(value).is_some() {
+            return None;
+        }
+    }
+    Some(to)
 }
 
 /// Offsets that a message tells of.

@@ -111,6 +111,7 @@ pub(in crate::verify) const STEPPED: Leaves = Leaves {
         "summary.jump_mm",
         "summary.worst_defocus_um",
         "summary.worst_incidence_deg",
+        "summary.off_axis_mm.*",
         "summary.time_s.*",
         "summary.loading.*",
     ],

@@ -220,6 +220,7 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) skipped_small_mm: f64,
     pub(in crate::verify) worst_defocus_um: f64,
     pub(in crate::verify) worst_incidence_deg: f64,
+    pub(in crate::verify) off_axis_mm: OffAxis,
     pub(in crate::verify) jump_mm: f64,
     pub(in crate::verify) time_s: Times,
     pub(in crate::verify) loading: Loading,
@@ -229,6 +230,13 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) lower_bound_stops: Option<f64>,
     #[serde(default)]
     pub(in crate::verify) curves: Option<Curves>,
+}
+
+/// Distances of marks from the optical axis, mm.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(in crate::verify) struct OffAxis {
+    pub(in crate::verify) largest: f64,
+    pub(in crate::verify) p95: f64,
 }
 
 /// The space curves against the surface.

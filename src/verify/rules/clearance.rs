@@ -93,6 +93,11 @@ impl Head<'_> {
             let from = before.filter(|b| b.1 == block.setup).map_or(to, |b| b.0);
             let lifted = block.retract || before.is_none_or(|b| b.1 != block.setup);
             let z = if lifted { top } else { from.at[2] };
+            if self.machine.stage.diagonal && !lifted && from.at[2] != top {
+                self.go(i, from, to, "program.txt");
+                before = Some((to, block.setup));
+                continue;
+            }
             let over = Pose { at: Commanded([to.at[0], to.at[1], z]), ..to };
             let start = Pose { at: Commanded([from.at[0], from.at[1], z]), ..from };
             self.go(i, start, over, "program.txt");

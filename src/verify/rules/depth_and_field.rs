@@ -11,6 +11,7 @@ use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{FieldPoint, P2};
 use crate::machine::{Carries, Machine};
+use crate::parallel;
 use crate::program::{Block, Stroke};
 use crate::progress::Task;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
@@ -59,40 +60,58 @@ pub(in crate::verify) fn check(
     let task = task.of_steps(file.program.blocks.len());
     let Findings { depth, surface: solid, source, .. } = findings;
     (depth.ran, solid.ran) = (true, true);
-    let mut search = Search {
-        file,
-        facts,
-        geometry,
-        depth,
-        solid,
-        scratch: Scratch::default(),
-        lines: Vec::new(),
-        low: Vec::new(),
-        off: Vec::new(),
-    };
     let mut out = Marks::default();
     let mut slope2 = 0.0f64;
-    let mut turned: Option<Turned> = None;
-    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
-        let found = if Turned::of(file, block, facts, geometry, &mut turned)
-            && let Some(here) = &turned
-        {
-            here.draw(id, file, &facts.raised(block), &mut out.drawn, source);
-            search.on(&here.geometry).block(id, block)
-        } else {
-            search.block(id, block)
-        };
+    let mut add = |found: &Found| {
         out.block_mm.push(found.mark_mm);
         if found.worst > out.worst_defocus {
             (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
         }
         slope2 = slope2.max(found.slope2);
-        task.step();
+    };
+    let blocks = &file.program.blocks;
+    if blocks.iter().all(|b| b.stop.tilt.is_upright()) {
+        let parts = parallel::map(blocks.len().div_ceil(AT_ONCE), |n| {
+            let (mut deep, mut whole) = (Rule::new(depth.code, depth.what), Rule::new(solid.code, solid.what));
+            let mut search = Search::new(file, facts, geometry, &mut deep, &mut whole);
+            let range = n * AT_ONCE..blocks.len().min((n + 1) * AT_ONCE);
+            let of = |i: usize| {
+                task.step();
+                search.block(&file.ids[i], &blocks[i])
+            };
+            let found: Vec<Found> = range.map(of).collect();
+            (found, deep, whole)
+        });
+        for (found, deep, whole) in parts {
+            found.iter().for_each(&mut add);
+            depth.add(deep);
+            solid.add(whole);
+        }
+    } else {
+        let mut drawn = Drawn::default();
+        let mut search = Search::new(file, facts, geometry, depth, solid);
+        let mut turned: Option<Turned> = None;
+        for (id, block) in file.ids.iter().zip(blocks) {
+            let found = if Turned::of(file, block, facts, geometry, &mut turned)
+                && let Some(here) = &turned
+            {
+                here.draw(id, file, &facts.raised(block), &mut drawn, source);
+                search.on(&here.geometry).block(id, block)
+            } else {
+                search.block(id, block)
+            };
+            add(&found);
+            task.step();
+        }
+        out.drawn = drawn;
     }
     findings.worst_defocus_um = out.worst_defocus / 1e3;
     findings.worst_incidence_deg = slope2.sqrt().atan().to_degrees();
     out
 }
+
+/// Blocks that a thread looks at one after another.
+const AT_ONCE: usize = 16;
 
 /// What the marks of one block came to; heights in nm.
 struct Found {
@@ -160,12 +179,21 @@ fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<St
     })
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(
+        file: &'a ProgramFile,
+        facts: &'a JobFacts,
+        geometry: &'a Geometry,
+        depth: &'a mut Rule,
+        solid: &'a mut Rule,
+    ) -> Self {
+        let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
+        Self { file, facts, geometry, depth, solid, scratch: Scratch::default(), lines, low, off }
+    }
+
     /// The same search on another geometry.
     fn on<'b>(&'b mut self, geometry: &'b Geometry) -> Search<'b> {
-        let Self { file, facts, depth, solid, .. } = self;
-        let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
-        Search { file, facts, geometry, depth, solid, scratch: Scratch::default(), lines, low, off }
+        Search::new(self.file, self.facts, geometry, self.depth, self.solid)
     }
 
     fn block(&mut self, id: &str, block: &Block) -> Found {

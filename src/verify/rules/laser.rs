@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use super::stage::StageFile;
 use crate::machine::Machine;
+use crate::units::Time;
 use crate::verify::proof::Rule;
 use crate::verify::read::gcode::{Statement, Step};
 use crate::verify::read::manifest::BlockEntry;
@@ -41,11 +42,11 @@ pub(super) fn check(stages: &[StageFile], blocks: &[BlockEntry], machine: &Machi
     rule.ran = true;
     let estimates: BTreeMap<&str, f64> = blocks.iter().map(|b| (b.id.as_str(), b.time_s)).collect();
     for stage in stages {
-        let settle = machine.stage.settle.as_s();
         let run = Run {
             stage,
             rule,
-            settle,
+            settle: machine.stage.settle.by_axis().map(Time::as_s),
+            moved: [false; 2],
             estimates: &estimates,
             block: "",
             off: false,
@@ -71,7 +72,10 @@ enum Part {
 struct Run<'a> {
     stage: &'a StageFile,
     rule: &'a mut Rule,
-    settle: f64,
+    /// Settling time of x and y with the axes that turn, and of z, s.
+    settle: [f64; 2],
+    /// Which of them were sent since the last dwell.
+    moved: [bool; 2],
     /// Estimated time of each block, s.
     estimates: &'a BTreeMap<&'a str, f64>,
     block: &'a str,
@@ -127,16 +131,23 @@ impl<'a> Run<'a> {
     }
 
     fn dwell(&mut self, seconds: f64, line: usize) {
-        if seconds < self.settle - DWELL_ROUNDING {
-            self.broken(line, format!("the dwell of {seconds} s is shorter than the settling time {} s", self.settle));
+        // Without a move it is the zoom optic that settles.
+        let is_still = self.moved == [false; 2];
+        let of_moved = self.settle.iter().zip(self.moved).filter(|(_, moved)| is_still || *moved);
+        let settle = of_moved.map(|(s, _)| *s).fold(0.0, f64::max);
+        self.moved = [false; 2];
+        if seconds < settle - DWELL_ROUNDING {
+            self.broken(line, format!("the dwell of {seconds} s is shorter than the settling time {settle} s"));
         }
-        if seconds > self.settle.max(LEAST_SETTLE) + MILLISECOND + DWELL_ROUNDING {
-            self.broken(line, format!("the dwell of {seconds} s is longer than the settling time {} s", self.settle));
+        if seconds > settle.max(LEAST_SETTLE) + MILLISECOND + DWELL_ROUNDING {
+            self.broken(line, format!("the dwell of {seconds} s is longer than the settling time {settle} s"));
         }
         self.settled = true;
     }
 
-    fn moves(&mut self, line: usize) {
+    fn moves(&mut self, to: &[Option<i64>; 6], line: usize) {
+        self.moved[1] |= to[2].is_some();
+        self.moved[0] |= [0, 1, 3, 4, 5].iter().any(|&axis| to[axis].is_some());
         if !self.off {
             self.broken(line, "the stage moves while the laser output is not known to be off");
         }
@@ -172,10 +183,10 @@ impl<'a> Run<'a> {
             match step {
                 Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
-                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) => {}
+                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) | Step::EntryGo(_) => {}
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
-                Step::Move(_) => self.moves(*line),
+                Step::Move(to) => self.moves(to, *line),
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
                 Step::OutputOff => self.off = true,
                 Step::Wait { high: false, .. } => {
@@ -296,10 +307,10 @@ impl<'a> Run<'a> {
             match step {
                 Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
-                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) => {}
+                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) | Step::EntryGo(_) => {}
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
-                Step::Move(_) => self.moves(*line),
+                Step::Move(to) => self.moves(to, *line),
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
                 Step::Registration(_) => {
                     self.is_placed(*line);
@@ -347,6 +358,7 @@ fn name(step: &Step) -> String {
         Step::Pass(_) => "a pass".into(),
         Step::FocusShift(_) => "a focus shift".into(),
         Step::EntryLift(_) => "a lift to begin with".into(),
+        Step::EntryGo(_) => "a place to begin at".into(),
         Step::Modal(_) => "a modal word".into(),
         Step::Move(_) => "a move".into(),
         Step::Dwell(_) => "a dwell".into(),

@@ -14,6 +14,7 @@ mod frames;
 pub(super) mod hash;
 pub(super) mod laser;
 pub(super) mod mask;
+mod off_axis;
 pub(super) mod page;
 mod paper;
 mod planes;

@@ -431,7 +431,8 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         if focus_shift != machine.zoom.as_ref().map(|_| block.focus_shift) {
             rule.broken(id, stage.place(line), "the focus shift that it states is not the block's");
         }
-        entry(stage, (id, line), heading.iter().find_map(|step| step.entry_lift()), first, machine, rule);
+        entry(stage, (id, line), &heading, &moves, block, machine, rule);
+        together(stage, (id, line), &moves, from, block, machine, rule);
         arrival(stage, (id, line), at, block, machine, rule);
         if block.retract && !lifts(first, from[2], block.stage[2], &machine.stage.z) {
             rule.broken(id, stage.place(line), "the program has a lift before this block, but none is commanded");
@@ -469,20 +470,65 @@ fn arrival(
     }
 }
 
-/// A block whose first move does not lift to the end of z says that this comes first where the program is begun there.
+/// Where the program is begun at a block, wherever the stage stands, what its comments say and its own moves bring the
+/// stage to its place: it lifts z alone to the end first, and x, y and the axes that turn have their place before z has
+/// its own. Without the comments nothing is missing of a block that says nothing.
 fn entry(
     stage: &StageFile,
     (id, line): (&str, usize),
-    stated: Option<Nm>,
-    first: Option<[Option<i64>; 6]>,
+    heading: &[&Step],
+    moves: &[[Option<i64>; 6]],
+    block: &Block,
     machine: &Machine,
     rule: &mut Rule,
 ) {
     let (sign, Nm(top)) = (machine.stage.z.sign(), machine.retract_z());
-    // Beyond the end is a fault of `travel`.
-    let lifts = matches!(first, Some([None, None, Some(z), None, None, None]) if sign * z >= sign * top);
-    if stated.is_some_and(|z| z != machine.retract_z()) || stated.is_none() && !lifts {
-        let text = "it does not state the lift with which the program may be begun at this block";
+    let of_comment = |step: &&Step| match step {
+        Step::EntryLift(z) => Some([None, None, Some(*z), None, None, None]),
+        Step::EntryGo(to) => Some(*to),
+        _ => None,
+    };
+    let stated: Vec<[Option<i64>; 6]> = heading.iter().filter_map(of_comment).collect();
+    let is_lift = |to: &[Option<i64>; 6]| {
+        // Beyond the end is a fault of `travel`.
+        matches!(to, [None, None, Some(z), None, None, None] if sign * z >= sign * top)
+    };
+    let mut at = [None; 6];
+    let mut is_safe = stated.iter().chain(moves).next().is_some_and(is_lift);
+    is_safe &= stated.first().is_none_or(|to| to[2] == Some(top) || !is_lift(to));
+    let letters: Vec<usize> = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| 3 + axis.letter as usize).collect();
+    let mut wanted = [Some(block.stage[0]), Some(block.stage[1]), Some(block.stage[2]), None, None, None];
+    letters.iter().zip(block.stop.tilt.0).for_each(|(&axis, command)| wanted[axis] = Some(command));
+    for to in stated.iter().chain(moves) {
+        // z goes down where x and y are those of the block already.
+        is_safe &= is_lift(to) || to[2].is_none() || at[..2] == wanted[..2];
+        apply(&mut at, *to);
+    }
+    if !is_safe || at != wanted {
+        let text = "it does not state all that brings the stage to it where the program is begun at this block";
+        rule.broken(id, stage.place(line), text);
+    }
+}
+
+/// x and y move without z, but on a machine that moves diagonally: there all that has to move does so at once, unless the
+/// block has a lift.
+fn together(
+    stage: &StageFile,
+    (id, line): (&str, usize),
+    moves: &[[Option<i64>; 6]],
+    from: [Option<i64>; 6],
+    block: &Block,
+    machine: &Machine,
+    rule: &mut Rule,
+) {
+    let is_both = |to: &[Option<i64>; 6]| to[2].is_some() && [0, 1, 3, 4, 5].iter().any(|&axis| to[axis].is_some());
+    let lifts = block.retract || from[2].is_none_or(|z| z == machine.retract_z().0);
+    let fault = if !machine.stage.diagonal || lifts {
+        moves.iter().any(is_both).then_some("z moves together with other axes")
+    } else {
+        (moves.len() > 1).then_some("its axes do not move together")
+    };
+    if let Some(text) = fault {
         rule.broken(id, stage.place(line), text);
     }
 }

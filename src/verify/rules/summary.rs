@@ -7,6 +7,7 @@
 
 use super::coverage::Pieces;
 use super::depth_and_field::Marks;
+use super::off_axis;
 use super::slopes::{self, Bounds};
 use super::times::{self, Times};
 use super::turned::Turned;
@@ -14,10 +15,11 @@ use super::{Findings, Rule};
 use crate::geom::{BoxMm, NM_PER_MM};
 use crate::job::Format;
 use crate::machine::LoadingWay;
+use crate::parallel;
 use crate::program::Block;
 use crate::verify::geometry::{Geometry, Scratch};
 use crate::verify::job_facts::JobFacts;
-use crate::verify::read::manifest::Manifest;
+use crate::verify::read::manifest::{BlockEntry, Manifest};
 use crate::verify::read::program::ProgramFile;
 
 /// Lengths agree to this, relative.
@@ -63,6 +65,7 @@ pub(in crate::verify) fn check(
     let placed = sound(&findings.agreement) && sound(&findings.travel);
     let covered = once && sound(&findings.coverage) && sound(&findings.surface);
     let deep = sound(&findings.depth) && sound(&findings.surface);
+    let inside = sound(&findings.field);
     let rule = &mut findings.summary;
     rule.ran = true;
     let mut hold = |id: &str, name: &str, stated: f64, found: f64, tolerance: f64| {
@@ -132,6 +135,12 @@ pub(in crate::verify) fn check(
         let stated = file.program.blocks.iter().map(off).fold(found, f64::max);
         let nearest = s.worst_defocus_um.clamp(found, stated);
         hold("", "worst_defocus_um", s.worst_defocus_um, nearest, tolerance);
+    }
+    if covered && placed && inside {
+        rule.checked += 1;
+        if let Some(text) = off_axis::fault(&s.off_axis_mm, &file.program) {
+            rule.broken("", PLACE, text);
+        }
     }
     // Without the job it is not known what its formats are.
     if facts.pens.is_some() {
@@ -239,33 +248,55 @@ pub(in crate::verify) fn slopes(
         return;
     }
     let rule = &mut findings.summary;
-    let mut scratch = Scratch::default();
-    let mut turned: Option<Turned> = None;
-    for ((entry, id), block) in manifest.blocks.iter().zip(&file.ids).zip(&file.program.blocks) {
-        let is_turned = Turned::of(file, block, facts, geometry, &mut turned);
-        let geometry = turned.as_ref().filter(|_| is_turned).map_or(geometry, |t| &t.geometry);
-        let stated = Stated {
-            cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
-            stretched: entry.stretch.map(|s| 1.0 / s),
-            dose: entry.dose,
+    let blocks = &file.program.blocks;
+    let entries: Vec<&BlockEntry> = manifest.blocks.iter().collect();
+    let count = entries.len().min(blocks.len());
+    let faults: Vec<Option<String>> = if blocks.iter().all(|b| b.stop.tilt.is_upright()) {
+        let at = |i: usize| slope_fault(entries[i], file, &blocks[i], facts, geometry, &mut Scratch::default());
+        parallel::map(count, at)
+    } else {
+        let mut scratch = Scratch::default();
+        let mut turned: Option<Turned> = None;
+        let mut at = |i: usize| {
+            let is_turned = Turned::of(file, &blocks[i], facts, geometry, &mut turned);
+            let geometry = turned.as_ref().filter(|_| is_turned).map_or(geometry, |t| &t.geometry);
+            slope_fault(entries[i], file, &blocks[i], facts, geometry, &mut scratch)
         };
+        (0..count).map(&mut at).collect()
+    };
+    for (id, fault) in file.ids.iter().zip(faults) {
         rule.checked += 1;
-        // The marks themselves first; only where that does not explain the figures the facets next to them as well.
-        let mut differs = None;
-        for sides in [false, true] {
-            let Some(bounds) = slopes::of(file, block, facts, geometry, sides, &mut scratch) else { break };
-            differs = stated.differs(&bounds);
-            if differs.is_none() {
-                break;
-            }
-        }
-        if let Some((name, [lo, hi])) = differs {
-            let text = format!(
-                "{name} of the block does not follow from its marks, which have a cosine or dose of {lo} to {hi}"
-            );
+        if let Some(text) = fault {
             rule.broken(id, PLACE, text);
         }
     }
+}
+
+/// What is wrong with the slopes that the manifest states of a block.
+fn slope_fault(
+    entry: &BlockEntry,
+    file: &ProgramFile,
+    block: &Block,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    scratch: &mut Scratch,
+) -> Option<String> {
+    let stated = Stated {
+        cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
+        stretched: entry.stretch.map(|s| 1.0 / s),
+        dose: entry.dose,
+    };
+    // The marks themselves first; only where that does not explain the figures the facets next to them as well.
+    let mut differs = None;
+    for sides in [false, true] {
+        let Some(bounds) = slopes::of(file, block, facts, geometry, sides, scratch) else { break };
+        differs = stated.differs(&bounds);
+        if differs.is_none() {
+            break;
+        }
+    }
+    let (name, [lo, hi]) = differs?;
+    Some(format!("{name} of the block does not follow from its marks, which have a cosine or dose of {lo} to {hi}"))
 }
 
 /// What the manifest says of a block's slopes: mean and worst, as cosines and doses.

@@ -145,9 +145,14 @@ fn moves(file: &ProgramFile, machine: &Machine) -> Vec<Times> {
             } else {
                 let high = if block.retract { top } else { z.0 };
                 let axes = &machine.stage;
-                let across = axis_time(&axes.x, x.0, x.1).max(axis_time(&axes.y, y.0, y.1)).max(turning);
-                out.stage = axis_time(&axes.z, z.0, high) + axis_time(&axes.z, high, z.1) + across;
-                out.settle = axes.settle.as_s();
+                let plane = axis_time(&axes.x, x.0, x.1).max(axis_time(&axes.y, y.0, y.1)).max(turning);
+                let (up, down) = (axis_time(&axes.z, z.0, high), axis_time(&axes.z, high, z.1));
+                let is_diagonal = axes.diagonal && !block.retract && z.0 != top;
+                out.stage = if is_diagonal { plane.max(down) } else { up + down + plane };
+                let settling = axes.settle.by_axis().map(|time| time.as_s());
+                let moved = [across, z.0 != z.1 || lifted];
+                out.settle =
+                    settling.into_iter().zip(moved).filter(|(_, moved)| *moved).map(|(s, _)| s).fold(0.0, f64::max);
             }
         }
         all.push(out);

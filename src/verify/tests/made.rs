@@ -11,7 +11,9 @@ use serde_json::{Value, json};
 use crate::geom::{FieldPoint, Nm, P2, Turn};
 use crate::job::{DepthRule, Format, Level, Passes};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
-use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
+use crate::program::{
+    Block, BlockId, OffAxis, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId,
+};
 use crate::units::Power;
 use crate::verify::geometry::{Geometry, MeshBuilder, Shape};
 use crate::verify::job_facts::JobFacts;
@@ -144,6 +146,7 @@ impl Made {
             "loading": {"way": "run", "assumed": false, "load_s": 0.0, "load_assumed": false, "total_s": time.total}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time,
             "passes": 1, "strokes_cut": self.strokes_cut, "figures_whole": self.figures_whole, "figures_cut": 0,
             "dots": {"texture": 0, "marked": 0, "off_part": 0, "steep": 0}, "worst_incidence_deg": incidence_deg,
+            "off_axis_mm": OffAxis::of(&program),
         });
     }
 

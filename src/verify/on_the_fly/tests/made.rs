@@ -66,7 +66,7 @@ pub(super) const BOWL: Sort = Sort {
     pdof: 0.25,
     textures: "[[texture]]\npattern = \"hatch\"\npitch = \"1 mm\"\ndirection = \"0 deg\"\n",
     speed: [15.0, 15.0],
-    width: 0.4,
+    width: 0.5,
     spacing: 0.05,
     height_field_step: 1.0,
 };

@@ -2,6 +2,7 @@
 //! and hashes renewed, that one rule and no other reports.
 
 mod cards;
+mod diagonal;
 mod dots;
 mod drawings;
 mod every;
@@ -80,11 +81,14 @@ impl Bench {
 
     /// The same with other formats.
     fn near_with(formats: &str) -> Self {
+        Self::near_on(head("xyz-galvo-40", "12 mm", "10 mm"), formats)
+    }
+
+    /// The same on another machine.
+    fn near_on(machine: Vec<u8>, formats: &str) -> Self {
         let ridge = |x: f64, _: f64| 0.01 * x + 5.0 * (-((x - 40.0) / 2.0).powi(2)).exp();
-        let files = [
-            ("part.stl", stl(&right::sheet([0.0; 2], [80, 30], [1.0; 2], ridge))),
-            ("machine.toml", head("xyz-galvo-40", "12 mm", "10 mm")),
-        ];
+        let part = stl(&right::sheet([0.0; 2], [80, 30], [1.0; 2], ridge));
+        let files = [("part.stl", part), ("machine.toml", machine)];
         let bench = Self::edited_beside(1.0, &files, |text| {
             let text = text.replacen("profile = \"xyz-galvo-40\"", "file = \"machine.toml\"", 1);
             let text = text.replacen("direction = \"contour\"", "", 1).replacen("\"63 mm\"", "\"16 mm\"", 1);

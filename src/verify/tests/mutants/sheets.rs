@@ -4,7 +4,7 @@ use super::*;
 use crate::verify::tests::broken;
 
 /// Changes the text of a file of the written folder, renews its hash, and verifies.
-fn edited(bench: &Bench, name: &str, change: impl FnOnce(&str) -> String) -> Proof {
+pub(super) fn edited(bench: &Bench, name: &str, change: impl FnOnce(&str) -> String) -> Proof {
     bench.damaged(name, |bytes| {
         let text = String::from_utf8(std::mem::take(bytes)).expect("text");
         let changed = change(&text);

@@ -1,0 +1,417 @@
+//! Where the stops of a candidate stand: each upright one moves inside the room that its marks leave in the field and in
+//! the depth of focus, so that the stage moves little and marks lie about the axis; then the part is laid so that they
+//! lie in the middle of the travel.
+//!
+//! Consumes a candidate, its stops merged. Promises the same marks in the same blocks on the part: a stop moves by whole
+//! increments, and the points of its strokes by as much the other way. The focal planes of a job with `level = "mean"`,
+//! of a job whose levels must come one after another, and of a zoom optic stay where they are; stops that share a
+//! standstill move together.
+//!
+//! What a stop admits is the window around its centre. A mark that was left out because it is short (see `split`) must
+//! stay out of the windows of the stops beside it, or one of them would have marked it: such a stop does not move
+//! towards it.
+
+use std::ops::Range;
+
+use super::assemble::Stage;
+use super::candidate::Candidate;
+use super::extent::{Extent, Near};
+use super::job_time::times;
+use crate::geom::{Box2, FieldPoint, Nm, P2};
+use crate::job::Level;
+use crate::machine::{Commanded, Origin};
+use crate::order::slide::{self, Ground, Placed, Spot};
+use crate::order::stops::{self, HeightOrder};
+use crate::program::{Block, Program, Stop, Stroke};
+
+/// What the places of stops follow from, beside the candidate.
+pub(super) struct Site<'a> {
+    pub(super) stage: &'a Stage<'a>,
+    pub(super) level: Level,
+    /// Whether focal planes stay where that says.
+    pub(super) keeps_focus: bool,
+    /// Depth range of a stop.
+    pub(super) depth: Nm,
+    /// Window of a stop, and the pitch of the sections.
+    pub(super) window: [Nm; 2],
+    pub(super) pitch: [Nm; 2],
+    /// Whether the part may lie anywhere.
+    pub(super) is_loose: bool,
+}
+
+/// How near to the marks of a stop a mark that was left out counts as beside it, nm.
+const BESIDE: i64 = 1_000;
+
+/// Tours that are tried again with stops at their new places.
+const TOURS: usize = 2;
+
+/// The share of the time that another tour must save.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// Moves the stops of a candidate.
+pub(super) fn place(made: &mut Candidate, site: &Site<'_>) {
+    let mut places = Places::new(made, site);
+    places.slide(made, site);
+    places.apply(made, site);
+    let (times, block_times) = times(site.stage.machine, site.stage.start, &made.program);
+    made.times = times;
+    made.figures.iter_mut().zip(block_times).for_each(|(figures, time_s)| figures.time_s = time_s);
+}
+
+/// The standstills of a candidate and where they may be.
+struct Places {
+    /// Blocks of each, in the order of the program.
+    blocks: Vec<Range<usize>>,
+    /// Where each stood.
+    home: Vec<[i64; 3]>,
+    /// In the order of the tour.
+    spots: Vec<Spot>,
+    /// Which standstill each spot is.
+    order: Vec<usize>,
+}
+
+impl Places {
+    fn new(made: &Candidate, site: &Site<'_>) -> Self {
+        let program = &made.program;
+        let mut blocks: Vec<Range<usize>> = Vec::new();
+        for (i, b) in program.blocks.iter().enumerate() {
+            match blocks.last_mut() {
+                Some(last) if b.is_reached_by_zoom(&program.blocks[i - 1]) => last.end = i + 1,
+                _ => blocks.push(i..i + 1),
+            }
+        }
+        let extents: Vec<Extent> = program.blocks.iter().map(|b| Extent::of(program, b)).collect();
+        let kept = site.beside_slivers(made, &extents);
+        let mut setup = None;
+        let spot = |range: &Range<usize>| {
+            let first = &program.blocks[range.start];
+            let is_first = setup.replace(first.setup).is_some_and(|before| before != first.setup);
+            site.spot(&program.blocks[range.clone()], &extents[range.clone()], &kept[range.clone()], is_first)
+        };
+        let mut spots: Vec<Spot> = blocks.iter().map(spot).collect();
+        site.within_travel(&mut spots);
+        let home = blocks.iter().map(|range| program.blocks[range.start].stage.0).collect();
+        let order = (0..blocks.len()).collect();
+        Self { blocks, home, spots, order }
+    }
+
+    /// Slides the standstills, and looks for a better tour of the new places.
+    fn slide(&mut self, made: &Candidate, site: &Site<'_>) {
+        let machine = site.stage.machine;
+        let blocks = &made.program.blocks;
+        let is_later = site.stage.start.pass.0 > 0;
+        let (starts, home): (Vec<&Block>, _) = (self.blocks.iter().map(|r| &blocks[r.start]).collect(), &self.home);
+        let stop_at = |(n, at): Placed| site.stop_at(starts[n], at, home[n]);
+        let origin = |n: usize| made.setups.origin(made.used.cell(starts[n].setup), made.origin);
+        let meets = site.meets(&starts, &self.spots);
+        let lifts = |order: &[usize], (a, b): (Placed, Placed)| {
+            let [a, b] = [a, b].map(|(n, at)| (order[n], at));
+            let stops = [a, b].map(stop_at);
+            site.stage.lifts_between((&stops[0], Commanded(a.1)), (&stops[1], Commanded(b.1)), origin(a.0))
+        };
+        let is_clear = |order: &[usize], (n, at): Placed| {
+            let n = order[n];
+            at == home[n] || site.stage.is_clear(&stop_at((n, at)))
+        };
+        let step = machine.increment_nm().0;
+        let slid = |spots: &mut Vec<Spot>, order: &[usize]| {
+            let lifts = |legs| lifts(order, legs);
+            let is_clear = |at| is_clear(order, at);
+            let from = is_later.then_some(site.stage.start.from.0);
+            let ground = Ground {
+                machine,
+                from,
+                lifts: meets.then_some(&lifts as &dyn Fn((Placed, Placed)) -> bool),
+                is_clear: meets.then_some(&is_clear as &dyn Fn(Placed) -> bool),
+            };
+            slide::slide(spots, &ground, step)
+        };
+        let mut time = slid(&mut self.spots, &self.order);
+        let has_zoom = machine.most_focus_shift() > Nm(0);
+        if has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
+            return;
+        }
+        for _ in 0..TOURS {
+            let at: Vec<Commanded> = self.spots.iter().map(|s| Commanded(s.at)).collect();
+            let way = self.tour(&at, site, |a, b| meets && lifts(&self.order, ((a, at[a].0), (b, at[b].0))));
+            let order: Vec<usize> = way.iter().map(|&i| self.order[i]).collect();
+            let mut spots: Vec<Spot> = way
+                .iter()
+                .enumerate()
+                .map(|(i, &from)| Spot { is_first: self.spots[i].is_first, ..self.spots[from].clone() })
+                .collect();
+            let next = slid(&mut spots, &order);
+            if next > time * (1.0 - LEAST_SHARE) {
+                break;
+            }
+            (time, self.spots, self.order) = (next, spots, order);
+        }
+    }
+
+    /// Another tour of the spots, each set-up by itself.
+    fn tour(&self, at: &[Commanded], site: &Site<'_>, lifts: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+        let mut way: Vec<usize> = Vec::with_capacity(at.len());
+        let mut first = 0;
+        while first < at.len() {
+            let more = self.spots[first + 1..].iter().take_while(|s| !s.is_first).count();
+            let range = first..first + 1 + more;
+            let from = way.last().map_or(site.stage.start.from, |&last| {
+                Commanded([at[last][0], at[last][1], site.stage.machine.retract_z().0])
+            });
+            let lifts = |a: usize, b: usize| lifts(first + a, first + b);
+            let stage = stops::Stage { machine: site.stage.machine, from, lifts: Some(&lifts) };
+            let tour = stops::tour(&at[range.clone()], &stage, site.stage.climb(), stops::EFFORT);
+            way.extend(tour.into_iter().map(|i| first + i));
+            first = range.end;
+        }
+        way
+    }
+
+    /// Writes the places into the program, in the order of the tour.
+    fn apply(self, made: &mut Candidate, site: &Site<'_>) {
+        let Self { blocks: ranges, home, spots, order } = self;
+        let moved = site.moved_part(&spots);
+        let Origin(origin) = made.origin;
+        made.origin = Origin([0, 1, 2].map(|k| origin[k] + site.sign(k) * moved[k]));
+        if order.iter().enumerate().any(|(i, &n)| i != n) {
+            reorder(made, order.iter().flat_map(|&n| ranges[n].clone()).collect());
+        }
+        made.worst_defocus = Nm(0);
+        let mut first = 0;
+        for (&n, spot) in order.iter().zip(&spots) {
+            let count = ranges[n].len();
+            let by = [0, 1, 2].map(|k| site.sign(k) * (spot.at[k] - home[n][k]));
+            for i in first..first + count {
+                shift(&mut made.program, i, by);
+                let block = &mut made.program.blocks[i];
+                block.stage = Commanded([0, 1, 2].map(|k| spot.at[k] + moved[k]));
+                let off = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
+                made.worst_defocus = made.worst_defocus.max(off);
+            }
+            first += count;
+        }
+        site.lift(made);
+    }
+}
+
+/// Puts the blocks of a candidate into another order, with all that lies in theirs.
+fn reorder(made: &mut Candidate, order: Vec<usize>) {
+    let old = std::mem::take(&mut made.program);
+    let mut new = Program {
+        pens: old.pens,
+        blocks: Vec::with_capacity(old.blocks.len()),
+        strokes: Vec::with_capacity(old.strokes.len()),
+        points: Vec::with_capacity(old.points.len()),
+        subset_of: old.subset_of,
+    };
+    for &i in &order {
+        let block = &old.blocks[i];
+        let first = new.strokes.len();
+        for stroke in &old.strokes[block.strokes.clone()] {
+            let at = u32::try_from(new.points.len()).expect("memory holds fewer than 2^32 points");
+            new.points.extend_from_slice(&old.points[stroke.first as usize..(stroke.first + stroke.len) as usize]);
+            new.strokes.push(Stroke { first: at, ..*stroke });
+        }
+        new.blocks.push(Block { strokes: first..new.strokes.len(), ..block.clone() });
+    }
+    made.program = new;
+    made.ids = order.iter().map(|&i| made.ids[i]).collect();
+    made.figures = order.iter().map(|&i| made.figures[i].clone()).collect();
+}
+
+/// Moves a stop over the part, and its marks by as much the other way in the field.
+fn shift(program: &mut Program, block: usize, [x, y, z]: [i64; 3]) {
+    let block = &mut program.blocks[block];
+    block.stop.centre = P2::new(block.stop.centre.x + x, block.stop.centre.y + y);
+    block.stop.focus += Nm(z);
+    let strokes = &program.strokes[block.strokes.clone()];
+    let Some((first, last)) = strokes.first().zip(strokes.last()) else { return };
+    if x == 0 && y == 0 {
+        return;
+    }
+    for p in &mut program.points[first.first as usize..(last.first + last.len) as usize] {
+        *p = FieldPoint::new(p.x - x as i32, p.y - y as i32);
+    }
+}
+
+impl Site<'_> {
+    /// Direction of an axis: +1 where its command grows with the place over the part.
+    fn sign(&self, axis: usize) -> i64 {
+        self.stage.machine.axes()[axis].1.sign()
+    }
+
+    /// What of the field the marks of a stop may use: its window. Where the job states sections that are smaller than
+    /// the field, it is because the lens is to be used no farther than that.
+    fn field(&self) -> [i64; 2] {
+        let usable = self.stage.machine.usable_field();
+        [0, 1].map(|k| self.window[k].min(usable[k]).0 / 2 * 2)
+    }
+
+    /// A standstill and its room. `kept` tells which of its blocks may not move down or up along x and y.
+    fn spot(&self, blocks: &[Block], extents: &[Extent], kept: &[Kept], is_first: bool) -> Spot {
+        let (first, step) = (&blocks[0], self.stage.machine.increment_nm().0);
+        let Commanded(at) = first.stage;
+        let mut spot = Spot { at, room: at.map(|v| [v; 2]), marks: at.map(|v| [v; 2]), is_first };
+        if !first.stop.tilt.is_upright() {
+            return spot;
+        }
+        let all = extents[1..].iter().fold(extents[0], |all, one| all.union(one));
+        let [w, h] = self.field();
+        let centre = [first.stop.centre.x, first.stop.centre.y, first.stop.focus.0];
+        let is_kept = |axis: usize, end: usize| axis < 2 && kept.iter().any(|k| k[axis][end]);
+        for (axis, half) in [w / 2, h / 2, self.depth.0 / 2 - ROUNDING].into_iter().enumerate() {
+            if axis == 2 && !self.may_refocus() {
+                continue;
+            }
+            let free = [centre[axis] + half - all.hi[axis], all.lo[axis] + half - centre[axis]];
+            let free = [0, 1].map(|end| if is_kept(axis, end) { 0 } else { free[end].max(0) / step * step });
+            let command = |place: i64| at[axis] + self.sign(axis) * (place - centre[axis]);
+            spot.room[axis] = sorted([command(centre[axis] - free[0]), command(centre[axis] + free[1])]);
+            spot.marks[axis] = sorted([command(all.lo[axis]), command(all.hi[axis])]);
+        }
+        spot
+    }
+
+    /// Whether focal planes may move.
+    fn may_refocus(&self) -> bool {
+        let has_zoom = self.stage.machine.most_focus_shift() > Nm(0);
+        self.level == Level::Mid && !self.keeps_focus && self.stage.climb() == HeightOrder::Free && !has_zoom
+    }
+
+    /// Which blocks must not move towards a mark that was left out.
+    fn beside_slivers(&self, made: &Candidate, extents: &[Extent]) -> Vec<Kept> {
+        let (blocks, slivers) = (&made.program.blocks, &made.split.slivers);
+        let mut kept = vec![Kept::default(); blocks.len()];
+        let machine = self.stage.machine;
+        if slivers.is_empty() || machine.tilt.is_some() || machine.zoom.is_some() {
+            return kept;
+        }
+        let near = Near::new(extents.iter().map(Extent::middle), [self.window[0].0, self.window[1].0, self.depth.0]);
+        for sliver in slivers {
+            let middle = [0, 1, 2].map(|k| sliver.lo[k].midpoint(sliver.hi[k]));
+            for i in near.of(middle) {
+                let (stop, extent) = (&blocks[i].stop, &extents[i]);
+                let touches = |k: usize| sliver.lo[k] <= extent.hi[k] + BESIDE && extent.lo[k] - BESIDE <= sliver.hi[k];
+                let is_admitted = sliver.lo[2] < stop.z_hi.0 && stop.z_lo.0 < sliver.hi[2];
+                if !(0..3).all(touches) || !is_admitted {
+                    continue;
+                }
+                for (axis, centre) in [stop.centre.x, stop.centre.y].into_iter().enumerate() {
+                    for Nm(window) in [self.window[axis], self.pitch[axis]] {
+                        kept[i][axis][0] |= sliver.hi[axis] <= centre - window / 2 + ROUNDING;
+                        kept[i][axis][1] |= sliver.lo[axis] >= centre + window / 2 - ROUNDING;
+                    }
+                }
+            }
+        }
+        kept
+    }
+
+    /// Takes from the rooms what lies beyond the travel. A part that may lie anywhere lies where all can stand.
+    fn within_travel(&self, spots: &mut [Spot]) {
+        let step = self.stage.machine.increment_nm().0;
+        for axis in 0..3 {
+            let [from, to] = self.travel(axis);
+            let lowest = spots.iter().map(|s| s.room[axis][1]).min().unwrap_or_default();
+            let highest = spots.iter().map(|s| s.room[axis][0]).max().unwrap_or_default();
+            // By how much the part can be moved so that every room reaches into the travel.
+            let allowed = [up(from - lowest, step), down(to - highest, step)];
+            let by =
+                if self.is_loose && axis < 2 && allowed[0] <= allowed[1] { 0.clamp(allowed[0], allowed[1]) } else { 0 };
+            for spot in spots.iter_mut() {
+                let at = spot.at[axis];
+                let room = [at + up(from - by - at, step), at + down(to - by - at, step)];
+                let room = [room[0].max(spot.room[axis][0]), room[1].min(spot.room[axis][1])];
+                if room[0] <= room[1] {
+                    spot.room[axis] = room;
+                    spot.at[axis] = at.clamp(room[0], room[1]);
+                }
+            }
+        }
+    }
+
+    /// Ends of the travel of an axis, as commanded.
+    fn travel(&self, axis: usize) -> [i64; 2] {
+        self.stage.machine.axes()[axis].1.travel_nm().map(|Nm(v)| v)
+    }
+
+    /// By how much the part is moved so that the stops lie in the middle of the travel, as commanded.
+    fn moved_part(&self, spots: &[Spot]) -> [i64; 3] {
+        if !self.is_loose || spots.is_empty() {
+            return [0; 3];
+        }
+        let step = self.stage.machine.increment_nm().0;
+        [0, 1, 2].map(|axis| {
+            if axis == 2 {
+                return 0;
+            }
+            let [from, to] = self.travel(axis);
+            let all = || spots.iter().map(|s| s.at[axis]);
+            let (lo, hi) = (all().min().unwrap_or_default(), all().max().unwrap_or_default());
+            let allowed = [up(from - lo, step), down(to - hi, step)];
+            let wanted = down(from.midpoint(to) - lo.midpoint(hi), step);
+            if allowed[0] <= allowed[1] { wanted.clamp(allowed[0], allowed[1]) } else { wanted }
+        })
+    }
+
+    /// Whether the head may be too low anywhere in the rooms, so that it has to be asked for every place.
+    fn meets(&self, blocks: &[&Block], spots: &[Spot]) -> bool {
+        if blocks.iter().any(|b| !b.stop.tilt.is_upright()) {
+            return true;
+        }
+        let mut area = Box2::EMPTY;
+        let mut lowest = Nm(i64::MAX);
+        for (block, spot) in blocks.iter().zip(spots) {
+            for end in 0..2 {
+                let at = [0, 1, 2].map(|k| spot.room[k][end]);
+                let stop = self.stop_at(block, at, block.stage.0);
+                area.add(stop.centre);
+                lowest = lowest.min(stop.focus);
+            }
+        }
+        lowest < self.stage.clearance.lowest_focus(area.lo, area.hi) + self.stage.start.lowered
+    }
+
+    /// The stop of a block with the stage somewhere else, its focus the plane that the stage sets.
+    fn stop_at(&self, block: &Block, at: [i64; 3], home: [i64; 3]) -> Stop {
+        let [x, y, z] = [0, 1, 2].map(|k| self.sign(k) * (at[k] - home[k]));
+        let centre = P2::new(block.stop.centre.x + x, block.stop.centre.y + y);
+        Stop { centre, focus: block.plane() + Nm(z), ..block.stop.clone() }
+    }
+
+    /// Finds anew on the way to which blocks the stage must lift.
+    fn lift(&self, made: &mut Candidate) {
+        let stand = |b: &Block| Stop { focus: b.plane(), ..b.stop.clone() };
+        let start = self.stage.start;
+        let mut last = start.before.clone().map(|(stop, cell)| (stop, cell, start.from));
+        for block in &mut made.program.blocks {
+            let cell = made.used.cell(block.setup);
+            let origin = made.setups.origin(cell, made.origin);
+            let here = stand(block);
+            block.retract = last.as_ref().is_some_and(|(before, of, from)| {
+                *of != cell || self.stage.lifts_between((before, *from), (&here, block.stage), origin)
+            });
+            last = Some((here, cell, block.stage));
+        }
+    }
+}
+
+/// Whether a block may not move down or up along x and y.
+type Kept = [[bool; 2]; 2];
+
+/// What rounding may have done to a border or a height, nm.
+const ROUNDING: i64 = 2;
+
+fn sorted([a, b]: [i64; 2]) -> [i64; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// The nearest multiple of `step` that is not below `v`.
+fn up(v: i64, step: i64) -> i64 {
+    -((-v).div_euclid(step) * step)
+}
+
+/// The nearest multiple of `step` that is not above `v`.
+fn down(v: i64, step: i64) -> i64 {
+    v.div_euclid(step) * step
+}
