@@ -8,8 +8,7 @@
 //! standstill move together.
 //!
 //! What a stop admits is the window around its centre. A mark that was left out because it is short (see `split`) must
-//! stay out of the windows of the stops beside it, or one of them would have marked it: such a stop does not move
-//! towards it.
+//! stay out of the windows that it was out of, or such a stop would have marked it, and stay in that of its own.
 
 use std::ops::Range;
 
@@ -23,6 +22,7 @@ use crate::machine::{Commanded, Origin};
 use crate::order::slide::{self, Ground, Placed, Spot};
 use crate::order::stops::{self, HeightOrder};
 use crate::program::{Block, Program, Stop, Stroke};
+use crate::split::Sliver;
 
 /// What the places of stops follow from, beside the candidate.
 pub(super) struct Site<'a> {
@@ -39,7 +39,7 @@ pub(super) struct Site<'a> {
     pub(super) is_loose: bool,
 }
 
-/// How near to the marks of a stop a mark that was left out counts as beside it, nm.
+/// How near to the border of a window a mark that was left out counts as on it, nm.
 const BESIDE: i64 = 1_000;
 
 /// Tours that are tried again with stops at their new places.
@@ -50,6 +50,9 @@ const LEAST_SHARE: f64 = 1e-3;
 
 /// Moves the stops of a candidate.
 pub(super) fn place(made: &mut Candidate, site: &Site<'_>) {
+    if made.program.blocks.is_empty() {
+        return;
+    }
     let mut places = Places::new(made, site);
     places.slide(made, site);
     places.apply(made, site);
@@ -81,12 +84,12 @@ impl Places {
             }
         }
         let extents: Vec<Extent> = program.blocks.iter().map(|b| Extent::of(program, b)).collect();
-        let kept = site.beside_slivers(made, &extents);
+        let limits = site.beside_slivers(made, &extents);
         let mut setup = None;
         let spot = |range: &Range<usize>| {
             let first = &program.blocks[range.start];
             let is_first = setup.replace(first.setup).is_some_and(|before| before != first.setup);
-            site.spot(&program.blocks[range.clone()], &extents[range.clone()], &kept[range.clone()], is_first)
+            site.spot(&program.blocks[range.clone()], &extents[range.clone()], &limits[range.clone()], is_first)
         };
         let mut spots: Vec<Spot> = blocks.iter().map(spot).collect();
         site.within_travel(&mut spots);
@@ -247,8 +250,8 @@ impl Site<'_> {
         [0, 1].map(|k| self.window[k].min(usable[k]).0 / 2 * 2)
     }
 
-    /// A standstill and its room. `kept` tells which of its blocks may not move down or up along x and y.
-    fn spot(&self, blocks: &[Block], extents: &[Extent], kept: &[Kept], is_first: bool) -> Spot {
+    /// A standstill and its room, `limits` those of its blocks along x and y.
+    fn spot(&self, blocks: &[Block], extents: &[Extent], limits: &[Free], is_first: bool) -> Spot {
         let (first, step) = (&blocks[0], self.stage.machine.increment_nm().0);
         let Commanded(at) = first.stage;
         let mut spot = Spot { at, room: at.map(|v| [v; 2]), marks: at.map(|v| [v; 2]), is_first };
@@ -258,13 +261,15 @@ impl Site<'_> {
         let all = extents[1..].iter().fold(extents[0], |all, one| all.union(one));
         let [w, h] = self.field();
         let centre = [first.stop.centre.x, first.stop.centre.y, first.stop.focus.0];
-        let is_kept = |axis: usize, end: usize| axis < 2 && kept.iter().any(|k| k[axis][end]);
+        let limit = |axis: usize, end: usize| {
+            if axis == 2 { i64::MAX } else { limits.iter().map(|free| free[axis][end]).min().unwrap_or(i64::MAX) }
+        };
         for (axis, half) in [w / 2, h / 2, self.depth.0 / 2 - ROUNDING].into_iter().enumerate() {
             if axis == 2 && !self.may_refocus() {
                 continue;
             }
             let free = [centre[axis] + half - all.hi[axis], all.lo[axis] + half - centre[axis]];
-            let free = [0, 1].map(|end| if is_kept(axis, end) { 0 } else { free[end].max(0) / step * step });
+            let free = [0, 1].map(|end| free[end].min(limit(axis, end)).max(0) / step * step);
             let command = |place: i64| at[axis] + self.sign(axis) * (place - centre[axis]);
             spot.room[axis] = sorted([command(centre[axis] - free[0]), command(centre[axis] + free[1])]);
             spot.marks[axis] = sorted([command(all.lo[axis]), command(all.hi[axis])]);
@@ -278,33 +283,31 @@ impl Site<'_> {
         self.level == Level::Mid && !self.keeps_focus && self.stage.climb() == HeightOrder::Free && !has_zoom
     }
 
-    /// Which blocks must not move towards a mark that was left out.
-    fn beside_slivers(&self, made: &Candidate, extents: &[Extent]) -> Vec<Kept> {
+    /// How far each block may move before its window admits more of a mark that was left out.
+    fn beside_slivers(&self, made: &Candidate, extents: &[Extent]) -> Vec<Free> {
         let (blocks, slivers) = (&made.program.blocks, &made.split.slivers);
-        let mut kept = vec![Kept::default(); blocks.len()];
-        let machine = self.stage.machine;
-        if slivers.is_empty() || machine.tilt.is_some() || machine.zoom.is_some() {
-            return kept;
+        let mut free = vec![[[i64::MAX; 2]; 2]; blocks.len()];
+        if slivers.is_empty() {
+            return free;
         }
+        // Wherever a stop moves to, its window holds its marks.
         let near = Near::new(extents.iter().map(Extent::middle), [self.window[0].0, self.window[1].0, self.depth.0]);
         for sliver in slivers {
             let middle = [0, 1, 2].map(|k| sliver.lo[k].midpoint(sliver.hi[k]));
             for i in near.of(middle) {
-                let (stop, extent) = (&blocks[i].stop, &extents[i]);
-                let touches = |k: usize| sliver.lo[k] <= extent.hi[k] + BESIDE && extent.lo[k] - BESIDE <= sliver.hi[k];
-                let is_admitted = sliver.lo[2] < stop.z_hi.0 && stop.z_lo.0 < sliver.hi[2];
-                if !(0..3).all(touches) || !is_admitted {
+                let stop = &blocks[i].stop;
+                if sliver.lo[2] > stop.z_hi.0 || stop.z_lo.0 > sliver.hi[2] {
                     continue;
                 }
-                for (axis, centre) in [stop.centre.x, stop.centre.y].into_iter().enumerate() {
-                    for Nm(window) in [self.window[axis], self.pitch[axis]] {
-                        kept[i][axis][0] |= sliver.hi[axis] <= centre - window / 2 + ROUNDING;
-                        kept[i][axis][1] |= sliver.lo[axis] >= centre + window / 2 - ROUNDING;
-                    }
+                for window in [self.window, self.pitch] {
+                    keep_out(&mut free[i], sliver, [stop.centre.x, stop.centre.y], window);
+                }
+                if sliver.stop == made.ids[i] {
+                    keep_in(&mut free[i], sliver, [stop.centre.x, stop.centre.y], self.window);
                 }
             }
         }
-        kept
+        free
     }
 
     /// Takes from the rooms what lies beyond the travel. A part that may lie anywhere lies where all can stand.
@@ -396,8 +399,44 @@ impl Site<'_> {
     }
 }
 
-/// Whether a block may not move down or up along x and y.
-type Kept = [[bool; 2]; 2];
+/// How far a block may move down and up along x and y, nm.
+type Free = [[i64; 2]; 2];
+
+/// Keeps a window from admitting more of a sliver than it does: it stops short of it on the axis that leaves it the
+/// most room, or, where the window ends on the sliver, does not move over it at all.
+fn keep_out(free: &mut Free, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2]) {
+    // How far outside the window the sliver lies, below and above it.
+    let outside = [0, 1].map(|k| {
+        let half = window[k].0 / 2;
+        [centre[k] - half - sliver.hi[k], sliver.lo[k] - (centre[k] + half)]
+    });
+    let farthest = (0..2).flat_map(|k| [0, 1].map(|end| (outside[k][end], k, end))).max();
+    if let Some((away, axis, end)) = farthest
+        && away > BESIDE
+    {
+        free[axis][end] = free[axis][end].min(away - BESIDE);
+        return;
+    }
+    for k in 0..2 {
+        let sticks_out = [centre[k] - window[k].0 / 2 - sliver.lo[k], sliver.hi[k] - (centre[k] + window[k].0 / 2)];
+        for end in 0..2 {
+            if sticks_out[end] > -BESIDE {
+                free[k][end] = 0;
+            }
+        }
+    }
+}
+
+/// Keeps a sliver inside the window of its stop: where another stop admits it too, that one did not have it.
+fn keep_in(free: &mut Free, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2]) {
+    for k in 0..2 {
+        let half = window[k].0 / 2;
+        let inside = [centre[k] + half - sliver.hi[k], sliver.lo[k] - (centre[k] - half)];
+        for end in 0..2 {
+            free[k][end] = free[k][end].min((inside[end] - BESIDE).max(0));
+        }
+    }
+}
 
 /// What rounding may have done to a border or a height, nm.
 const ROUNDING: i64 = 2;
