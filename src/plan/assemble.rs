@@ -1,27 +1,28 @@
-//! From fragments to a program: gathered by stop, focal planes set, stops and strokes ordered, all laid
-//! out flat.
+//! From fragments to a program: focal planes set, stops ordered; then strokes ordered, and all laid out flat.
 
+use super::cut::{Cut, StopMarks, fragment};
 use super::dose;
 use super::focal_plane::focal_plane;
 use super::setups::{self, CellId, Setups, Used};
 use super::standstills::{Place, standstills};
 use super::start::Start;
 use crate::clearance::{Clearance, Head};
-use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
+use crate::geom::{Box2, FieldPoint, Nm, P2, Turned};
 use crate::job::{Level, StopOrder, StrokeOrder};
 use crate::machine::{Commanded, Machine, Origin, Stand, TiltAngles};
 use crate::order;
 use crate::order::stops::HeightOrder;
-use crate::order::strokes::{Path, Visit};
+use crate::order::strokes::Visit;
 use crate::parallel;
 use crate::partition::{Lattice, Stops};
 use crate::program::{Block, Program, Slope, Stop, StopId, Stroke};
 use crate::progress::Task;
-use crate::split::{Fragment, Fragments};
+use crate::split::Fragments;
 
-/// A program in order, and how far its marks lie from their focal planes at most.
+/// Stops in order, and how far their marks lie from their focal planes at most.
 pub(super) struct Assembly {
-    pub(super) program: Program,
+    /// Their blocks, without strokes.
+    pub(super) blocks: Vec<Block>,
     /// The stop of every block, among those of the method.
     pub(super) ids: Vec<StopId>,
     pub(super) setups: Setups,
@@ -30,15 +31,12 @@ pub(super) struct Assembly {
     pub(super) worst_defocus: Nm,
     /// How far they would lie from focal planes at their mean height.
     pub(super) worst_defocus_mean: Nm,
-    /// Slope under the marks of every block.
-    pub(super) slopes: Vec<Slope>,
 }
 
-/// How focal planes are set and strokes ordered.
+/// How focal planes are set.
 #[derive(Clone, Copy)]
 pub(super) struct How {
     pub(super) level: Level,
-    pub(super) strokes: StrokeOrder,
     pub(super) lattice: Lattice,
 }
 
@@ -72,26 +70,22 @@ struct Position {
     cell: CellId,
 }
 
-/// Gathers fragments by stop, orders stops and strokes, and lays the program out flat. `setups` finds those of
+/// Sets the focal planes of the stops that mark something, `marks` by stop, and orders them. `setups` finds those of
 /// the stops' centres where the passes before have not.
 pub(super) fn assemble(
     stops: &Stops,
-    parts: &[Fragments],
-    pens: &dose::Pens,
+    marks: &[StopMarks],
     stage: &Stage<'_>,
     how: How,
     setups: &dyn Fn(&[P2<Turned>]) -> Setups,
-    task: Task<'_>,
 ) -> Assembly {
-    let members = Members::new(parts, stops.stops.len());
-    let (heights, slopes) = measure(parts, stops.stops.len(), pens);
     let mut worst = [Nm(0); 2];
     // Where commands of the head's tilt are rounded the stops lie on no lattice, and their planes need not.
     let fine = Lattice { step: Nm(1), ..how.lattice };
-    let used = stops.ids().filter(|&i| !members.of(i).is_empty());
+    let used = stops.ids().filter(|&i| !marks[i.index()].is_empty());
     let placed: Vec<Placed> = used
         .map(|index| {
-            let h = &heights[index.index()];
+            let h = &marks[index.index()].heights;
             let z = [Nm::round(h.lo), Nm::round(h.hi)];
             let stop = stops.stops[index.index()].stop.clone();
             let lattice = if stage.rounds(&stop) { &fine } else { &how.lattice };
@@ -105,44 +99,18 @@ pub(super) fn assemble(
     let cells: Vec<CellId> = centres.iter().map(|&c| setups.cell(c)).collect();
     let positions = stage.positions(&placed, &cells, &setups, &how.lattice);
     let used = Used::new(cells);
-    let [strokes, tours] = task.split([3, 1]);
-    let strokes = strokes.of_steps(placed.len());
-    let in_order = |p: &Placed| {
-        let visits = members.ordered(parts, p.index, how.strokes);
-        strokes.step();
-        visits
-    };
-    let (tour, orders): (_, Vec<Vec<Visit>>) = parallel::both(
-        || {
-            let sequence = stage.sequence(&placed, &positions, &used);
-            drop(tours);
-            sequence
-        },
-        || parallel::map(placed.len(), |i| in_order(&placed[i])),
-    );
-    let mut program = Program { pens: pens.list.clone(), ..Program::default() };
-    program.strokes.reserve_exact(members.len());
-    program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
-    program.blocks.reserve_exact(tour.len());
+    let tour = stage.sequence(&placed, &positions, &used);
+    let mut blocks = Vec::with_capacity(tour.len());
     let mut last = stage.start.before.clone().map(|(stop, cell)| (stop, cell, stage.start.from));
     for &(at, t) in &tour {
-        let (Placed { index, stop, z }, Position { stop: stand, target, by, cell, .. }) = (&placed[t], &positions[at]);
+        let (Placed { stop, z, .. }, Position { stop: stand, target, by, cell, .. }) = (&placed[t], &positions[at]);
         let [stop, stand] = [stop, stand].map(|stop| moved(stop, *by));
-        let first_stroke = program.strokes.len();
-        let list = members.of(*index);
-        let first_point = program.points.len();
-        orders[t]
-            .iter()
-            .for_each(|visit| append_stroke(&mut program, parts, list[visit.stroke as usize], *visit, pens));
-        for p in &mut program.points[first_point..] {
-            *p = FieldPoint::new(p.x - by[0] as i32, p.y - by[1] as i32);
-        }
         let origin = setups.origin(*cell, stage.origin);
         let retract = last.as_ref().is_some_and(|(before, of, from)| {
             of != cell || stage.lifts_between((before, *from), (&stand, *target), origin)
         });
         worst[0] = worst[0].max((z[1] - stop.focus).max(stop.focus - z[0]));
-        program.blocks.push(Block {
+        blocks.push(Block {
             pass: stage.start.pass,
             setup: used.number(*cell),
             stage: *target,
@@ -150,14 +118,55 @@ pub(super) fn assemble(
             retract,
             z_lo: z[0],
             z_hi: z[1],
-            strokes: first_stroke..program.strokes.len(),
+            strokes: 0..0,
             stop,
         });
         last = Some((stand, *cell, *target));
     }
-    let ids: Vec<StopId> = tour.iter().map(|&(_, t)| placed[t].index).collect();
-    let slopes = ids.iter().map(|id| slopes[id.index()]).collect();
-    Assembly { program, ids, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
+    let ids = tour.iter().map(|&(_, t)| placed[t].index).collect();
+    Assembly { blocks, ids, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
+}
+
+/// Orders the strokes of blocks and lays them out; `ids` are the stops of the blocks. Answers with the slope under the
+/// marks of every block, too.
+pub(super) fn lay_out(
+    (blocks, ids): (Vec<Block>, &[StopId]),
+    mut cut: Cut,
+    (pens, order): (dose::Pens, StrokeOrder),
+    task: Task<'_>,
+) -> (Program, Vec<Slope>, Fragments) {
+    let slopes = ids.iter().map(|&id| {
+        let mut slope = Slope::default();
+        for (_, measure, _) in cut.members.fragments(&cut.parts, id) {
+            slope.add(measure.length, measure.cos, measure.slope2, pens.gain(measure.cos));
+        }
+        slope
+    });
+    let slopes = slopes.collect();
+    pens.assign(&mut cut.parts);
+    cut.parts.iter_mut().for_each(|part| part.measures = Vec::new());
+    let Cut { stops, parts, members, .. } = cut;
+    let task = task.of_steps(ids.len());
+    let orders: Vec<Vec<Visit>> = parallel::map(ids.len(), |i| {
+        let visits = members.ordered(&parts, ids[i], order);
+        task.step();
+        visits
+    });
+    let mut program = Program { pens: pens.list, blocks, ..Program::default() };
+    program.strokes.reserve_exact(members.len());
+    program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
+    for (i, (id, visits)) in ids.iter().zip(orders).enumerate() {
+        let (first, first_point) = (program.strokes.len(), program.points.len());
+        let list = members.of(*id);
+        visits.iter().for_each(|visit| append_stroke(&mut program, &parts, list[visit.stroke as usize], *visit));
+        let (from, at) = (stops.stops[id.index()].stop.centre, program.blocks[i].stop.centre);
+        let by = [from.x - at.x, from.y - at.y].map(|v| v as i32);
+        for p in &mut program.points[first_point..] {
+            *p = FieldPoint::new(p.x + by[0], p.y + by[1]);
+        }
+        program.blocks[i].strokes = first..program.strokes.len();
+    }
+    (program, slopes, Cut::totals(parts))
 }
 
 /// A stop where the commands reach, which lies off by `by`.
@@ -166,108 +175,8 @@ fn moved(stop: &Stop, by: [i64; 3]) -> Stop {
     Stop { centre, focus: stop.focus + Nm(by[2]), ..stop.clone() }
 }
 
-/// Heights of one block's marks, nm.
-#[derive(Clone, Copy)]
-struct Heights {
-    lo: f64,
-    hi: f64,
-    /// Integral of the height over the length.
-    z_length: f64,
-    length: f64,
-    /// Sum over the dots, and how many there are.
-    z_dots: f64,
-    dots: f64,
-}
-
-impl Heights {
-    const NONE: Self =
-        Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0, z_dots: 0.0, dots: 0.0 };
-
-    fn add(&mut self, f: &Fragment) {
-        self.lo = self.lo.min(f.z[0]);
-        self.hi = self.hi.max(f.z[1]);
-        self.z_length += f.z_length;
-        self.length += f.length;
-        if f.len == 1 {
-            self.z_dots += f.z[0];
-            self.dots += 1.0;
-        }
-    }
-
-    fn mean(&self) -> f64 {
-        if self.length > 0.0 {
-            (self.z_length / self.length).clamp(self.lo, self.hi)
-        } else if self.dots > 0.0 {
-            (self.z_dots / self.dots).clamp(self.lo, self.hi)
-        } else {
-            (self.lo + self.hi) / 2.0
-        }
-    }
-}
-
-/// Heights and slopes under the marks of every stop.
-fn measure(parts: &[Fragments], stops: usize, pens: &dose::Pens) -> (Vec<Heights>, Vec<Slope>) {
-    let (mut heights, mut slopes) = (vec![Heights::NONE; stops], vec![Slope::default(); stops]);
-    for f in parts.iter().flat_map(|p| &p.list) {
-        heights[f.stop.index()].add(f);
-        slopes[f.stop.index()].add(f.length, dose::mean_cos(f), f.slope2, pens.gain(f));
-    }
-    (heights, slopes)
-}
-
-/// The fragments of every stop, in the order in which they were cut: chunk and index in it.
-pub(super) struct Members(Buckets<(u32, u32)>);
-
-impl Members {
-    pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
-        let members = (0u32..)
-            .zip(parts)
-            .flat_map(|(part, fragments)| (0u32..).zip(&fragments.list).map(move |(i, f)| (f.stop.index(), (part, i))));
-        Self(Buckets::new(stops, members))
-    }
-
-    fn len(&self) -> usize {
-        self.0.items().len()
-    }
-
-    pub(super) fn of(&self, stop: StopId) -> &[(u32, u32)] {
-        self.0.of(stop.index())
-    }
-
-    /// The order in which the fragments of a stop are marked.
-    pub(super) fn ordered(&self, parts: &[Fragments], stop: StopId, order: StrokeOrder) -> Vec<Visit> {
-        let members = self.of(stop);
-        let path = |&m: &(u32, u32)| {
-            let (f, points) = fragment(parts, m);
-            Path { points, is_closed: f.is_figure }
-        };
-        match order {
-            StrokeOrder::Shortest => order::strokes::order(&members.iter().map(path).collect::<Vec<_>>()),
-            StrokeOrder::Drawing => order::strokes::as_drawn(members.len()),
-        }
-    }
-}
-
-/// A fragment and its points.
-fn fragment(parts: &[Fragments], (part, i): (u32, u32)) -> (&Fragment, &[FieldPoint]) {
-    let part = &parts[part as usize];
-    let f = &part.list[i as usize];
-    (f, &part.points[f.first as usize..(f.first + f.len) as usize])
-}
-
-/// The fragments of some members.
-pub(super) fn segments<'a>(parts: &'a [Fragments], members: &'a [(u32, u32)]) -> impl Iterator<Item = &'a Fragment> {
-    members.iter().map(|&m| fragment(parts, m).0)
-}
-
 /// Appends a fragment as a stroke.
-pub(super) fn append_stroke(
-    program: &mut Program,
-    parts: &[Fragments],
-    member: (u32, u32),
-    visit: Visit,
-    pens: &dose::Pens,
-) {
+pub(super) fn append_stroke(program: &mut Program, parts: &[Fragments], member: (u32, u32), visit: Visit) {
     let Visit { start, reversed, .. } = visit;
     let (f, points) = fragment(parts, member);
     let first = program.points.len();
@@ -282,7 +191,7 @@ pub(super) fn append_stroke(
         source: f.source,
         segment: f.segment + start,
         reversed,
-        pen: pens.of(f),
+        pen: f.pen,
         first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),
         len: f.len,
     });
@@ -471,23 +380,5 @@ impl Stage<'_> {
         }
         let turn = self.machine.turn(a.tilt, self.origin);
         self.clearance.lowest_swing([turn; 4])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn members_lists_every_fragment_once_at_its_stop() {
-        let fragment = |stop: u32| Fragment { stop: StopId(stop), ..Fragment::default() };
-        let part =
-            |stops: &[u32]| Fragments { list: stops.iter().map(|&s| fragment(s)).collect(), ..Default::default() };
-        let parts = [part(&[2, 0, 2]), part(&[0, 2])];
-        let members = Members::new(&parts, 4);
-        assert_eq!(members.of(StopId(0)), [(0, 1), (1, 0)]);
-        assert_eq!(members.of(StopId(1)), []);
-        assert_eq!(members.of(StopId(2)), [(0, 0), (0, 2), (1, 1)]);
-        assert_eq!(members.of(StopId(3)), []);
     }
 }

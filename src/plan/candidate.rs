@@ -1,5 +1,6 @@
 //! What one method of partition gives: a program in order with its figures, to be compared and continued.
 
+use super::cut::Cut;
 use super::grid::Grid;
 use super::job_time::load_s;
 use super::setups::{Setups, Used};
@@ -25,6 +26,7 @@ pub(super) struct Unmerged {
 /// What one method gives.
 pub(super) struct Candidate {
     pub(super) method: Method,
+    /// Without strokes until it is laid out; its times are without jumps until then.
     pub(super) program: Program,
     /// The stop of every block of a pass, among those of the method.
     pub(super) ids: Vec<StopId>,
@@ -90,16 +92,29 @@ impl Candidate {
         }
     }
 
-    /// Whether `self` marks all that `other` does, no worse and at fewer stops.
+    /// Whether `self` makes the marks of `other` in less time and at fewer stops.
     pub(super) fn improves(&self, other: &Self, job: &Job, machine: &Machine) -> bool {
-        let ([new, old], noise) = ([&self.split, &other.split], 1e-9);
         self.program.stops() < other.program.stops()
             && self.program.blocks.len() < other.program.blocks.len()
             && self.measure(job, machine) <= other.measure(job, machine)
-            && new.skipped.small <= old.skipped.small + noise
-            && new.figures_whole >= old.figures_whole
-            && new.not_kept <= old.not_kept
-            && new.short <= old.short
+    }
+
+    /// Keeps the blocks whose stops mark something still; the others stood where the block before them does.
+    pub(super) fn keep_blocks(&mut self, cut: &Cut) {
+        let blocks = std::mem::take(&mut self.program.blocks).into_iter().zip(std::mem::take(&mut self.ids));
+        for (mut block, id) in blocks {
+            let heights = &cut.marks[id.index()].heights;
+            if cut.marks[id.index()].is_empty() {
+                continue;
+            }
+            let admits = &cut.stops.stops[id.index()].stop;
+            (block.z_lo, block.z_hi) = (Nm::round(heights.lo), Nm::round(heights.hi));
+            (block.stop.z_lo, block.stop.z_hi) = (admits.z_lo, admits.z_hi);
+            let off = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
+            self.worst_defocus = self.worst_defocus.max(off);
+            self.program.blocks.push(block);
+            self.ids.push(id);
+        }
     }
 
     /// Where pass `pass` begins after all passes before it, the first of which began at `begin`.

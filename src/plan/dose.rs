@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use crate::job::{Compensate, Dose};
 use crate::program::{Pen, PenId};
-use crate::split::Fragment;
+use crate::split::Fragments;
 use crate::units::{Power, Speed, Time, Watts};
 
 /// The pens of a program.
@@ -24,37 +24,38 @@ pub(super) struct Pens {
 
 impl Pens {
     /// Those that the fragments need.
-    pub(super) fn new<'a>(dose: Option<Dose>, pens: &[Pen], fragments: impl Iterator<Item = &'a Fragment>) -> Self {
+    pub(super) fn new(dose: Option<Dose>, pens: &[Pen], parts: &[Fragments]) -> Self {
         let mut it = Self { dose, list: pens.to_vec(), own: pens.len(), made: Vec::new() };
         let Some(dose) = dose else { return it };
+        let fragments = parts.iter().flat_map(|part| part.list.iter().zip(&part.measures));
         let needed: BTreeSet<(PenId, u32)> =
-            fragments.filter_map(|f| Some((f.pen, steps(&dose, mean_cos(f))?))).collect();
+            fragments.filter_map(|(f, measure)| Some((f.pen, steps(&dose, measure.cos)?))).collect();
         it.list.extend(needed.iter().map(|&(pen, k)| made_of(&pens[pen.index()], &dose, factor(&dose, k))));
         it.made = needed.into_iter().collect();
         it
     }
 
-    /// The pen of a fragment.
-    pub(super) fn of(&self, f: &Fragment) -> PenId {
-        let steps = self.dose.and_then(|dose| steps(&dose, mean_cos(f)));
-        let made = steps.and_then(|k| self.made.binary_search(&(f.pen, k)).ok());
-        made.map_or(f.pen, |i| PenId((self.own + i) as u16))
+    /// Gives every fragment its pen.
+    pub(super) fn assign(&self, parts: &mut [Fragments]) {
+        let Some(dose) = self.dose else { return };
+        for part in parts {
+            for (f, measure) in part.list.iter_mut().zip(&part.measures) {
+                let steps = steps(&dose, measure.cos);
+                let made = steps.and_then(|k| self.made.binary_search(&(f.pen, k)).ok());
+                f.pen = made.map_or(f.pen, |i| PenId((self.own + i) as u16));
+            }
+        }
     }
 
-    /// By how much its pen raises the dose of a fragment.
-    pub(super) fn gain(&self, f: &Fragment) -> f64 {
+    /// By how much the pen for a mean cosine of the slope raises the dose.
+    pub(super) fn gain(&self, cos: f64) -> f64 {
         let Some(dose) = self.dose else { return 1.0 };
-        let Some(k) = steps(&dose, mean_cos(f)) else { return 1.0 };
+        let Some(k) = steps(&dose, cos) else { return 1.0 };
         match dose.compensate {
             Compensate::Speed => 1.0 / factor(&dose, k),
             Compensate::Power => factor(&dose, k),
         }
     }
-}
-
-/// Mean cosine of the slope over a fragment.
-pub(super) fn mean_cos(f: &Fragment) -> f64 {
-    if f.length > 0.0 { f.cos_length / f.length } else { 1.0 / (1.0 + f.slope2).sqrt() }
 }
 
 /// How many steps the factor for a slope is; None for the pen as it is.

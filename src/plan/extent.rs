@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::geom::{Box2, P2, Turned};
-use crate::program::{Block, Program};
+use super::cut::StopMarks;
+use crate::geom::Nm;
 
 /// A box of marks, nm: x, y and z.
 #[derive(Clone, Copy, Debug)]
@@ -13,12 +13,10 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    pub(super) fn of(program: &Program, block: &Block) -> Self {
-        let c = block.stop.centre;
-        let mut area = Box2::<Turned>::EMPTY;
-        let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
-        points.for_each(|p| area.add(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y))));
-        Self { lo: [area.lo.x, area.lo.y, block.z_lo.0], hi: [area.hi.x, area.hi.y, block.z_hi.0] }
+    pub(super) fn of(marks: &StopMarks) -> Self {
+        let (area, heights) = (&marks.area, &marks.heights);
+        let [lo, hi] = [heights.lo, heights.hi].map(|z| Nm::round(z).0);
+        Self { lo: [area.lo.x, area.lo.y, lo], hi: [area.hi.x, area.hi.y, hi] }
     }
 
     pub(super) fn union(&self, other: &Self) -> Self {

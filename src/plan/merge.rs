@@ -3,14 +3,16 @@
 //! Where a box of the window by the depth range holds all marks of two stops, one stop can make them. Its box stands
 //! where the stage loses least on its way: where one of the two stood, over their neighbours in the tour, or as near
 //! to these as the marks permit. The stops with the shortest time of marks look for a partner first, and take the one
-//! that costs least. Strokes are then cut again between the stops that are left, which admit all that was marked.
+//! that costs least.
 //!
-//! Consumes a candidate; promises boxes of the same size on the same lattice that hold all its marks, and what was too
-//! short to be marked. Stops of a turned part are left as they are: what is seen along another beam is not known here.
+//! Consumes a candidate without strokes; promises boxes of the same size on the same lattice that hold all its marks,
+//! and what was too short to be marked. Stops of a turned part are left as they are: what is seen along another beam is
+//! not known here.
 
 use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
+use super::cut::{Cut, StopMarks};
 use super::extent::{Extent, Near};
 use crate::geom::{Nm, P2};
 use crate::machine::{Commanded, Machine};
@@ -42,7 +44,7 @@ pub(super) enum Pairs {
 /// How often all stops look for a partner.
 const ROUNDS: usize = 8;
 
-/// For less than one in so many stops the strokes are not cut again.
+/// Less than one in so many stops are not merged.
 const LEAST: usize = 100;
 
 /// A stop of the tour.
@@ -61,6 +63,10 @@ struct Node {
     before: Option<usize>,
     after: Option<usize>,
     is_gone: bool,
+    /// Whether it marks what others did.
+    is_changed: bool,
+    /// Which marks what it did, once it is gone.
+    heir: usize,
 }
 
 /// A merger of two stops: which stays, where its box stands then, and what time is lost.
@@ -72,13 +78,33 @@ struct Merger {
     loss_s: f64,
 }
 
+/// Stops that are left, and which of them marks what the old ones did.
+pub(super) struct Merged {
+    pub(super) stops: Stops,
+    /// By old stop, the new one.
+    pub(super) ids: Vec<StopId>,
+    /// By new stop, whether it stands elsewhere than the old one or marks more.
+    pub(super) is_changed: Vec<bool>,
+    /// Whether strokes may be cut anew between the new stops, which admit what they mark where they stand now.
+    pub(super) may_cut: bool,
+}
+
+impl Merged {
+    /// What the new stops mark, if the old ones marked this.
+    pub(super) fn marks(&self, old: &[StopMarks]) -> Vec<StopMarks> {
+        let mut marks = vec![StopMarks::default(); self.stops.stops.len()];
+        old.iter().zip(&self.ids).filter(|(old, _)| !old.is_empty()).for_each(|(old, id)| marks[id.index()].join(old));
+        marks
+    }
+}
+
 /// The stops of a candidate merged; None where too few can be.
-pub(super) fn merged(stops: &Stops, made: &Candidate, costs: &Costs<'_>) -> Option<Stops> {
-    if stops.is_tilted() {
+pub(super) fn merged(cut: &Cut, made: &Candidate, costs: &Costs<'_>) -> Option<Merged> {
+    if cut.stops.is_tilted() {
         return None;
     }
-    let mut tour = Tour::new(stops, made, costs);
-    let time = |i: usize| made.figures[i].time_s;
+    let mut tour = Tour::new(cut, made, costs);
+    let time = |i: usize| cut.marks[made.ids[i].index()].time_s.iter().sum::<f64>();
     let mut poorest: Vec<usize> = (0..tour.nodes.len()).collect();
     poorest.sort_by(|&a, &b| time(a).total_cmp(&time(b)).then(a.cmp(&b)));
     let near = Near::new(tour.nodes.iter().map(|n| n.extent.middle()), tour.size);
@@ -98,7 +124,42 @@ pub(super) fn merged(stops: &Stops, made: &Candidate, costs: &Costs<'_>) -> Opti
         }
     }
     let gone = tour.nodes.len() - poorest.len();
-    (gone > 0 && gone * LEAST >= tour.nodes.len()).then(|| tour.stops(stops, &made.split.slivers))
+    (gone > 0 && gone * LEAST >= tour.nodes.len()).then(|| tour.stops(cut))
+}
+
+/// Blocks of a candidate that follow each other and have come to stand at one place, with one focal plane: one stop
+/// marks what they do. Where a mark was left out in or next to one of them they stay two: what is cut anew might not lie
+/// in the depth range of stops that have found their places. None where no blocks become one.
+pub(super) fn at_one_place(cut: &Cut, made: &Candidate) -> Option<Merged> {
+    if cut.stops.is_tilted() {
+        return None;
+    }
+    let [Nm(w), Nm(h), Nm(depth)] = cut.stops.size();
+    let stands = |b: &Block| (b.setup, b.stage, b.focus_shift, b.stop.tilt);
+    let mut stops: Vec<Stop> = cut.stops.stops.iter().map(|s| s.stop.clone()).collect();
+    let mut ids: Vec<StopId> = cut.stops.ids().collect();
+    let mut is_changed = vec![false; stops.len()];
+    let mut is_beside = vec![false; stops.len()];
+    for part in &cut.parts {
+        part.slivers.iter().flat_map(|s| part.stops_at(s)).for_each(|stop| is_beside[stop.index()] = true);
+    }
+    let blocks = made.program.blocks.iter().zip(&made.ids);
+    let mut last: Option<(&Block, StopId)> = None;
+    for (block, &id) in blocks {
+        match last {
+            Some((before, first))
+                if stands(before) == stands(block) && !is_beside[first.index()] && !is_beside[id.index()] =>
+            {
+                ids[id.index()] = first;
+                is_changed[first.index()] = true;
+                let z_lo = block.stop.focus - Nm(depth / 2);
+                stops[first.index()] = Stop { z_lo, z_hi: z_lo + Nm(depth), ..block.stop.clone() };
+            }
+            _ => last = Some((block, id)),
+        }
+    }
+    let stops = Stops::new(stops, [Nm(w), Nm(h)], Nm(depth));
+    is_changed.contains(&true).then_some(Merged { stops, ids, is_changed, may_cut: false })
 }
 
 /// The stops in order, linked.
@@ -110,18 +171,18 @@ struct Tour<'a> {
 }
 
 impl<'a> Tour<'a> {
-    fn new(stops: &Stops, made: &Candidate, costs: &'a Costs<'a>) -> Self {
-        let (size, step) = (stops.size().map(|Nm(v)| v), costs.machine.increment_nm().0);
-        let Candidate { program, ids, split, .. } = made;
+    fn new(cut: &Cut, made: &Candidate, costs: &'a Costs<'a>) -> Self {
+        let (size, step) = (cut.stops.size().map(|Nm(v)| v), costs.machine.increment_nm().0);
+        let Candidate { program, ids, .. } = made;
         let mut unmarked: BTreeMap<StopId, Extent> = BTreeMap::new();
-        for &Sliver { stop, lo, hi, .. } in &split.slivers {
+        for &Sliver { stop, lo, hi, .. } in cut.slivers() {
             let one = Extent { lo, hi };
             unmarked.entry(stop).and_modify(|all| *all = all.union(&one)).or_insert(one);
         }
         let node = |(i, b): (usize, &Block)| {
             let Stop { centre: c, z_lo, .. } = &b.stop;
             let corner = [c.x - size[0] / 2, c.y - size[1] / 2, z_lo.0];
-            let marks = Extent::of(program, b);
+            let marks = Extent::of(&cut.marks[ids[i].index()]);
             let extent = unmarked.get(&ids[i]).map_or(marks, |more| marks.union(more));
             Node {
                 id: ids[i],
@@ -135,6 +196,8 @@ impl<'a> Tour<'a> {
                 before: i.checked_sub(1),
                 after: (i + 1 < ids.len()).then_some(i + 1),
                 is_gone: false,
+                is_changed: false,
+                heir: i,
             }
         };
         Self { costs, size, nodes: program.blocks.iter().enumerate().map(node).collect() }
@@ -248,31 +311,41 @@ impl<'a> Tour<'a> {
         let Node { before, after, extent, .. } = self.nodes[goes];
         before.into_iter().for_each(|n| self.nodes[n].after = after);
         after.into_iter().for_each(|n| self.nodes[n].before = before);
-        self.nodes[goes].is_gone = true;
+        (self.nodes[goes].is_gone, self.nodes[goes].heir) = (true, stays);
         let (size, step) = (self.size, self.costs.machine.increment_nm().0);
         let node = &mut self.nodes[stays];
         node.extent = node.extent.union(&extent);
-        (node.corner, node.at) = (corner, at);
+        (node.corner, node.at, node.is_changed) = (corner, at, true);
         node.room = node.extent.room(corner, size, step);
     }
 
     /// The stops that are left, in the order in which the method gave them, with those that hold nothing but slivers.
-    fn stops(&self, old: &Stops, slivers: &[Sliver]) -> Stops {
-        let [w, h, depth] = self.size;
-        let mut left: BTreeMap<StopId, Stop> =
-            slivers.iter().map(|s| (s.stop, old.stops[s.stop.index()].stop.clone())).collect();
+    fn stops(&self, cut: &Cut) -> Merged {
+        let ([w, h, depth], old) = (self.size, &cut.stops.stops);
+        let mut left: BTreeMap<StopId, (Stop, bool)> =
+            cut.slivers().map(|s| (s.stop, (old[s.stop.index()].stop.clone(), false))).collect();
         for n in &self.nodes {
             let [x, y, z] = n.corner;
             let (z_lo, z_hi) = (Nm(z), Nm(z + depth));
-            let made = old.stops[n.id.index()].stop.clone();
+            let made = old[n.id.index()].stop.clone();
             let stop = Stop { centre: P2::new(x + w / 2, y + h / 2), focus: z_lo + Nm(depth / 2), z_lo, z_hi, ..made };
             if n.is_gone {
                 left.remove(&n.id)
             } else {
-                left.insert(n.id, stop)
+                left.insert(n.id, (stop, n.is_changed))
             };
         }
-        Stops::new(left.into_values().collect(), [Nm(w), Nm(h)], Nm(depth))
+        let place: BTreeMap<StopId, StopId> = left.keys().copied().zip((0..).map(StopId)).collect();
+        let mut ids: Vec<StopId> = cut.stops.ids().map(|id| place.get(&id).copied().unwrap_or_default()).collect();
+        for n in self.nodes.iter().filter(|n| n.is_gone) {
+            let mut heir = n.heir;
+            while self.nodes[heir].is_gone {
+                heir = self.nodes[heir].heir;
+            }
+            ids[n.id.index()] = place[&self.nodes[heir].id];
+        }
+        let (stops, is_changed): (Vec<Stop>, Vec<bool>) = left.into_values().unzip();
+        Merged { stops: Stops::new(stops, [Nm(w), Nm(h)], Nm(depth)), ids, is_changed, may_cut: true }
     }
 }
 
@@ -311,6 +384,8 @@ mod tests {
                 before: i.checked_sub(1),
                 after: (i + 1 < count).then_some(i + 1),
                 is_gone: false,
+                is_changed: false,
+                heir: i,
             }
         });
         Tour { costs, size: SIZE, nodes: nodes.collect() }

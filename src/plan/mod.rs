@@ -12,6 +12,7 @@ mod assemble;
 mod bound;
 mod candidate;
 mod candidates;
+mod cut;
 mod dose;
 mod doubled;
 mod early;

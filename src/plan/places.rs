@@ -2,8 +2,8 @@
 //! the depth of focus, so that the stage moves little and marks lie about the axis; then the part is laid so that they
 //! lie in the middle of the travel.
 //!
-//! Consumes a candidate, its stops merged. Promises the same marks in the same blocks on the part: a stop moves by whole
-//! increments, and the points of its strokes by as much the other way. The focal planes of a job with `level = "mean"`,
+//! Consumes a candidate without strokes, its stops merged. Promises that every stop admits its marks: it moves by whole
+//! increments, and so does what it admits. The focal planes of a job with `level = "mean"`,
 //! of a job whose levels must come one after another, and of a zoom optic stay where they are; stops that share a
 //! standstill move together.
 //!
@@ -14,14 +14,14 @@ use std::ops::Range;
 
 use super::assemble::Stage;
 use super::candidate::Candidate;
+use super::cut::Cut;
 use super::extent::{Extent, Near};
-use super::job_time::times;
-use crate::geom::{Box2, FieldPoint, Nm, P2};
+use crate::geom::{Box2, Nm, P2};
 use crate::job::Level;
 use crate::machine::{Commanded, Origin};
 use crate::order::slide::{self, Ground, Placed, Spot};
 use crate::order::stops::{self, HeightOrder};
-use crate::program::{Block, Program, Stop, Stroke};
+use crate::program::{Block, Stop};
 use crate::split::Sliver;
 
 /// What the places of stops follow from, beside the candidate.
@@ -49,16 +49,13 @@ const TOURS: usize = 2;
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Moves the stops of a candidate.
-pub(super) fn place(made: &mut Candidate, site: &Site<'_>) {
+pub(super) fn place(made: &mut Candidate, cut: &Cut, site: &Site<'_>) {
     if made.program.blocks.is_empty() {
         return;
     }
-    let mut places = Places::new(made, site);
+    let mut places = Places::new(made, cut, site);
     places.slide(made, site);
     places.apply(made, site);
-    let (times, block_times) = times(site.stage.machine, site.stage.start, &made.program);
-    made.times = times;
-    made.figures.iter_mut().zip(block_times).for_each(|(figures, time_s)| figures.time_s = time_s);
 }
 
 /// The standstills of a candidate and where they may be.
@@ -74,7 +71,7 @@ struct Places {
 }
 
 impl Places {
-    fn new(made: &Candidate, site: &Site<'_>) -> Self {
+    fn new(made: &Candidate, cut: &Cut, site: &Site<'_>) -> Self {
         let program = &made.program;
         let mut blocks: Vec<Range<usize>> = Vec::new();
         for (i, b) in program.blocks.iter().enumerate() {
@@ -83,8 +80,8 @@ impl Places {
                 _ => blocks.push(i..i + 1),
             }
         }
-        let extents: Vec<Extent> = program.blocks.iter().map(|b| Extent::of(program, b)).collect();
-        let limits = site.beside_slivers(made, &extents);
+        let extents: Vec<Extent> = made.ids.iter().map(|id| Extent::of(&cut.marks[id.index()])).collect();
+        let limits = site.beside_slivers(made, cut, &extents);
         let mut setup = None;
         let spot = |range: &Range<usize>| {
             let first = &program.blocks[range.start];
@@ -176,17 +173,18 @@ impl Places {
         let moved = site.moved_part(&spots);
         let Origin(origin) = made.origin;
         made.origin = Origin([0, 1, 2].map(|k| origin[k] + site.sign(k) * moved[k]));
-        if order.iter().enumerate().any(|(i, &n)| i != n) {
-            reorder(made, order.iter().flat_map(|&n| ranges[n].clone()).collect());
-        }
+        let order_of_blocks: Vec<usize> = order.iter().flat_map(|&n| ranges[n].clone()).collect();
+        made.program.blocks = order_of_blocks.iter().map(|&i| made.program.blocks[i].clone()).collect();
+        made.ids = order_of_blocks.iter().map(|&i| made.ids[i]).collect();
         made.worst_defocus = Nm(0);
         let mut first = 0;
         for (&n, spot) in order.iter().zip(&spots) {
             let count = ranges[n].len();
             let by = [0, 1, 2].map(|k| site.sign(k) * (spot.at[k] - home[n][k]));
-            for i in first..first + count {
-                shift(&mut made.program, i, by);
-                let block = &mut made.program.blocks[i];
+            for block in &mut made.program.blocks[first..first + count] {
+                let centre = block.stop.centre;
+                block.stop.centre = P2::new(centre.x + by[0], centre.y + by[1]);
+                block.stop.focus += Nm(by[2]);
                 block.stage = Commanded([0, 1, 2].map(|k| spot.at[k] + moved[k]));
                 let off = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
                 made.worst_defocus = made.worst_defocus.max(off);
@@ -194,46 +192,6 @@ impl Places {
             first += count;
         }
         site.lift(made);
-    }
-}
-
-/// Puts the blocks of a candidate into another order, with all that lies in theirs.
-fn reorder(made: &mut Candidate, order: Vec<usize>) {
-    let old = std::mem::take(&mut made.program);
-    let mut new = Program {
-        pens: old.pens,
-        blocks: Vec::with_capacity(old.blocks.len()),
-        strokes: Vec::with_capacity(old.strokes.len()),
-        points: Vec::with_capacity(old.points.len()),
-        subset_of: old.subset_of,
-    };
-    for &i in &order {
-        let block = &old.blocks[i];
-        let first = new.strokes.len();
-        for stroke in &old.strokes[block.strokes.clone()] {
-            let at = u32::try_from(new.points.len()).expect("memory holds fewer than 2^32 points");
-            new.points.extend_from_slice(&old.points[stroke.first as usize..(stroke.first + stroke.len) as usize]);
-            new.strokes.push(Stroke { first: at, ..*stroke });
-        }
-        new.blocks.push(Block { strokes: first..new.strokes.len(), ..block.clone() });
-    }
-    made.program = new;
-    made.ids = order.iter().map(|&i| made.ids[i]).collect();
-    made.figures = order.iter().map(|&i| made.figures[i].clone()).collect();
-}
-
-/// Moves a stop over the part, and its marks by as much the other way in the field.
-fn shift(program: &mut Program, block: usize, [x, y, z]: [i64; 3]) {
-    let block = &mut program.blocks[block];
-    block.stop.centre = P2::new(block.stop.centre.x + x, block.stop.centre.y + y);
-    block.stop.focus += Nm(z);
-    let strokes = &program.strokes[block.strokes.clone()];
-    let Some((first, last)) = strokes.first().zip(strokes.last()) else { return };
-    if x == 0 && y == 0 {
-        return;
-    }
-    for p in &mut program.points[first.first as usize..(last.first + last.len) as usize] {
-        *p = FieldPoint::new(p.x - x as i32, p.y - y as i32);
     }
 }
 
@@ -284,15 +242,12 @@ impl Site<'_> {
     }
 
     /// How far each block may move before its window admits more of a mark that was left out.
-    fn beside_slivers(&self, made: &Candidate, extents: &[Extent]) -> Vec<Free> {
-        let (blocks, slivers) = (&made.program.blocks, &made.split.slivers);
+    fn beside_slivers(&self, made: &Candidate, cut: &Cut, extents: &[Extent]) -> Vec<Free> {
+        let blocks = &made.program.blocks;
         let mut free = vec![[[i64::MAX; 2]; 2]; blocks.len()];
-        if slivers.is_empty() {
-            return free;
-        }
         // Wherever a stop moves to, its window holds its marks.
         let near = Near::new(extents.iter().map(Extent::middle), [self.window[0].0, self.window[1].0, self.depth.0]);
-        for sliver in slivers {
+        for sliver in cut.slivers() {
             let middle = [0, 1, 2].map(|k| sliver.lo[k].midpoint(sliver.hi[k]));
             for i in near.of(middle) {
                 let stop = &blocks[i].stop;

@@ -1,7 +1,7 @@
 //! Planning a stepped job: pass by pass, candidate by candidate.
 //!
 //! Of every pass: sections, fill along contours, footprint, levels; the stops of each method; strokes cut
-//! between them; stops and strokes ordered. The best candidate of the first pass decides the method of all.
+//! between them; stops ordered, merged and slid to their places; strokes ordered. The best candidate of the first pass decides the method of all.
 //! Every other pass has its own texture (hatches turned, lines along contours moved), a grid of sections and
 //! levels that are shifted, and begins where the one before ended. The surface sinks by `passes.lower` from
 //! pass to pass: a pass is planned on the surface as it was, with the part's origin lowered instead, so that
@@ -14,6 +14,7 @@ use super::assemble::{self, Assembly, Stage};
 use super::bound;
 use super::candidate::{Candidate, Unmerged};
 use super::candidates::{best_of, divide, drop_dominated, methods, no_more_stops, stops};
+use super::cut::{Cut, StopMarks};
 use super::dose;
 use super::frames;
 use super::grid::{Grid, Layout};
@@ -28,7 +29,7 @@ use super::plausible::{self, Shares};
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
 use super::site::Site;
-use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, join, split, too_large};
+use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, cut_again, split, too_large};
 use super::start::Start;
 use super::stroke_chunks::Sweep;
 use super::summary;
@@ -143,22 +144,22 @@ impl<'a> Draft<'a> {
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let mut made = Vec::new();
         let mut unmerged = Vec::new();
-        for (((method, stops), parts), task) in found.iter().zip(parts).zip(ordering) {
-            let [ordering, merging] = task.split([1, 2]);
-            let one = first.candidate(&on, (*method, stops), parts, None, ordering);
-            let one = first.placed(&on, first.merged(&on, stops, one, merging));
+        let is_single = found.len() == 1;
+        for (((method, stops), parts), task) in found.into_iter().zip(parts).zip(ordering) {
+            let cut = Cut::new(stops, parts, machine, &job.pens);
+            let one = first.laid_out(&on, method, cut, task);
             // A single method is checked in the end, with everything else.
-            let fault = if found.len() > 1 { one.fault(machine, &first.grid, &clearance) } else { None };
+            let fault = if is_single { None } else { one.fault(machine, &first.grid, &clearance) };
             if fault.is_none() {
                 tried.push(one.listed(job, machine));
                 unmerged.push(one.unmerged);
             }
-            made.push((*method, one, fault));
+            made.push((method, one, fault));
             drop_dominated(&mut made, |made| (made.measure(job, machine), made.program.stops()));
         }
         no_more_stops(&mut made, &unmerged);
         let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
-        if found.len() == 1 {
+        if is_single {
             tried.clear();
         }
         let not_kept = warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split);
@@ -204,7 +205,7 @@ impl<'a> Draft<'a> {
         let (job, machine) = (self.job, self.machine);
         let lowered = start.lowered;
         let texture = inputs.texture_of_pass(job, start.pass)?;
-        let [tracing, dividing, cutting, ordering, merging] = task.split([2, 1, 3, 1, 2]);
+        let [tracing, dividing, cutting, ordering] = task.split([2, 1, 3, 1]);
         let ready = Ready::new(job, machine, inputs, texture, start, tracing)?;
         let method = self.best.method;
         let Some(stops) = divide(&ready.site(job, machine, inputs), method, dividing) else {
@@ -214,8 +215,7 @@ impl<'a> Draft<'a> {
         let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts, cutting)?;
         let parts = parts.pop().unwrap_or_default();
         let on = Given { job, machine, inputs, clearance: &self.clearance };
-        let next = ready.candidate(&on, (method, &stops), parts, None, ordering);
-        let next = ready.placed(&on, ready.merged(&on, &stops, next, merging));
+        let next = ready.laid_out(&on, method, Cut::new(stops, parts, machine, &job.pens), ordering);
         let first = self.best.program.blocks.len();
         let blocks = first..first + next.program.blocks.len();
         if self.best.fragments + next.fragments > MAX_FRAGMENTS
@@ -382,37 +382,52 @@ impl Ready {
         }
     }
 
-    /// One candidate, ordered and timed; `setups` are those of the part where it lies in some already.
+    /// One candidate: its stops ordered, merged where that makes it better, and placed; its strokes ordered.
+    fn laid_out(&self, on: &Given<'_>, method: Method, cut: Cut, task: Task<'_>) -> Candidate {
+        let [merging, ordering] = task.split([1, 3]);
+        let [merging, joining] = merging.split([3, 1]);
+        let (cut, mut made) = self.merged(on, method, cut, merging);
+        self.place(on, &cut, &mut made);
+        let cut = self.joined(on, cut, &mut made, joining);
+        let &Given { job, machine, .. } = on;
+        let fragments = cut.members.len();
+        let pens = dose::Pens::new(job.dose, &job.pens, &cut.parts);
+        let how = (pens, job.order.strokes);
+        let (program, slopes, split) = assemble::lay_out((made.program.blocks, &made.ids), cut, how, ordering);
+        let (times, block_times) = times(machine, &self.start, &program);
+        let figures = block_times.into_iter().zip(slopes);
+        let figures = figures.map(|(time_s, slope)| BlockFigures { time_s, slope, ..BlockFigures::default() });
+        Candidate { program, times, figures: figures.collect(), fragments, split, ..made }
+    }
+
+    /// The stops in order; `setups` are those of the part where it lies in some already.
     fn candidate(
         &self,
         on: &Given<'_>,
-        (method, stops): (Method, &Stops),
-        parts: Vec<Fragments>,
+        method: Method,
+        (stops, marks): (&Stops, &[StopMarks]),
         setups: Option<&Setups>,
-        task: Task<'_>,
     ) -> Candidate {
         let &Given { job, machine, .. } = on;
-        let pens = dose::Pens::new(job.dose, &job.pens, parts.iter().flat_map(|p| &p.list));
-        let stage = self.stage(on);
         let new = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
         let setups = |centres: &[_]| setups.map_or_else(|| new(centres), Setups::clone);
-        let how = assemble::How { level: job.focus.level, strokes: job.order.strokes, lattice: self.grid.lattice };
-        let Assembly { program, ids, setups, used, worst_defocus, worst_defocus_mean, slopes } =
-            assemble::assemble(stops, &parts, &pens, &stage, how, &setups, task);
-        let fragments = parts.iter().map(|p| p.list.len()).sum();
-        let split = parts.into_iter().fold(Fragments::default(), join);
-        let (times, block_times) = times(machine, &self.start, &program);
-        let figures = block_times
-            .into_iter()
-            .zip(slopes)
-            .map(|(time_s, slope)| BlockFigures { time_s, slope, ..BlockFigures::default() })
-            .collect();
+        let how = assemble::How { level: job.focus.level, lattice: self.grid.lattice };
+        let Assembly { blocks, ids, setups, used, worst_defocus, worst_defocus_mean } =
+            assemble::assemble(stops, marks, &self.stage(on), how, &setups);
+        let program = Program { blocks, ..Program::default() };
+        let (mut times, _) = times(machine, &self.start, &program);
+        for marks in marks {
+            let [mark, delay] = marks.time_s;
+            times.mark += mark;
+            times.delay += delay;
+            times.total += mark + delay;
+        }
         Candidate {
             method,
             times,
-            figures,
-            fragments,
-            split,
+            figures: Vec::new(),
+            fragments: 0,
+            split: Fragments::default(),
             worst_defocus,
             worst_defocus_mean,
             program,
@@ -425,34 +440,59 @@ impl Ready {
     }
 
     /// A candidate with stops merged where that makes it better.
-    fn merged(&self, on: &Given<'_>, stops: &Stops, mut made: Candidate, task: Task<'_>) -> Candidate {
-        let &Given { job, machine, inputs, clearance } = on;
+    fn merged(&self, on: &Given<'_>, method: Method, mut cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
+        let &Given { job, machine, inputs, .. } = on;
+        let mut made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
         made.unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
-            return made;
+            return (cut, made);
         }
-        for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([2, 1])) {
-            let [choosing, cutting, ordering] = task.split([1, 3, 1]);
-            let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
-            let Some(fewer) = merge::merged(stops, &made, &costs) else { break };
-            drop(choosing);
-            let cuts = Cuts::new(job, machine, self.grid.keep);
-            // Strokes are cut once more: where memory does not suffice for that, the stops stay.
-            let parts = split(self.sweep(job, inputs), &[&fewer], &self.grid.sections, &job.pens, cuts, cutting);
-            let Some(parts) = parts.ok().and_then(|mut parts| parts.pop()) else { break };
+        let unmerged = made.unmerged;
+        let again = |cut: &Cut, setups: &Setups| {
             // The part stays where it lies: two stops of a set-up are merged within it.
-            let mut next = self.candidate(on, (made.method, &fewer), parts, Some(&made.setups), ordering);
-            next.unmerged = made.unmerged;
-            if next.improves(&made, job, machine) && next.fault(machine, &self.grid, clearance).is_none() {
-                return next;
+            Candidate { unmerged, ..self.candidate(on, method, (&cut.stops, &cut.marks), Some(setups)) }
+        };
+        for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
+            let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
+            let Some(merged) = merge::merged(&cut, &made, &costs) else { break };
+            let next = self.candidate(on, method, (&merged.stops, &merged.marks(&cut.marks)), Some(&made.setups));
+            if !next.improves(&made, job, machine) {
+                continue;
+            }
+            let cuts = Cuts::new(job, machine, self.grid.keep);
+            let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
+            match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
+                Ok(cut) => {
+                    let made = again(&cut, &made.setups);
+                    return (cut, made);
+                }
+                Err(as_it_was) => cut = as_it_was,
             }
         }
-        made
+        (cut, made)
     }
 
-    /// A candidate with its stops where they cost least.
-    fn placed(&self, on: &Given<'_>, mut made: Candidate) -> Candidate {
+    /// Makes one block of those that stand at one place. They were never merged, since they stood elsewhere.
+    fn joined(&self, on: &Given<'_>, cut: Cut, made: &mut Candidate, task: Task<'_>) -> Cut {
+        let &Given { job, machine, inputs, .. } = on;
+        if job.partition.method == Method::Contour {
+            return cut;
+        }
+        let Some(merged) = merge::at_one_place(&cut, made) else { return cut };
+        let cuts = Cuts::new(job, machine, self.grid.keep);
+        let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
+        match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
+            Err(as_it_was) => as_it_was,
+            Ok(cut) => {
+                made.keep_blocks(&cut);
+                cut
+            }
+        }
+    }
+
+    /// Moves the stops of a candidate where they cost least.
+    fn place(&self, on: &Given<'_>, cut: &Cut, made: &mut Candidate) {
         let Grid { window, sections, lattice, .. } = &self.grid;
         let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
         let stated = on.job.placement.origin.is_some() || on.job.setups.is_some() || self.start.laid.is_some();
@@ -465,8 +505,7 @@ impl Ready {
             pitch: sections.pitch,
             is_loose: upright && !stated,
         };
-        places::place(&mut made, &site);
-        made
+        places::place(made, cut, &site);
     }
 
     fn stage<'b>(&'b self, on: &Given<'b>) -> Stage<'b> {

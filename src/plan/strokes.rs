@@ -5,7 +5,8 @@
 //! or of one for every band of depth over the whole part, bottom up. Its points are relative to the texture's upper
 //! right corner, from where the order begins; stage positions have no meaning in it.
 
-use super::assemble::{Members, append_stroke, segments};
+use super::assemble::append_stroke;
+use super::cut::Members;
 use super::early;
 use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
@@ -14,7 +15,7 @@ use super::plausible::Shares;
 use super::progress::{Phase, Progress};
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
-use super::{dose, hatch_direction, nothing, warnings};
+use super::{hatch_direction, nothing, warnings};
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, Nm};
 use crate::job::Job;
@@ -121,9 +122,8 @@ pub fn in_order(
 
 /// The fragments of all bands as a program.
 fn laid(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> Program {
-    let pens = dose::Pens::new(None, &job.pens, std::iter::empty());
     let members = Members::new(parts, stops.stops.len());
-    let mut program = Program { pens: pens.list.clone(), ..Program::default() };
+    let mut program = Program { pens: job.pens.clone(), ..Program::default() };
     let task = task.of_steps(stops.stops.len());
     for (i, placed) in stops.stops.iter().enumerate() {
         let list = members.of(StopId(i as u32));
@@ -132,11 +132,11 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> Progra
         }
         let first = program.strokes.len();
         for visit in members.ordered(parts, StopId(i as u32), job.order.strokes) {
-            append_stroke(&mut program, parts, list[visit.stroke as usize], visit, &pens);
+            append_stroke(&mut program, parts, list[visit.stroke as usize], visit);
         }
-        let heights = segments(parts, list).map(|f| f.z);
-        let z = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
-        let [z_lo, z_hi] = z.map(Nm::round);
+        let heights = members.fragments(parts, StopId(i as u32)).map(|(_, measure, _)| measure.z);
+        let z = heights.fold([i32::MAX, i32::MIN], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
+        let [z_lo, z_hi] = z.map(|z| placed.stop.z_lo + Nm(i64::from(z)));
         let mut stop = placed.stop.clone();
         stop.focus = (z_lo + z_hi) / 2;
         let strokes = first..program.strokes.len();

@@ -19,14 +19,16 @@
 //! too: mark - overlap + skipped = texture.
 
 mod cutter;
+mod regroup;
 #[cfg(test)]
 mod tests;
 
 pub use cutter::Seam;
+pub use regroup::Regroup;
 
 use cutter::Cutter;
 
-use crate::geom::{FieldPoint, P2, P3};
+use crate::geom::{FieldPoint, Nm, P2, P3};
 use crate::partition::Stops;
 use crate::program::{PenId, StopId, StrokeId};
 use crate::projection::{Keep, Piece, Tracer, segments};
@@ -35,7 +37,7 @@ use crate::projection::{Keep, Piece, Tracer, segments};
 const RUN: usize = 1 << 14;
 
 /// A piece of one stroke that is marked in one block.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fragment {
     /// Index of its stop.
     pub stop: StopId,
@@ -43,25 +45,53 @@ pub struct Fragment {
     pub source: StrokeId,
     /// Segment of that stroke on which it begins.
     pub segment: u32,
-    /// Pen.
-    pub pen: PenId,
     /// First point in [`Fragments::points`].
     pub first: u32,
     /// How many points; 1 of a dot.
     pub len: u32,
+    /// Pen.
+    pub pen: PenId,
     /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
     pub is_figure: bool,
-    /// Lowest and highest height, nm.
-    pub z: [f64; 2],
-    /// Integral of height over `length`, nm · nm.
-    pub z_length: f64,
-    /// Integral of the cosine of the slope over `length`, nm.
-    pub cos_length: f64,
+    /// Whether it begins where the fragment before it in the list ends.
+    pub goes_on: bool,
+}
+
+/// What the surface is like under a fragment. Heights are counted from the lower end of what the stop admits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measure {
+    /// Lowest and highest height over the lower end of what its stop admits, nm.
+    pub z: [i32; 2],
+    /// Mean of that height over the length, nm.
+    pub mean_z: f32,
+    /// Length of the mark in the field before its ends were rounded, nm; 0 of a dot. On a tilted part that is another
+    /// than the length in the plane of the drawing, and it is the one that takes time.
+    pub length: f64,
+    /// Mean cosine of the slope over the length.
+    pub cos: f64,
     /// Largest squared slope.
     pub slope2: f64,
-    /// Length of the mark in the field before its ends were rounded, nm. On a tilted part that is another than
-    /// the length in the plane of the drawing, and it is the one that takes time.
-    pub length: f64,
+}
+
+impl Measure {
+    /// Of two fragments that become one, both over the same height.
+    fn joined(self, other: Self) -> Self {
+        let length = self.length + other.length;
+        let mean = |a: f64, b: f64| if length > 0.0 { (a * self.length + b * other.length) / length } else { a };
+        Self {
+            z: [self.z[0].min(other.z[0]), self.z[1].max(other.z[1])],
+            mean_z: mean(self.mean_z.into(), other.mean_z.into()) as f32,
+            length,
+            cos: mean(self.cos, other.cos),
+            slope2: self.slope2.max(other.slope2),
+        }
+    }
+
+    /// Over another height, by so much lower.
+    fn over(self, lower: Nm) -> Self {
+        let by = i32::try_from(lower.0).unwrap_or(0);
+        Self { z: self.z.map(|z| z.saturating_add(by)), mean_z: self.mean_z + by as f32, ..self }
+    }
 }
 
 /// Lengths that were not marked, mm, every pass counted.
@@ -124,6 +154,10 @@ pub struct Sliver {
     pub source: StrokeId,
     /// Its ends in the part frame, nm, at the mean of its heights.
     pub ends: [[f64; 3]; 2],
+    /// What it has for itself of the length that is skipped, mm, every pass counted.
+    pub length_mm: f64,
+    /// How many fragments of its run of strokes lie before it.
+    pub after: u32,
 }
 
 /// What became of a run of strokes.
@@ -131,6 +165,8 @@ pub struct Sliver {
 pub struct Fragments {
     /// In the order of the texture.
     pub list: Vec<Fragment>,
+    /// What each of them lies on.
+    pub measures: Vec<Measure>,
     /// Points of all fragments, field frame of their stops, nm.
     pub points: Vec<FieldPoint>,
     /// Length of the strokes, mm, every pass counted.
@@ -161,6 +197,16 @@ pub struct Fragments {
     pub steep_at: Option<P2>,
     /// Largest squared slope of the marks.
     pub worst_slope2: f64,
+}
+
+impl Fragments {
+    /// Gives back the memory that lists keep to grow.
+    pub fn shrink(&mut self) {
+        self.list.shrink_to_fit();
+        self.measures.shrink_to_fit();
+        self.points.shrink_to_fit();
+        self.slivers.shrink_to_fit();
+    }
 }
 
 /// Cuts strokes between the stops of several candidates, over one walk.

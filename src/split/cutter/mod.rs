@@ -7,7 +7,7 @@ pub use seam::Seam;
 
 use bend::Bend;
 
-use super::{Fragment, Fragments, Least, Run, Segment, Skipped, Sliver};
+use super::{Fragment, Fragments, Least, Measure, Run, Segment, Skipped, Sliver};
 use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, Turned, nearest};
 use crate::partition::Stops;
 use crate::program::{CHORD_NM, PenId, StopId, StrokeId};
@@ -83,6 +83,8 @@ pub(super) struct Cutter<'a> {
     seam: Seam,
     /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
     cut: Option<(usize, f64, StopId)>,
+    /// Largest squared slope under a mark as its stop sees it.
+    worst_turned2: f64,
 }
 
 impl<'a> Cutter<'a> {
@@ -106,14 +108,14 @@ impl<'a> Cutter<'a> {
             admitting: Vec::new(),
             seam,
             cut: None,
+            worst_turned2: 0.0,
         }
     }
 
     /// What became of all strokes given so far; `worst_slope2` is the largest squared slope under marks upright.
     pub(super) fn finish(self, worst_slope2: f64) -> Fragments {
         // On a turned part the beam meets the surface at other angles than the drawing does.
-        let turned = self.out.list.iter().map(|f| f.slope2).fold(0.0, f64::max);
-        let worst_slope2 = if self.stops.is_tilted() { turned } else { worst_slope2 };
+        let worst_slope2 = if self.stops.is_tilted() { self.worst_turned2 } else { worst_slope2 };
         Fragments { worst_slope2, ..self.out }
     }
 
@@ -141,16 +143,9 @@ impl<'a> Cutter<'a> {
         let (z, slope2) = at.unwrap_or((p.z0, p.slope2));
         let first = self.out.points.len() as u32;
         self.out.points.push(self.local(stop, s.a, p.z0));
-        self.out.list.push(Fragment {
-            stop,
-            source: self.source,
-            pen: self.pen,
-            first,
-            len: 1,
-            z: [z; 2],
-            slope2,
-            ..Fragment::default()
-        });
+        self.out.list.push(Fragment { stop, source: self.source, pen: self.pen, first, len: 1, ..Fragment::default() });
+        let measure = self.measure(stop, [z; 2], [z, 0.0, 1.0 / (1.0 + slope2).sqrt()], slope2);
+        self.out.measures.push(measure);
     }
 
     pub(super) fn end(&mut self, points: &[P2]) {
@@ -535,31 +530,35 @@ impl<'a> Cutter<'a> {
         // of it would be marked twice.
         let is_shared = open.shared > 0.0 && length - open.shared < 1.0;
         if count < 2 || length < self.least.mark || is_sliver && adjoins || is_shared {
-            self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
-            self.leave_out(open.stop, open.first, open.z);
+            self.leave_out(open.stop, open.first, open.z, length - open.shared);
             self.last = Before::Skipped;
             return false;
         }
         self.out.mark_mm += self.passes * length / NM_PER_MM;
         self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
         let mut first = open.first;
+        let mut goes_on = adjoins;
         if let Before::Marked { spare: Some(before) } = open.from {
             first = self.drop_before(first, before, open.shared);
+            goes_on = false;
         }
         self.out.list.push(Fragment {
             stop: open.stop,
             source: self.source,
             segment: open.segment,
-            pen: self.pen,
             first: first as u32,
             len: count as u32,
+            pen: self.pen,
             is_figure: false,
-            z: open.z,
-            z_length: open.z_length,
-            cos_length: open.cos_length,
-            slope2: open.slope2,
-            length: open.length,
+            goes_on,
         });
+        let [mean_z, cos] = if open.length > 0.0 {
+            [open.z_length / open.length, open.cos_length / open.length]
+        } else {
+            [self.z, 1.0 / (1.0 + open.slope2).sqrt()]
+        };
+        let measure = self.measure(open.stop, open.z, [mean_z, open.length, cos], open.slope2);
+        self.out.measures.push(measure);
         self.last = Before::Marked { spare: is_sliver.then_some(length) };
         true
     }
@@ -567,19 +566,30 @@ impl<'a> Cutter<'a> {
     /// Leaves out the sliver before the fragment that begins at point `first` and shares `shared` with it; `length` is
     /// that of the sliver. Answers where the fragment begins then.
     fn drop_before(&mut self, first: usize, length: f64, shared: f64) -> usize {
-        let Some(sliver) = self.out.list.pop() else { return first };
+        let (Some(sliver), Some(measure)) = (self.out.list.pop(), self.out.measures.pop()) else { return first };
         self.out.mark_mm -= self.passes * length / NM_PER_MM;
         self.out.overlap_mm -= self.passes * shared / NM_PER_MM;
-        self.out.skipped.small += self.passes * (length - shared) / NM_PER_MM;
         let follows = self.out.points.split_off(first);
         let first = sliver.first as usize;
-        self.leave_out(sliver.stop, first, sliver.z);
+        let z_lo = self.stops.stops[sliver.stop.index()].stop.z_lo;
+        self.leave_out(sliver.stop, first, measure.z.map(|z| z_lo.f64() + f64::from(z)), length - shared);
         self.out.points.extend(follows);
         first
     }
 
-    /// Takes back the points from `first` on: they would be too short a mark of `stop` between heights `z`.
-    fn leave_out(&mut self, stop: StopId, first: usize, z: [f64; 2]) {
+    /// What lies under a mark of `stop` between heights `z`, of this mean height, length and mean cosine, nm.
+    fn measure(&mut self, stop: StopId, z: [f64; 2], [mean_z, length, cos]: [f64; 3], slope2: f64) -> Measure {
+        self.worst_turned2 = self.worst_turned2.max(slope2);
+        let z_lo = self.stops.stops[stop.index()].stop.z_lo.f64();
+        let over = |z: f64| (z - z_lo).round() as i32;
+        Measure { z: z.map(over), mean_z: (mean_z - z_lo) as f32, length, cos, slope2 }
+    }
+
+    /// Takes back the points from `first` on: they would be too short a mark of `stop` between heights `z`, which has
+    /// `length` for itself, nm.
+    fn leave_out(&mut self, stop: StopId, first: usize, z: [f64; 2], length: f64) {
+        let length_mm = self.passes * length / NM_PER_MM;
+        self.out.skipped.small += length_mm;
         let c = self.stops.stops[stop.index()].stop.centre;
         let mut area = Box2::<Turned>::EMPTY;
         let place = |p: FieldPoint| P2::<Turned>::new(c.x + i64::from(p.x), c.y + i64::from(p.y));
@@ -596,6 +606,7 @@ impl<'a> Cutter<'a> {
         let ends = [from, to].map(in_part);
         let [lo, hi] = [z[0].floor(), z[1].ceil()].map(|z| z as i64);
         let (lo, hi) = ([area.lo.x, area.lo.y, lo], [area.hi.x, area.hi.y, hi]);
-        self.out.slivers.push(Sliver { stop, lo, hi, source: self.source, ends });
+        let after = self.out.list.len() as u32;
+        self.out.slivers.push(Sliver { stop, lo, hi, source: self.source, ends, length_mm, after });
     }
 }

@@ -83,8 +83,7 @@ mod tests {
                 let at = (i64::from(far) * share / 512) as i32;
                 let places = (0..20).map(|i| if i == 0 { [far, 0] } else { [0, at] });
                 program.points = places.map(|[x, y]| FieldPoint::new(x, y)).collect();
-                program.strokes =
-                    (0..20).map(|first| crate::program::Stroke { first, len: 1, ..stroke }).collect();
+                program.strokes = (0..20).map(|first| crate::program::Stroke { first, len: 1, ..stroke }).collect();
                 program.blocks[0].strokes = 0..20;
                 let crate::program::OffAxis { largest, p95 } = crate::program::OffAxis::of(&program);
                 assert_eq!(fault(&OffAxis { largest, p95 }, &program), None, "{far} {share}");
