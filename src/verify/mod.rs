@@ -166,7 +166,7 @@ fn check_folder(
     let drawn = (drawings, &marks.drawn);
     let pieces = rules::coverage::check(manifest, program, facts, drawn, geometry, findings, pieces);
     rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
-    rules::summary::slopes(manifest, program, facts, geometry, findings);
+    rules::summary::slopes(manifest, program, facts, geometry, &marks, findings);
     drop(sums);
 }
 

@@ -6,6 +6,7 @@
 //! stage sets and the focus shift sum to the focal plane, and the optic reaches it. Heights carry the tolerance
 //! [`Geometry::z_tolerance`].
 
+use super::slopes::{Along, Bounds};
 use super::stretch::{Parallel, Parts, Stretch, confirmed, confirmed_along, note, whole};
 use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
@@ -30,6 +31,8 @@ pub(in crate::verify) struct Marks {
     pub(super) worst_tolerance: f64,
     /// Where the points of tilted blocks lie in the drawing.
     pub(in crate::verify) drawn: Drawn,
+    /// The slopes under the marks of each upright block, where what lies under them tells them.
+    pub(super) slopes: Vec<Option<Bounds>>,
 }
 
 /// Holds `field`: every point of every stroke.
@@ -62,12 +65,13 @@ pub(in crate::verify) fn check(
     (depth.ran, solid.ran) = (true, true);
     let mut out = Marks::default();
     let mut slope2 = 0.0f64;
-    let mut add = |found: &Found| {
+    let mut add = |found: Found| {
         out.block_mm.push(found.mark_mm);
         if found.worst > out.worst_defocus {
             (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
         }
         slope2 = slope2.max(found.slope2);
+        out.slopes.push(found.slopes);
     };
     let blocks = &file.program.blocks;
     if blocks.iter().all(|b| b.stop.tilt.is_upright()) {
@@ -83,7 +87,7 @@ pub(in crate::verify) fn check(
             (found, deep, whole)
         });
         for (found, deep, whole) in parts {
-            found.iter().for_each(&mut add);
+            found.into_iter().for_each(&mut add);
             depth.add(deep);
             solid.add(whole);
         }
@@ -100,7 +104,7 @@ pub(in crate::verify) fn check(
             } else {
                 search.block(id, block)
             };
-            add(&found);
+            add(found);
             task.step();
         }
         out.drawn = drawn;
@@ -121,6 +125,7 @@ struct Found {
     worst_tolerance: f64,
     slope2: f64,
     mark_mm: f64,
+    slopes: Option<Bounds>,
 }
 
 impl Found {
@@ -210,6 +215,7 @@ impl<'a> Search<'a> {
             worst_tolerance: 0.0,
             slope2: 0.0,
             mark_mm: 0.0,
+            slopes: None,
         };
         let slack = self.geometry.z_tolerance_at_limit();
         if (block.stop.z_lo - block.z_lo).f64() > slack || (block.z_hi - block.stop.z_hi).f64() > slack {
@@ -222,9 +228,11 @@ impl<'a> Search<'a> {
         if let Some(fault) = zoom_fault {
             self.depth.broken(id, part_place(block.stop.centre), fault);
         }
+        let mut slopes = Along::NONE;
         for stroke in self.file.program.strokes_of(block) {
-            self.stroke(id, block, stroke, allowed, &mut found);
+            self.stroke(id, block, stroke, allowed, (&mut found, &mut slopes));
         }
+        found.slopes = slopes.bounds().filter(|_| block.stop.tilt.is_upright());
         let range = self.facts.depth_range_nm();
         if found.hi - found.lo > range + 1.0 {
             let text = format!("its marks span {:.4} um, more than {:.4} um", (found.hi - found.lo) / 1e3, range / 1e3);
@@ -233,7 +241,14 @@ impl<'a> Search<'a> {
         found
     }
 
-    fn stroke(&mut self, id: &str, block: &Block, stroke: &Stroke, allowed: [f64; 2], found: &mut Found) {
+    fn stroke(
+        &mut self,
+        id: &str,
+        block: &Block,
+        stroke: &Stroke,
+        allowed: [f64; 2],
+        (found, slopes): (&mut Found, &mut Along),
+    ) {
         let c = block.stop.centre;
         let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
         let points = self.file.program.points_of(stroke);
@@ -248,23 +263,28 @@ impl<'a> Search<'a> {
             let (low, off) = (&mut self.low, &mut self.off);
             // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether
             // it stays outside on either side of an edge is looked into below, for the few marks that need it.
-            let cut = geometry.along(&line, &mut self.scratch, |p| match &p.sheet {
-                Some(s) if s.slope != Slope::Steep => {
-                    let parts = beyond(&p, s, 0.0, allowed, geometry);
-                    if parts.iter().all(|d| d[0] >= d[1]) {
-                        found.add(s, focus, geometry);
+            let cut = geometry.along(&line, &mut self.scratch, |p| {
+                slopes.piece(&p, geometry);
+                match &p.sheet {
+                    Some(s) if s.slope != Slope::Steep => {
+                        let parts = beyond(&p, s, 0.0, allowed, geometry);
+                        if parts.iter().all(|d| d[0] >= d[1]) {
+                            found.add(s, focus, geometry);
+                        }
+                        for d in parts.into_iter().filter(|d| d[0] < d[1]) {
+                            note(low, segment, d, line.len);
+                        }
                     }
-                    for d in parts.into_iter().filter(|d| d[0] < d[1]) {
-                        note(low, segment, d, line.len);
-                    }
+                    _ => note(off, segment, p.d, line.len),
                 }
-                _ => note(off, segment, p.d, line.len),
             });
+            slopes.line(line.len, geometry);
             self.depth.checked += cut;
             self.solid.checked += 1;
             length += line.len;
             self.lines.push(line);
         }
+        slopes.stroke(self.file, stroke, self.facts);
         if let [dot] = points {
             self.dot(id, part(*dot), allowed, focus, found);
         }

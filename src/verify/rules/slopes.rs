@@ -51,6 +51,164 @@ struct Under {
     least: Range,
     /// Lowest and highest cosine.
     all: Range,
+    /// Cosines of the part before.
+    before: Option<Range>,
+}
+
+impl Under {
+    const NONE: Self = Self {
+        length: 0.0,
+        off: 0.0,
+        sum: [0.0; 2],
+        least: [1.0, f64::INFINITY],
+        all: [f64::INFINITY, f64::NEG_INFINITY],
+        before: None,
+    };
+
+    /// A part of a line.
+    fn part(&mut self, cos: Range, len: f64, geometry: &Geometry) {
+        let grain = geometry.grain();
+        // Where the mark goes from one facet to the next is known to the grain, and a facet met for less than that
+        // may be met or not: so much of either facet may be the other's.
+        for k in 0..2 {
+            let step = self.before.map_or(0.0, |b| (b[k] - cos[k]).abs() * grain);
+            self.sum[k] += cos[k] * len + if k == 0 { -step } else { step };
+        }
+        self.before = Some(cos);
+        // A mark on a tilted part runs off its line by at most `beside`, there and back: it is longer by that.
+        self.off += len.hypot(2.0 * geometry.beside()) - len;
+        self.all = [self.all[0].min(cos[0]), self.all[1].max(cos[1])];
+        self.least[0] = self.least[0].min(cos[0]);
+        if len > grain {
+            self.least[1] = self.least[1].min(cos[1]);
+        }
+    }
+
+    /// The end of a line of this length.
+    fn line(&mut self, len: f64) {
+        self.length += len;
+        self.off += ROUNDED;
+    }
+}
+
+/// The slopes under the marks of a block, stroke by stroke.
+struct Sums {
+    length: f64,
+    off: f64,
+    dots: f64,
+    /// Of cosine and dose.
+    lines: [Range; 2],
+    of_dots: [Range; 2],
+    least: [Range; 2],
+    /// Lowest and highest cosine and dose of all marks.
+    all: [Range; 2],
+}
+
+impl Sums {
+    const NONE: Self = Self {
+        length: 0.0,
+        off: 0.0,
+        dots: 0.0,
+        lines: [[0.0; 2]; 2],
+        of_dots: [[0.0; 2]; 2],
+        least: [[f64::INFINITY; 2]; 2],
+        all: [[f64::INFINITY, f64::NEG_INFINITY]; 2],
+    };
+
+    /// A stroke whose pen raises the dose by `gain`.
+    fn add(&mut self, u: &Under, gain: f64) {
+        let least = [u.least[0], u.least[1].min(1.0)];
+        (self.length, self.off) = (self.length + u.length, self.off + u.off);
+        for (k, by) in [1.0, gain].into_iter().enumerate() {
+            for end in 0..2 {
+                self.lines[k][end] += u.sum[end] * by;
+                self.least[k][end] = self.least[k][end].min(least[end] * by);
+            }
+            self.all[k] = [self.all[k][0].min(u.all[0] * by), self.all[k][1].max(u.all[1] * by)];
+        }
+    }
+
+    /// A dot, whose cosine lies in this range.
+    fn dot(&mut self, cos: Range, gain: f64) {
+        self.dots += 1.0;
+        for (sum, by) in self.of_dots.iter_mut().zip([1.0, gain]) {
+            *sum = [sum[0] + cos[0] * by, sum[1] + cos[1] * by];
+        }
+        self.add(&Under { least: cos, all: cos, ..Under::NONE }, gain);
+    }
+
+    /// None where there are no marks.
+    fn bounds(self) -> Option<Bounds> {
+        let Self { length, off, dots, lines, of_dots, least, all } = self;
+        // A mean is a sum of shares: where shares of all in all `off` go from one place to another it changes by at most
+        // that much of what these differ by.
+        let mean = |[lo, hi]: Range, [lowest, highest]: Range| {
+            let by = off / length * (highest - lowest);
+            [lo / length - by, hi / length + by]
+        };
+        // Dots count where there are no lines.
+        let mean_of_dots = |[lo, hi]: Range| [lo / dots, hi / dots];
+        let means = match (length > 0.0, dots > 0.0) {
+            (true, _) => [mean(lines[0], all[0]), mean(lines[1], all[1])],
+            (false, true) => of_dots.map(mean_of_dots),
+            (false, false) => return None,
+        };
+        Some(Bounds { cos: [means[0], least[0]], dose: [means[1], least[1]] })
+    }
+}
+
+/// Sums up what lies under the marks of an upright block while their depth is measured, so that they are followed once.
+pub(super) struct Along {
+    sums: Sums,
+    stroke: Under,
+    /// The stretch of the line at hand that is still open: from where to where, and its cosines.
+    open: Option<Known>,
+    /// Whether a stretch has no facet under it that may be marked: what lies beside it is not looked at here.
+    is_unknown: bool,
+}
+
+impl Along {
+    pub(super) const NONE: Self = Self { sums: Sums::NONE, stroke: Under::NONE, open: None, is_unknown: false };
+
+    /// The next piece of a line.
+    pub(super) fn piece(&mut self, p: &Piece, geometry: &Geometry) {
+        let from = self.open.map_or(0.0, |open| open.d[1]);
+        if p.d[1] > from {
+            self.close(geometry);
+            self.open = Some(Known { d: [from, p.d[1]], cos: cosines(p, geometry) });
+        }
+    }
+
+    /// The end of a line of this length.
+    pub(super) fn line(&mut self, len: f64, geometry: &Geometry) {
+        match &mut self.open {
+            Some(open) => open.d[1] = len,
+            none => *none = Some(Known { d: [0.0, len], cos: None }),
+        }
+        self.close(geometry);
+        self.stroke.line(len);
+    }
+
+    fn close(&mut self, geometry: &Geometry) {
+        let Some(Known { d, cos }) = self.open.take() else { return };
+        match cos {
+            Some(cos) => self.stroke.part(cos, d[1] - d[0], geometry),
+            None => self.is_unknown = true,
+        }
+    }
+
+    /// The end of a stroke.
+    pub(super) fn stroke(&mut self, file: &ProgramFile, stroke: &Stroke, facts: &JobFacts) {
+        let gain = gain(file, stroke, facts);
+        self.sums.add(&std::mem::replace(&mut self.stroke, Under::NONE), gain);
+        // What a dot lies on is looked at with all that lies around it.
+        self.is_unknown |= stroke.len == 1;
+    }
+
+    /// None where there are no marks, or more than what lies under them has to be looked at.
+    pub(super) fn bounds(self) -> Option<Bounds> {
+        if self.is_unknown { None } else { self.sums.bounds() }
+    }
 }
 
 /// Bounds for a block; with `sides`, a mark along an edge may be on either side of it. None where it has no marks.
@@ -62,55 +220,22 @@ pub(super) fn of(
     sides: bool,
     scratch: &mut Scratch,
 ) -> Option<Bounds> {
-    let (mut length, mut off, mut dots) = (0.0, 0.0, 0.0);
-    let (mut cos, mut dosed) = ([0.0; 2], [0.0; 2]);
-    let mut of_dots = [[0.0; 2]; 2];
-    let mut least = [[f64::INFINITY; 2]; 2];
-    // Lowest and highest cosine and dose of all marks.
-    let mut all = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    let mut sums = Sums::NONE;
     for stroke in file.program.strokes_of(block) {
         let gain = gain(file, stroke, facts);
-        let mut u = under(file, block, stroke, sides, geometry, scratch);
+        // As much of a mark as rounding moves its ends may lie on the facet beyond.
+        let touched = if sides { touched(file, block, stroke, geometry, scratch) } else { 1.0 };
         if let [dot] = file.program.points_of(stroke) {
             let c = block.stop.centre;
             let at = [c.x as f64 + f64::from(dot.x), c.y as f64 + f64::from(dot.y)];
-            let [lo, hi] = under_dot(at, sides, geometry, scratch);
-            dots += 1.0;
-            for (sum, by) in of_dots.iter_mut().zip([1.0, gain]) {
-                *sum = [sum[0] + lo * by, sum[1] + hi * by];
-            }
-            (u.least, u.all) = ([lo, hi], [lo, hi]);
+            sums.dot(under_dot(at, sides, geometry, scratch), gain);
+            continue;
         }
-        if sides {
-            // As much of a mark as rounding moves its ends may lie on the facet beyond.
-            let touched = touched(file, block, stroke, geometry, scratch);
-            (u.least[0], u.all[0]) = (u.least[0].min(touched), u.all[0].min(touched));
-        }
-        (length, off) = (length + u.length, off + u.off);
-        for k in 0..2 {
-            cos[k] += u.sum[k];
-            dosed[k] += u.sum[k] * gain;
-            least[0][k] = least[0][k].min(u.least[k]);
-            least[1][k] = least[1][k].min(u.least[k] * gain);
-        }
-        for (all, by) in all.iter_mut().zip([1.0, gain]) {
-            *all = [all[0].min(u.all[0] * by), all[1].max(u.all[1] * by)];
-        }
+        let mut u = under(file, block, stroke, sides, geometry, scratch);
+        (u.least[0], u.all[0]) = (u.least[0].min(touched), u.all[0].min(touched));
+        sums.add(&u, gain);
     }
-    // A mean is a sum of shares: where shares of all in all `off` go from one place to another it changes by at most
-    // that much of what these differ by.
-    let mean = |[lo, hi]: Range, [lowest, highest]: Range| {
-        let by = off / length * (highest - lowest);
-        [lo / length - by, hi / length + by]
-    };
-    // Dots count where there are no lines.
-    let mean_of_dots = |[lo, hi]: Range| [lo / dots, hi / dots];
-    let means = match (length > 0.0, dots > 0.0) {
-        (true, _) => [mean(cos, all[0]), mean(dosed, all[1])],
-        (false, true) => of_dots.map(mean_of_dots),
-        (false, false) => return None,
-    };
-    Some(Bounds { cos: [means[0], least[0]], dose: [means[1], least[1]] })
+    sums.bounds()
 }
 
 /// Lowest and highest cosine of what a dot may lie on; with `sides`, of all within reach.
@@ -167,32 +292,13 @@ fn under(
     geometry: &Geometry,
     scratch: &mut Scratch,
 ) -> Under {
-    let grain = geometry.grain();
-    let all = [f64::INFINITY, f64::NEG_INFINITY];
-    let mut out = Under { length: 0.0, off: 0.0, sum: [0.0; 2], least: [1.0, f64::INFINITY], all };
-    let mut before: Option<Range> = None;
+    let mut out = Under::NONE;
     for line in lines(file, block, stroke) {
         for p in parts(&line, sides, geometry, scratch) {
-            let len = p.d[1] - p.d[0];
-            // Where the mark goes from one facet to the next is known to the grain, and a facet met for less than that
-            // may be met or not: so much of either facet may be the other's.
-            for k in 0..2 {
-                let step = before.map_or(0.0, |b| (b[k] - p.cos[k]).abs() * grain);
-                out.sum[k] += p.cos[k] * len + if k == 0 { -step } else { step };
-            }
-            before = Some(p.cos);
-            // A mark on a tilted part runs off its line by at most `beside`, there and back: it is longer by that.
-            out.off += len.hypot(2.0 * geometry.beside()) - len;
-            out.all = [out.all[0].min(p.cos[0]), out.all[1].max(p.cos[1])];
-            out.least[0] = out.least[0].min(p.cos[0]);
-            if len > grain {
-                out.least[1] = out.least[1].min(p.cos[1]);
-            }
+            out.part(p.cos, p.d[1] - p.d[0], geometry);
         }
-        out.length += line.len;
-        out.off += ROUNDED;
+        out.line(line.len);
     }
-    out.least[1] = out.least[1].min(1.0);
     out
 }
 

@@ -241,6 +241,7 @@ pub(in crate::verify) fn slopes(
     file: &ProgramFile,
     facts: &JobFacts,
     geometry: &Geometry,
+    marks: &Marks,
     findings: &mut Findings,
 ) {
     let Findings { depth, field, surface: solid, dose, source, once, coverage, travel, .. } = &*findings;
@@ -252,8 +253,16 @@ pub(in crate::verify) fn slopes(
     let entries: Vec<&BlockEntry> = manifest.blocks.iter().collect();
     let count = entries.len().min(blocks.len());
     let faults: Vec<Option<String>> = if blocks.iter().all(|b| b.stop.tilt.is_upright()) {
-        let at = |i: usize| slope_fault(entries[i], file, &blocks[i], facts, geometry, &mut Scratch::default());
-        parallel::map(count, at)
+        // What was found while their depth was measured explains the figures of most.
+        let is_as_found = |i: usize| {
+            marks.slopes.get(i).copied().flatten().is_some_and(|b| Stated::of(entries[i]).differs(&b).is_none())
+        };
+        parallel::map(count, |i| {
+            if is_as_found(i) {
+                return None;
+            }
+            slope_fault(entries[i], file, &blocks[i], facts, geometry, &mut Scratch::default())
+        })
     } else {
         let mut scratch = Scratch::default();
         let mut turned: Option<Turned> = None;
@@ -281,11 +290,7 @@ fn slope_fault(
     geometry: &Geometry,
     scratch: &mut Scratch,
 ) -> Option<String> {
-    let stated = Stated {
-        cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
-        stretched: entry.stretch.map(|s| 1.0 / s),
-        dose: entry.dose,
-    };
+    let stated = Stated::of(entry);
     // The marks themselves first; only where that does not explain the figures the facets next to them as well.
     let mut differs = None;
     for sides in [false, true] {
@@ -307,6 +312,14 @@ struct Stated {
 }
 
 impl Stated {
+    fn of(entry: &BlockEntry) -> Self {
+        Self {
+            cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
+            stretched: entry.stretch.map(|s| 1.0 / s),
+            dose: entry.dose,
+        }
+    }
+
     /// The first figure that is not within its bounds, and these.
     fn differs(&self, bounds: &Bounds) -> Option<(&'static str, [f64; 2])> {
         let figures = [
