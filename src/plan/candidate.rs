@@ -24,6 +24,7 @@ pub(super) struct Unmerged {
 }
 
 /// What one method gives.
+#[derive(Clone)]
 pub(super) struct Candidate {
     pub(super) method: Method,
     /// Without strokes until it is laid out; its times are without jumps until then.

@@ -48,6 +48,17 @@ impl Cut {
         self.parts.iter().flat_map(|part| &part.slivers)
     }
 
+    /// What stops mark, if `ids` are those that mark what the stops of the cut did, and what was left out.
+    pub(super) fn marks_by<'a>(&self, of_stops: &'a [StopMarks], ids: &[StopId]) -> Marks<'a> {
+        let id = |stop: StopId| ids[stop.index()];
+        let left_out = |part: &'_ Fragments, sliver: &Sliver| LeftOut {
+            sliver: Sliver { stop: id(sliver.stop), ..*sliver },
+            beside: part.stops_beside(sliver).map(id).collect(),
+        };
+        let left_out = self.parts.iter().flat_map(|part| part.slivers.iter().map(move |s| left_out(part, s)));
+        Marks { of_stops, left_out: left_out.collect() }
+    }
+
     /// The figures of all parts, without what they were cut into.
     pub(super) fn totals(parts: Vec<Fragments>) -> Fragments {
         parts.into_iter().fold(Fragments::default(), join)
@@ -81,6 +92,19 @@ impl StopMarks {
         self.area = self.area.union(other.area);
         (0..2).for_each(|k| self.time_s[k] += other.time_s[k]);
     }
+}
+
+/// What stops mark, and what was left out of the marks.
+pub(super) struct Marks<'a> {
+    /// By stop.
+    pub(super) of_stops: &'a [StopMarks],
+    pub(super) left_out: Vec<LeftOut>,
+}
+
+/// A mark that was left out, its stop, and those of the marks beside it on its stroke.
+pub(super) struct LeftOut {
+    pub(super) sliver: Sliver,
+    pub(super) beside: Vec<StopId>,
 }
 
 /// Heights of one stop's marks, nm.

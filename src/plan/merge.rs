@@ -47,6 +47,9 @@ const ROUNDS: usize = 8;
 /// Less than one in so many stops are not merged.
 const LEAST: usize = 100;
 
+/// What rounding may have done to the lowest and the highest mark together.
+const ROUNDING: Nm = Nm(4);
+
 /// A stop of the tour.
 struct Node {
     /// Where it stands among the stops of the method.
@@ -144,18 +147,26 @@ pub(super) fn at_one_place(cut: &Cut, made: &Candidate) -> Option<Merged> {
         part.slivers.iter().flat_map(|s| part.stops_at(s)).for_each(|stop| is_beside[stop.index()] = true);
     }
     let blocks = made.program.blocks.iter().zip(&made.ids);
-    let mut last: Option<(&Block, StopId)> = None;
+    // The block at hand, its stop, and the lowest and highest of its marks and of those that join them.
+    let mut last: Option<(&Block, StopId, [Nm; 2])> = None;
     for (block, &id) in blocks {
-        match last {
-            Some((before, first))
-                if stands(before) == stands(block) && !is_beside[first.index()] && !is_beside[id.index()] =>
+        let z = last.as_ref().map(|(.., [lo, hi])| [block.z_lo.min(*lo), block.z_hi.max(*hi)]);
+        match (last, z) {
+            (Some((before, first, _)), Some([lo, hi]))
+                if stands(before) == stands(block)
+                    && !is_beside[first.index()]
+                    && !is_beside[id.index()]
+                    && hi - lo + ROUNDING <= Nm(depth) =>
             {
                 ids[id.index()] = first;
                 is_changed[first.index()] = true;
-                let z_lo = block.stop.focus - Nm(depth / 2);
+                // The focal plane is in the middle, unless it stands at a mean height.
+                let [lowest, highest] = [hi + ROUNDING / 2 - Nm(depth), lo - ROUNDING / 2];
+                let z_lo = (block.stop.focus - Nm(depth / 2)).clamp(lowest, highest);
                 stops[first.index()] = Stop { z_lo, z_hi: z_lo + Nm(depth), ..block.stop.clone() };
+                last = Some((before, first, [lo, hi]));
             }
-            _ => last = Some((block, id)),
+            _ => last = Some((block, id, [block.z_lo, block.z_hi])),
         }
     }
     let stops = Stops::new(stops, [Nm(w), Nm(h)], Nm(depth));

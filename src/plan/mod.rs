@@ -13,6 +13,7 @@ mod bound;
 mod candidate;
 mod candidates;
 mod cut;
+mod cut_again;
 mod dose;
 mod doubled;
 mod early;

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::assemble::Stage;
 use super::candidate::Candidate;
-use super::cut::Cut;
+use super::cut::{LeftOut, Marks};
 use super::extent::{Extent, Near};
 use crate::geom::{Box2, Nm, P2};
 use crate::job::Level;
@@ -37,6 +37,8 @@ pub(super) struct Site<'a> {
     pub(super) pitch: [Nm; 2],
     /// Whether the part may lie anywhere.
     pub(super) is_loose: bool,
+    /// Whether marks are left out by their length alone.
+    pub(super) min_mark: bool,
 }
 
 /// How near to the border of a window a mark that was left out counts as on it, nm.
@@ -49,11 +51,11 @@ const TOURS: usize = 2;
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Moves the stops of a candidate.
-pub(super) fn place(made: &mut Candidate, cut: &Cut, site: &Site<'_>) {
+pub(super) fn place(made: &mut Candidate, marks: &Marks<'_>, site: &Site<'_>) {
     if made.program.blocks.is_empty() {
         return;
     }
-    let mut places = Places::new(made, cut, site);
+    let mut places = Places::new(made, marks, site);
     places.slide(made, site);
     places.apply(made, site);
 }
@@ -71,7 +73,7 @@ struct Places {
 }
 
 impl Places {
-    fn new(made: &Candidate, cut: &Cut, site: &Site<'_>) -> Self {
+    fn new(made: &Candidate, marks: &Marks<'_>, site: &Site<'_>) -> Self {
         let program = &made.program;
         let mut blocks: Vec<Range<usize>> = Vec::new();
         for (i, b) in program.blocks.iter().enumerate() {
@@ -80,8 +82,8 @@ impl Places {
                 _ => blocks.push(i..i + 1),
             }
         }
-        let extents: Vec<Extent> = made.ids.iter().map(|id| Extent::of(&cut.marks[id.index()])).collect();
-        let limits = site.beside_slivers(made, cut, &extents);
+        let extents: Vec<Extent> = made.ids.iter().map(|id| Extent::of(&marks.of_stops[id.index()])).collect();
+        let limits = site.beside_slivers(made, marks, &extents);
         let mut setup = None;
         let spot = |range: &Range<usize>| {
             let first = &program.blocks[range.start];
@@ -241,25 +243,37 @@ impl Site<'_> {
         self.level == Level::Mid && !self.keeps_focus && self.stage.climb() == HeightOrder::Free && !has_zoom
     }
 
-    /// How far each block may move before its window admits more of a mark that was left out.
-    fn beside_slivers(&self, made: &Candidate, cut: &Cut, extents: &[Extent]) -> Vec<Free> {
+    /// How far each block may move before a mark that was left out would have been its own: one beside its marks, or,
+    /// where marks are left out by their length alone, any.
+    fn beside_slivers(&self, made: &Candidate, marks: &Marks<'_>, extents: &[Extent]) -> Vec<Free> {
         let blocks = &made.program.blocks;
         let mut free = vec![[[i64::MAX; 2]; 2]; blocks.len()];
+        let mut block_of = vec![None; marks.of_stops.len()];
+        made.ids.iter().enumerate().for_each(|(i, id)| block_of[id.index()] = Some(i));
         // Wherever a stop moves to, its window holds its marks.
         let near = Near::new(extents.iter().map(Extent::middle), [self.window[0].0, self.window[1].0, self.depth.0]);
-        for sliver in cut.slivers() {
+        for LeftOut { sliver, beside } in &marks.left_out {
             let middle = [0, 1, 2].map(|k| sliver.lo[k].midpoint(sliver.hi[k]));
-            for i in near.of(middle) {
+            let of_beside = beside.iter().filter_map(|id| block_of[id.index()]);
+            let some: Vec<usize> = if self.min_mark { near.of(middle).collect() } else { of_beside.collect() };
+            let own = block_of[sliver.stop.index()];
+            let mut is_of_another = false;
+            for i in some {
                 let stop = &blocks[i].stop;
-                if sliver.lo[2] > stop.z_hi.0 || stop.z_lo.0 > sliver.hi[2] {
+                // What only touches its interval of heights it does not admit.
+                if sliver.lo[2] + ROUNDING >= stop.z_hi.0 || stop.z_lo.0 + ROUNDING >= sliver.hi[2] {
                     continue;
                 }
+                let centre = [stop.centre.x, stop.centre.y];
                 for window in [self.window, self.pitch] {
-                    keep_out(&mut free[i], sliver, [stop.centre.x, stop.centre.y], window);
+                    keep_out(&mut free[i], sliver, centre, window);
                 }
-                if sliver.stop == made.ids[i] {
-                    keep_in(&mut free[i], sliver, [stop.centre.x, stop.centre.y], self.window);
-                }
+                let holds = (0..2).all(|k| (middle[k] - centre[k]).abs() <= self.window[k].0 / 2);
+                is_of_another |= Some(i) != own && holds;
+            }
+            if let Some(i) = own.filter(|_| is_of_another) {
+                let centre = blocks[i].stop.centre;
+                keep_in(&mut free[i], sliver, [centre.x, centre.y], self.window);
             }
         }
         free

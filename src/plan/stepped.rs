@@ -1,7 +1,7 @@
 //! Planning a stepped job: pass by pass, candidate by candidate.
 //!
 //! Of every pass: sections, fill along contours, footprint, levels; the stops of each method; strokes cut
-//! between them; stops ordered, merged and slid to their places; strokes ordered. The best candidate of the first pass decides the method of all.
+//! between them; stops ordered, slid to their places and merged; strokes ordered. The best candidate of the first pass decides the method of all.
 //! Every other pass has its own texture (hatches turned, lines along contours moved), a grid of sections and
 //! levels that are shifted, and begins where the one before ended. The surface sinks by `passes.lower` from
 //! pass to pass: a pass is planned on the surface as it was, with the part's origin lowered instead, so that
@@ -14,7 +14,8 @@ use super::assemble::{self, Assembly, Stage};
 use super::bound;
 use super::candidate::{Candidate, Unmerged};
 use super::candidates::{best_of, divide, drop_dominated, methods, no_more_stops, stops};
-use super::cut::{Cut, StopMarks};
+use super::cut::{Cut, Marks, StopMarks};
+use super::cut_again::cut_again;
 use super::dose;
 use super::frames;
 use super::grid::{Grid, Layout};
@@ -29,7 +30,7 @@ use super::plausible::{self, Shares};
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
 use super::site::Site;
-use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, cut_again, split, too_large};
+use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, split, too_large};
 use super::start::Start;
 use super::stroke_chunks::Sweep;
 use super::summary;
@@ -45,7 +46,7 @@ use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
-use crate::program::{Block, BlockFigures, OffAxis, PassId, Program};
+use crate::program::{Block, BlockFigures, OffAxis, PassId, Program, StopId};
 use crate::progress::Task;
 use crate::projection::{Footprint, Samples};
 use crate::split::{Fragments, Sliver};
@@ -382,12 +383,11 @@ impl Ready {
         }
     }
 
-    /// One candidate: its stops ordered, merged where that makes it better, and placed; its strokes ordered.
+    /// One candidate: its stops ordered, placed, and merged where that makes it better; its strokes ordered.
     fn laid_out(&self, on: &Given<'_>, method: Method, cut: Cut, task: Task<'_>) -> Candidate {
         let [merging, ordering] = task.split([1, 3]);
         let [merging, joining] = merging.split([3, 1]);
         let (cut, mut made) = self.merged(on, method, cut, merging);
-        self.place(on, &cut, &mut made);
         let cut = self.joined(on, cut, &mut made, joining);
         let &Given { job, machine, .. } = on;
         let fragments = cut.members.len();
@@ -415,13 +415,7 @@ impl Ready {
         let Assembly { blocks, ids, setups, used, worst_defocus, worst_defocus_mean } =
             assemble::assemble(stops, marks, &self.stage(on), how, &setups);
         let program = Program { blocks, ..Program::default() };
-        let (mut times, _) = times(machine, &self.start, &program);
-        for marks in marks {
-            let [mark, delay] = marks.time_s;
-            times.mark += mark;
-            times.delay += delay;
-            times.total += mark + delay;
-        }
+        let times = self.times_of_stops(machine, &program, marks);
         Candidate {
             method,
             times,
@@ -439,38 +433,72 @@ impl Ready {
         }
     }
 
-    /// A candidate with stops merged where that makes it better.
+    /// A candidate whose stops stand at their places, merged where that makes it better.
     fn merged(&self, on: &Given<'_>, method: Method, mut cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
         let &Given { job, machine, inputs, .. } = on;
-        let mut made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
-        made.unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
+        let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
+        let unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
+        let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
+        let placed = self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(&cut)));
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
-            return (cut, made);
+            return (cut, Candidate { unmerged, ..placed });
         }
-        let unmerged = made.unmerged;
-        let again = |cut: &Cut, setups: &Setups| {
-            // The part stays where it lies: two stops of a set-up are merged within it.
-            Candidate { unmerged, ..self.candidate(on, method, (&cut.stops, &cut.marks), Some(setups)) }
-        };
         for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
             let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
             let Some(merged) = merge::merged(&cut, &made, &costs) else { break };
-            let next = self.candidate(on, method, (&merged.stops, &merged.marks(&cut.marks)), Some(&made.setups));
-            if !next.improves(&made, job, machine) {
+            let marks = merged.marks(&cut.marks);
+            // The part stays where it lies: two stops of a set-up are merged within it.
+            let next = self.candidate(on, method, (&merged.stops, &marks), Some(&made.setups));
+            let next = self.placed(on, next, &cut.marks_by(&marks, &merged.ids));
+            if !next.improves(&placed, job, machine) {
                 continue;
             }
             let cuts = Cuts::new(job, machine, self.grid.keep);
             let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
             match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
                 Ok(cut) => {
-                    let made = again(&cut, &made.setups);
-                    return (cut, made);
+                    let next = self.candidate(on, method, (&cut.stops, &cut.marks), Some(&made.setups));
+                    let next = self.placed(on, next, &cut.marks_by(&cut.marks, &as_cut(&cut)));
+                    return (cut, Candidate { unmerged, ..next });
                 }
                 Err(as_it_was) => cut = as_it_was,
             }
         }
-        (cut, made)
+        (cut, Candidate { unmerged, ..placed })
+    }
+
+    /// A candidate with its stops where they cost least.
+    fn placed(&self, on: &Given<'_>, mut made: Candidate, marks: &Marks<'_>) -> Candidate {
+        let &Given { job, machine, .. } = on;
+        let Grid { window, sections, lattice, .. } = &self.grid;
+        let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
+        let stated = job.placement.origin.is_some() || job.setups.is_some() || self.start.laid.is_some();
+        let site = places::Site {
+            stage: &self.stage(on),
+            level: job.focus.level,
+            keeps_focus: job.focus.is_kept,
+            depth: lattice.depth,
+            window: *window,
+            pitch: sections.pitch,
+            is_loose: upright && !stated,
+            min_mark: job.partition.min_mark.is_some(),
+        };
+        places::place(&mut made, marks, &site);
+        made.times = self.times_of_stops(machine, &made.program, marks.of_stops);
+        made
+    }
+
+    /// Times of a program without strokes whose stops mark this, without jumps.
+    fn times_of_stops(&self, machine: &Machine, program: &Program, marks: &[StopMarks]) -> Times {
+        let (mut times, _) = times(machine, &self.start, program);
+        for marks in marks {
+            let [mark, delay] = marks.time_s;
+            times.mark += mark;
+            times.delay += delay;
+            times.total += mark + delay;
+        }
+        times
     }
 
     /// Makes one block of those that stand at one place. They were never merged, since they stood elsewhere.
@@ -489,23 +517,6 @@ impl Ready {
                 cut
             }
         }
-    }
-
-    /// Moves the stops of a candidate where they cost least.
-    fn place(&self, on: &Given<'_>, cut: &Cut, made: &mut Candidate) {
-        let Grid { window, sections, lattice, .. } = &self.grid;
-        let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
-        let stated = on.job.placement.origin.is_some() || on.job.setups.is_some() || self.start.laid.is_some();
-        let site = places::Site {
-            stage: &self.stage(on),
-            level: on.job.focus.level,
-            keeps_focus: on.job.focus.is_kept,
-            depth: lattice.depth,
-            window: *window,
-            pitch: sections.pitch,
-            is_loose: upright && !stated,
-        };
-        places::place(made, cut, &site);
     }
 
     fn stage<'b>(&'b self, on: &Given<'b>) -> Stage<'b> {

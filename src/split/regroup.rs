@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::{Fragment, Fragments, Measure, Splitter};
 use crate::geom::{FieldPoint, P2};
 use crate::partition::Stops;
-use crate::program::{PenId, StopId, StrokeId};
+use crate::program::{PenId, StopId, StrokeId, stroke_mm};
 use crate::projection::Keep;
 
 /// Stops that took the place of others.
@@ -49,6 +49,7 @@ impl Regroup<'_> {
         let mut points = Vec::new();
         let mut groups = groups(&old);
         let (mut closed, mut not_kept) = (0, 0);
+        let mut marked = old.mark_mm;
         for group in &mut groups {
             let admits_slivers = self.may_cut && self.admits_slivers(&old, group);
             if !admits_slivers && !self.joins(&old, group) {
@@ -60,6 +61,8 @@ impl Regroup<'_> {
             group.is_kept = !self.may_cut && (is_closed || is_kept);
             group.is_cut_again = self.may_cut && (admits_slivers || is_closed || is_kept);
             if group.is_cut_again {
+                let length: f64 = group.list.clone().map(|i| stroke_mm(old.points_of(i))).sum();
+                marked -= f64::from(passes) * length;
                 closed += usize::from(is_closed);
                 not_kept += usize::from(is_kept && group.list.len() > 1);
                 splitter.stroke(group.source, pen, passes, &points);
@@ -79,6 +82,7 @@ impl Regroup<'_> {
         };
         let (mut next, mut next_sliver) = (0, 0);
         let mut small = old.skipped.small;
+        marked += again.mark_mm;
         for group in &groups {
             let first = new.list.len();
             if group.is_cut_again {
@@ -95,7 +99,7 @@ impl Regroup<'_> {
                 next = end;
                 small -= old.slivers[group.slivers.clone()].iter().map(|s| s.length_mm).sum::<f64>();
             } else {
-                self.give(&old, group, &mut new, &mut points, strokes);
+                marked += self.give(&old, group, &mut new, &mut points, strokes);
             }
             let count = new.list.len() - first;
             let was_cut = usize::from(group.list.len() > 1);
@@ -104,7 +108,7 @@ impl Regroup<'_> {
         let skipped = super::Skipped { small: small.max(0.0), ..old.skipped };
         Fragments {
             texture_mm: old.texture_mm,
-            mark_mm: old.mark_mm + (old.skipped.small - skipped.small),
+            mark_mm: marked,
             overlap_mm: old.overlap_mm,
             skipped,
             dots: old.dots,
@@ -135,11 +139,19 @@ impl Regroup<'_> {
         old.slivers[group.slivers.clone()].iter().any(|s| old.stops_at(s).any(|stop| self.is_changed(stop)))
     }
 
-    /// Gives the fragments of a stroke to their new stops.
-    fn give(&self, old: &Fragments, group: &Group, new: &mut Fragments, points: &mut Vec<P2>, strokes: Strokes<'_>) {
+    /// Gives the fragments of a stroke to their new stops. Answers by how much longer its marks become, mm: a cut that was
+    /// rounded to the grid lay off the line.
+    fn give(
+        &self,
+        old: &Fragments,
+        group: &Group,
+        new: &mut Fragments,
+        points: &mut Vec<P2>,
+        strokes: Strokes<'_>,
+    ) -> f64 {
         let slivers = &old.slivers[group.slivers.clone()];
         let mut left_out = slivers.iter().peekable();
-        let mut is_read = false;
+        let (mut passes, mut longer) = (None, 0.0);
         for i in group.list.clone() {
             while let Some(sliver) = left_out.next_if(|s| s.after as usize <= i) {
                 new.leave_out(sliver, self.id(sliver.stop));
@@ -156,14 +168,13 @@ impl Regroup<'_> {
                 new.push(Fragment { stop: to, ..f }, measure, old.points_of(i).iter().map(moved));
                 continue;
             }
-            if !std::mem::replace(&mut is_read, true) {
-                strokes(group.source, points);
-            }
+            let passes = *passes.get_or_insert_with(|| strokes(group.source, points).1);
             let [cut, ref follows @ ..] = *old.points_of(i) else { continue };
             // A cut at a vertex of the stroke is a corner of the mark.
             let is_vertex = points[f.segment as usize]
                 == P2::new(from.centre.x + i64::from(cut.x), from.centre.y + i64::from(cut.y));
-            if !is_vertex {
+            if let (false, [.., before, end], Some(after)) = (is_vertex, &new.points[..], follows.first().map(moved)) {
+                longer += f64::from(passes) * (stroke_mm(&[*before, after]) - stroke_mm(&[*before, *end, after]));
                 new.points.pop();
             }
             new.points.extend(follows.iter().map(moved));
@@ -172,15 +183,21 @@ impl Regroup<'_> {
             *sum = sum.joined(measure);
         }
         left_out.for_each(|sliver| new.leave_out(sliver, self.id(sliver.stop)));
+        longer
     }
 }
 
 impl Fragments {
     /// The stop that a sliver was left out in, and those of the fragments beside it on its stroke.
     pub fn stops_at<'a>(&'a self, sliver: &'a super::Sliver) -> impl Iterator<Item = StopId> + 'a {
-        let after = sliver.after as usize;
+        self.stops_beside(sliver).chain([sliver.stop])
+    }
+
+    /// The stops of the fragments before and after a sliver on its stroke.
+    pub fn stops_beside<'a>(&'a self, sliver: &super::Sliver) -> impl Iterator<Item = StopId> + use<'a> {
+        let (after, source) = (sliver.after as usize, sliver.source);
         let beside = &self.list[after.saturating_sub(1)..(after + 1).min(self.list.len())];
-        beside.iter().filter(|f| f.source == sliver.source).map(|f| f.stop).chain([sliver.stop])
+        beside.iter().filter(move |f| f.source == source).map(|f| f.stop)
     }
 
     fn points_of(&self, i: usize) -> &[FieldPoint] {
@@ -216,5 +233,143 @@ fn groups(of: &Fragments) -> Vec<Group> {
         let slivers = sliver..sliver + of.slivers[sliver..].iter().take_while(|s| s.source == source).count();
         (at, sliver) = (list.end, slivers.end);
         groups.push(Group { source, list, slivers, is_cut_again: false, is_kept: false });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Nm;
+    use crate::machine::TiltAngles;
+    use crate::program::{SectionId, Stop};
+    use crate::projection::Tracer;
+    use crate::projection::tests::{MM, slope};
+    use crate::random::Random;
+    use crate::split::{Least, Seam};
+
+    const WINDOW: [Nm; 2] = [Nm(8 * MM), Nm(4 * MM)];
+    const DEPTH: Nm = Nm(800_000);
+    const LEAST: Least = Least { mark: 0.0, sliver: 100_000.0 };
+
+    fn stop(y: i64, z_lo: i64) -> Stop {
+        let (z_lo, z_hi) = (Nm(z_lo), Nm(z_lo) + DEPTH);
+        let section = SectionId([0; 2]);
+        Stop { section, level: 0, tilt: TiltAngles::default(), centre: P2::new(4 * MM, y), focus: z_lo, z_lo, z_hi }
+    }
+
+    fn cut(stops: &Stops, strokes: &[Vec<P2>]) -> Fragments {
+        let surface = slope();
+        let mut splitter = Splitter::new(Tracer::new(&surface, 1.0), &[stops], LEAST, Keep(Nm(0)), Seam::default());
+        for (i, points) in strokes.iter().enumerate() {
+            splitter.stroke(StrokeId(i as u32), PenId(0), 2, points);
+        }
+        splitter.finish().next().expect("one candidate")
+    }
+
+    fn regrouped(regroup: &Regroup<'_>, old: Fragments, strokes: &[Vec<P2>]) -> Fragments {
+        let surface = slope();
+        let splitter = Splitter::new(Tracer::new(&surface, 1.0), &[regroup.new], LEAST, Keep(Nm(0)), Seam::default());
+        regroup.apply(old, splitter, Keep(Nm(0)), &mut |source, points| {
+            points.clone_from(&strokes[source.0 as usize]);
+            (PenId(0), 2)
+        })
+    }
+
+    /// Polylines of up to five points on the slope, some closed, some with vertices on the border of two stops and some
+    /// with ends so near to it that a sliver is left out.
+    fn strokes(random: &mut Random, count: usize) -> Vec<Vec<P2>> {
+        (0..count)
+            .map(|_| {
+                let mut points: Vec<P2> = (0..random.between(2, 5))
+                    .map(|_| {
+                        let x = match random.between(0, 3) {
+                            0 => 4 * MM,
+                            1 => 4 * MM + random.between(-90_000, 90_000),
+                            _ => random.between(MM, 7 * MM),
+                        };
+                        P2::new(x, random.between(MM, 7 * MM))
+                    })
+                    .collect();
+                points.dedup();
+                if random.between(0, 3) == 0 {
+                    points.push(points[0]);
+                }
+                points.dedup();
+                points
+            })
+            .filter(|points| points.len() > 1)
+            .collect()
+    }
+
+    /// Two levels over one place, that meet where the slope is 0.4 mm high, and a stop beside them.
+    fn two_levels() -> Stops {
+        Stops::new(vec![stop(2 * MM, -400_000), stop(2 * MM, 400_000), stop(6 * MM, 0)], WINDOW, DEPTH)
+    }
+
+    #[test]
+    fn fragments_of_two_stops_that_become_one_are_those_cut_for_that_stop() {
+        let old = two_levels();
+        // One level holds the marks of both.
+        let new = Stops::new(vec![stop(2 * MM, 0), stop(6 * MM, 0)], WINDOW, DEPTH);
+        let ids = [StopId(0), StopId(0), StopId(1)];
+        let regroup = Regroup { old: &old, new: &new, ids: &ids, is_changed: &[true, false], may_cut: true };
+        let strokes = strokes(&mut Random::new(11), 3000);
+        let before = cut(&old, &strokes);
+        assert!(before.slivers.len() > 50 && before.figures_cut > 50, "{}", before.slivers.len());
+        let (found, wanted) = (regrouped(&regroup, before.clone(), &strokes), cut(&new, &strokes));
+        assert!(found.list.len() + 1000 < before.list.len());
+        let shapes = |all: &Fragments| -> Vec<(Fragment, Vec<FieldPoint>)> {
+            let shape = |i: usize| (Fragment { first: 0, goes_on: false, ..all.list[i] }, all.points_of(i).to_vec());
+            (0..all.list.len()).map(shape).collect()
+        };
+        assert_eq!(shapes(&found), shapes(&wanted));
+        for (a, b) in found.measures.iter().zip(&wanted.measures) {
+            assert!((0..2).all(|k| (a.z[k] - b.z[k]).abs() <= 1) && (a.mean_z - b.mean_z).abs() < 1.0, "{a:?} {b:?}");
+            assert!((a.length - b.length).abs() < 2.0 && (a.cos - b.cos).abs() < 1e-12, "{a:?} {b:?}");
+        }
+        let counts = |f: &Fragments| (f.strokes_cut, f.figures_whole, f.figures_cut, f.not_kept, f.slivers.len());
+        assert_eq!(counts(&found), counts(&wanted));
+        for (a, b) in [
+            (found.mark_mm, wanted.mark_mm),
+            (found.skipped.small, wanted.skipped.small),
+            (found.texture_mm, wanted.texture_mm),
+        ] {
+            assert!((a - b).abs() < 1e-9 * b, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn stops_that_stay_keep_their_fragments() {
+        let old = two_levels();
+        let ids = [StopId(0), StopId(1), StopId(2)];
+        let regroup = Regroup { old: &old, new: &old, ids: &ids, is_changed: &[false; 3], may_cut: true };
+        let strokes = strokes(&mut Random::new(12), 500);
+        let before = cut(&old, &strokes);
+        let after = regrouped(&regroup, before.clone(), &strokes);
+        assert_eq!((&after.list, &after.points, &after.measures), (&before.list, &before.points, &before.measures));
+        assert_eq!(after.slivers.len(), before.slivers.len());
+        assert!((after.mark_mm - before.mark_mm).abs() < 1e-9);
+    }
+
+    #[test]
+    fn where_nothing_may_be_cut_anew_figures_stay_in_their_fragments() {
+        let old = two_levels();
+        let new = Stops::new(vec![stop(2 * MM, 0), stop(2 * MM, 400_000), stop(6 * MM, 0)], WINDOW, DEPTH);
+        let ids = [StopId(0), StopId(0), StopId(2)];
+        let regroup = Regroup { old: &old, new: &new, ids: &ids, is_changed: &[true, false, false], may_cut: false };
+        let strokes = strokes(&mut Random::new(13), 500);
+        let before = cut(&old, &strokes);
+        let after = regrouped(&regroup, before.clone(), &strokes);
+        assert!(after.list.len() < before.list.len() && after.list.iter().all(|f| f.stop != StopId(1)));
+        let of_figures = |all: &Fragments| {
+            let is_closed = |f: &&Fragment| {
+                let points = &strokes[f.source.0 as usize];
+                points.first() == points.last()
+            };
+            all.list.iter().filter(is_closed).count()
+        };
+        assert_eq!(of_figures(&after), of_figures(&before));
+        assert_eq!(after.slivers.len(), before.slivers.len());
+        assert!((after.mark_mm - before.mark_mm).abs() < 1e-9);
     }
 }

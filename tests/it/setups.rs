@@ -103,7 +103,8 @@ fn marks_do_not_depend_on_the_set_ups() {
     let out = dir.path().join("job.job");
     let run = |keys: &str| {
         let summary = compile(&job(dir.path(), "z-range", &setups(keys)), &out);
-        ["stops", "fragments", "mark_mm", "seam_mm", "skipped_mm"].map(|k| number(&summary, k).round())
+        // Stops are not among them: where two blocks come to stand depends on the stops before and after them.
+        ["fragments", "mark_mm", "seam_mm", "skipped_mm"].map(|k| number(&summary, k).round())
     };
     assert_eq!(run(""), run("columns = 3\nrows = 2\n"));
 }
