@@ -37,7 +37,7 @@ use crate::manifest::AnySummary;
 use crate::nurbs::{GridSteps, Surface};
 use crate::plan::lay::Side;
 use crate::plan::part::{self, Facets};
-use crate::plan::{self, Inputs, Phase, Plan};
+use crate::plan::{self, HatchSaving, Inputs, Phase, Plan};
 use crate::units::Length;
 use crate::verify;
 use args::{Args, Choice, Command};
@@ -135,6 +135,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             let found = part::look_at(&plan, &facets);
             warn(args, &found);
             report(args, &plan, plan.summary().warned(&found), None)?;
+            if let (Some(plan), false) = (plan.stepped(), args.json) {
+                print(&show::hatch(&HatchSaving::of(plan), plan.summary.time_s.total))?;
+            }
         }
         Command::Compile { job, output, verify, no_pictures, choice } => {
             let writing = Writing { durability: durability(args), pictures: !no_pictures };

@@ -12,7 +12,7 @@ use crate::diag::shell_word;
 use crate::job::Focus;
 use crate::machine::Machine;
 use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
-use crate::plan::Phase;
+use crate::plan::{HatchSaving, Phase};
 use crate::run;
 use crate::verify;
 
@@ -164,6 +164,16 @@ pub fn optics(machine: &Machine, focus: &Focus) -> String {
         machine.laser.m2,
         focus.pdof.mm() / depth
     )
+}
+
+/// What hatches in other directions would save of a job that takes `total` seconds; nothing where it is little.
+pub(super) fn hatch(saving: &HatchSaving, total: f64) -> String {
+    let line = |what: String, s: f64| {
+        format!("hatch          {what} would save about {} ({:.0} %)\n", duration(s), 100.0 * s / total)
+    };
+    let contour = saving.contour_s.map(|s| line("direction = \"contour\"".into(), s));
+    let turned = saving.turned.map(|(deg, s)| line(format!("lines turned by {deg} deg"), s));
+    contour.into_iter().chain(turned).collect()
 }
 
 /// Where a job was written, what was proved of it, and what to do next; nothing of a job that was not.

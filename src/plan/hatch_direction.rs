@@ -57,7 +57,7 @@ pub fn along_contours(
 
 /// What decides the direction in one section.
 #[derive(Default)]
-struct Section {
+pub(super) struct Section {
     /// Levels crossed by the lines of one place that run along x and along y.
     rises: Vec<[f64; 2]>,
     /// Corners of the areas, in pitches.
@@ -66,7 +66,7 @@ struct Section {
 
 impl Section {
     /// Adds what an area has in the section.
-    fn add(&mut self, area: &Contour, section: Box2, depth: f64, tracer: &mut Tracer<'_>) {
+    pub(super) fn add(&mut self, area: &Contour, section: Box2, depth: f64, tracer: &mut Tracer<'_>) {
         let outline = area.outline(section);
         let Some([lo, hi]) = extremes(&outline) else { return };
         let count = [0, 1].map(|k| ((hi[k] - lo[k]) / area.pitch()).floor().clamp(1.0, PLACES));
@@ -89,6 +89,17 @@ impl Section {
         self.outlines.push(outline.iter().map(|p| p.map(|v| v / area.pitch())).collect());
     }
 
+    /// Adds what another one has of the same section.
+    pub(super) fn join(&mut self, other: Self) {
+        self.rises.extend(other.rises);
+        self.outlines.extend(other.outlines);
+    }
+
+    /// The fewest fragments in one direction.
+    pub(super) fn least(&self) -> f64 {
+        self.fragments(Directions::cos_sin(self.best()))
+    }
+
     /// The direction of the fewest fragments; of several the least, along x where none is better.
     fn best(&self) -> u16 {
         let level = |g: &[f64; 2]| {
@@ -106,7 +117,7 @@ impl Section {
     }
 
     /// Fragments of lines of direction `t`.
-    fn fragments(&self, t: [f64; 2]) -> f64 {
+    pub(super) fn fragments(&self, t: [f64; 2]) -> f64 {
         let lines = self.outlines.iter().filter_map(|outline| {
             let across: Vec<[f64; 2]> = outline.iter().map(|p| [t[0] * p[1] - t[1] * p[0], 0.0]).collect();
             extremes(&across).map(|[lo, hi]| hi[0] - lo[0])

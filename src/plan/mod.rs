@@ -23,6 +23,7 @@ mod focal_plane;
 mod frames;
 mod grid;
 mod hatch_direction;
+mod hatch_saving;
 mod inputs;
 mod job_time;
 pub mod lay;
@@ -53,6 +54,7 @@ mod warnings;
 
 use std::path::{Path, PathBuf};
 
+pub use hatch_saving::HatchSaving;
 pub use inputs::Inputs;
 pub use job_time::{clock_of_program, of_program};
 pub use off_part::OffPart;

@@ -261,7 +261,7 @@ impl Site<'_> {
             for i in some {
                 let stop = &blocks[i].stop;
                 // What only touches its interval of heights it does not admit.
-                if sliver.lo[2] + ROUNDING >= stop.z_hi.0 || stop.z_lo.0 + ROUNDING >= sliver.hi[2] {
+                if sliver.lo[2] >= stop.z_hi.0 || stop.z_lo.0 >= sliver.hi[2] {
                     continue;
                 }
                 let centre = [stop.centre.x, stop.centre.y];

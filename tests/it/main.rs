@@ -34,6 +34,7 @@ mod frames;
 mod galvo;
 mod golden;
 mod handshake;
+mod hatch;
 mod inspect;
 mod laid;
 mod layers;

@@ -501,7 +501,7 @@ fn source_reports_a_figure_that_begins_elsewhere() {
 #[test]
 fn travel_reports_a_part_beyond_the_stage() {
     let mut bench = Bench::new();
-    let far = 240_000_000;
+    let far = 400_000_000;
     let mut program = bench.plan.checked.program().clone();
     let origin = bench.plan.checked.origin();
     let moved = Origin([origin[0] + far, origin[1], origin[2]]);
