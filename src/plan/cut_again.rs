@@ -22,21 +22,21 @@ pub(super) fn cut_again(
     (machine, pens): (&Machine, &[Pen]),
     cuts: Cuts,
     task: Task<'_>,
-) -> Result<Cut, Cut> {
+) -> Result<Cut, Box<Cut>> {
     let Merged { stops, ids, is_changed, may_cut } = merged;
     if !cuts.may_regroup() && !may_cut {
-        return Err(old);
+        return Err(Box::new(old));
     }
     if !cuts.may_regroup() {
         let parts = split(sweep, &[&stops], sections, pens, cuts, task);
-        let Some(parts) = parts.ok().and_then(|mut parts| parts.pop()) else { return Err(old) };
+        let Some(parts) = parts.ok().and_then(|mut parts| parts.pop()) else { return Err(Box::new(old)) };
         let count = |parts: &[Fragments], of: fn(&Fragments) -> usize| parts.iter().map(of).sum::<usize>();
         let small = |parts: &[Fragments]| parts.iter().map(|p| p.skipped.small).sum::<f64>();
         let is_no_worse = small(&parts) <= small(&old.parts) + 1e-9
             && count(&parts, |p| p.figures_whole) >= count(&old.parts, |p| p.figures_whole)
             && count(&parts, |p| p.not_kept) <= count(&old.parts, |p| p.not_kept)
             && count(&parts, |p| p.short) <= count(&old.parts, |p| p.short);
-        return if is_no_worse { Ok(Cut::new(stops, parts, machine, pens)) } else { Err(old) };
+        return if is_no_worse { Ok(Cut::new(stops, parts, machine, pens)) } else { Err(Box::new(old)) };
     }
     let Sweep { surface, texture, max_slope } = sweep;
     let regroup = Regroup { old: &old.stops, new: &stops, ids: &ids, is_changed: &is_changed, may_cut };

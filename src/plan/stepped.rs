@@ -462,7 +462,7 @@ impl Ready {
                     let next = self.placed(on, next, &cut.marks_by(&cut.marks, &as_cut(&cut)));
                     return (cut, Candidate { unmerged, ..next });
                 }
-                Err(as_it_was) => cut = as_it_was,
+                Err(as_it_was) => cut = *as_it_was,
             }
         }
         (cut, Candidate { unmerged, ..placed })
@@ -511,7 +511,7 @@ impl Ready {
         let cuts = Cuts::new(job, machine, self.grid.keep);
         let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
         match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
-            Err(as_it_was) => as_it_was,
+            Err(as_it_was) => *as_it_was,
             Ok(cut) => {
                 made.keep_blocks(&cut);
                 cut

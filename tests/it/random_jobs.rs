@@ -280,7 +280,7 @@ fn machine(noise: &mut Random, dir: &Path, wanted: Machine, part: Part, size: f6
             .replace("margin = \"0 mm\"", &format!("margin = \"{:.4} mm\"", field * pick(noise, &[0.0, 0.01, 0.1])))
             .replace("carries = \"head\"", pick(noise, &["carries = \"head\"", "carries = \"part\""]));
     // Every other one of those without tilt axes moves z together with x and y.
-    let is_diagonal = wanted != Machine::Tilting && (field * 1e4) as u64 % 2 == 0;
+    let is_diagonal = wanted != Machine::Tilting && ((field * 1e4) as u64).is_multiple_of(2);
     let keys = "diagonal = true\nsettle = { xy = \"0.1 s\", z = \"0.03 s\" }";
     let machine = if is_diagonal { machine.replacen("settle = \"0.1 s\"", keys, 1) } else { machine };
     let machine = match wanted {

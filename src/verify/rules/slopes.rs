@@ -120,9 +120,9 @@ impl Sums {
         let least = [u.least[0], u.least[1].min(1.0)];
         (self.length, self.off) = (self.length + u.length, self.off + u.off);
         for (k, by) in [1.0, gain].into_iter().enumerate() {
-            for end in 0..2 {
+            for (end, least) in least.into_iter().enumerate() {
                 self.lines[k][end] += u.sum[end] * by;
-                self.least[k][end] = self.least[k][end].min(least[end] * by);
+                self.least[k][end] = self.least[k][end].min(least * by);
             }
             self.all[k] = [self.all[k][0].min(u.all[0] * by), self.all[k][1].max(u.all[1] * by)];
         }

@@ -70,7 +70,7 @@ fn agreement_reports_a_block_that_does_not_say_where_to_begin() {
     // Elsewhere than over the block its own diagonal would begin.
     let other = |t: &str| {
         let at = t.find("(ENTRY GO X").expect("a place to begin at") + "(ENTRY GO X".len();
-        t[..at].to_owned() + "1" + &t[at..].trim_start_matches('-')
+        t[..at].to_owned() + "1" + t[at..].trim_start_matches('-')
     };
     assert_only("agreement", &edited(&bench(), "stage.ngc", gone));
     assert_only("agreement", &edited(&bench(), "stage.ngc", other));
