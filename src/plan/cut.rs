@@ -1,7 +1,7 @@
 //! The strokes of a pass cut between the stops of a method, and what each stop has of them.
 
 use super::split::join;
-use crate::geom::{Box2, Buckets, FieldPoint, P2, Turned};
+use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
 use crate::job::StrokeOrder;
 use crate::machine::Machine;
 use crate::motion;
@@ -148,6 +148,11 @@ impl Heights {
         self.length += other.length;
         self.z_dots += other.z_dots;
         self.dots += other.dots;
+    }
+
+    /// Lowest, highest and mean height in whole nanometres.
+    pub(super) fn nm(&self) -> [Nm; 3] {
+        [self.lo, self.hi, self.mean()].map(Nm::round)
     }
 
     pub(super) fn mean(&self) -> f64 {

@@ -2,10 +2,9 @@
 //! the depth of focus, so that the stage moves little and marks lie about the axis; then the part is laid so that they
 //! lie in the middle of the travel.
 //!
-//! Consumes a candidate without strokes, its stops merged. Promises that every stop admits its marks: it moves by whole
-//! increments, and so does what it admits. The focal planes of a job with `level = "mean"`,
-//! of a job whose levels must come one after another, and of a zoom optic stay where they are; stops that share a
-//! standstill move together.
+//! Consumes a candidate without strokes. Promises that every stop still admits its marks: a stop, and with it what it
+//! admits, moves by whole increments. The focal planes of a job with `level = "mean"`, of a job whose levels must come
+//! one after another, and of a zoom optic stay where they are; stops that share a standstill move together.
 //!
 //! What a stop admits is the window around its centre. A mark that was left out because it is short (see `split`) must
 //! stay out of the windows that it was out of, or such a stop would have marked it, and stay in that of its own.
@@ -39,6 +38,9 @@ pub(super) struct Site<'a> {
     pub(super) is_loose: bool,
     /// Whether marks are left out by their length alone.
     pub(super) min_mark: bool,
+    /// Whether other tours are looked for once stops are at their places; without, places are near enough to compare
+    /// candidates, and much is saved.
+    pub(super) tours: bool,
 }
 
 /// How near to the border of a window a mark that was left out counts as on it, nm.
@@ -130,7 +132,7 @@ impl Places {
         };
         let mut time = slid(&mut self.spots, &self.order);
         let has_zoom = machine.most_focus_shift() > Nm(0);
-        if has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
+        if !site.tours || has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
             return;
         }
         for _ in 0..TOURS {

@@ -1,11 +1,12 @@
 //! Planning a stepped job: pass by pass, candidate by candidate.
 //!
 //! Of every pass: sections, fill along contours, footprint, levels; the stops of each method; strokes cut
-//! between them; stops ordered, slid to their places and merged; strokes ordered. The best candidate of the first pass decides the method of all.
-//! Every other pass has its own texture (hatches turned, lines along contours moved), a grid of sections and
-//! levels that are shifted, and begins where the one before ended. The surface sinks by `passes.lower` from
-//! pass to pass: a pass is planned on the surface as it was, with the part's origin lowered instead, so that
-//! focal planes lie where the stage can stand; its heights are lowered in the end.
+//! between them; stops ordered, slid to their places and merged; strokes ordered. The best candidate of the
+//! first pass decides the method of all. Every other pass has its own texture (hatches turned, lines along
+//! contours moved), a grid of sections and levels that are shifted, and begins where the one before ended.
+//! The surface sinks by `passes.lower` from pass to pass: a pass is planned on the surface as it was, with the
+//! part's origin lowered instead, so that focal planes lie where the stage can stand; its heights are lowered in
+//! the end.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -439,37 +440,47 @@ impl Ready {
         let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
         let unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
         let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
-        let placed = self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(&cut)));
+        let place = |made: Candidate, cut: &Cut| {
+            let made = self.placed(on, made, &cut.marks_by(&cut.marks, &as_cut(cut)), true);
+            Candidate { unmerged, ..made }
+        };
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
-            return (cut, Candidate { unmerged, ..placed });
+            let made = place(made, &cut);
+            return (cut, made);
         }
+        let mut judged: Option<Candidate> = None;
         for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
             let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
             let Some(merged) = merge::merged(&cut, &made, &costs) else { break };
             let marks = merged.marks(&cut.marks);
             // The part stays where it lies: two stops of a set-up are merged within it.
             let next = self.candidate(on, method, (&merged.stops, &marks), Some(&made.setups));
-            let next = self.placed(on, next, &cut.marks_by(&marks, &merged.ids));
-            if !next.improves(&placed, job, machine) {
+            let judge = |one: &Candidate, marks: &Marks<'_>| self.placed(on, one.clone(), marks, false);
+            let before = judged.get_or_insert_with(|| judge(&made, &cut.marks_by(&cut.marks, &as_cut(&cut))));
+            if !judge(&next, &cut.marks_by(&marks, &merged.ids)).improves(before, job, machine) {
                 continue;
             }
             let cuts = Cuts::new(job, machine, self.grid.keep);
             let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
             match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
                 Ok(cut) => {
-                    let next = self.candidate(on, method, (&cut.stops, &cut.marks), Some(&made.setups));
-                    let next = self.placed(on, next, &cut.marks_by(&cut.marks, &as_cut(&cut)));
-                    return (cut, Candidate { unmerged, ..next });
+                    // The stops stay in order where their marks lie as high as they were taken to.
+                    let as_taken = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
+                    let again = || self.candidate(on, method, (&cut.stops, &cut.marks), Some(&made.setups));
+                    let next = if as_taken { next } else { again() };
+                    let next = place(next, &cut);
+                    return (cut, next);
                 }
                 Err(as_it_was) => cut = *as_it_was,
             }
         }
-        (cut, Candidate { unmerged, ..placed })
+        let made = place(made, &cut);
+        (cut, made)
     }
 
-    /// A candidate with its stops where they cost least.
-    fn placed(&self, on: &Given<'_>, mut made: Candidate, marks: &Marks<'_>) -> Candidate {
+    /// A candidate with its stops where they cost least; without `tours` in the order that they have.
+    fn placed(&self, on: &Given<'_>, mut made: Candidate, marks: &Marks<'_>, tours: bool) -> Candidate {
         let &Given { job, machine, .. } = on;
         let Grid { window, sections, lattice, .. } = &self.grid;
         let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
@@ -483,6 +494,7 @@ impl Ready {
             pitch: sections.pitch,
             is_loose: upright && !stated,
             min_mark: job.partition.min_mark.is_some(),
+            tours,
         };
         places::place(&mut made, marks, &site);
         made.times = self.times_of_stops(machine, &made.program, marks.of_stops);
