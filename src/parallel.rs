@@ -8,6 +8,17 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
+/// How many threads work is done on. What is computed must not depend on it.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// What `work` makes on one of the threads that the other functions here use. Memory that a thread lets go is its own
+/// to take up again: what runs on two threads in turn, here and there, holds more of it.
+pub fn on_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
 /// Does `work` for 0 to `count`, in any order.
 pub fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().for_each(work);

@@ -35,6 +35,7 @@ use crate::job_folder::{self, Durability, Writing};
 use crate::machine::{Machine, PROFILES};
 use crate::manifest::AnySummary;
 use crate::nurbs::{GridSteps, Surface};
+use crate::parallel;
 use crate::plan::lay::Side;
 use crate::plan::part::{self, Facets};
 use crate::plan::{self, HatchSaving, Inputs, Phase, Plan};
@@ -42,6 +43,9 @@ use crate::units::Length;
 use crate::verify;
 use args::{Args, Choice, Command};
 use steps::Steps;
+
+/// Stack of a thread, bytes: as that of a program's first one.
+const STACK: usize = 8 << 20;
 
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
@@ -62,15 +66,25 @@ pub fn main() -> ExitCode {
         }
     };
     // Without -j the number of threads is left to the system, and to RAYON_NUM_THREADS.
-    if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build_global() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).stack_size(STACK);
+    if let Err(e) = pool.build_global() {
         let d = Diag::input("threads", format!("cannot start the threads: {e}")).hint("ask for fewer with -j");
         return fail(&args, &d.into());
     }
-    match std::panic::catch_unwind(|| run(&args)) {
+    let ran = || if is_one_job(&args.command) { parallel::on_pool(|| run(&args)) } else { run(&args) };
+    match std::panic::catch_unwind(ran) {
         Ok(Ok(code)) => ExitCode::from(code),
         Ok(Err(e)) => fail(&args, &e),
         Err(_) => fail(&args, &Diag::bug("panic", "an invariant of the program broke (see above)").into()),
     }
+}
+
+/// Whether a command computes one job and waits for nothing.
+fn is_one_job(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::Check { .. } | Command::Compile { .. } | Command::Verify { .. } | Command::Preview { .. }
+    )
 }
 
 /// What is wrong with a command line, in clap's words: its first paragraph says what, the others what would work.

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::parallel;
+
 /// Items of some buckets, bucket by bucket in one list; within a bucket in the order in which they were
 /// given.
 #[derive(Clone, Debug, Default)]
@@ -20,6 +22,59 @@ impl<T: Copy + Default> Buckets<T> {
         let mut it = Self { starts: Vec::new(), items: Vec::new() };
         counting_sort(count, items, &mut it.starts, &mut it.items);
         it
+    }
+}
+
+/// Hands the items of a range of rows to a function: the row, the columns in it, the item.
+pub type ItemsOfRows<'a, T> = dyn Fn(Range<usize>, &mut dyn FnMut(usize, Range<usize>, T)) + Sync + 'a;
+
+/// Cells from which on more than one thread sorts items into them.
+const FOR_THREADS: usize = 1 << 16;
+
+impl<T: Copy + Default + Send> Buckets<T> {
+    /// Sorts items into the cells of a grid of so many columns and rows, each thread those of a band of rows. `items` is
+    /// called twice for a band, and must hand on items in the same order whatever the rows.
+    ///
+    /// # Panics
+    /// From 2^32 items on.
+    pub fn of_rows([columns, rows]: [usize; 2], items: &ItemsOfRows<'_, T>) -> Self {
+        let threads = if columns * rows < FOR_THREADS { 1 } else { parallel::threads() };
+        let in_band = rows.div_ceil(threads).max(1);
+        let band = |n: usize| n * in_band..rows.min((n + 1) * in_band);
+        let mut starts = vec![0u32; columns * rows + 1];
+        let bands = starts[..columns * rows].chunks_mut((in_band * columns).max(1));
+        parallel::map_items(bands.collect(), |n, counts| {
+            items(band(n), &mut |row, across, _| {
+                counts[(row - band(n).start) * columns..][across].iter_mut().for_each(|n| *n += 1);
+            });
+        });
+        // The begin of every bucket now, and the end once its items are laid down.
+        let mut sum = 0u32;
+        for start in &mut starts {
+            let count = std::mem::replace(start, sum);
+            sum = sum.checked_add(count).expect("fewer than 2^32 items");
+        }
+        let mut sorted = vec![T::default(); sum as usize];
+        let (mut parts, mut rest, mut begin) = (Vec::new(), &mut sorted[..], 0);
+        let mut nexts = &mut starts[..];
+        for n in 0..rows.div_ceil(in_band) {
+            let (own, more) = nexts.split_at_mut(band(n).len() * columns);
+            let end = more[0];
+            let (part, after) = rest.split_at_mut((end - begin) as usize);
+            parts.push((own, part, begin));
+            (nexts, rest, begin) = (more, after, end);
+        }
+        parallel::map_items(parts, |n, (nexts, part, begin)| {
+            items(band(n), &mut |row, across, item| {
+                for next in &mut nexts[(row - band(n).start) * columns..][across] {
+                    part[(*next - begin) as usize] = item;
+                    *next += 1;
+                }
+            });
+        });
+        starts.rotate_right(1);
+        starts[0] = 0;
+        Self { starts, items: sorted }
     }
 }
 
@@ -101,6 +156,28 @@ mod tests {
         buckets.each_mut().for_each(<[char]>::reverse);
         assert_eq!(all(&buckets), ["d", "eb", "", "", "ca", ""]);
         assert!(Buckets::<u32>::new(3, std::iter::empty()).of(2).is_empty());
+    }
+
+    #[test]
+    fn items_of_rows_come_cell_by_cell_in_the_order_given_on_any_number_of_threads() {
+        let [columns, rows] = [300, 270];
+        let spread = |k: usize| (k * 7919 % rows, k * 104_729 % columns);
+        let items = |of: Range<usize>, sink: &mut dyn FnMut(usize, Range<usize>, u32)| {
+            for k in 0..90_000 {
+                let (row, column) = spread(k);
+                (row..rows.min(row + 1 + k % 3)).filter(|row| of.contains(row)).for_each(|row| {
+                    sink(row, column..columns.min(column + 1 + k % 2), k as u32);
+                });
+            }
+        };
+        let mut flat = Vec::new();
+        items(0..rows, &mut |row, across, k| flat.extend(across.map(|column| (row * columns + column, k))));
+        let wanted = Buckets::new(columns * rows, flat.into_iter());
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            let found = pool.install(|| Buckets::of_rows([columns, rows], &items));
+            assert_eq!((&found.starts, &found.items), (&wanted.starts, &wanted.items), "{threads}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::diag::Error;
 use crate::geom::Box2;
+use crate::parallel;
 use crate::plan::{OnTheFlyPlan, Pass, Plan, SteppedPlan};
 use crate::progress::Task;
 use crate::report::{self, Marks};
@@ -69,29 +70,32 @@ impl<'a> Pictures<'a> {
             drawing.step();
             Ok(())
         };
-        told("view.html", &self.view_html())?;
         match self.plan {
             Of::Stepped(plan) => {
-                for (k, pass) in (0..).zip(&plan.passes) {
-                    let marks = Marks::of(&self.scene, pass.blocks.clone());
-                    let layout = self.stepped(plan, pass, &marks);
-                    let drawing = report::layout_svg(&layout);
-                    if k > 0 {
-                        told(&report::pass_file(k), &drawing)?;
-                        continue;
-                    }
-                    told("layout.svg", &drawing)?;
-                    let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
-                    told("slope.svg", &report::layout_svg(&by_slope))?;
+                let pass = &plan.passes[0];
+                let marks = Marks::of(&self.scene, pass.blocks.clone());
+                let layout = self.stepped(plan, pass, &marks);
+                let layouts = || report::layout_svgs(&layout, [report::Shade::Height, report::Shade::Incidence]);
+                let others = || {
                     let energy = report::EnergyMap::of(&layout);
-                    told("energy.svg", &report::energy_svg(layout.job, &energy))?;
-                    told("report.html", &report::report_html(&layout, &energy))?;
+                    [report::energy_svg(layout.job, &energy), report::report_html(&layout, &energy), self.view_html()]
+                };
+                let ([by_height, by_slope], [energy, report, view]) = parallel::both(layouts, others);
+                told("view.html", &view)?;
+                told("layout.svg", &by_height)?;
+                told("slope.svg", &by_slope)?;
+                told("energy.svg", &energy)?;
+                told("report.html", &report)?;
+                for (k, pass) in (0..).zip(&plan.passes).skip(1) {
+                    let marks = Marks::of(&self.scene, pass.blocks.clone());
+                    told(&report::pass_file(k), &report::layout_svg(&self.stepped(plan, pass, &marks)))?;
                 }
                 Ok(())
             }
             Of::OnTheFly(plan) => {
                 let marks = Marks::of(&self.scene, 0..self.scene.groups.len());
                 let layout = self.on_the_fly(plan, &marks);
+                told("view.html", &self.view_html())?;
                 told("layout.svg", &report::on_the_fly_svg(&layout))?;
                 let energy = report::EnergyMap::of_moves(&layout);
                 told("energy.svg", &report::energy_svg(layout.job, &energy))?;

@@ -20,20 +20,27 @@ const STROKES: usize = 1024;
 
 /// The facets of a surface file, of not too many.
 #[derive(Default)]
-pub struct Facets(Vec<[[f64; 3]; 3]>);
+pub struct Facets {
+    facets: Vec<[[f64; 3]; 3]>,
+    are_too_many: bool,
+}
 
 impl Facets {
-    /// Takes the next facet of the file.
+    /// Takes the next facet of the file; of too many none is kept, since they would take up room while the job is
+    /// planned.
     pub fn take(&mut self, facet: [[f64; 3]; 3]) {
-        if self.0.len() <= MOST_FACETS {
-            self.0.push(facet);
+        if self.facets.len() == MOST_FACETS {
+            *self = Self { facets: Vec::new(), are_too_many: true };
+        }
+        if !self.are_too_many {
+            self.facets.push(facet);
         }
     }
 }
 
 /// Looks at the part of a plan.
-pub fn look_at(plan: &Plan, Facets(facets): &Facets) -> Vec<Diag> {
-    if facets.is_empty() {
+pub fn look_at(plan: &Plan, Facets { facets, are_too_many }: &Facets) -> Vec<Diag> {
+    if facets.is_empty() && !are_too_many {
         return Vec::new();
     }
     let (job, texture) = match plan {
@@ -41,7 +48,7 @@ pub fn look_at(plan: &Plan, Facets(facets): &Facets) -> Vec<Diag> {
         Plan::OnTheFly(plan) => (&plan.job, &plan.texture),
     };
     let place = Place::file(job.surface_path().display().to_string());
-    if facets.len() > MOST_FACETS {
+    if *are_too_many {
         let text = format!(
             "the file has more than {MOST_FACETS} facets: its bodies, its holes and the sides of the facets under the \
              marks are not looked at"

@@ -46,6 +46,7 @@ use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, SpaceCurves, Summary, Times};
+use crate::parallel;
 use crate::partition::Stops;
 use crate::program::{Block, BlockFigures, OffAxis, PassId, Program, StopId};
 use crate::progress::Task;
@@ -542,13 +543,17 @@ impl Ready {
         let tilted = |b: &Block| (!b.stop.tilt.is_upright()).then(|| machine.turn(b.stop.tilt, grid.origin));
         let turns: Vec<_> = made.program.blocks.iter().map(tilted).collect();
         let field = machine.usable_field();
-        let map = BlockMap::new(&made.program, &grid.sections, &turns, field, &inputs.surface, texture.bounds());
+        let area = texture.bounds();
+        let (map, bound) = parallel::both(
+            || BlockMap::new(&made.program, &grid.sections, &turns, field, &inputs.surface, area),
+            || bound::certificate(&grid, samples, stop_size, made.method, &made.split.slivers),
+        );
         Pass {
             directions: texture.directions().cloned(),
             map,
-            texture: texture.bounds(),
+            texture: area,
             strokes: texture,
-            bound: bound::certificate(&grid, samples, stop_size, made.method, &made.split.slivers),
+            bound,
             blocks,
             sections: grid.sections,
         }

@@ -22,8 +22,9 @@ use super::legend::{self, Shown};
 use super::outline::{self, Outlines, PaddedMap};
 use super::part::{self, Shading, Silhouette};
 use super::sheet::{Detail, FONTS, LEAST_FONT, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
-use super::{Layout, OnTheFlyLayout, Picture, blocks, clean, label, stage, travel, unmarked};
+use super::{Layout, OnTheFlyLayout, Picture, Shade, blocks, clean, label, stage, travel, unmarked};
 use crate::geom::Nm;
+use crate::parallel;
 
 /// Bytes that a drawing should not exceed.
 pub(super) const LIMIT: usize = 5_000_000;
@@ -41,7 +42,14 @@ const DETAILS: [Detail; 7] = [
 
 /// The layout of a stepped job as the text of an SVG file.
 pub fn layout_svg(job: &Layout<'_>) -> String {
-    within(job, LIMIT)
+    within(job, &Traced::of(job), LIMIT)
+}
+
+/// The same layout in several shades.
+pub fn layout_svgs<const N: usize>(job: &Layout<'_>, shades: [Shade; N]) -> [String; N] {
+    let traced = Traced::of(job);
+    let texts = parallel::map(N, |i| within(&Layout { shade: shades[i], ..job.clone() }, &traced, LIMIT));
+    texts.try_into().expect("a text for each shade")
 }
 
 /// The layout of an on-the-fly job as the text of an SVG file.
@@ -52,14 +60,11 @@ pub fn on_the_fly_svg(job: &OnTheFlyLayout<'_>) -> String {
 }
 
 /// The layout in at most `limit` bytes, or as few as there can be.
-pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
+pub(super) fn within(job: &Layout<'_>, traced: &Traced, limit: usize) -> String {
     let picture = Picture::of_stepped(job);
-    let grid = PaddedMap::of(job.map, job.blocks().len());
     let sheet = Sheet::of(&picture);
-    let outlines = outline::trace(&grid);
-    let spots = label::place(&grid, 2.6 * sheet.unit / job.map.cell().mm());
-    let blocks = Blocks { layout: job, outlines, spots };
-    let drawing = Drawing { job: &picture, sheet: &sheet, blocks: Some(&blocks), looks: &Looks::of(&picture) };
+    let blocks = Blocks { layout: job, outlines: &traced.outlines, spots: &traced.spots };
+    let drawing = Drawing { job: &picture, sheet: &sheet, blocks: Some(&blocks), looks: &traced.looks };
     let mut text = String::new();
     for detail in DETAILS {
         text = draw(&drawing, detail);
@@ -81,8 +86,28 @@ struct Drawing<'a> {
 /// The blocks of a stepped job.
 struct Blocks<'a> {
     layout: &'a Layout<'a>,
+    outlines: &'a Outlines,
+    spots: &'a [label::Spot],
+}
+
+/// What a layout has in every shade.
+pub(super) struct Traced {
     outlines: Outlines,
     spots: Vec<label::Spot>,
+    looks: Looks,
+}
+
+impl Traced {
+    pub(super) fn of(job: &Layout<'_>) -> Self {
+        let picture = Picture::of_stepped(job);
+        let grid = PaddedMap::of(job.map, job.blocks().len());
+        let unit = Sheet::of(&picture).unit;
+        let ((outlines, spots), looks) = parallel::both(
+            || (outline::trace(&grid), label::place(&grid, 2.6 * unit / job.map.cell().mm())),
+            || Looks::of(&picture),
+        );
+        Self { outlines, spots, looks }
+    }
 }
 
 /// How the part looks.
@@ -100,7 +125,7 @@ impl Looks {
 fn draw(drawing: &Drawing<'_>, detail: Detail) -> String {
     let Drawing { job, sheet, blocks, looks } = *drawing;
     let mut layers = vec![part::ground(job, sheet, &looks.silhouette)];
-    layers.extend(blocks.map(|b| blocks::regions(b.layout, sheet, &b.outlines, detail)));
+    layers.extend(blocks.map(|b| blocks::regions(b.layout, sheet, b.outlines, detail)));
     layers.push(looks.shading.draw(job));
     layers.extend(blocks.filter(|_| sheet.gridded).map(|b| sections(b.layout, sheet)));
     layers.push(job.marks.draw(sheet, job.machine.lens.spot.as_mm()));
@@ -112,7 +137,7 @@ fn draw(drawing: &Drawing<'_>, detail: Detail) -> String {
     layers.push(stage::path(job, sheet, detail));
     layers.push(stage::first_field(job, sheet));
     layers.push(legend::measures(sheet));
-    layers.extend(blocks.map(|b| blocks::numbers(b.layout, sheet, &b.spots)));
+    layers.extend(blocks.map(|b| blocks::numbers(b.layout, sheet, b.spots)));
     let shown = Shown { silhouette: &looks.silhouette, shading: &looks.shading };
     let (legend, [x0, y0, x1, y1]) = legend::draw(job, sheet, &shown);
     layers.push(legend);

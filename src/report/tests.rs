@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::blocks::TIERS;
-use super::layout::{LIMIT, within};
+use super::layout::{LIMIT, Traced, within};
 use super::outline::{PaddedMap, area2, simplify, trace};
 use super::sample::Sample;
 use super::{EnergyMap, NOT_VERIFIED, layout_svg, report_html};
@@ -294,13 +294,13 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
     let whole = layout_svg(&sample.layout()).len();
     let mut last = whole;
     for limit in [whole - 1, whole * 7 / 10] {
-        let svg = within(&sample.layout(), limit);
+        let svg = within(&sample.layout(), &Traced::of(&sample.layout()), limit);
         ids(&svg);
         assert!(svg.len() <= limit && svg.len() < last, "{} bytes of {limit}", svg.len());
         assert_eq!(svg.matches("id=\"block-").count(), sample.checked.program().blocks.len());
         last = svg.len();
     }
-    assert!(within(&sample.layout(), 0).len() <= last, "the coarsest where none fits");
+    assert!(within(&sample.layout(), &Traced::of(&sample.layout()), 0).len() <= last, "the coarsest where none fits");
 }
 
 /// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
@@ -312,8 +312,8 @@ fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
     for label in sample.map.labels_mut() {
         *label = random.below(blocks as usize) as u32 + 1;
     }
-    let whole = within(&sample.layout(), usize::MAX).len();
-    let svg = within(&sample.layout(), whole / 4);
+    let whole = within(&sample.layout(), &Traced::of(&sample.layout()), usize::MAX).len();
+    let svg = within(&sample.layout(), &Traced::of(&sample.layout()), whole / 4);
     assert!(svg.len() <= whole / 4, "{} bytes of {whole}", svg.len());
     assert_eq!(svg.matches("id=\"block-").count(), blocks as usize);
 }

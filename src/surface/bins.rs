@@ -6,8 +6,11 @@
 //! them, padded by two nanometres, so that points on bin lines find their facets from either side, and places on a rim
 //! the facet next to them.
 
+use std::ops::Range;
+
 use super::mesh::{Mesh, NONE, Vertex};
 use crate::geom::{Box2, Buckets, Grid, Nm, P2, orient};
+use crate::parallel;
 use rustc_hash::FxHashMap;
 
 /// What a bin holds.
@@ -41,6 +44,8 @@ const FACETS_PER_BIN: f64 = 2.0;
 const CROWDED: usize = 64;
 /// References per facet beyond which the cells of a crowded bin are made larger.
 const MAX_FINE_REFS: u64 = 4;
+/// Bins that a thread classifies one after another.
+const AT_ONCE: usize = 1 << 13;
 /// References per facet beyond which bins are made larger.
 const MAX_REFS_PER_FACET: u64 = 12;
 
@@ -114,14 +119,16 @@ impl Bins {
             let (a, b) = (mesh.vertices[f[he % 3] as usize], mesh.vertices[f[(he % 3 + 1) % 3] as usize]);
             self.grid.under(a.p2(), b.p2(), |bin| class[bin] = Class::Complex);
         }
-        let mut sheet = Vec::new();
-        for (b, class) in class.iter_mut().enumerate() {
-            if *class == Class::Simple {
-                *class = self.class_without_rim(mesh, b, self.grid.centre(b), &mut sheet);
-            } else if self.facets(b).is_empty() {
-                *class = Class::Empty;
+        parallel::map_items(class.chunks_mut(AT_ONCE).collect(), |n, classes| {
+            let mut sheet = Vec::new();
+            for (b, class) in (n * AT_ONCE..).zip(classes) {
+                if *class == Class::Simple {
+                    *class = self.class_without_rim(mesh, b, self.grid.centre(b), &mut sheet);
+                } else if self.facets(b).is_empty() {
+                    *class = Class::Empty;
+                }
             }
-        }
+        });
         self.class = class;
     }
 
@@ -176,7 +183,12 @@ impl Bins {
 }
 
 /// The facets of every cell of a grid; None where that takes more than `limit` references.
-fn listed(grid: &Grid, mesh: &Mesh, facets: impl Iterator<Item = u32> + Clone, limit: u64) -> Option<Buckets<u32>> {
+fn listed(
+    grid: &Grid,
+    mesh: &Mesh,
+    facets: impl Iterator<Item = u32> + Clone + Sync,
+    limit: u64,
+) -> Option<Buckets<u32>> {
     let area = |f: u32| around(mesh.facets[f as usize].map(|v| mesh.vertices[v as usize]));
     let mut total = 0;
     for f in facets.clone() {
@@ -186,7 +198,18 @@ fn listed(grid: &Grid, mesh: &Mesh, facets: impl Iterator<Item = u32> + Clone, l
             return None;
         }
     }
-    Some(Buckets::new(grid.len(), facets.flat_map(|f| grid.touched(area(f)).map(move |cell| (cell, f)))))
+    let touched = |rows: Range<usize>, sink: &mut dyn FnMut(usize, Range<usize>, u32)| {
+        for f in facets.clone() {
+            let Box2 { lo, hi } = area(f);
+            let of_facet = grid.range(1, lo.y, hi.y);
+            let (first, end) = (of_facet.start.max(rows.start), of_facet.end.min(rows.end));
+            if first < end {
+                let across = grid.range(0, lo.x, hi.x);
+                (first..end).for_each(|row| sink(row, across.clone(), f));
+            }
+        }
+    };
+    Some(Buckets::of_rows([grid.columns(), grid.rows()], &touched))
 }
 
 /// The box of a facet and two nanometres around it.

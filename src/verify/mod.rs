@@ -33,6 +33,7 @@ pub use proof::{Input, Lengths, NotProved, Proof, Rule, Violation};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
 use crate::job::Mode;
+use crate::parallel;
 use crate::program::{PassId, PenId};
 use crate::texture::Texture;
 use geometry::Geometry;
@@ -83,7 +84,7 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     if read::manifest::is_on_the_fly(folder) {
         return on_the_fly::verify(folder, inputs_override, progress);
     }
-    let [listed, written, shaped, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
+    let [listed, written, read, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
     let manifest: read::manifest::Manifest = read::manifest::read(folder, &read::leaves::STEPPED)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
@@ -93,7 +94,7 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     let mut program = read_program(folder, &mut findings);
     drop(written);
     if !unchanged {
-        drop((shaped, drawn));
+        drop((read, drawn));
         let _comparing = Phase::Files.task(progress);
         // The job cannot be loaded again, but the files of the folder can still be compared with each other.
         let facts = JobFacts::from_manifest(&manifest);
@@ -105,10 +106,17 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     let (job, facts) = job_facts::load(&inputs, Mode::Stepped)?;
     findings.against = inputs.used(&job, folder);
     let Some(mut program) = program else { return Ok(findings.into_proof()) };
-    let (shape, box_mm) = job_facts::shape(&job)?;
-    let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    // Neither needs the other.
+    let (shaped, stages) = parallel::both(
+        || {
+            let (shape, box_mm) = job_facts::shape(&job)?;
+            drop(read);
+            Ok::<_, Error>((Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm), box_mm))
+        },
+        || rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings),
+    );
+    let (geometry, box_mm) = shaped?;
     rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.summary);
-    drop(shaped);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let mut files = rules::files::Files::default();
     let mut textures = Vec::new();
@@ -117,9 +125,6 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
         let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.
-            drop(drawn);
-            let _comparing = Phase::Files.task(progress);
-            rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings);
             return Ok(findings.into_proof());
         }
         let drawing = Drawing::of(&texture);
@@ -138,13 +143,13 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     }
     drop(drawn);
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
-    check_folder(folder, &manifest, &mut program, &facts, (&drawings, &geometry), &mut findings, progress);
+    check_folder(&stages, &manifest, &mut program, &facts, (&drawings, &geometry), &mut findings, progress);
     Ok(findings.into_proof())
 }
 
-/// All rules but `hash`, on what was read and loaded again.
+/// The rules that need the job and its inputs, on what was read and loaded again.
 fn check_folder(
-    folder: &Path,
+    stages: &rules::Stages,
     manifest: &Manifest,
     program: &mut ProgramFile,
     facts: &JobFacts,
@@ -152,10 +157,8 @@ fn check_folder(
     findings: &mut Findings,
     progress: Progress<'_>,
 ) {
-    let [files, moves] = Phase::Files.task(progress).split([2, 1]);
-    let stages = rules::without_inputs(folder, manifest, program, facts, findings);
-    drop(files);
-    rules::moves(&stages, manifest, program, facts, geometry, findings);
+    let moves = Phase::Files.task(progress);
+    rules::moves(stages, manifest, program, facts, geometry, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
     drop(moves);
     let [depth, dose] = Phase::Marks.task(progress).split([4, 1]);

@@ -5,9 +5,9 @@ use crate::progress::Task;
 /// Phases of a verification, in order, for progress displays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Reading the program, the surface and the texture.
+    /// Reading the program, the surface and the texture, and the files of the folder beside.
     Read,
-    /// Comparing the files of the folder with each other.
+    /// Comparing the files of the folder with each other where the inputs have changed, else with the part and the job.
     Files,
     /// Where every mark lies.
     Marks,

@@ -1,6 +1,8 @@
 //! A height map as an implicit triangulation: each cell of samples is cut by the diagonal from its
 //! lower left to its upper right node, and a triangle with a hole among its nodes is not there.
 
+use std::ops::Range;
+
 use super::grid::Grid;
 use super::{BoxNm, Crossing, HAIR, Line, Scratch, nm};
 use crate::geom::BoxMm;
@@ -59,15 +61,25 @@ impl Map {
         for [x, y] in [[x0, y0], [x1, y0], [x0, y1], [x1, y1]] {
             flat.add([x * cos + y * sin, y * cos - x * sin]);
         }
-        let range = |k: usize| self.grid.index(k, flat.lo[k])..self.grid.index(k, flat.hi[k]) + 1;
+        self.facets_of([0, 1].map(|k| self.grid.index(k, flat.lo[k])..self.grid.index(k, flat.hi[k]) + 1), sink);
+    }
+
+    /// Hands the corners of all triangles to `sink`.
+    pub(super) fn each_facet(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        self.facets_of(self.grid.count.map(|count| 0..count), sink);
+    }
+
+    /// Hands the corners of the triangles of some columns and rows of cells to `sink`.
+    fn facets_of(&self, [columns, rows]: [Range<usize>; 2], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        let [cos, sin] = self.turn;
         let node = |column: usize, row: usize| {
             let value = self.map.samples.value(row * self.map.columns + column)?;
             let at = |k: usize, i: usize| self.grid.lo[k] + i as f64 * self.grid.size;
             let (x, y, z) = (at(0, column), at(1, row), nm(self.map.z_mm[0] + value * self.map.z_mm[1]));
             Some([x * cos - y * sin, x * sin + y * cos, z])
         };
-        for row in range(1) {
-            for column in range(0) {
+        for row in rows {
+            for column in columns.clone() {
                 let (Some(a), Some(d)) = (node(column, row), node(column + 1, row + 1)) else { continue };
                 node(column + 1, row).into_iter().for_each(|b| sink([a, b, d]));
                 node(column, row + 1).into_iter().for_each(|c| sink([a, d, c]));

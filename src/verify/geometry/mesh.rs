@@ -3,9 +3,12 @@
 //! Facets are kept in the order of the cells of their centres, so that a line reads memory in order;
 //! each cell lists the facets that touch it in one flat array.
 
+use std::ops::Range;
+
 use super::grid::Grid;
 use super::{BoxNm, Crossing, HAIR, Line, Scratch, Turn, nm};
 use crate::geom::{BoxMm, P3};
+use crate::parallel;
 
 /// A facet in plan view and its plane: z = z0 + grad · (p - corner 0).
 #[derive(Clone, Copy, Debug)]
@@ -120,18 +123,26 @@ impl MeshBuilder {
 /// Smallest height of a triangle, in its own unit.
 fn altitude([a, b, c]: &[[f64; 2]; 3]) -> f64 {
     let area2 = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
-    let edge = |p: &[f64; 2], q: &[f64; 2]| (q[0] - p[0]).hypot(q[1] - p[1]);
-    let longest = edge(a, b).max(edge(b, c)).max(edge(c, a));
-    if longest > 0.0 { area2 / longest } else { 0.0 }
+    let edge2 = |p: &[f64; 2], q: &[f64; 2]| (q[0] - p[0]).powi(2) + (q[1] - p[1]).powi(2);
+    let longest2 = edge2(a, b).max(edge2(b, c)).max(edge2(c, a));
+    if longest2 > 0.0 { area2 / longest2.sqrt() } else { 0.0 }
 }
+
+/// Facets whose entries a thread counts at once.
+const COUNTED: usize = 1 << 16;
 
 /// Whether the facets make at most `most` entries in the grid.
 fn entries(facets: &[Facet], grid: &Grid, most: usize) -> bool {
-    let mut count = 0usize;
-    facets.iter().all(|f| {
-        f.rows(grid, |_, columns| count += columns.len());
-        count <= most
-    })
+    let chunks: Vec<&[Facet]> = facets.chunks(COUNTED).collect();
+    let counts = parallel::map(chunks.len(), |i| {
+        let mut count = 0usize;
+        chunks[i].iter().all(|f| {
+            f.rows(grid, 0..grid.count[1], |_, columns| count += columns.len());
+            count <= most
+        });
+        count
+    });
+    counts.into_iter().fold(0, usize::saturating_add) <= most
 }
 
 /// Orders the facets by the cell of their centre, in place.
@@ -163,12 +174,12 @@ fn sort_by_cell(facets: &mut [Facet], grid: &Grid) {
 }
 
 impl Facet {
-    /// The cells that the facet touches: each row with its columns.
-    fn rows(&self, grid: &Grid, mut visit: impl FnMut(usize, std::ops::Range<usize>)) {
+    /// The cells that the facet touches in some rows: each of them with its columns.
+    fn rows(&self, grid: &Grid, of: Range<usize>, mut visit: impl FnMut(usize, Range<usize>)) {
         let [a, b, c] = self.corners;
         let (y0, y1) = (a[1].min(b[1]).min(c[1]) - RIM, a[1].max(b[1]).max(c[1]) + RIM);
         let (r0, r1) = (grid.index(1, y0), grid.index(1, y1));
-        for row in r0..=r1 {
+        for row in r0.max(of.start)..(r1 + 1).min(of.end) {
             let lo = if row == r0 { y0 } else { grid.lo[1] + row as f64 * grid.size - RIM };
             let hi = if row == r1 { y1 } else { grid.lo[1] + (row + 1) as f64 * grid.size + RIM };
             let [x0, x1] = self.x_range([lo, hi]);
@@ -228,6 +239,11 @@ impl Facet {
         (lo < hi).then_some(([lo, hi], is_edge))
     }
 
+    /// Its corners in space.
+    fn solid(&self) -> [[f64; 3]; 3] {
+        self.corners.map(|[x, y]| [x, y, self.z_at([x, y])])
+    }
+
     #[inline]
     fn z_at(&self, [x, y]: [f64; 2]) -> f64 {
         self.z0 + self.grad[0] * (x - self.corners[0][0]) + self.grad[1] * (y - self.corners[0][1])
@@ -245,14 +261,19 @@ pub(in crate::verify) struct Mesh {
 }
 
 impl Mesh {
+    /// Every thread fills the lists of a band of rows, in the order of the facets.
     fn enter(facets: Vec<Facet>, grid: Grid) -> Self {
-        let cells = grid.count[0] * grid.count[1];
-        let mut first = vec![0u32; cells + 1];
-        for f in &facets {
-            f.rows(&grid, |row, columns| {
-                first[row * grid.count[0]..][columns].iter_mut().for_each(|n| *n += 1);
-            });
-        }
+        let [columns, rows] = grid.count;
+        let in_band = rows.div_ceil(parallel::threads()).max(1);
+        let band = |n: usize| n * in_band..(n + 1) * in_band;
+        let mut first = vec![0u32; columns * rows + 1];
+        parallel::map_items(first[..columns * rows].chunks_mut(in_band * columns).collect(), |n, counts| {
+            for f in &facets {
+                f.rows(&grid, band(n), |row, touched| {
+                    counts[(row - band(n).start) * columns..][touched].iter_mut().for_each(|n| *n += 1);
+                });
+            }
+        });
         // Ends of the lists now, made starts by filling each list from its back.
         let mut sum = 0;
         for n in &mut first {
@@ -260,14 +281,23 @@ impl Mesh {
             *n = sum;
         }
         let mut listed = vec![0u32; sum as usize];
-        for (i, f) in facets.iter().enumerate().rev() {
-            f.rows(&grid, |row, columns| {
-                for slot in &mut first[row * grid.count[0]..][columns] {
-                    *slot -= 1;
-                    listed[*slot as usize] = i as u32;
-                }
-            });
+        let (mut lists, mut rest, mut start) = (Vec::new(), &mut listed[..], 0);
+        for ends in first[..columns * rows].chunks_mut(in_band * columns) {
+            let end = ends.last().map_or(start, |end| *end);
+            let (own, after) = rest.split_at_mut((end - start) as usize);
+            lists.push((ends, own, start));
+            (rest, start) = (after, end);
         }
+        parallel::map_items(lists, |n, (slots, own, start)| {
+            for (i, f) in facets.iter().enumerate().rev() {
+                f.rows(&grid, band(n), |row, touched| {
+                    for slot in &mut slots[(row - band(n).start) * columns..][touched] {
+                        *slot -= 1;
+                        own[(*slot - start) as usize] = i as u32;
+                    }
+                });
+            }
+        });
         Self { facets, grid, first, listed, walls: Vec::new() }
     }
 
@@ -294,12 +324,18 @@ impl Mesh {
         found.sort_unstable();
         found.dedup();
         for f in found.into_iter().map(|i| &self.facets[i as usize]) {
-            let corners = f.corners.map(|[x, y]| [x, y, f.z_at([x, y])]);
+            let corners = f.solid();
             if touches(&corners) {
                 sink(corners);
             }
         }
         self.walls.iter().filter(|w| touches(w)).for_each(|w| sink(*w));
+    }
+
+    /// Hands the corners of all facets to `sink`, walls among them.
+    pub(super) fn each_facet(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        self.facets.iter().for_each(|f| sink(f.solid()));
+        self.walls.iter().for_each(|w| sink(*w));
     }
 
     /// How many facets are kept.

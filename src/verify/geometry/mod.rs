@@ -180,6 +180,14 @@ impl Shape {
         }
     }
 
+    /// Hands the corners (nm) of all facets to `sink`.
+    fn each_facet(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        match self {
+            Self::Mesh(mesh) => mesh.each_facet(sink),
+            Self::Map(map) => map.each_facet(sink),
+        }
+    }
+
     /// Hands the corners (nm) of all facets that touch an area to `sink`.
     fn facets_in(&self, area: BoxNm, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         match self {
@@ -219,6 +227,11 @@ impl Geometry {
     /// Lowest and highest place, nm.
     pub(super) fn heights(&self) -> [f64; 2] {
         self.shape.heights()
+    }
+
+    /// Hands the corners (nm) of all facets to `sink`, walls among them.
+    pub(super) fn each_facet(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        self.shape.each_facet(sink);
     }
 
     /// Hands the corners (nm) of all facets that touch an area to `sink`, walls among them.

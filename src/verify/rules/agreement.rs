@@ -9,6 +9,7 @@ use super::hash::is_inside;
 use super::{planes, poses, setups};
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::Machine;
+use crate::parallel;
 use crate::program::{Block, BlockId, PassId, Pen, Program, Stroke};
 use crate::units::Power;
 use crate::verify::job_facts::JobFacts;
@@ -87,11 +88,14 @@ pub(in crate::verify) fn files(
         match files {
             Stepped::Blocks(files) => {
                 let drawings = Drawings { folder, files, program, machine: &facts.machine };
-                for ((id, block), &i) in file.ids.iter().zip(&program.blocks).zip(places) {
-                    let named = manifest.blocks.get(i).and_then(|e| e.files.get(row.name));
+                let found = parallel::map(program.blocks.len().min(places.len()), |k| {
+                    let (id, mut rule) = (&file.ids[k], Rule::new(rule.code, rule.what));
+                    let named = manifest.blocks.get(places[k]).and_then(|e| e.files.get(row.name));
                     let name = named.cloned().unwrap_or_else(|| formats::of_block(id, files.ending));
-                    drawings.check(&name, id, block, rule);
-                }
+                    drawings.check(&name, id, &program.blocks[k], &mut rule);
+                    rule
+                });
+                found.into_iter().for_each(|one| rule.add(one));
             }
             Stepped::Planes { file: name, open } => whole(folder, name, open, file, &facts.machine, rule),
             Stepped::Poses { file: name, read } => poses::check(folder, name, read, file, &facts.machine, rule),

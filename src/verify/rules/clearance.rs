@@ -37,9 +37,6 @@ const HALVINGS: u32 = 10;
 /// Rounding of vertices, commands and f64 moves a place of the part by at most this, nm.
 const ROUNDING: f64 = 3.0;
 
-/// Beyond any place of a part, nm.
-const EVERYWHERE: f64 = 1e10;
-
 /// Holds the rule.
 pub(in crate::verify) fn check(
     stages: &[StageFile],
@@ -302,10 +299,9 @@ struct Tiles {
 impl Tiles {
     /// Tiles of an eighth of the head's diameter, or larger where these were too many.
     fn of(geometry: &Geometry, machine: &Machine) -> Self {
-        let everywhere = BoxNm { lo: [-EVERYWHERE; 2], hi: [EVERYWHERE; 2] };
         let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let mut highest = f64::NEG_INFINITY;
-        geometry.facets_in(everywhere, &mut |corners| {
+        geometry.each_facet(&mut |corners| {
             for c in corners {
                 for k in 0..2 {
                     (lo[k], hi[k]) = (lo[k].min(c[k]), hi[k].max(c[k]));
@@ -320,7 +316,7 @@ impl Tiles {
             [f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let mut boxes = vec![none; count[0] * count[1]];
         let index = |k: usize, v: f64| (((v - lo[k]) / size) as usize).min(count[k] - 1);
-        geometry.facets_in(everywhere, &mut |corners| {
+        geometry.each_facet(&mut |corners| {
             let range = |k: usize| {
                 let v = corners.map(|c| c[k]);
                 [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]

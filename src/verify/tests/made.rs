@@ -18,7 +18,7 @@ use crate::units::Power;
 use crate::verify::geometry::{Geometry, MeshBuilder, Shape};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::read::manifest::Manifest;
-use crate::verify::{Drawing, Proof, check_folder, inputs::Inputs, read, rules::Findings};
+use crate::verify::{Drawing, Proof, check_folder, inputs::Inputs, read, rules, rules::Findings};
 
 pub(super) const MM: i64 = 1_000_000;
 
@@ -277,8 +277,9 @@ impl Made {
             }),
             element: Box::new(|i| format!("stroke {i}")),
         };
+        let stages = rules::without_inputs(folder, &manifest, &mut program, &self.facts, &mut findings);
         check_folder(
-            folder,
+            &stages,
             &manifest,
             &mut program,
             &self.facts,
