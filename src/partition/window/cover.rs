@@ -20,6 +20,8 @@ pub(super) struct Cover<'a> {
     grid: Grid,
     /// A list that is free to be written.
     spare: Vec<u32>,
+    /// Pieces that were handled so far: what a search has cost.
+    work: u64,
 }
 
 impl<'a> Cover<'a> {
@@ -36,6 +38,7 @@ impl<'a> Cover<'a> {
             bins: vec![Vec::new(); grid.len()],
             grid,
             spare: Vec::new(),
+            work: 0,
         };
         for (b, &corner) in corners.iter().enumerate() {
             cover.refill(b as u32, corner);
@@ -46,6 +49,14 @@ impl<'a> Cover<'a> {
 
     pub(super) fn boxes(&self) -> &[[i32; 3]] {
         &self.boxes
+    }
+    /// Counts pieces that were handled.
+    pub(super) fn count(&mut self, pieces: usize) {
+        self.work += pieces as u64;
+    }
+    /// How many pieces have been handled.
+    pub(super) fn work(&self) -> u64 {
+        self.work
     }
     pub(super) fn corner(&self, b: u32) -> [i32; 3] {
         self.boxes[b as usize]
@@ -89,6 +100,7 @@ impl<'a> Cover<'a> {
         let list = &mut self.lists[b as usize];
         list.clear();
         self.index.contained(corner, self.size, |i| list.push(i as u32));
+        self.work += list.len() as u64;
         self.boxes[b as usize] = corner;
     }
 
@@ -108,6 +120,7 @@ impl<'a> Cover<'a> {
         let bin = self.bin_of(corner);
         let at = bin.binary_search(&(corner[2], b)).expect("in place");
         bin.remove(at);
+        self.work += self.lists[b as usize].len() as u64;
         for &i in &self.lists[b as usize] {
             let times = &mut self.held_by[i as usize];
             *times -= 1;
