@@ -19,6 +19,9 @@ pub struct OffAxis {
 /// Rings that the distances are counted in.
 const RINGS: usize = 512;
 
+/// Parts of a program, at most, whose rings are counted apart: the sums are the same on any number of threads.
+const PARTS: usize = 256;
+
 /// The share that lies within the second figure.
 const SHARE: f64 = 0.95;
 
@@ -30,7 +33,9 @@ impl OffAxis {
         if width == 0.0 {
             return Self::default();
         }
-        let counted = parallel::map(program.blocks.len(), |i| rings(program, &program.blocks[i], width));
+        let at_once = program.blocks.len().div_ceil(PARTS).max(1);
+        let parts: Vec<&[Block]> = program.blocks.chunks(at_once).collect();
+        let counted = parallel::map(parts.len(), |i| rings(program, parts[i], width));
         let mut all = Rings::default();
         counted.iter().for_each(|one| all.add(one));
         let of = if all.lines.iter().any(|v| *v > 0.0) { &all.lines } else { &all.dots };
@@ -100,9 +105,9 @@ fn farthest_nm(program: &Program, block: &Block) -> f64 {
     points.map(|p| f64::from(p.x).hypot(f64::from(p.y))).fold(0.0, f64::max)
 }
 
-fn rings(program: &Program, block: &Block, width: f64) -> Rings {
+fn rings(program: &Program, blocks: &[Block], width: f64) -> Rings {
     let mut out = Rings::default();
-    for points in program.strokes_of(block).iter().map(|s| program.points_of(s)) {
+    for points in blocks.iter().flat_map(|b| program.strokes_of(b)).map(|s| program.points_of(s)) {
         if let [dot] = points {
             let at = (f64::from(dot.x).hypot(f64::from(dot.y)) / width) as usize;
             out.dots[at.min(RINGS - 1)] += 1.0;
