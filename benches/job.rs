@@ -32,8 +32,9 @@ use surfaces::{dome, mesh, write_stl};
 use terrace::geom::P2;
 use terrace::job::{Job, Overrides};
 use terrace::job_folder::Durability;
+use terrace::on_the_fly::axes::following_error::Protection;
 use terrace::surface::{Cursor, Surface};
-use terrace::{job_folder, plan, verify};
+use terrace::{compare, job_folder, plan, verify};
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
@@ -42,57 +43,76 @@ fn main() {
         return;
     }
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    println!("{:<34} {:>9} {:>9} {:>9} {:>9}  ", "case, one thread", "CPU s", "x floor", "wall s", "peak MB");
+    let heads = ["CPU s", "x floor", "wall s", "peak MB", "B/unit"].map(|head| format!("{head:>9}")).join(" ");
+    println!("{:<38} {heads}", "case, one thread");
     let mut kept = Kept::read();
-    for (n, name) in [(500, "0.5M"), (1000, "2M"), (2000, "8M")] {
+    for (n, name, height, cases) in SETS {
         let stl = dir.join(format!("dome-{name}.stl"));
         if !stl.exists() {
-            write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], dome));
+            write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], |x, y| height * dome(x, y)));
         }
-        let mut floor_s = 0.0;
-        for case in [
-            "floor",
-            "load",
-            "walk",
-            "contour",
-            "z-range",
-            "auto",
-            "squares",
-            "dots",
-            "dots, two threads",
-            "poisson",
-            "poisson, two threads",
-            "verify",
-            "flush",
-        ] {
+        let (mut floor_s, mut bare_mb) = (0.0, 0.0);
+        for case in ["floor", "load"].iter().chain(cases) {
+            // To delete a folder of thousands of files takes longer than to write one, by a time that is up to the disk.
+            let _ = std::fs::remove_dir_all(stl.with_extension(format!("{case}.job")));
             let me = std::env::current_exe().expect("this program");
             let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
             let text = String::from_utf8(out.stdout).expect("text");
-            let [cpu_s, wall_s, peak_mb, note] = columns(&text);
-            let [cpu_s, wall_s, peak_mb]: [f64; 3] = [cpu_s, wall_s, peak_mb].map(|v| v.parse().expect("a number"));
-            if case == "floor" {
-                floor_s = cpu_s;
+            let ([cpu_s, wall_s, peak_mb, units], note) = columns(&text);
+            match *case {
+                "floor" => floor_s = cpu_s,
+                "load" => bare_mb = peak_mb,
+                _ => {}
             }
             let ratio = cpu_s / floor_s;
+            // What the mesh takes is no unit's.
+            let bytes = (peak_mb - bare_mb) * 1024.0 * 1024.0 / units;
+            let bytes = if units > 0.0 && bare_mb > 0.0 { format!("{bytes:.0}") } else { String::new() };
             let case = format!("{name} triangles, {case}");
-            println!("{case:<34} {cpu_s:>9.2} {ratio:>9.2} {wall_s:>9.2} {peak_mb:>9.0}  {note}");
+            println!("{case:<38} {cpu_s:>9.2} {ratio:>9.2} {wall_s:>9.2} {peak_mb:>9.0} {bytes:>9}  {note}");
             kept.add(&case, ratio, peak_mb);
         }
     }
     kept.tell();
 }
 
-/// The three figures of a case, and what is noted of it.
-fn columns(line: &str) -> [&str; 4] {
+/// Cases of every size.
+const OF_SIZES: [&str; 12] = [
+    "walk",
+    "contour",
+    "z-range",
+    "auto",
+    "squares",
+    "dots",
+    "dots, two threads",
+    "poisson",
+    "poisson, two threads",
+    "verify",
+    "verify, two threads",
+    "flush",
+];
+
+/// Cases with very many of one thing, and the comparison of all systems on a hood.
+const OF_COUNTS: [&str; 4] = ["stops", "fragments", "dots, 10 million", "compare, two threads"];
+
+/// Squares of facets along a side, name, height by that of the dome, and cases of each mesh.
+const SETS: [(usize, &str, f64, &[&str]); 4] = [
+    (500, "0.5M", 1.0, &OF_SIZES),
+    (1000, "2M", 1.0, &OF_SIZES),
+    (2000, "8M", 1.0, &OF_SIZES),
+    (250, "0.125M", 2.4, &OF_COUNTS),
+];
+
+/// The four figures of a case (CPU seconds, seconds, MB, units), and what is noted of it.
+fn columns(line: &str) -> ([f64; 4], &str) {
     let mut rest = line.trim();
     let mut next = || {
         let (word, more) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
         rest = more.trim_start();
-        word
+        word.parse().expect("a number")
     };
-    let [a, b, c] = [next(), next(), next()];
-    [a, b, c, rest]
+    ([next(), next(), next(), next()], rest)
 }
 
 /// Runs one case and prints what it took.
@@ -100,18 +120,19 @@ fn run(case: &str, stl: &Path) {
     let (case, threads) = case.strip_suffix(", two threads").map_or((case, 1), |case| (case, 2));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let start = Instant::now();
-    let note = pool.install(|| match case {
-        "floor" => format!("{} pieces", floor::job(stl, 0.1)),
-        "load" => format!("{} facets", load(stl).facet_count()),
-        "walk" => walk(&load(stl)),
+    let (units, note) = pool.install(|| match case {
+        "floor" => (0, format!("{} pieces", floor::job(stl, 0.1))),
+        "load" => (0, format!("{} facets", load(stl).facet_count())),
+        "walk" => (0, walk(&load(stl))),
         "verify" => {
             let proof = verify::verify(&stl.with_extension("contour.job"), None).unwrap_or_else(|e| panic!("{e}"));
             assert!(proof.ok, "{}", proof.to_text());
-            format!("{} fragments proved", proof.fragments)
+            (proof.fragments, format!("{} fragments proved", proof.fragments))
         }
+        "compare" => (0, compare_hood()),
         method => job(method, stl),
     });
-    println!("{:>9.2} {:>9.2} {:>9.0}  {note}", cpu_s(), start.elapsed().as_secs_f64(), peak_mb());
+    println!("{:>9.2} {:>9.2} {:>9.1} {units:>9}  {note}", cpu_s(), start.elapsed().as_secs_f64(), peak_mb());
 }
 
 fn load(stl: &Path) -> Surface {
@@ -133,18 +154,36 @@ fn walk(surface: &Surface) -> String {
     format!("{crossed} crossings, {rate:.1} M/s (check sum {sum:.0})")
 }
 
-/// Compiles to a folder on disk; dots are planned and ordered alone.
-fn job(case: &str, stl: &Path) -> String {
+/// Compares all systems on the hood of the README.
+fn compare_hood() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hood.toml");
+    let job = Job::load(&path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
+    let untold = compare::Progress { begins: &|_| {}, percent: &|_| {} };
+    let found =
+        compare::compare(&job, &compare::SYSTEMS, Protection::Saturate, None, untold).unwrap_or_else(|e| panic!("{e}"));
+    format!("{} systems", found.rows.len())
+}
+
+/// Compiles to a folder on disk; of very many units they are planned and ordered alone. Answers with the number of
+/// units.
+fn job(case: &str, stl: &Path) -> (usize, String) {
     let (method, texture) = match case {
+        "stops" => ("z-range", "pattern = \"hatch\"\npitch = \"5 mm\""),
+        "fragments" => ("z-range", "pattern = \"hatch\"\npitch = \"0.01 mm\""),
+        "dots, 10 million" => ("z-range", "pattern = \"dots\"\npitch = \"0.142 mm\""),
         "flush" => ("z-range", "pattern = \"hatch\"\npitch = \"1 mm\""),
         "squares" => ("z-range", "pattern = \"squares\"\npitch = \"1 mm\"\ncell = \"0.6 mm\""),
         "dots" => ("z-range", "pattern = \"dots\"\npitch = \"0.45 mm\"\njitter = \"50 %\""),
         "poisson" => ("z-range", "pattern = \"poisson\"\npitch = \"0.4 mm\""),
         method => (method, "pattern = \"hatch\"\npitch = \"0.1 mm\""),
     };
+    let pdof = match case {
+        "stops" => "0.0022 mm",
+        _ => "0.07 mm",
+    };
     let name = stl.file_name().and_then(|n| n.to_str()).expect("a name");
     let text = format!(
-        "[surface]\nfile = {name:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = \"0.07 mm\"\n[partition]\n\
+        "[surface]\nfile = {name:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = {pdof:?}\n[partition]\n\
          method = \"{method}\"\n[machine]\nprofile = \"xyz-galvo-40\"\n[[pen]]\nname = \"a\"\nspeed = \"1000 mm/s\"\n\
          power = \"60 %\"\nfrequency = \"60 kHz\"\ndwell = \"1 ms\"\n"
     );
@@ -153,9 +192,15 @@ fn job(case: &str, stl: &Path) -> String {
     let job = Job::parse(&path, &text, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     let begin = Instant::now();
     let plan = plan::plan(job, &|_, _| {}).unwrap_or_else(|e| panic!("{e}"));
-    if let "dots" | "poisson" = case {
-        let (s, planned) = (&plan.stepped().expect("a stepped job").summary, begin.elapsed().as_secs_f64());
-        return format!("{} stops, {} dots, {:.0} a second", s.stops, s.dots.marked, s.dots.marked as f64 / planned);
+    let (s, planned) = (&plan.stepped().expect("a stepped job").summary, begin.elapsed().as_secs_f64());
+    let units = match case {
+        "stops" => s.stops,
+        "dots" | "dots, 10 million" | "poisson" => s.dots.marked as usize,
+        _ => s.fragments,
+    };
+    if let "dots" | "poisson" | "dots, 10 million" | "stops" | "fragments" = case {
+        let (stops, rate) = (s.stops, units as f64 / planned);
+        return (units, format!("{units} units in {stops} stops, {rate:.0} units a second"));
     }
     let write = |durability| {
         let begin = Instant::now();
@@ -165,9 +210,9 @@ fn job(case: &str, stl: &Path) -> String {
     };
     let written = write(Durability::Unsynced);
     if case == "flush" {
-        return format!("written in {written:.2} s, and flushed to disk in {:.2} s", write(Durability::Synced));
+        let flushed = write(Durability::Synced);
+        return (units, format!("written in {written:.2} s, and flushed to disk in {flushed:.2} s"));
     }
-    let s = &plan.stepped().expect("a stepped job").summary;
     let per_figure = s.jump_mm / s.fragments.max(1) as f64;
-    format!("{} stops, {} fragments, jumps {per_figure:.3} mm each", s.stops, s.fragments)
+    (units, format!("{} stops, {} fragments, jumps {per_figure:.3} mm each", s.stops, s.fragments))
 }

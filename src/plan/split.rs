@@ -15,7 +15,7 @@ use crate::projection::{Keep, Tracer};
 use crate::split::{Fragment, Fragments, Least, Measure, Seam, Splitter};
 use crate::texture::Texture;
 
-/// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
+/// Most fragments and most points of all candidates, which are held in memory whole: some 6 GB.
 pub(super) const MAX_FRAGMENTS: usize = 50_000_000;
 
 pub(super) const MAX_POINTS: usize = 500_000_000;
@@ -77,9 +77,11 @@ impl Estimate {
         Self::new(texture.len() as f64, texture.points_estimate() as f64, length / f64::max(seen, 1.0), pitch, &levels)
     }
 
-    /// What they take, with the room that lists keep to grow, and the program that is laid out from them.
+    /// What they take, with the room that lists keep to grow, the program that is laid out from them, and a place for
+    /// the bound.
     fn bytes(self) -> u64 {
-        const FRAGMENT: usize = 3 * (size_of::<Fragment>() + size_of::<Measure>()) / 2 + size_of::<Stroke>();
+        const FRAGMENT: usize =
+            3 * (size_of::<Fragment>() + size_of::<Measure>()) / 2 + size_of::<Stroke>() + size_of::<[i32; 3]>();
         const POINT: usize = 5 * size_of::<[i32; 2]>() / 2;
         (self.fragments * FRAGMENT as f64 + self.points * POINT as f64) as u64
     }
