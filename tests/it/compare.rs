@@ -113,7 +113,7 @@ fn protection_option_selects_the_compensation() {
 /// Every system applies and keeps the limits; the time of seven axes converges; least acceleration is least.
 fn holds(found: &Value) {
     let (limits, systems) = (&found["limits"], found["systems"].as_array().expect("systems"));
-    assert_eq!(systems.len(), 13);
+    assert_eq!(systems.len(), terrace::compare::SYSTEMS.len());
     for s in systems.iter().filter(|s| !["flat", "tool-servo"].iter().any(|name| s["system"] == *name)) {
         assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + 0.01, "{s}");
         assert!(number(s, "within_limits_percent") > 99.9, "{s}");

@@ -87,7 +87,12 @@ fn stage_time(folder: &Path, xy: f64, z: f64) -> f64 {
         .iter()
         .map(|b| [0, 1, 2].map(|k| b["stage"][k].as_f64().expect("a number")))
         .collect();
-    let moves = at.windows(2).map(|w| if w[0][..2] == w[1][..2] { z } else { xy });
+    let moves = at.windows(2).map(|w| match (w[0] == w[1], w[0][..2] == w[1][..2]) {
+        // Two blocks at one place.
+        (true, _) => 0.0,
+        (_, true) => z,
+        _ => xy,
+    });
     xy + moves.sum::<f64>()
 }
 
