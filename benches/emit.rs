@@ -45,7 +45,7 @@ fn cards() -> String {
 }
 
 fn planned(stl: &Path, name: &str, texture: &str) -> SteppedPlan {
-    let formats: Vec<&str> = TARGETS.iter().filter(|t| t.stepped.is_some()).map(|t| t.name).collect();
+    let formats: Vec<&str> = TARGETS.iter().filter(|t| t.stepped.is_some()).map(|t| t.name()).collect();
     let surface = stl.file_name().and_then(|n| n.to_str()).expect("a name");
     let text = format!(
         "[surface]\nfile = {surface:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = \"0.2 mm\"\n[partition]\n\
@@ -81,6 +81,6 @@ fn table(name: &str, plan: &SteppedPlan) {
             best = best.min(begin.elapsed().as_secs_f64());
         }
         let points = if target.moves_stage { "-".into() } else { format!("{:.1} M", points as f64 / best / 1e6) };
-        println!("{:<10} {points:>14} {:>12.0} {bytes:>10}", target.name, blocks as f64 / best);
+        println!("{:<10} {points:>14} {:>12.0} {bytes:>10}", target.name(), blocks as f64 / best);
     }
 }

@@ -9,6 +9,7 @@ pub mod cli;
 pub mod compare;
 pub mod diag;
 pub mod emit;
+pub mod format;
 pub mod geom;
 pub mod job;
 pub mod job_folder;

@@ -10,19 +10,20 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-use serde_json::Value;
-
 use crate::check::Checked;
 use crate::diag::{self, Diag, Error, Place};
-use crate::emit::{Files, Stepped, TARGETS, Target, block_file, frames};
+use crate::emit::{Files, Stepped, TARGETS, Target, block_file};
+use crate::format::Format;
 use crate::geom::Nm;
 use crate::job::Mode;
-use crate::job_folder::{self, Durability};
-use crate::machine::Machine;
-use crate::manifest::{self, FileFact, Frames, Head, MANIFEST, Registered, Subset, Summary};
+use crate::job_folder::{self, Durability, Filling, Programs};
+use crate::manifest::{
+    self, FileFact, Frames, Head, MANIFEST, Manifest, Registered, RegistrationEntry, SetupEntry, Subset,
+};
 use crate::plan;
 use crate::program::{BlockFigures, BlockId, PenId, Program, text};
+use crate::progress::Task;
+use crate::report;
 use crate::report::runsheet::{self, Sheet};
 
 /// Which blocks are left; every choice takes some away.
@@ -91,62 +92,10 @@ pub struct Resumed {
     pub of: usize,
 }
 
-/// What a manifest says that the other files do not.
-#[derive(Deserialize)]
-struct Told {
-    machine: Machine,
-    placement: Placement,
-    focus: Focus,
-    passes: Vec<PassTold>,
-    setups: Vec<SetupTold>,
-    blocks: Vec<BlockTold>,
-    #[serde(default)]
-    subset: Option<Subset>,
-    #[serde(default)]
-    frames: Option<Frames>,
-    summary: Summary,
-}
-
-#[derive(Deserialize)]
-struct Placement {
-    #[serde(default)]
-    laid_deg: Option<[f64; 3]>,
-    turn_deg: f64,
-}
-
-#[derive(Deserialize)]
-struct Focus {
-    depth_range_mm: f64,
-}
-
-#[derive(Deserialize)]
-struct PassTold {
-    turn_deg: f64,
-    lowered_mm: f64,
-}
-
-#[derive(Deserialize)]
-struct SetupTold {
-    registration: Vec<RegistrationTold>,
-}
-
-#[derive(Deserialize)]
-struct RegistrationTold {
-    point_mm: [f64; 2],
-    stage: [f64; 2],
-}
-
-#[derive(Deserialize)]
-struct BlockTold {
-    time_s: f64,
-}
-
 /// A job folder as it lies on the disk.
 struct Whole<'a> {
     folder: &'a Path,
-    head: Head,
-    document: Value,
-    told: Told,
+    manifest: Manifest,
     formats: Vec<&'static Target>,
 }
 
@@ -168,30 +117,26 @@ pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durabil
     let (program, origins) = text::parse(&name.display().to_string(), &diag::read_file(&name, u64::MAX)?)?;
     let chosen = whole.chosen(&program, choice)?;
     let of = program.blocks.len();
-    if whole.told.blocks.len() != of {
-        let text = format!("the manifest lists {} blocks, program.txt has {of}", whole.told.blocks.len());
+    if whole.manifest.blocks.len() != of {
+        let text = format!("the manifest lists {} blocks, program.txt has {of}", whole.manifest.blocks.len());
         let d = Diag::input("manifest", text).at(place(&folder.join(MANIFEST)));
         return Err(d.hint("restore the job folder from a copy").into());
     }
     let figures: Vec<BlockFigures> = chosen
         .iter()
-        .map(|&i| BlockFigures { time_s: whole.told.blocks[i].time_s, ..BlockFigures::default() })
+        .map(|&i| BlockFigures { time_s: whole.manifest.blocks[i].time_s, ..BlockFigures::default() })
         .collect();
     let lifts = (0..of).map(|i| i == 0 || program.blocks[i].retract).collect();
     let checked = Checked::as_written(program.subset(&chosen), origins);
     let subset = whole.subset(checked.program());
     let rest = Rest { whole: &whole, lifts, chosen: &chosen, figures, checked, subset };
-    let job_file = job_folder::path_from(&folder.join(&whole.head.job.file), target)?;
-    job_folder::replace_stepped(target, durability, &|new| rest.write(new, &job_file))?;
+    let job_file = job_folder::path_from(&folder.join(&whole.manifest.head.job.file), target)?;
+    job_folder::replace_stepped(target, durability, &|filling| rest.write(filling, &job_file))?;
     Ok(Resumed { subset: rest.subset, of })
 }
 
 fn place(path: &Path) -> Place {
     Place::file(path.display().to_string())
-}
-
-fn unread(path: &Path, e: &std::io::Error) -> Error {
-    Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place(path)).into()
 }
 
 impl<'a> Whole<'a> {
@@ -209,32 +154,20 @@ impl<'a> Whole<'a> {
                 return Err(d.hint("restore the job folder from a copy: a changed one is not resumed").into());
             }
         }
-        let path = folder.join(MANIFEST);
-        let bytes = diag::read_file(&path, u64::MAX)?;
-        let broken = |e: serde_json::Error| {
-            Diag::input("manifest", format!("this is not a manifest of this version: {e}"))
-                .at(place(&path))
-                .hint("resume with the version of terrace that compiled the job")
-        };
-        let document: Value = serde_json::from_slice(&bytes).map_err(broken)?;
-        let told: Told = serde_json::from_slice(&bytes).map_err(broken)?;
-        let of_block = document["blocks"][0]["files"].as_object();
+        let manifest: Manifest = Manifest::read(folder)?;
         let formats = TARGETS.iter().filter(|t| match t.stepped {
             Some(Files::Whole(name, _)) => head.files.iter().any(|f| f.file == name),
-            Some(Files::Blocks(..)) => match &told.subset {
-                None => of_block.is_some_and(|files| files.contains_key(t.name)),
-                Some(_) => head.files.iter().any(|f| f.file.starts_with("blocks/") && ends_as(&f.file, t)),
-            },
+            Some(Files::Blocks(..)) => manifest.blocks.iter().any(|b| b.files.contains_key(t.name())),
             None => false,
         });
         let formats = formats.collect();
-        Ok(Self { folder, head, document, told, formats })
+        Ok(Self { folder, manifest, formats })
     }
 
     /// The places in the program of the blocks that are left.
     fn chosen(&self, program: &Program, choice: &Choice) -> Result<Vec<usize>, Error> {
         let held: Option<BTreeSet<&str>> =
-            self.told.subset.as_ref().map(|s| s.blocks.iter().map(String::as_str).collect());
+            self.manifest.subset.as_ref().map(|s| s.blocks.iter().map(String::as_str).collect());
         let ids = (0..program.blocks.len()).map(|i| program.id(i));
         let ids: Vec<BlockId> =
             ids.filter(|id| held.as_ref().is_none_or(|held| held.contains(id.to_string().as_str()))).collect();
@@ -260,7 +193,7 @@ impl<'a> Whole<'a> {
     }
 
     fn subset(&self, program: &Program) -> Subset {
-        let machine = &self.told.machine;
+        let machine = &self.manifest.machine;
         let time_s = plan::of_program(machine, program).total;
         let blocks = program.blocks.len();
         Subset {
@@ -268,14 +201,9 @@ impl<'a> Whole<'a> {
             stops: program.stops(),
             mark_mm: program.blocks.iter().map(|b| program.mark_mm(b)).sum(),
             time_s,
-            total_s: self.told.summary.loading.of_blocks(blocks, time_s).total_s,
+            total_s: self.manifest.summary.loading.of_blocks(blocks, time_s).total_s,
         }
     }
-}
-
-/// Whether a file has the ending of this target's files of single blocks.
-fn ends_as(file: &str, target: &Target) -> bool {
-    matches!(target.stepped, Some(Files::Blocks(ending, _)) if file.rsplit_once('.').is_some_and(|(_, e)| e == ending))
 }
 
 /// What is left, and what it is written from.
@@ -290,100 +218,62 @@ struct Rest<'a> {
 }
 
 impl Rest<'_> {
-    /// Fills the new folder.
-    fn write(&self, new: &Path, job_file: &str) -> Result<(), Error> {
-        let mut files = Vec::new();
-        let mut put = |name: &str, bytes: &[u8]| {
-            files.push(job_folder::put(new, name, bytes)?);
-            Ok::<(), Error>(())
-        };
+    /// Fills the new folder; answers with its manifest.
+    fn write(&self, mut filling: Filling<'_>, job_file: &str) -> Result<Vec<u8>, Error> {
         let Self { whole, checked, .. } = self;
-        let copied = |name: &str| {
-            let path = whole.folder.join(name);
-            diag::read_file(&path, u64::MAX)
-        };
-        put("program.txt", &copied("program.txt")?)?;
-        let formats: Vec<_> = whole.formats.iter().map(|t| t.format).collect();
-        let (job, part) = (name_of(&whole.head.job.file), self.surface().map_or_else(String::new, |f| name_of(&f)));
-        let Told { machine, .. } = &whole.told;
+        let copied = |name: &str| diag::read_file(&whole.folder.join(name), u64::MAX);
+        filling.put("program.txt", &copied("program.txt")?)?;
+        let formats: Vec<Format> = whole.formats.iter().map(|t| t.format).collect();
+        let (job, part) =
+            (name_of(&whole.manifest.head.job.file), self.surface().map_or_else(String::new, |f| name_of(&f)));
         let emitted = Stepped {
             checked,
-            machine,
+            machine: &whole.manifest.machine,
             figures: &self.figures,
             job: &job,
             part: &part,
             block_file: block_file(&formats),
             frames: None,
         };
-        let corners = self.corners();
-        let corners = corners.as_ref().map(|(checked, points)| Stepped {
-            checked,
-            figures: &[],
-            frames: Some(points),
-            ..emitted
-        });
-        let make_inner = |name: &str| {
-            let inner = new.join(name);
-            if inner.exists() { Ok(()) } else { fs::create_dir(&inner).map_err(|e| unread(&inner, &e)) }
-        };
-        for target in &whole.formats {
-            match target.stepped {
-                Some(Files::Whole(name, write)) => {
-                    put(name, &write(&emitted))?;
-                    if let Some(corners) = &corners {
-                        make_inner("frames")?;
-                        put(&frames::of_whole(name), &write(corners))?;
-                    }
-                }
-                Some(Files::Blocks(ending, _)) => {
-                    make_inner("blocks")?;
-                    let ids = || (0..checked.program().blocks.len()).map(|i| checked.program().id(i));
-                    for name in ids().map(|id| Program::block_file(id, ending)) {
-                        put(&name, &copied(&name)?)?;
-                    }
-                    if corners.is_some() {
-                        make_inner("frames")?;
-                        for name in ids().map(|id| frames::of_block(id, ending)) {
-                            put(&name, &copied(&name)?)?;
-                        }
-                    }
-                }
-                None => {}
-            }
-        }
-        for picture in whole.head.files.iter().map(|f| &f.file).filter(|f| f.ends_with(".svg")) {
-            let svg = String::from_utf8_lossy(&copied(picture)?).into_owned();
-            put(picture, self.picture(&svg).as_bytes())?;
-        }
-        if whole.head.files.iter().any(|f| f.file == VIEW) {
-            let page = String::from_utf8_lossy(&copied(VIEW)?).into_owned();
-            put(VIEW, self.view(&page).as_bytes())?;
+        let points = self.registration_points();
+        let frames = self.frame_pen().map(|pen| (pen, points.as_slice()));
+        let programs = Programs { emitted, formats: &formats, frames, whole: Some(whole.folder) };
+        programs.write(&mut filling, [Task::untold(), Task::untold()])?;
+        for FileFact { file, .. } in &whole.manifest.head.files {
+            let shown: fn(&Self, &str) -> String = match file.as_str() {
+                VIEW => Self::view,
+                REPORT => Self::report,
+                picture if picture.ends_with(".svg") => Self::picture,
+                _ => continue,
+            };
+            filling.put(file, shown(self, &String::from_utf8_lossy(&copied(file)?)).as_bytes())?;
         }
         let sheet = self.sheet(job_file);
-        put("runsheet.csv", &runsheet::csv(&sheet))?;
-        put("runsheet.txt", &runsheet::txt(&sheet))?;
-        files.sort_by(|a, b| a.file.cmp(&b.file));
-        job_folder::put(new, MANIFEST, &self.manifest(job_file, &files))?;
-        Ok(())
+        filling.put("runsheet.csv", &runsheet::csv(&sheet))?;
+        filling.put("runsheet.txt", &runsheet::txt(&sheet))?;
+        Ok(self.manifest(job_file, filling.into_files()))
     }
 
-    /// The frames of the outline, and the registration points; None where the job has no frames.
-    fn corners(&self) -> Option<(Checked, Vec<Vec<[Nm; 2]>>)> {
-        let told = &self.whole.told;
-        let name = &told.frames.as_ref()?.pen;
+    /// The pen that draws the frames; None where the job has none.
+    fn frame_pen(&self) -> Option<PenId> {
+        let name = &self.whole.manifest.frames.as_ref()?.pen;
         let pen = self.checked.program().pens.iter().position(|pen| pen.name == *name)?;
-        let points = told.setups.iter().map(|s| s.registration.iter().map(|r| registered(r).at).collect());
-        Some((frames::of_outline(&self.checked, PenId(pen as u16), &told.machine), points.collect()))
+        Some(PenId(pen as u16))
+    }
+
+    /// Commanded x and y of the registration points of every set-up.
+    fn registration_points(&self) -> Vec<Vec<[Nm; 2]>> {
+        let setups = self.whole.manifest.setups.iter();
+        setups.map(|s| registered(s).into_iter().map(|r| r.at).collect()).collect()
     }
 
     /// The surface file, as the manifest names it.
     fn surface(&self) -> Option<String> {
-        self.whole.head.inputs.iter().find(|i| i.role == "surface").map(|i| i.file.clone())
+        self.whole.manifest.head.inputs.iter().find(|i| i.role == "surface").map(|i| i.file.clone())
     }
 
     fn sheet<'a>(&'a self, job_file: &'a str) -> Sheet<'a> {
-        let told = &self.whole.told;
-        let points = |s: &SetupTold| s.registration.iter().map(registered).collect();
+        let told = &self.whole.manifest;
         let has_setups = told.setups.len() > 1 || told.setups.iter().any(|s| !s.registration.is_empty());
         let second = told.passes.get(1).map_or([0.0; 2], |pass| [pass.lowered_mm, pass.turn_deg]);
         Sheet {
@@ -394,7 +284,7 @@ impl Rest<'_> {
             laid_deg: told.placement.laid_deg,
             per_pass: second,
             formats: self.whole.formats.iter().map(|t| t.format).collect(),
-            registration: has_setups.then(|| told.setups.iter().map(points).collect()),
+            registration: has_setups.then(|| told.setups.iter().map(registered).collect()),
             checked: &self.checked,
             depth_mm: told.focus.depth_range_mm,
             figures: self.figures.clone(),
@@ -407,13 +297,13 @@ impl Rest<'_> {
     /// A picture of the whole job with the blocks that are not left in grey.
     fn picture(&self, svg: &str) -> String {
         let left: BTreeSet<usize> = self.chosen.iter().copied().collect();
-        let gone = (0..self.whole.told.blocks.len()).filter(|i| !left.contains(i));
+        let gone = (0..self.whole.manifest.blocks.len()).filter(|i| !left.contains(i));
         let gone: Vec<String> = gone.map(|i| format!("#block-{}", BlockId::new(i))).collect();
         let style = match gone.is_empty() {
             true => String::new(),
             false => format!("<style>{}{{fill:#eee;stroke:#ccc}}</style>\n", gone.join(",")),
         };
-        let told = format!("{} of {} blocks are left", left.len(), self.whole.told.blocks.len());
+        let told = self.left();
         // A picture of a rest says what was left there.
         let lines = svg.lines().filter(|line| !line.ends_with("blocks are left</text>"));
         let whole = |line: &str| match line.strip_suffix(" blocks are left</title>").and_then(|l| l.rsplit_once(": ")) {
@@ -425,6 +315,16 @@ impl Rest<'_> {
         let end = drawn.rfind("</svg>").unwrap_or(drawn.len());
         let (before, after) = drawn.split_at(end);
         format!("{before}{}{after}", caption(&svg, &told).unwrap_or_default())
+    }
+
+    /// The report of the whole job, which says first what is left of it.
+    fn report(&self, page: &str) -> String {
+        report::of_rest(page, &self.left())
+    }
+
+    /// How much is left, in words.
+    fn left(&self) -> String {
+        format!("{} of {} blocks are left", self.chosen.len(), self.whole.manifest.blocks.len())
     }
 
     /// The view of the whole job, which shows the blocks that are left.
@@ -441,41 +341,40 @@ impl Rest<'_> {
     }
 
     /// The manifest of the whole job, with the files of this folder and the blocks that it holds.
-    fn manifest(&self, job_file: &str, files: &[FileFact]) -> Vec<u8> {
-        let mut document = self.whole.document.clone();
-        document["job"]["file"] = job_file.into();
-        document["files"] = serde_json::json!(files);
-        let program = self.checked.program();
-        let machine = &self.whole.told.machine;
+    fn manifest(&self, job_file: &str, files: Vec<FileFact>) -> Vec<u8> {
+        let mut manifest = self.whole.manifest.clone();
+        let (program, machine) = (self.checked.program(), &self.whole.manifest.machine);
+        manifest.head.job.file = job_file.into();
+        manifest.head.files = files;
         let mut left = self.chosen.iter().enumerate().peekable();
-        for (i, entry) in document["blocks"].as_array_mut().into_iter().flatten().enumerate() {
+        for (i, entry) in manifest.blocks.iter_mut().enumerate() {
             match left.next_if(|(_, place)| **place == i) {
                 Some((at, _)) => {
-                    debug_assert_eq!(entry["id"], program.id(at).to_string());
-                    entry["lift_z_mm"] = manifest::lift_mm(machine, &self.checked, at).into();
+                    debug_assert_eq!(entry.id, program.id(at).to_string());
+                    entry.lift_z_mm = manifest::lift_mm(machine, &self.checked, at);
                 }
                 None => {
-                    entry["files"] = serde_json::json!({});
-                    entry["lift_z_mm"] = self.lifts[i].then(|| machine.retract_z().mm()).into();
+                    entry.files.clear();
+                    entry.lift_z_mm = self.lifts[i].then(|| machine.retract_z().mm());
                 }
             }
         }
-        document["subset"] = serde_json::json!(self.subset);
-        if let Some(frames) = &self.whole.told.frames {
-            document["frames"] = serde_json::json!(Frames::new(&frames.pen, &self.checked, machine));
-        }
-        let mut out = serde_json::to_vec_pretty(&document).expect("all keys are text");
-        out.push(b'\n');
-        out
+        manifest.subset = Some(self.subset.clone());
+        manifest.frames = manifest.frames.map(|frames| Frames::new(&frames.pen, &self.checked, machine));
+        manifest.bytes()
     }
 }
 
-fn registered(told: &RegistrationTold) -> Registered {
-    Registered { point_mm: told.point_mm, at: told.stage.map(|mm| Nm::from_mm(mm).unwrap_or_default()) }
+/// The registration points of a set-up.
+fn registered(setup: &SetupEntry) -> Vec<Registered> {
+    setup.registration.iter().filter_map(RegistrationEntry::registered).collect()
 }
 
 /// The page that shows a job in three dimensions.
 const VIEW: &str = "view.html";
+
+/// The record of a job.
+const REPORT: &str = "report.html";
 
 /// Words at the lower edge of a picture.
 fn caption(svg: &str, words: &str) -> Option<String> {

@@ -265,7 +265,8 @@ impl List {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::emit::{self, Format};
+    use crate::emit;
+    use crate::format::Format;
     use crate::program::sample;
     use crate::units::{Frequency, Speed};
 

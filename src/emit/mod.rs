@@ -23,7 +23,7 @@ pub mod rtc;
 mod target;
 
 pub use known::{Key, Known, KnownFault};
-pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, known_faults, names};
+pub use target::{Files, FlyFile, Stepped, TARGETS, Target, block_file, faults, known_faults};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

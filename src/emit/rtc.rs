@@ -208,7 +208,8 @@ impl Text<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::emit::{self, Format};
+    use crate::emit;
+    use crate::format::Format;
     use crate::program::sample;
 
     fn sample() -> (Checked, Machine) {

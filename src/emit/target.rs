@@ -1,45 +1,18 @@
 //! The table of targets: what each is called, which files it writes, and what it can carry.
 //!
-//! A target is a writer next to this file, a variant of [`Format`] and a row here; its reader is in `verify::read` and
+//! A target is a writer next to this file, a variant and a row of [`Format`] and a row here; its reader is in `verify::read` and
 //! that reader's row in the verifier's own table.
-
-use serde::{Deserialize, Serialize};
 
 use super::known::{Known, KnownFault};
 use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc};
 use crate::check::Checked;
 use crate::diag::{Diag, Error};
+use crate::format::Format;
 use crate::geom::Nm;
 use crate::machine::{LoadingWay, Machine};
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
 use crate::program::{BlockFigures, BlockId, Program};
-
-/// Program formats, by the names that job files give them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, schemars::JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Format {
-    /// One DXF R12 file per block.
-    Dxf,
-    /// LinuxCNC: a stage program with a START / BUSY handshake, or an on-the-fly program.
-    Linuxcnc,
-    /// One CSV file of points per block.
-    Csv,
-    /// Plain G-code stage program that waits with M0.
-    Gcode,
-    /// One LightBurn project per block.
-    Lightburn,
-    /// One list for a BJJCZ (LMC) card per block.
-    Lmc,
-    /// OpenVectorFormat.
-    Ovf,
-    /// One CSV file with the pose of the head at every block.
-    Poses,
-    /// On-the-fly program for Power PMAC.
-    Pmac,
-    /// One text with lists for a SCANLAB RTC board per block.
-    Rtc,
-}
 
 /// What the writers of a stepped job are given.
 #[derive(Clone, Copy)]
@@ -108,8 +81,6 @@ pub struct FlyFile {
 pub struct Target {
     /// Which.
     pub format: Format,
-    /// Its name in job files and messages.
-    pub name: &'static str,
     /// What it writes of a stepped job; None where it cannot.
     pub stepped: Option<Files>,
     /// What it writes of an on-the-fly job; None where it cannot.
@@ -128,8 +99,6 @@ pub struct Target {
     pub ways: &'static [LoadingWay],
     /// Whether it is a program for the control of the stage.
     pub moves_stage: bool,
-    /// Whether the operator can move the part in the middle of a stepped job.
-    pub allows_setups: bool,
     /// Lines of the run sheet that say how its files are used.
     pub sheet: &'static [&'static str],
 }
@@ -141,7 +110,6 @@ const OF_BLOCKS: &[LoadingWay] = &[LoadingWay::Run, LoadingWay::Card, LoadingWay
 pub const TARGETS: [Target; 10] = [
     Target {
         format: Format::Dxf,
-        name: "dxf",
         stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
         on_the_fly: None,
         known_faults: no_known_faults,
@@ -151,7 +119,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: OF_BLOCKS,
         moves_stage: false,
-        allows_setups: true,
         sheet: &[
             "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
             "of that block and nowhere else. Layer and colour number are the number of the pen. Switch off",
@@ -160,7 +127,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Csv,
-        name: "csv",
         stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
         on_the_fly: None,
         known_faults: no_known_faults,
@@ -170,7 +136,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: OF_BLOCKS,
         moves_stage: false,
-        allows_setups: true,
         sheet: &[
             "blocks/B0001.csv and so on hold one block each as points in mm: number of the stroke, number of",
             "the pen, x, y. The beam is on between points of the same stroke and off between strokes.",
@@ -178,7 +143,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Lightburn,
-        name: "lightburn",
         stepped: Some(Files::Blocks("lbrn2", |job, i| lightburn::block(job.checked, job.machine, i))),
         on_the_fly: None,
         known_faults: lightburn::known_faults,
@@ -188,7 +152,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: OF_BLOCKS,
         moves_stage: false,
-        allows_setups: true,
         sheet: &[
             "blocks/B0001.lbrn2 and so on are LightBurn projects of one block each, with speed, power, frequency",
             "and passes of every pen; layer 00 is pen 1. LightBurn marks layer after layer, and the paths of a",
@@ -197,7 +160,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Lmc,
-        name: "lmc",
         stepped: Some(Files::Blocks("lmc", |job, i| lmc::block(job.checked, job.machine, i))),
         on_the_fly: None,
         known_faults: lmc::known_faults,
@@ -207,7 +169,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: OF_BLOCKS,
         moves_stage: false,
-        allows_setups: true,
         sheet: &[
             "blocks/B0001.lmc and so on are lists of one block each for a BJJCZ (LMC) card, in units of the card,",
             "with all settings of the pens. They hold no correction of the field: load it before.",
@@ -215,7 +176,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Rtc,
-        name: "rtc",
         stepped: Some(Files::Blocks("rtc", |job, i| rtc::block(job.checked, job.machine, i))),
         on_the_fly: None,
         known_faults: rtc::known_faults,
@@ -225,7 +185,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: true,
         ways: OF_BLOCKS,
         moves_stage: false,
-        allows_setups: true,
         sheet: &[
             "blocks/B0001.rtc and so on are lists of one block each for a SCANLAB RTC board, as text in the units",
             "of the board, for a program of your own that goes through them line by line.",
@@ -233,7 +192,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Linuxcnc,
-        name: "linuxcnc",
         stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
         on_the_fly: Some(FlyFile {
             name: "fly.ngc",
@@ -248,7 +206,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: &[LoadingWay::Card],
         moves_stage: true,
-        allows_setups: true,
         sheet: &[
             "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
             "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
@@ -259,7 +216,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Gcode,
-        name: "gcode",
         stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
         on_the_fly: None,
         known_faults: no_known_faults,
@@ -269,7 +225,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: &[LoadingWay::Person],
         moves_stage: true,
-        allows_setups: true,
         sheet: &[
             "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
             "cycle start. Never press it while the laser is on. Dwells are in seconds. The first line of block",
@@ -278,7 +233,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Ovf,
-        name: "ovf",
         stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
         on_the_fly: None,
         known_faults: no_known_faults,
@@ -288,14 +242,12 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: true,
         ways: &[LoadingWay::Ovf],
         moves_stage: false,
-        allows_setups: false,
         sheet: &[
             "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
         ],
     },
     Target {
         format: Format::Poses,
-        name: "poses",
         stepped: Some(Files::Whole("poses.csv", poses::write)),
         on_the_fly: None,
         known_faults: no_known_faults,
@@ -305,7 +257,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: &[LoadingWay::Person],
         moves_stage: false,
-        allows_setups: true,
         sheet: &[
             "poses.csv holds the pose of the head at each block, for a robot or a gantry: the centre of the field in",
             "the focal plane, mm in the frame of the part, and the turns about z, y and x (ZYX Euler angles, deg)",
@@ -314,7 +265,6 @@ pub const TARGETS: [Target; 10] = [
     },
     Target {
         format: Format::Pmac,
-        name: "pmac",
         stepped: None,
         on_the_fly: Some(FlyFile {
             name: "fly.pmc",
@@ -329,7 +279,6 @@ pub const TARGETS: [Target; 10] = [
         carries_focus_shift: false,
         ways: &[],
         moves_stage: true,
-        allows_setups: false,
         sheet: &[],
     },
 ];
@@ -339,10 +288,12 @@ impl Format {
     pub fn target(self) -> &'static Target {
         TARGETS.iter().find(|t| t.format == self).expect("every format has a row, as a test holds")
     }
+}
 
+impl Target {
     /// Its name in job files and messages.
-    pub fn name(self) -> &'static str {
-        self.target().name
+    pub fn name(&self) -> &'static str {
+        self.format.name()
     }
 }
 
@@ -375,12 +326,6 @@ fn no_faults(_: &Program, _: &Machine) -> Vec<Diag> {
     Vec::new()
 }
 
-/// The names of targets in quotes, for messages.
-pub fn names<'a>(targets: impl IntoIterator<Item = &'a Target>) -> String {
-    let quoted: Vec<String> = targets.into_iter().map(|target| format!("{:?}", target.name)).collect();
-    quoted.join(", ")
-}
-
 /// The ending of the files of single blocks among what `formats` write, the first where there are several.
 pub fn block_file(formats: &[Format]) -> Option<&'static str> {
     formats.iter().find_map(|f| match f.target().stepped {
@@ -394,16 +339,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_format_has_one_row() {
-        // The list of all formats is that of the schema of job files.
-        let schema = schemars::schema_for!(Format).to_value();
-        let names = schema["oneOf"].as_array().expect("one entry a format").iter().map(|e| e["const"].clone());
-        let names: Vec<serde_json::Value> = names.collect();
-        assert_eq!(names.len(), TARGETS.len());
-        for name in names {
-            let format: Format = serde_json::from_value(name.clone()).expect("a format");
-            assert_eq!(TARGETS.iter().filter(|t| t.format == format).count(), 1, "{format:?}");
-            assert_eq!(name, format.name());
+    fn formats_have_a_target_in_their_order_and_it_writes_the_jobs_that_they_can_hold() {
+        let of_targets: Vec<Format> = TARGETS.iter().map(|t| t.format).collect();
+        assert_eq!(of_targets, Format::all().collect::<Vec<_>>());
+        for target in &TARGETS {
+            let writes = (target.stepped.is_some(), target.on_the_fly.is_some());
+            assert_eq!(writes, (target.format.is_stepped(), target.format.is_on_the_fly()), "{}", target.name());
         }
     }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file_unit::FileUnit;
 use super::texture::keys::TextureKeys;
-use crate::emit::Format;
+use crate::format::Format;
 use crate::units::{
     Angle, Frequency, Length, Power, Share, Speed, Time, non_negative, non_negative_option, positive, positive_option,
 };
@@ -86,18 +86,23 @@ impl Mode {
 pub struct SurfaceKeys {
     /// STL, OBJ, PLY, 3MF, STEP, IGES, height map (PNG, TIFF, ESRI ASCII grid, USGS DEM), or XYZ / CSV point cloud;
     /// relative to the job file.
+    #[schemars(example = &"part.stl")]
     pub file: PathBuf,
     /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds. 3MF files state theirs.
+    #[schemars(example = &"mm")]
     #[serde(default)]
     pub unit: Option<FileUnit>,
     /// Where the part's origin lies in the file: x, y and z in its own unit, subtracted from all coordinates; default
     /// (0, 0, 0). Not for height maps, STEP and IGES.
+    #[schemars(example = [0.0, 0.0, 0.0])]
     #[serde(default)]
     pub datum: Option<[f64; 3]>,
     /// Factor on all coordinates, such as 4e-5 for a map at 1 : 25000; default 1. Not for height maps, STEP and IGES.
+    #[schemars(example = 1.0)]
     #[serde(default)]
     pub scale: Option<f64>,
     /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.
+    #[schemars(example = &"2 um")]
     #[serde(default, deserialize_with = "non_negative")]
     pub weld: Length,
     /// What happens where an edge joins three facets, or another odd number above: a sheet hangs on another.
@@ -105,6 +110,7 @@ pub struct SurfaceKeys {
     pub non_manifold: NonManifold,
     /// How far facets, samples or points of the file lie from the part, for the depth budget: the chord tolerance of an
     /// export, the error of a measurement. Not for STEP and IGES, whose chord tolerance is known.
+    #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub tessellation: Option<Length>,
     /// Scale of a height map; required for PNG, TIFF and USGS DEM.
@@ -112,6 +118,7 @@ pub struct SurfaceKeys {
     pub heightmap: Option<HeightmapKeys>,
     /// Longest triangle edge that a point cloud may be meshed with; default: eight times the typical
     /// spacing. Longer ones are holes.
+    #[schemars(example = &"5 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub max_edge: Option<Length>,
 }
@@ -132,15 +139,19 @@ pub enum NonManifold {
 #[serde(deny_unknown_fields)]
 pub struct HeightmapKeys {
     /// Distance of neighbouring samples.
+    #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
     pub pixel: Length,
     /// Heights that the two `values` stand for.
+    #[schemars(example = ["0 mm", "12 mm"])]
     pub z: [Length; 2],
     /// Sample values that stand for the two heights; default the full range of the file's depth, where its samples are
     /// whole numbers.
+    #[schemars(example = [1.0, 65535.0])]
     #[serde(default)]
     pub values: Option<[f64; 2]>,
     /// Sample value that means "no surface here", beside NaN and the value that the file states.
+    #[schemars(example = 0.0)]
     #[serde(default)]
     pub nodata: Option<f64>,
     /// Part-frame position of the lower left sample; default (0, 0).
@@ -154,16 +165,20 @@ pub struct HeightmapKeys {
 pub struct PlacementKeys {
     /// Table-frame position of the (turned) part's origin; default: centre of the texture at the
     /// centre of travel.
+    #[schemars(example = ["300 mm", "200 mm", "-80 mm"])]
     #[serde(default)]
     pub origin: Option<[Length; 3]>,
     /// Rotations of the surface file about its x, y and z axis, in this order, before all else: how the part is laid.
+    #[schemars(example = ["0 deg", "90 deg", "0 deg"])]
     #[serde(default)]
     pub rotate: Option<[Angle; 3]>,
     /// Instead of `rotate`: the direction in the surface file that is to look at the lens.
+    #[schemars(example = [0.0, 0.0, 1.0])]
     #[serde(default)]
     pub up: Option<[f64; 3]>,
     /// Instead of `rotate`: three points of the surface file whose plane is to be level; counter-clockwise as the lens
     /// sees them.
+    #[schemars(example = [[0.0, 0.0, 5.0], [100.0, 0.0, 5.0], [0.0, 80.0, 5.0]])]
     #[serde(default)]
     pub level: Option<[[f64; 3]; 3]>,
     /// Turn of the part about its z axis, counter-clockwise.
@@ -171,9 +186,11 @@ pub struct PlacementKeys {
     pub turn: Angle,
     /// How far points of the part lie, in x and y, from where the placement has them once the part is registered, for
     /// the error budget.
+    #[schemars(example = &"0.02 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub residual: Option<Length>,
     /// The same in z: how exactly the height of the part is set, for the depth budget.
+    #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub residual_z: Option<Length>,
 }
@@ -208,12 +225,15 @@ pub struct FocusKeys {
     #[serde(default)]
     pub pdof: Option<Length>,
     /// Depth of focus of the optics.
+    #[schemars(example = &"0.06 mm")]
     #[serde(default)]
     pub dof: Option<Length>,
     /// PDOF = factor × DOF, 0.8 to 1.2 in the article.
+    #[schemars(example = 1.2)]
     #[serde(default)]
     pub factor: Option<f64>,
     /// What is taken off PDOF for errors of part, set-up and machine; blocks are made for the rest.
+    #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative")]
     pub reserve: Length,
     /// Focal plane of a block.
@@ -262,10 +282,12 @@ pub struct PartitionKeys {
     #[serde(default)]
     pub method: Method,
     /// Pitch of the grid of sections; default: the usable field.
+    #[schemars(example = &"39 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub section: Option<Length>,
     /// Fragments shorter than this are skipped and counted; default: those shorter than half the spot that a cut made,
     /// next to a mark of their stroke.
+    #[schemars(example = &"5 um")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub min_mark: Option<Length>,
     /// What `auto` minimises.
@@ -273,18 +295,22 @@ pub struct PartitionKeys {
     pub objective: Objective,
     /// Closed figures and strokes no larger than this along x and y are marked in one piece wherever a stop can contain
     /// them; default: none.
+    #[schemars(example = &"2 mm")]
     #[serde(default, deserialize_with = "non_negative")]
     pub keep_whole: Length,
     /// Strokes are cut at a random place within this length before the border of a stop, where both stops admit it, so
     /// that cuts do not line up; default: none, all cuts lie on the border.
+    #[schemars(example = &"0.2 mm")]
     #[serde(default, deserialize_with = "non_negative")]
     pub zone: Length,
     /// Strokes that are cut between two stops are marked by both over this length before the cut, as far as both admit
     /// it; default: none. Not together with `zone`.
+    #[schemars(example = &"0.05 mm")]
     #[serde(default, deserialize_with = "non_negative")]
     pub overlap: Length,
     /// How far levels overlap up and down, so that a rough surface does not change the stop at every ripple. It is
     /// taken from the depth range. Default: from the surface's roughness.
+    #[schemars(example = &"5 um")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub hysteresis: Option<Length>,
 }
@@ -351,16 +377,20 @@ pub struct OrderKeys {
 #[serde(deny_unknown_fields)]
 pub struct PassesKeys {
     /// How many times, 1 to 100.
+    #[schemars(example = 3)]
     #[serde(default = "once")]
     pub count: u32,
     /// By how much straight hatches turn from pass to pass, counter-clockwise.
+    #[schemars(example = &"67 deg")]
     #[serde(default)]
     pub rotate: Angle,
     /// By how much focal planes sink from pass to pass, the depth that a pass removes.
+    #[schemars(example = &"8 um")]
     #[serde(default, deserialize_with = "non_negative")]
     pub lower: Length,
     /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not coincide; default:
     /// the golden part of a section. With "0 mm" levels do not move either.
+    #[schemars(example = &"10 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub shift: Option<Length>,
 }
@@ -383,6 +413,7 @@ pub struct SetupsKeys {
     pub rows: Parts,
     /// Points of the part's own frame that the operator finds with the pilot laser, x and y; every set-up
     /// must reach two.
+    #[schemars(example = [["0 mm", "0 mm"], ["100 mm", "0 mm"]])]
     pub registration: Vec<[Length; 2]>,
 }
 
@@ -425,6 +456,7 @@ pub enum Compensate {
 #[serde(deny_unknown_fields)]
 pub struct Dose {
     /// What is changed.
+    #[schemars(example = &"speed")]
     pub compensate: Compensate,
     /// By how much at most: 1.5 is a speed of two thirds, or half as much power again.
     #[serde(default = "default_cap")]
@@ -516,9 +548,11 @@ impl Default for LimitsKeys {
 #[serde(deny_unknown_fields)]
 pub struct MachineKeys {
     /// Name of a built-in profile (`terrace machines`).
+    #[schemars(example = &"xyz-galvo-40")]
     #[serde(default)]
     pub profile: Option<String>,
     /// A machine file, relative to the job file.
+    #[schemars(example = &"our-machine.toml")]
     #[serde(default)]
     pub file: Option<PathBuf>,
 }
@@ -528,6 +562,7 @@ pub struct MachineKeys {
 #[serde(deny_unknown_fields)]
 pub struct PenKeys {
     /// Name that textures refer to.
+    #[schemars(example = &"fill")]
     pub name: String,
     /// Mark speed.
     #[serde(deserialize_with = "positive")]
@@ -541,9 +576,11 @@ pub struct PenKeys {
     #[serde(default = "once")]
     pub passes: u32,
     /// How long the beam is on at a dot; or give `pulses`. Dots need one of the two.
+    #[schemars(example = &"1 ms")]
     #[serde(default, deserialize_with = "positive_option")]
     pub dwell: Option<Time>,
     /// Pulses of a dot: the dwell is so many periods of `frequency`.
+    #[schemars(example = 20)]
     #[serde(default)]
     pub pulses: Option<u32>,
     /// Seven axes only: the spot gets to its speed before a mark and loses it after the mark, with the laser off.
@@ -560,10 +597,12 @@ fn once() -> u32 {
 #[serde(deny_unknown_fields)]
 pub struct EmitKeys {
     /// The formats; default: those that the job's mode is usually marked with.
+    #[schemars(example = ["dxf", "linuxcnc", "ovf"])]
     #[serde(default)]
     pub formats: Option<Vec<Format>>,
     /// Pen that the frames of the blocks are drawn with, of a power that leaves no mark; no texture may use it. Default:
     /// no frames.
+    #[schemars(example = &"pilot")]
     #[serde(default)]
     pub frames: Option<String>,
     /// What the power of marks on the fly follows.

@@ -19,7 +19,7 @@ mod setting;
 mod texture;
 mod unused;
 
-pub use crate::emit::Format;
+pub use crate::format::Format;
 pub use file::{
     Compensate, DepthRule, Dose, Implausible, Level, MarkPower, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
     json_schema,

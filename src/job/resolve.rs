@@ -17,7 +17,7 @@ use super::texture::Texture;
 use super::texture::keys::TextureKeys;
 use super::unused;
 use crate::diag::{Diag, Error};
-use crate::emit::{Format, TARGETS, Target, names};
+use crate::format::{Format, names};
 use crate::geom::{MAX_NM, Nm, P2};
 use crate::machine::Origin;
 use crate::program::{Pen, PenId};
@@ -36,16 +36,16 @@ pub const MAX_SETUPS: u32 = 100;
 /// The formats of a job that names none.
 const fn default_formats(mode: Mode) -> &'static [Format] {
     match mode {
-        Mode::Stepped => &[Format::Dxf, Format::Linuxcnc, Format::Ovf],
-        Mode::OnTheFly => &[Format::Linuxcnc, Format::Pmac],
+        Mode::Stepped => &Format::OF_STEPPED,
+        Mode::OnTheFly => &Format::OF_ON_THE_FLY,
     }
 }
 
-/// Whether a target writes jobs of this mode.
-fn writes(target: &Target, mode: Mode) -> bool {
+/// Whether a format can hold jobs of this mode.
+fn holds(format: Format, mode: Mode) -> bool {
     match mode {
-        Mode::Stepped => target.stepped.is_some(),
-        Mode::OnTheFly => target.on_the_fly.is_some(),
+        Mode::Stepped => format.is_stepped(),
+        Mode::OnTheFly => format.is_on_the_fly(),
     }
 }
 
@@ -478,7 +478,7 @@ fn dose(file: &JobFile, f: &mut Faults<'_>) {
 fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
     let key = "emit.formats";
     let Some(formats) = &file.emit.formats else {
-        let possible = |format: &&Format| file.setups.is_none() || format.target().allows_setups;
+        let possible = |format: &&Format| file.setups.is_none() || format.allows_setups();
         return default_formats(mode).iter().filter(possible).copied().collect();
     };
     if formats.is_empty() {
@@ -490,25 +490,25 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
     let mut formats = formats.clone();
     formats.sort_unstable();
     formats.dedup();
-    let possible = |fits: &dyn Fn(&Target) -> bool| names(TARGETS.iter().filter(|t| writes(t, mode) && fits(t)));
+    let possible = |fits: &dyn Fn(Format) -> bool| names(Format::all().filter(|&f| holds(f, mode) && fits(f)));
     if mode != file.mode {
         // The job file is of the other mode: keys that only the other mode has are not faults.
-        let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|f| writes(f.target(), mode));
+        let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|&&f| holds(f, mode));
         formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
         if !left.is_empty() {
-            let list = |formats: &[Format]| names(formats.iter().map(|f| f.target()));
+            let list = |formats: &[Format]| names(formats.iter().copied());
             let text = format!("emit.formats {} cannot be written for {} jobs", list(&left), mode.name());
             f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats of this job: {}", list(&formats))));
         }
     }
-    for target in formats.iter().map(|format| format.target()) {
-        if !writes(target, mode) {
-            let text = format!("{:?} cannot be written for {} jobs", target.name, mode.name());
+    for &format in &formats {
+        if !holds(format, mode) {
+            let text = format!("{:?} cannot be written for {} jobs", format.name(), mode.name());
             let hint = format!("leave it out; formats for this mode: {}", possible(&|_| true));
             f.push(key, Diag::input("emit-mode", text).hint(hint));
-        } else if file.setups.is_some() && !target.allows_setups {
-            let text = format!("{:?} has no stop between set-ups, at which the part could be moved", target.name);
-            let hint = format!("leave it out; formats that stop between set-ups: {}", possible(&|t| t.allows_setups));
+        } else if file.setups.is_some() && !format.allows_setups() {
+            let text = format!("{:?} has no stop between set-ups, at which the part could be moved", format.name());
+            let hint = format!("leave it out; formats that stop between set-ups: {}", possible(&Format::allows_setups));
             f.push(key, Diag::input("setups-format", text).hint(hint));
         }
     }

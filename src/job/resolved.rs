@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
 use crate::diag::{self, Diag, Error, Place};
-use crate::emit::Format;
+use crate::format::Format;
 use crate::geom::{NM_PER_MM, Nm, P2, Pose};
 use crate::machine::{Machine, Origin};
 use crate::program::{PassId, Pen, PenId};

@@ -5,8 +5,10 @@ use std::path::Path;
 
 use super::pictures::{Pictures, file_name};
 use super::{failed, inputs, path_from};
-use crate::diag::Error;
+use crate::diag::{self, Error};
 use crate::emit::{self, Files, Stepped};
+use crate::format::Format;
+use crate::geom::Nm;
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
@@ -16,16 +18,27 @@ use crate::progress::Task;
 use crate::report;
 
 /// A folder being filled.
-pub(super) struct Filling<'a> {
+pub(crate) struct Filling<'a> {
     folder: &'a Path,
     files: Vec<FileFact>,
 }
 
-impl Filling<'_> {
+impl<'a> Filling<'a> {
+    fn new(folder: &'a Path) -> Self {
+        Self { folder, files: Vec::new() }
+    }
+
     /// Writes one file and notes what was written.
-    fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+    pub(crate) fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), Error> {
         self.files.push(put(self.folder, name, bytes)?);
         Ok(())
+    }
+
+    /// The files that were written, by name.
+    pub(crate) fn into_files(self) -> Vec<FileFact> {
+        let mut files = self.files;
+        files.sort_by(|a, b| a.file.cmp(&b.file));
+        files
     }
 }
 
@@ -34,22 +47,25 @@ fn make(path: &Path) -> Result<(), Error> {
 }
 
 /// Writes one file of a job folder; answers with what the manifest says of it.
-pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
     let path = folder.join(name);
     fs::write(&path, bytes).map_err(|e| failed("write the file", &path, &e))?;
     Ok(FileFact { file: name.into(), bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() })
 }
 
-/// Writes the files of a job and answers with its manifest, which begins with the head given.
-pub(super) type Fill<'a> = dyn Fn(&mut Filling<'_>, &Head) -> Result<Vec<u8>, Error> + 'a;
+/// Writes the files of a folder and answers with its manifest.
+pub(super) type Fill<'a> = dyn Fn(Filling<'_>) -> Result<Vec<u8>, Error> + 'a;
 
-/// Makes the new folder of a job at `folder`, which will stand at `target`.
-pub(super) fn fill(job: &Job, folder: &Path, target: &Path, fill: &Fill<'_>) -> Result<(), Error> {
-    make(folder)?;
-    let head = Head::new(job, path_from(&job.path, target)?, inputs(job)?);
-    let manifest = fill(&mut Filling { folder, files: Vec::new() }, &head)?;
+/// Fills the new folder of a job; its manifest is written last.
+pub(super) fn fill(folder: &Path, fill: &Fill<'_>) -> Result<(), Error> {
+    let manifest = fill(Filling::new(folder))?;
     put(folder, MANIFEST, &manifest)?;
     Ok(())
+}
+
+/// What the manifest of a job begins with in a folder that will stand at `target`.
+pub(super) fn head(job: &Job, target: &Path) -> Result<Head, Error> {
+    Ok(Head::new(job, path_from(&job.path, target)?, inputs(job)?))
 }
 
 /// Says in the report of a folder what was proved of it.
@@ -72,7 +88,7 @@ pub(super) const REPORT: &str = "report.html";
 pub(super) fn stepped(
     plan: &SteppedPlan,
     head: &Head,
-    filling: &mut Filling<'_>,
+    mut filling: Filling<'_>,
     is_drawn: bool,
     progress: Progress<'_>,
 ) -> Result<Vec<u8>, Error> {
@@ -83,20 +99,11 @@ pub(super) fn stepped(
     drop(whole);
     let block_file = emit::block_file(&job.formats);
     let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file, frames: None };
-    for (format, task) in job.formats.iter().zip(formats.parts(job.formats.len())) {
-        match format.target().stepped {
-            Some(Files::Whole(file, write)) => filling.put(file, &write(&emitted))?,
-            Some(Files::Blocks(ending, write)) => blocks(&emitted, ending, write, filling, task)?,
-            None => {}
-        }
-    }
-    if let Some(pen) = job.frames {
-        frames(&emitted, pen, job, filling, framed)?;
-    } else {
-        drop(framed);
-    }
+    let points = manifest::registered(job, machine, checked);
+    let frames = job.frames.map(|pen| (pen, points.as_slice()));
+    Programs { emitted, formats: &job.formats, frames, whole: None }.write(&mut filling, [formats, framed])?;
     if is_drawn {
-        draw(&Pictures::of_stepped(plan), filling, progress)?;
+        draw(&Pictures::of_stepped(plan), &mut filling, progress)?;
     }
     let facts = Facts {
         job_file: &head.job.file,
@@ -112,9 +119,87 @@ pub(super) fn stepped(
     let sheet = report::runsheet::Sheet::new(&facts);
     let sheets = [("runsheet.csv", report::runsheet::csv(&sheet)), ("runsheet.txt", report::runsheet::txt(&sheet))];
     sheets.iter().try_for_each(|(name, bytes)| filling.put(name, bytes))?;
-    let mut files = std::mem::take(&mut filling.files);
-    files.sort_by(|a, b| a.file.cmp(&b.file));
-    Ok(manifest::manifest(&Head { files, ..head.clone() }, &facts))
+    Ok(manifest::manifest(&Head { files: filling.into_files(), ..head.clone() }, &facts))
+}
+
+/// The program files of a stepped job, in all its formats.
+pub(crate) struct Programs<'a> {
+    /// The blocks that are written.
+    pub(crate) emitted: Stepped<'a>,
+    pub(crate) formats: &'a [Format],
+    /// Pen of the frames, and commanded x and y of the registration points of every set-up; None where the job has no
+    /// frames.
+    pub(crate) frames: Option<(PenId, &'a [Vec<[Nm; 2]>])>,
+    /// The folder of the whole job, of which the files of single blocks are copied; None where they are made.
+    pub(crate) whole: Option<&'a Path>,
+}
+
+impl Programs<'_> {
+    /// Writes them: the files of the marks, then those of the frames.
+    pub(crate) fn write(&self, filling: &mut Filling<'_>, [marked, framed]: [Task<'_>; 2]) -> Result<(), Error> {
+        let Stepped { checked, machine, .. } = self.emitted;
+        self.files(filling, &self.emitted, &self.emitted, marked)?;
+        let Some((pen, points)) = self.frames else { return Ok(()) };
+        let of_blocks = emit::frames::frames(checked, pen, machine);
+        let of_blocks = Stepped { checked: &of_blocks, figures: &[], frames: Some(points), ..self.emitted };
+        // Where one file holds the job, it holds the frames of its outline.
+        let of_outline = emit::frames::of_outline(checked, pen, machine);
+        self.files(filling, &Stepped { checked: &of_outline, ..of_blocks }, &of_blocks, framed)
+    }
+
+    /// The files of every format: of the whole job, or of single blocks.
+    fn files(
+        &self,
+        filling: &mut Filling<'_>,
+        job: &Stepped<'_>,
+        blocks: &Stepped<'_>,
+        task: Task<'_>,
+    ) -> Result<(), Error> {
+        let is_framed = job.frames.is_some();
+        for (format, task) in self.formats.iter().zip(task.parts(self.formats.len())) {
+            match format.target().stepped {
+                Some(Files::Whole(file, write)) if is_framed => {
+                    make_inner(filling.folder, "frames")?;
+                    filling.put(&emit::frames::of_whole(file), &write(job))?;
+                }
+                Some(Files::Whole(file, write)) => filling.put(file, &write(job))?,
+                Some(Files::Blocks(ending, write)) => self.blocks(filling, blocks, (ending, write), task)?,
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// One file for every block.
+    fn blocks(
+        &self,
+        filling: &mut Filling<'_>,
+        emitted: &Stepped<'_>,
+        (ending, write): (&str, fn(&Stepped<'_>, usize) -> Vec<u8>),
+        task: Task<'_>,
+    ) -> Result<(), Error> {
+        let folder = filling.folder;
+        let program = emitted.checked.program();
+        let name = |i: usize| match emitted.frames {
+            None => Program::block_file(program.id(i), ending),
+            Some(_) => emit::frames::of_block(program.id(i), ending),
+        };
+        let task = task.of_steps(program.blocks.len());
+        let one = |i: usize| {
+            let name = name(i);
+            let bytes = match self.whole {
+                None => write(emitted, i),
+                Some(whole) => diag::read_file(&whole.join(&name), u64::MAX)?,
+            };
+            let fact = put(folder, &name, &bytes);
+            task.step();
+            fact
+        };
+        make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
+        let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
+        filling.files.extend(written?);
+        Ok(())
+    }
 }
 
 /// Draws the pictures of a plan.
@@ -123,70 +208,17 @@ fn draw(pictures: &Pictures<'_>, filling: &mut Filling<'_>, progress: Progress<'
     pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)
 }
 
-/// Writes one file for every block.
-fn blocks(
-    emitted: &Stepped<'_>,
-    ending: &str,
-    write: fn(&Stepped<'_>, usize) -> Vec<u8>,
-    filling: &mut Filling<'_>,
-    task: Task<'_>,
-) -> Result<(), Error> {
-    let folder = filling.folder;
-    let program = emitted.checked.program();
-    let name = |i: usize| match emitted.frames {
-        None => Program::block_file(program.id(i), ending),
-        Some(_) => emit::frames::of_block(program.id(i), ending),
-    };
-    let task = task.of_steps(program.blocks.len());
-    let one = |i: usize| {
-        let fact = put(folder, &name(i), &write(emitted, i));
-        task.step();
-        fact
-    };
-    make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
-    let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
-    filling.files.extend(written?);
-    Ok(())
-}
-
 /// Makes a folder inside a job folder, unless it is there.
 fn make_inner(folder: &Path, name: &str) -> Result<(), Error> {
     let inner = folder.join(name);
     if inner.exists() { Ok(()) } else { make(&inner) }
 }
 
-/// Writes the frames of all blocks, drawn with a pen, and those of the outline where one file holds the job.
-fn frames(
-    emitted: &Stepped<'_>,
-    pen: PenId,
-    job: &Job,
-    filling: &mut Filling<'_>,
-    task: Task<'_>,
-) -> Result<(), Error> {
-    let Stepped { checked, machine, .. } = *emitted;
-    let points = manifest::registered(job, machine, checked);
-    let framed = emit::frames::frames(checked, pen, machine);
-    let all = Stepped { checked: &framed, figures: &[], frames: Some(&points), ..*emitted };
-    let corners = emit::frames::of_outline(checked, pen, machine);
-    let corners = Stepped { checked: &corners, ..all };
-    for (format, task) in job.formats.iter().zip(task.parts(job.formats.len())) {
-        match format.target().stepped {
-            Some(Files::Whole(file, write)) => {
-                make_inner(filling.folder, "frames")?;
-                filling.put(&emit::frames::of_whole(file), &write(&corners))?;
-            }
-            Some(Files::Blocks(ending, write)) => blocks(&all, ending, write, filling, task)?,
-            None => {}
-        }
-    }
-    Ok(())
-}
-
 /// Writes the programs of an on-the-fly job; answers with its manifest.
 pub(super) fn on_the_fly(
     plan: &OnTheFlyPlan,
     head: &Head,
-    filling: &mut Filling<'_>,
+    mut filling: Filling<'_>,
     is_drawn: bool,
     progress: Progress<'_>,
 ) -> Result<Vec<u8>, Error> {
@@ -202,12 +234,10 @@ pub(super) fn on_the_fly(
     }
     drop(writing);
     if is_drawn {
-        draw(&Pictures::of_on_the_fly(plan)?, filling, progress)?;
+        draw(&Pictures::of_on_the_fly(plan)?, &mut filling, progress)?;
     }
     let facts =
         OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
     filling.put("runsheet.txt", &report::on_the_fly_txt(&facts, &head.job.file, &programs))?;
-    let mut files = std::mem::take(&mut filling.files);
-    files.sort_by(|a, b| a.file.cmp(&b.file));
-    Ok(manifest::on_the_fly_manifest(&Head { files, ..head.clone() }, &facts))
+    Ok(manifest::on_the_fly_manifest(&Head { files: filling.into_files(), ..head.clone() }, &facts))
 }

@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use files::Fill;
-pub(crate) use files::put;
+pub(crate) use files::{Filling, Programs};
 pub use flush::Durability;
 use flush::{Flush, make_all};
 pub use inputs::{Hashes, inputs};
@@ -99,7 +99,7 @@ pub fn write_proved(
     progress: Progress<'_>,
     prove: &Prove<'_>,
 ) -> Result<(), Error> {
-    let fill: &Fill<'_> = match plan {
+    let fill: &FillJob<'_> = match plan {
         Plan::Stepped(plan) => &|filling, head| files::stepped(plan, head, filling, pictures, progress),
         Plan::OnTheFly(plan) => &|filling, head| files::on_the_fly(plan, head, filling, pictures, progress),
     };
@@ -109,29 +109,34 @@ pub fn write_proved(
 /// For mutants of the verifier: the folder of a plan that was tampered with.
 #[cfg(test)]
 pub(crate) fn write_stepped(plan: &SteppedPlan, target: &Path) -> Result<(), Error> {
-    let fill: &Fill<'_> = &|filling, head| files::stepped(plan, head, filling, true, &|_, _| {});
+    let fill: &FillJob<'_> = &|filling, head| files::stepped(plan, head, filling, true, &|_, _| {});
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
 /// The same on the fly.
 #[cfg(test)]
 pub(crate) fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
-    let fill: &Fill<'_> = &|filling, head| files::on_the_fly(plan, head, filling, true, &|_, _| {});
+    let fill: &FillJob<'_> = &|filling, head| files::on_the_fly(plan, head, filling, true, &|_, _| {});
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
-/// Lets `fill` make a job folder, whose manifest it answers with, has it proved, and puts it in the place of `target`.
+/// Writes the files of a job and answers with its manifest, which begins with the head given.
+type FillJob<'a> = dyn Fn(Filling<'_>, &Head) -> Result<Vec<u8>, Error> + 'a;
+
+/// Lets `fill` make a job folder, has it proved, and puts it in the place of `target`.
 fn write_job(
     job: &Job,
     target: &Path,
     durability: Durability,
-    fill: &Fill<'_>,
+    fill: &FillJob<'_>,
     prove: &Prove<'_>,
 ) -> Result<(), Error> {
     let target = Target::find(target, MANIFEST)?;
     let allowed = || target.may_be_replaced(job.mode, &input_paths(job));
     exchange(&target, durability.flush(), &allowed, &|new| {
-        files::fill(job, new, &target.path, fill)?;
+        fs::create_dir(new).map_err(|e| failed("make the folder", new, &e))?;
+        let head = files::head(job, &target.path)?;
+        files::fill(new, &|filling| fill(filling, &head))?;
         // Without pictures there is no report that could say so.
         match prove(new)?.filter(|_| new.join(files::REPORT).exists()) {
             Some(proved) => files::tell_proof(new, &proved),
@@ -163,14 +168,10 @@ pub(crate) fn replace(
 ///
 /// # Errors
 /// As [`prepare`], and what `fill` says. An older folder is then unchanged.
-pub(crate) fn replace_stepped(
-    target: &Path,
-    durability: Durability,
-    fill: &dyn Fn(&Path) -> Result<(), Error>,
-) -> Result<(), Error> {
+pub(crate) fn replace_stepped(target: &Path, durability: Durability, fill: &Fill<'_>) -> Result<(), Error> {
     let found = Target::find(target, MANIFEST)?;
     let allowed = || found.may_be_replaced(Mode::Stepped, &[]);
-    replace(target, MANIFEST, durability, &allowed, fill)
+    replace(target, MANIFEST, durability, &allowed, &|new| files::fill(new, fill))
 }
 
 fn exchange(

@@ -1,11 +1,11 @@
-//! What every manifest begins with, and how the product reads one again. The verifier has a reader of its own.
+//! What every manifest begins with, and its text. The verifier has a reader of its own.
 
 use std::path::Path;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use super::{OnTheFlySummary, Summary};
-use crate::diag::{self, Diag, Error, Message, Place};
+use crate::diag::{self, Diag, Error, Place};
 use crate::job::{Job, Mode, Objective};
 
 /// The name of the file that makes a folder a job folder; written last.
@@ -81,7 +81,7 @@ pub struct Head {
 
 /// Whatever the value is.
 fn is_there<'a, D: serde::Deserializer<'a>>(value: D) -> Result<bool, D::Error> {
-    serde::de::IgnoredAny::deserialize(value).map(|_| true)
+    IgnoredAny::deserialize(value).map(|_| true)
 }
 
 impl Head {
@@ -125,85 +125,22 @@ pub fn with_file(manifest: &[u8], fact: &FileFact) -> Result<Vec<u8>, Error> {
     let files = document.get_mut("files").and_then(serde_json::Value::as_array_mut).ok_or_else(broken)?;
     let old = files.iter_mut().find(|file| file["file"] == fact.file.as_str()).ok_or_else(broken)?;
     *old = serde_json::to_value(fact).map_err(|_| broken())?;
-    Ok(super::stepped::bytes(&document, manifest.len()))
+    Ok(text(&document, manifest.len()))
 }
 
-/// A manifest as the product reads it.
-#[derive(Clone, Debug)]
-pub struct Found {
-    /// What both modes have.
-    pub head: Head,
-    /// The machine's name.
-    pub machine: String,
-    /// The figures.
-    pub summary: AnySummary,
+/// The text of a document, of about this length: JSON, a line feed at the end.
+pub(super) fn text(document: &impl Serialize, length: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(length);
+    serde_json::to_writer_pretty(&mut out, document).expect("a Vec takes every byte, and all keys are text");
+    out.push(b'\n');
+    out
 }
 
-/// Figures by mode.
-#[derive(Clone, Debug)]
-pub enum AnySummary {
-    /// Of a stepped job.
-    Stepped(Box<Summary>),
-    /// Of an on-the-fly job.
-    OnTheFly(Box<OnTheFlySummary>),
-}
-
-impl AnySummary {
-    /// As `compile --json` prints them.
-    pub fn to_json(&self) -> serde_json::Value {
-        let value = match self {
-            Self::Stepped(summary) => serde_json::to_value(summary),
-            Self::OnTheFly(summary) => serde_json::to_value(summary),
-        };
-        value.expect("summaries are plain JSON")
-    }
-
-    /// With further warnings.
-    #[must_use]
-    pub fn warned(mut self, further: &[Diag]) -> Self {
-        let warnings = match &mut self {
-            Self::Stepped(summary) => &mut summary.warnings,
-            Self::OnTheFly(summary) => &mut summary.warnings,
-        };
-        warnings.extend(further.iter().map(Message::from));
-        self
-    }
-}
-
-/// Reads the manifest of a job folder.
-///
-/// # Errors
-/// As [`Head::read`].
-pub fn read(folder: &Path) -> Result<Found, Error> {
-    #[derive(Deserialize)]
-    struct Name {
-        name: String,
-    }
-    #[derive(Deserialize)]
-    struct Rest<S> {
-        machine: Name,
-        summary: S,
-    }
-    let bytes = bytes(folder)?;
-    let head: Head = parse(folder, &bytes)?;
-    let (machine, summary) = match head.mode {
-        Mode::Stepped => {
-            let rest: Rest<Summary> = parse(folder, &bytes)?;
-            (rest.machine, AnySummary::Stepped(Box::new(rest.summary)))
-        }
-        Mode::OnTheFly => {
-            let rest: Rest<OnTheFlySummary> = parse(folder, &bytes)?;
-            (rest.machine, AnySummary::OnTheFly(Box::new(rest.summary)))
-        }
-    };
-    Ok(Found { head, machine: machine.name, summary })
-}
-
-fn bytes(folder: &Path) -> Result<Vec<u8>, Error> {
+pub(super) fn bytes(folder: &Path) -> Result<Vec<u8>, Error> {
     diag::read_file(&folder.join(MANIFEST), MAX_FILE)
 }
 
-fn parse<'a, T: Deserialize<'a>>(folder: &Path, bytes: &'a [u8]) -> Result<T, Error> {
+pub(super) fn parse<'a, T: Deserialize<'a>>(folder: &Path, bytes: &'a [u8]) -> Result<T, Error> {
     serde_json::from_slice(bytes).map_err(|e| {
         Diag::input("manifest", format!("this is not a manifest of this version: {e}"))
             .at(Place::file(folder.join(MANIFEST).display().to_string()))

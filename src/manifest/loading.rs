@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::emit::{Files, Format};
+use crate::emit::Files;
+use crate::format::Format;
 use crate::job::{Job, MachineInput};
 use crate::machine::{LoadingWay, Machine};
 

@@ -4,13 +4,15 @@
 //! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
 //! depends on the clock, the computer or where the folder lies.
 
+mod found;
 mod head;
 mod loading;
 mod on_the_fly;
 mod registration;
 mod stepped;
 
-pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
+pub use found::{AnySummary, Found, read};
+pub use head::{FileFact, Head, InputFact, JobRef, MANIFEST, with_file};
 pub(crate) use head::{MAX_FILE, portable};
 pub use loading::Loading;
 pub use on_the_fly::{
@@ -18,7 +20,7 @@ pub use on_the_fly::{
     on_the_fly_manifest,
 };
 pub use registration::{Registered, registered, registration};
-pub use stepped::manifest;
+pub use stepped::{BlockEntry, Manifest, RegistrationEntry, SetupEntry, manifest};
 
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::stepped::{Placement, bytes};
+use super::head::text;
+use super::stepped::Placement;
 use super::{Head, SpaceCurves};
 use crate::budget::Budget;
 use crate::diag::{Diag, Message};
@@ -250,7 +251,7 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
         left_out: facts.left_out,
         summary: facts.summary,
     };
-    bytes(&document, 4096)
+    text(&document, 4096)
 }
 
 #[derive(Serialize)]

@@ -1,11 +1,15 @@
 //! `manifest.json` of a stepped job: what its folder holds and how it came to be. What both modes have is in `head`.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Map, Value};
 
-use super::{Facts, Frames, Head, Summary, lift_mm, registration};
-use crate::budget::{Errors, Stated};
+use super::head::{bytes, parse, text};
+use super::{Facts, Frames, Head, Registered, Subset, Summary, lift_mm, registration};
+use crate::budget::Stated;
+use crate::diag::Error;
 use crate::emit::Files;
 use crate::geom::{Nm, P2, Turned};
 use crate::job::{DepthRule, Job, Level};
@@ -15,12 +19,70 @@ use crate::program::{self, PassId, Pen, Program};
 use crate::texture::Directions;
 use crate::units::Time;
 
-/// The manifest: JSON, keys in a fixed order, a line feed at the end.
+/// The manifest of a stepped job. `B` is its list of blocks: entries where it is read; made entry by entry while it is
+/// written, since there may be very many.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Manifest<B = Vec<BlockEntry>> {
+    /// What both modes have.
+    #[serde(flatten)]
+    pub head: Head,
+    /// The machine.
+    pub machine: Machine,
+    /// Where the part lies in the first set-up.
+    pub placement: Placement,
+    /// The depth of the blocks.
+    pub focus: Focus,
+    /// How blocks meet.
+    pub seams: Seams,
+    /// The passes.
+    pub passes: Vec<PassEntry>,
+    /// The set-ups.
+    pub setups: Vec<SetupEntry>,
+    /// The pens.
+    pub pens: Vec<PenEntry>,
+    /// The frames, where the job has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<Frames>,
+    /// The blocks, in machining order.
+    pub blocks: B,
+    /// The figures.
+    pub summary: Summary,
+    /// The blocks of which the folder holds files, where these are not all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subset: Option<Subset>,
+}
+
+impl<B: for<'a> Deserialize<'a>> Manifest<B> {
+    /// Reads that of a job folder.
+    ///
+    /// # Errors
+    /// As [`Head::read`]; `manifest` where it is that of an on-the-fly job.
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        Self::parse(folder, &bytes(folder)?)
+    }
+
+    /// Reads the bytes of that of a job folder.
+    ///
+    /// # Errors
+    /// As [`Manifest::read`].
+    pub fn parse(folder: &Path, bytes: &[u8]) -> Result<Self, Error> {
+        parse(folder, bytes)
+    }
+}
+
+impl<B: Serialize> Manifest<B> {
+    /// Its text: JSON, keys in a fixed order, a line feed at the end.
+    pub fn bytes(&self) -> Vec<u8> {
+        text(self, 4096 + 700 * self.summary.blocks)
+    }
+}
+
+/// The text of the manifest of a job.
 pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
-    let document = Document {
-        head,
-        machine: facts.machine,
+    let manifest = Manifest {
+        head: head.clone(),
+        machine: facts.machine.clone(),
         placement: Placement::new(facts.checked.origin(), facts.job),
         focus: Focus {
             pdof_mm: facts.job.focus.pdof.mm(),
@@ -35,43 +97,22 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
         frames: facts.job.frames.map(|pen| Frames::new(&program.pens[pen.index()].name, facts.checked, facts.machine)),
         blocks: Blocks(facts),
-        summary: facts.summary,
+        summary: facts.summary.clone(),
+        subset: None,
     };
-    bytes(&document, 4096 + 700 * program.blocks.len())
+    manifest.bytes()
 }
 
-/// The text of a document, of about this length.
-pub(super) fn bytes(document: &impl Serialize, length: usize) -> Vec<u8> {
-    let mut out = Vec::with_capacity(length);
-    serde_json::to_writer_pretty(&mut out, document).expect("a Vec takes every byte, and all keys are text");
-    out.push(b'\n');
-    out
-}
-
-#[derive(Serialize)]
-struct Document<'a> {
-    #[serde(flatten)]
-    head: &'a Head,
-    machine: &'a Machine,
-    placement: Placement,
-    focus: Focus,
-    seams: Seams,
-    passes: Vec<PassEntry>,
-    setups: Vec<SetupEntry>,
-    pens: Vec<PenEntry<'a>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    frames: Option<Frames>,
-    blocks: Blocks<'a>,
-    summary: &'a Summary,
-}
-
-#[derive(Serialize)]
-pub(super) struct Placement {
-    pub(super) origin_mm: [f64; 3],
+/// Where the part lies.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Placement {
+    /// The part's origin in the table frame.
+    pub origin_mm: [f64; 3],
     /// Rotations of the surface file about x, y and z, in this order.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) laid_deg: Option<[f64; 3]>,
-    pub(super) turn_deg: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub laid_deg: Option<[f64; 3]>,
+    /// Turn about z.
+    pub turn_deg: f64,
 }
 
 impl Placement {
@@ -81,24 +122,35 @@ impl Placement {
     }
 }
 
-#[derive(Serialize)]
-struct Focus {
-    pdof_mm: f64,
-    reserve_mm: f64,
-    depth_range_mm: f64,
-    level: Level,
-    rule: DepthRule,
+/// The depth of the blocks.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Focus {
+    /// PDOF.
+    pub pdof_mm: f64,
+    /// What of it is kept free.
+    pub reserve_mm: f64,
+    /// Largest depth range of a block, as used.
+    pub depth_range_mm: f64,
+    /// Where focal planes lie.
+    pub level: Level,
+    /// What PDOF bounds.
+    pub rule: DepthRule,
 }
 
-#[derive(Serialize)]
-struct Sections {
-    origin_mm: [f64; 2],
-    pitch_mm: [f64; 2],
-    columns: u32,
-    rows: u32,
+/// The grid of sections of a pass.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Sections {
+    /// Lower left corner.
+    pub origin_mm: [f64; 2],
+    /// Size of a section.
+    pub pitch_mm: [f64; 2],
+    /// Sections in a row.
+    pub columns: u32,
+    /// Sections in a column.
+    pub rows: u32,
     /// Of what is filled along contours, row by row; left out where nothing is.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    direction_deg: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub direction_deg: Vec<f64>,
 }
 
 impl Sections {
@@ -113,11 +165,15 @@ impl Sections {
     }
 }
 
-#[derive(Serialize)]
-struct PassEntry {
-    turn_deg: f64,
-    lowered_mm: f64,
-    sections: Sections,
+/// A pass.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PassEntry {
+    /// How far its hatches are turned against those of the first.
+    pub turn_deg: f64,
+    /// How far the surface was lowered before it.
+    pub lowered_mm: f64,
+    /// Its grid.
+    pub sections: Sections,
 }
 
 fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
@@ -130,16 +186,30 @@ fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
     (0..).zip(&facts.passes).map(entry).collect()
 }
 
-#[derive(Serialize)]
-struct SetupEntry {
-    origin_mm: [f64; 3],
-    registration: Vec<RegistrationEntry>,
+/// A set-up.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SetupEntry {
+    /// The part's origin in the table frame.
+    pub origin_mm: [f64; 3],
+    /// The registration points that it reaches.
+    pub registration: Vec<RegistrationEntry>,
 }
 
-#[derive(Serialize)]
-struct RegistrationEntry {
-    point_mm: [f64; 2],
-    stage: [f64; 2],
+/// A registration point.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct RegistrationEntry {
+    /// Where it is on the part.
+    pub point_mm: [f64; 2],
+    /// Commanded x and y at which it lies under the optical axis.
+    pub stage: [f64; 2],
+}
+
+impl RegistrationEntry {
+    /// The point in whole nanometres; None where it is beyond all travel.
+    pub fn registered(&self) -> Option<Registered> {
+        let [x, y] = self.stage.map(Nm::from_mm);
+        Some(Registered { point_mm: self.point_mm, at: [x?, y?] })
+    }
 }
 
 fn setups(facts: &Facts<'_>) -> Vec<SetupEntry> {
@@ -153,27 +223,38 @@ fn setups(facts: &Facts<'_>) -> Vec<SetupEntry> {
     facts.checked.origins().iter().map(entry).collect()
 }
 
-#[derive(Serialize)]
-struct Seams {
-    zone_mm: f64,
-    overlap_mm: f64,
+/// How blocks meet.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Seams {
+    /// Width of the zone in which cuts are spread.
+    pub zone_mm: f64,
+    /// Length that is marked twice at a cut.
+    pub overlap_mm: f64,
 }
 
-#[derive(Serialize)]
-struct PenEntry<'a> {
-    name: &'a str,
-    speed_mm_s: f64,
-    power: String,
-    power_w: f64,
-    frequency_khz: f64,
-    passes: u32,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dwell_us: Option<f64>,
+/// A pen.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PenEntry {
+    /// Its name.
+    pub name: String,
+    /// Speed of its marks.
+    pub speed_mm_s: f64,
+    /// Power, as the job file has it.
+    pub power: String,
+    /// Power.
+    pub power_w: f64,
+    /// Frequency of the pulses.
+    pub frequency_khz: f64,
+    /// How often each stroke is marked.
+    pub passes: u32,
+    /// Time on a dot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dwell_us: Option<f64>,
 }
 
-fn pen_entry<'a>(pen: &'a Pen, machine: &Machine) -> PenEntry<'a> {
+fn pen_entry(pen: &Pen, machine: &Machine) -> PenEntry {
     PenEntry {
-        name: &pen.name,
+        name: pen.name.clone(),
         speed_mm_s: pen.speed.as_mm_s(),
         power: pen.power.to_string(),
         power_w: pen.power.as_w(machine.laser.max_power),
@@ -193,41 +274,69 @@ impl Serialize for Blocks<'_> {
     }
 }
 
-#[derive(Serialize)]
-struct BlockEntry<'a> {
-    id: String,
-    pass: u32,
-    setup: u32,
-    section: [u32; 2],
-    level: i32,
-    centre_mm: [f64; 2],
-    lpfl_mm: f64,
-    focus_shift_mm: f64,
-    lift_z_mm: Option<f64>,
-    stage: [f64; 3],
-    tilt_deg: [f64; 2],
-    z_lo_mm: f64,
-    z_hi_mm: f64,
-    pens: Vec<&'a str>,
-    files: BTreeMap<&'static str, String>,
-    strokes: usize,
-    mark_mm: f64,
-    jump_mm: f64,
-    time_s: f64,
+/// A block.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct BlockEntry {
+    /// Its name.
+    pub id: String,
+    /// Its pass, from 1.
+    pub pass: u32,
+    /// Its set-up, from 1.
+    pub setup: u32,
+    /// Column and row of its section.
+    pub section: [u32; 2],
+    /// Its level.
+    pub level: i32,
+    /// Centre of its field, turned part frame.
+    pub centre_mm: [f64; 2],
+    /// Height of its focal plane, part frame.
+    pub lpfl_mm: f64,
+    /// What the zoom optic adds to the focal plane of the stage.
+    pub focus_shift_mm: f64,
+    /// The z to which the stage lifts on the way; null where it does not.
+    pub lift_z_mm: Option<f64>,
+    /// Commanded x, y and z, mm.
+    pub stage: [f64; 3],
+    /// Commanded tilt axes.
+    pub tilt_deg: [f64; 2],
+    /// Lowest height of its marks, part frame.
+    pub z_lo_mm: f64,
+    /// Highest height of its marks.
+    pub z_hi_mm: f64,
+    /// Names of its pens.
+    pub pens: Vec<String>,
+    /// Its files, by format.
+    pub files: BTreeMap<String, String>,
+    /// How many strokes it has.
+    pub strokes: usize,
+    /// Length of its marks.
+    pub mark_mm: f64,
+    /// Length of its jumps.
+    pub jump_mm: f64,
+    /// Its time, s.
+    pub time_s: f64,
+    /// Incidence and what follows from it.
     #[serde(flatten)]
-    slope: SlopeEntry,
-    errors_um: Errors,
-    line_energy: Option<EnergyEntry>,
+    pub slope: SlopeEntry,
+    /// The terms of its error budget, by name.
+    pub errors_um: Map<String, Value>,
+    /// Line energy of its marks; null of dots.
+    pub line_energy: Option<EnergyEntry>,
 }
 
-/// Line energy of a block; the place of the worst in the (turned) part frame.
-#[derive(Serialize)]
-struct EnergyEntry {
-    mean_j_per_m: f64,
-    length_at_speed_percent: f64,
-    worst_share: f64,
-    worst_at_mm: [f64; 2],
-    worst_where: Rest,
+/// Line energy of a block.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct EnergyEntry {
+    /// Mean over the length.
+    pub mean_j_per_m: f64,
+    /// Share of the length that is marked at the pen's speed.
+    pub length_at_speed_percent: f64,
+    /// The most that a line gets, as a multiple of P / v of its pen.
+    pub worst_share: f64,
+    /// Where, (turned) part frame.
+    pub worst_at_mm: [f64; 2],
+    /// What the spot does there.
+    pub worst_where: Rest,
 }
 
 impl EnergyEntry {
@@ -244,28 +353,34 @@ impl EnergyEntry {
     }
 }
 
-/// Means and worst.
-#[derive(Serialize)]
-struct SlopeEntry {
-    incidence_deg: [f64; 2],
-    stretch: [f64; 2],
-    dose: [f64; 2],
+/// Means and worst of a block.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SlopeEntry {
+    /// Angle between beam and normal.
+    pub incidence_deg: [f64; 2],
+    /// Length on the part by that in the field.
+    pub stretch: [f64; 2],
+    /// Energy on an area by that where the beam is normal to it.
+    pub dose: [f64; 2],
 }
 
 /// The files of a block, by format.
-fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<&'static str, String> {
+fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<String, String> {
     let targets = facts.job.formats.iter().map(|f| f.target());
     let id = facts.checked.program().id(index);
     let of_block = targets.filter_map(|t| match t.stepped {
-        Some(Files::Blocks(ending, _)) => Some((t.name, Program::block_file(id, ending))),
+        Some(Files::Blocks(ending, _)) => Some((t.name().to_owned(), Program::block_file(id, ending))),
         _ => None,
     });
     of_block.collect()
 }
 
-fn block_entry<'a>(facts: &'a Facts<'a>, stated: &Stated<'_>, index: usize) -> BlockEntry<'a> {
+fn block_entry(facts: &Facts<'_>, stated: &Stated<'_>, index: usize) -> BlockEntry {
     let program = facts.checked.program();
     let (block, figures) = (&program.blocks[index], &facts.figures[index]);
+    let Ok(Value::Object(errors_um)) = serde_json::to_value(stated.of_block(block, figures)) else {
+        unreachable!("errors are a map of numbers")
+    };
     BlockEntry {
         id: program.id(index).to_string(),
         pass: block.pass.number(),
@@ -280,7 +395,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, stated: &Stated<'_>, index: usize) -> B
         tilt_deg: block.stop.tilt.deg(),
         z_lo_mm: block.z_lo.mm(),
         z_hi_mm: block.z_hi.mm(),
-        pens: program.pen_names(block),
+        pens: program.pen_names(block).into_iter().map(str::to_owned).collect(),
         files: files(facts, index),
         strokes: block.strokes.len(),
         mark_mm: program.mark_mm(block),
@@ -291,7 +406,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, stated: &Stated<'_>, index: usize) -> B
             stretch: figures.slope.stretch(),
             dose: figures.slope.dose(),
         },
-        errors_um: stated.of_block(block, figures),
+        errors_um,
         line_energy: EnergyEntry::of(&figures.energy, block),
     }
 }

@@ -23,7 +23,7 @@ pub struct Beam {
 }
 
 /// Where the spot rests in a mark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rest {
     /// At its begin or its end.

@@ -1,7 +1,7 @@
 //! The formats of an on-the-fly job against the axes of its machine.
 
 use crate::diag::{Diag, Error};
-use crate::emit::{self, TARGETS, Target};
+use crate::format::{Format, names};
 use crate::job::Job;
 use crate::machine::Machine;
 use crate::on_the_fly::kinematic_model::KinematicModel;
@@ -15,14 +15,14 @@ pub(super) fn unwritten(job: &Job, machine: &Machine) -> Result<Option<Diag>, Er
     // Which axes there are does not depend on where the part lies.
     let has_seven_axes = KinematicModel::of(machine, &job.pens, [0.0; 3]).is_some();
     let kind = if has_seven_axes { Kind::Xyzacuv } else { Kind::Xyzuv };
-    let writes = |target: &Target| target.on_the_fly.is_some_and(|file| file.kinds.contains(&kind));
-    let left: Vec<&Target> = job.formats.iter().map(|f| f.target()).filter(|t| !writes(t)).collect();
+    let writes = |format: &Format| format.target().on_the_fly.is_some_and(|file| file.kinds.contains(&kind));
+    let left: Vec<Format> = job.formats.iter().copied().filter(|f| !writes(f)).collect();
     if left.is_empty() || !job.names_formats && left.len() < job.formats.len() {
         return Ok(None);
     }
     let text =
-        format!("emit.formats {} cannot be written for the axes {}", emit::names(left.iter().copied()), kind.letters());
-    let hint = format!("leave it out; formats for these axes: {}", emit::names(TARGETS.iter().filter(|t| writes(t))));
+        format!("emit.formats {} cannot be written for the axes {}", names(left.iter().copied()), kind.letters());
+    let hint = format!("leave it out; formats for these axes: {}", names(Format::all().filter(writes)));
     let place = job.place_of("emit.formats");
     if left.len() == job.formats.len() {
         return Err(Diag::input("emit-mode", text).at(place).hint(hint).into());

@@ -87,6 +87,19 @@ fn verdict(h: &mut String, job: &Layout<'_>) {
     verdict_block(h, &lines);
 }
 
+/// The report of a whole job as that of a rest of it, in which `left` is left: that is said first. Nothing is proved
+/// of the rest yet.
+pub fn of_rest(report: &str, left: &str) -> String {
+    const FIRST: &str = "<div class=\"verdict\">\n<ul>\n";
+    const OF_JOB: &str = ": all figures below are those of the whole job, those of the rest are in runsheet.txt.";
+    let Some((before, after)) = report.split_once(FIRST) else { return report.to_owned() };
+    // That of a rest says already what was left there; then follows what was proved.
+    let mut lines = after.split_inclusive('\n').skip_while(|line| line.contains(OF_JOB));
+    lines.next();
+    let rest: String = lines.collect();
+    format!("{before}{FIRST}<li>{}{OF_JOB}</li>\n<li>{NOT_VERIFIED}</li>\n{rest}", escape(left))
+}
+
 /// What the report says of verification where the folder was not verified before it was written.
 pub const NOT_VERIFIED: &str =
     "terrace verify reads the files of this folder back and says whether they can be marked.";

@@ -45,7 +45,7 @@ mod unmarked;
 pub use energy_map::{EnergyMap, energy_svg};
 pub use fly_report::on_the_fly_html;
 pub use fly_sheet::on_the_fly_txt;
-pub use job_report::{NOT_VERIFIED, report_html};
+pub use job_report::{NOT_VERIFIED, of_rest, report_html};
 pub use layout::{layout_svg, layout_svgs, on_the_fly_svg};
 pub use marks::Marks;
 pub use part::{RELIEF_CELLS, relief_area};

@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use serde::Deserialize;
-
 use crate::diag::{self, Diag, Error, Place};
 use crate::emit::{self, Files, TARGETS};
 use crate::geom::Nm;
 use crate::job::Mode;
 use crate::machine::Machine;
-use crate::manifest::{FileFact, Frames, Head, MANIFEST, Subset, Times};
+use crate::manifest::{
+    BlockEntry, FileFact, Frames, Head, MANIFEST, Manifest, Registered, RegistrationEntry, SetupEntry,
+};
 use crate::program::BlockId;
 
 /// Largest file of a block that is read.
@@ -30,7 +30,7 @@ pub(super) struct Folder {
     /// Where the part's zero lies in the table frame in each set-up, mm.
     pub origins: Vec<[f64; 3]>,
     /// Registration points of each set-up.
-    pub registration: Vec<Vec<Point>>,
+    pub registration: Vec<Vec<Registered>>,
     /// The blocks to be marked, in machining order; of a resumed job those that are left.
     pub blocks: Vec<Block>,
     frames: Option<Frames>,
@@ -60,81 +60,25 @@ pub(super) struct Block {
     files: BTreeMap<String, String>,
 }
 
-/// A registration point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
-    /// On the part, mm.
-    pub point_mm: [f64; 2],
-    /// Commanded x and y, nm.
-    pub stage: [i64; 2],
-}
-
-#[derive(Deserialize)]
-struct Document {
-    machine: Machine,
-    setups: Vec<Setup>,
-    blocks: Vec<Entry>,
-    summary: Summary,
-    #[serde(default)]
-    subset: Option<Subset>,
-    #[serde(default)]
-    frames: Option<Frames>,
-}
-
-#[derive(Deserialize)]
-struct Setup {
-    origin_mm: [f64; 3],
-    registration: Vec<PointEntry>,
-}
-
-#[derive(Deserialize)]
-struct PointEntry {
-    point_mm: [f64; 2],
-    stage: [f64; 2],
-}
-
-impl PointEntry {
-    fn point(&self) -> Option<Point> {
-        let [x, y] = self.stage.map(Nm::from_mm);
-        Some(Point { point_mm: self.point_mm, stage: [x?.0, y?.0] })
-    }
-}
-
-#[derive(Deserialize)]
-struct Summary {
-    time_s: Times,
-}
-
-#[derive(Deserialize)]
-struct Entry {
-    id: String,
-    setup: u32,
-    stage: [f64; 3],
-    tilt_deg: [f64; 2],
-    lift_z_mm: Option<f64>,
-    focus_shift_mm: f64,
-    files: BTreeMap<String, String>,
-    time_s: f64,
-}
-
-impl Entry {
-    fn block(self) -> Option<Block> {
+impl Block {
+    /// The block of an entry; None where a position is beyond all travel.
+    fn of(entry: BlockEntry) -> Option<Self> {
         let nm = |mm: f64| Nm::from_mm(mm).map(|nm| nm.0);
-        let [x, y, z] = self.stage.map(nm);
-        let lift = match self.lift_z_mm {
+        let [x, y, z] = entry.stage.map(nm);
+        let lift = match entry.lift_z_mm {
             Some(mm) => Some(nm(mm)?),
             None => None,
         };
-        Some(Block {
-            id: self.id,
-            setup: self.setup,
+        Some(Self {
+            id: entry.id,
+            setup: entry.setup,
             stage: [x?, y?, z?],
-            tilt: self.tilt_deg.map(|deg| (deg * 1e6).round() as i64),
+            tilt: entry.tilt_deg.map(|deg| (deg * 1e6).round() as i64),
             lift,
-            focus_shift: nm(self.focus_shift_mm)?,
-            estimate: Duration::try_from_secs_f64(self.time_s).ok()?,
+            focus_shift: nm(entry.focus_shift_mm)?,
+            estimate: Duration::try_from_secs_f64(entry.time_s).ok()?,
             file: None,
-            files: self.files,
+            files: entry.files,
         })
     }
 }
@@ -145,10 +89,9 @@ impl Folder {
     /// # Errors
     /// `run-mode` of an on-the-fly job; `manifest` and `file-…` where there is no readable manifest.
     pub fn read(path: &std::path::Path) -> Result<Self, Error> {
-        let head = Head::read(path)?;
         let file = path.join(MANIFEST);
         let place = || Place::file(file.display().to_string());
-        if head.mode != Mode::Stepped {
+        if Head::read(path)?.mode != Mode::Stepped {
             let d =
                 Diag::input("run-mode", "this is an on-the-fly job, which its controller runs by itself").at(place());
             return Err(d.hint("run its program on the controller").into());
@@ -158,19 +101,19 @@ impl Folder {
             let d = Diag::input("run-manifest", format!("the manifest cannot be run: {why}")).at(place());
             Error::from(d.hint("compile the job again"))
         };
-        let document: Document = serde_json::from_slice(&bytes).map_err(|e| unreadable(e.to_string()))?;
-        let count = document.blocks.len();
-        let marks_s: f64 = document.blocks.iter().map(|b| b.time_s).sum();
-        let between_s = ((document.summary.time_s.total - marks_s) / count.max(1) as f64).max(0.0);
-        let mut blocks = document.blocks.into_iter().map(Entry::block).collect::<Option<Vec<Block>>>();
-        if let (Some(blocks), Some(subset)) = (&mut blocks, &document.subset) {
+        let manifest: Manifest = Manifest::parse(path, &bytes)?;
+        let count = manifest.blocks.len();
+        let marks_s: f64 = manifest.blocks.iter().map(|b| b.time_s).sum();
+        let between_s = ((manifest.summary.time_s.total - marks_s) / count.max(1) as f64).max(0.0);
+        let mut blocks = manifest.blocks.into_iter().map(Block::of).collect::<Option<Vec<Block>>>();
+        if let (Some(blocks), Some(subset)) = (&mut blocks, &manifest.subset) {
             let held: BTreeSet<&String> = subset.blocks.iter().collect();
             blocks.retain(|b| held.contains(&b.id));
         }
         let blocks = blocks.ok_or_else(|| unreadable("a position is beyond all travel".into()))?;
-        let points = |setup: &Setup| setup.registration.iter().map(PointEntry::point).collect();
-        let registration: Option<Vec<Vec<Point>>> = document.setups.iter().map(points).collect();
-        let setups = document.setups.len();
+        let points = |setup: &SetupEntry| setup.registration.iter().map(RegistrationEntry::registered).collect();
+        let registration: Option<Vec<Vec<Registered>>> = manifest.setups.iter().map(points).collect();
+        let setups = manifest.setups.len();
         if blocks.iter().any(|b| !(1..=setups).contains(&(b.setup as usize))) {
             return Err(unreadable("a block names a set-up that is not there".into()));
         }
@@ -180,13 +123,13 @@ impl Folder {
         Ok(Self {
             path: path.to_owned(),
             manifest: blake3::hash(&bytes).to_hex().to_string(),
-            machine: document.machine,
-            origins: document.setups.iter().map(|s| s.origin_mm).collect(),
+            machine: manifest.machine,
+            origins: manifest.setups.iter().map(|s| s.origin_mm).collect(),
             registration: registration.ok_or_else(|| unreadable("a registration point is beyond all travel".into()))?,
             blocks,
-            frames: document.frames,
+            frames: manifest.frames,
             between_s,
-            files: head.files.into_iter().map(|f| (f.file.clone(), f)).collect(),
+            files: manifest.head.files.into_iter().map(|f| (f.file.clone(), f)).collect(),
         })
     }
 
@@ -199,7 +142,7 @@ impl Folder {
     /// The formats of which every block has a file.
     pub fn formats(&self) -> Vec<&'static str> {
         let of_blocks = TARGETS.iter().filter(|t| matches!(t.stepped, Some(Files::Blocks(..))));
-        of_blocks.map(|t| t.name).filter(|name| self.blocks.iter().all(|b| b.files.contains_key(*name))).collect()
+        of_blocks.map(|t| t.name()).filter(|name| self.blocks.iter().all(|b| b.files.contains_key(*name))).collect()
     }
 
     /// Chooses the files that the laser takes.

@@ -489,7 +489,7 @@ impl Run<'_> {
         self.is_free()?;
         self.stage.heads_for("");
         for (point, number) in folder.registration[setup as usize - 1].iter().zip(1..) {
-            for to in self.moves.over(point.stage) {
+            for to in self.moves.over(point.at.map(|nm| nm.0)) {
                 self.go(&to)?;
             }
             let [x, y] = point.point_mm;

@@ -114,7 +114,7 @@ fn turn(plan: &SteppedPlan, block: &crate::program::Block) -> Value {
 fn files(plan: &SteppedPlan, index: usize) -> Value {
     let id = plan.checked.program().id(index);
     let of_block = plan.job.formats.iter().map(|f| f.target()).filter_map(|t| match t.stepped {
-        Some(Files::Blocks(ending, _)) => Some((t.name.to_owned(), json!(Program::block_file(id, ending)))),
+        Some(Files::Blocks(ending, _)) => Some((t.name().to_owned(), json!(Program::block_file(id, ending)))),
         _ => None,
     });
     Value::Object(of_block.collect())

@@ -51,7 +51,7 @@ fn what_both_files_do_not_allow_is_refused_at_its_line_before_the_surface_is_rea
     let pens: String = (1..31)
         .map(|i| format!("[[pen]]\nname = \"p{i}\"\nspeed = \"1 m/s\"\npower = \"1 %\"\nfrequency = \"60 kHz\"\n\n"))
         .collect();
-    let many = format!("{pens}[[pen]]\nname = \"fill\"");
+    let many = format!("{pens}[[pen]]\n");
     let pilot =
         "frames = \"pilot\"\n\n[[pen]]\nname = \"pilot\"\nspeed = \"1 m/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"";
     let section = |to| ("# section = \"39 mm\"", to);
@@ -63,7 +63,7 @@ fn what_both_files_do_not_allow_is_refused_at_its_line_before_the_surface_is_rea
         (with(lightburn, &dots), vec![], "lightburn-dots", "job.toml \"lightburn\""),
         (with(lightburn, &poisson), vec![], "lightburn-dots", "job.toml \"lightburn\""),
         (with(lightburn, &halftone), vec![], "lightburn-dots", "job.toml \"lightburn\""),
-        (vec![lightburn, ("[[pen]]\nname = \"fill\"", &many)], vec![], "lightburn-layers", "job.toml \"lightburn\""),
+        (vec![lightburn, ("[[pen]]\n", &many)], vec![], "lightburn-layers", "job.toml \"lightburn\""),
         (vec![lmc, ("speed = \"1000 mm/s\"", "speed = \"1 mm/s\"")], vec![LMC], "lmc-speed", "job.toml \"1 mm/s\""),
         (vec![lmc, (KHZ, "frequency = \"0.1 kHz\"")], vec![LMC], "lmc-frequency", "job.toml \"0.1 kHz\""),
         (vec![lmc, (KHZ, "frequency = \"60 kHz\"\ndwell = \"14 us\"")], vec![LMC], "lmc-dwell", "job.toml \"14 us\""),

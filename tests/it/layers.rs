@@ -96,13 +96,14 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 35] = [
+const ORDER: [&str; 36] = [
     "parallel",
     "progress",
     "geom",
     "units",
     "diag",
     "python",
+    "format",
     "nurbs",
     "machine",
     "clearance",
@@ -110,6 +111,7 @@ const ORDER: [&str; 35] = [
     "program",
     "surface",
     "texture",
+    "job",
     "projection",
     "partition",
     "split",
@@ -118,7 +120,6 @@ const ORDER: [&str; 35] = [
     "block_map",
     "on_the_fly",
     "emit",
-    "job",
     "budget",
     "manifest",
     "plan",
@@ -135,8 +136,14 @@ const ORDER: [&str; 35] = [
 ];
 
 /// What the verifier may name: readers of input files and types. Nothing that planned or wrote what it verifies.
-const VERIFIER: [&str; 10] =
-    ["progress", "parallel", "geom", "units", "diag", "machine", "program", "surface", "texture", "job"];
+const VERIFIER: [&str; 11] =
+    ["progress", "parallel", "geom", "units", "diag", "format", "machine", "program", "surface", "texture", "job"];
+
+#[test]
+fn what_the_verifier_may_name_stands_above_all_that_plans_and_writes() {
+    let place = |module: &str| ORDER.iter().position(|m| *m == module);
+    assert!(VERIFIER.iter().all(|module| place(module) < place("projection")), "nor does it reach it through them");
+}
 
 #[test]
 fn modules_name_only_modules_above_them() {

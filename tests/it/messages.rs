@@ -167,10 +167,11 @@ fn files_of_other_encodings_are_told_with_line_and_remedy() {
     std::fs::write(at("m.toml"), latin).expect("written");
     let out = run(dir.path(), &["check", "job.toml"]);
     assert!(said(&out).contains("m.toml:1") && said(&out).contains("Latin-1"), "{}", said(&out));
-    let latin: Vec<u8> = SAMPLE_JOB.replacen("mm, cm", "\u{e4}mm", 1).chars().map(|c| c as u32 as u8).collect();
+    let latin: Vec<u8> =
+        SAMPLE_JOB.replace("×", "x").replacen("A terrace job", "\u{e4}", 1).chars().map(|c| c as u32 as u8).collect();
     std::fs::write(at("latin.toml"), latin).expect("written");
     let out = run(dir.path(), &["check", "latin.toml"]);
-    assert!(said(&out).contains("latin.toml:9") && said(&out).contains("0xe4 is '\u{e4}'"), "{}", said(&out));
+    assert!(said(&out).contains("latin.toml:2") && said(&out).contains("0xe4 is '\u{e4}'"), "{}", said(&out));
 }
 
 #[test]

@@ -55,6 +55,15 @@ fn files_of_blocks(folder: &Path) -> BTreeSet<String> {
     entries.map(|e| e.expect("readable").file_name().to_string_lossy().into_owned()).collect()
 }
 
+/// All files of a folder, with those of the folders in it.
+fn files_below(folder: &Path) -> BTreeSet<String> {
+    let names = |at: &Path| -> Vec<PathBuf> {
+        std::fs::read_dir(at).expect("a folder").map(|e| e.expect("readable").path()).collect()
+    };
+    let all = names(folder).into_iter().flat_map(|p| if p.is_dir() { names(&p) } else { vec![p] });
+    all.map(|p| p.strip_prefix(folder).expect("inside").to_string_lossy().into_owned()).collect()
+}
+
 /// The files of the blocks are those of the whole job, byte for byte, and there are no others; the first move of each
 /// stage program lifts.
 fn assert_is_of(tail: &Path, whole: &Path, names: &[String]) {
@@ -103,6 +112,13 @@ fn the_rest_of_a_job_is_a_verified_folder_with_the_same_bytes() {
         let svg = std::fs::read_to_string(tail.join("layout.svg")).expect("a picture");
         assert!(svg.contains(&format!("{} of {all} blocks are left", names.len())));
         assert_eq!(svg.contains("#block-B0001"), wanted[0] != 1);
+        let report = std::fs::read_to_string(tail.join("report.html")).expect("a report");
+        assert_eq!(report.matches(&format!("{} of {all} blocks are left: ", names.len())).count(), 1);
+        // Besides the files of the blocks that are not left the folder has all that the whole one has.
+        let is_left =
+            |file: &String| file.split_once("/B").is_none_or(|(_, id)| names.iter().any(|n| n[1..] == id[..4]));
+        let wanted: BTreeSet<String> = files_below(&whole).into_iter().filter(is_left).collect();
+        assert_eq!(files_below(&tail), wanted, "{args:?}");
     }
     // A rest of a rest holds what both leave.
     let again = dir.path().join("again.job");
@@ -110,6 +126,8 @@ fn the_rest_of_a_job_is_a_verified_folder_with_the_same_bytes() {
     assert_eq!(blocks(&found), ["B0006", "B0007"]);
     let svg = std::fs::read_to_string(again.join("layout.svg")).expect("a picture");
     assert_eq!(svg.matches("blocks are left").count(), 2, "in the title and below");
+    let report = std::fs::read_to_string(again.join("report.html")).expect("a report");
+    assert_eq!(report.matches("blocks are left: ").count(), 1, "those of the last rest");
     let view = std::fs::read_to_string(again.join("view.html")).expect("a view");
     assert!(
         view.contains("type=\"application/json\">{\"left\":[\"B0006\",\"B0007\"],\"schema\""),

@@ -36,62 +36,79 @@ pub enum AreaName {
 #[serde(deny_unknown_fields)]
 pub struct TextureKeys {
     /// A generated pattern; or give `file` or `curves`.
+    #[schemars(example = &"hatch")]
     #[serde(default)]
     pub pattern: Option<Pattern>,
     /// A drawing (SVG, DXF, HPGL) or a bitmap (PNG, TIFF, BMP, JPEG), relative to the job file; or give `pattern`.
+    #[schemars(example = &"drawing.svg")]
     #[serde(default)]
     pub file: Option<PathBuf>,
     /// Space curves (CSV with columns x, y, z, or DXF) in the frame of the surface file, relative to the job file.
+    #[schemars(example = &"curves.csv")]
     #[serde(default)]
     pub curves: Option<PathBuf>,
     /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
     /// Default for patterns: the part's box. Default for drawings: no limit.
+    #[schemars(example = ["-30 mm", "-25 mm", "30 mm", "25 mm"])]
     #[serde(default)]
     pub area: Option<AreaKeys>,
     /// Hatch: distance of lines. Cells and honeycomb: distance of neighbouring centres. Riblets: distance of grooves.
     /// Concentric and spiral: distance of circles or turns. Dots: distance of sites. Poisson: least distance.
     /// Drawing: distance of the lines that fill areas; default: half the spot.
+    #[schemars(example = &"0.5 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
     /// Hatch and riblets: direction of the lines from +x, counter-clockwise; hatch also `"contour"`: in every section
     /// along the level lines of the part. Drawing: direction of the lines that fill areas, an angle or `"contour"`.
+    #[schemars(example = &"0 deg")]
     #[serde(default)]
     pub direction: Option<Direction>,
     /// Hilbert: 4^order points.
+    #[schemars(example = 8)]
     #[serde(default)]
     pub order: Option<u32>,
     /// Squares: side. Circles, rings: (outer) diameter. Hexagons: width across flats. Crosses, jerusalem: width from tip
     /// to tip. Riblets: width of a groove.
+    #[schemars(example = &"0.6 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub cell: Option<Length>,
     /// Cells and dots: how their centres lie; default: `"hex"` for hexagons, `"square"` for all others.
     #[serde(default)]
     pub lattice: Option<Lattice>,
     /// Crosses, jerusalem: width of the arms, and of the bars.
+    #[schemars(example = &"0.1 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub width: Option<Length>,
     /// Jerusalem: length of the bars across the ends of the arms.
+    #[schemars(example = &"0.3 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub bar: Option<Length>,
     /// Rings: inner diameter.
+    #[schemars(example = &"0.4 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub inner: Option<Length>,
     /// Riblets: distance of the lines in a groove.
+    #[schemars(example = &"0.02 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub line: Option<Length>,
     /// Concentric and spiral: part-frame position of the centre; default: the middle of the area.
+    #[schemars(example = ["0 mm", "0 mm"])]
     #[serde(default)]
     pub centre: Option<[Length; 2]>,
     /// Dots: how far a dot may lie from its site, at random; 100 % is half a pitch. Default: 0 %.
+    #[schemars(example = &"50 %")]
     #[serde(default)]
     pub jitter: Option<Share>,
     /// Dots, poisson, bitmap with `screen = "noise"`, and with `soft`: what random places follow from; default: 0.
+    #[schemars(example = 1)]
     #[serde(default)]
     pub seed: Option<u64>,
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
+    #[schemars(example = ["50 mm", "50 mm"])]
     #[serde(default)]
     pub size: Option<[Length; 2]>,
     /// Drawing: how many times as large as its file states; not together with `size` or `fit`.
+    #[schemars(example = 2.0)]
     #[serde(default)]
     pub scale: Option<f64>,
     /// Drawing: how large its page becomes in its area, or in the part's box.
@@ -102,22 +119,28 @@ pub struct TextureKeys {
     pub align: Option<Align>,
     /// Only what lies inside an area of a drawing is marked: `"mask.svg#outline"`, placed by the keys of this texture, or
     /// a table with keys of its own.
+    #[schemars(example = &"mask.svg#outline")]
     #[serde(default)]
     pub inside: Option<MaskKeys>,
     /// What lies inside an area of a drawing is not marked.
+    #[schemars(example = &"mask.svg#holes")]
     #[serde(default)]
     pub outside: Option<MaskKeys>,
     /// Width over which marks fade at the border of `inside` and `outside`; default: a sharp border.
+    #[schemars(example = &"2 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub soft: Option<Length>,
     /// DXF drawing, curves: a unit of the file; required where it states none.
+    #[schemars(example = &"mm")]
     #[serde(default)]
     pub unit: Option<FileUnit>,
     /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
     /// without an area, the page in the middle of the part.
+    #[schemars(example = ["0 mm", "0 mm"])]
     #[serde(default)]
     pub origin: Option<[Length; 2]>,
     /// Drawing: turn of the page about its lower left corner, counter-clockwise.
+    #[schemars(example = &"90 deg")]
     #[serde(default)]
     pub turn: Angle,
     /// Drawing: mirror the page about its middle, before it is turned: `"x"` exchanges left and right.
@@ -139,6 +162,7 @@ pub struct TextureKeys {
     #[serde(default)]
     pub one_way: bool,
     /// Drawing: distance of the lines of filled areas from the border; default: half the spot.
+    #[schemars(example = &"0.01 mm")]
     #[serde(default)]
     pub inset: Option<Length>,
     /// Drawing: whether the contour of filled areas is marked too, `inset` inside.
@@ -149,23 +173,29 @@ pub struct TextureKeys {
     pub on_unsupported: Option<OnUnsupported>,
     /// Drawing: pens by colour (`"#ff0000"`, `"red"`) or label (`"layer:Grain"`, `"id:rim"`, `"class:fine"`); all else is
     /// marked with `pen`.
+    #[schemars(example = BTreeMap::from([("#ff0000", "fill")]))]
     #[serde(default)]
     pub pens: BTreeMap<String, String>,
     /// Drawing: the colours and labels that exist; default: all.
+    #[schemars(example = ["layer:Grain"])]
     #[serde(default)]
     pub only: Vec<String>,
     /// Drawing: the colours and labels that do not exist.
+    #[schemars(example = ["layer:Notes"])]
     #[serde(default)]
     pub except: Vec<String>,
     /// Drawing: which colours are the page, which hides what lies below and is not marked: a colour (`"#fefefe"`: it and
     /// what lies between it and white) or a CIE lightness L* from 50 to 100; default: 98, what the eye cannot tell from
     /// white.
+    #[schemars(example = &"#fefefe")]
     #[serde(default)]
     pub paper: Option<PaperKeys>,
     /// Bitmap: pixels in an inch, or `"file"` for what the file states; or give `size`.
+    #[schemars(example = 300)]
     #[serde(default)]
     pub dpi: Option<DpiKeys>,
     /// Bitmap: the density of a sample from 0 (black) to 1 (white) is 1 - sample^gamma; default: 1.
+    #[schemars(example = 2.2)]
     #[serde(default)]
     pub gamma: Option<f64>,
     /// Bitmap: mark what is light.
@@ -175,13 +205,16 @@ pub struct TextureKeys {
     #[serde(default)]
     pub screen: Option<Screen>,
     /// Bitmap with `screen = "threshold"`: density above which an area is marked; default: 50 %.
+    #[schemars(example = &"50 %")]
     #[serde(default)]
     pub threshold: Option<Share>,
     /// Bitmap with `screen = "dashes"`: distance of the dashes on their line; with `"halftone"`: side of the cells;
     /// default: ten pitches.
+    #[schemars(example = &"0.2 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub period: Option<Length>,
     /// Curves: largest distance from the surface along z; default: half of `focus.pdof`.
+    #[schemars(example = &"0.1 mm")]
     #[serde(default, deserialize_with = "positive_option")]
     pub max_distance: Option<Length>,
     /// Curves: what is done where a curve lies farther from the surface than that.
@@ -191,6 +224,7 @@ pub struct TextureKeys {
     #[serde(default = "default_tolerance", deserialize_with = "positive")]
     pub tolerance: Length,
     /// Name of the pen; default: the first.
+    #[schemars(example = &"fill")]
     #[serde(default)]
     pub pen: Option<String>,
 }

@@ -41,7 +41,7 @@ impl Command {
         }
         let takes_file = commands.into_iter().flatten().flatten().any(|word| word.contains("{file}"));
         let format = match (&keys.format, held.as_slice()) {
-            (Some(name), _) => Some(TARGETS.iter().map(|t| t.name).find(|n| n == name).ok_or_else(|| {
+            (Some(name), _) => Some(TARGETS.iter().map(|t| t.name()).find(|n| n == name).ok_or_else(|| {
                 Diag::input("run-command", format!("there is no format {name:?}"))
                     .hint(format!("laser.format is one of those in emit.formats; this job holds {}", held.join(", ")))
             })?),
@@ -132,7 +132,7 @@ impl Laser for Command {
 
     fn sets_focus_shift(&self) -> bool {
         let has = |words: &Vec<String>| words.iter().any(|word| word.contains(SHIFT));
-        let in_file = TARGETS.iter().any(|t| Some(t.name) == self.format && t.carries_focus_shift);
+        let in_file = TARGETS.iter().any(|t| Some(t.name()) == self.format && t.carries_focus_shift);
         in_file || has(&self.keys.mark) && self.keys.pilot.as_ref().is_none_or(has)
     }
 

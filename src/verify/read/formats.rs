@@ -261,8 +261,8 @@ mod tests {
         assert_eq!(FORMATS.len(), TARGETS.len());
         for target in &TARGETS {
             let rows: Vec<&Row> = FORMATS.iter().filter(|r| r.format == target.format).collect();
-            let [row] = rows[..] else { panic!("{} has {} rows", target.name, rows.len()) };
-            assert_eq!(row.name, target.name);
+            let [row] = rows[..] else { panic!("{} has {} rows", target.name(), rows.len()) };
+            assert_eq!(row.name, target.name());
             let is_same = match (row.stepped, target.stepped) {
                 (None, None) => true,
                 (Some(Stepped::Blocks(files)), Some(Files::Blocks(written, _))) => files.ending == written,
