@@ -319,6 +319,10 @@ impl<'a> Draft<'a> {
     }
 }
 
+/// Time between blocks after mergers, as a share of that before, from which on tours are not looked for to compare the
+/// two: they save a few percent at most, on either side.
+const CLEAR_GAIN: f64 = 0.95;
+
 /// What all passes are planned from.
 struct Given<'a> {
     job: &'a Job,
@@ -457,9 +461,17 @@ impl Ready {
             let marks = merged.marks(&cut.marks);
             // The part stays where it lies: two stops of a set-up are merged within it.
             let next = self.candidate(on, method, (&merged.stops, &marks), Some(&made.setups));
-            let judge = |one: &Candidate, marks: &Marks<'_>| self.placed(on, one.clone(), marks, false);
-            let before = judged.get_or_insert_with(|| judge(&made, &cut.marks_by(&cut.marks, &as_cut(&cut))));
-            if !judge(&next, &cut.marks_by(&marks, &merged.ids)).improves(before, job, machine) {
+            let judge = |one: &Candidate, marks: &Marks<'_>, tours| self.placed(on, one.clone(), marks, tours);
+            let [unmerged_marks, merged_marks] =
+                [cut.marks_by(&cut.marks, &as_cut(&cut)), cut.marks_by(&marks, &merged.ids)];
+            let before = judged.get_or_insert_with(|| judge(&made, &unmerged_marks, false));
+            let after = judge(&next, &merged_marks, false);
+            let between = |one: &Candidate| one.times.stage + one.times.settle;
+            let is_better = after.improves(before, job, machine)
+                // Tours may make up for a small gain.
+                && (between(&after) < CLEAR_GAIN * between(before)
+                    || judge(&next, &merged_marks, true).improves(&judge(&made, &unmerged_marks, true), job, machine));
+            if !is_better {
                 continue;
             }
             let cuts = Cuts::new(job, machine, self.grid.keep);
