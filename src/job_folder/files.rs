@@ -122,6 +122,9 @@ pub(super) fn stepped(
     Ok(manifest::manifest(&Head { files: filling.into_files(), ..head.clone() }, &facts))
 }
 
+/// Writes the file of a block.
+type WriteBlock = fn(&Stepped<'_>, usize) -> Vec<u8>;
+
 /// The program files of a stepped job, in all its formats.
 pub(crate) struct Programs<'a> {
     /// The blocks that are written.
@@ -163,7 +166,7 @@ impl Programs<'_> {
                     filling.put(&emit::frames::of_whole(file), &write(job))?;
                 }
                 Some(Files::Whole(file, write)) => filling.put(file, &write(job))?,
-                Some(Files::Blocks(ending, write)) => self.blocks(filling, blocks, (ending, write), task)?,
+                Some(Files::Blocks(ending, write)) => self.blocks(filling, blocks, ending, write, task)?,
                 None => {}
             }
         }
@@ -175,7 +178,8 @@ impl Programs<'_> {
         &self,
         filling: &mut Filling<'_>,
         emitted: &Stepped<'_>,
-        (ending, write): (&str, fn(&Stepped<'_>, usize) -> Vec<u8>),
+        ending: &str,
+        write: WriteBlock,
         task: Task<'_>,
     ) -> Result<(), Error> {
         let folder = filling.folder;
