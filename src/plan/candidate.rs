@@ -16,7 +16,7 @@ use crate::manifest::{self, Times};
 use crate::program::{Block, BlockFigures, PassId, PenId, Program, Stop, StopId};
 use crate::split::Fragments;
 
-/// The stops and the measure of a candidate before stops were merged.
+/// The stops and the measure of a candidate at its places, had no stops been merged.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unmerged {
     pub(super) stops: usize,

@@ -38,9 +38,6 @@ pub(super) struct Site<'a> {
     pub(super) is_loose: bool,
     /// Whether marks are left out by their length alone.
     pub(super) min_mark: bool,
-    /// Whether other tours are looked for once stops are at their places; without, places are near enough to compare
-    /// candidates, and much is saved.
-    pub(super) tours: bool,
 }
 
 /// How near to the border of a window a mark that was left out counts as on it, nm.
@@ -132,7 +129,7 @@ impl Places {
         };
         let mut time = slid(&mut self.spots, &self.order);
         let has_zoom = machine.most_focus_shift() > Nm(0);
-        if !site.tours || has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
+        if has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
             return;
         }
         for _ in 0..TOURS {

@@ -319,10 +319,6 @@ impl<'a> Draft<'a> {
     }
 }
 
-/// Time between blocks after mergers, as a share of that before, from which on tours are not looked for to compare the
-/// two: they save a few percent at most, on either side.
-const CLEAR_GAIN: f64 = 0.95;
-
 /// What all passes are planned from.
 struct Given<'a> {
     job: &'a Job,
@@ -443,35 +439,20 @@ impl Ready {
     fn merged(&self, on: &Given<'_>, method: Method, mut cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
         let &Given { job, machine, inputs, .. } = on;
         let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
-        let unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
         let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
-        let place = |made: Candidate, cut: &Cut| {
-            let made = self.placed(on, made, &cut.marks_by(&cut.marks, &as_cut(cut)), true);
-            Candidate { unmerged, ..made }
-        };
+        let placed = self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(&cut)));
+        let unmerged = Unmerged { stops: placed.program.stops(), measure: placed.measure(job, machine) };
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
-            let made = place(made, &cut);
-            return (cut, made);
+            return (cut, Candidate { unmerged, ..placed });
         }
-        let mut judged: Option<Candidate> = None;
         for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
             let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
             let Some(merged) = merge::merged(&cut, &made, &costs) else { break };
             let marks = merged.marks(&cut.marks);
             // The part stays where it lies: two stops of a set-up are merged within it.
             let next = self.candidate(on, method, (&merged.stops, &marks), Some(&made.setups));
-            let judge = |one: &Candidate, marks: &Marks<'_>, tours| self.placed(on, one.clone(), marks, tours);
-            let [unmerged_marks, merged_marks] =
-                [cut.marks_by(&cut.marks, &as_cut(&cut)), cut.marks_by(&marks, &merged.ids)];
-            let before = judged.get_or_insert_with(|| judge(&made, &unmerged_marks, false));
-            let after = judge(&next, &merged_marks, false);
-            let between = |one: &Candidate| one.times.stage + one.times.settle;
-            let is_better = after.improves(before, job, machine)
-                // Tours may make up for a small gain.
-                && (between(&after) < CLEAR_GAIN * between(before)
-                    || judge(&next, &merged_marks, true).improves(&judge(&made, &unmerged_marks, true), job, machine));
-            if !is_better {
+            if !self.placed(on, next.clone(), &cut.marks_by(&marks, &merged.ids)).improves(&placed, job, machine) {
                 continue;
             }
             let cuts = Cuts::new(job, machine, self.grid.keep);
@@ -482,18 +463,17 @@ impl Ready {
                     let as_taken = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
                     let again = || self.candidate(on, method, (&cut.stops, &cut.marks), Some(&made.setups));
                     let next = if as_taken { next } else { again() };
-                    let next = place(next, &cut);
-                    return (cut, next);
+                    let next = self.placed(on, next, &cut.marks_by(&cut.marks, &as_cut(&cut)));
+                    return (cut, Candidate { unmerged, ..next });
                 }
                 Err(as_it_was) => cut = *as_it_was,
             }
         }
-        let made = place(made, &cut);
-        (cut, made)
+        (cut, Candidate { unmerged, ..placed })
     }
 
-    /// A candidate with its stops where they cost least; without `tours` in the order that they have.
-    fn placed(&self, on: &Given<'_>, mut made: Candidate, marks: &Marks<'_>, tours: bool) -> Candidate {
+    /// A candidate with its stops where they cost least.
+    fn placed(&self, on: &Given<'_>, mut made: Candidate, marks: &Marks<'_>) -> Candidate {
         let &Given { job, machine, .. } = on;
         let Grid { window, sections, lattice, .. } = &self.grid;
         let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
@@ -507,7 +487,6 @@ impl Ready {
             pitch: sections.pitch,
             is_loose: upright && !stated,
             min_mark: job.partition.min_mark.is_some(),
-            tours,
         };
         places::place(&mut made, marks, &site);
         made.times = self.times_of_stops(machine, &made.program, marks.of_stops);

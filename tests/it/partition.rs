@@ -124,7 +124,14 @@ fn least_time(dir: &Path, z: fn(f64, f64) -> f64, (cells, pitch): (usize, &str),
             assert!(if method == "contour" { listed <= alone } else { listed == alone }, "{method}: {listed} {alone}");
         }
         let total = |s: &Value| number(&s["time_s"], "total");
-        assert!(total(&summary) <= total(&single), "{method} is faster than what was kept");
+        assert!(
+            total(&summary) <= total(&single),
+            "{method} is faster than what was kept: {} s by {}, {} s by itself; {}",
+            total(&summary),
+            summary["method"],
+            total(&single),
+            summary["candidates"]
+        );
         let stage = stage_time(&out, xy_s, z_s);
         let marks = ["mark", "jump", "delay"].map(|k| number(&single["time_s"], k)).iter().sum::<f64>();
         assert!((stage + marks - total(&single)).abs() < 1e-6 * stage, "{method}: {stage} {marks}");
@@ -370,9 +377,10 @@ fn seams_overlap_by_what_the_job_declares() {
         let words: Vec<f64> = text.split(' ').filter_map(|w| w.parse().ok()).collect();
         assert!(words[1] == cuts && words[0] <= 0.005 * cuts, "{text}");
         assert!(number(&summary, "stops") <= 1.1 * number(&butt, "stops"), "{method}");
-        // What is marked twice is not a seam of its own.
+        // What is marked twice is not a seam of its own: that would double the length. Mergers, of which there are others
+        // with overlaps, take some of it away.
         let lengths = [&butt, &summary].map(|s| number(s, "seam_mm") / number(s, "stops"));
-        assert!((lengths[0] / lengths[1] - 1.0).abs() < 0.03, "{method}: {lengths:?}");
+        assert!((lengths[0] / lengths[1] - 1.0).abs() < 0.1, "{method}: {lengths:?}");
     }
 }
 
