@@ -155,6 +155,11 @@ impl<'a> Whole<'a> {
             }
         }
         let manifest: Manifest = Manifest::read(folder)?;
+        if manifest.setups.iter().flat_map(|s| &s.registration).any(|r| r.registered().is_none()) {
+            let d =
+                Diag::input("manifest", "a registration point is beyond all travel").at(place(&folder.join(MANIFEST)));
+            return Err(d.hint("restore the job folder from a copy").into());
+        }
         let formats = TARGETS.iter().filter(|t| match t.stepped {
             Some(Files::Whole(name, _)) => head.files.iter().any(|f| f.file == name),
             Some(Files::Blocks(..)) => manifest.blocks.iter().any(|b| b.files.contains_key(t.name())),
