@@ -23,9 +23,11 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Res
         return print(&show::json(&serde_json::json!({"of": found.of, "subset": s})));
     }
     let [first, last] = [s.blocks.first(), s.blocks.last()].map(|id| id.map_or("", String::as_str));
+    let layout = target.join("layout.svg");
+    let open = if layout.exists() { format!("open           {}\n", layout.display()) } else { String::new() };
     print(&format!(
         "left           {} of {} blocks, {first} to {last}, at {} stops\nmarks          {:.3} mm\ntime           {}\n\
-         with loading   {}\njob folder     {}\nopen           {}\nthen run       terrace verify {}\n",
+         with loading   {}\njob folder     {}\n{open}then run       terrace verify {}\n",
         s.blocks.len(),
         found.of,
         s.stops,
@@ -33,7 +35,6 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Res
         duration(s.time_s),
         duration(s.total_s),
         target.display(),
-        target.join("layout.svg").display(),
         show::shown(target)
     ))
 }
