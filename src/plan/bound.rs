@@ -49,21 +49,11 @@ pub(super) fn sampling(size: [i32; 3], texture: &Texture) -> Sampling {
     Sampling { rows: bound::rows(size[2]), cell, origin, every: every(texture, cell) }
 }
 
-/// Strokes may be so dense that every few of them leave marks in every cell: how few. The density is
-/// estimated from some of them.
+/// Strokes may be so dense that every few of them leave marks in every cell: how few.
 fn every(texture: &Texture, cell: Nm) -> usize {
-    const SOME: usize = 500;
-    let step = texture.len().div_ceil(SOME).max(1);
-    let mut points = Vec::new();
-    let mut length = 0.0;
-    for i in (0..texture.len()).step_by(step) {
-        texture.stroke(i, &mut points);
-        length += points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>();
-    }
-    let [w, h] = texture.bounds().size().map(Nm::f64);
-    let pitch = w * h / (length * step as f64);
+    let spacing = texture.spacing_estimate().lines;
     // Every hundredth stroke at most: density may differ from place to place.
-    if pitch > 0.0 { ((cell.f64() / pitch) as usize).clamp(1, 100) } else { 1 }
+    if spacing > 0.0 { ((cell.f64() / spacing) as usize).clamp(1, 100) } else { 1 }
 }
 
 /// The bound for what `method` made of `marks` with stops of this size.

@@ -16,13 +16,6 @@ use crate::manifest::{self, Times};
 use crate::program::{Block, BlockFigures, PassId, PenId, Program, Stop, StopId};
 use crate::split::Fragments;
 
-/// The stops and the measure of a candidate at its places, had no stops been merged.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unmerged {
-    pub(super) stops: usize,
-    pub(super) measure: (f64, f64),
-}
-
 /// What one method gives.
 #[derive(Clone)]
 pub(super) struct Candidate {
@@ -31,8 +24,8 @@ pub(super) struct Candidate {
     pub(super) program: Program,
     /// The stop of every block of a pass, among those of the method.
     pub(super) ids: Vec<StopId>,
-    /// What it was before stops were merged.
-    pub(super) unmerged: Unmerged,
+    /// How many stops it had before some were merged.
+    pub(super) unmerged: usize,
     /// Where the part's origin lies in the table frame.
     pub(super) origin: Origin,
     pub(super) setups: Setups,
@@ -149,7 +142,7 @@ impl Candidate {
         s.jump += t.jump;
         s.delay += t.delay;
         s.total += t.total;
-        self.unmerged.stops += next.unmerged.stops;
+        self.unmerged += next.unmerged;
         self.figures.extend(next.figures);
         self.fragments += next.fragments;
         self.split = join(std::mem::take(&mut self.split), next.split);

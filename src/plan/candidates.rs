@@ -1,6 +1,5 @@
 //! The methods of partition that a job is planned by, the stops of each, and the choice between them.
 
-use super::candidate::{Candidate, Unmerged};
 use super::methods::{METHODS, row};
 use super::site::Site;
 use crate::diag::{Diag, Error};
@@ -56,31 +55,12 @@ pub(super) fn stops(
     Ok(found)
 }
 
-/// Drops candidates that another one dominates, with a smaller measure and no more stops: they cannot be chosen,
-/// whatever is tried next, and their programs are large.
-pub(super) fn drop_dominated<T, M: PartialOrd>(
-    made: &mut Vec<(Method, T, Option<Diag>)>,
-    of: impl Fn(&T) -> (M, usize),
-) {
+/// Drops candidates that take more than another sound one: they cannot be chosen, whatever is tried next, and their
+/// programs are large.
+pub(super) fn drop_worse<T, M: PartialOrd>(made: &mut Vec<(Method, T, Option<Diag>)>, measure: impl Fn(&T) -> M) {
     let sound = made.iter().filter(|(.., fault)| fault.is_none());
-    let all: Vec<(M, usize)> = sound.map(|(_, made, _)| of(made)).collect();
-    made.retain(|(_, made, fault)| {
-        let (measure, stops) = of(made);
-        fault.is_some() || !all.iter().any(|(m, n)| *m < measure && *n <= stops)
-    });
-}
-
-/// Drops candidates that have more stops than the one that would be the best if none were merged: what merging gains
-/// in time is not paid with stops. `unmerged` are all that were tried and are sound.
-pub(super) fn no_more_stops(made: &mut Vec<(Method, Candidate, Option<Diag>)>, unmerged: &[Unmerged]) {
-    let mut best: Option<Unmerged> = None;
-    for &one in unmerged {
-        if best.is_none_or(|b| one.measure < b.measure) {
-            best = Some(one);
-        }
-    }
-    let most = best.map_or(usize::MAX, |b| b.stops);
-    made.retain(|(_, made, fault)| fault.is_some() || made.program.stops() <= most);
+    let all: Vec<M> = sound.map(|(_, made, _)| measure(made)).collect();
+    made.retain(|(_, made, fault)| fault.is_some() || !all.iter().any(|m| *m < measure(made)));
 }
 
 /// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method
@@ -116,20 +96,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_candidate_that_is_slower_and_has_no_fewer_stops_is_dropped() {
+    fn a_candidate_that_takes_more_is_dropped() {
         let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
         let mut made = vec![
-            (Method::Contour, (3.0, 30), None),
-            (Method::ZRange, (3.0, 33), None),
-            (Method::Window, (4.0, 29), None),
-            (Method::Tilt, (1.0, 1), fault()),
+            (Method::Contour, 3.0, None),
+            (Method::ZRange, 3.0, None),
+            (Method::Window, 4.0, None),
+            (Method::Tilt, 1.0, fault()),
         ];
-        drop_dominated(&mut made, |&of| of);
-        assert_eq!(made.len(), 4, "equal measures: the first is chosen, so both stay");
-        made.push((Method::Window, (2.0, 30), None));
-        drop_dominated(&mut made, |&of| of);
-        let left: Vec<(f64, usize)> = made.iter().map(|(_, of, _)| *of).collect();
-        assert_eq!(left, [(4.0, 29), (1.0, 1), (2.0, 30)]);
+        drop_worse(&mut made, |&time| time);
+        let left: Vec<Method> = made.iter().map(|&(method, ..)| method).collect();
+        assert_eq!(left, [Method::Contour, Method::ZRange, Method::Tilt], "of equal ones the first is chosen later");
+        made.push((Method::Window, 2.0, None));
+        drop_worse(&mut made, |&time| time);
+        let left: Vec<Method> = made.iter().map(|&(method, ..)| method).collect();
+        assert_eq!(left, [Method::Tilt, Method::Window]);
     }
 
     #[test]

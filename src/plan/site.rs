@@ -46,11 +46,20 @@ impl Site<'_> {
         Some(if keep.0 == Nm(0) && grid.stops.len() < free.stops.len() { grid } else { free })
     }
 
-    /// Whether `auto` may leave free windows out, whose search takes seconds: even with six tenths of the stops
-    /// of the grid, fewer than they need on any surface with a dense texture, they would lose, because nearly
-    /// all moves of a grid are moves of z alone.
+    /// Whether `auto` may leave free windows out, whose search takes seconds where a texture is dense: even with six
+    /// tenths of the stops of the grid, fewer than they need on any surface with a dense texture, they would
+    /// lose, because nearly all moves of a grid are moves of z alone.
+    ///
+    /// Where a texture is sparse, windows slide into its gaps until most of their moves are moves of z alone too. With
+    /// hatches over the five surfaces of the tests they save up to 7 % of the job from 6 to 12 mm in a
+    /// field of 40 mm, and lose everywhere at 5 mm.
     pub(super) fn windows_cannot_win(&self, grid: &Stops) -> bool {
+        const DENSE: f64 = 0.125;
         let [w, h] = self.grid.window.map(|Nm(w)| w);
+        let spacing = self.sweep.texture.spacing_estimate();
+        if spacing.lines.min(spacing.dots) > DENSE * w.min(h) as f64 {
+            return false;
+        }
         let time = |to: [i64; 3]| {
             let moved = motion::stage_move(self.machine, Commanded::default(), Commanded(to), None);
             moved.travel_s + moved.settle_s

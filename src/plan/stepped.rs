@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
-use super::candidate::{Candidate, Unmerged};
-use super::candidates::{best_of, divide, drop_dominated, methods, no_more_stops, stops};
+use super::candidate::Candidate;
+use super::candidates::{best_of, divide, drop_worse, methods, stops};
 use super::cut::{Cut, Marks, StopMarks};
 use super::cut_again::cut_again;
 use super::dose;
@@ -146,7 +146,6 @@ impl<'a> Draft<'a> {
         let on = Given { job, machine, inputs, clearance: &clearance };
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let mut made = Vec::new();
-        let mut unmerged = Vec::new();
         let is_single = found.len() == 1;
         for (((method, stops), parts), task) in found.into_iter().zip(parts).zip(ordering) {
             let cut = Cut::new(stops, parts, machine, &job.pens);
@@ -155,12 +154,10 @@ impl<'a> Draft<'a> {
             let fault = if is_single { None } else { one.fault(machine, &first.grid, &clearance) };
             if fault.is_none() {
                 tried.push(one.listed(job, machine));
-                unmerged.push(one.unmerged);
             }
             made.push((method, one, fault));
-            drop_dominated(&mut made, |made| (made.measure(job, machine), made.program.stops()));
+            drop_worse(&mut made, |made| made.measure(job, machine));
         }
-        no_more_stops(&mut made, &unmerged);
         let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
         if is_single {
             tried.clear();
@@ -296,7 +293,7 @@ impl<'a> Draft<'a> {
             blocks: &best.figures,
             worst_defocus: best.worst_defocus,
             worst_defocus_mean: best.worst_defocus_mean,
-            unmerged: best.unmerged.stops,
+            unmerged: best.unmerged,
             curves,
             budget,
         };
@@ -428,7 +425,7 @@ impl Ready {
             worst_defocus_mean,
             program,
             ids,
-            unmerged: Unmerged::default(),
+            unmerged: 0,
             origin: self.grid.origin,
             setups,
             used,
@@ -441,7 +438,7 @@ impl Ready {
         let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
         let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
         let placed = self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(&cut)));
-        let unmerged = Unmerged { stops: placed.program.stops(), measure: placed.measure(job, machine) };
+        let unmerged = placed.program.stops();
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
             return (cut, Candidate { unmerged, ..placed });

@@ -40,7 +40,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::diag::{Diag, Error, Place, memory};
-use crate::geom::{Box2, BoxMm, P2};
+use crate::geom::{Box2, BoxMm, Nm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
 pub(crate) use artwork::lightness;
@@ -195,6 +195,15 @@ impl Part {
         }
         Ok(())
     }
+}
+
+/// Mean distances between neighbouring marks, nm; infinite where there are none of the kind.
+#[derive(Clone, Copy, Debug)]
+pub struct Spacing {
+    /// Area over length.
+    pub lines: f64,
+    /// Root of the area for one dot.
+    pub dots: f64,
 }
 
 /// All strokes of a job, computed on request: nothing is stored that can be computed. Cheap to clone.
@@ -406,6 +415,21 @@ impl Texture {
     /// How many points all strokes have together, but for neighbours that fall on one nanometre.
     pub fn points_estimate(&self) -> u64 {
         self.points
+    }
+
+    /// How far apart neighbouring marks are on average over the texture's box, estimated from some of the strokes.
+    pub fn spacing_estimate(&self) -> Spacing {
+        const SOME: usize = 500;
+        let step = self.len().div_ceil(SOME).max(1);
+        let mut points = Vec::new();
+        let (mut length, mut dots) = (0.0, 0.0);
+        for i in (0..self.len()).step_by(step) {
+            self.stroke(i, &mut points);
+            length += points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>();
+            dots += f64::from(u8::from(points.len() == 1));
+        }
+        let [w, h] = self.bounds.size().map(Nm::f64);
+        Spacing { lines: w * h / (length * step as f64), dots: (w * h / (dots * step as f64)).sqrt() }
     }
 
     /// Asks for the memory in which a stroke is traced: its points, and where it crosses the part.
