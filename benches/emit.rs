@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use surfaces::{dome, mesh, write_stl};
-use terrace::emit::{Files, Stepped, TARGETS};
-use terrace::job::{Job, Overrides};
-use terrace::machine::Machine;
-use terrace::plan::{self, SteppedPlan};
+use terrace_core::machine::Machine;
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::emit::{Files, Stepped, TARGETS};
+use terrace_plan::plan::{self, SteppedPlan};
 
 /// How long each writer runs again and again; the fastest run counts.
 const MEASURED: Duration = Duration::from_secs(1);
@@ -38,7 +38,8 @@ fn main() {
 
 /// The file of a built-in machine with cards of both makers.
 fn cards() -> String {
-    let (_, profile) = terrace::machine::PROFILES.iter().find(|(name, _)| *name == "xyz-galvo-40").expect("built in");
+    let (_, profile) =
+        terrace_core::machine::PROFILES.iter().find(|(name, _)| *name == "xyz-galvo-40").expect("built in");
     format!(
         "{profile}\n[lmc]\nunits_per_mm = 500.0\nlaser = \"fiber\"\n\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 15000.0\n"
     )

@@ -29,12 +29,14 @@ use std::process::Command;
 use std::time::Instant;
 
 use surfaces::{dome, mesh, write_stl};
-use terrace::geom::P2;
-use terrace::job::{Job, Overrides};
-use terrace::job_folder::Durability;
-use terrace::on_the_fly::axes::following_error::Protection;
-use terrace::surface::{Cursor, Surface};
-use terrace::{compare, job_folder, plan, verify};
+use terrace_compare::compare;
+use terrace_core::geom::P2;
+use terrace_input::job::{Job, Overrides};
+use terrace_input::surface::{Cursor, Surface};
+use terrace_plan::on_the_fly::axes::following_error::Protection;
+use terrace_plan::plan;
+use terrace_report::job_folder;
+use terrace_report::job_folder::Durability;
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
@@ -125,7 +127,8 @@ fn run(case: &str, stl: &Path) {
         "load" => (0, format!("{} facets", load(stl).facet_count())),
         "walk" => (0, walk(&load(stl))),
         "verify" => {
-            let proof = verify::verify(&stl.with_extension("contour.job"), None).unwrap_or_else(|e| panic!("{e}"));
+            let proof =
+                terrace_verify::verify(&stl.with_extension("contour.job"), None).unwrap_or_else(|e| panic!("{e}"));
             assert!(proof.ok, "{}", proof.to_text());
             (proof.fragments, format!("{} fragments proved", proof.fragments))
         }

@@ -12,7 +12,7 @@ mod nurbs;
 use std::hint::black_box;
 use std::time::Instant;
 
-use terrace::nurbs::{Decoupled, HeightGrid, Inversion, Method, Surface};
+use terrace_compare::nurbs::{Decoupled, HeightGrid, Inversion, Method, Surface};
 
 fn main() {
     println!("{:<10}{:>9}{:>28}{:>14}{:>14}", "surface", "warp", "algorithm", "heights/s", "x 8 kHz");

@@ -9,7 +9,7 @@
 mod cpu;
 
 use cpu::cpu_s;
-use terrace::on_the_fly::topp::{Limit, Options, Path, time_optimal};
+use terrace_plan::on_the_fly::topp::{Limit, Options, Path, time_optimal};
 
 const STEP: f64 = 0.1;
 

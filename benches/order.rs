@@ -3,16 +3,13 @@
 //! CPU seconds of this thread, as the kernel counts them. Tours of stops are compared with what a hundred
 //! times the effort finds, which takes some minutes; `cargo bench --bench order -- 10` takes ten times.
 
-use terrace::geom::FieldPoint;
-use terrace::machine::{Commanded, Machine, MoveTimes, Settling};
-use terrace::order::stops::{self, EFFORT, HeightOrder, Stage};
-use terrace::order::strokes::{self, Path, Visit};
-use terrace::units::Time;
+use terrace_core::geom::FieldPoint;
+use terrace_core::machine::{Commanded, Machine, MoveTimes, Settling};
+use terrace_core::units::Time;
+use terrace_plan::order::stops::{self, EFFORT, HeightOrder, Stage};
+use terrace_plan::order::strokes::{self, Path, Visit};
 
-#[path = "../src/random.rs"]
-mod random;
-
-use random::Random;
+use terrace_core::random::Random;
 
 type Strokes = Vec<Vec<FieldPoint>>;
 

@@ -18,9 +18,9 @@ use memory::peak_mb;
 use std::process::Command;
 
 use surfaces::FIVE;
-use terrace::partition::bound::{Certificate, lower_bound, lower_bound_whole, row_heights};
-use terrace::partition::box_index::Item;
-use terrace::partition::window;
+use terrace_plan::partition::bound::{Certificate, lower_bound, lower_bound_whole, row_heights};
+use terrace_plan::partition::box_index::Item;
+use terrace_plan::partition::window;
 
 const MM: f64 = 1e6;
 const SIZE: [i32; 3] = [40_000_000, 40_000_000, 70_000];

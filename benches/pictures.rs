@@ -9,9 +9,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use surfaces::{dome, mesh, write_stl};
-use terrace::job::{Job, Overrides};
-use terrace::job_folder::{self, Durability, Pictures};
-use terrace::plan::{self, Plan};
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::plan::{self, Plan};
+use terrace_report::job_folder::{self, Durability, Pictures};
 
 fn main() {
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));

@@ -8,9 +8,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use geo::{BooleanOps, LineString, MultiLineString, Polygon};
-use terrace::geom::BoxMm;
-use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
+use terrace_core::geom::BoxMm;
+use terrace_core::program::PenId;
+use terrace_input::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
 
 /// Figures in a row and in a column.
 const ROW: u32 = 100;

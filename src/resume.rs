@@ -10,21 +10,21 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::check::Checked;
-use crate::diag::{self, Diag, Error, Place};
-use crate::emit::{Files, Stepped, TARGETS, Target, block_file};
-use crate::format::Format;
-use crate::geom::Nm;
-use crate::job::Mode;
-use crate::job_folder::{self, Durability, Filling, Programs};
-use crate::manifest::{
+use terrace_core::diag::{self, Diag, Error, Place};
+use terrace_core::format::Format;
+use terrace_core::geom::Nm;
+use terrace_core::program::{BlockFigures, BlockId, PenId, Program, text};
+use terrace_core::progress::Task;
+use terrace_input::job::Mode;
+use terrace_plan::check::Checked;
+use terrace_plan::emit::{Files, Stepped, TARGETS, Target, block_file};
+use terrace_plan::manifest::{
     self, FileFact, Frames, Head, MANIFEST, Manifest, Registered, RegistrationEntry, SetupEntry, Subset,
 };
-use crate::plan;
-use crate::program::{BlockFigures, BlockId, PenId, Program, text};
-use crate::progress::Task;
-use crate::report;
-use crate::report::runsheet::{self, Sheet};
+use terrace_plan::plan;
+use terrace_report::job_folder::{self, Durability, Filling, Programs};
+use terrace_report::report;
+use terrace_report::report::runsheet::{self, Sheet};
 
 /// Which blocks are left; every choice takes some away.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

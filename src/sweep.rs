@@ -11,14 +11,14 @@ use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
-use crate::diag::{Diag, Error, Fault, Place, Severity};
-use crate::job::{Job, KeyValue, Keys, Mode, Overrides, Setting, near_keys};
-use crate::manifest::Summary;
-use crate::parallel;
-use crate::plan::{self, Inputs};
-use crate::report::plot::{Axis, LineChart, Panel, Plot, Series};
-use crate::report::table::{Cell, Column, Table};
-use crate::surface::Surface;
+use terrace_core::diag::{Diag, Error, Fault, Place, Severity};
+use terrace_core::parallel;
+use terrace_input::job::{Job, KeyValue, Keys, Mode, Overrides, Setting, near_keys};
+use terrace_input::surface::Surface;
+use terrace_plan::manifest::Summary;
+use terrace_plan::plan::{self, Inputs};
+use terrace_report::report::plot::{Axis, LineChart, Panel, Plot, Series};
+use terrace_report::report::table::{Cell, Column, Table};
 
 /// Most combinations of one sweep.
 const MOST: usize = 10_000;

@@ -8,10 +8,10 @@ use super::outcome::{Outcome, State};
 use super::report::Report;
 use super::unit::{Compile, Task, Unit};
 use super::work::End;
-use crate::diag::{Diag, Error, Fault, Place};
-use crate::job::Job;
-use crate::job_folder;
 use crate::sweep::{self, Row};
+use terrace_core::diag::{Diag, Error, Fault, Place};
+use terrace_input::job::Job;
+use terrace_report::job_folder;
 
 /// Why units left no report, where an engine knows.
 pub type Reasons = BTreeMap<usize, String>;

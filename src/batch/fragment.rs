@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::unit::Unit;
 use super::units::unwritable;
 use super::work::{Done, End};
-use crate::diag::Error;
-use crate::job_folder::{self, Durability};
+use terrace_core::diag::Error;
+use terrace_report::job_folder::{self, Durability};
 
 /// What a unit says of itself when it has ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

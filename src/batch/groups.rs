@@ -54,8 +54,8 @@ mod tests {
 
     use super::super::unit::{Compile, Task};
     use super::*;
-    use crate::job::Overrides;
-    use crate::job_folder::Hashes;
+    use terrace_input::job::Overrides;
+    use terrace_report::job_folder::Hashes;
 
     fn units(costs: &[f64]) -> Vec<Unit> {
         let of = |(id, &cost_s): (usize, &f64)| {

@@ -8,10 +8,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::{Outcome, Report};
-use crate::diag::Error;
-use crate::job_folder;
-use crate::manifest::duration;
-use crate::report::page::{self, escape};
+use terrace_core::diag::Error;
+use terrace_plan::manifest::duration;
+use terrace_report::job_folder;
+use terrace_report::report::page::{self, escape};
 
 /// What the page adds to the style of all pages. On a narrow screen every row is a card: picture and name, and below
 /// them the figures, each with its name.

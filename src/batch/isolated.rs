@@ -2,7 +2,7 @@
 //! others go on.
 //!
 //! The limit is one of address space (`ulimit -v` of the shell), the only one that every Unix enforces without rights
-//! and that the program itself knows beforehand ([`crate::diag::memory`]). It counts what is reserved, not what is
+//! and that the program itself knows beforehand ([`terrace_core::diag::memory`]). It counts what is reserved, not what is
 //! used, so glibc's allocator is given a single arena: every further one reserves 64 MB, and whether that fits under
 //! the limit would depend on the timing of threads. Engines watch the memory of their own processes only.
 
@@ -13,8 +13,8 @@ use std::process::{ChildStderr, Command, ExitStatus, Stdio};
 use super::fragment::Fragment;
 use super::unit::{Task, Unit};
 use super::work::{Done, End};
-use crate::diag::{Diag, Error, Fault, Place};
-use crate::job_folder::{self, Durability};
+use terrace_core::diag::{Diag, Error, Fault, Place};
+use terrace_report::job_folder::{self, Durability};
 
 /// Bytes of a process's last messages that are kept.
 const SAID: usize = 4096;

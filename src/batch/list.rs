@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use super::unit::{Combinations, Compile, Task, Unit};
-use crate::diag::{self, Diag, Error, Place};
-use crate::job::{Job, Overrides, Setting};
-use crate::job_folder::Hashes;
-use crate::machine::Machine;
-use crate::{parallel, plan, sweep};
+use crate::sweep;
+use terrace_core::diag::{self, Diag, Error, Place};
+use terrace_core::machine::Machine;
+use terrace_core::parallel;
+use terrace_input::job::{Job, Overrides, Setting};
+use terrace_plan::plan;
+use terrace_report::job_folder::Hashes;
 
 /// A job file that was listed.
 struct Listed {

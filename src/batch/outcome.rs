@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::unit::Unit;
-use crate::diag::{Fault, Message};
-use crate::machine::LoadingWay;
-use crate::manifest::{AnySummary, duration};
+use terrace_core::diag::{Fault, Message};
+use terrace_core::machine::LoadingWay;
+use terrace_plan::manifest::{AnySummary, duration};
 
 /// What the manifest of a job's folder tells of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,8 +5,8 @@ use std::fmt;
 use serde_json::{Value, json};
 
 use super::outcome::{Outcome, counted};
-use crate::machine::LoadingWay;
-use crate::manifest::duration;
+use terrace_core::machine::LoadingWay;
+use terrace_plan::manifest::duration;
 
 /// All outcomes, in the order of the list.
 #[derive(Debug)]

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::job::{Job, Overrides, Setting};
-use crate::job_folder::Hashes;
-use crate::manifest::InputFact;
+use terrace_input::job::{Job, Overrides, Setting};
+use terrace_plan::manifest::InputFact;
+use terrace_report::job_folder::Hashes;
 
 /// What a job costs whatever its size, s of one core.
 const COST_OF_A_JOB_S: f64 = 0.02;

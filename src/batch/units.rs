@@ -9,8 +9,8 @@ use std::str::FromStr;
 
 use super::groups::shares;
 use super::unit::Unit;
-use crate::diag::{self, Diag, Error, Place};
-use crate::job_folder::{self, Durability};
+use terrace_core::diag::{self, Diag, Error, Place};
+use terrace_report::job_folder::{self, Durability};
 
 /// Largest file of units that is read: some 1000 bytes for each of a million units.
 const MAX_FILE: u64 = 1 << 30;

@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::outcome::{Figures, Outcome, State};
 use super::unit::{Combinations, Compile, Task, Unit, hash};
-use crate::diag::{Diag, Error, Fault};
-use crate::job::{Job, read_file};
-use crate::job_folder::{self, Durability, Writing};
-use crate::manifest::{self, InputFact};
-use crate::plan;
 use crate::sweep::{self, Row};
+use terrace_core::diag::{Diag, Error, Fault};
+use terrace_input::job::{Job, read_file};
+use terrace_plan::manifest::{self, InputFact};
+use terrace_plan::plan;
+use terrace_report::job_folder::{self, Durability, Writing};
 
 /// Verifies a job folder; an error where it cannot be verified or breaks a rule.
 pub type Verify<'a> = dyn Fn(&Path) -> Result<(), Error> + Sync + 'a;

@@ -9,12 +9,12 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use super::{examples, explain};
 
 use crate::batch::units::Chosen;
-use crate::compare::{SYSTEMS, System};
-use crate::job::{FileUnit, Mode, Objective, Setting};
-use crate::machine::PROFILES;
-use crate::on_the_fly::axes::following_error::Protection;
-use crate::program::BlockId;
-use crate::units::{Angle, Length};
+use terrace_compare::compare::{SYSTEMS, System};
+use terrace_core::machine::PROFILES;
+use terrace_core::program::BlockId;
+use terrace_core::units::{Angle, Length};
+use terrace_input::job::{FileUnit, Mode, Objective, Setting};
+use terrace_plan::on_the_fly::axes::following_error::Protection;
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
 #[derive(Debug, Parser)]

@@ -9,8 +9,8 @@ use super::fleet::{Carrier, settings, stop_on_ctrl_c};
 use super::{durability, fleet, overrides, print, refuse_input, show, unwritable, write_file};
 use crate::batch::collect::{Reasons, collect};
 use crate::batch::{self, Outcome, Report, Unit, units};
-use crate::diag::{Error, Place};
-use crate::job_folder::Durability;
+use terrace_core::diag::{Error, Place};
+use terrace_report::job_folder::Durability;
 
 pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
     if let (Some(file), Some(chosen)) = (&asked.units, &asked.unit) {

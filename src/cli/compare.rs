@@ -5,10 +5,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{show, unwritable};
-use crate::compare::{Comparison, Verdict, overview, page, plots, tables};
-use crate::diag::{Diag, Error, Place};
-use crate::job_folder::{self, Durability};
-use crate::report::table::TERMINAL;
+use terrace_compare::compare::{Comparison, Verdict, overview, page, plots, tables};
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_report::job_folder::{self, Durability};
+use terrace_report::report::table::TERMINAL;
 
 /// The verdict and the table to choose by, for people.
 pub(super) fn text(c: &Comparison) -> String {

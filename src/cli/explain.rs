@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::diag::{Diag, Error, edits};
+use terrace_core::diag::{Diag, Error, edits};
 
 const ERRORS: &str = include_str!("../../docs/errors.md");
 

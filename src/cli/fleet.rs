@@ -16,9 +16,9 @@ use crate::batch::isolated::{self, Isolation};
 use crate::batch::units::{self, Chosen};
 use crate::batch::work::{Done, End, up_to_date};
 use crate::batch::{Outcome, Report, Settings, Unit, work as work_on};
-use crate::diag::{Diag, Error, Place};
-use crate::job_folder::Durability;
-use crate::{parallel, verify};
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::parallel;
+use terrace_report::job_folder::Durability;
 
 /// How units are worked on in this process.
 pub(super) fn settings<'a>(args: &Args, stop: &'a AtomicBool) -> Settings<'a> {
@@ -27,7 +27,7 @@ pub(super) fn settings<'a>(args: &Args, stop: &'a AtomicBool) -> Settings<'a> {
 
 /// Verifies the folder of a job.
 fn verified(folder: &Path) -> Result<(), Error> {
-    let proof = verify::verify(folder, None)?;
+    let proof = terrace_verify::verify(folder, None)?;
     if proof.ok {
         return Ok(());
     }

@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 use super::args::Args;
 use super::steps::Steps;
 use super::{show, write_file};
-use crate::diag::{Diag, Error};
-use crate::geom::BoxMm;
-use crate::surface::{CadMesh, Tessellation, load_cad};
-use crate::units::{Angle, Length};
+use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::BoxMm;
+use terrace_core::units::{Angle, Length};
+use terrace_input::surface::{CadMesh, Tessellation, load_cad};
 
 /// Converts `file` and writes its facets to `output`, or beside it.
 pub fn run(args: &Args, file: &Path, output: Option<&Path>, chord: Length, angle: Angle) -> Result<(), Error> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::args::Args;
 use super::{unwritable, write_file, wrote};
-use crate::diag::{Diag, Error, Place};
+use terrace_core::diag::{Diag, Error, Place};
 
 /// The page of a command, or of the program.
 ///

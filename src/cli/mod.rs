@@ -29,20 +29,19 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::error::ContextKind;
 
-use crate::diag::{self, Diag, Error, Failure, Kind, Place};
-use crate::job::{self, Job, Mode, Overrides};
-use crate::job_folder::{self, Durability, Writing};
-use crate::machine::{Machine, PROFILES};
-use crate::manifest::AnySummary;
-use crate::nurbs::{GridSteps, Surface};
-use crate::parallel;
-use crate::plan::lay::Side;
-use crate::plan::part::{self, Facets};
-use crate::plan::{self, HatchSaving, Inputs, Phase, Plan};
-use crate::units::Length;
-use crate::verify;
 use args::{Args, Choice, Command};
 use steps::Steps;
+use terrace_compare::nurbs::{GridSteps, Surface};
+use terrace_core::diag::{self, Diag, Error, Failure, Kind, Place};
+use terrace_core::machine::{Machine, PROFILES};
+use terrace_core::parallel;
+use terrace_core::units::Length;
+use terrace_input::job::{self, Job, Mode, Overrides};
+use terrace_plan::manifest::AnySummary;
+use terrace_plan::plan::lay::Side;
+use terrace_plan::plan::part::{self, Facets};
+use terrace_plan::plan::{self, HatchSaving, Inputs, Phase, Plan};
+use terrace_report::job_folder::{self, Durability, Writing};
 
 /// Stack of a thread, bytes: as that of a program's first one.
 const STACK: usize = 8 << 20;
@@ -160,8 +159,8 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Verify { folder, inputs } => {
             named::job_folder(folder)?;
             let steps = Steps::new(args.quiet);
-            let told = steps.numbered(&verify::Phase::ALL, show::proving);
-            let proof = verify::verify_told(folder, inputs.as_deref(), &told)?;
+            let told = steps.numbered(&terrace_verify::Phase::ALL, show::proving);
+            let proof = terrace_verify::verify_told(folder, inputs.as_deref(), &told)?;
             steps.done();
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
@@ -184,13 +183,13 @@ fn run(args: &Args) -> Result<u8, Error> {
             }
             let steps = Steps::new(args.quiet);
             let job = load(args, job, &Choice { mode: Some(Mode::Stepped), ..Choice::default() })?;
-            let asked = if systems.is_empty() { &crate::compare::SYSTEMS[..] } else { systems };
-            let progress = crate::compare::Progress {
+            let asked = if systems.is_empty() { &terrace_compare::compare::SYSTEMS[..] } else { systems };
+            let progress = terrace_compare::compare::Progress {
                 begins: &|name| steps.rename(format!("comparing {} systems, now {name}", asked.len())),
                 percent: &|percent| steps.percent(percent),
             };
             let exact = exact.as_deref().map(Surface::load).transpose()?;
-            let found = crate::compare::compare(&job, asked, *protection, exact.as_ref(), progress)?;
+            let found = terrace_compare::compare::compare(&job, asked, *protection, exact.as_ref(), progress)?;
             steps.done();
             warn(args, &found.warnings);
             if let Some(folder) = output {
@@ -220,7 +219,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             import::run(args, file, output.as_deref(), *tolerance, *angle)?;
         }
         Command::Machines { schema: true, output, .. } => {
-            schema_text(args, crate::machine::json_schema(), output.as_deref())?;
+            schema_text(args, terrace_core::machine::json_schema(), output.as_deref())?;
         }
         Command::Machines { name, output, .. } => machines(args, name.as_deref(), output.as_deref())?,
         Command::Completions { shell } => {
@@ -286,7 +285,7 @@ impl Proved {
 /// # Errors
 /// `not-verified` where it does not hold; what keeps it from being verified.
 fn proved(folder: &Path) -> Result<Proved, Error> {
-    let proof = verify::verify(folder, None)?;
+    let proof = terrace_verify::verify(folder, None)?;
     if !proof.ok {
         let text = format!("the folder that was made does not verify:\n{}", proof.to_text());
         return Err(Diag::bug("not-verified", text).into());

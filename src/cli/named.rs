@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::show;
-use crate::diag::{Diag, Error, Place, edits};
-use crate::job::Mode;
-use crate::plan;
+use terrace_core::diag::{Diag, Error, Place, edits};
+use terrace_input::job::Mode;
+use terrace_plan::plan;
 
 /// The file that makes a folder a job folder.
 const MANIFEST: &str = "manifest.json";

@@ -9,13 +9,13 @@ use toml_edit::{Array, DocumentMut, Item, Table, value};
 use super::args::{Args, Choice};
 use super::steps::Steps;
 use super::{load, print, show, warn, write_file};
-use crate::diag::{Diag, Error, Kind, Place};
-use crate::geom::{Pose, mm_from_nm};
-use crate::job::Job;
-use crate::manifest::duration;
-use crate::plan::lay::{self, Laying, Reason, Side};
-use crate::plan::orient::{self, Orientation, SetUp};
-use crate::units::Angle;
+use terrace_core::diag::{Diag, Error, Kind, Place};
+use terrace_core::geom::{Pose, mm_from_nm};
+use terrace_core::units::Angle;
+use terrace_input::job::Job;
+use terrace_plan::manifest::duration;
+use terrace_plan::plan::lay::{self, Laying, Reason, Side};
+use terrace_plan::plan::orient::{self, Orientation, SetUp};
 
 /// Share of the stage time that a fixture angle saves, from which it is written into the job file.
 const WORTH: f64 = 0.05;
@@ -110,7 +110,7 @@ fn rotations(job: &Job, set_up: &SetUp) -> [Angle; 3] {
 /// Writes rotations into the job file, all else of which stays as it is.
 fn write(args: &Args, path: &Path, rotate: [Angle; 3]) -> Result<(), Error> {
     let shown = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|e| crate::diag::unreadable(path, &e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| terrace_core::diag::unreadable(path, &e))?;
     let fault = |e: &dyn std::fmt::Display| {
         Error::from(Diag::input("toml", format!("the job file cannot be edited: {e}")).at(Place::file(&shown)))
     };

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::args::{Args, Choice};
 use super::{load, planned, print, refuse_input, write_file, wrote};
-use crate::diag::{Diag, Error, Place};
-use crate::job_folder::{self, Pictures};
-use crate::report;
-use crate::units::Share;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::units::Share;
+use terrace_report::job_folder::{self, Pictures};
+use terrace_report::report;
 
 /// What a preview is written as, by the ending of its file's name.
 #[derive(Clone, Copy, PartialEq)]

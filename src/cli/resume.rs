@@ -5,9 +5,9 @@ use std::path::Path;
 use super::args::{Args, Left};
 use super::steps::Steps;
 use super::{durability, named, print, show};
-use crate::diag::Error;
-use crate::manifest::duration;
 use crate::resume::{self, Choice};
+use terrace_core::diag::Error;
+use terrace_plan::manifest::duration;
 
 /// Writes the folder of what is left.
 pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {

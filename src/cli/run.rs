@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use super::args::{Args, RunArgs};
 use super::{eprintln_all, named, print, show, tell};
-use crate::diag::{Diag, Error};
 use crate::run::journal::Settled;
 use crate::run::laser::Beam;
 use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
+use terrace_core::diag::{Diag, Error};
 
 /// Runs a job and says what has become of it.
 pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {

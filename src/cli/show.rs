@@ -7,14 +7,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Proved;
 use crate::batch::Outcome;
-use crate::budget::Budget;
-use crate::diag::shell_word;
-use crate::job::Focus;
-use crate::machine::Machine;
-use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
-use crate::plan::{HatchSaving, Phase};
 use crate::run;
-use crate::verify;
+use terrace_core::diag::shell_word;
+use terrace_core::machine::Machine;
+use terrace_input::job::Focus;
+use terrace_plan::budget::Budget;
+use terrace_plan::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
+use terrace_plan::plan::{HatchSaving, Phase};
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
@@ -37,12 +36,12 @@ pub fn phase(phase: Phase) -> &'static str {
 }
 
 /// What a phase of a verification does.
-pub fn proving(phase: verify::Phase) -> &'static str {
+pub fn proving(phase: terrace_verify::Phase) -> &'static str {
     match phase {
-        verify::Phase::Read => "reading program, surface and texture",
-        verify::Phase::Files => "comparing files",
-        verify::Phase::Marks => "checking every mark",
-        verify::Phase::Coverage => "checking coverage",
+        terrace_verify::Phase::Read => "reading program, surface and texture",
+        terrace_verify::Phase::Files => "comparing files",
+        terrace_verify::Phase::Marks => "checking every mark",
+        terrace_verify::Phase::Coverage => "checking coverage",
     }
 }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
-use crate::diag::escaped;
+use terrace_core::diag::escaped;
 
 /// How often a run that is not watched on a terminal says what it is doing.
 const EVERY: Duration = Duration::from_secs(10);

@@ -8,12 +8,12 @@ use super::steps::Steps;
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
 use crate::batch::work::End;
 use crate::batch::{self, collect};
-use crate::diag::{Diag, Error, Place};
-use crate::job::{Setting, read_file};
-use crate::job_folder;
-use crate::progress::Task;
-use crate::report::table::TERMINAL;
 use crate::sweep::{self, Sweep};
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::progress::Task;
+use terrace_input::job::{Setting, read_file};
+use terrace_report::job_folder;
+use terrace_report::report::table::TERMINAL;
 
 /// Plans all combinations and shows them; table and chart are written where files are named for them.
 pub(super) fn run(

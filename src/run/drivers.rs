@@ -8,7 +8,7 @@ use super::folder::Folder;
 use super::laser::{self, Laser};
 use super::settings::{LaserKeys, RunFile, StageKeys};
 use super::stage::{self, Stage};
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 /// What no two runs may drive at once: the machine, and what its stage and its laser are reached by. Looks hosts up.
 pub(super) fn identities(keys: &RunFile) -> Vec<String> {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::Order;
 use super::journal;
-use crate::diag::{Diag, Place};
+use terrace_core::diag::{Diag, Place};
 
 /// The journal of an order for the job of a manifest: the one that it names or the one beside its folder; where that has
 /// nothing of the job, the one with which the job was begun.

@@ -4,15 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::diag::{self, Diag, Error, Place};
-use crate::emit::{self, Files, TARGETS};
-use crate::geom::Nm;
-use crate::job::Mode;
-use crate::machine::Machine;
-use crate::manifest::{
+use terrace_core::diag::{self, Diag, Error, Place};
+use terrace_core::geom::Nm;
+use terrace_core::machine::Machine;
+use terrace_core::program::BlockId;
+use terrace_input::job::Mode;
+use terrace_plan::emit::{self, Files, TARGETS};
+use terrace_plan::manifest::{
     BlockEntry, FileFact, Frames, Head, MANIFEST, Manifest, Registered, RegistrationEntry, SetupEntry,
 };
-use crate::program::BlockId;
 
 /// Largest file of a block that is read.
 const MAX_FILE: u64 = 1 << 32;

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use super::folder::Folder;
 use super::log::{now_s, unwritable};
 use super::{Order, in_doubt};
-use crate::diag::{Diag, Error, Place};
-use crate::job_folder::Durability;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_report::job_folder::Durability;
 
 /// Largest journal: a line for each begin and end of a million blocks.
 const MAX_FILE: u64 = 256 << 20;

@@ -9,7 +9,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use crate::diag::{Diag, Place};
+use terrace_core::diag::{Diag, Place};
 
 /// Names another folder for the locks.
 const FOLDER: &str = "TERRACE_LOCKS";

@@ -8,7 +8,7 @@ use std::time::SystemTime;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::diag::{Diag, Place};
+use terrace_core::diag::{Diag, Place};
 
 /// The log; without a file it keeps nothing.
 pub(super) struct Log(Option<(File, PathBuf)>);

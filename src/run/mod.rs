@@ -30,9 +30,6 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::diag::{Diag, Error, Message, Place};
-use crate::program::BlockId;
-use crate::verify;
 use folder::{Block, Folder};
 use journal::{Journal, Settled};
 use laser::{Beam, Laser, Work};
@@ -40,6 +37,8 @@ use log::Log;
 use moves::Moves;
 use settings::RunFile;
 use stage::{Move, Stage};
+use terrace_core::diag::{Diag, Error, Message, Place};
+use terrace_core::program::BlockId;
 
 /// Shortest wait after a move, whatever the machine file says, as in the stage programs.
 const LEAST_SETTLE: Duration = Duration::from_millis(50);
@@ -320,7 +319,7 @@ fn may_fire_frames(order: &Order<'_>, laser: &dyn Laser) -> Result<(), Diag> {
 /// Refuses a folder that does not verify.
 fn check(order: &Order<'_>, folder: &Folder, interrupt: &Interrupt) -> Result<(), Error> {
     let (path, inputs) = (order.folder.to_owned(), order.inputs.map(Path::to_owned));
-    let proof = interrupt.wait_for(move || verify::verify(&path, inputs.as_deref()))??;
+    let proof = interrupt.wait_for(move || terrace_verify::verify(&path, inputs.as_deref()))??;
     folder.is_unchanged()?;
     if proof.ok {
         return Ok(());

@@ -3,7 +3,7 @@
 
 use super::folder::{Block, Folder};
 use super::stage::Move;
-use crate::geom::Nm;
+use terrace_core::geom::Nm;
 
 /// Where the stage has been sent.
 pub(super) struct Moves<'a> {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use crate::diag::{self, Diag, Error};
-use crate::units::{Length, positive_option};
+use terrace_core::diag::{self, Diag, Error};
+use terrace_core::units::{Length, positive_option};
 
 /// Where all keys of a run file are listed.
 const KEYS: &str = "docs/run-file.md lists all keys of a run file";

@@ -4,10 +4,10 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
 use crate::support::folder;
 use crate::support::surfaces::Random;
-use terrace::diag::{Diag, Error};
-use terrace::geom::{BoxMm, Nm, P2};
-use terrace::program::{PenId, Sections};
-use terrace::texture::{
+use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::{BoxMm, Nm, P2};
+use terrace_core::program::{PenId, Sections};
+use terrace_input::texture::{
     Area, ContourPass, Directions, FillMode, Kind, Marking, Masks, Mirror, Paper, Position, Request, Selector, Size,
     StrokeMode, Texture,
 };

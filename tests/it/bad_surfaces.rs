@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use crate::support::image::{self, Colour};
 use crate::support::surfaces::Random;
 use crate::support::{fixture, folder, malformed, shared};
-use terrace::diag::{Diag, Error, Kind};
-use terrace::surface::{Content, Options, Samples, Scale, read};
+use terrace_core::diag::{Diag, Error, Kind};
+use terrace_input::surface::{Content, Options, Samples, Scale, read};
 
 /// What reading a file comes to.
 #[derive(Debug)]

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use crate::support::surfaces::Random;
 use crate::support::{folder, malformed, outlined, outlines};
-use terrace::geom::BoxMm;
-use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
+use terrace_core::geom::BoxMm;
+use terrace_core::program::PenId;
+use terrace_input::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
 
 /// What must come of a file: strokes, or the code of the error; and the codes of the warnings.
 type Outcome = (Result<usize, &'static str>, &'static [&'static str]);

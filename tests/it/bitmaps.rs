@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, image, number, said, shared, terrace, verify};
-use terrace::geom::BoxMm;
-use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Screen, Size, Texture, Tone};
+use terrace_core::geom::BoxMm;
+use terrace_core::program::PenId;
+use terrace_input::texture::{Area, Kind, Marking, Masks, Position, Request, Screen, Size, Texture, Tone};
 
 /// A PNG of 16 bits: a disc whose grey rises from its middle to its border, on white.
 fn disc() -> Vec<u8> {
@@ -166,7 +166,7 @@ fn keys_that_do_not_apply_are_refused() {
     let part = dir.path().join("dome.stl");
     write_stl(&part, &mesh(4, [165.0, 165.0, 285.0, 285.0], dome));
     std::fs::write(dir.path().join("disc.png"), disc()).expect("written");
-    std::fs::write(dir.path().join("leaf.svg"), terrace::job::SAMPLE_DRAWING).expect("written");
+    std::fs::write(dir.path().join("leaf.svg"), terrace_input::job::SAMPLE_DRAWING).expect("written");
     for (keys, code, say) in [
         ("file = \"leaf.svg\"\ngamma = 2", "texture-key", "does not apply to this drawing"),
         ("file = \"disc.png\"\ndpi = 300\nstroke = \"hatch\"", "texture-key", "stroke does not apply to a bitmap"),

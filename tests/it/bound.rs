@@ -5,9 +5,9 @@ use std::path::Path;
 
 use crate::support::surfaces::{FIVE, dome, mesh, saddle, wave, write_stl};
 use crate::support::{JobText, fixture, folder, planned, shared};
-use terrace::geom::{FieldPoint, Nm};
-use terrace::partition::bound::Certificate;
-use terrace::plan::SteppedPlan;
+use terrace_core::geom::{FieldPoint, Nm};
+use terrace_plan::partition::bound::Certificate;
+use terrace_plan::plan::SteppedPlan;
 
 const MM: f64 = 1e6;
 

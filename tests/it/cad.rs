@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::support::{JobText, fixture, folder, said, shared};
-use terrace::surface::{Content, Options, read};
+use terrace_input::surface::{Content, Options, read};
 
 /// The Python that has Open CASCADE.
 fn python() -> PathBuf {

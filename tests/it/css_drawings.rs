@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::support::chromium::{Ink, Picture, Scale, pictures};
 use crate::support::folder;
 use crate::support::seen::{PER_MM, SPOT, Verdict, codes, judge, load};
-use terrace::texture::{Marking, Size};
+use terrace_input::texture::{Marking, Size};
 
 /// A drawing: its name and what the page holds.
 type Drawing = (&'static str, String);

@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, compile, folder, number, said, shared, terrace, verify};
-use terrace::geom::P2;
-use terrace::surface::{Cursor, Surface};
+use terrace_core::geom::P2;
+use terrace_input::surface::{Cursor, Surface};
 
 type Curve = Vec<[f64; 3]>;
 

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use terrace::job::{self, Job, Overrides};
-use terrace::machine::{self, Machine};
+use terrace_core::machine::{self, Machine};
+use terrace_input::job::{self, Job, Overrides};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -272,7 +272,7 @@ fn make(path: &Path) {
             (0..900).map(|i| format!("{} {} {}\n", i % 30, i / 30, f64::from(i % 30) / 50.0)).collect::<String>().into()
         }
         Some("png") => grey(60, 50),
-        Some("toml") => terrace::machine::PROFILES[0].1.into(),
+        Some("toml") => terrace_core::machine::PROFILES[0].1.into(),
         other => panic!("no sample for {other:?}"),
     };
     std::fs::write(path, bytes).expect("written");
@@ -293,7 +293,7 @@ fn whole_jobs_of_the_documents_compile() {
             let job = Job::parse(&dir.path().join("job.toml"), block, &Overrides::default())
                 .unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
             job.input_files().iter().for_each(|(_, file)| make(&job.relative(file)));
-            let plan = terrace::plan::plan(job, &|_, _| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            let plan = terrace_plan::plan::plan(job, &|_, _| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
             assert!(plan.stepped().expect("a stepped job").summary.mark_mm > 0.0);
             count += 1;
         }

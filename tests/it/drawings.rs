@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::support::chromium::{Ink, Scale, pictures};
 use crate::support::seen::{PER_MM, SPOT, Verdict, codes, judge, length, load};
 use crate::support::{JobText, fixture, folder, number, summary_of};
-use terrace::texture::{Marking, Size, StrokeMode};
+use terrace_input::texture::{Marking, Size, StrokeMode};
 
 /// What is to become of a drawing.
 #[derive(Clone, Copy)]

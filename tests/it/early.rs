@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use terrace::diag::Diag;
-use terrace::job::{Job, Mode, Overrides, SAMPLE_JOB};
-use terrace::machine::PROFILES;
-use terrace::plan::{self, Inputs};
+use terrace_core::diag::Diag;
+use terrace_core::machine::PROFILES;
+use terrace_input::job::{Job, Mode, Overrides, SAMPLE_JOB};
+use terrace_plan::plan::{self, Inputs};
 
 use crate::support::{folder, said, terrace};
 
@@ -155,12 +155,12 @@ fn points_of_a_drawing_are_dots_that_are_refused_before_the_plan() {
         (FORMATS, "formats = [\"lightburn\"]"),
     ];
     write(dir.path(), "xyz-galvo-40", &job, &[]);
-    std::fs::write(dir.path().join("sample.stl"), terrace::job::sample_surface()).expect("written");
+    std::fs::write(dir.path().join("sample.stl"), terrace_input::job::sample_surface()).expect("written");
     let points = "0\nSECTION\n2\nENTITIES\n0\nPOINT\n8\n0\n10\n1.0\n20\n1.0\n0\nENDSEC\n0\nEOF\n";
     std::fs::write(dir.path().join("points.dxf"), points).expect("written");
     let job = Job::load(&dir.path().join("job.toml"), &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     // Reading alone finds it: nothing was planned.
-    let e = Inputs::load_each(&job, &mut |_| {}, terrace::progress::Task::untold()).expect_err("refused");
+    let e = Inputs::load_each(&job, &mut |_| {}, terrace_core::progress::Task::untold()).expect_err("refused");
     assert_eq!(e.diags()[0].code, "lightburn-dots", "{e}");
     assert!(e.diags()[0].render(false).contains("formats = [\"lightburn\"]"), "{e}");
 }
@@ -169,7 +169,7 @@ fn points_of_a_drawing_are_dots_that_are_refused_before_the_plan() {
 fn what_is_measured_and_not_written_is_not_held_to_formats() {
     let dir = folder();
     write(dir.path(), "xyz-galvo-40", &[(FORMATS, "formats = [\"lmc\"]")], &[]);
-    std::fs::write(dir.path().join("sample.stl"), terrace::job::sample_surface()).expect("written");
+    std::fs::write(dir.path().join("sample.stl"), terrace_input::job::sample_surface()).expect("written");
     let job = Job::load(&dir.path().join("job.toml"), &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(Inputs::load(&job).is_ok());
     let out = terrace([Path::new("orient"), &dir.path().join("job.toml")]);

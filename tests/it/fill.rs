@@ -4,9 +4,9 @@ use std::collections::HashMap;
 
 use crate::support::surfaces::{FIVE, Random, mesh, write_stl};
 use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, number, verify};
-use terrace::geom::{BoxMm, Nm, P2, length_mm};
-use terrace::program::{PenId, Sections};
-use terrace::texture::{Area, Directions, Kind, Masks, Request, Texture};
+use terrace_core::geom::{BoxMm, Nm, P2, length_mm};
+use terrace_core::program::{PenId, Sections};
+use terrace_input::texture::{Area, Directions, Kind, Masks, Request, Texture};
 
 fn hatch(direction: &str, pitch: &str) -> String {
     format!("pattern = \"hatch\"\npitch = \"{pitch}\"\ndirection = \"{direction}\"")

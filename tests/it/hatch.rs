@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use terrace::job::{Job, Overrides};
-use terrace::plan::{self, HatchSaving, Plan, SteppedPlan};
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::plan::{self, HatchSaving, Plan, SteppedPlan};
 
 use crate::support::surfaces::{Height, cyl, mesh, saddle, wave, write_stl};
 use crate::support::{JobText, folder, terrace};

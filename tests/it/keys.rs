@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
-use terrace::job::{Job, Overrides, SAMPLE_JOB, json_schema};
+use terrace_input::job::{Job, Overrides, SAMPLE_JOB, json_schema};
 
 /// Columns of a comment at most.
 const WIDTH: usize = 100;

@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use terrace::job::{Job, Mode, Overrides, SAMPLE_JOB};
-use terrace::machine::{Letter, Machine};
-use terrace::manifest::AnySummary;
-use terrace::plan;
+use terrace_core::machine::{Letter, Machine};
+use terrace_input::job::{Job, Mode, Overrides, SAMPLE_JOB};
+use terrace_plan::manifest::AnySummary;
+use terrace_plan::plan;
 
 use crate::support::{folder, said, terrace};
 
@@ -380,7 +380,7 @@ fn what_is_steeper_than_60_deg_is_not_marked() {
 
 #[test]
 fn only_c_turns_without_ends() {
-    let text = |name: &str| terrace::machine::PROFILES.iter().find(|(n, _)| *n == name).expect("a profile").1;
+    let text = |name: &str| terrace_core::machine::PROFILES.iter().find(|(n, _)| *n == name).expect("a profile").1;
     let dir = folder();
     let path = dir.path().join("m.toml");
     let endless = |text: &str, letter: Letter| {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
-use terrace::job::SAMPLE_JOB;
+use terrace_input::job::SAMPLE_JOB;
 
 use crate::support::{folder, said};
 
@@ -157,7 +157,7 @@ fn files_of_other_encodings_are_told_with_line_and_remedy() {
     std::fs::write(at("wide.toml"), utf16(SAMPLE_JOB)).expect("written");
     let found = told(dir.path(), &["check", "wide.toml"]);
     assert!(found[0][0].ends_with("not UTF-8 text: it is UTF-16") && found[0][1].contains("-o FILE"), "{found:?}");
-    let machine = terrace::machine::PROFILES[0].1;
+    let machine = terrace_core::machine::PROFILES[0].1;
     let job = SAMPLE_JOB.replace("profile = \"xyz-galvo-40\"", "file = \"m.toml\"");
     std::fs::write(at("job.toml"), job).expect("written");
     std::fs::write(at("m.toml"), utf16(machine)).expect("written");
@@ -307,7 +307,7 @@ fn files_to_start_from_are_written_in_utf8_without_a_shell() {
 fn machines_are_listed_in_columns_with_their_depth_of_focus() {
     let out = run(&std::env::temp_dir(), &["machines"]);
     let text = String::from_utf8(out.stdout).expect("text");
-    assert_eq!(text.lines().count(), terrace::machine::PROFILES.len());
+    assert_eq!(text.lines().count(), terrace_core::machine::PROFILES.len());
     for column in ["  field ", " mm, depth of focus ", " mm, travel "] {
         let places: Vec<Option<usize>> = text.lines().map(|line| line.find(column)).collect();
         assert!(places.iter().all(|at| at.is_some() && *at == places[0]), "{column}: {text}");
@@ -409,7 +409,7 @@ fn names_reach_neither_the_terminal_nor_the_run_sheet_as_they_are() {
     let dir = sample();
     let evil = "a\u{1b}]0;title\u{7}\u{202e}b";
     let machine =
-        terrace::machine::PROFILES[0].1.replacen("name = \"xyz-galvo-40\"", "name = \"m\\u001b[31m\\u202e\"", 1);
+        terrace_core::machine::PROFILES[0].1.replacen("name = \"xyz-galvo-40\"", "name = \"m\\u001b[31m\\u202e\"", 1);
     std::fs::write(dir.path().join("m.toml"), machine).expect("written");
     let job = SAMPLE_JOB.replace("profile = \"xyz-galvo-40\"", "file = \"m.toml\"");
     std::fs::write(dir.path().join(format!("{evil}.toml")), job).expect("written");
@@ -431,7 +431,7 @@ fn names_with_a_backslash_compile_and_verify() {
     let dir = sample();
     let at = |name: &str| dir.path().join(name);
     std::fs::rename(at("sample.stl"), at("a\\b.stl")).expect("moved");
-    std::fs::write(at("m\\n.toml"), terrace::machine::PROFILES[0].1).expect("written");
+    std::fs::write(at("m\\n.toml"), terrace_core::machine::PROFILES[0].1).expect("written");
     let job =
         SAMPLE_JOB.replace("\"sample.stl\"", "'a\\b.stl'").replace("profile = \"xyz-galvo-40\"", "file = 'm\\n.toml'");
     std::fs::write(at("j\\k.toml"), job).expect("written");
@@ -479,8 +479,9 @@ fn memory_is_asked_for_before_strokes_are_traced_and_sections_laid() {
         .replace("[limits]", "[limits]\nimplausible = \"allow\"");
     let text = limited(&hilbert);
     assert!(text.contains("error[memory]: the longest stroke of the texture needs about 2048 MB"), "{text}");
-    let machine =
-        terrace::machine::PROFILES[0].1.replace("field = [\"40 mm\", \"40 mm\"]", "field = [\"50 um\", \"50 um\"]");
+    let machine = terrace_core::machine::PROFILES[0]
+        .1
+        .replace("field = [\"40 mm\", \"40 mm\"]", "field = [\"50 um\", \"50 um\"]");
     std::fs::write(dir.path().join("m.toml"), machine).expect("written");
     let fine = SAMPLE_JOB.replace("profile = \"xyz-galvo-40\"", "file = \"m.toml\"");
     let text = limited(&fine.replace("pitch = \"0.5 mm\"", "pitch = \"0.05 mm\""));

@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
-use terrace::geom::P2;
-use terrace::job::{Job, Overrides};
-use terrace::nurbs::{Counted, Decoupled, HeightGrid, Inversion, Method, Scalar, Surface, counted};
-use terrace::plan::Inputs;
-use terrace::projection::Tracer;
+use terrace_compare::nurbs::{Counted, Decoupled, HeightGrid, Inversion, Method, Scalar, Surface, counted};
+use terrace_core::geom::P2;
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::plan::Inputs;
+use terrace_plan::projection::Tracer;
 
 use crate::support::nurbs::{HALF, chord_error, dish, height, knots, net, patch, ply, surface, tessellated};
 use crate::support::surfaces::write_stl;

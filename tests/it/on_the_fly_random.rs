@@ -8,9 +8,10 @@ use rayon::prelude::*;
 
 use crate::support::surfaces::{Random, mesh, write_stl};
 use crate::support::{folder, seeds};
-use terrace::diag::Kind;
-use terrace::job::{Job, Overrides};
-use terrace::{job_folder, plan, verify};
+use terrace_core::diag::Kind;
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::plan;
+use terrace_report::job_folder;
 
 /// From lo to hi.
 fn between(noise: &mut Random, lo: f64, hi: f64) -> f64 {
@@ -133,7 +134,7 @@ fn outcome(seed: u64, is_cracked: bool) -> Outcome {
     if let Err(e) = job_folder::write(&plan, &out) {
         return fault(e.to_string());
     }
-    match verify::verify(&out, None) {
+    match terrace_verify::verify(&out, None) {
         Ok(proof) if proof.ok => Outcome::Marked,
         Ok(proof) => fault(proof.to_text()),
         Err(e) => fault(e.to_string()),

@@ -1,17 +1,17 @@
 //! `[order]`: what the job file asks for is what the program does, and every order is proved.
 
 use crate::support::planned;
-use terrace::job;
-use terrace::plan::Plan;
-use terrace::program::Program;
-use terrace::{job_folder, verify};
+use terrace_core::program::Program;
+use terrace_input::job;
+use terrace_plan::plan::Plan;
+use terrace_report::job_folder;
 
 /// Compiles the sample part with squares and hatch and these lines of the job file; proves the folder.
 fn program(order: &str, machine: &str) -> (Program, f64, f64) {
     let dir = tempfile::tempdir().expect("a folder");
     let put = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).expect("written");
     put(job::SAMPLE_SURFACE_NAME, &job::sample_surface());
-    let profile = terrace::machine::PROFILES[0].1.replace("[stage]\n", &format!("[stage]\n{machine}\n"));
+    let profile = terrace_core::machine::PROFILES[0].1.replace("[stage]\n", &format!("[stage]\n{machine}\n"));
     put("machine.toml", profile.as_bytes());
     let text = format!(
         r#"
@@ -34,7 +34,7 @@ fn program(order: &str, machine: &str) -> (Program, f64, f64) {
     let target = dir.path().join("job.job");
     job_folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));
     let plan = plan.stepped().expect("a stepped plan");
-    let proof = verify::verify(&target, None).unwrap_or_else(|e| panic!("{e}"));
+    let proof = terrace_verify::verify(&target, None).unwrap_or_else(|e| panic!("{e}"));
     assert!(proof.ok, "{order}: {}", proof.to_text());
     (plan.checked.program().clone(), plan.summary.time_s.stage + plan.summary.time_s.settle, plan.summary.jump_mm)
 }
@@ -81,6 +81,6 @@ fn strokes_keep_the_order_of_the_drawing_or_get_short_jumps() {
     assert!(near < 0.7 * far, "{near} {far}");
     assert_eq!(short.strokes.len(), drawn.strokes.len());
     // Some closed figures begin elsewhere than they were drawn from.
-    let is_closed = |s: &&terrace::program::Stroke| s.len == 5 && short.points_of(s)[0] == short.points_of(s)[4];
+    let is_closed = |s: &&terrace_core::program::Stroke| s.len == 5 && short.points_of(s)[0] == short.points_of(s)[4];
     assert!(short.strokes.iter().filter(is_closed).any(|s| s.segment > 0));
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::support::chromium::{Picture, Scale, pictures};
 use crate::support::seen::{PER_MM, SIDE, SPOT, Verdict, codes, judge, load};
-use terrace::texture::{Marking, Size};
+use terrace_input::texture::{Marking, Size};
 
 /// Verdict and file below `.venv`, a line each.
 const DRAWINGS: &str = include_str!("../data/package_drawings.txt");

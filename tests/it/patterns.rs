@@ -6,9 +6,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use crate::support::surfaces::{Random, dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 use crate::textures::{PLATE, cells, code, load, made, request, strokes, total_mm};
-use terrace::geom::{BoxMm, P2, length_mm};
-use terrace::texture::pattern::{Lattice, Shape};
-use terrace::texture::{Area, Kind, Texture};
+use terrace_core::geom::{BoxMm, P2, length_mm};
+use terrace_input::texture::pattern::{Lattice, Shape};
+use terrace_input::texture::{Area, Kind, Texture};
 
 /// Any pattern that has a file of its own since cells, of some tenths of a millimetre to two.
 pub(crate) fn any(noise: &mut Random) -> Kind {

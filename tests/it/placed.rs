@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use terrace::diag::Error;
-use terrace::geom::{BoxMm, P2, length_mm};
-use terrace::job::{Job, Overrides};
-use terrace::texture::Texture;
+use terrace_core::diag::Error;
+use terrace_core::geom::{BoxMm, P2, length_mm};
+use terrace_input::job::{Job, Overrides};
+use terrace_input::texture::Texture;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, number, verify};
@@ -199,7 +199,7 @@ fn inside_and_outside_divide_every_kind_of_texture() {
             assert!(total(&inside) > 0.05 * sum && total(&outside) > 0.05 * sum, "{keys}");
             for part in [&inside, &outside] {
                 let found = strokes(part);
-                let mut bounds = terrace::geom::Box2::EMPTY;
+                let mut bounds = terrace_core::geom::Box2::EMPTY;
                 found.iter().flatten().for_each(|&p| bounds.add(p));
                 assert_eq!(part.bounds(), bounds, "{keys}");
                 assert!(found.iter().all(|s| s.len() > 1 && s.windows(2).all(|w| w[0] != w[1])), "{keys}");

@@ -9,9 +9,10 @@ use std::time::{Duration, Instant};
 use crate::support::seeds;
 use crate::support::surfaces::{Random, mesh, write_stl};
 use rayon::prelude::*;
-use terrace::diag::{Error, Kind};
-use terrace::job::{Job, Overrides};
-use terrace::{job_folder, plan, verify};
+use terrace_core::diag::{Error, Kind};
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::plan;
+use terrace_report::job_folder;
 
 fn below(noise: &mut Random, n: u64) -> u64 {
     (noise.next() >> 5) % n
@@ -268,17 +269,16 @@ fn tilting(noise: &mut Random, text: &mut String) {
 fn machine(noise: &mut Random, dir: &Path, wanted: Machine, part: Part, size: f64) -> [f64; 2] {
     let increment = pick(noise, &[0.0001, 0.0001, 0.001, 0.01]);
     let field = (size / between(noise, 0.5, 6.0)).max(0.02);
-    let machine =
-        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/profiles/xyz-galvo-40.toml"))
-            .expect("the profile")
-            .replace(
-                "[\"40 mm\", \"40 mm\"]",
-                &format!("[\"{field:.4} mm\", \"{:.4} mm\"]", field * between(noise, 0.5, 1.5)),
-            )
-            .replace("\"0.0001 mm\"", &format!("\"{increment} mm\""))
-            .replace("\"rectangle\"", pick(noise, &["\"rectangle\"", "\"rectangle\"", "\"circle\""]))
-            .replace("margin = \"0 mm\"", &format!("margin = \"{:.4} mm\"", field * pick(noise, &[0.0, 0.01, 0.1])))
-            .replace("carries = \"head\"", pick(noise, &["carries = \"head\"", "carries = \"part\""]));
+    let machine = std::fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/crates/core/src/machine/profiles/xyz-galvo-40.toml"
+    ))
+    .expect("the profile")
+    .replace("[\"40 mm\", \"40 mm\"]", &format!("[\"{field:.4} mm\", \"{:.4} mm\"]", field * between(noise, 0.5, 1.5)))
+    .replace("\"0.0001 mm\"", &format!("\"{increment} mm\""))
+    .replace("\"rectangle\"", pick(noise, &["\"rectangle\"", "\"rectangle\"", "\"circle\""]))
+    .replace("margin = \"0 mm\"", &format!("margin = \"{:.4} mm\"", field * pick(noise, &[0.0, 0.01, 0.1])))
+    .replace("carries = \"head\"", pick(noise, &["carries = \"head\"", "carries = \"part\""]));
     // Every other one of those without tilt axes moves z together with x and y.
     let is_diagonal = wanted != Machine::Tilting && ((field * 1e4) as u64).is_multiple_of(2);
     let keys = "diagonal = true\nsettle = { xy = \"0.1 s\", z = \"0.03 s\" }";
@@ -455,7 +455,7 @@ fn run(path: &Path) -> Result<bool, String> {
     if manifest.contains("method-left-out") {
         return Err("a method of auto broke an invariant: method-left-out in manifest.json".into());
     }
-    let proof = verify::verify(&out, None).map_err(say)?;
+    let proof = terrace_verify::verify(&out, None).map_err(say)?;
     if proof.ok { Ok(true) } else { Err(proof.to_text()) }
 }
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::support::chromium::{Picture, Scale, pictures};
 use crate::support::seen::{PER_MM, SIDE, SPOT, Verdict, by_resvg, codes, judge, load};
 use crate::support::shared;
-use terrace::texture::{Marking, Size};
+use terrace_input::texture::{Marking, Size};
 
 /// Drawings that were read and right before the reader of styles was replaced, one a line.
 const READ_BEFORE: &str = include_str!("../data/resvg_suite_read.txt");

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use terrace::machine::Machine;
-use terrace::plan::SteppedPlan;
-use terrace::program::{Block, Program, Stroke};
+use terrace_core::machine::Machine;
+use terrace_core::program::{Block, Program, Stroke};
+use terrace_plan::plan::SteppedPlan;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, compile, folder, machine_file, manifest, number, planned, said, terrace, verify};
@@ -156,7 +156,7 @@ fn a_pivot_moved_by_a_micrometre_moves_the_marks() {
     let sine = block.stop.tilt.deg()[0].to_radians().sin().abs();
     let origin = plan.checked.origin().0.map(|v| v as f64);
     let mut moved = plan.machine.clone();
-    moved.tilt.as_mut().expect("axes").pivot[2] = terrace::units::Length::mm(250.001);
+    moved.tilt.as_mut().expect("axes").pivot[2] = terrace_core::units::Length::mm(250.001);
     let by = apart(on_the_part(&plan.machine, block, origin, [0.0; 2]), on_the_part(&moved, block, origin, [0.0; 2]));
     assert!(by > 900.0 * sine && sine > 0.02, "{by} nm at a sine of {sine}");
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::support::chromium::{Picture, Scale, pictures};
 use crate::support::seen::{PER_MM, SIDE, SPOT, Verdict, by_resvg, judge, load};
 use crate::support::{fixture, shared};
-use terrace::texture::{Marking, Size};
+use terrace_input::texture::{Marking, Size};
 
 fn name(path: &Path) -> String {
     path.file_stem().expect("a name").to_string_lossy().into_owned()

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::support::shared;
-use terrace::surface::{Content, Heightmap, Options, Scale, read};
+use terrace_input::surface::{Content, Heightmap, Options, Scale, read};
 
 /// What a file comes to, in the units of the file.
 enum Want {

@@ -7,9 +7,10 @@ use std::process::{Command, Output};
 use std::sync::Mutex;
 
 use serde_json::Value;
-use terrace::job::{Job, Mode, Overrides};
-use terrace::plan::{self, Phase};
-use terrace::{compare, job_folder, verify};
+use terrace_compare::compare;
+use terrace_input::job::{Job, Mode, Overrides};
+use terrace_plan::plan::{self, Phase};
+use terrace_report::job_folder;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, folder, said};
@@ -193,9 +194,9 @@ fn percent_rises_from_0_to_100_in_every_phase_of_a_stepped_job_and_its_verificat
     assert_rises(told, &phases);
     let told = Mutex::new(Vec::new());
     let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
-    assert!(verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
-    assert!(steps_of(&told, &verify::Phase::Marks) >= 10);
-    assert_rises(told, &verify::Phase::ALL);
+    assert!(terrace_verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
+    assert!(steps_of(&told, &terrace_verify::Phase::Marks) >= 10);
+    assert_rises(told, &terrace_verify::Phase::ALL);
 }
 
 #[test]
@@ -212,8 +213,8 @@ fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verif
     assert_rises(told, &phases);
     let told = Mutex::new(Vec::new());
     let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
-    assert!(verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
-    assert_rises(told, &verify::Phase::ALL);
+    assert!(terrace_verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
+    assert_rises(told, &terrace_verify::Phase::ALL);
 }
 
 #[test]
@@ -230,7 +231,7 @@ fn orient_and_compare_tell_their_progress() {
         percent: &|percent| told.lock().expect("nothing broke").push(((), percent)),
     };
     let asked: Vec<_> = compare::SYSTEMS.iter().copied().filter(|s| ["flat", "z-range"].contains(&s.name)).collect();
-    let protection = terrace::on_the_fly::axes::following_error::Protection::ALL[0];
+    let protection = terrace_plan::on_the_fly::axes::following_error::Protection::ALL[0];
     compare::compare(&job, &asked, protection, None, progress).unwrap_or_else(|e| panic!("{e}"));
     assert!(steps_of(&told, &()) >= 10);
     assert_rises(told, &[()]);

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use crate::patterns;
 use crate::support::surfaces::Random;
 use crate::support::{fixture, folder, outlined, outlines, shared};
-use terrace::diag::{Diag, Error};
-use terrace::geom::{Box2, BoxMm, P2, length_mm};
-use terrace::program::PenId;
-use terrace::texture::pattern::{Lattice, Shape};
-use terrace::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
+use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::{Box2, BoxMm, P2, length_mm};
+use terrace_core::program::PenId;
+use terrace_input::texture::pattern::{Lattice, Shape};
+use terrace_input::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
 
 pub(crate) const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);
 

@@ -10,7 +10,7 @@ use crate::support::{JobText, assert_balance, compile, folder, shared, verify};
 
 /// A machine with a square field of `field` mm, and room for every part.
 fn machine(dir: &Path, field: f64) -> String {
-    let profile = include_str!("../../src/machine/profiles/xyz-galvo-40.toml");
+    let profile = include_str!("../../crates/core/src/machine/profiles/xyz-galvo-40.toml");
     let text = profile
         .replace("[\"40 mm\", \"40 mm\"]", &format!("[\"{field} mm\", \"{field} mm\"]"))
         .replace("\"-250 mm\", \"250 mm\"", "\"-3000 mm\", \"3000 mm\"")

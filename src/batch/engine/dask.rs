@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::diag::{Diag, Error};
-use crate::python;
+use terrace_core::diag::{Diag, Error};
+use terrace_core::python;
 
 /// The program that speaks to the scheduler.
 const SCRIPT: &str = include_str!("dask.py");

@@ -23,8 +23,8 @@ use super::outcome::State;
 use super::unit::Unit;
 use super::units::numbers;
 use super::work::End;
-use crate::diag::{Diag, Error};
-use crate::job_folder::Durability;
+use terrace_core::diag::{Diag, Error};
+use terrace_report::job_folder::Durability;
 
 /// How often units are given to other workers because one could not write them.
 const MOST_TRIES: usize = 3;

@@ -8,10 +8,10 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::diag::{Diag, Error, Place};
-use crate::job::{FileUnit, Job, Overrides};
-use crate::manifest::{self, AnySummary, duration};
-use crate::surface::is_cad;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_input::job::{FileUnit, Job, Overrides};
+use terrace_input::surface::is_cad;
+use terrace_plan::manifest::{self, AnySummary, duration};
 
 pub use nurbs::nurbs;
 

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use super::{Shown, triple};
-use crate::diag::Error;
-use crate::nurbs::{Convergence, Decoupled, Examination, GridSteps, Inversion, Method, Surface, examine};
+use terrace_compare::nurbs::{Convergence, Decoupled, Examination, GridSteps, Inversion, Method, Surface, examine};
+use terrace_core::diag::Error;
 
 /// How long each algorithm is timed at least.
 const TIMED: Duration = Duration::from_millis(50);

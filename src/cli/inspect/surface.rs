@@ -5,11 +5,11 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{Shown, plural, triple};
-use crate::diag::{Diag, Error, Kind as DiagKind, Place};
-use crate::geom::BoxMm;
-use crate::job::FileUnit;
-use crate::surface::bodies::{self, Bodies, Body, MAX_TOLD};
-use crate::surface::{self, Content, Fault, FaultKind, MeshCheck};
+use terrace_core::diag::{Diag, Error, Kind as DiagKind, Place};
+use terrace_core::geom::BoxMm;
+use terrace_input::job::FileUnit;
+use terrace_input::surface::bodies::{self, Bodies, Body, MAX_TOLD};
+use terrace_input::surface::{self, Content, Fault, FaultKind, MeshCheck};
 
 /// What the facets of a surface come to, in the units of its file.
 #[derive(Default)]

@@ -5,10 +5,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{Shown, plural, triple};
-use crate::diag::{Diag, Error, Kind, Message};
-use crate::job::FileUnit;
-use crate::texture::contents::{Contents, InSpace, Pixels, Shapes};
-use crate::texture::{Paper, Selector};
+use terrace_core::diag::{Diag, Error, Kind, Message};
+use terrace_input::job::FileUnit;
+use terrace_input::texture::contents::{Contents, InSpace, Pixels, Shapes};
+use terrace_input::texture::{Paper, Selector};
 
 /// Most names that are listed as text.
 const MAX_LISTED: usize = 40;

@@ -6,12 +6,12 @@ use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use super::{Beam, Laser, Work};
-use crate::diag::Diag;
-use crate::emit::TARGETS;
-use crate::geom::Nm;
 use crate::run::Interrupt;
 use crate::run::settings::CommandKeys;
 use crate::run::stage::Stage;
+use terrace_core::diag::Diag;
+use terrace_core::geom::Nm;
+use terrace_plan::emit::TARGETS;
 
 /// How long the command that switches the laser off may take.
 const OFF: Duration = Duration::from_secs(10);

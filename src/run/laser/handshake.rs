@@ -1,9 +1,9 @@
 //! A scan card that is started and watched through two wires of the stage's control.
 
 use super::{Beam, Laser, Work};
-use crate::diag::Diag;
 use crate::run::Interrupt;
 use crate::run::stage::Stage;
+use terrace_core::diag::Diag;
 
 /// Hands over by START and BUSY; the card has its drawings already.
 #[derive(Default)]

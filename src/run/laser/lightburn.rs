@@ -32,7 +32,7 @@ use std::time::{Duration, Instant};
 use super::super::Interrupt;
 use super::super::stage::Stage;
 use super::{Beam, Laser, Work};
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 /// LightBurn's port for commands, and the port that it answers to.
 pub(crate) const PORTS: [u16; 2] = [19840, 19841];

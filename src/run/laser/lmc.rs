@@ -23,8 +23,8 @@ use self::list::List;
 use super::super::Interrupt;
 use super::super::stage::Stage;
 use super::{Beam, Laser, Work};
-use crate::diag::{self, Diag};
-use crate::machine::LmcLaser;
+use terrace_core::diag::{self, Diag};
+use terrace_core::machine::LmcLaser;
 
 const ENABLE_LASER: u16 = 0x04;
 const EXECUTE_LIST: u16 = 0x05;

@@ -3,10 +3,10 @@
 use std::rc::Rc;
 
 use super::{Beam, Laser, Work};
-use crate::diag::Diag;
-use crate::geom::Nm;
 use crate::run::stage::Stage;
 use crate::run::{Console, Interrupt};
+use terrace_core::diag::Diag;
+use terrace_core::geom::Nm;
 
 /// Asks a person to mark every block.
 pub struct Manual(Rc<dyn Console>);

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use super::Interrupt;
 use super::stage::Stage;
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 /// A block as a laser is given it; the stage stands still at its place.
 #[derive(Clone, Debug, PartialEq, Eq)]

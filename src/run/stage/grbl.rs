@@ -20,7 +20,7 @@ use self::link::{LONGEST_LINE, Link};
 use self::reply::{Reply, Report, State};
 use super::super::Interrupt;
 use super::{Move, Stage};
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 const DEFAULT_BAUD: u32 = 115_200;
 

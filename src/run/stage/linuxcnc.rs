@@ -18,9 +18,9 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use super::{Move, Stage};
-use crate::diag::Diag;
 use crate::run::Interrupt;
 use crate::run::settings::LinuxCncKeys;
+use terrace_core::diag::Diag;
 
 /// Longest wait for a connection and for the answer to a line.
 const ANSWER: Duration = Duration::from_secs(5);

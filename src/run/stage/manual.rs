@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use super::{Move, Stage};
-use crate::diag::Diag;
 use crate::run::{Console, Interrupt};
+use terrace_core::diag::Diag;
 
 /// Asks a person for every move.
 pub struct Manual {

@@ -8,7 +8,7 @@ use std::fmt;
 use std::time::Duration;
 
 use super::Interrupt;
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 /// A straight move of some axes to absolute commanded positions: letters as in the stage programs (X, Y, Z and those of
 /// the tilt axes), nm or millionths of a degree.

@@ -110,7 +110,7 @@ fn every_region_of_the_page_is_made_and_has_every_system() {
     }
     for name in ["times", "deviations"] {
         let rows = region(&page, name)[1].lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
-        let systems: Vec<&str> = terrace::compare::SYSTEMS.iter().map(|s| s.name).collect();
+        let systems: Vec<&str> = terrace_compare::compare::SYSTEMS.iter().map(|s| s.name).collect();
         assert_eq!(rows.collect::<Vec<_>>(), systems, "docs/compare.md, {name}: `make sources` writes it");
     }
 }

@@ -16,12 +16,12 @@ pub mod surfaces;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use terrace::texture::{FillMode, Kind, Marking, Position, Size, StrokeMode};
+use terrace_input::texture::{FillMode, Kind, Marking, Position, Size, StrokeMode};
 
 use serde_json::Value;
 use tempfile::TempDir;
-use terrace::job::{Job, Overrides};
-use terrace::plan::{self, Plan, SteppedPlan};
+use terrace_input::job::{Job, Overrides};
+use terrace_plan::plan::{self, Plan, SteppedPlan};
 
 /// A new empty folder that goes when it is dropped.
 pub fn folder() -> TempDir {

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::DMatrix;
-use terrace::nurbs::Surface;
+use terrace_compare::nurbs::Surface;
 
 /// Where a control point of the undistorted square lies.
 pub type Warp = dyn Fn([f64; 2]) -> [f64; 2];

@@ -7,10 +7,10 @@ use resvg::tiny_skia::{Color, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pi
 use resvg::usvg;
 
 use super::chromium::Ink;
-use terrace::diag::{Diag, Error};
-use terrace::geom::{BoxMm, P2};
-use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
+use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::{BoxMm, P2};
+use terrace_core::program::PenId;
+use terrace_input::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
 
 /// Pixels of a millimetre.
 pub const PER_MM: f64 = 20.0;

@@ -2,12 +2,9 @@
 
 #![allow(dead_code, reason = "every test and bench uses a part of it")]
 
-#[path = "../../../src/random.rs"]
-mod random;
-
 use std::path::Path;
 
-pub use random::Random;
+pub use terrace_core::random::Random;
 
 /// The dome of the counts: z = a (1 - (u² + v²) / 2) over [0, 450]², u and v from -1 to 1.
 pub fn dome(x: f64, y: f64) -> f64 {

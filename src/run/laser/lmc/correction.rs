@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::diag::{self, Diag, Place};
+use terrace_core::diag::{self, Diag, Place};
 
 const POINTS: usize = 65 * 65;
 

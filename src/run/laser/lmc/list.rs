@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::diag::{Diag, Place};
+use terrace_core::diag::{Diag, Place};
 
 const JUMP_TO: u16 = 0x8001;
 const END_OF_LIST: u16 = 0x8002;

@@ -7,7 +7,7 @@ use nusb::transfer::{Buffer, Bulk, In, Out};
 use nusb::{Endpoint, MaybeFuture};
 
 use super::Transport;
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 const VENDOR: u16 = 0x9588;
 const PRODUCT: u16 = 0x9899;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serialport::{ClearBuffer, SerialPort};
 
 use super::reply::Reply;
-use crate::diag::Diag;
+use terrace_core::diag::Diag;
 
 /// Bytes that GRBL's receive buffer holds.
 const RECEIVE_BUFFER: usize = 127;

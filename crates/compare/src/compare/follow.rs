@@ -1,0 +1,615 @@
+//! The systems that mark on the fly.
+
+use super::axis_errors::AxisErrors;
+use super::filters::{FAMILIES, filters};
+use super::{Beyond, Curves, Figures, Hardware, RestTimes, Split, Subject, marked, path_of};
+use terrace_core::diag::Error;
+use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
+use terrace_core::machine::{Commanded, Machine};
+use terrace_core::motion::{GalvoModel, stage_move};
+use terrace_core::parallel;
+use terrace_core::program::Program;
+use terrace_core::progress::Task;
+use terrace_input::job::Mode;
+use terrace_plan::block_map::BlockMap;
+use terrace_plan::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
+use terrace_plan::on_the_fly::axes::kinematics::{Axes, Deviation};
+use terrace_plan::on_the_fly::axes::motion::AXES;
+use terrace_plan::on_the_fly::decompose::{Family, Limits, choose_average};
+use terrace_plan::on_the_fly::kinematic_model::{BeyondTravel, KinematicModel};
+use terrace_plan::on_the_fly::path::Path;
+use terrace_plan::on_the_fly::path::schedule::Schedule;
+use terrace_plan::on_the_fly::spot::Rests;
+use terrace_plan::on_the_fly::statistics::Statistics;
+use terrace_plan::on_the_fly::stop_at_every_point::stop_at_every_point;
+use terrace_plan::on_the_fly::turnaround::{Timed, Turnaround, quickest};
+use terrace_plan::on_the_fly::xyzacuv::{
+    AxisFigures, Decomposed, Instant, TimedAxes, ToolPath, decompose, decompose_and_time,
+};
+use terrace_plan::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
+use terrace_plan::plan::strokes::{self, Strokes};
+
+/// Samples of a synchronised path, and of one band of it.
+const SAMPLES: usize = 300_000;
+const COARSE: usize = 30_000;
+/// How far apart nodes of a path of rotary axes may be, mm.
+const STEP: f64 = 1.0;
+/// Samples to compare decompositions by.
+const FILTERED: usize = 20_000;
+/// Length of path on which the time of the seven axes is shown to converge, mm.
+const SHOWN: f64 = 20_000.0;
+/// Nodes of the seven-axis path whose axes are drawn.
+const DRAWN: usize = 2000;
+
+/// What the systems on the fly share.
+pub(super) struct Follower<'a> {
+    subject: &'a Subject<'a>,
+    whole: &'a Strokes,
+    path: Path,
+    /// The path with no more nodes than turning axes need.
+    thin: Path,
+    /// Its time at the pens' speeds, s.
+    process_s: f64,
+    /// Length of its marks.
+    mark_mm: f64,
+}
+
+impl<'a> Follower<'a> {
+    pub(super) fn new(subject: &'a Subject<'a>, whole: &'a Strokes) -> Self {
+        let path = path_of(subject, &whole.program, 0..whole.program.blocks.len());
+        let thin = path.evened(STEP);
+        let process_s = Schedule::of(&path, subject.machine, &whole.program.pens, 0.0).total_s();
+        Self { subject, whole, path, thin, process_s, mark_mm: mark_mm(&whole.program) }
+    }
+
+    /// Length of the marks, every pass of the pens counted.
+    pub(super) fn mark_mm(&self) -> f64 {
+        self.mark_mm
+    }
+
+    /// What all systems share.
+    pub(super) fn subject(&self) -> &Subject<'a> {
+        self.subject
+    }
+
+    /// The beam's path over the part.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The box of the texture, mm.
+    pub(super) fn texture(&self) -> BoxMm<2> {
+        let Box2 { lo, hi } = self.whole.texture;
+        BoxMm::of([lo.mm(), hi.mm()])
+    }
+
+    /// The job's machine as one of seven axes; None where it is none.
+    fn seven(&self) -> Option<KinematicModel<'_>> {
+        KinematicModel::of(self.subject.machine, &self.whole.program.pens, self.whole.origin.mm())
+    }
+
+    /// What moves scanner and stage together, and what the job file says for it where the job's machine does: where
+    /// the file asks for it, or states what all seven axes can do while they move.
+    fn together(&self) -> (Hardware, Option<String>) {
+        let job = self.subject.job;
+        if job.mode_of_file != Mode::OnTheFly && self.seven().is_none() {
+            return (Hardware::Synchronised, None);
+        }
+        // Jobs with pens of several passes are not made on the fly.
+        let is_made = job.pens.iter().all(|pen| pen.passes == 1);
+        (Hardware::Own, is_made.then(|| format!("mode = \"{}\"", Mode::OnTheFly.name())))
+    }
+
+    fn allowed(&self) -> Result<ScannerLimits, Error> {
+        ScannerLimits::of(self.subject.machine, self.subject.limits.focus)
+    }
+
+    /// The strokes in their order, synchronised as a whole.
+    pub(super) fn synchronised(&self, curves: &mut Curves) -> Result<Figures, Error> {
+        let machine = self.subject.machine;
+        let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
+        // Where the part lies is the machine's affair: its travel must be long enough.
+        let fits = |ends: BoxMm<3>| too_far(machine, ends).is_none();
+        let Timed { turn, path, schedule, sync } =
+            quickest(&self.path, machine, pens, allowed, SAMPLES, &fits, Task::untold());
+        // The texture's middle lies where the stage rests.
+        let (area, first) = (self.whole.texture, nm(path.nodes[0].at));
+        let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
+        let approach = stage_move(machine, Commanded(middle), Commanded(first), None);
+        let slow = sync.slower;
+        let time = Split {
+            stage: approach.travel_s + 2.0 * sync.lead_s,
+            settle: approach.settle_s,
+            ..Split::of(&schedule, slow)
+        };
+        let mut notes = Vec::new();
+        match turn {
+            Turnaround::Skywriting(s) => {
+                notes.push(format!("skywriting for {:.0} ms before and after every mark", 1e3 * s * slow))
+            }
+            Turnaround::Dwell(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
+            Turnaround::Dwell(_) => {}
+        }
+        let shares = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
+        notes.push(format!("averages of {:.0} ms in plan, {:.1} ms in height", shares[0], shares[1]));
+        notes.push(self.by_the_article(allowed));
+        let followed = self.followed(&path, &schedule, &sync)?.figures(self.subject.limits);
+        let mut beyond = followed.beyond.clone();
+        beyond.extend((!sync.fits).then_some(Beyond::TooSharp));
+        beyond.extend(too_far(machine, BoxMm::of(sync.stage.iter().copied())));
+        let (hardware, job_key) = self.together();
+        let figures = Figures {
+            hardware,
+            job_key: job_key.filter(|_| self.seven().is_none()),
+            beyond,
+            is_held_by_z: slow > 1.0 && sync.z_is_slowest,
+            marked_mm: self.mark_mm,
+            time,
+            model_s: Some(synchronised_s(self.subject.move_s, self.process_s)),
+            stops: 1,
+            speed: 100.0 / slow,
+            notes,
+            ..followed
+        };
+        let drawn = path.len().min(DRAWN);
+        let until = sync.lead_s + schedule.visits[drawn - 1].arrive * slow;
+        let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
+        curves.paths = vec![
+            ("beam", path.nodes.iter().take(drawn).map(|node| [node.at[0], node.at[1]]).collect()),
+            ("stage", stage.map(|p| [p[0], p[1]]).collect()),
+        ];
+        curves.velocities = velocities(&sync, (until / sync.step_s) as usize);
+        let step_s = sync.step_s / slow;
+        let piece = path.middle(FILTERED as f64 * step_s / schedule.total_s());
+        let schedule = Schedule::of(&piece, machine, pens, turn.wait_s());
+        curves.filters = filters(&piece, &schedule, machine, allowed, step_s);
+        Ok(figures)
+    }
+
+    /// What the article's rule (eq. 4) makes of the path at the pens' speeds.
+    fn by_the_article(&self, allowed: ScannerLimits) -> String {
+        const SAMPLES: usize = 50_000;
+        let machine = self.subject.machine;
+        let schedule = Schedule::of(&self.path, machine, &self.whole.program.pens, 0.0);
+        let even = schedule.samples(&self.path, (schedule.total_s() / SAMPLES as f64).max(1e-3));
+        let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
+        let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
+        let chosen = choose_average(&plan, even.step_s, most, allowed.half_field);
+        let said = |samples: usize| format!("p = {samples} of {:.1} ms", 1e3 * even.step_s);
+        match chosen {
+            Ok(average) => format!("eq. 4: {}", said(average.samples)),
+            Err(off) => format!(
+                "eq. 4: infeasible, {} takes the scanner {:.0} mm out along {}, its field ends at {:.1} mm; at {:.0} % of \
+                 the speed it would fit",
+                said(off.average.samples),
+                off.average.reach[off.axis],
+                ["x", "y"][off.axis],
+                off.half_field,
+                100.0 * off.speed_share
+            ),
+        }
+    }
+
+    /// What marks get from a synchronised motion.
+    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<Followed, Error> {
+        let nodes = sync.nodes(path, schedule);
+        let half = self.subject.machine.usable_field().map(|f| f.mm() / 2.0);
+        let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
+            axes: Axes { xyz, a: 0.0, c: 0.0 },
+            spot: [b[0] - xyz[0], b[1] - xyz[1]],
+            on,
+        });
+        let (following_error, _) =
+            following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s, 0.0)?;
+        let deviations = upright(self.subject, path, |i| nodes[i]);
+        Ok(Followed {
+            deviations,
+            weights: path.weights(),
+            following_error,
+            travel: travel(sync.stage.iter().copied()),
+        })
+    }
+
+    /// Bands of depth over the whole part: within each x and y follow, z rests.
+    pub(super) fn bands(&self) -> Result<Figures, Error> {
+        let subject = self.subject;
+        let depth = Some(subject.job.focus.depth);
+        let Strokes { program, section, texture, .. } =
+            strokes::in_order(subject.job, subject.machine, subject.inputs, depth, &|_, _| {})?;
+        let (program, allowed) = (&repeated(program), self.allowed()?);
+        let upright = vec![None; program.blocks.len()];
+        let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
+        let band = |i: usize| {
+            let block = &program.blocks[i];
+            let mut path = path_of(subject, program, i..i + 1);
+            let plane = block.stop.focus.mm();
+            let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
+            path.nodes.iter_mut().for_each(|node| node.at[2] = plane);
+            let schedule = Schedule::of(&path, subject.machine, &program.pens, 0.0);
+            let sync = synchronise(&path, &schedule, subject.machine, allowed, schedule.step_s(COARSE));
+            path.nodes.iter_mut().zip(heights).for_each(|(node, z)| node.at[2] = z);
+            let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
+            let ends = [path.nodes[0].at, path.nodes[path.len() - 1].at]
+                .map(nm)
+                .map(|[x, y, _]| Commanded([x, y, block.stop.focus.0]));
+            Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
+        };
+        let bands = parallel::map(program.blocks.len(), band).into_iter().collect::<Result<Vec<_>, Error>>()?;
+        let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
+        let mut before: Option<Commanded> = None;
+        for (followed, own, slow, own_s, [first, last]) in bands {
+            let moved = before.map(|from| stage_move(subject.machine, from, first, None)).unwrap_or_default();
+            before = Some(last);
+            time.stage += own.stage + moved.travel_s;
+            time.settle += moved.settle_s;
+            (time.mark, time.jump, time.delay) = (time.mark + own.mark, time.jump + own.jump, time.delay + own.delay);
+            slowest = slowest.max(slow);
+            process_s += own_s;
+            all.extend(followed);
+        }
+        Ok(Figures {
+            time,
+            model_s: Some(step_scan_s(program.blocks.len(), subject.move_s, process_s)),
+            stops: program.blocks.len(),
+            speed: 100.0 / slowest,
+            seam_mm: map.seam_mm(),
+            notes: vec!["speed of the slowest band".into()],
+            hardware: self.together().0,
+            marked_mm: mark_mm(program),
+            ..all.figures(subject.limits)
+        })
+    }
+
+    /// Five stage axes, with or without the scanner.
+    pub(super) fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, Error> {
+        let subject = self.subject;
+        let mut notes = Vec::new();
+        let pens = &self.whole.program.pens;
+        const OTHER: &str = "xyzac-galvo-10";
+        let mut other = Machine::built_in(OTHER)?;
+        if subject.galvo == GalvoModel::AtSpeed {
+            // One model for all systems: that of the job's machine.
+            (other.scanner.acceleration, other.scanner.jerk) = (None, None);
+        }
+        let (model, hardware) = match self.seven() {
+            Some(model) => (model, Hardware::Own),
+            None => {
+                let model =
+                    KinematicModel::of(&other, pens, [0.0; 3]).expect("the profile states the limits of A and C");
+                // The middle of the texture lies where its axes meet.
+                let area = self.whole.texture;
+                let pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
+                (KinematicModel { pivot, ..model }, Hardware::Other(OTHER))
+            }
+        };
+        let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
+        let path = match tools {
+            // The stage would have to run up, not the scanner.
+            ToolPath::OnTheMark => self.thin.clone(),
+            _ => model.with_run_ups(&self.thin, &subject.job.skywriting),
+        };
+        let decomposed = decompose(&path, &subject.height_field, &model, allowed, tools)?;
+        if tools == ToolPath::Filtered(Family::Gaussian) {
+            curves.convergence = decomposed.convergence(&model, SHOWN)?;
+        }
+        let made = decomposed.clone().timed(&model, 1)?;
+        let mut job_key = None;
+        if tools == ToolPath::Filtered(Family::Gaussian) {
+            job_key = self.together().1.filter(|_| hardware == Hardware::Own);
+            curves.back_off.clone_from(&made.back_off);
+            curves.seven = Some(allowed);
+            self.draw(&model, &made, curves);
+            curves.shared = self.axis_figures(&model, allowed)?;
+            notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
+            curves.rests = self.rests(&model, &decomposed, &made)?;
+            if curves.rests.iter().any(|row| row.total_s.is_none()) {
+                notes.push("no time with the stage in step with the spot was found".into());
+            }
+        }
+        let mut travel: Vec<Beyond> = Vec::new();
+        travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
+        travel.extend(turns_too_far(&model, &made.axes));
+        let nodes: Vec<[f64; AXES]> =
+            made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
+        let model_s = Some(stop_at_every_point(&nodes, &model.all_limits()).total_s);
+        let mut figures = self.turned(&model, made, tools, allowed)?;
+        figures.beyond.extend(travel);
+        Ok(Figures { notes, model_s, hardware, job_key, marked_mm: self.mark_mm, ..figures })
+    }
+
+    /// The time of a motion, and what the model of the article makes of its stage in step with the spot: at rest at
+    /// corners, and at every point of a stroke.
+    fn rests(
+        &self,
+        model: &KinematicModel<'_>,
+        decomposed: &Decomposed,
+        made: &TimedAxes,
+    ) -> Result<Vec<RestTimes>, Error> {
+        // Every vertex of a stroke is a node of the whole path.
+        let tools = ToolPath::Gaussian { sigma: made.strength.unwrap_or_default() };
+        let whole = decompose(&self.path, &self.subject.height_field, model, decomposed.limits, tools)?;
+        let (scanner_s, in_step_s) = decomposed.in_step_s(model, Rests::Corners)?;
+        let (every_s, every_in_step_s) = whole.in_step_s(model, Rests::EveryPoint)?;
+        Ok(vec![
+            RestTimes { rests: Rests::Corners, in_step: false, total_s: Some(made.total_s()), scanner_s },
+            RestTimes { rests: Rests::Corners, in_step: true, total_s: in_step_s, scanner_s },
+            RestTimes { rests: Rests::EveryPoint, in_step: true, total_s: every_in_step_s, scanner_s: every_s },
+        ])
+    }
+
+    /// Every decomposition of the first of the path.
+    fn axis_figures(
+        &self,
+        model: &KinematicModel<'_>,
+        allowed: Limits,
+    ) -> Result<Vec<(&'static str, AxisFigures)>, Error> {
+        let count = self.thin.distances().partition_point(|&s| s <= SHOWN).max(2).min(self.thin.len());
+        let first = self.thin.piece(0..count);
+        let mut all = FAMILIES.map(|(name, family)| (name, ToolPath::Filtered(family))).to_vec();
+        all.push(("least acceleration", ToolPath::LeastAcceleration));
+        let of = |_, (name, tools)| {
+            let made = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)?;
+            Ok((name, made.axis_figures(model)))
+        };
+        parallel::map_items(all, of).into_iter().collect()
+    }
+
+    fn draw(&self, model: &KinematicModel<'_>, made: &TimedAxes, curves: &mut Curves) {
+        let path = &made.path;
+        let way = path.distances();
+        let times = made.times();
+        let nodes = made.axes.iter().zip(&path.nodes).zip(&times).take(DRAWN);
+        curves.axes = nodes
+            .map(|((a, node), &[t, _])| {
+                let [x, y, z, a, c, u, v] = model.values(a, node.at);
+                (t, [x, y, z, a.to_degrees(), c.to_degrees(), u, v])
+            })
+            .collect();
+        let nodes = made.axes.iter().zip(&path.nodes).take(DRAWN);
+        curves.space = nodes
+            .map(|(axes, node)| {
+                let tool = axes.tool();
+                [model.from_pivot(node.at), tool.p, tool.n]
+            })
+            .collect();
+        let deviations = made.deviation.iter().zip(&way).zip(&path.nodes);
+        curves.along = deviations
+            .filter(|(_, node)| node.pen.is_some())
+            .map(|((d, &w), _)| [w, d.focus * 1000.0, d.angle.to_degrees(), d.lateral])
+            .collect();
+    }
+
+    /// Figures of a turning system.
+    fn turned(
+        &self,
+        model: &KinematicModel<'_>,
+        made: TimedAxes,
+        tools: ToolPath,
+        limits: Limits,
+    ) -> Result<Figures, Error> {
+        let machine = model.machine;
+        let mut time = Split::default();
+        let times = made.times();
+        for (i, w) in times.windows(2).enumerate() {
+            *(if made.path.nodes[i + 1].pen.is_some() { &mut time.mark } else { &mut time.jump }) += w[1][0] - w[0][1];
+        }
+        time.delay = times.iter().map(|[come, go]| go - come).sum();
+        let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
+        // Where the scanner does not move it does not compensate for the stage either.
+        let feed = (tools != ToolPath::OnTheMark).then_some(self.subject.protection);
+        let (samples, step_s) = sampled(&made, model);
+        // Of a round field what is too far out comes back towards its centre.
+        let reach = machine.field_reach();
+        let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
+        let [_, until_s] = times[times.len().min(DRAWN) - 1];
+        let (following_error, axis_errors) = following(machine, &half, feed, samples, step_s, until_s)?;
+        let travel = travel(made.axes.iter().map(|a| a.xyz));
+        let followed = Followed { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
+        let axis_errors = Some(axis_errors);
+        Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, axis_errors, ..followed.figures(limits) })
+    }
+}
+
+/// Time and velocities of the stage's X, Y, Z and the scanner's U, V over the first samples of a synchronised motion.
+fn velocities(sync: &Decomposition, samples: usize) -> Vec<(f64, [f64; 5])> {
+    let steps = sync.stage.windows(2).zip(sync.beam.windows(2)).take(samples).enumerate();
+    let velocities = steps.map(|(i, (stage, beam))| {
+        let [x, y, z] = [0, 1, 2].map(|k| (stage[1][k] - stage[0][k]) / sync.step_s);
+        let [u, v] = [0, 1].map(|k| (beam[1][k] - beam[0][k]) / sync.step_s);
+        ((i as f64 + 0.5) * sync.step_s, [x, y, z, u - x, v - y])
+    });
+    velocities.collect()
+}
+
+/// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the
+/// samples that mark; and how far every axis is behind its own command, at all samples. `half` is half of the field for
+/// a command, `feed` how the scanner compensates for the stage. Samples are `step_s` apart; the course of the errors is
+/// kept up to `until_s`.
+fn following(
+    machine: &Machine,
+    half: &dyn Fn([f64; 2]) -> [f64; 2],
+    feed: Option<Protection>,
+    samples: impl Iterator<Item = Sample>,
+    step_s: f64,
+    until_s: f64,
+) -> Result<(Vec<FollowingError>, AxisErrors), Error> {
+    let feed = feed.map(|protection| protection.on(machine));
+    let stage = Servo::of_stage(machine)?;
+    let mirror = Servo::of_scanner(machine)?;
+    let mut samples = samples.peekable();
+    let mut axis_errors = AxisErrors::new(step_s, until_s);
+    let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else {
+        return Ok((Vec::new(), axis_errors));
+    };
+    let mut stage_axes = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
+    let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, feed, step_s, spot[k]));
+    let mut out = Vec::new();
+    for Sample { axes, spot, on } in samples {
+        let [x, y, z] = axes.xyz;
+        let commands = [x, y, z, axes.a, axes.c];
+        let reached: [f64; 5] = std::array::from_fn(|k| stage_axes[k].step(commands[k]));
+        let [x, y, z, a, c] = reached;
+        // Where the axes that are late see what is to be marked.
+        let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
+        let missed = [0, 1].map(|k| seen[k] - spot[k]);
+        let half = half([0, 1].map(|k| spot[k] + missed[k]));
+        let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k], half[k]));
+        if on {
+            let [lag, error, focus] = [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen[2]].map(|v| 1000.0 * v);
+            out.push([lag, error, focus, step_s]);
+        }
+        let [dx, dy, dz, da, dc] = std::array::from_fn(|k| commands[k] - reached[k]);
+        let [du, dv] = mirrors.each_ref().map(Scanner::following_error);
+        let [x, y, z, a, c] = commands;
+        axis_errors.add([x, y, z, a, c, spot[0], spot[1]], [dx, dy, dz, da, dc, du, dv]);
+    }
+    Ok((out, axis_errors))
+}
+
+/// What marks get from a motion.
+#[derive(Default)]
+struct Followed {
+    deviations: Vec<Deviation>,
+    weights: Vec<f64>,
+    following_error: Vec<FollowingError>,
+    /// Way of the stage, mm.
+    travel: f64,
+}
+
+/// At a sample that marks, um: how far the stage lags behind its command across the beam, how far the spot is off,
+/// and how far the stage lags along the beam; and the time that the sample stands for, s.
+type FollowingError = [f64; 4];
+
+impl Followed {
+    fn extend(&mut self, other: Self) {
+        self.deviations.extend(other.deviations);
+        self.weights.extend(other.weights);
+        self.following_error.extend(other.following_error);
+        self.travel += other.travel;
+    }
+
+    fn figures(&self, limits: Limits) -> Figures {
+        let following_error = |k: usize| Statistics::of(self.following_error.iter().map(|t| (t[k], t[3])));
+        Figures {
+            stage_lag_um: Some(following_error(0)),
+            spot_error_um: Some(following_error(1)),
+            focus_lag_um: Some(following_error(2)),
+            stage_travel_mm: self.travel,
+            ..marked(&self.deviations, &self.weights, limits)
+        }
+    }
+}
+
+/// A motion at an instant: the stage, where the spot is in the field, and whether it marks.
+struct Sample {
+    axes: Axes,
+    spot: [f64; 2],
+    on: bool,
+}
+
+/// A turning motion at even steps of time, and the steps, s.
+fn sampled<'a>(made: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl Iterator<Item = Sample> + use<'a>, f64) {
+    const MOST: usize = 500_000;
+    let total = made.total_s();
+    let count = ((total / 1e-3).ceil() as usize).clamp(1, MOST);
+    let step_s = total / count as f64;
+    let mut reader = made.read(model);
+    let samples = (0..=count).map(move |k| {
+        let Instant { axes, node, field } = reader.at(k as f64 * step_s);
+        Sample { axes, spot: field, on: made.path.pen_at(node + 1).is_some() }
+    });
+    (samples, step_s)
+}
+
+/// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
+/// focus.
+fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
+    let deviation = |i: usize| {
+        let (p, b) = (path.nodes[i].at, beam(i));
+        let angle = subject.height_field.at([p[0], p[1]]).normal()[2].acos();
+        Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
+    };
+    (0..path.len()).map(deviation).collect()
+}
+
+/// Which linear axes need more travel than they have for a motion between some ends; None where none does.
+fn too_far(machine: &Machine, ends: BoxMm<3>) -> Option<Beyond> {
+    let names: Vec<String> = machine
+        .axes()
+        .into_iter()
+        .zip(ends.size())
+        .filter_map(|((name, axis), size)| {
+            let travel = axis.travel[1].as_mm() - axis.travel[0].as_mm();
+            (size > travel).then(|| format!("{name} needs {size:.0} mm of travel"))
+        })
+        .collect();
+    (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
+}
+
+/// Which turning axes need more travel than they have; None where none does.
+fn turns_too_far(model: &KinematicModel<'_>, axes: &[Axes]) -> Option<Beyond> {
+    let said = |BeyondTravel { letter, needed: [least, most], .. }: BeyondTravel| {
+        format!("{} needs {least:.0} to {most:.0} deg of travel", letter.char())
+    };
+    let names: Vec<String> = model.beyond_travel(axes).into_iter().map(said).collect();
+    (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
+}
+
+/// The program with every stroke as often in its list as its pen has passes: what marks on the fly marks a stroke again
+/// before it goes on, as a controller does at a stop.
+pub(super) fn repeated(mut program: Program) -> Program {
+    let passes: Vec<usize> =
+        program.pens.iter_mut().map(|pen| std::mem::replace(&mut pen.passes, 1) as usize).collect();
+    let once = std::mem::take(&mut program.strokes);
+    for block in &mut program.blocks {
+        let first = program.strokes.len();
+        for stroke in &once[block.strokes.clone()] {
+            program.strokes.extend(std::iter::repeat_n(*stroke, passes[stroke.pen.index()]));
+        }
+        block.strokes = first..program.strokes.len();
+    }
+    program
+}
+
+/// Length of all marks of a program.
+fn mark_mm(program: &Program) -> f64 {
+    program.blocks.iter().map(|block| program.mark_mm(block)).sum()
+}
+
+fn nm(p: [f64; 3]) -> [i64; 3] {
+    p.map(|v| (v * NM_PER_MM).round() as i64)
+}
+
+fn travel(points: impl Iterator<Item = [f64; 3]>) -> f64 {
+    let mut last: Option<[f64; 3]> = None;
+    let mut sum = 0.0;
+    for p in points {
+        if let Some(l) = last {
+            sum += (0..3).map(|k| (p[k] - l[k]).powi(2)).sum::<f64>().sqrt();
+        }
+        last = Some(p);
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrace_core::program::sample;
+
+    #[test]
+    fn repeated_program_marks_the_same_length_with_pens_of_one_pass() {
+        let (mut program, _) = sample::program();
+        (program.pens[0].passes, program.pens[1].passes) = (2, 3);
+        let repeats = repeated(program.clone());
+        assert!(repeats.pens.iter().all(|pen| pen.passes == 1));
+        assert!((mark_mm(&repeats) - mark_mm(&program)).abs() < 1e-9 && mark_mm(&program) > 1.0);
+        assert_eq!(repeated(repeats.clone()), repeats, "once is enough");
+        // Each stroke follows itself, in the block it belongs to.
+        for (a, b) in program.blocks.iter().zip(&repeats.blocks) {
+            let of = |s: &terrace_core::program::Stroke| program.pens[s.pen.index()].passes as usize;
+            let want: Vec<_> = program.strokes_of(a).iter().flat_map(|s| std::iter::repeat_n(*s, of(s))).collect();
+            assert_eq!(repeats.strokes_of(b), want);
+        }
+    }
+}

@@ -1,0 +1,709 @@
+//! Which system to use, and what the others would win or lose, in words.
+//!
+//! Consumes the rows of a comparison and nothing else; promises that what is recommended keeps every limit with every
+//! mark, runs on the job's own machine, and is the fastest of those that `compile` makes. The time that counts is that
+//! of [`Figures::counted_s`]. Of systems of one kind the sentences tell the fastest; all others are in the table.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::system::Kind;
+use super::{Beyond, Comparison, Figures, Hardware, KeyCost, Row, SYSTEMS};
+use terrace_core::machine::LoadingWay;
+use terrace_plan::manifest::duration;
+use terrace_report::report::table::plain;
+
+/// Times nearer to each other than this factor are as long.
+const ALIKE: f64 = 1.05;
+/// Factors within this of 2 are a half or a double.
+const ROUND: f64 = 0.1;
+/// Differences of incidence that are told, deg.
+const TOLD_DEG: f64 = 0.5;
+
+/// The limit of the job from which on `compile` marks with a warning.
+const WARN_KEY: &str = "limits.warn_incidence";
+
+/// How a system stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Standing {
+    /// The one to use.
+    Recommended,
+    /// Runs on the job's machine within all limits.
+    Usable,
+    /// Keeps all limits, on a machine with more than the job's has.
+    OtherHardware,
+    /// Keeps all limits on the job's machine, but `compile` does not make it.
+    EstimateOnly,
+    /// Keeps the limits of its drive, and marks nothing: it makes the surface.
+    OtherProcess,
+    /// Keeps all limits but one from which `compile` warns, which the job sets.
+    YoursToSet,
+    /// Some marks, or the motion, do not keep the limits.
+    BeyondLimits,
+    /// There are no figures of it.
+    DoesNotApply,
+}
+
+/// One system.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Assessed {
+    /// Its name.
+    pub system: &'static str,
+    /// How it stands.
+    pub standing: Standing,
+    /// The time that counts, s.
+    pub time_s: Option<f64>,
+    /// That time as a multiple of the recommended system's.
+    pub times_the_recommended: Option<f64>,
+    /// Why it is beyond the limits or does not apply.
+    pub reasons: Vec<String>,
+}
+
+/// What a comparison comes to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// The system to use; None where none on the job's machine keeps the limits.
+    pub recommended: Option<&'static str>,
+    /// The key of the job file that asks for it.
+    pub job_key: Option<String>,
+    /// The same in words, the answer first.
+    pub sentences: Vec<String>,
+    /// All systems in the order of the table.
+    pub systems: Vec<Assessed>,
+}
+
+impl Verdict {
+    /// Of a comparison.
+    pub fn of(c: &Comparison) -> Self {
+        let rows = Rows(c);
+        let best = rows.fastest(|f| f.hardware == Hardware::Own && f.job_key.is_some());
+        let systems = c.rows.iter().map(|row| rows.assessed(row, best)).collect();
+        Self {
+            recommended: best.map(|best| best.system),
+            job_key: best.and_then(|best| best.figures.job_key.clone()),
+            sentences: rows.sentences(best),
+            systems,
+        }
+    }
+
+    /// What a system is like in a few words, for the table.
+    pub fn note(&self, system: usize) -> String {
+        let Assessed { standing, times_the_recommended, reasons, .. } = &self.systems[system];
+        let compared = || times_the_recommended.map_or("within the limits".to_owned(), note_of_ratio);
+        match standing {
+            Standing::Recommended => "recommended".to_owned(),
+            Standing::Usable | Standing::OtherHardware => compared(),
+            Standing::EstimateOnly => format!("{}, estimate only", compared()),
+            Standing::OtherProcess => "another process: turns the surface, marks nothing".to_owned(),
+            Standing::YoursToSet => format!("yours to set: {} by {WARN_KEY}", reasons.join("; ")),
+            Standing::BeyondLimits => format!("not usable: {}", reasons.join("; ")),
+            Standing::DoesNotApply => format!("does not apply: {}", reasons.join("; ")),
+        }
+    }
+}
+
+/// A system with its figures.
+#[derive(Clone, Copy)]
+struct Timed<'a> {
+    system: &'static str,
+    kind: Kind,
+    figures: &'a Figures,
+    time_s: f64,
+}
+
+/// The rows to judge by.
+struct Rows<'a>(&'a Comparison);
+
+impl<'a> Rows<'a> {
+    /// The rows that have figures.
+    fn timed(&self) -> impl Iterator<Item = Timed<'a>> {
+        self.0.rows.iter().filter_map(|row| {
+            let figures = row.figures.as_ref().ok()?;
+            Some(Timed { system: row.system, kind: kind(row.system), figures, time_s: figures.counted_s() })
+        })
+    }
+
+    /// The fastest of those within the limits; of some that are as fast the first.
+    fn fastest(&self, also: impl Fn(&Figures) -> bool) -> Option<Timed<'a>> {
+        let fit = self.timed().filter(|t| t.figures.keeps_limits() && also(t.figures));
+        fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s))
+    }
+
+    fn assessed(&self, row: &Row, best: Option<Timed<'_>>) -> Assessed {
+        let (standing, reasons) = match &row.figures {
+            Err(e) => {
+                let why = e.diags().iter().map(|d| d.message.clone()).collect();
+                (Standing::DoesNotApply, why)
+            }
+            Ok(_) if best.is_some_and(|best| best.system == row.system) => (Standing::Recommended, Vec::new()),
+            Ok(f) if !f.keeps_limits() => {
+                let standing = if f.is_yours_to_set() { Standing::YoursToSet } else { Standing::BeyondLimits };
+                (standing, f.beyond.iter().map(Beyond::to_string).collect())
+            }
+            Ok(f) if f.tool.is_some() => (Standing::OtherProcess, Vec::new()),
+            Ok(f) if f.hardware != Hardware::Own => (Standing::OtherHardware, Vec::new()),
+            Ok(f) if f.job_key.is_none() => (Standing::EstimateOnly, Vec::new()),
+            Ok(_) => (Standing::Usable, Vec::new()),
+        };
+        let time_s = row.figures.as_ref().ok().map(Figures::counted_s);
+        let marks = row.figures.as_ref().is_ok_and(|f| f.tool.is_none());
+        let times_the_recommended = time_s.filter(|_| marks).zip(best).map(|(time_s, best)| time_s / best.time_s);
+        Assessed { system: row.system, standing, time_s, times_the_recommended, reasons }
+    }
+
+    fn sentences(&self, best: Option<Timed<'_>>) -> Vec<String> {
+        let mut out = match best {
+            Some(best) => self.recommendation(best),
+            None => self.no_recommendation(),
+        };
+        const GROUPS: [Kind; 7] =
+            [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::HeadTilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes];
+        for group in GROUPS {
+            let told = best.is_some_and(|best| best.kind == group);
+            let fit = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());
+            if let Some(other) = fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !told) {
+                out.push(said(other, best));
+            }
+        }
+        let turned = self.timed().find(|t| t.kind == Kind::ToolServo && t.figures.keeps_limits());
+        out.extend(turned.map(|t| {
+            let time = duration(t.time_s);
+            format!("A fast tool servo turns the surface in {time}: another process, which marks no texture.")
+        }));
+        out.extend(self.yours_to_set());
+        out.extend(self.beyond_limits());
+        out.extend(self.not_applicable());
+        out
+    }
+
+    /// What to use.
+    fn recommendation(&self, best: Timed<'_>) -> Vec<String> {
+        let what = match best.kind {
+            Kind::Stepped => format!("Step by {}", best.system),
+            Kind::Zoom => "Step with the zoom optic".to_owned(),
+            Kind::Tilt => "Step with the part tilted at every stop".to_owned(),
+            Kind::HeadTilt => "Step with the head tilted at every stop".to_owned(),
+            Kind::OnTheFly => "Mark on the fly".to_owned(),
+            Kind::SevenAxes => "Mark on the fly with seven axes".to_owned(),
+            Kind::FiveAxes => "Mark with five axes".to_owned(),
+            Kind::ToolServo => unreachable!("no job key asks for it"),
+        };
+        let cost = self.0.cost_of(best.figures).zip(self.0.cost);
+        let cost = cost.map_or(String::new(), |(v, cost)| format!(", {} {}", plain(v, 2), cost.currency()));
+        let loaded = best.figures.load_s.map_or("", |_| match self.0.loading.way {
+            LoadingWay::Person => " with blocks loaded by a person",
+            LoadingWay::Run if self.0.loading.is_least() => " and what terrace run takes to load the blocks",
+            LoadingWay::Run => " with blocks loaded by terrace run",
+            LoadingWay::Card => " with blocks stored on the scan card",
+            LoadingWay::Ovf => " by a controller that reads job.ovf",
+        });
+        let mut out = vec![format!("{what}: {}{loaded}{cost}, all in focus.", duration(best.time_s))];
+        out.extend(best.figures.job_key.as_ref().map(|key| format!("In the job file: {key}.")));
+        out.extend(self.key_costs(best));
+        out
+    }
+
+    /// The keys of the job without which a system would be quicker, and by how much.
+    fn key_costs(&self, of: Timed<'_>) -> impl Iterator<Item = String> {
+        let costs = self.0.key_costs.iter().filter(move |cost| cost.system == of.system);
+        costs.filter(move |cost| of.time_s > ALIKE * cost.time_s).map(move |KeyCost { key, value, time_s, .. }| {
+            format!(
+                "Of this time {key} = {value:?} of the job file, not the machine, costs {}: without it {} takes {}.",
+                duration(of.time_s - time_s),
+                of.system,
+                duration(*time_s)
+            )
+        })
+    }
+
+    /// That nothing can be recommended, and what comes nearest to it.
+    fn no_recommendation(&self) -> Vec<String> {
+        let nearly = |t: &Timed<'_>| {
+            let made = t.figures.hardware == Hardware::Own && t.figures.job_key.is_some();
+            made && t.figures.is_yours_to_set()
+        };
+        let Some(t) = self.timed().filter(nearly).min_by(|a, b| a.time_s.total_cmp(&b.time_s)) else {
+            return vec![format!("None of these systems keeps all limits on {}.", self.0.machine)];
+        };
+        let [worst, allowed] = [t.figures.incidence_deg.worst, self.0.limits.angle.to_degrees()];
+        let [worst, allowed] = apart(worst, allowed);
+        let answer = format!(
+            "Yours to set: {} takes {}, all in focus, with beams at up to {worst} deg; {WARN_KEY} of the job file is \
+             {allowed} deg, above which compile warns.",
+            t.system,
+            duration(t.time_s)
+        );
+        let key = t.figures.job_key.as_ref().map(|key| format!("In the job file: {key}."));
+        std::iter::once(answer).chain(key).chain(self.key_costs(t)).collect()
+    }
+
+    /// Which systems are beyond nothing but a limit that the job sets as it likes.
+    fn yours_to_set(&self) -> Option<String> {
+        let out = self.timed().filter(|t| t.figures.is_yours_to_set()).map(|t| {
+            let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
+            (t.system, reasons.join("; "))
+        });
+        let told: Vec<String> =
+            by_reason(out).iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
+        (!told.is_empty()).then(|| format!("Beyond {WARN_KEY} alone, which is yours to set: {}.", told.join(", ")))
+    }
+
+    /// Which systems must not be used, those of one reason together.
+    fn beyond_limits(&self) -> Option<String> {
+        let is_beyond = |t: &Timed<'_>| !t.figures.keeps_limits() && !t.figures.is_yours_to_set();
+        let out = self.timed().filter(is_beyond).map(|t| {
+            let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
+            (t.system, reasons.join("; "))
+        });
+        let groups = by_reason(out);
+        let told: Vec<String> = groups.iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
+        (!told.is_empty()).then(|| format!("Beyond the limits: {}.", told.join(", ")))
+    }
+
+    /// Which systems have no figures, those of one reason together.
+    fn not_applicable(&self) -> Vec<String> {
+        let out = self.0.rows.iter().filter_map(|row| {
+            let e = row.figures.as_ref().err()?;
+            Some((row.system, e.diags().first().map_or_else(String::new, |d| d.message.clone())))
+        });
+        let told = |(names, why): &(Vec<&str>, String)| {
+            let verb = if names.len() > 1 { "do" } else { "does" };
+            format!("{} {verb} not apply: {why}.", listed(names))
+        };
+        by_reason(out).iter().map(told).collect()
+    }
+}
+
+impl Figures {
+    /// All limits are kept by all marks and by the motion.
+    pub fn keeps_limits(&self) -> bool {
+        self.beyond.is_empty() && self.within >= 100.0
+    }
+
+    /// Whether nothing but `limits.warn_incidence` is not kept, above which `compile` marks with a warning.
+    pub(super) fn is_yours_to_set(&self) -> bool {
+        matches!(self.beyond[..], [Beyond::Incidence(_)])
+    }
+}
+
+fn kind(system: &str) -> Kind {
+    SYSTEMS.iter().find(|s| s.name == system).map_or(Kind::Stepped, |s| s.kind)
+}
+
+/// What a system would win or lose against the best, and why where the figures tell.
+fn said(other: Timed<'_>, best: Option<Timed<'_>>) -> String {
+    let Timed { figures, .. } = other;
+    let (what, is_many) = subject(other);
+    let Some(best) = best else {
+        let verb = if is_many { "take" } else { "takes" };
+        return format!("{what} {verb} {}, within all limits.", duration(other.time_s));
+    };
+    let ratio = other.time_s / best.time_s;
+    let mut out = format!("{what} {}", verb_of_ratio(ratio, is_many));
+    if ratio > ALIKE && figures.is_held_by_z {
+        out += ", because z must go with every line";
+    }
+    let [here, there] = [figures.incidence_deg.worst, best.figures.incidence_deg.worst];
+    if there - here >= TOLD_DEG {
+        let [here, there] = apart(here, there);
+        out += &format!(", with beams at up to {here} instead of {there} deg");
+    }
+    out + "."
+}
+
+/// A system as the subject of a sentence, and whether that is a plural.
+fn subject(t: Timed<'_>) -> (String, bool) {
+    let what = match (t.kind, t.figures.hardware) {
+        (Kind::Stepped, _) => format!("Stepping by {}", t.system),
+        (Kind::Zoom, Hardware::Own) => "The zoom optic".to_owned(),
+        (Kind::Zoom, _) => "A zoom optic".to_owned(),
+        (Kind::Tilt, Hardware::Own) => "The tilt table".to_owned(),
+        (Kind::Tilt, _) => "A tilt table".to_owned(),
+        (Kind::HeadTilt, Hardware::Own) => "The head that tilts".to_owned(),
+        (Kind::HeadTilt, _) => "A head that tilts".to_owned(),
+        (Kind::OnTheFly, _) if t.system == "sync-bands" => "Marking on the fly in bands of depth".to_owned(),
+        (Kind::OnTheFly, _) => "Marking on the fly".to_owned(),
+        (Kind::SevenAxes, _) => "Seven axes".to_owned(),
+        (Kind::FiveAxes, _) => "Five axes".to_owned(),
+        (Kind::ToolServo, _) => "A fast tool servo".to_owned(),
+    };
+    let whose = match t.figures.hardware {
+        Hardware::Own => String::new(),
+        Hardware::WithZoom(of) | Hardware::WithTilt(of) | Hardware::Other(of) => format!(" (that of {of})"),
+        Hardware::Synchronised => " (with a controller that moves scanner and stage together)".to_owned(),
+    };
+    let is_many = matches!(t.kind, Kind::SevenAxes | Kind::FiveAxes);
+    let whose = if is_many { whose.replace("that of", "those of") } else { whose };
+    (what + &whose, is_many)
+}
+
+/// A multiple of the recommended time, for a table.
+fn note_of_ratio(ratio: f64) -> String {
+    match ratio {
+        r if r > ALIKE => format!("{} times slower", factor(r)),
+        r if r < 1.0 / ALIKE => format!("{} times faster", factor(1.0 / r)),
+        _ => "as fast".to_owned(),
+    }
+}
+
+/// A multiple of the recommended time, as a verb with its object.
+fn verb_of_ratio(ratio: f64, is_many: bool) -> String {
+    let [be, take, halve] = if is_many { ["are", "take", "halve"] } else { ["is", "takes", "halves"] };
+    let is_two = |factor: f64| (factor - 2.0).abs() <= ROUND;
+    match ratio {
+        r if is_two(1.0 / r) => format!("{halve} it"),
+        r if is_two(r) => format!("{take} twice as long"),
+        r if !(1.0 / ALIKE..=ALIKE).contains(&r) => format!("{be} {}", note_of_ratio(r)),
+        _ => format!("{take} as long"),
+    }
+}
+
+/// A factor with as many digits as it is worth.
+fn factor(v: f64) -> String {
+    let text = plain(v, if v < 9.95 { 1 } else { 0 });
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}
+
+/// A value and its limit, each with three digits or as many more as tell them apart.
+fn apart(value: f64, limit: f64) -> [String; 2] {
+    const MOST: usize = 4;
+    let shown = |v: f64, more: usize| {
+        let digits = match v.abs() {
+            ..0.1 => 3,
+            ..1.0 => 2,
+            ..100.0 => 1,
+            _ => 0,
+        };
+        let text = plain(v, digits + more);
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    };
+    let both = |more: usize| [value, limit].map(|v| shown(v, more));
+    (0..MOST).map(both).find(|[a, b]| a != b).unwrap_or_else(|| both(MOST))
+}
+
+/// Names that share a text, in the order in which they come.
+fn by_reason(all: impl Iterator<Item = (&'static str, String)>) -> Vec<(Vec<&'static str>, String)> {
+    let mut out: Vec<(Vec<&'static str>, String)> = Vec::new();
+    for (name, why) in all {
+        match out.iter_mut().find(|(_, known)| *known == why) {
+            Some((names, _)) => names.push(name),
+            None => out.push((vec![name], why)),
+        }
+    }
+    out
+}
+
+/// "a", "a and b", "a, b and c".
+fn listed(names: &[&str]) -> String {
+    match names {
+        [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+impl fmt::Display for Beyond {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Focus([worst, allowed]) => {
+                let (unit, by) = if *worst >= 1000.0 { ("mm", 1000.0) } else { ("um", 1.0) };
+                let [worst, allowed] = apart(worst / by, allowed / by);
+                write!(f, "{worst} {unit} out of focus, {allowed} {unit} allowed")
+            }
+            Self::Incidence([worst, allowed]) => {
+                let [worst, allowed] = apart(*worst, *allowed);
+                write!(f, "beam incidence {worst} deg, {allowed} deg allowed")
+            }
+            Self::Displacement([worst, allowed]) => {
+                let [worst, allowed] = apart(*worst, *allowed);
+                write!(f, "displacement {worst} mm, {allowed} mm allowed")
+            }
+            Self::TooSharp => write!(f, "some marks turn or rise too sharply to be followed in focus"),
+            Self::Travel(axes) => write!(f, "{axes}"),
+            Self::Drive(figure, unit, [needed, limit]) => {
+                let [needed, limit] = apart(*needed, *limit);
+                write!(f, "{figure} of {needed} {unit}, {limit} {unit} allowed")
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::{Curves, Split, page};
+    use terrace_core::diag::{Diag, Error};
+    use terrace_plan::manifest::Loading;
+    use terrace_plan::on_the_fly::decompose::Limits;
+    use terrace_plan::on_the_fly::statistics::Statistics;
+
+    /// A system within all limits that takes so long, with beams at so many degrees.
+    fn figures(time_s: f64, incidence: f64) -> Figures {
+        let worst = |worst| Statistics { worst, ..Statistics::default() };
+        Figures {
+            time: Split { mark: time_s, ..Split::default() },
+            focus_um: worst(35.0),
+            incidence_deg: worst(incidence),
+            within: 100.0,
+            stops: 7,
+            ..Figures::default()
+        }
+    }
+
+    fn made(time_s: f64, incidence: f64) -> Figures {
+        Figures { job_key: Some("partition.method = \"z-range\"".into()), ..figures(time_s, incidence) }
+    }
+
+    fn beyond(beyond: Beyond, figures: Figures) -> Figures {
+        Figures { beyond: vec![beyond], within: 12.0, ..figures }
+    }
+
+    fn comparison(rows: Vec<(&'static str, Result<Figures, Error>)>) -> Comparison {
+        Comparison {
+            job: "job".into(),
+            machine: "xyz-galvo-40".into(),
+            limits: Limits { focus: 0.035, angle: 20f64.to_radians(), field: 28.0 },
+            marked_mm: 1000.0,
+            passes: 1,
+            loading: Loading { way: LoadingWay::Ovf, ..Loading::default() },
+            galvo: terrace_core::motion::GalvoModel::AtSpeed,
+            cost: None,
+            key_costs: Vec::new(),
+            rows: rows.into_iter().map(|(system, figures)| Row { system, figures }).collect(),
+            curves: Curves::default(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The example of the issue: a steep part on a machine of three axes.
+    fn example() -> Comparison {
+        let lent = |hardware, f: Figures| Ok(Figures { hardware, job_key: None, ..f });
+        let sync = Figures { is_held_by_z: true, ..figures(2290.0, 18.8) };
+        comparison(vec![
+            ("flat", Ok(beyond(Beyond::Focus([4012.0, 35.0]), figures(60.0, 18.8)))),
+            ("contour", Ok(made(240.0, 18.8))),
+            ("z-range", Ok(made(229.0, 18.8))),
+            ("zoom", lent(Hardware::WithZoom("xyz-zoom-40"), figures(115.0, 18.8))),
+            ("sync", lent(Hardware::Synchronised, sync)),
+            ("7-axis", lent(Hardware::Other("xyzac-galvo-10"), figures(687.0, 1.8))),
+        ])
+    }
+
+    #[test]
+    fn fastest_system_of_the_machine_is_recommended_and_the_others_are_compared_with_it() {
+        let verdict = Verdict::of(&example());
+        assert_eq!(verdict.recommended, Some("z-range"));
+        assert_eq!(
+            verdict.sentences,
+            [
+                "Step by z-range: 3 min 49 s, all in focus.",
+                "In the job file: partition.method = \"z-range\".",
+                "A zoom optic (that of xyz-zoom-40) halves it.",
+                "Marking on the fly (with a controller that moves scanner and stage together) is 10 times slower, because \
+                 z must go with every line.",
+                "Seven axes (those of xyzac-galvo-10) are 3 times slower, with beams at up to 1.8 instead of 18.8 deg.",
+                "Beyond the limits: flat (4 mm out of focus, 0.035 mm allowed).",
+            ]
+        );
+        let notes: Vec<String> = (0..6).map(|k| verdict.note(k)).collect();
+        assert_eq!(
+            notes,
+            [
+                "not usable: 4 mm out of focus, 0.035 mm allowed",
+                "as fast",
+                "recommended",
+                "2 times faster",
+                "10 times slower",
+                "3 times slower"
+            ]
+        );
+    }
+
+    #[test]
+    fn systems_beyond_limits_on_other_hardware_or_not_made_by_compile_are_never_recommended() {
+        let limits = [
+            Beyond::Focus([36.0, 35.0]),
+            Beyond::Incidence([21.0, 20.0]),
+            Beyond::Displacement([29.0, 28.0]),
+            Beyond::TooSharp,
+            Beyond::Travel("x needs 700 mm of travel".into()),
+        ];
+        for limit in limits {
+            // The travel may be too short though every mark keeps the limits.
+            for within in [100.0, 99.96] {
+                let quick = Figures { within, ..beyond(limit.clone(), made(1.0, 18.8)) };
+                let c = comparison(vec![("contour", Ok(quick.clone())), ("window", Ok(made(300.0, 18.8)))]);
+                assert_eq!(Verdict::of(&c).recommended, Some("window"), "{limit}");
+                let is_warned = matches!(limit, Beyond::Incidence(_));
+                let standing = if is_warned { Standing::YoursToSet } else { Standing::BeyondLimits };
+                assert_eq!(Verdict::of(&c).systems[0].standing, standing, "{limit}");
+                assert_eq!(Verdict::of(&comparison(vec![("contour", Ok(quick))])).recommended, None, "{limit}");
+            }
+        }
+        // Not even where no single limit is named.
+        let nearly = Figures { within: 99.999, ..made(1.0, 18.8) };
+        assert_eq!(Verdict::of(&comparison(vec![("contour", Ok(nearly))])).recommended, None);
+        let lent = Figures { hardware: Hardware::WithTilt("xyz-tilt-galvo-40"), ..made(1.0, 0.0) };
+        let c = comparison(vec![("tilt", Ok(lent)), ("sync-bands", Ok(figures(2.0, 18.8)))]);
+        let standings = Verdict::of(&c).systems.iter().map(|s| s.standing).collect::<Vec<_>>();
+        assert_eq!(standings, [Standing::OtherHardware, Standing::EstimateOnly]);
+    }
+
+    #[test]
+    fn nothing_is_recommended_where_no_system_of_the_machine_keeps_the_limits() {
+        let mut c = example();
+        let steep = Beyond::Incidence([24.0, 20.0]);
+        for row in &mut c.rows[1..3] {
+            row.figures = Ok(beyond(steep.clone(), row.figures.clone().expect("figures")));
+            row.figures.as_mut().expect("figures").incidence_deg.worst = 24.0;
+        }
+        let Verdict { recommended, job_key, sentences, systems } = Verdict::of(&c);
+        assert_eq!((recommended, job_key), (None, None));
+        assert_eq!(
+            sentences[..3],
+            [
+                "Yours to set: z-range takes 3 min 49 s, all in focus, with beams at up to 24 deg; limits.warn_incidence \
+                 of the job file is 20 deg, above which compile warns.",
+                "In the job file: partition.method = \"z-range\".",
+                "A zoom optic (that of xyz-zoom-40) takes 1 min 55 s, within all limits.",
+            ]
+        );
+        let last = [
+            "Beyond limits.warn_incidence alone, which is yours to set: contour and z-range (beam incidence 24 deg, 20 \
+             deg allowed).",
+            "Beyond the limits: flat (4 mm out of focus, 0.035 mm allowed).",
+        ];
+        assert_eq!(sentences[sentences.len() - 2..], last);
+        assert_eq!(
+            Verdict::of(&c).note(2),
+            "yours to set: beam incidence 24 deg, 20 deg allowed by limits.warn_incidence"
+        );
+        assert!(!page(&c).contains("<s>z-range</s>") && page(&c).contains("<s>flat</s>"));
+        // Where nothing else than that keeps a machine from it, nothing is recommended and nothing is struck out.
+        c.rows.truncate(1);
+        assert_eq!(Verdict::of(&c).sentences[0], "None of these systems keeps all limits on xyz-galvo-40.");
+        assert!(systems.iter().all(|s| s.times_the_recommended.is_none()));
+    }
+
+    #[test]
+    fn time_with_loading_decides_and_a_person_attends_all_of_it() {
+        let loaded = |load_s, f| Ok(Figures { load_s: Some(load_s), ..f });
+        let rows = |load: [f64; 2]| {
+            vec![("z-range", loaded(load[0], made(100.0, 5.0))), ("window", loaded(load[1], made(200.0, 5.0)))]
+        };
+        let mut c = comparison(rows([800.0, 500.0]));
+        c.loading.way = LoadingWay::Person;
+        let verdict = Verdict::of(&c);
+        assert_eq!(verdict.sentences[0], "Step by window: 11 min 40 s with blocks loaded by a person, all in focus.");
+        assert!((verdict.systems[0].times_the_recommended.expect("a ratio") - 9.0 / 7.0).abs() < 1e-12);
+        // The machine waits while a person loads, and a person attends all of it by every way.
+        let text = r#"{"machine": "60 EUR/h", "operator": "30 EUR/h"}"#;
+        c.cost = serde_json::from_str(text).expect("rates");
+        let first = |c: &Comparison| Verdict::of(c).sentences[0].clone();
+        assert!(first(&c).contains("by a person, 17.50 EUR, all"), "{}", first(&c));
+        c.rows = comparison(rows([0.0, 0.0])).rows;
+        c.loading.way = LoadingWay::Ovf;
+        let told = "Step by z-range: 1 min 40 s by a controller that reads job.ovf, 2.50 EUR, all in focus.";
+        assert_eq!(first(&c), told);
+    }
+
+    #[test]
+    fn keys_of_the_job_that_make_stepping_slower_are_named_with_what_they_cost() {
+        let mut c = comparison(vec![("z-range", Ok(made(68.0, 5.0))), ("window", Ok(made(70.0, 5.0)))]);
+        let cost = |key, time_s| KeyCost { system: "z-range", key, value: "8.2244 mm".into(), time_s };
+        c.key_costs = vec![
+            cost("partition.section", 41.9),
+            // As fast, and another system's.
+            cost("partition.overlap", 67.0),
+            KeyCost { system: "window", ..cost("partition.zone", 1.0) },
+        ];
+        let told = Verdict::of(&c).sentences;
+        let wanted = "Of this time partition.section = \"8.2244 mm\" of the job file, not the machine, costs 26.1 s: without \
+                      it z-range takes 41.9 s.";
+        assert_eq!(told[2..], [wanted.to_owned()]);
+    }
+
+    #[test]
+    fn systems_that_do_not_apply_are_named_once_for_each_reason() {
+        let e = |why: &str| Err(Error::from(Diag::limit("travel", why)));
+        let c = comparison(vec![
+            ("contour", Ok(made(10.0, 5.0))),
+            ("zoom", e("z is too short")),
+            ("tilt", e("A is too short")),
+            ("7-axis", e("z is too short")),
+        ]);
+        let verdict = Verdict::of(&c);
+        let told = ["zoom and 7-axis do not apply: z is too short.", "tilt does not apply: A is too short."];
+        assert_eq!(verdict.sentences[2..], told);
+        assert_eq!(verdict.note(2), "does not apply: A is too short");
+    }
+
+    #[test]
+    fn of_systems_that_are_as_fast_the_first_is_recommended() {
+        let c = comparison(vec![("contour", Ok(made(10.0, 5.0))), ("z-range", Ok(made(10.0, 5.0)))]);
+        assert_eq!(Verdict::of(&c).recommended, Some("contour"));
+    }
+
+    #[test]
+    fn ratios_are_told_in_words() {
+        let cases = [
+            (0.05, "is 20 times faster"),
+            (0.42, "is 2.4 times faster"),
+            (0.5, "halves it"),
+            (0.71, "is 1.4 times faster"),
+            (0.96, "takes as long"),
+            (1.04, "takes as long"),
+            (1.06, "is 1.1 times slower"),
+            (2.05, "takes twice as long"),
+            (2.96, "is 3 times slower"),
+            (9.94, "is 9.9 times slower"),
+            (9.96, "is 10 times slower"),
+            (104.4, "is 104 times slower"),
+        ];
+        for (ratio, said) in cases {
+            assert_eq!(verb_of_ratio(ratio, false), said);
+        }
+        assert_eq!(verb_of_ratio(0.5, true), "halve it");
+        assert_eq!(verb_of_ratio(3.0, true), "are 3 times slower");
+    }
+
+    #[test]
+    fn a_value_and_its_limit_never_read_alike() {
+        assert_eq!(apart(35.004, 35.0), ["35.004", "35"]);
+        assert_eq!(apart(293.4, 35.0), ["293", "35"]);
+        assert_eq!(apart(4.012, 0.035), ["4", "0.035"]);
+        assert_eq!(apart(10.0, 9.99), ["10", "9.99"]);
+        assert_eq!(apart(5.0, 5.0), ["5", "5"]);
+    }
+
+    #[test]
+    fn the_page_begins_with_the_verdict_and_strikes_out_what_must_not_be_used() {
+        let html = page(&example());
+        let at = |what: &str| html.find(what).unwrap_or_else(|| panic!("no {what} in {html}"));
+        let order = [
+            "<p class=\"answer\">Step by z-range: 3 min 49 s, all in focus.</p>",
+            "<li>A zoom optic (that of xyz-zoom-40) halves it.</li>",
+            "flat (beyond limits)",
+            "<span class=\"aloud\">not usable: </span><s>flat</s>",
+            "<details>",
+            "within limits",
+        ];
+        assert!(order.windows(2).all(|w| at(w[0]) < at(w[1])));
+        assert!(html.contains("<td class=\"l\">not usable: 4 mm out of focus, 0.035 mm allowed</td>"), "{html}");
+        assert_eq!(html.matches("<s>").count(), 6, "one row but for its note");
+        let table = crate::compare::overview(&example());
+        assert_eq!(table.columns().len(), 7);
+        assert!(table.markdown().contains("| ~~flat~~ | ~~xyz-galvo-40~~ | ~~1 min 0 s~~ |"), "{}", table.markdown());
+    }
+
+    #[test]
+    fn cost_stands_in_the_table_for_what_runs_on_the_machine_alone() {
+        let mut c = example();
+        assert!(!page(&c).contains("cost"));
+        c.cost = serde_json::from_str(r#"{"machine": "36 CHF/h"}"#).expect("rates");
+        let table = serde_json::to_value(crate::compare::overview(&c)).expect("JSON");
+        let costs: Vec<Option<f64>> = (0..6).map(|k| table[k]["cost_chf"].as_f64()).collect();
+        assert_eq!(costs, [Some(0.6), Some(2.4), Some(2.29), Some(1.15), Some(22.9), None]);
+    }
+}

@@ -1,0 +1,647 @@
+//! From the file as written to a job that cannot be wrong: every fault is found here, without opening any
+//! other file.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::direction::Direction;
+use super::faults::Faults;
+use super::file::{
+    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, MarkPower, Method, Mode, NonManifold, Objective, Parts,
+    PassesKeys, PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
+};
+use super::resolved::{
+    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
+};
+use super::texture::Texture;
+use super::texture::keys::TextureKeys;
+use super::unused;
+use crate::surface;
+use terrace_core::diag::{Diag, Error};
+use terrace_core::format::{Format, names};
+use terrace_core::geom::{MAX_NM, Nm, P2};
+use terrace_core::machine::Origin;
+use terrace_core::program::{Pen, PenId};
+use terrace_core::units::{Length, Time};
+
+/// Most pens of a job: no controller holds more, and marks count them in 16 bits.
+const MAX_PENS: usize = 1000;
+
+/// Most passes of a job.
+const MAX_PASSES: u32 = 100;
+
+/// Most columns and most rows of set-ups.
+pub const MAX_SETUPS: u32 = 100;
+
+/// The formats of a job that names none.
+const fn default_formats(mode: Mode) -> &'static [Format] {
+    match mode {
+        Mode::Stepped => &Format::OF_STEPPED,
+        Mode::OnTheFly => &Format::OF_ON_THE_FLY,
+    }
+}
+
+/// Whether a format can hold jobs of this mode.
+fn holds(format: Format, mode: Mode) -> bool {
+    match mode {
+        Mode::Stepped => format.is_stepped(),
+        Mode::OnTheFly => format.is_on_the_fly(),
+    }
+}
+
+/// Resolves a job file.
+///
+/// # Errors
+/// Every fault of the file, each with its place, in the order of the file's sections.
+pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: &Overrides) -> Result<Job, Error> {
+    let mut faults = Faults::new(path, &source);
+    let f = &mut faults;
+    let mode = overrides.mode.unwrap_or(file.mode);
+    let mut surface = surface_input(&file.surface, f);
+    let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length).0)));
+    let focus = focus(&file.focus, f);
+    errors_stated(file, f);
+    // Facets of exact surfaces may use a tenth of the depth.
+    let is_cad = surface::is_cad(&surface.file);
+    surface.options.tessellation = is_cad.then(|| surface::Tessellation::within(focus.pdof.mm() / 10.0));
+    let pens = pens(&file.pen, f);
+    if file.texture.is_empty() {
+        f.push("texture", Diag::input("texture-none", "the job has no [[texture]]"));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let laid = laid(&file.placement, f);
+    let pose = laid.and_then(|laid| laid.pose());
+    surface.options.pose = pose;
+    let textures = file.texture.iter().enumerate();
+    let textures = textures
+        .filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens, pdof: focus.pdof, pose }.resolve(f))
+        .collect();
+    let mut partition = partition(file, f);
+    if let Some(objective) = overrides.objective {
+        partition.objective = objective;
+    }
+    let machine = machine(&file.machine, f);
+    if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
+        let text = "limits.max_incidence is not between 0 and 90 deg";
+        f.push("limits.max_incidence", Diag::input("limits-incidence", text));
+    }
+    if !(0.0..=100.0).contains(&file.limits.max_off_part.as_percent()) {
+        let text = "limits.max_off_part is not between 0 % and 100 %";
+        f.push("limits.max_off_part", Diag::input("limits-share", text));
+    }
+    let passes = passes(&file.passes, focus.depth, f);
+    let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
+    dose(file, f);
+    let formats = formats(file, mode, f);
+    let frames = frames(file, f);
+    if mode == Mode::OnTheFly {
+        on_the_fly(file, f);
+    } else if file.mode == Mode::Stepped && file.emit.power == MarkPower::Speed {
+        let fault = Diag::input("emit-power", "emit.power = \"speed\" is for jobs that are marked on the fly");
+        f.push("emit.power", fault.hint("leave it out: no file of a stepped job changes the power within a line"));
+    }
+    unused::warn(file, mode, f);
+    let Faults { list, warnings, .. } = faults;
+    let Some(machine) = machine.filter(|_| list.is_empty()) else { return Err(Error::many(list)) };
+    Ok(Job {
+        path: path.to_owned(),
+        seed: overrides.seed,
+        mode,
+        mode_of_file: file.mode,
+        surface,
+        placement: Placement {
+            origin,
+            laid,
+            turn: file.placement.turn,
+            residual: [file.placement.residual, file.placement.residual_z],
+        },
+        textures,
+        drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
+        focus,
+        partition,
+        order: Order { stops: file.order.stops, strokes: file.order.strokes },
+        passes,
+        setups,
+        limits: Limits {
+            warn_incidence: file.limits.warn_incidence,
+            max_incidence: file.limits.max_incidence,
+            steep: file.limits.steep,
+            max_off_part: file.limits.max_off_part,
+            implausible: file.limits.implausible,
+        },
+        dose: file.dose,
+        machine,
+        pens,
+        skywriting: file.pen.iter().map(|pen| pen.skywriting).collect(),
+        formats,
+        names_formats: file.emit.formats.is_some(),
+        frames,
+        power_by_speed: file.emit.power == MarkPower::Speed && mode == Mode::OnTheFly,
+        warnings,
+        source,
+    })
+}
+
+fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
+    let scale = |h: &HeightmapKeys| surface::Scale {
+        pixel_mm: h.pixel.as_mm(),
+        z_mm: h.z.map(Length::as_mm),
+        values: h.values,
+        nodata: h.nodata,
+        origin_mm: h.origin.map(Length::as_mm),
+    };
+    if keys.unit.is_some() && surface::is_cad(&keys.file) {
+        let fault =
+            Diag::input("surface-unit-stated", "surface.unit is stated, but STEP and IGES files state their own unit");
+        f.push(
+            "surface.unit",
+            fault.hint("leave out surface.unit; correct the unit in the CAD program if it is wrong"),
+        );
+    }
+    if keys.tessellation.is_some() && surface::is_cad(&keys.file) {
+        let fault = Diag::input(
+            "surface-tessellation",
+            "surface.tessellation is stated, but the chord tolerance of STEP and IGES files follows from focus.pdof",
+        );
+        f.push("surface.tessellation", fault.hint("leave out surface.tessellation"));
+    }
+    if keys.scale.is_some_and(|scale| !(scale > 0.0 && scale.is_finite())) {
+        let fault = Diag::input("surface-datum", "surface.scale must be above zero");
+        f.push("surface.scale", fault.hint("a map at 1 : 25000 has scale = 4e-5"));
+    }
+    if keys.datum.is_some_and(|datum| datum.iter().any(|v| !v.is_finite())) {
+        let fault = Diag::input("surface-datum", "surface.datum is not finite");
+        f.push("surface.datum", fault.hint("give the place of the part's origin in the numbers of the file"));
+    }
+    SurfaceInput {
+        file: keys.file.clone(),
+        options: surface::Options {
+            unit_mm: keys.unit.map(|u| u.in_mm()),
+            datum: keys.datum,
+            scale: keys.scale,
+            heightmap: keys.heightmap.as_ref().map(scale),
+            max_edge_mm: keys.max_edge.map(Length::as_mm),
+            tessellation: None,
+            pose: None,
+        },
+        weld: f.nm("surface.weld", keys.weld),
+        non_manifold: match keys.non_manifold {
+            NonManifold::Refuse => surface::NonManifold::Refuse,
+            NonManifold::Topmost => surface::NonManifold::Topmost,
+        },
+        tessellation: keys.tessellation,
+    }
+}
+
+/// How the part is laid, if the file says so.
+fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Laid> {
+    let ways = [
+        ("rotate", keys.rotate.map(Laid::Rotated)),
+        ("up", keys.up.map(Laid::Up)),
+        ("level", keys.level.map(Laid::Level)),
+    ];
+    let mut given = ways.into_iter().filter_map(|(key, way)| Some((key, way?)));
+    let (key, way) = given.next()?;
+    if let Some((other, _)) = given.next() {
+        let fault = Diag::input("placement-laid", format!("placement has both {key} and {other}"));
+        f.push(&format!("placement.{other}"), fault.hint("keep the one that says how the part is laid"));
+    }
+    let is_finite = match way {
+        Laid::Rotated(_) => true,
+        Laid::Up(direction) => direction.iter().all(|v| v.is_finite()),
+        Laid::Level(points) => points.iter().flatten().all(|v| v.is_finite()),
+    };
+    if !is_finite || way.pose().is_none() {
+        let (text, hint) = match way {
+            Laid::Level(_) => ("the points of placement.level lie on one line", "give three points that span a plane"),
+            _ => ("placement.up has no direction", "give x, y and z of the direction that is to look at the lens"),
+        };
+        f.push(&format!("placement.{key}"), Diag::input("placement-laid", text).hint(hint));
+    }
+    Some(way)
+}
+
+/// Errors that the file states for the budget: as far as those of a machine go.
+fn errors_stated(file: &JobFile, f: &mut Faults<'_>) {
+    let stated = [
+        ("surface.tessellation", file.surface.tessellation),
+        ("placement.residual", file.placement.residual),
+        ("placement.residual_z", file.placement.residual_z),
+    ];
+    for (key, error) in stated {
+        if let Some(error) = error.filter(|error| error.as_mm() > 10.0) {
+            let text = format!("{key} is {error}, more than 10 mm");
+            f.push(
+                key,
+                Diag::input("error-range", text).hint("state how far the part may be off, or leave the key out"),
+            );
+        }
+    }
+}
+
+fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
+    let (key, pdof) = match (keys.pdof, keys.dof) {
+        (Some(pdof), dof) => {
+            if dof.is_some() {
+                let fault = Diag::input("focus-both", "focus has both pdof and dof");
+                f.push("focus.dof", fault.hint("keep one of them"));
+            }
+            ("focus.pdof", pdof)
+        }
+        (None, Some(dof)) => ("focus.dof", Length::mm(dof.as_mm() * keys.factor.unwrap_or(1.0))),
+        (None, None) => {
+            f.push(
+                "focus",
+                Diag::input("focus-missing", "focus has neither pdof nor dof")
+                    .hint("add pdof = \"0.07 mm\", measured on your process; it is never derived from the optics"),
+            );
+            ("focus", Length::mm(1.0))
+        }
+    };
+    let mut is_sound = true;
+    if keys.factor.is_some_and(|factor| !factor.is_finite() || factor <= 0.0) {
+        f.push("focus.factor", Diag::input("focus-factor", "focus.factor must be above zero"));
+        is_sound = false;
+    } else if !(1e-4..=1000.0).contains(&pdof.as_mm()) {
+        f.push(
+            key,
+            Diag::input("focus-range", format!("the depth of focus comes to {pdof}"))
+                .hint("it must lie between 0.1 um and 1000 mm"),
+        );
+        is_sound = false;
+    }
+    factor_warnings(keys, f);
+    let pdof = pdof.as_nm().unwrap_or(MAX_NM);
+    let reserve = keys.reserve.as_nm().unwrap_or(MAX_NM);
+    // A depth that is at fault itself says nothing of the reserve.
+    if is_sound && reserve >= pdof {
+        let text = format!("focus.reserve {} leaves nothing of the PDOF of {} mm", keys.reserve, pdof.mm());
+        let hint = "the reserve is what errors may use up of PDOF: make it smaller, or make the errors smaller";
+        f.push("focus.reserve", Diag::input("focus-reserve", text).hint(hint));
+    }
+    Focus { pdof, reserve, depth: keys.rule.range(pdof - reserve), rule: keys.rule, level: keys.level, is_kept: false }
+}
+
+/// Range of `focus.factor` in Cao and Zhu (2013), step 1: PDOF = 0.8 to 1.2 DOF.
+const FACTORS: std::ops::RangeInclusive<f64> = 0.8..=1.2;
+
+/// A factor that has no effect, or is not one that the article knows.
+fn factor_warnings(keys: &FocusKeys, f: &mut Faults<'_>) {
+    let Some(factor) = keys.factor.filter(|factor| factor.is_finite() && *factor > 0.0) else { return };
+    if keys.pdof.is_some() {
+        let d =
+            Diag::warning("key-unused", "focus.factor has no effect beside focus.pdof, which is the depth of focus");
+        f.warn("focus.factor", d.hint("leave it out, or give focus.dof instead of focus.pdof"));
+    } else if keys.dof.is_some() && !FACTORS.contains(&factor) {
+        let text = format!(
+            "focus.factor {factor} is not between 0.8 and 1.2, the PDOF that Cao and Zhu give as a share of DOF"
+        );
+        let hint = "state what was measured as focus.pdof";
+        f.warn("focus.factor", Diag::warning("focus-factor", text).hint(hint));
+    }
+}
+
+fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
+    if keys.is_empty() {
+        f.push("pen", Diag::input("pen-none", "the job has no [[pen]]"));
+    }
+    if keys.len() > MAX_PENS {
+        let text = format!("the job has {} pens, more than {MAX_PENS}", keys.len());
+        f.push("pen", Diag::input("pen-many", text));
+    }
+    for (i, pen) in keys.iter().take(MAX_PENS).enumerate() {
+        if keys[..i].iter().any(|p| p.name == pen.name) {
+            f.push(&format!("pen.{i}.name"), Diag::input("pen-twice", format!("two pens are named {:?}", pen.name)));
+        }
+        if pen.name.starts_with('-') {
+            let text = format!("pen name {:?} begins with -, which spreadsheets take for a formula", pen.name);
+            f.push(&format!("pen.{i}.name"), Diag::input("pen-name", text).hint("begin it with a letter or a digit"));
+        }
+        if !pen.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || pen.name.is_empty() {
+            let text = format!("pen name {:?} holds something other than letters, digits, - and _", pen.name);
+            f.push(&format!("pen.{i}.name"), Diag::input("pen-name", text));
+        }
+        if !(1..=1000).contains(&pen.passes) {
+            let text = format!("pen {:?} has {} passes", pen.name, pen.passes);
+            f.push(&format!("pen.{i}.passes"), Diag::input("pen-passes", text).hint("1 to 1000 are possible"));
+        }
+    }
+    for (i, pen) in keys.iter().enumerate() {
+        dwell_faults(i, pen, f);
+    }
+    let pen = |p: &PenKeys| Pen {
+        name: p.name.clone(),
+        speed: p.speed,
+        power: p.power,
+        frequency: p.frequency,
+        passes: p.passes,
+        dwell: p.dwell.or(p.pulses.map(|n| Time::s(f64::from(n) / (p.frequency.as_khz() * 1e3)))),
+    };
+    keys.iter().map(pen).collect()
+}
+
+/// Longest dwell of a dot, s: a metre of dots would take days.
+const LONGEST_DWELL: f64 = 10.0;
+
+/// What is wrong with how long a pen marks a dot.
+fn dwell_faults(i: usize, pen: &PenKeys, f: &mut Faults<'_>) {
+    if pen.dwell.is_some() && pen.pulses.is_some() {
+        let text = format!("pen {:?} has both dwell and pulses", pen.name);
+        f.push(&format!("pen.{i}.pulses"), Diag::input("pen-dwell", text).hint("keep one of them"));
+    }
+    let s = pen.pulses.map(|n| f64::from(n) / (pen.frequency.as_khz() * 1e3)).or(pen.dwell.map(Time::as_s));
+    if s.is_some_and(|s| !(1e-9..=LONGEST_DWELL).contains(&s)) {
+        let key = if pen.dwell.is_some() { "dwell" } else { "pulses" };
+        let text = format!("a dot of pen {:?} takes {} s", pen.name, s.unwrap_or_default());
+        let fault = Diag::input("pen-dwell", text).hint(format!("1 ns to {LONGEST_DWELL} s are possible"));
+        f.push(&format!("pen.{i}.{key}"), fault);
+    }
+}
+
+fn partition(file: &JobFile, f: &mut Faults<'_>) -> Partition {
+    let keys = &file.partition;
+    if keys.zone.as_mm() > 0.0 && keys.overlap.as_mm() > 0.0 {
+        f.push(
+            "partition.overlap",
+            Diag::input("seam-both", "partition has both zone and overlap")
+                .hint("keep one of them: seams are either spread or marked twice"),
+        );
+    }
+    Partition {
+        method: keys.method,
+        objective: keys.objective,
+        section: f.nm_option("partition.section", keys.section),
+        min_mark: f.nm_option("partition.min_mark", keys.min_mark),
+        keep_whole: f.nm("partition.keep_whole", keys.keep_whole),
+        zone: f.nm("partition.zone", keys.zone),
+        overlap: f.nm("partition.overlap", keys.overlap),
+        hysteresis: f.nm_option("partition.hysteresis", keys.hysteresis),
+    }
+}
+
+fn machine(keys: &MachineKeys, f: &mut Faults<'_>) -> Option<MachineInput> {
+    match (&keys.profile, &keys.file) {
+        (Some(_), Some(_)) => {
+            let fault = Diag::input("machine-both", "machine has both profile and file");
+            f.push("machine.profile", fault.hint("keep one"));
+            None
+        }
+        (None, None) => {
+            f.push(
+                "machine",
+                Diag::input("machine-missing", "machine has neither profile nor file")
+                    .hint("add profile = \"xyz-galvo-40\"; `terrace machines` lists them"),
+            );
+            None
+        }
+        (Some(profile), None) => Some(MachineInput::Profile(profile.clone())),
+        (None, Some(file)) => Some(MachineInput::File(file.clone())),
+    }
+}
+
+fn passes(keys: &PassesKeys, depth: Nm, f: &mut Faults<'_>) -> Passes {
+    if !(1..=MAX_PASSES).contains(&keys.count) {
+        f.push(
+            "passes.count",
+            Diag::input("passes-count", format!("the job has {} passes", keys.count))
+                .hint(format!("1 to {MAX_PASSES} are possible; pen.passes repeats strokes within a block")),
+        );
+    }
+    let lower = f.nm("passes.lower", keys.lower);
+    // A depth that is at fault itself says nothing of this one.
+    if lower > depth && depth > Nm(0) {
+        let text = format!("passes.lower {} is more than the depth range {} mm", keys.lower, depth.mm());
+        f.push(
+            "passes.lower",
+            Diag::input("passes-lower", text).hint("it is what one pass removes, such as \"8 um\"; check its unit"),
+        );
+    }
+    Passes { count: keys.count, rotate: keys.rotate, lower, shift: f.nm_option("passes.shift", keys.shift) }
+}
+
+fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
+    let count = [("columns", keys.columns), ("rows", keys.rows)].map(|(name, parts)| match parts {
+        Parts::Named(_) => None,
+        Parts::Number(n) => {
+            if !(1..=MAX_SETUPS).contains(&n) {
+                let text = format!("setups.{name} is not between 1 and {MAX_SETUPS}");
+                let fault = Diag::input("setups-count", text).hint("\"auto\" takes the fewest");
+                f.push(&format!("setups.{name}"), fault);
+            }
+            Some(n)
+        }
+    });
+    let points: Vec<P2> = keys
+        .registration
+        .iter()
+        .map(|point| point.map(|length| f.nm("setups.registration", length).0))
+        .map(|[x, y]| P2::new(x, y))
+        .collect();
+    let fault = if points.len() < 2 {
+        Some("setups.registration has fewer than two points")
+    } else if (1..points.len()).any(|i| points[..i].contains(&points[i])) {
+        Some("two points of setups.registration are the same")
+    } else {
+        None
+    };
+    if let Some(text) = fault {
+        let hint = "name tooling holes or corners, x and y in the part's own frame; every set-up must reach two";
+        f.push("setups.registration", Diag::input("setups-registration", text).hint(hint));
+    }
+    if file.placement.origin.is_some() {
+        f.push(
+            "placement.origin",
+            Diag::input("setups-origin", "the job has both setups and placement.origin")
+                .hint("leave the origin out: each set-up has its own, in the run sheet"),
+        );
+    }
+    if file.partition.method == Method::Tilt {
+        f.push(
+            "partition.method",
+            Diag::input("setups-tilt", "a part in several set-ups cannot be tilted")
+                .hint("use another partition.method, or leave [setups] out"),
+        );
+    }
+    Setups { count, registration: points }
+}
+
+fn dose(file: &JobFile, f: &mut Faults<'_>) {
+    let Some(dose) = &file.dose else { return };
+    if !(1.01..=10.0).contains(&dose.cap) {
+        f.push("dose.cap", Diag::input("dose-cap", "dose.cap is not between 1.01 and 10"));
+    }
+    if !(0.001..=0.2).contains(&dose.step) {
+        f.push("dose.step", Diag::input("dose-step", "dose.step is not between 0.001 and 0.2"));
+    }
+}
+
+fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
+    let key = "emit.formats";
+    let Some(formats) = &file.emit.formats else {
+        let possible = |format: &&Format| file.setups.is_none() || format.allows_setups();
+        return default_formats(mode).iter().filter(possible).copied().collect();
+    };
+    if formats.is_empty() {
+        f.push(
+            key,
+            Diag::input("emit-none", "emit.formats is empty").hint("name at least one format, such as \"dxf\""),
+        );
+    }
+    let mut formats = formats.clone();
+    formats.sort_unstable();
+    formats.dedup();
+    let possible = |fits: &dyn Fn(Format) -> bool| names(Format::all().filter(|&f| holds(f, mode) && fits(f)));
+    if mode != file.mode {
+        // The job file is of the other mode: keys that only the other mode has are not faults.
+        let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|&&f| holds(f, mode));
+        formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
+        if !left.is_empty() {
+            let list = |formats: &[Format]| names(formats.iter().copied());
+            let text = format!("emit.formats {} cannot be written for {} jobs", list(&left), mode.name());
+            f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats of this job: {}", list(&formats))));
+        }
+    }
+    for &format in &formats {
+        if !holds(format, mode) {
+            let text = format!("{:?} cannot be written for {} jobs", format.name(), mode.name());
+            let hint = format!("leave it out; formats for this mode: {}", possible(&|_| true));
+            f.push(key, Diag::input("emit-mode", text).hint(hint));
+        } else if file.setups.is_some() && !format.allows_setups() {
+            let text = format!("{:?} has no stop between set-ups, at which the part could be moved", format.name());
+            let hint = format!("leave it out; formats that stop between set-ups: {}", possible(&Format::allows_setups));
+            f.push(key, Diag::input("setups-format", text).hint(hint));
+        }
+    }
+    formats
+}
+
+/// The pen of frames: one that marks nothing.
+fn frames(file: &JobFile, f: &mut Faults<'_>) -> Option<PenId> {
+    let key = "emit.frames";
+    let name = file.emit.frames.as_ref()?;
+    let Some(pen) = file.pen.iter().position(|pen| pen.name == *name) else {
+        let known: Vec<String> = file.pen.iter().map(|pen| format!("{:?}", pen.name)).collect();
+        let hint = format!("the pens of the job: {}", known.join(", "));
+        f.push(key, Diag::input("frames-pen", format!("there is no pen {name:?}")).hint(hint));
+        return None;
+    };
+    let marks =
+        |t: &TextureKeys| t.pen.as_ref().map_or(pen == 0, |used| used == name) || t.pens.values().any(|p| p == name);
+    if let Some(i) = file.texture.iter().position(marks) {
+        let text = format!("pen {name:?} of the frames marks texture {}", i + 1);
+        let hint = "add a [[pen]] for the frames alone, of a power that leaves no mark; it cannot be the first where a \
+                    texture names none";
+        f.push(key, Diag::input("frames-pen", text).hint(hint));
+    }
+    Some(PenId(pen as u16))
+}
+
+/// What on-the-fly programs cannot do.
+fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
+    let contour = |t: &TextureKeys| t.direction == Some(Direction::Contour);
+    let along_contours = file.texture.iter().position(contour).map(|i| format!("texture.{i}.direction"));
+    let repeated = file.pen.iter().position(|p| p.passes > 1).map(|i| format!("pen.{i}.passes"));
+    let asked = [
+        ((file.passes.count > 1).then(|| "passes.count".to_owned()), "several passes (passes.count)"),
+        (file.setups.is_some().then(|| "setups".to_owned()), "set-ups ([setups])"),
+        (file.dose.is_some().then(|| "dose".to_owned()), "dose compensation ([dose])"),
+        (file.emit.frames.is_some().then(|| "emit.frames".to_owned()), "frames of blocks (emit.frames)"),
+        (repeated, "pens of several passes (pen.passes)"),
+        (along_contours, "areas filled along contours (direction = \"contour\")"),
+    ];
+    let (partition, order) = (&file.partition, &file.order);
+    let unused = [
+        ("partition.method", partition.method != Method::Auto),
+        ("partition.section", partition.section.is_some()),
+        ("partition.min_mark", partition.min_mark.is_some()),
+        ("partition.objective", partition.objective != Objective::Time),
+        ("partition.keep_whole", partition.keep_whole.as_mm() > 0.0),
+        ("partition.zone", partition.zone.as_mm() > 0.0),
+        ("partition.overlap", partition.overlap.as_mm() > 0.0),
+        ("partition.hysteresis", partition.hysteresis.is_some()),
+        ("order.stops", order.stops != StopOrder::Time),
+        ("focus.level", file.focus.level != Level::Mid),
+    ];
+    let unused: Vec<&str> = unused.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
+    if let Some(first) = unused.first() {
+        let text = format!("on-the-fly jobs have no stops, so these keys have no effect: {}", unused.join(", "));
+        f.warn(first, Diag::warning("fly-unused", text).hint("leave them out, or compile a stepped job"));
+    }
+    for (key, what) in asked {
+        if let Some(key) = key {
+            f.push(
+                &key,
+                Diag::limit("fly-job", format!("on-the-fly programs cannot do {what}"))
+                    .hint("leave it out, or compile a stepped job"),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::job::SAMPLE_JOB;
+
+    /// Codes and messages of the sample job with one text replaced.
+    fn faults(from: &str, to: &str) -> Vec<(&'static str, String)> {
+        assert!(SAMPLE_JOB.contains(from), "{from}");
+        match Job::parse(Path::new("job.toml"), &SAMPLE_JOB.replacen(from, to, 1), &Overrides::default()) {
+            Ok(_) => Vec::new(),
+            Err(e) => e.diags().iter().map(|d| (d.code, d.message.clone())).collect(),
+        }
+    }
+
+    #[test]
+    fn foreign_and_missing_pattern_keys_are_rejected() {
+        let pitch = "pitch = \"0.5 mm\"";
+        let of = |to: &str| faults(pitch, to).into_iter().map(|f| f.1).collect::<Vec<_>>();
+        assert_eq!(of(pitch), Vec::<String>::new());
+        assert_eq!(of(""), ["hatch needs pitch"]);
+        let more = "pitch = \"0.5 mm\"\ncell = \"1 mm\"\norder = 3\ntile = true";
+        let nothing = |key: &str| format!("{key} does not apply to hatch");
+        assert_eq!(of(more), [nothing("order"), nothing("cell"), nothing("tile")]);
+        let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
+        assert_eq!(direction[0].1, "direction does not apply to squares");
+        assert_eq!(direction[1].0, "texture-cell");
+        let riblets = "pattern = \"riblets\"\nline = \"0.1 mm\"\ncell = \"0.2 mm\"\nwidth = \"1 mm\"";
+        assert_eq!(faults("pattern = \"hatch\"", riblets)[0].1, "width does not apply to riblets");
+        let contour = SAMPLE_JOB.replacen("direction = \"0 deg\"", "direction = \"contour\"", 1);
+        let contour = contour.replacen("pattern = \"hatch\"", &riblets.replace("width = \"1 mm\"", ""), 1);
+        let refused = Job::parse(Path::new("job.toml"), &contour, &Overrides::default()).expect_err("refused");
+        assert_eq!(refused.diags()[0].message, "direction = \"contour\" does not apply to riblets");
+    }
+
+    #[test]
+    fn a_drawing_that_is_not_read_is_refused_before_its_keys_are_looked_at() {
+        for (file, what) in
+            [("panel.dwg", "a DWG drawing"), ("a/logo.EPS", "a PostScript drawing"), ("x.pdf", "a PDF document")]
+        {
+            let found = faults("pattern = \"hatch\"", &format!("file = \"{file}\""));
+            let wanted =
+                format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings and bitmaps");
+            assert_eq!(found, [("svg-format", wanted)], "{file}");
+        }
+        // Patterns have no other keys to blame.
+        assert_eq!(faults("pattern = \"hatch\"", "pattern = \"hatch\"\nfile = \"x.svg\"")[0].0, "texture-both");
+    }
+
+    #[test]
+    fn a_placement_that_no_stage_reaches_is_refused() {
+        let origin = |x: &str| faults("turn = \"0 deg\"", &format!("origin = [\"{x}\", \"0 mm\", \"0 mm\"]"));
+        assert_eq!(origin("4 m"), []);
+        assert_eq!(origin("4.1 m")[0].0, "length-far");
+    }
+
+    #[test]
+    fn pens_are_counted() {
+        let pen = |i: usize| {
+            format!("[[pen]]\nname = \"p{i}\"\nspeed = \"1 mm/s\"\npower = \"1 %\"\nfrequency = \"1 kHz\"\n")
+        };
+        let with = |n: usize| faults("[[pen]]", &((1..n).map(pen).collect::<String>() + "[[pen]]"));
+        assert_eq!(with(MAX_PENS), []);
+        assert_eq!(with(MAX_PENS + 1)[0].0, "pen-many");
+    }
+}

@@ -1,0 +1,411 @@
+//! The resolved job.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
+use crate::surface;
+use crate::texture;
+use terrace_core::diag::{self, Diag, Error, Place};
+use terrace_core::format::Format;
+use terrace_core::geom::{NM_PER_MM, Nm, P2, Pose};
+use terrace_core::machine::{Machine, Origin};
+use terrace_core::program::{PassId, Pen, PenId};
+use terrace_core::units::{Angle, Length, Share};
+
+/// What the command line sets, over the job file's own keys.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Overrides {
+    /// Over `mode`.
+    pub mode: Option<Mode>,
+    /// Over `partition.objective`.
+    pub objective: Option<Objective>,
+    /// Random seed for cuts in a seam zone; not in the file.
+    pub seed: u64,
+}
+
+/// A job whose values were all checked, with the text of its file kept for messages.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The file, as named by the user.
+    pub path: PathBuf,
+    /// Its text.
+    pub source: Arc<str>,
+    /// Random seed for cuts in a seam zone.
+    pub seed: u64,
+    /// How the part is marked.
+    pub mode: Mode,
+    /// What the job file says of that, whatever overrides it.
+    pub mode_of_file: Mode,
+    /// The part's surface.
+    pub surface: SurfaceInput,
+    /// Where the part lies on the stage.
+    pub placement: Placement,
+    /// What is marked in the first pass, at least one.
+    pub textures: Vec<texture::Request>,
+    /// The drawings and space curves among them as named in the job file, relative to it.
+    pub drawings: Vec<PathBuf>,
+    /// Depth of focus.
+    pub focus: Focus,
+    /// How the surface is divided.
+    pub partition: Partition,
+    /// In which order stops and strokes are marked.
+    pub order: Order,
+    /// How often the part is gone over.
+    pub passes: Passes,
+    /// Set-ups of a part beyond the stage travel.
+    pub setups: Option<Setups>,
+    /// What is skipped, and what causes a warning.
+    pub limits: Limits,
+    /// How pens compensate the slope, if they do.
+    pub dose: Option<Dose>,
+    /// Where the machine is described.
+    pub machine: MachineInput,
+    /// Laser settings, at least one; names differ.
+    pub pens: Vec<Pen>,
+    /// Whether the pens ask for skywriting, in their order.
+    pub skywriting: Vec<bool>,
+    /// What is written, at least one.
+    pub formats: Vec<Format>,
+    /// Whether the job file names these formats; they are the default of its mode otherwise.
+    pub names_formats: bool,
+    /// The pen of frames, if they are asked for.
+    pub frames: Option<PenId>,
+    /// Whether the power of marks on the fly follows the speed of the spot.
+    pub power_by_speed: bool,
+    /// What the user should know of the file.
+    pub warnings: Vec<Diag>,
+}
+
+/// The surface file and how it is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceInput {
+    /// The file as named in the job file, relative to it.
+    pub file: PathBuf,
+    /// Unit and scale.
+    pub options: surface::Options,
+    /// Vertices nearer to each other than this become one.
+    pub weld: Nm,
+    /// What is done about edges on which a sheet hangs.
+    pub non_manifold: surface::NonManifold,
+    /// How far the file's facets, samples or points lie from the part, where the job states it.
+    pub tessellation: Option<Length>,
+}
+
+/// How the part lies on the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Table-frame position of the turned part's origin, nm; None: the centre of the texture lies at the
+    /// centre of travel.
+    pub origin: Option<Origin>,
+    /// How the surface file is rotated before all else; None: it lies as it is.
+    pub laid: Option<Laid>,
+    /// Turn of the part about its z axis, counter-clockwise.
+    pub turn: Angle,
+    /// How far points of the registered part lie from where they should in x and y, and in z, where the job states it.
+    pub residual: [Option<Length>; 2],
+}
+
+/// How the job says that a part is laid under the lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Laid {
+    /// Rotated about x, y and z of the surface file, in this order.
+    Rotated([Angle; 3]),
+    /// This direction of the surface file looks at the lens.
+    Up([f64; 3]),
+    /// The plane through these points of the surface file is level; the lens sees them counter-clockwise.
+    Level([[f64; 3]; 3]),
+}
+
+impl Placement {
+    /// By how much the surface file is rotated about x, y and z, deg, to a thousandth; None where it is not.
+    pub fn laid_deg(&self) -> Option<[f64; 3]> {
+        let pose = self.laid?.pose()?;
+        Some(pose.angles().map(|rad| (rad.to_degrees() * 1e3).round() / 1e3 + 0.0))
+    }
+}
+
+impl Laid {
+    /// The rotation; None where it is none.
+    pub fn pose(&self) -> Option<Pose> {
+        match *self {
+            Self::Rotated(angles) => Some(Pose::from_angles(angles.map(Angle::as_rad))),
+            Self::Up(direction) => Pose::from_up(direction),
+            Self::Level(points) => Pose::from_plane(points),
+        }
+    }
+}
+
+/// Depth of focus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Focus {
+    /// Processing depth of focus.
+    pub pdof: Nm,
+    /// What is taken off PDOF for errors.
+    pub reserve: Nm,
+    /// Largest depth range of a block: PDOF less the reserve, or twice that under `rule = "half"`.
+    pub depth: Nm,
+    /// What PDOF bounds.
+    pub rule: super::DepthRule,
+    /// Position of the focal plane of a block.
+    pub level: Level,
+    /// Whether it stays there wherever the stop stands.
+    pub is_kept: bool,
+}
+
+impl Focus {
+    /// How far marks may lie from their focal plane, mm: half the depth range.
+    pub fn half_depth_mm(&self) -> f64 {
+        self.depth.mm() / 2.0
+    }
+
+    /// How far errors may take marks that far on, mm: what the reserve leaves to either side.
+    pub fn half_reserve_mm(&self) -> f64 {
+        self.rule.range(self.reserve).mm() / 2.0
+    }
+}
+
+impl super::DepthRule {
+    /// The height range that a depth of focus allows.
+    pub fn range(self, pdof: Nm) -> Nm {
+        match self {
+            Self::Range => pdof,
+            Self::Half => pdof * 2,
+        }
+    }
+}
+
+/// How the surface is divided.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Partition {
+    /// The method.
+    pub method: Method,
+    /// What `auto` minimises.
+    pub objective: Objective,
+    /// Pitch of the sections; None: from the usable field.
+    pub section: Option<Nm>,
+    /// Fragments shorter than this are skipped and counted; None: slivers below half the spot, next to a mark.
+    pub min_mark: Option<Nm>,
+    /// Closed figures and strokes no larger than this along x and y stay whole where a stop can hold them.
+    pub keep_whole: Nm,
+    /// Strokes are cut at a random place within this length before a border; 0: on it.
+    pub zone: Nm,
+    /// Strokes that are cut are marked by both stops over this length.
+    pub overlap: Nm,
+    /// How far levels reach over each other; None: from the surface's roughness.
+    pub hysteresis: Option<Nm>,
+}
+
+/// Order of stops and strokes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Order {
+    /// Of the stops.
+    pub stops: StopOrder,
+    /// Of the strokes within a block.
+    pub strokes: StrokeOrder,
+}
+
+/// Set-ups of a part beyond the stage travel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setups {
+    /// How many columns along x and rows along y the stops are divided into; None: the fewest that the travel allows.
+    pub count: [Option<u32>; 2],
+    /// Points of the part's own frame, nm; at least two, all different.
+    pub registration: Vec<P2>,
+}
+
+/// What is skipped, and what causes a warning.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Beam incidence above which a warning says so.
+    pub warn_incidence: Angle,
+    /// Beam incidence above which nothing is marked; below 90 deg.
+    pub max_incidence: Angle,
+    /// What happens to texture beyond it.
+    pub steep: Steep,
+    /// Share of the length of a texture that the job places that may lie off the part.
+    pub max_off_part: Share,
+    /// What happens to values that the machine's optics make implausible.
+    pub implausible: Implausible,
+}
+
+impl Limits {
+    /// Tangent of the steepest slope that is marked.
+    pub fn max_slope(&self) -> f64 {
+        self.max_incidence.as_rad().tan()
+    }
+}
+
+/// Where the machine is described.
+#[derive(Clone, Debug)]
+pub enum MachineInput {
+    /// A built-in profile.
+    Profile(String),
+    /// A file, relative to the job file.
+    File(PathBuf),
+}
+
+/// How often the texture is gone over, and what changes from pass to pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passes {
+    /// How many there are, from 1.
+    pub count: u32,
+    /// By how much straight hatches turn.
+    pub rotate: Angle,
+    /// By how much focal planes sink.
+    pub lower: Nm,
+    /// By how much the grid of sections moves along x and y; None: the golden part of a section.
+    pub shift: Option<Nm>,
+}
+
+impl Default for Passes {
+    fn default() -> Self {
+        Self { count: 1, rotate: Angle::default(), lower: Nm(0), shift: None }
+    }
+}
+
+impl Passes {
+    /// The golden section: its multiples fill an interval evenly, however many there are.
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+    /// What part of a repeated length pass `k` is shifted by, from 0 to 1.
+    pub fn share(k: u32) -> f64 {
+        (f64::from(k) * Self::GOLDEN).fract()
+    }
+    /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
+    /// sections' `pitch` and a multiple of `grain`.
+    pub fn grid_shift(&self, PassId(k): PassId, pitch: [Nm; 2], grain: Nm) -> [Nm; 2] {
+        let shift = |pitch: Nm| match self.shift {
+            Some(Nm(shift)) => Nm((i128::from(shift) * i128::from(k) % i128::from(pitch.0.max(1))) as i64),
+            None => Nm((pitch.f64() * Self::share(k)) as i64),
+        };
+        pitch.map(|pitch| grain * (shift(pitch) / grain))
+    }
+    /// By how much levels lie lower in pass `k` than in the first, nm.
+    pub fn level_shift_nm(&self, PassId(k): PassId, depth: Nm) -> f64 {
+        if self.shift == Some(Nm(0)) { 0.0 } else { depth.f64() * Self::share(k) }
+    }
+    /// By how much the surface is lower in pass `k` than in the first.
+    pub fn lowered(&self, PassId(k): PassId) -> Nm {
+        self.lower * i64::from(k)
+    }
+}
+
+impl Job {
+    /// The job file as a place.
+    pub fn place(&self) -> Place {
+        Place::file(self.path.display().to_string())
+    }
+
+    /// A path of the job file, relative to the job file's folder.
+    pub fn relative(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    /// The surface file, as it can be opened.
+    pub fn surface_path(&self) -> PathBuf {
+        self.relative(&self.surface.file)
+    }
+
+    /// The files that the job file names, as named there, each with what it is for. The same file may be named twice.
+    pub fn input_files(&self) -> Vec<(&'static str, &Path)> {
+        let drawings = self.drawings.iter().map(|file| ("texture", file.as_path()));
+        let machine = match &self.machine {
+            MachineInput::File(file) => Some(("machine", file.as_path())),
+            MachineInput::Profile(_) => None,
+        };
+        std::iter::once(("surface", self.surface.file.as_path())).chain(drawings).chain(machine).collect()
+    }
+
+    /// The job planned by this method, in one pass and one set-up, without dose compensation. For comparing ways
+    /// of marking.
+    pub fn plain(&self, method: Method) -> Self {
+        let mut job = self.clone();
+        job.partition.method = method;
+        job.passes = Passes::default();
+        job.setups = None;
+        job.dose = None;
+        // Nothing is written, so nothing has to be carried by the formats of the job.
+        job.formats.clear();
+        job.frames = None;
+        job
+    }
+
+    /// Distance of cells on a square lattice, with whose rows sections keep step where they are to stay whole.
+    pub fn figure_pitch(&self) -> Option<Nm> {
+        let pitch = |t: &texture::Request| t.kind.figure_pitch_mm().map(|p| Nm::round(p * NM_PER_MM));
+        if self.partition.keep_whole > Nm(0) { self.textures.iter().find_map(pitch) } else { None }
+    }
+
+    /// What is to be marked in pass `k`, from 0. Straight hatches turn, lines along contours move by a part of
+    /// their pitch; all else stays.
+    pub fn textures_of_pass(&self, PassId(k): PassId) -> Vec<texture::Request> {
+        let turned = f64::from(k) * self.passes.rotate.as_rad();
+        let of_pass = |t: &texture::Request| {
+            let kind = t.kind.clone().of_pass(turned, Passes::share(k));
+            texture::Request { kind, ..t.clone() }
+        };
+        self.textures.iter().map(of_pass).collect()
+    }
+
+    /// The same error; where a file that the job names cannot be read, the key that names it is the place.
+    #[must_use]
+    pub fn at_keys(&self, e: &Error) -> Error {
+        let drawing = |(i, t): (usize, &texture::Request)| {
+            let masks = t.masks.list().map(|(key, mask)| (key, &mask.drawing));
+            let named = std::iter::once(("file", &t.kind)).chain(masks).filter_map(|(key, kind)| match kind {
+                texture::Kind::Drawing { path, .. } => Some((format!("texture.{i}.{key}"), path.clone())),
+                texture::Kind::Curves { path, .. } => Some((format!("texture.{i}.curves"), path.clone())),
+                _ => None,
+            });
+            named.collect::<Vec<_>>()
+        };
+        let machine = match &self.machine {
+            MachineInput::File(file) => Some(("machine.file".to_owned(), self.relative(file))),
+            MachineInput::Profile(_) => None,
+        };
+        let surface = Some(("surface.file".to_owned(), self.surface_path()));
+        let named: Vec<(String, PathBuf)> =
+            surface.into_iter().chain(machine).chain(self.textures.iter().enumerate().flat_map(drawing)).collect();
+        let at = |d: &Diag| {
+            let Place::File { path, line: None } = &d.place else { return d.clone() };
+            let key = named.iter().find(|(_, file)| d.code == "file-unreadable" && file.display().to_string() == *path);
+            key.map_or_else(
+                || d.clone(),
+                |(key, _)| {
+                    let hint = format!("{}; paths in a job file are relative to the job file", d.hint);
+                    d.clone().at(self.place_of(key)).hint(hint)
+                },
+            )
+        };
+        Error::many(e.diags().iter().map(at).collect())
+    }
+
+    /// The place of a key of the machine file, such as `delays.jump`; of a built-in machine its name in the job file.
+    pub fn place_in_machine(&self, key: &str) -> Place {
+        let MachineInput::File(file) = &self.machine else { return self.place_of("machine.profile") };
+        let path = self.relative(file);
+        let shown = path.display().to_string();
+        match std::fs::read_to_string(&path) {
+            Ok(text) => diag::place_of(&shown, &text.into(), key),
+            Err(_) => Place::file(shown),
+        }
+    }
+
+    /// The machine that the job names.
+    ///
+    /// # Errors
+    /// Faults of the machine file; `machine-unknown`, pointing at the name.
+    pub fn machine(&self) -> Result<Machine, Error> {
+        match &self.machine {
+            MachineInput::File(file) => Machine::load(&self.relative(file)),
+            MachineInput::Profile(name) => Machine::built_in(name).map_err(|e| {
+                let place = self.place_of("machine.profile");
+                let at = |d: &Diag| if d.code == "machine-unknown" { d.clone().at(place.clone()) } else { d.clone() };
+                Error::many(e.diags().iter().map(at).collect())
+            }),
+        }
+    }
+}

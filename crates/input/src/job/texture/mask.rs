@@ -1,0 +1,90 @@
+//! The keys of a `[[texture]]` that say where in its area it is marked.
+
+use super::Texture;
+use super::keys::MaskKeys;
+use super::page;
+use crate::job::faults::Faults;
+use crate::job::file_unit::FileUnit;
+use crate::texture::pattern::Pattern;
+use crate::texture::{self, Area, Kind, Marking, Mask, Masks, Screen, Selector, StrokeMode};
+use terrace_core::diag::Diag;
+use terrace_core::units::Length;
+
+/// What can have a name in a drawing.
+const KINDS: [&str; 4] = ["id", "layer", "class", "block"];
+
+/// Where it is marked.
+pub(super) fn resolve(texture: &Texture<'_>, f: &mut Faults<'_>) -> Masks {
+    let keys = texture.keys;
+    let has_own_places =
+        matches!(keys.pattern, Some(Pattern::Dots | Pattern::Poisson)) || keys.screen == Some(Screen::Noise);
+    let has_border = keys.inside.is_some() || keys.outside.is_some();
+    for (key, is_given, needed, has_needed) in [
+        ("soft", keys.soft.is_some(), "inside or outside", has_border),
+        ("seed", keys.seed.is_some() && !has_own_places, "soft", keys.soft.is_some()),
+    ] {
+        if is_given && !has_needed {
+            let fault = Diag::input("texture-key", format!("{key} has no effect without {needed}"));
+            f.push(&texture.key(key), fault.hint(format!("add {needed}, or leave {key} out")));
+        }
+    }
+    if has_border && keys.curves.is_some() {
+        let key = if keys.inside.is_some() { "inside" } else { "outside" };
+        let fault = Diag::input("texture-key", format!("{key} does not apply to space curves"));
+        f.push(&texture.key(key), fault.hint("cut the curves in their file"));
+    }
+    let mut mask = |key: &str, keys: &Option<MaskKeys>| keys.as_ref().and_then(|keys| one(texture, key, keys, f));
+    let (inside, outside) = (mask("inside", &keys.inside), mask("outside", &keys.outside));
+    Masks { inside, outside, soft_mm: keys.soft.map_or(0.0, Length::as_mm), seed: keys.seed.unwrap_or(0) }
+}
+
+fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) -> Option<Mask> {
+    let (file, name) = mask.file();
+    if file.is_empty() || name.is_some_and(str::is_empty) {
+        let fault = Diag::input("texture-key", format!("{key} names no file, or nothing in it"));
+        f.push(&texture.key(key), fault.hint("write \"mask.svg#outline\", or \"mask.svg\" for all of a drawing"));
+        return None;
+    }
+    let path = texture.folder.join(file);
+    if let Some(fault) = texture::foreign_drawing(&path) {
+        f.push(&texture.key(key), fault);
+        return None;
+    }
+    let (page, turn, mirror, unit, area) = match mask {
+        // Its page lies where a drawing with the same keys would.
+        MaskKeys::Named(_) => {
+            let keys = texture.keys;
+            let area = if keys.area.is_some() { texture.area_as_given() } else { Area::Unlimited };
+            (keys.into(), keys.turn, keys.mirror, keys.unit, area)
+        }
+        MaskKeys::Placed(keys) => ((&**keys).into(), keys.turn, keys.mirror, keys.unit, Area::Unlimited),
+    };
+    let is_placed = matches!(mask, MaskKeys::Placed(_));
+    // Faults of the texture's own keys are told once, by itself.
+    let (size, position) = if is_placed {
+        page::resolve(page, &|name| texture.key(&format!("{key}.{name}")), f)
+    } else {
+        page::wanted(page)
+    };
+    let labels = |name: &str| match KINDS.iter().any(|kind| name.starts_with(&format!("{kind}:"))) {
+        true => vec![Selector::Label(name.to_owned())],
+        false => KINDS.iter().map(|kind| Selector::Label(format!("{kind}:{name}"))).collect(),
+    };
+    let marking = Marking {
+        stroke: StrokeMode::Centre,
+        only: name.map(labels).unwrap_or_default(),
+        mirror,
+        ..Marking::default()
+    };
+    let unit = unit.filter(|_| super::is_dxf(&path));
+    let drawing = Kind::Drawing {
+        path,
+        size,
+        unit_mm: unit.map(FileUnit::in_mm),
+        position,
+        turn_rad: turn.as_rad(),
+        tile: false,
+        marking: Box::new(marking),
+    };
+    Some(Mask { drawing, area, name: name.map(str::to_owned) })
+}

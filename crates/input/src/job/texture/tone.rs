@@ -1,0 +1,64 @@
+//! The keys of a `[[texture]]` that say how a bitmap is marked.
+
+use super::keys::{DpiKeys, DpiName, TextureKeys};
+use crate::job::faults::Faults;
+use crate::texture::{Resolution, Screen, Tone};
+use terrace_core::diag::Diag;
+use terrace_core::units::{Length, Share};
+
+/// How a bitmap is marked; None where nothing is said of it.
+pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mut Faults<'_>) -> Option<Tone> {
+    let screen = keys.screen.unwrap_or_default();
+    let is_area = screen == Screen::Threshold;
+    // Keys that the screen has no use for.
+    for (key, is_given, applies) in [
+        ("threshold", keys.threshold.is_some(), is_area),
+        ("period", keys.period.is_some(), matches!(screen, Screen::Dashes | Screen::Halftone)),
+        ("seed", keys.seed.is_some() && keys.soft.is_none(), screen == Screen::Noise),
+        ("one_way", keys.one_way, !screen.is_of_dots()),
+        ("fill", keys.fill.is_some(), is_area),
+        ("cross", keys.cross, is_area),
+        ("inset", keys.inset.is_some(), is_area),
+        ("contour", keys.contour.is_some(), is_area),
+    ] {
+        if is_given && !applies {
+            let fault = format!("{key} does not apply to screen = \"{}\"", screen.name());
+            f.push(&place(key), Diag::input("texture-key", fault).hint("leave it out, or change screen"));
+        }
+    }
+    if keys.dpi.is_some() && keys.size.is_some() {
+        let fault = Diag::input("texture-key", "the texture has both size and dpi");
+        f.push(&place("dpi"), fault.hint("keep one"));
+    }
+    let mut number = |key: &str, value: Option<f64>, is_good: bool, hint: &str| {
+        if let Some(v) = value.filter(|v| !(v.is_finite() && is_good)) {
+            f.push(&place(key), Diag::input("texture-key", format!("{key} {v} is not possible")).hint(hint));
+        }
+    };
+    let dpi = keys.dpi.and_then(|d| if let DpiKeys::Number(v) = d { Some(v) } else { None });
+    let is_dpi = dpi.is_some_and(|v| (0.01..=1e6).contains(&v));
+    number("dpi", dpi, is_dpi, "write pixels in an inch, 0.01 to 1000000, or \"file\"");
+    number("gamma", keys.gamma, keys.gamma.is_some_and(|v| (0.01..=100.0).contains(&v)), "write 0.01 to 100");
+    let threshold = keys.threshold.map(Share::as_percent);
+    let is_share = threshold.is_some_and(|v| (0.0..100.0).contains(&v));
+    number("threshold", threshold, is_share, "write 0 % to less than 100 %");
+    let is_said = keys.dpi.is_some()
+        || keys.gamma.is_some()
+        || keys.invert
+        || keys.screen.is_some()
+        || keys.threshold.is_some()
+        || keys.period.is_some();
+    let given = Tone::default();
+    is_said.then(|| Tone {
+        resolution: keys.dpi.map(|d| match d {
+            DpiKeys::Number(v) => Resolution::Dpi(v),
+            DpiKeys::Stated(DpiName::File) => Resolution::File,
+        }),
+        gamma: keys.gamma.unwrap_or(given.gamma),
+        invert: keys.invert,
+        screen,
+        threshold: threshold.map_or(given.threshold, |v| v / 100.0),
+        period_mm: keys.period.map(Length::as_mm),
+        seed: keys.seed.unwrap_or(given.seed),
+    })
+}

@@ -1,0 +1,5 @@
+//! Readers of what a job is made from: surfaces, textures and job files.
+
+pub mod job;
+pub mod surface;
+pub mod texture;

@@ -1,0 +1,223 @@
+//! The bodies of a surface file: facets that hang together, their boxes, and whether each is closed.
+//!
+//! Consumes facets as the file has them, mm. Corners that are equal to the nanometre are one, as in the mesh. Promises one
+//! [`Body`] for each set of facets that share corners, the largest first. Needs about 100 bytes a facet; nothing of it is
+//! used to plan a job.
+
+use std::collections::hash_map::Entry;
+
+use rustc_hash::FxHashMap;
+
+use terrace_core::diag::{Diag, Place};
+use terrace_core::geom::{BoxMm, NM_PER_MM};
+
+type Point = [f64; 3];
+
+/// Facets that hang together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// How many.
+    pub facets: usize,
+    /// Their box, mm.
+    pub bounds: BoxMm<3>,
+    /// Edges of one facet alone, and the middle of the first of them.
+    pub open_edges: (usize, Option<Point>),
+    /// Whether it bounds a volume, though edges may be open: its facets face all ways.
+    pub is_solid: bool,
+}
+
+/// Collects the facets of a file.
+#[derive(Default)]
+pub struct Bodies {
+    corners: FxHashMap<[i64; 3], u32>,
+    places: Vec<Point>,
+    /// The corner that stands for each corner's body, as far as it is known.
+    joined: Vec<u32>,
+    facets: Vec<[u32; 3]>,
+}
+
+/// What the areas of an open sheet, as vectors, add up to at least, as a share of its area.
+const OPEN: f64 = 0.3;
+
+/// Most bodies that are told one by one.
+pub const MAX_TOLD: usize = 10;
+
+impl Bodies {
+    /// Takes a facet, corners in mm.
+    pub fn facet(&mut self, facet: [Point; 3]) {
+        if !facet.iter().flatten().all(|v| v.abs() < 1e9) {
+            return;
+        }
+        let ids = facet.map(|p| {
+            let next = self.places.len() as u32;
+            match self.corners.entry(p.map(|v| (v * NM_PER_MM).round() as i64)) {
+                Entry::Occupied(known) => *known.get(),
+                Entry::Vacant(free) => {
+                    self.places.push(p);
+                    self.joined.push(next);
+                    *free.insert(next)
+                }
+            }
+        });
+        if ids[0] == ids[1] || ids[1] == ids[2] || ids[2] == ids[0] {
+            return;
+        }
+        let [a, b, c] = ids.map(|id| self.root(id));
+        let root = a.min(b).min(c);
+        [a, b, c].into_iter().for_each(|id| self.joined[id as usize] = root);
+        self.facets.push(ids);
+    }
+
+    fn root(&mut self, mut id: u32) -> u32 {
+        while self.joined[id as usize] != id {
+            let up = self.joined[self.joined[id as usize] as usize];
+            self.joined[id as usize] = up;
+            id = up;
+        }
+        id
+    }
+
+    /// The bodies, the largest first.
+    pub fn finish(mut self) -> Vec<Body> {
+        let facets = std::mem::take(&mut self.facets);
+        let mut edges: FxHashMap<[u32; 2], u32> = FxHashMap::default();
+        for f in &facets {
+            for k in 0..3 {
+                let (a, b) = (f[k], f[(k + 1) % 3]);
+                *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        let mut found: FxHashMap<u32, (Body, Point, f64)> = FxHashMap::default();
+        for f in &facets {
+            let root = self.root(f[0]);
+            let empty = || {
+                let body = Body { facets: 0, bounds: BoxMm::EMPTY, open_edges: (0, None), is_solid: false };
+                (body, [0.0; 3], 0.0)
+            };
+            let (body, sum, area) = found.entry(root).or_insert_with(empty);
+            body.facets += 1;
+            let corners = f.map(|id| self.places[id as usize]);
+            corners.iter().for_each(|p| body.bounds.add(*p));
+            let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| corners[k][i] - corners[0][i]));
+            let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+            *area += normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+            *sum = [0, 1, 2].map(|i| sum[i] + normal[i]);
+            for k in 0..3 {
+                let (a, b) = (f[k], f[(k + 1) % 3]);
+                if edges[&[a.min(b), a.max(b)]] == 1 {
+                    let [a, b] = [a, b].map(|id| self.places[id as usize]);
+                    body.open_edges.0 += 1;
+                    body.open_edges.1.get_or_insert([0, 1, 2].map(|i| (a[i] + b[i]) / 2.0));
+                }
+            }
+        }
+        let mut bodies: Vec<Body> = found
+            .into_values()
+            .map(|(body, sum, area)| {
+                let whole = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
+                Body { is_solid: whole < OPEN * area, ..body }
+            })
+            .collect();
+        bodies.sort_by(|a, b| {
+            let place = |body: &Body| body.bounds.lo;
+            b.facets.cmp(&a.facets).then_with(|| place(a).partial_cmp(&place(b)).expect("finite corners"))
+        });
+        bodies
+    }
+}
+
+impl Body {
+    /// Whether it lies above another: over some of it in plan, and higher.
+    pub fn is_above(&self, other: &Self) -> bool {
+        let (a, b) = (&self.bounds, &other.bounds);
+        let over = (0..2).all(|k| a.lo[k] < b.hi[k] && b.lo[k] < a.hi[k]);
+        over && a.hi[2] > b.hi[2] && a.lo[2] >= (b.lo[2] + b.hi[2]) / 2.0
+    }
+}
+
+/// What a user should know of the bodies of a file before it is marked: holes in closed ones, and one above another.
+pub fn warnings(bodies: &[Body], place: &Place) -> Vec<Diag> {
+    let shown = |p: Point| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
+    let mut out = Vec::new();
+    let holed = |b: &&Body| b.is_solid && b.open_edges.0 > 0;
+    if let Some(first) = bodies.iter().find(holed) {
+        let text = format!(
+            "{} of {} bodies are closed but for holes: {} open edges, one near {}; what the lens sees through them would be \
+             marked",
+            bodies.iter().filter(holed).count(),
+            bodies.len(),
+            bodies.iter().filter(holed).map(|b| b.open_edges.0).sum::<usize>(),
+            shown(first.open_edges.1.unwrap_or_default()),
+        );
+        let hint = "export the part again, or close the holes, unless they are meant";
+        out.push(Diag::warning("surface-hole", text).at(place.clone()).hint(hint));
+    }
+    // Of very many bodies the largest.
+    const MOST: usize = 1000;
+    let some = &bodies[..bodies.len().min(MOST)];
+    let above = some.iter().enumerate().find_map(|(i, a)| {
+        let below = some.iter().enumerate().find(|(k, b)| *k != i && a.is_above(b))?;
+        Some((i + 1, a, below.0 + 1))
+    });
+    if let Some((upper, body, lower)) = above {
+        let text = format!(
+            "body {upper}, from {} to {}, lies above body {lower}: where it does, it is marked in place of that",
+            shown(body.bounds.lo),
+            shown(body.bounds.hi)
+        );
+        let hint =
+            "take it out of the file if it is a clamp, a helper or another part; `terrace inspect` lists all bodies";
+        out.push(Diag::warning("surface-above", text).at(place.clone()).hint(hint));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The facets of an upright box, the top with two, one or no facets.
+    fn block(lo: Point, hi: Point, tops: usize) -> Vec<[Point; 3]> {
+        let at = |i: usize, up: bool| {
+            let [x, y] = [[lo[0], lo[1]], [hi[0], lo[1]], [hi[0], hi[1]], [lo[0], hi[1]]][i % 4];
+            [x, y, if up { hi[2] } else { lo[2] }]
+        };
+        let mut out = vec![[at(0, false), at(2, false), at(1, false)], [at(0, false), at(3, false), at(2, false)]];
+        out.extend(
+            [[at(0, true), at(1, true), at(2, true)], [at(0, true), at(2, true), at(3, true)]].iter().take(tops),
+        );
+        for i in 0..4 {
+            out.push([at(i, false), at(i + 1, false), at(i + 1, true)]);
+            out.push([at(i, false), at(i + 1, true), at(i, true)]);
+        }
+        out
+    }
+
+    fn found(facets: Vec<[Point; 3]>) -> (Vec<Body>, Vec<&'static str>) {
+        let mut bodies = Bodies::default();
+        facets.into_iter().for_each(|f| bodies.facet(f));
+        let bodies = bodies.finish();
+        let codes = warnings(&bodies, &Place::Nowhere).iter().map(|d| d.code).collect();
+        (bodies, codes)
+    }
+
+    #[test]
+    fn bodies_holes_and_what_lies_above_are_told() {
+        let plate = || block([0.0; 3], [40.0, 30.0, 10.0], 2);
+        let (bodies, codes) = found(plate());
+        assert_eq!((bodies.len(), bodies[0].facets, bodies[0].open_edges.0), (1, 12, 0));
+        assert!(bodies[0].is_solid && codes.is_empty());
+        let (bodies, codes) = found(block([0.0; 3], [40.0, 30.0, 10.0], 1));
+        assert_eq!((bodies[0].open_edges.0, codes), (3, vec!["surface-hole"]));
+        let beside = block([50.0, 0.0, 0.0], [60.0, 30.0, 30.0], 2);
+        let (bodies, codes) = found([plate(), beside].concat());
+        assert_eq!((bodies.len(), codes.len()), (2, 0));
+        let above = block([5.0, 5.0, 12.0], [15.0, 15.0, 30.0], 2);
+        let (bodies, codes) = found([plate(), above].concat());
+        assert_eq!((bodies.len(), codes), (2, vec!["surface-above"]));
+        assert_eq!(bodies[1].bounds.hi[2], 30.0);
+        // An open sheet has a rim and no holes.
+        let (bodies, codes) = found(vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
+        assert!(!bodies[0].is_solid && bodies[0].open_edges.0 == 3 && codes.is_empty());
+    }
+}

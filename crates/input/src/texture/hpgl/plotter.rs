@@ -1,0 +1,399 @@
+//! The plotter: obeys instructions, and puts what the pen draws into an artwork.
+
+use std::f64::consts::TAU;
+
+use super::encoded::{Step, Steps};
+use super::polygon::Polygon;
+use super::state::{Scaling, State};
+use super::syntax::Instruction;
+use super::{Fault, How, Issue, Point, Tally, UNIT, fault, page};
+use crate::texture::artwork::{Artwork, Colour, Figure, Labels, MAX_MM, MAX_POINTS, Rule, Shape, disc, steps};
+use crate::texture::clip::{extent, traced_twice};
+use crate::texture::place::LEAST;
+use terrace_core::diag::Diag;
+
+/// Instructions that change nothing that is marked.
+const QUIET: [&str; 32] = [
+    "CO", "DT", "VS", "VN", "FS", "AS", "AP", "NP", "PT", "TR", "SV", "PS", "BP", "PG", "AF", "AH", "NR", "OE", "OS",
+    "OP", "LA", "CT", "CR", "MC", "PC", "MG", "DI", "DR", "SI", "SR", "RF", "IM",
+];
+
+pub(super) struct Plotter<'a> {
+    how: &'a How<'a>,
+    state: State,
+    /// The stroke that is being drawn, mm.
+    stroke: Vec<Point>,
+    polygon: Polygon,
+    /// While a polygon is being defined: where the pen stood before, and whether it was down.
+    before_polygon: Option<(Point, bool)>,
+    /// Whether the file moves a pen at all.
+    pub(super) is_plot: bool,
+    /// Where the instruction that is obeyed stands.
+    at: usize,
+    pub(super) tally: Tally,
+    pub(super) art: Artwork,
+}
+
+impl<'a> Plotter<'a> {
+    pub(super) fn new(how: &'a How<'a>) -> Self {
+        Self {
+            how,
+            state: State::default(),
+            stroke: Vec::new(),
+            polygon: Polygon::default(),
+            before_polygon: None,
+            is_plot: false,
+            at: 0,
+            tally: Tally::default(),
+            art: Artwork::default(),
+        }
+    }
+
+    pub(super) fn obey(&mut self, i: &Instruction) -> Result<(), Fault> {
+        if i.values.iter().any(|v| !v.is_finite()) {
+            return Err(fault(i, "has a value that is no number"));
+        }
+        self.at = i.at;
+        let v = i.values.as_slice();
+        match (i.name.as_str(), v) {
+            ("IN", _) => {
+                self.reset()?;
+                self.state = State::default();
+            }
+            ("DF", _) => {
+                self.reset()?;
+                self.state.set_defaults();
+            }
+            ("PA" | "PR", _) => {
+                self.state.is_relative = i.name == "PR";
+                self.moves(i)?;
+            }
+            ("PU", _) => {
+                self.lift()?;
+                self.moves(i)?;
+            }
+            ("PD", _) => {
+                self.put_down();
+                self.moves(i)?;
+            }
+            ("SP", _) => {
+                self.lift()?;
+                self.state.pen = v.first().map_or(0, |p| *p as i64);
+            }
+            ("PW", _) => self.state.widths.set(v.first().copied(), v.get(1).map(|p| *p as i64)),
+            ("WU", _) => self.state.widths.set_unit(v.first().is_some_and(|u| *u == 1.0)),
+            ("LT", _) => self.state.is_dashed = !v.is_empty() && v[0].abs() != 7.0,
+            ("FT", _) => self.state.is_patterned = v.first().is_some_and(|t| *t > 2.0),
+            ("IP", [] | [_, _] | [_, _, _, _]) => self.state.set_corners(v),
+            ("SC", []) => self.state.scaling = None,
+            ("SC", &[x0, x1, y0, y1] | &[x0, x1, y0, y1, 0.0]) => {
+                self.state.scaling = Some(Scaling { range: [x0, x1, y0, y1], at: i.at });
+            }
+            ("RO" | "IW", []) | ("RO", &[0.0]) => {}
+            ("SC" | "IP" | "RO" | "IW", _) => return Err(page(&i.name, i.at)),
+            ("CI", &[r, ..]) => self.circle(r)?,
+            ("AA", &[x, y, angle, ..]) => self.arc(self.state.point([x, y])?, angle)?,
+            ("AR", &[x, y, angle, ..]) => self.arc(self.state.point_from_pen([x, y])?, angle)?,
+            ("EA" | "RA", &[x, y]) if self.before_polygon.is_none() => {
+                self.rectangle(self.state.point([x, y])?, i.name == "RA")?;
+            }
+            ("ER" | "RR", &[x, y]) if self.before_polygon.is_none() => {
+                self.rectangle(self.state.point_from_pen([x, y])?, i.name == "RR")?;
+            }
+            ("PM", _) => self.polygon_mode(v.first().copied().unwrap_or(0.0))?,
+            ("EP", _) => self.edge(),
+            ("FP", _) => self.fill(if v.first() == Some(&1.0) { Rule::NonZero } else { Rule::EvenOdd }),
+            ("PE", _) => self.encoded(i)?,
+            ("LB" | "BL" | "SM" | "UC", _) => self.tally.note(Issue::Label, i.at),
+            (name, _) if QUIET.contains(&name) => {}
+            _ => self.tally.note_unread(i),
+        }
+        Ok(())
+    }
+
+    /// Lifts the pen, and forgets the polygon.
+    fn reset(&mut self) -> Result<(), Fault> {
+        self.lift()?;
+        self.before_polygon = None;
+        self.polygon = Polygon::default();
+        Ok(())
+    }
+
+    /// The moves of `PA`, `PR`, `PU` and `PD`.
+    fn moves(&mut self, i: &Instruction) -> Result<(), Fault> {
+        self.is_plot = true;
+        if i.values.len() % 2 == 1 {
+            return Err(fault(i, "has an odd number of coordinates"));
+        }
+        for p in i.values.chunks_exact(2) {
+            let p = [p[0], p[1]];
+            let to = if self.state.is_relative { self.state.point_from_pen(p)? } else { self.state.point(p)? };
+            self.go(to)?;
+        }
+        Ok(())
+    }
+
+    /// Moves the pen, with a mark where it is down.
+    fn go(&mut self, to: Point) -> Result<(), Fault> {
+        let (from, end) = (mm(self.state.at)?, mm(to)?);
+        self.state.at = to;
+        if self.before_polygon.is_some() {
+            self.polygon.add(end, self.state.is_down);
+        } else if self.state.is_down {
+            if self.stroke.is_empty() {
+                self.stroke.push(from);
+            }
+            self.stroke.push(end);
+        }
+        self.count()
+    }
+
+    fn count(&self) -> Result<(), Fault> {
+        let polygon = if self.before_polygon.is_some() { self.polygon.point_count() } else { 0 };
+        if self.art.lines.points.len() + self.stroke.len() + polygon <= MAX_POINTS {
+            return Ok(());
+        }
+        let text = format!("the plot has more than {MAX_POINTS} points");
+        Err(Diag::limit("texture-large", text).hint("use a larger tolerance or a simpler plot").into())
+    }
+
+    fn put_down(&mut self) {
+        if !self.state.is_down {
+            (self.state.is_down, self.state.rests) = (true, true);
+        }
+    }
+
+    /// Lifts the pen: what was drawn is a stroke, or a point where that has no extent.
+    pub(super) fn lift(&mut self) -> Result<(), Fault> {
+        self.end_stroke();
+        if self.state.rests && self.before_polygon.is_none() {
+            self.point()?;
+        }
+        (self.state.is_down, self.state.rests) = (false, false);
+        Ok(())
+    }
+
+    fn end_stroke(&mut self) {
+        let mut stroke = std::mem::take(&mut self.stroke);
+        stroke.dedup();
+        if has_extent(&stroke) {
+            self.state.rests = false;
+            self.shape(&[stroke], Figure::Lines);
+        }
+    }
+
+    /// A point under the pen.
+    fn point(&mut self) -> Result<(), Fault> {
+        if self.state.pen <= 0 {
+            return Ok(());
+        }
+        let at = mm(self.state.at)?;
+        let first = self.art.lines.len();
+        let figure = match self.how.marking.point_disc_mm(self.state.width_mm(), self.how.widest_line) {
+            Some(diameter) => {
+                self.art.lines.push(&disc(at, diameter, self.how.tolerance));
+                Figure::Stroke
+            }
+            None => {
+                self.art.lines.push(&[at]);
+                Figure::Lines
+            }
+        };
+        self.put_shape("point", first, figure);
+        self.count()
+    }
+
+    /// Lines or an area of the pen, unless it has none or its line or fill type is not read.
+    fn shape(&mut self, lines: &[Vec<Point>], figure: Figure) {
+        let lines: Vec<_> = lines.iter().filter(|line| has_extent(line)).collect();
+        if lines.is_empty() || self.state.pen <= 0 {
+            return;
+        }
+        if self.state.is_dashed && figure == Figure::Lines {
+            return self.tally.note(Issue::Dash, self.at);
+        }
+        if self.state.is_patterned && figure != Figure::Lines {
+            return self.tally.note(Issue::Fill, self.at);
+        }
+        let first = self.art.lines.len();
+        for line in lines {
+            match traced_twice(line, self.how.tolerance).filter(|_| figure == Figure::Lines) {
+                Some(once) => self.art.lines.push(&once),
+                None => self.art.lines.push(line),
+            }
+        }
+        self.put_shape("stroke", first, figure);
+    }
+
+    /// Makes a shape of the lines from `first` on.
+    fn put_shape(&mut self, what: &str, first: usize, figure: Figure) {
+        let label = format!("pen:{}", self.state.pen);
+        let known = self.art.labels.iter().position(|l| l.own[0] == label);
+        let labels = known.unwrap_or_else(|| {
+            self.art.labels.push(Labels { parent: None, own: vec![label] });
+            self.art.labels.len() - 1
+        });
+        let number = self.art.shapes.len() + 1;
+        self.art.names.push(format!("{what} {number}"));
+        self.art.shapes.push(Shape {
+            name: u32::try_from(number - 1).expect("fewer strokes than points"),
+            labels: u32::try_from(labels).expect("fewer pens than strokes"),
+            colour: colour(self.state.pen),
+            opacity: 1.0,
+            figure,
+            lines: first..self.art.lines.len(),
+            clip: None,
+        });
+    }
+
+    /// Moves the pen along an arc round `centre`, plotter units, over an angle in rad: a circle in the units of the plot.
+    fn sweep(&mut self, centre: Point, by: f64) -> Result<(), Fault> {
+        let factors = self.state.axes()?.map(|[factor, _]| factor);
+        let d = [0, 1].map(|k| (self.state.at[k] - centre[k]) / factors[k]);
+        let radius = d[0].hypot(d[1]) * factors[0].abs().max(factors[1].abs()) * UNIT;
+        let steps = steps(by * by * radius, self.how.tolerance, (by.abs() * 2.0).ceil().max(1.0));
+        if steps > MAX_POINTS as f64 || steps.is_nan() {
+            return Err(Diag::limit("texture-large", format!("an arc of the plot has more than {MAX_POINTS} points"))
+                .hint("use a larger tolerance")
+                .into());
+        }
+        for k in 1..=steps as usize {
+            let (sin, cos) = (by * k as f64 / steps).sin_cos();
+            let turned = [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1]];
+            self.go([0, 1].map(|k| centre[k] + factors[k] * turned[k]))?;
+        }
+        Ok(())
+    }
+
+    fn arc(&mut self, centre: Point, degrees: f64) -> Result<(), Fault> {
+        self.is_plot = true;
+        // More than one turn marks nothing new.
+        self.sweep(centre, degrees.clamp(-360.0, 360.0).to_radians())
+    }
+
+    /// A circle round the pen, which draws it whether it is up or down, and comes back.
+    fn circle(&mut self, r: f64) -> Result<(), Fault> {
+        self.is_plot = true;
+        self.end_stroke();
+        let (centre, was_down, rested) = (self.state.at, self.state.is_down, self.state.rests);
+        let start = self.state.point_from_pen([r, 0.0])?;
+        if self.before_polygon.is_some() {
+            self.end_ring();
+        }
+        self.state.is_down = false;
+        self.go(start)?;
+        self.state.is_down = true;
+        self.sweep(centre, TAU)?;
+        if self.before_polygon.is_some() {
+            self.end_ring();
+        } else if let [first, .., last] = self.stroke.as_mut_slice() {
+            // Ends where it started, exactly.
+            *last = *first;
+        }
+        self.end_stroke();
+        (self.state.at, self.state.is_down, self.state.rests) = (centre, was_down, rested);
+        Ok(())
+    }
+
+    fn rectangle(&mut self, to: Point, is_filled: bool) -> Result<(), Fault> {
+        self.is_plot = true;
+        self.end_stroke();
+        // What the pen draws from where it stands is no point.
+        self.state.rests = false;
+        let [a, b] = [self.state.at, to];
+        let mut ring = Vec::new();
+        for p in [a, [b[0], a[1]], b, [a[0], b[1]], a] {
+            ring.push(mm(p)?);
+        }
+        self.polygon = Polygon::of_ring(&ring);
+        if is_filled {
+            self.fill(Rule::EvenOdd)
+        } else {
+            self.edge()
+        }
+        Ok(())
+    }
+
+    /// `PM`: 0 begins a polygon, 1 another ring of it, 2 ends it. A ring is closed by an edge where the pen is down.
+    /// What defines the polygon draws nothing, and the pen is then where and as it was before.
+    fn polygon_mode(&mut self, mode: f64) -> Result<(), Fault> {
+        self.is_plot = true;
+        if mode == 0.0 {
+            self.end_stroke();
+            self.state.rests = false;
+            self.polygon = Polygon::default();
+            self.polygon.begin();
+            self.polygon.add(mm(self.state.at)?, false);
+            self.before_polygon = Some((self.state.at, self.state.is_down));
+        } else if self.before_polygon.is_some() {
+            self.end_ring();
+        }
+        if mode == 2.0
+            && let Some((at, is_down)) = self.before_polygon.take()
+        {
+            (self.state.at, self.state.is_down, self.state.rests) = (at, is_down, false);
+        }
+        Ok(())
+    }
+
+    fn end_ring(&mut self) {
+        if self.state.is_down {
+            self.polygon.close();
+        }
+        self.polygon.begin();
+    }
+
+    fn edge(&mut self) {
+        self.end_stroke();
+        self.shape(&self.polygon.edges(), Figure::Lines);
+    }
+
+    fn fill(&mut self, rule: Rule) {
+        self.end_stroke();
+        self.shape(&self.polygon.contours(), Figure::Fill(rule));
+    }
+
+    fn encoded(&mut self, i: &Instruction) -> Result<(), Fault> {
+        self.is_plot = true;
+        self.lift()?;
+        let mut steps = Steps::new(&i.code);
+        while let Some(step) = steps.step().map_err(|what| fault(i, what))? {
+            match step {
+                Step::Pen(pen) => {
+                    self.lift()?;
+                    self.state.pen = pen;
+                }
+                Step::Move { by, is_up, is_absolute } => {
+                    let to = if is_absolute { self.state.point(by)? } else { self.state.point_from_pen(by)? };
+                    if is_up {
+                        self.lift()?;
+                    } else {
+                        self.put_down();
+                    }
+                    self.go(to)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn has_extent(line: &[Point]) -> bool {
+    let [w, h] = extent(line);
+    line.len() > 1 && w.max(h) >= LEAST
+}
+
+/// From plotter units.
+fn mm(p: Point) -> Result<Point, Fault> {
+    let p = p.map(|v| v * UNIT);
+    if p.iter().all(|v| v.abs() <= MAX_MM) {
+        return Ok(p);
+    }
+    Err(Diag::input("texture-far", "the plot reaches beyond any part").hint("check its coordinates").into())
+}
+
+fn colour(pen: i64) -> Colour {
+    const PENS: [Colour; 7] =
+        [[0; 3], [255, 0, 0], [0, 255, 0], [255, 255, 0], [0, 0, 255], [255, 0, 255], [0, 255, 255]];
+    PENS[(pen - 1).rem_euclid(7) as usize]
+}

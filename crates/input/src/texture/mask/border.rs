@@ -1,0 +1,117 @@
+//! The border of an area, and polylines cut at it.
+
+use super::soft::Soft;
+use crate::texture::artwork::{Area, Cutter, Keep};
+use crate::texture::clip::Lines;
+use terrace_core::geom::BoxMm;
+
+type Point = [f64; 2];
+
+/// Fewest and most columns and rows of cells.
+const CELLS: [f64; 2] = [64.0, 1024.0];
+
+/// Where the cells of the border's index lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    /// The border passes.
+    Both,
+    Kept,
+    Lost,
+}
+
+/// The border of an area, turned part frame, mm.
+#[derive(Debug)]
+pub(in crate::texture) struct Border {
+    cutter: Cutter,
+    keep: Keep,
+    /// Of each cell of the cutter's index.
+    sides: Vec<Side>,
+    soft: Option<Soft>,
+}
+
+impl Border {
+    /// What lies inside is kept.
+    pub(super) fn inside(area: &Area) -> Self {
+        Self::new(area, Keep::Inside)
+    }
+
+    /// What lies outside is kept.
+    pub(super) fn outside(area: &Area) -> Self {
+        Self::new(area, Keep::Outside)
+    }
+
+    fn new(area: &Area, keep: Keep) -> Self {
+        let contours: Vec<Vec<Point>> = area.contours().cloned().collect();
+        let side = (4.0 * (area.edge_count() as f64).sqrt()).clamp(CELLS[0], CELLS[1]) as usize;
+        let cutter = Cutter::with_cells(&contours, [side; 2]);
+        let mut border = Self { cutter, keep, sides: Vec::new(), soft: None };
+        let cells = border.cutter.cells();
+        let mut sides = Vec::with_capacity(cells.count[0] * cells.count[1]);
+        for cell in 0..cells.count[0] * cells.count[1] {
+            let is_first = cell % cells.count[0] == 0;
+            sides.push(match (cells.edges_of(cell), sides.last()) {
+                ([_, ..], _) => Side::Both,
+                // No border passes between two cells that it does not meet.
+                ([], Some(&before @ (Side::Kept | Side::Lost))) if !is_first => before,
+                ([], _) => border.side(cells.centre(cell)),
+            });
+        }
+        border.sides = sides;
+        border
+    }
+
+    /// The same border, which marks reach less and less over a width; 0 for a sharp one.
+    #[must_use]
+    pub(super) fn softened(mut self, width: f64, seed: u64) -> Self {
+        let BoxMm { lo, hi } = self.cutter.cells().bounds;
+        let size = [hi[0] - lo[0], hi[1] - lo[1]];
+        self.soft = (width > 0.0).then(|| Soft::new(self.cutter.edges(), size, width, seed));
+        self
+    }
+
+    /// The side of a point that does not lie on the border.
+    fn side(&self, p: Point) -> Side {
+        match self.cutter.holds(p) {
+            None => Side::Both,
+            Some(inside) if inside == (self.keep == Keep::Inside) => Side::Kept,
+            Some(_) => Side::Lost,
+        }
+    }
+
+    /// Appends what is marked of stroke `stroke`, in its direction.
+    pub(super) fn cut(&self, line: &[Point], stroke: u64, scratch: &mut Lines, out: &mut Lines) {
+        let whole = self.side_of(BoxMm::of(line.iter().copied()));
+        let Some(soft) = &self.soft else {
+            return match whole {
+                Side::Kept => out.push(line),
+                Side::Lost => {}
+                Side::Both => self.cutter.cut(line, self.keep, out),
+            };
+        };
+        scratch.clear();
+        match whole {
+            Side::Kept => scratch.push(line),
+            Side::Lost => return,
+            Side::Both => self.cutter.cut(line, self.keep, scratch),
+        }
+        for (k, piece) in scratch.iter().enumerate() {
+            soft.fade(self.cutter.edges(), piece, (stroke, k as u64), out);
+        }
+    }
+
+    /// The side of all of a small box, as far as the cells tell.
+    fn side_of(&self, bounds: BoxMm<2>) -> Side {
+        let cells = self.cutter.cells();
+        if cells.is_far(bounds.lo, bounds.hi) {
+            return if self.keep == Keep::Inside { Side::Lost } else { Side::Kept };
+        }
+        let [columns, rows] = [0, 1].map(|k| cells.index(k, bounds.lo[k])..=cells.index(k, bounds.hi[k]));
+        if columns.end() - columns.start() > 3 || rows.end() - rows.start() > 3 || !cells.holds_box(bounds) {
+            return Side::Both;
+        }
+        let mut found =
+            rows.flat_map(|row| columns.clone().map(move |column| self.sides[row * cells.count[0] + column]));
+        let first = found.next().unwrap_or(Side::Both);
+        if found.all(|side| side == first) { first } else { Side::Both }
+    }
+}

@@ -1,0 +1,242 @@
+//! A soft border: marks fade over a width `w` next to it.
+//!
+//! A piece that the border leaves is divided into equal lengths of at most 4 w. Length j of piece k of stroke i has a
+//! random number u in [0, 1), a hash of the seed and i, k and j, and is marked where it lies farther than u w from the
+//! border. At a distance d from the border a share min(d / w, 1) of the strokes is marked in the mean, however they run;
+//! strokes that end at the border end at a random distance from it, and strokes along it are marked or not as wholes.
+//! What lies farther than w from the border is marked always and stays uncut.
+//!
+//! The points of a segment nearer than c to an edge of the border lie within a rectangle and two discs; their union is
+//! convex, so they are one stretch of the segment, found in closed form.
+
+use crate::texture::artwork::Cells;
+use crate::texture::clip::distance;
+use crate::texture::clip::{Lines, extent, is_closed};
+use crate::texture::place::LEAST;
+
+type Point = [f64; 2];
+
+/// Most columns and rows of cells.
+const MAX_CELLS: f64 = 256.0;
+
+/// Lengths with a random number of their own, in widths.
+const LENGTH: f64 = 4.0;
+
+/// A width over which marks fade.
+#[derive(Debug)]
+pub(super) struct Soft {
+    width: f64,
+    seed: u64,
+    /// The edges within the width.
+    near: Cells,
+}
+
+impl Soft {
+    pub(super) fn new(edges: &[[Point; 2]], size: [f64; 2], width: f64, seed: u64) -> Self {
+        let count = size.map(|s| (s / width).clamp(1.0, MAX_CELLS) as usize);
+        Self { width, seed, near: Cells::new(edges, count, width) }
+    }
+
+    /// Appends what of piece `piece` of a stroke is marked.
+    pub(super) fn fade(&self, edges: &[[Point; 2]], line: &[Point], (stroke, piece): (u64, u64), out: &mut Lines) {
+        if let [dot] = line {
+            let mut found = Vec::new();
+            self.edges_near([*dot; 2], &mut found);
+            let away = found.iter().map(|&e| distance(*dot, edges[e as usize])).fold(f64::INFINITY, f64::min);
+            if away >= self.width * self.random(stroke, piece, 0) {
+                out.push(line);
+            }
+            return;
+        }
+        let sides = || line.windows(2).map(|s| [s[0], s[1]]);
+        let mut is_near = false;
+        sides().for_each(|s| self.near.along(s, |cell| is_near |= !self.near.edges_of(cell).is_empty()));
+        if !is_near {
+            return out.push(line);
+        }
+        let total: f64 = sides().map(length).sum();
+        let count = (total / (LENGTH * self.width)).ceil().max(1.0);
+        let share = total / count;
+        let (mut found, mut lost) = (Vec::new(), Vec::new());
+        let mut kept = Kept::new(line);
+        let mut before = 0.0;
+        for side in sides() {
+            let at = |t: f64| [0, 1].map(|k| side[0][k] + t * (side[1][k] - side[0][k]));
+            lost.clear();
+            let own = length(side);
+            // The lengths that the side has a part in.
+            let first = (before / share).floor().max(0.0);
+            let mut j = first;
+            while j < count && j * share < before + own {
+                let part = [(j * share - before) / own, ((j + 1.0) * share - before) / own].map(|t| t.clamp(0.0, 1.0));
+                let part = if j + 1.0 == count { [part[0], 1.0] } else { part };
+                // Of a long side each length has edges of its own.
+                self.edges_near(part.map(at), &mut found);
+                let reach = self.width * self.random(stroke, piece, j as u64);
+                for &edge in &found {
+                    if let Some([t0, t1]) = nearer(side, edges[edge as usize], reach) {
+                        lost.push([t0.max(part[0]), t1.min(part[1])]);
+                    }
+                }
+                j += 1.0;
+            }
+            lost.retain(|t| t[0] < t[1]);
+            lost.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+            kept.side(side, &lost);
+            before += own;
+        }
+        kept.finish(out);
+    }
+
+    /// The edges that may lie within the width of a segment.
+    fn edges_near(&self, side: [Point; 2], found: &mut Vec<u32>) {
+        found.clear();
+        self.near.along(side, |cell| found.extend_from_slice(self.near.edges_of(cell)));
+        found.sort_unstable();
+        found.dedup();
+    }
+
+    /// From 0 to 1.
+    fn random(&self, stroke: u64, piece: u64, part: u64) -> f64 {
+        // The finaliser of SplitMix64, once for each number.
+        let mut h = self.seed;
+        for v in [stroke, piece, part] {
+            h = h.wrapping_add(v).wrapping_add(0x9E37_79B9_7F4A_7C15);
+            for (shift, factor) in [(30, 0xBF58_476D_1CE4_E5B9u64), (27, 0x94D0_49BB_1331_11EB)] {
+                h = (h ^ (h >> shift)).wrapping_mul(factor);
+            }
+            h ^= h >> 31;
+        }
+        (h >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+fn length([a, b]: [Point; 2]) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
+/// The parameters between which a segment lies nearer than `reach` to an edge.
+fn nearer([a, b]: [Point; 2], [p, q]: [Point; 2], reach: f64) -> Option<[f64; 2]> {
+    let d = [b[0] - a[0], b[1] - a[1]];
+    let e = [q[0] - p[0], q[1] - p[1]];
+    let long = e[0].hypot(e[1]);
+    let mut out: Option<[f64; 2]> = None;
+    let mut add = |t: Option<[f64; 2]>| {
+        if let Some([t0, t1]) = t.filter(|t| t[0] <= t[1]) {
+            out = Some(out.map_or([t0, t1], |o| [o[0].min(t0), o[1].max(t1)]));
+        }
+    };
+    for centre in [p, q] {
+        add(in_disc(a, d, centre, reach));
+    }
+    if long > 0.0 {
+        // Along the edge from 0 to its length, across it up to the reach to either side.
+        let u = [e[0] / long, e[1] / long];
+        let v = [a[0] - p[0], a[1] - p[1]];
+        let along = within(u[0] * v[0] + u[1] * v[1], u[0] * d[0] + u[1] * d[1], 0.0, long);
+        let across = within(u[0] * v[1] - u[1] * v[0], u[0] * d[1] - u[1] * d[0], -reach, reach);
+        add(along.zip(across).map(|(s, t)| [s[0].max(t[0]), s[1].min(t[1])]));
+    }
+    out.map(|[t0, t1]| [t0.max(0.0), t1.min(1.0)]).filter(|t| t[0] < t[1])
+}
+
+/// The parameters for which a + t d lies in a disc.
+fn in_disc(a: Point, d: Point, centre: Point, radius: f64) -> Option<[f64; 2]> {
+    let v = [a[0] - centre[0], a[1] - centre[1]];
+    let square = d[0] * d[0] + d[1] * d[1];
+    let half = v[0] * d[0] + v[1] * d[1];
+    let root = half * half - square * (v[0] * v[0] + v[1] * v[1] - radius * radius);
+    (square > 0.0 && root >= 0.0).then(|| [-1.0, 1.0].map(|sign| (sign * root.sqrt() - half) / square))
+}
+
+/// The parameters for which v + t d lies between two limits.
+fn within(v: f64, d: f64, lo: f64, hi: f64) -> Option<[f64; 2]> {
+    if d == 0.0 {
+        return (lo <= v && v <= hi).then_some([f64::NEG_INFINITY, f64::INFINITY]);
+    }
+    let [s, t] = [(lo - v) / d, (hi - v) / d];
+    Some([s.min(t), s.max(t)])
+}
+
+/// What is kept of a polyline, side by side.
+struct Kept<'a> {
+    line: &'a [Point],
+    pieces: Vec<Vec<Point>>,
+    is_open: bool,
+}
+
+impl<'a> Kept<'a> {
+    fn new(line: &'a [Point]) -> Self {
+        Self { line, pieces: Vec::new(), is_open: false }
+    }
+
+    /// Takes the next side, without what is lost of it, in order.
+    fn side(&mut self, [a, b]: [Point; 2], lost: &[[f64; 2]]) {
+        let at = |t: f64| match t {
+            0.0 => a,
+            1.0 => b,
+            t => [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])],
+        };
+        let mut from = 0.0;
+        for &[t0, t1] in lost.iter().chain([&[1.0, f64::INFINITY]]) {
+            if t0 > from {
+                self.keep(at(from), at(t0));
+            }
+            if t1.is_finite() {
+                self.is_open = false;
+            }
+            from = t1.max(from);
+        }
+    }
+
+    fn keep(&mut self, from: Point, to: Point) {
+        if !self.is_open {
+            self.pieces.push(vec![from]);
+        }
+        self.pieces.last_mut().expect("one was begun").push(to);
+        self.is_open = true;
+    }
+
+    /// Appends the pieces; of a closed polyline none is divided at its first point unless it is whole.
+    fn finish(mut self, out: &mut Lines) {
+        if is_closed(self.line) && self.pieces.len() > 1 && self.is_open && self.pieces[0][0] == self.line[0] {
+            let first = self.pieces.remove(0);
+            self.pieces.last_mut().expect("more than one").extend_from_slice(&first[1..]);
+        }
+        for mut piece in self.pieces {
+            piece.dedup();
+            let [w, h] = extent(&piece);
+            if w.max(h) >= LEAST {
+                out.push(&piece);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrace_core::random::Random;
+
+    #[test]
+    fn stretches_near_an_edge_agree_with_distances() {
+        let mut noise = Random::case(3);
+        for _ in 0..2000 {
+            let [a, b, p, q] = [0; 4].map(|_| [noise.range(0.0, 4.0), noise.range(0.0, 4.0)]);
+            let reach = noise.range(0.0, 1.5);
+            let found = nearer([a, b], [p, q], reach);
+            for k in 0..=50 {
+                let t = f64::from(k) / 50.0;
+                let at = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
+                let e = [q[0] - p[0], q[1] - p[1]];
+                let s = (((at[0] - p[0]) * e[0] + (at[1] - p[1]) * e[1]) / (e[0] * e[0] + e[1] * e[1])).clamp(0.0, 1.0);
+                let away = (at[0] - p[0] - s * e[0]).hypot(at[1] - p[1] - s * e[1]);
+                let is_found = found.is_some_and(|[t0, t1]| t0 <= t && t <= t1);
+                assert!(
+                    is_found == (away < reach) || (away - reach).abs() < 1e-9,
+                    "{a:?} {b:?} {p:?} {q:?} {reach} {t}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Cells under the strokes of blocks.
+//!
+//! Consumes a program, promises for every cell the block with the longest marks in it. Strokes are followed
+//! from border to border of the cells. Which cells a segment begins and ends in is decided on the
+//! program's integers; a segment along a border belongs to the upper cell, one that only touches a cell
+//! to none. Time follows the cells that strokes pass; memory is 8 bytes a cell, and 4 more in the rows of
+//! the highest block.
+
+use std::ops::Range;
+
+use terrace_core::geom::{FieldPoint, Grid, P3, Turn};
+use terrace_core::program::{Block, Program};
+
+/// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
+const LEAST_NM: f32 = 1.0;
+
+/// What a dot counts for, nm.
+const DOT_NM: f32 = 1000.0;
+
+/// Index of the block with the longest marks plus 1 for every cell, 0 where there are none; among
+/// equals the first.
+pub(super) fn marked_cells(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec<u32> {
+    let mut labels = vec![0u32; grid.len()];
+    let mut longest = vec![LEAST_NM; grid.len()];
+    // Lengths of the block at hand, over the rows that it touches.
+    let (mut own, mut touched) = (Vec::<f32>::new(), Vec::<u32>::new());
+    for (i, (block, turn)) in program.blocks.iter().zip(turns).enumerate() {
+        let Some(rows) = rows_of(program, block, turn, grid) else { continue };
+        let first = rows.start * grid.columns();
+        own.resize(own.len().max(rows.len() * grid.columns()), 0.0);
+        for stroke in program.strokes_of(block) {
+            let mut points = program.points_of(stroke).iter().map(|p| on_part(block, turn, p));
+            let Some(mut a) = points.next() else { continue };
+            if stroke.is_dot() {
+                let cell = grid.along(1, a[1], 0) as usize * grid.columns() + grid.along(0, a[0], 0) as usize;
+                let own = &mut own[cell - first];
+                if *own == 0.0 {
+                    touched.push(cell as u32);
+                }
+                *own += DOT_NM;
+            }
+            for b in points {
+                pass(a, b, grid, |cell, length| {
+                    let own = &mut own[cell - first];
+                    if *own == 0.0 {
+                        touched.push(cell as u32);
+                    }
+                    *own += length as f32;
+                });
+                a = b;
+            }
+        }
+        for cell in touched.drain(..).map(|cell| cell as usize) {
+            let length = std::mem::take(&mut own[cell - first]);
+            // More than the blocks before have: among equals the first keeps the cell.
+            if length > longest[cell] {
+                (longest[cell], labels[cell]) = (length, i as u32 + 1);
+            }
+        }
+    }
+    labels
+}
+
+/// A point of a block on the part, nm; of a turned part where the beam meets the focal plane, which is next to
+/// the surface.
+fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
+    let c = block.stop.centre;
+    let at = [c.x + i64::from(p.x), c.y + i64::from(p.y)];
+    turn.map_or(at, |turn| {
+        let [x, y, _] = turn.back(P3::new([at[0], at[1], block.stop.focus.0].map(|v| v as f64))).at;
+        [x.round() as i64, y.round() as i64]
+    })
+}
+
+/// The rows that hold a block's points.
+fn rows_of(program: &Program, block: &Block, turn: &Option<Turn>, grid: &Grid) -> Option<Range<usize>> {
+    let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
+    let y = points.map(|p| on_part(block, turn, p)[1]);
+    let (lo, hi) = y.fold((i64::MAX, i64::MIN), |(lo, hi), y| (lo.min(y), hi.max(y)));
+    if lo > hi {
+        return None;
+    }
+    // Borders included: which row a point on a border belongs to depends on where its stroke goes.
+    Some(grid.along(1, lo, -1) as usize..grid.along(1, hi, 0) as usize + 1)
+}
+
+/// One axis of a segment on its way through the cells.
+struct Axis {
+    /// Column or row at the beginning.
+    first: usize,
+    /// Borders still to be crossed.
+    left: usize,
+    /// Where the cell beyond the next border is, as an index.
+    stride: isize,
+    /// Parameter of the next border, and between two borders.
+    next: f64,
+    step: f64,
+}
+
+impl Axis {
+    fn new(grid: &Grid, axis: usize, [a, b]: [i64; 2], stride: usize) -> Self {
+        let d = b - a;
+        let (first, last) = (grid.along(axis, a, d), grid.along(axis, b, -d));
+        let left = first.abs_diff(last) as usize;
+        let border = grid.line(axis, first + i64::from(d > 0));
+        let next = if left > 0 { (border - a) as f64 / d as f64 } else { f64::INFINITY };
+        Self {
+            first: first as usize,
+            left,
+            stride: if d > 0 { stride as isize } else { -(stride as isize) },
+            next,
+            step: grid.pitch[axis].f64() / d.abs().max(1) as f64,
+        }
+    }
+
+    /// Crosses the next border from cell `at`.
+    #[inline]
+    fn cross(&mut self, at: &mut usize) {
+        *at = at.wrapping_add_signed(self.stride);
+        self.left -= 1;
+        self.next = if self.left > 0 { self.next + self.step } else { f64::INFINITY };
+    }
+}
+
+/// Hands the cells under the segment from `a` to `b` to `visit` in order: index and length in nm.
+#[inline]
+pub(super) fn pass(a: [i64; 2], b: [i64; 2], grid: &Grid, mut visit: impl FnMut(usize, f64)) {
+    let columns = grid.columns();
+    let mut x = Axis::new(grid, 0, [a[0], b[0]], 1);
+    let mut y = Axis::new(grid, 1, [a[1], b[1]], columns);
+    let [dx, dy] = [0, 1].map(|k| (b[k] - a[k]) as f64);
+    let length = (dx * dx + dy * dy).sqrt();
+    let mut at = y.first * columns + x.first;
+    let mut t = 0.0;
+    loop {
+        let next = x.next.min(y.next);
+        if next == f64::INFINITY {
+            return visit(at, (1.0 - t) * length);
+        }
+        visit(at, (next - t) * length);
+        t = next;
+        if x.next == next {
+            x.cross(&mut at);
+        }
+        if y.next == next {
+            y.cross(&mut at);
+        }
+    }
+}

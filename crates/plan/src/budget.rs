@@ -1,0 +1,407 @@
+//! The error budget: how far marks may lie from where they should, seen along the beam (*lateral*) and along it
+//! (*depth*), of every block and of the job; i is the incidence of the beam.
+//!
+//! Consumes what machine and job state of their errors, and of each block its defocus and its steepest incidence.
+//! Promises a list of terms in a fixed order, each known or not; a term that nobody states is None and is never taken
+//! to be zero. Errors are um, angles rad.
+//!
+//! # Terms
+//! - projection, p (1/cos s - 1): textures lie in plan, so a spacing of p is p / cos s long on a slope of s against the
+//!   part's z (Cao and Zhu 2013, step 5: orthographic projection). Where the part is tilted by t, s is at most i + t;
+//! - stage, sqrt 2 a: x and y each within the positioning accuracy a;
+//! - telecentricity, d tan e: a beam that leans by e is beside its place where the part is d out of focus; stated by
+//!   distance from the optical axis, e is that at the block's farthest mark or nearer, as is the field residual;
+//! - tessellation, f / cos i: facets f from the surface along its normal;
+//! - slope, l tan i: what the lateral errors l but the projection climb on a slope of i.
+//!
+//! # Composition
+//! Every term is a bound, not a standard deviation, and nothing is known of how they are distributed or depend on each
+//! other. So the sum alone is a bound, and it decides about warnings. The root of the sum of squares is told beside
+//! it: what is to be expected where the terms are independent of each other.
+//!
+//! # Limits
+//! No field curvature, no heat, no error of angles of tilt axes, on the fly no following error.
+
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize, Serializer};
+
+use terrace_core::diag::Diag;
+use terrace_core::machine::{Machine, Origin};
+use terrace_core::program::{Block, BlockFigures, Program};
+use terrace_core::units::{Angle, Length};
+use terrace_input::job::{DepthRule, Job};
+
+/// Without a reserve, what errors may take beyond PDOF before it is told, as a share of half the range: PDOF is not
+/// measured more closely.
+const UNTOLD: f64 = 0.1;
+
+/// What an error comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Spacings are longer on a slope than in plan.
+    Projection,
+    /// Stage positions along x and y.
+    Stage,
+    /// The beam leans.
+    Telecentricity,
+    /// What the field correction leaves.
+    FieldResidual,
+    /// Where the part lies in x and y.
+    Registration,
+    /// Angles of tilt axes.
+    Tilt,
+    /// Facets, samples or points beside the part.
+    Tessellation,
+    /// Stage positions along z.
+    StageZ,
+    /// The focal plane as the zoom optic sets it.
+    Zoom,
+    /// Where the part lies in z.
+    RegistrationZ,
+    /// Lateral errors on a slope.
+    Slope,
+    /// The smooth height field that axes follow in place of the part. It is a part of the defocus.
+    Relief,
+}
+
+impl Cause {
+    /// The name in files and for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Projection => "projection",
+            Self::Stage => "stage",
+            Self::Telecentricity => "telecentricity",
+            Self::FieldResidual => "field residual",
+            Self::Registration => "registration",
+            Self::Tilt => "tilt axes",
+            Self::Tessellation => "tessellation",
+            Self::StageZ => "stage z",
+            Self::Zoom => "zoom optic",
+            Self::RegistrationZ => "registration z",
+            Self::Slope => "slope",
+            Self::Relief => "relief",
+        }
+    }
+
+    /// The key that states it; None where it follows from others or is not modelled.
+    pub fn key(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Projection => "texture.pitch",
+            Self::Stage => "stage.accuracy",
+            Self::Telecentricity => "lens.telecentricity",
+            Self::FieldResidual => "lens.field_residual",
+            Self::Registration => "placement.residual",
+            Self::Tessellation => "surface.tessellation",
+            Self::StageZ => "stage.z_accuracy",
+            Self::Zoom => "zoom.accuracy",
+            Self::RegistrationZ => "placement.residual_z",
+            Self::Tilt | Self::Slope | Self::Relief => return None,
+        })
+    }
+}
+
+/// One term of a budget.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Term {
+    /// What it comes from.
+    pub cause: Cause,
+    /// How large it is at most, um; None where that is not stated.
+    pub um: Option<f64>,
+}
+
+/// The terms of a budget, and what they come to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Terms {
+    /// The block that they are those of; None of an on-the-fly job, where they are those of its worst marks.
+    pub block: Option<String>,
+    /// The terms.
+    pub terms: Vec<Term>,
+    /// Their sum, um.
+    pub sum_um: f64,
+    /// The root of the sum of their squares, um.
+    pub rss_um: f64,
+}
+
+impl Terms {
+    fn new(terms: Vec<Term>) -> Self {
+        // The relief is a part of the defocus already.
+        let known = || terms.iter().filter(|t| t.cause != Cause::Relief).filter_map(|t| t.um);
+        let (sum_um, rss_um) = (known().sum(), known().map(|um| um * um).sum::<f64>().sqrt());
+        Self { block: None, terms, sum_um, rss_um }
+    }
+
+    /// The terms that are known, for reading: `stage 7.1, telecentricity 0.3`.
+    pub fn known(&self) -> String {
+        let told = |t: &Term| {
+            let within = if t.cause == Cause::Relief { " within the defocus" } else { "" };
+            t.um.map(|um| format!("{} {um:.1}{within}", t.cause.name()))
+        };
+        self.terms.iter().filter_map(told).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The worst of a job.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Budget {
+    /// Processing depth of focus, mm.
+    pub pdof_mm: f64,
+    /// What of it the job keeps for errors, mm.
+    pub reserve_mm: f64,
+    /// Where marks are: the block with the largest sum.
+    pub lateral: Terms,
+    /// How far from focus: the block whose sum is largest against what is left.
+    pub depth: Terms,
+    /// What the defocus of that block leaves of PDOF to either side, um; 0 where it leaves nothing.
+    pub depth_left_um: f64,
+}
+
+impl Budget {
+    /// What is not stated, for reading: keys, and `tilt axes` where the job tilts.
+    pub fn not_stated(&self) -> Vec<&'static str> {
+        let mut out: Vec<&str> = Vec::new();
+        for term in self.lateral.terms.iter().chain(&self.depth.terms).filter(|t| t.um.is_none()) {
+            let name = match term.cause {
+                Cause::Slope => continue,
+                Cause::Tilt => "tilt axes (not modelled)",
+                Cause::Projection => "projection (no bound)",
+                cause => cause.key().unwrap_or(cause.name()),
+            };
+            if !out.contains(&name) {
+                out.push(name);
+            }
+        }
+        out
+    }
+
+    /// The budget in three lines, for reading.
+    pub fn lines(&self) -> [String; 3] {
+        let of = |t: &Terms| t.block.as_ref().map_or(String::new(), |block| format!(" in {block}"));
+        let known = |t: &Terms| Some(t.known()).filter(|k| !k.is_empty()).unwrap_or("nothing stated".into());
+        let (lateral, depth) = (&self.lateral, &self.depth);
+        [
+            format!("{:.1} um{} ({})", lateral.sum_um, of(lateral), known(lateral)),
+            format!(
+                "{:.1} um{}, {:.1} um left of PDOF ({})",
+                depth.sum_um,
+                of(depth),
+                self.depth_left_um,
+                known(depth)
+            ),
+            self.not_stated().join(", "),
+        ]
+    }
+
+    /// A depth budget that is larger than what is left of PDOF. Focal planes are rounded to the stage increment, which
+    /// may take that much of a reserve.
+    pub fn warning(&self, job: &Job, machine: &Machine) -> Option<Diag> {
+        let half_um = job.focus.rule.range(job.focus.pdof).f64() / 2e3;
+        let increment_um = machine.increment_nm().f64() / 1e3;
+        let untold = if self.reserve_mm > 0.0 { increment_um } else { UNTOLD * half_um };
+        let Self { depth, depth_left_um: left, .. } = self;
+        if depth.sum_um <= left + untold {
+            return None;
+        }
+        let place = depth.block.as_ref().map_or(String::new(), |block| format!(" of {block}"));
+        let text = format!(
+            "errors may take marks{place} {:.1} um out of focus beyond their defocus, which leaves {left:.1} um of PDOF: {}",
+            depth.sum_um,
+            depth.known()
+        );
+        let twice = if job.focus.rule == DepthRule::Range { 2.0 } else { 1.0 };
+        let reserve_um = (twice * depth.sum_um).ceil();
+        let hint = if reserve_um < job.focus.pdof.f64() / 1e3 {
+            format!("focus.reserve = \"{reserve_um:.0} um\" keeps room for them")
+        } else {
+            "no focus.reserve can keep room for them: it takes a larger PDOF or smaller errors".into()
+        };
+        let key = if self.reserve_mm > 0.0 { "focus.reserve" } else { "focus" };
+        Some(Diag::warning("depth-budget", text).at(job.place_of(key)).hint(hint))
+    }
+}
+
+/// What machine, job and surface state of their errors, um and rad.
+pub struct Stated<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    spacing: Option<f64>,
+    tessellation: Option<f64>,
+}
+
+/// The smooth height field that rotary axes follow, at the marks of a job.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Relief {
+    /// Largest distance from the part along z, um.
+    pub off_um: f64,
+    /// Its largest slope, rad.
+    pub slope_rad: f64,
+}
+
+/// What the terms of a block follow from.
+struct Seen {
+    /// Largest distance from the focal plane, um.
+    defocus: f64,
+    /// Cosine of the largest angle between beam and normal.
+    cos: f64,
+    /// Cosine of the largest slope against the part's z.
+    cos_in_plan: f64,
+    is_tilted: bool,
+    relief: Option<f64>,
+    /// How far from the optical axis marks lie at most, mm.
+    off_axis: f64,
+}
+
+/// The errors of one block.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// Where marks are.
+    pub lateral: Terms,
+    /// How far from focus.
+    pub depth: Terms,
+    /// What the defocus leaves of PDOF to either side, um.
+    pub left_um: f64,
+}
+
+fn um(length: Option<Length>) -> Option<f64> {
+    length.map(|l| l.as_mm() * 1e3)
+}
+
+impl<'a> Stated<'a> {
+    /// For a surface whose facets lie so far from exact ones, where its reader knows that.
+    pub fn new(job: &'a Job, machine: &'a Machine, tessellation_mm: Option<f64>) -> Self {
+        let spacings = job.textures.iter().filter_map(|t| t.kind.spacing_mm());
+        Self {
+            job,
+            machine,
+            spacing: spacings.reduce(f64::max).map(|mm| mm * 1e3),
+            tessellation: tessellation_mm.map(|mm| mm * 1e3).or(um(job.surface.tessellation)),
+        }
+    }
+
+    /// The errors of a block.
+    pub fn of_block(&self, block: &Block, figures: &BlockFigures) -> Errors {
+        let (focus, cos, is_tilted) = (block.stop.focus, figures.slope.cos()[1], !block.stop.tilt.is_upright());
+        let tilt = || self.machine.turn(block.stop.tilt, Origin::default()).lean().asin();
+        self.at(&Seen {
+            defocus: (block.z_hi - focus).max(focus - block.z_lo).f64() / 1e3,
+            cos,
+            cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(0.0) } else { cos },
+            is_tilted,
+            relief: None,
+            off_axis: figures.off_axis_mm,
+        })
+    }
+
+    /// The worst of a stepped job; `figures` are those of the blocks of the program.
+    pub fn of_program(&self, program: &Program, figures: &[BlockFigures]) -> Budget {
+        let mut worst = self.budget(Errors::default());
+        for (i, (block, figures)) in program.blocks.iter().zip(figures).enumerate() {
+            let Errors { lateral, depth, left_um } = self.of_block(block, figures);
+            let named = |terms: Terms| Terms { block: Some(program.id(i).to_string()), ..terms };
+            if i == 0 || lateral.sum_um > worst.lateral.sum_um {
+                worst.lateral = named(lateral);
+            }
+            if i == 0 || depth.sum_um - left_um > worst.depth.sum_um - worst.depth_left_um {
+                (worst.depth, worst.depth_left_um) = (named(depth), left_um);
+            }
+        }
+        worst
+    }
+
+    /// Of an on-the-fly job whose marks are at most so far out of focus, um, and whose incidence is at most this, rad.
+    pub fn on_the_fly(&self, defocus_um: f64, incidence_rad: f64, relief: Option<Relief>) -> Budget {
+        let cos = incidence_rad.cos();
+        self.budget(self.at(&Seen {
+            defocus: defocus_um,
+            cos,
+            cos_in_plan: relief.map_or(cos, |r| r.slope_rad.cos()),
+            is_tilted: relief.is_some(),
+            relief: relief.map(|r| r.off_um),
+            off_axis: self.machine.farthest_in_field(),
+        }))
+    }
+
+    fn budget(&self, Errors { lateral, depth, left_um }: Errors) -> Budget {
+        let focus = &self.job.focus;
+        let (pdof_mm, reserve_mm) = (focus.pdof.mm(), focus.reserve.mm());
+        Budget { pdof_mm, reserve_mm, lateral, depth, depth_left_um: left_um }
+    }
+
+    fn at(&self, seen: &Seen) -> Errors {
+        let Self { job, machine, .. } = *self;
+        let (cos, tan) = (seen.cos, (1.0 - seen.cos * seen.cos).max(0.0).sqrt() / seen.cos);
+        // Nothing bounds what goes with 1 / cos at a right angle.
+        let term = |cause, um: Option<f64>| Term { cause, um: um.filter(|um| um.is_finite()) };
+        let [residual, residual_z] = job.placement.residual;
+        let lens = &machine.lens;
+        let lean = lens.telecentricity.as_ref().map(|e| Angle::deg(e.largest_within(seen.off_axis)));
+        let field_residual = lens.field_residual.as_ref().map(|r| Length::mm(r.largest_within(seen.off_axis)));
+        let moved = [
+            term(Cause::Stage, um(machine.stage.accuracy).map(|a| std::f64::consts::SQRT_2 * a)),
+            term(Cause::Telecentricity, lean.map(|e| seen.defocus * e.as_rad().tan())),
+            term(Cause::FieldResidual, um(field_residual)),
+            term(Cause::Registration, um(residual)),
+        ];
+        let climbed = moved.iter().filter_map(|t| t.um).reduce(|a, b| a + b).map(|l| l * tan);
+        let mut lateral = vec![term(Cause::Projection, self.spacing.map(|p| p * (1.0 / seen.cos_in_plan - 1.0)))];
+        lateral.extend(moved);
+        let mut depth = vec![
+            term(Cause::Tessellation, self.tessellation.map(|t| t / cos)),
+            term(Cause::StageZ, um(machine.stage.z_accuracy)),
+        ];
+        depth.extend(machine.zoom.as_ref().map(|zoom| term(Cause::Zoom, um(zoom.accuracy))));
+        depth.extend([term(Cause::RegistrationZ, um(residual_z)), term(Cause::Slope, climbed)]);
+        if seen.is_tilted {
+            lateral.push(term(Cause::Tilt, None));
+            depth.push(term(Cause::Tilt, None));
+        }
+        depth.extend(seen.relief.map(|relief| term(Cause::Relief, Some(relief))));
+        let half_um = job.focus.rule.range(job.focus.pdof).f64() / 2e3;
+        let left_um = (half_um - seen.defocus).max(0.0);
+        Errors { lateral: Terms::new(lateral), depth: Terms::new(depth), left_um }
+    }
+}
+
+/// The terms of a block that are known, by name, and what they come to.
+impl Serialize for Errors {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        let mut map = s.serialize_map(None)?;
+        for (side, terms) in [("lateral", &self.lateral), ("depth", &self.depth)] {
+            for Term { cause, um } in &terms.terms {
+                if let Some(um) = um {
+                    map.serialize_entry(cause, um)?;
+                }
+            }
+            map.serialize_entry(&format!("{side}_sum"), &terms.sum_um)?;
+            map.serialize_entry(&format!("{side}_rss"), &terms.rss_um)?;
+        }
+        map.serialize_entry("depth_left", &self.left_um)?;
+        map.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+    use terrace_input::job::Overrides;
+
+    #[test]
+    fn a_slope_that_may_be_upright_leaves_terms_unknown_and_sums_finite() {
+        let text = "surface.file = \"a.stl\"\nsurface.unit = \"mm\"\nfocus.pdof = \"0.07 mm\"\n\
+                    machine.profile = \"xyz-galvo-40\"\n[[texture]]\npattern = \"hatch\"\npitch = \"1 mm\"\n\
+                    [[pen]]\nname = \"a\"\nspeed = \"1 m/s\"\npower = \"50 %\"\nfrequency = \"60 kHz\"\n";
+        let job = Job::parse(Path::new("a.toml"), text, &Overrides::default()).expect("a job");
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let stated = Stated::new(&job, &machine, Some(0.001));
+        let at = |cos_in_plan| {
+            let seen = Seen { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None, off_axis: 0.0 };
+            stated.at(&seen)
+        };
+        let projection = |errors: &Errors| errors.lateral.terms.iter().find(|t| t.cause == Cause::Projection).copied();
+        assert_eq!(projection(&at(0.5)).and_then(|t| t.um), Some(1000.0));
+        let upright = at(0.0);
+        assert_eq!(projection(&upright).map(|t| t.um), Some(None));
+        assert!(upright.lateral.sum_um.is_finite() && upright.depth.sum_um.is_finite());
+    }
+}

@@ -1,0 +1,362 @@
+//! The table of targets: what each is called, which files it writes, and what it can carry.
+//!
+//! A target is a writer next to this file, a variant and a row of [`Format`] and a row here; its reader is in `verify::read` and
+//! that reader's row in the verifier's own table.
+
+use super::known::{Known, KnownFault};
+use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc};
+use crate::check::Checked;
+use crate::on_the_fly::check::Checked as FlyChecked;
+use crate::on_the_fly::program::Kind;
+use terrace_core::diag::{Diag, Error};
+use terrace_core::format::Format;
+use terrace_core::geom::Nm;
+use terrace_core::machine::{LoadingWay, Machine};
+use terrace_core::program::{BlockFigures, BlockId, Program};
+
+/// What the writers of a stepped job are given.
+#[derive(Clone, Copy)]
+pub struct Stepped<'a> {
+    /// The program.
+    pub checked: &'a Checked,
+    /// Its machine.
+    pub machine: &'a Machine,
+    /// The figures of every block; none where the strokes are frames.
+    pub figures: &'a [BlockFigures],
+    /// Name of the job file.
+    pub job: &'a str,
+    /// Name of the surface file.
+    pub part: &'a str,
+    /// Ending of the files of single blocks, which stage programs name; None where there are none.
+    pub block_file: Option<&'static str>,
+    /// Where the strokes are frames: commanded x and y of the registration points of every set-up.
+    pub frames: Option<&'a [Vec<[Nm; 2]>]>,
+}
+
+impl Stepped<'_> {
+    /// The file of a block that stage programs name.
+    pub(super) fn file_of(&self, block: BlockId) -> Option<String> {
+        let name = if self.frames.is_some() { frames::of_block } else { Program::block_file };
+        self.block_file.map(|ending| name(block, ending))
+    }
+}
+
+/// The files of a stepped job.
+#[derive(Clone, Copy)]
+pub enum Files {
+    /// One for the whole job: its name and its writer.
+    Whole(&'static str, fn(&Stepped<'_>) -> Vec<u8>),
+    /// One for every block: their ending and their writer.
+    Blocks(&'static str, fn(&Stepped<'_>, usize) -> Vec<u8>),
+}
+
+impl Files {
+    /// Their name in messages: of files of single blocks by their ending.
+    pub fn shown(self) -> &'static str {
+        match self {
+            Self::Whole(name, _) => name,
+            Self::Blocks("dxf", _) => "blocks/*.dxf",
+            Self::Blocks("csv", _) => "blocks/*.csv",
+            Self::Blocks("lbrn2", _) => "blocks/*.lbrn2",
+            Self::Blocks("lmc", _) => "blocks/*.lmc",
+            Self::Blocks(..) => "blocks/*.rtc",
+        }
+    }
+}
+
+/// The file of an on-the-fly job.
+#[derive(Clone, Copy)]
+pub struct FlyFile {
+    /// Its name.
+    pub name: &'static str,
+    /// The machines that it can be written for.
+    pub kinds: &'static [Kind],
+    /// Its writer.
+    pub write: fn(&FlyChecked, &Machine) -> Vec<u8>,
+    /// Usual servo period of its controller, s.
+    pub servo_s: f64,
+}
+
+/// One target.
+pub struct Target {
+    /// Which.
+    pub format: Format,
+    /// What it writes of a stepped job; None where it cannot.
+    pub stepped: Option<Files>,
+    /// What it writes of an on-the-fly job; None where it cannot.
+    pub on_the_fly: Option<FlyFile>,
+    /// What keeps a stepped job from being written in it, as far as that is known before the job is planned.
+    pub known_faults: fn(&Known<'_>) -> Vec<KnownFault>,
+    /// What else keeps a program of a stepped job from being written in it on a machine.
+    pub faults: fn(&Program, &Machine) -> Vec<Diag>,
+    /// Whether a file of a stepped job tells which pen each stroke is marked with.
+    pub carries_pens: bool,
+    /// Whether it also tells speed, power, frequency and passes of that pen.
+    pub carries_settings: bool,
+    /// Whether a file of a stepped job sets the zoom optic for each block.
+    pub carries_focus_shift: bool,
+    /// Ways of loading the blocks of a stepped job that use its files.
+    pub ways: &'static [LoadingWay],
+    /// Whether it is a program for the control of the stage.
+    pub moves_stage: bool,
+    /// Lines of the run sheet that say how its files are used.
+    pub sheet: &'static [&'static str],
+}
+
+/// The ways that use files of single blocks.
+const OF_BLOCKS: &[LoadingWay] = &[LoadingWay::Run, LoadingWay::Card, LoadingWay::Person];
+
+/// All targets, in the order in which files are written.
+pub const TARGETS: [Target; 10] = [
+    Target {
+        format: Format::Dxf,
+        stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: true,
+        carries_settings: false,
+        carries_focus_shift: false,
+        ways: OF_BLOCKS,
+        moves_stage: false,
+        sheet: &[
+            "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
+            "of that block and nowhere else. Layer and colour number are the number of the pen. Switch off",
+            "sorting and joining of paths where order or direction matter.",
+        ],
+    },
+    Target {
+        format: Format::Csv,
+        stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: true,
+        carries_settings: false,
+        carries_focus_shift: false,
+        ways: OF_BLOCKS,
+        moves_stage: false,
+        sheet: &[
+            "blocks/B0001.csv and so on hold one block each as points in mm: number of the stroke, number of",
+            "the pen, x, y. The beam is on between points of the same stroke and off between strokes.",
+        ],
+    },
+    Target {
+        format: Format::Lightburn,
+        stepped: Some(Files::Blocks("lbrn2", |job, i| lightburn::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        known_faults: lightburn::known_faults,
+        faults: no_faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: false,
+        ways: OF_BLOCKS,
+        moves_stage: false,
+        sheet: &[
+            "blocks/B0001.lbrn2 and so on are LightBurn projects of one block each, with speed, power, frequency",
+            "and passes of every pen; layer 00 is pen 1. LightBurn marks layer after layer, and the paths of a",
+            "layer in the order of the file only with all cut optimization switched off. Switch it off.",
+        ],
+    },
+    Target {
+        format: Format::Lmc,
+        stepped: Some(Files::Blocks("lmc", |job, i| lmc::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        known_faults: lmc::known_faults,
+        faults: lmc::faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: false,
+        ways: OF_BLOCKS,
+        moves_stage: false,
+        sheet: &[
+            "blocks/B0001.lmc and so on are lists of one block each for a BJJCZ (LMC) card, in units of the card,",
+            "with all settings of the pens. They hold no correction of the field: load it before.",
+        ],
+    },
+    Target {
+        format: Format::Rtc,
+        stepped: Some(Files::Blocks("rtc", |job, i| rtc::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        known_faults: rtc::known_faults,
+        faults: rtc::faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: true,
+        ways: OF_BLOCKS,
+        moves_stage: false,
+        sheet: &[
+            "blocks/B0001.rtc and so on are lists of one block each for a SCANLAB RTC board, as text in the units",
+            "of the board, for a program of your own that goes through them line by line.",
+        ],
+    },
+    Target {
+        format: Format::Linuxcnc,
+        stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
+        on_the_fly: Some(FlyFile {
+            name: "fly.ngc",
+            kinds: &[Kind::Xyzuv],
+            write: on_the_fly::linuxcnc,
+            servo_s: on_the_fly::LINUXCNC_SERVO_S,
+        }),
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: false,
+        carries_settings: false,
+        carries_focus_shift: false,
+        ways: &[LoadingWay::Card],
+        moves_stage: true,
+        sheet: &[
+            "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
+            "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
+            "wait takes too long the program ends without moving on: check the laser, then let `terrace resume`",
+            "write a program of what is left. The first line of block B0133 is N133. To begin there, first do",
+            "what the comments ENTRY before it say.",
+        ],
+    },
+    Target {
+        format: Format::Gcode,
+        stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
+        on_the_fly: None,
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: false,
+        carries_settings: false,
+        carries_focus_shift: false,
+        ways: &[LoadingWay::Person],
+        moves_stage: true,
+        sheet: &[
+            "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
+            "cycle start. Never press it while the laser is on. Dwells are in seconds. The first line of block",
+            "B0133 is N133. To begin there, first do what the comments ENTRY before it say.",
+        ],
+    },
+    Target {
+        format: Format::Ovf,
+        stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
+        on_the_fly: None,
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: true,
+        ways: &[LoadingWay::Ovf],
+        moves_stage: false,
+        sheet: &[
+            "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
+        ],
+    },
+    Target {
+        format: Format::Poses,
+        stepped: Some(Files::Whole("poses.csv", poses::write)),
+        on_the_fly: None,
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: false,
+        carries_settings: false,
+        carries_focus_shift: false,
+        ways: &[LoadingWay::Person],
+        moves_stage: false,
+        sheet: &[
+            "poses.csv holds the pose of the head at each block, for a robot or a gantry: the centre of the field in",
+            "the focal plane, mm in the frame of the part, and the turns about z, y and x (ZYX Euler angles, deg)",
+            "that bring the axes of the part to the field's x and y and the beam, z towards the lens.",
+        ],
+    },
+    Target {
+        format: Format::Pmac,
+        stepped: None,
+        on_the_fly: Some(FlyFile {
+            name: "fly.pmc",
+            kinds: &[Kind::Xyzuv, Kind::Xyzacuv],
+            write: on_the_fly::pmac,
+            servo_s: on_the_fly::PMAC_SERVO_S,
+        }),
+        known_faults: no_known_faults,
+        faults: no_faults,
+        carries_pens: false,
+        carries_settings: false,
+        carries_focus_shift: false,
+        ways: &[],
+        moves_stage: true,
+        sheet: &[],
+    },
+];
+
+impl Target {
+    /// The row of a format.
+    pub fn of(format: Format) -> &'static Self {
+        TARGETS.iter().find(|t| t.format == format).expect("every format has a row, as a test holds")
+    }
+
+    /// Its name in job files and messages.
+    pub fn name(&self) -> &'static str {
+        self.format.name()
+    }
+}
+
+/// Holds a program against what its formats can carry.
+///
+/// # Errors
+/// What a controller would clip, drop or truncate, by format.
+pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Result<(), Error> {
+    let known = Known::of_program(program, machine);
+    let of = |f: &Format| {
+        let known = (Target::of(*f).known_faults)(&known).into_iter().map(|(_, fault)| fault);
+        known.chain((Target::of(*f).faults)(program, machine))
+    };
+    let faults: Vec<Diag> = formats.iter().flat_map(of).collect();
+    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+}
+
+/// What is refused of a job before it is planned, by format.
+pub fn known_faults(formats: &[Format], known: &Known<'_>) -> Vec<(Format, KnownFault)> {
+    formats.iter().flat_map(|&f| (Target::of(f).known_faults)(known).into_iter().map(move |fault| (f, fault))).collect()
+}
+
+/// Formats that take every job, as far as it is known before it is planned.
+fn no_known_faults(_: &Known<'_>) -> Vec<KnownFault> {
+    Vec::new()
+}
+
+/// Formats that take every program that the check takes.
+fn no_faults(_: &Program, _: &Machine) -> Vec<Diag> {
+    Vec::new()
+}
+
+/// The ending of the files of single blocks among what `formats` write, the first where there are several.
+pub fn block_file(formats: &[Format]) -> Option<&'static str> {
+    formats.iter().find_map(|&f| match Target::of(f).stepped {
+        Some(Files::Blocks(ending, _)) => Some(ending),
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_have_a_target_in_their_order_and_it_writes_the_jobs_that_they_can_hold() {
+        let of_targets: Vec<Format> = TARGETS.iter().map(|t| t.format).collect();
+        assert_eq!(of_targets, Format::all().collect::<Vec<_>>());
+        for target in &TARGETS {
+            let writes = (target.stepped.is_some(), target.on_the_fly.is_some());
+            assert_eq!(writes, (target.format.is_stepped(), target.format.is_on_the_fly()), "{}", target.name());
+        }
+    }
+
+    #[test]
+    fn no_two_targets_write_the_same_file() {
+        let whole = |t: &Target| match t.stepped {
+            Some(Files::Whole(name, _) | Files::Blocks(name, _)) => Some(name),
+            None => None,
+        };
+        let mut names: Vec<&str> =
+            TARGETS.iter().flat_map(|t| [whole(t), t.on_the_fly.map(|f| f.name)]).flatten().collect();
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), count);
+    }
+}

@@ -1,0 +1,14 @@
+//! Planning: the texture is followed over the surface, divided into stops or a path on the fly, ordered, checked, and
+//! written as programs and manifest.
+
+pub mod block_map;
+pub mod budget;
+pub mod check;
+pub mod emit;
+pub mod manifest;
+pub mod on_the_fly;
+pub mod order;
+pub mod partition;
+pub mod plan;
+pub mod projection;
+pub mod split;

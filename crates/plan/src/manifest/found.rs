@@ -1,0 +1,79 @@
+//! What the product reads of the manifest of a job folder, whatever its mode.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+use super::head::{bytes, parse};
+use super::{Head, Manifest, OnTheFlySummary, Summary};
+use terrace_core::diag::{Diag, Error, Message};
+use terrace_core::machine::Machine;
+use terrace_input::job::Mode;
+
+/// A manifest as the product reads it.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// What both modes have.
+    pub head: Head,
+    /// The machine's name.
+    pub machine: String,
+    /// The figures.
+    pub summary: AnySummary,
+}
+
+/// Figures by mode.
+#[derive(Clone, Debug)]
+pub enum AnySummary {
+    /// Of a stepped job.
+    Stepped(Box<Summary>),
+    /// Of an on-the-fly job.
+    OnTheFly(Box<OnTheFlySummary>),
+}
+
+impl AnySummary {
+    /// As `compile --json` prints them.
+    pub fn to_json(&self) -> serde_json::Value {
+        let value = match self {
+            Self::Stepped(summary) => serde_json::to_value(summary),
+            Self::OnTheFly(summary) => serde_json::to_value(summary),
+        };
+        value.expect("summaries are plain JSON")
+    }
+
+    /// With further warnings.
+    #[must_use]
+    pub fn warned(mut self, further: &[Diag]) -> Self {
+        let warnings = match &mut self {
+            Self::Stepped(summary) => &mut summary.warnings,
+            Self::OnTheFly(summary) => &mut summary.warnings,
+        };
+        warnings.extend(further.iter().map(Message::from));
+        self
+    }
+}
+
+/// Reads the manifest of a job folder.
+///
+/// # Errors
+/// As [`Head::read`].
+pub fn read(folder: &Path) -> Result<Found, Error> {
+    #[derive(Deserialize)]
+    struct Rest {
+        machine: Machine,
+        summary: OnTheFlySummary,
+    }
+    let bytes = bytes(folder)?;
+    let head: Head = parse(folder, &bytes)?;
+    let (machine, summary) = match head.mode {
+        Mode::Stepped => {
+            let found: Manifest<IgnoredAny> = parse(folder, &bytes)?;
+            (found.machine.name, AnySummary::Stepped(Box::new(found.summary)))
+        }
+        Mode::OnTheFly => {
+            let found: Rest = parse(folder, &bytes)?;
+            (found.machine.name, AnySummary::OnTheFly(Box::new(found.summary)))
+        }
+    };
+    Ok(Found { head, machine, summary })
+}

@@ -1,0 +1,349 @@
+//! Seven axes: a stage of X, Y, Z that carries a swivel A and a turntable C, under a scanner of U and V.
+//!
+//! Consumes points and normals of the part; promises axis values, and the part point and beam that axis values
+//! stand for. Units: mm, rad. Part coordinates turn by -C about z, then by A about x, and lie then in the frame
+//! of the machine, whose z is the beam's axis:
+//!
+//! Q = Rx(A) Rz(-C) p
+//!
+//! The stage stands at X, Y, Z = Q of the tool point, whose normal that turn brings upright; a mark at P is
+//! then seen at U, V and off the focal plane by what Q of P differs from X, Y, Z.
+//!
+//! # Sources
+//! Ma et al. (2025), eq. 11 to 13, whose signs were lost in print. The angles are printed there as A = arccos k and
+//! C = arctan of i and j: with A ≥ 0 that turns every normal with j < 0 to the wrong side, by twice its tilt. Here
+//! C = atan2(-i, j).
+//!
+//! # Limits
+//! Signs are consistent in themselves; a machine may count A or C the other way. Beams are vertical over the
+//! field (telecentric lens).
+
+use std::f64::consts::{PI, TAU};
+
+/// A point of the part and a unit direction there: a mark with its normal, or a tool point with its axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Point.
+    pub p: [f64; 3],
+    /// Unit vector out of the part.
+    pub n: [f64; 3],
+}
+
+impl Pose {
+    /// On a surface given as z, ∂z/∂x and ∂z/∂y of x and y.
+    pub fn on_surface([x, y]: [f64; 2], surface: impl Fn(f64, f64) -> (f64, f64, f64)) -> Self {
+        let (z, zx, zy) = surface(x, y);
+        let norm = (1.0 + zx * zx + zy * zy).sqrt();
+        Self { p: [x, y, z], n: [-zx / norm, -zy / norm, 1.0 / norm] }
+    }
+}
+
+/// Stage axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axes {
+    /// X, Y, Z.
+    pub xyz: [f64; 3],
+    /// Swivel.
+    pub a: f64,
+    /// Turntable.
+    pub c: f64,
+}
+
+/// Which of the two turns that bring a normal upright.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Branch {
+    /// A ≥ 0.
+    Positive,
+    /// A ≤ 0.
+    Negative,
+}
+
+/// A normal nearer to the axis of C than this has no C of its own. Rounding of a unit vector is 1e-16; from
+/// here on it turns C by less than 1e-4.
+const UPRIGHT: f64 = 1e-12;
+
+/// A and C for a normal; C is `held` where the normal is upright.
+pub fn turn_for(n: [f64; 3], branch: Branch, held: f64) -> (f64, f64) {
+    let [i, j, k] = n;
+    let tilt = i.hypot(j);
+    // acos k, without its loss of digits near k = 1.
+    let a = tilt.atan2(k);
+    if tilt < UPRIGHT {
+        return (if branch == Branch::Positive { a } else { -a }, held);
+    }
+    match branch {
+        Branch::Positive => (a, (-i).atan2(j)),
+        Branch::Negative => (-a, i.atan2(-j)),
+    }
+}
+
+/// Part to machine frame at A, C.
+pub fn machine_from_part(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
+    let (right, back) = (x * cc + y * sc, y * cc - x * sc);
+    [right, back * ca - z * sa, back * sa + z * ca]
+}
+
+/// Machine to part frame at A, C.
+pub fn part_from_machine(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
+    let (back, up) = (y * ca + z * sa, z * ca - y * sa);
+    [x * cc - back * sc, x * sc + back * cc, up]
+}
+
+impl Axes {
+    /// With the tool at a pose; C is `held` where its axis is upright.
+    pub fn at(tool: &Pose, branch: Branch, held: f64) -> Self {
+        let (a, c) = turn_for(tool.n, branch, held);
+        Self { xyz: machine_from_part(a, c, tool.p), a, c }
+    }
+
+    /// The tool's point and axis.
+    pub fn tool(&self) -> Pose {
+        Pose { p: part_from_machine(self.a, self.c, self.xyz), n: part_from_machine(self.a, self.c, [0.0, 0.0, 1.0]) }
+    }
+
+    /// U, V and the height over the focal plane under which the scanner sees a point of the part.
+    pub fn field_from_part(&self, p: [f64; 3]) -> [f64; 3] {
+        let q = machine_from_part(self.a, self.c, p);
+        [q[0] - self.xyz[0], q[1] - self.xyz[1], q[2] - self.xyz[2]]
+    }
+
+    /// Where the beam of U, V meets the focal plane, and the direction back along it, in the part frame.
+    pub fn spot(&self, u: f64, v: f64) -> Pose {
+        let q = [self.xyz[0] + u, self.xyz[1] + v, self.xyz[2]];
+        Pose { p: part_from_machine(self.a, self.c, q), n: part_from_machine(self.a, self.c, [0.0, 0.0, 1.0]) }
+    }
+}
+
+/// How far a mark lies from what its tool would like best.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deviation {
+    /// Out of focus along the beam (FOD), mm, without sign.
+    pub focus: f64,
+    /// Angle of the beam to the normal (BIA), rad.
+    pub angle: f64,
+    /// Across the beam, mm.
+    pub lateral: f64,
+}
+
+impl Deviation {
+    /// Of a mark from a tool.
+    pub fn of(mark: &Pose, tool: &Pose) -> Self {
+        let d = [0, 1, 2].map(|i| mark.p[i] - tool.p[i]);
+        let focus = dot(d, tool.n);
+        let across = [0, 1, 2].map(|i| d[i] - focus * tool.n[i]);
+        let (m, t) = (mark.n, tool.n);
+        let cross = [m[1] * t[2] - m[2] * t[1], m[2] * t[0] - m[0] * t[2], m[0] * t[1] - m[1] * t[0]];
+        Self { focus: focus.abs(), angle: norm(cross).atan2(dot(m, t)), lateral: norm(across) }
+    }
+
+    /// Each part the larger of two.
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            focus: self.focus.max(other.focus),
+            angle: self.angle.max(other.angle),
+            lateral: self.lateral.max(other.lateral),
+        }
+    }
+
+    /// Largest of each part over a path.
+    pub fn worst(marks: &[Pose], tools: impl IntoIterator<Item = Pose>) -> Self {
+        marks.iter().zip(tools).fold(Self::default(), |worst, (mark, tool)| worst.max(Self::of(mark, &tool)))
+    }
+}
+
+/// Which branches a path may take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Branches {
+    /// One all along.
+    Only(Branch),
+    /// Both, changing where that makes the time of the slower of A and C least, at these speeds, rad/s.
+    Quickest {
+        /// Largest speed of A.
+        a: f64,
+        /// Largest speed of C.
+        c: f64,
+    },
+}
+
+/// Axes along a path of tools. C continues by the nearest turn and rests where the tool is upright; before the
+/// first tool that leans it stands as that one needs it.
+pub fn follow(tools: &[Pose], branches: Branches) -> Vec<Axes> {
+    let taken: Vec<Branch> = match branches {
+        Branches::Only(branch) => vec![branch; tools.len()],
+        Branches::Quickest { a, c } => quickest(tools, a, c),
+    };
+    let leans = |t: &&Pose| t.n[0].hypot(t.n[1]) >= UPRIGHT;
+    let mut held = match (tools.iter().find(leans), taken.first()) {
+        (Some(first), Some(&branch)) => turn_for(first.n, branch, 0.0).1,
+        _ => 0.0,
+    };
+    let mut out = Vec::with_capacity(tools.len());
+    for (tool, &branch) in tools.iter().zip(&taken) {
+        let (a, c) = turn_for(tool.n, branch, held);
+        held += nearest_turn(c - held);
+        out.push(Axes { xyz: machine_from_part(a, held, tool.p), a, c: held });
+    }
+    out
+}
+
+/// An angle less the whole turns that bring it nearest to 0.
+fn nearest_turn(angle: f64) -> f64 {
+    angle - TAU * (angle / TAU).round()
+}
+
+/// Branch of every tool, by dynamic programming over the two of them: a path through both kinds of states whose
+/// summed times of the slower axis are least.
+fn quickest(tools: &[Pose], speed_a: f64, speed_c: f64) -> Vec<Branch> {
+    const BOTH: [Branch; 2] = [Branch::Positive, Branch::Negative];
+    let Some(first) = tools.iter().find(|t| t.n[0].hypot(t.n[1]) >= UPRIGHT) else {
+        return vec![Branch::Positive; tools.len()];
+    };
+    let mut states = BOTH.map(|b| (0.0, turn_for(first.n, b, 0.0).1));
+    let mut cost = [0.0; 2];
+    // From which state each came, per tool after the first.
+    let mut from: Vec<[u8; 2]> = Vec::with_capacity(tools.len());
+    for (i, tool) in tools.iter().enumerate() {
+        let mut next = states;
+        let mut sum = [f64::INFINITY; 2];
+        let mut came = [0, 0];
+        for (to, branch) in BOTH.into_iter().enumerate() {
+            // What does not change is looked at first, so that it wins a tie.
+            for s in [to, 1 - to] {
+                let (a, c) = turn_for(tool.n, branch, states[s].1);
+                let step = ((a - states[s].0).abs() / speed_a).max(nearest_turn(c - states[s].1).abs() / speed_c);
+                let total = cost[s] + if i == 0 { 0.0 } else { step };
+                if total < sum[to] {
+                    (sum[to], next[to], came[to]) = (total, (a, c), s as u8);
+                }
+            }
+        }
+        (states, cost) = (next, sum);
+        from.push(came);
+    }
+    // Where neither is quicker but for rounding, A ≥ 0.
+    const ROUNDING: f64 = 1e-9;
+    let mut state = usize::from(cost[1] < cost[0] * (1.0 - ROUNDING));
+    let mut out = vec![Branch::Positive; tools.len()];
+    for i in (0..tools.len()).rev() {
+        out[i] = BOTH[state];
+        if i > 0 {
+            state = usize::from(from[i][state]);
+        }
+    }
+    out
+}
+
+/// The same angle as C, or that of the other branch, half a turn on, whichever is nearest to `near`.
+pub(crate) fn nearest_half_turn(c: f64, near: f64) -> f64 {
+    c + PI * ((near - c) / PI).round()
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::on_the_fly::decompose::sample;
+    use terrace_core::random::Random;
+
+    #[test]
+    fn inverse_kinematics_round_trips_on_both_branches() {
+        let mut random = Random::new(1);
+        let mut next = || random.unit();
+        for _ in 0..20_000 {
+            let (tilt, round) = (1.5 * next(), TAU * next());
+            let n = [tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()];
+            let pose = Pose { p: [0.0; 3].map(|_| 100.0 * next() - 50.0), n };
+            for (branch, sign) in [(Branch::Positive, 1.0), (Branch::Negative, -1.0)] {
+                let axes = Axes::at(&pose, branch, 0.0);
+                assert!(axes.a * sign >= 0.0);
+                let upright = machine_from_part(axes.a, axes.c, n);
+                let back = axes.tool();
+                for i in 0..3 {
+                    assert!((upright[i] - [0.0, 0.0, 1.0][i]).abs() < 1e-9, "{upright:?}");
+                    assert!((back.p[i] - pose.p[i]).abs() < 1e-9 && (back.n[i] - n[i]).abs() < 1e-9, "{back:?}");
+                }
+                let mark = [0.0; 3].map(|_| 10.0 * next());
+                let [u, v, off] = axes.field_from_part(mark);
+                let spot = axes.spot(u, v);
+                let hit = Deviation::of(&Pose { p: mark, n }, &pose);
+                assert!((hit.focus - off.abs()).abs() < 1e-9 && (hit.lateral - u.hypot(v)).abs() < 1e-9);
+                for i in 0..3 {
+                    assert!((spot.p[i] + off * n[i] - mark[i]).abs() < 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn printed_arctan_formula_is_wrong_for_half_of_all_directions() {
+        let mut random = Random::new(1);
+        let mut next = || random.unit();
+        let (mut wrong, count) = (0, 10_000);
+        for _ in 0..count {
+            let (tilt, round) = (0.4 * next(), TAU * next());
+            let n = [tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()];
+            let up = machine_from_part(n[2].acos(), (-n[0] / n[1]).atan(), n);
+            let off = up[2].clamp(-1.0, 1.0).acos();
+            if off > 1e-6 {
+                wrong += 1;
+                assert!((off - 2.0 * tilt).abs() < 1e-6 && n[1] < 0.0);
+            }
+        }
+        assert!((wrong - count / 2i32).abs() < count / 20, "{wrong}");
+    }
+
+    #[test]
+    fn c_is_constant_at_the_pole_and_unwrapped_elsewhere() {
+        // Round the pole three times, then straight across it.
+        let lean = |x: f64, y: f64| Pose { p: [x, y, 0.0], n: [x, y, (1.0 - x * x - y * y).sqrt()] };
+        let round: Vec<Pose> = (0..=300)
+            .map(|i| TAU * f64::from(i) / 100.0)
+            .map(|w| lean(0.3 * w.cos(), 0.3 * w.sin()))
+            .chain((1..=60).map(|i| lean(0.3 - 0.01 * f64::from(i), 0.0)))
+            .collect();
+        let axes = follow(&round, Branches::Only(Branch::Positive));
+        assert!((axes[300].c - axes[0].c - 3.0 * TAU).abs() < 1e-9);
+        assert_eq!(axes[330].c, axes[329].c, "upright");
+        assert!(axes.windows(2).all(|w| (w[1].c - w[0].c).abs() <= PI + 1e-9));
+        // With both branches A runs through 0 and C rests.
+        let both = follow(&round, Branches::Quickest { a: 1.0, c: 1.0 });
+        assert!((both[360].c - both[300].c).abs() < 1e-9 && both[300].a * both[360].a < 0.0);
+        assert!(both.iter().zip(&round).all(|(a, t)| Deviation::of(t, &a.tool()).angle < 1e-9));
+    }
+
+    #[test]
+    fn kinematics_match_the_reference_points_of_the_seven_axis_part() {
+        let part = sample::Part::stored();
+        let samples = part.json["samples"].as_array().expect("samples");
+        assert_eq!(samples.len(), 10);
+        let plan = part.hilbert();
+        let sigma = part.json["sigma_points"].as_f64().expect("sigma");
+        let smooth =
+            crate::on_the_fly::decompose::stage(&plan, crate::on_the_fly::decompose::Method::Gaussian { sigma });
+        let near = |a: f64, b: &serde_json::Value| (a - b.as_f64().expect("number")).abs() < 1e-9;
+        for s in samples {
+            let i = s["i"].as_u64().expect("index") as usize;
+            let (mark, tool) = (part.pose(plan[i]), part.pose(smooth[i]));
+            let axes = Axes::at(&tool, Branch::Positive, 0.0);
+            for k in 0..3 {
+                assert!(near(mark.p[k], &s["P"][k]) && near(mark.n[k], &s["n"][k]), "{i}");
+                assert!(near(tool.p[k], &s["Pf"][k]) && near(tool.n[k], &s["nf"][k]), "{i}");
+                assert!(near(axes.xyz[k], &s["XYZ"][k]), "{i}");
+            }
+            assert!(near(axes.a, &s["A"]) && near(axes.c, &s["C_wrapped"]), "{i}");
+            let [u, v, off] = axes.field_from_part(mark.p);
+            assert!(near(u, &s["U"]) && near(v, &s["V"]) && near(off, &s["FOD"]), "{i}");
+            let hit = Deviation::of(&mark, &tool);
+            assert!(near(hit.angle.to_degrees(), &s["BIA_deg"]), "{i}");
+        }
+    }
+}

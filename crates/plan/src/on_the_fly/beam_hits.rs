@@ -1,0 +1,396 @@
+//! Where the beam of every mark of a program meets the part.
+//!
+//! Consumes a program as it is commanded, its path and the part; promises focal offset and angle of every mark as the
+//! facets under it have them, how far beside the path a leaning beam meets the part, and the stretches of strokes where
+//! one of these is beyond its limit. Upright beams are followed from facet to facet, leaning ones at both ends of every
+//! move and at three places between. Units: mm, rad, unless a name says otherwise.
+
+use crate::on_the_fly::path::follow::Stretch;
+use crate::on_the_fly::path::{Followed, Path};
+use crate::on_the_fly::program::{AxisCommands, Kind, Program};
+use crate::projection::Tracer;
+use terrace_core::diag::Error;
+use terrace_core::geom::{NM_PER_MM, P2};
+use terrace_core::machine::Machine;
+use terrace_input::surface::Surface;
+
+/// A beam this far next to a border may be on either side of it, nm: what marks may stray from rounding.
+const BORDER: f64 = 120.0;
+/// Places of a move at which leaning beams are followed, besides its start.
+const PLACES: usize = 4;
+/// A beam this near to the path passes through it, mm: what marks may stray from rounding, or cut off at a corner.
+const THROUGH: f64 = 2.5e-4;
+/// What rounding adds to an angle, rad.
+const ROUNDED: f64 = 1e-6;
+
+/// What a mark must keep.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Out of focus along the beam.
+    pub focus: f64,
+    /// Angle of the beam to the part's normal.
+    pub angle: f64,
+    /// In plan, from the place of the path that the beam passes through to where it meets the part.
+    pub beside: f64,
+}
+
+/// A place where a mark does not keep its limits.
+#[derive(Clone, Copy, Debug)]
+pub struct Miss {
+    /// In plan.
+    pub at: [f64; 2],
+    /// Where its beam meets the part.
+    pub hit: BeamHit,
+}
+
+/// Focal offset and incidence of the marks of a program on the part.
+#[derive(Clone, Debug, Default)]
+pub struct FocusOnPart {
+    /// Largest focal offset.
+    pub focus: f64,
+    /// Largest angle.
+    pub angle: f64,
+    /// The first place beyond a limit.
+    pub first: Option<Miss>,
+    /// Stretches of strokes beyond a limit.
+    pub beyond: Vec<Stretch>,
+}
+
+/// A beam: where it meets the focal plane, and the direction against it.
+#[derive(Clone, Copy)]
+struct Beam {
+    at: [f64; 3],
+    up: [f64; 3],
+}
+
+impl Beam {
+    /// The place of a segment that lies nearest to the beam, after how far that is, across the beam.
+    fn nearest(&self, a: [f64; 3], b: [f64; 3]) -> (f64, [f64; 3]) {
+        let across = |v: [f64; 3]| {
+            let along: f64 = (0..3).map(|k| v[k] * self.up[k]).sum();
+            [0, 1, 2].map(|k| v[k] - along * self.up[k])
+        };
+        let dot = |v: [f64; 3], w: [f64; 3]| v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
+        let to = across([0, 1, 2].map(|k| self.at[k] - a[k]));
+        let way = across([0, 1, 2].map(|k| b[k] - a[k]));
+        let length2 = dot(way, way);
+        let t = if length2 > 0.0 { (dot(to, way) / length2).clamp(0.0, 1.0) } else { 0.0 };
+        let off = [0, 1, 2].map(|k| to[k] - t * way[k]);
+        (dot(off, off).sqrt(), [0, 1, 2].map(|k| a[k] + t * (b[k] - a[k])))
+    }
+}
+
+/// Where a beam meets the part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BeamHit {
+    /// Out of focus; infinite where the beam misses the part.
+    pub focus: f64,
+    /// Angle to the normal.
+    pub angle: f64,
+    /// Beside the path, in plan; 0 of upright beams, which meet the part wherever it is.
+    pub beside: f64,
+}
+
+impl BeamHit {
+    const MISSED: Self = Self { focus: f64::INFINITY, angle: 0.0, beside: 0.0 };
+
+    fn max(self, other: Self) -> Self {
+        Self {
+            focus: self.focus.max(other.focus),
+            angle: self.angle.max(other.angle),
+            beside: self.beside.max(other.beside),
+        }
+    }
+}
+
+/// The path of one mark, and how far along it beams have come.
+struct Marked {
+    nodes: Vec<[f64; 3]>,
+    at: usize,
+}
+
+impl Marked {
+    /// The marks of a path, in its order.
+    fn all(path: &Path) -> Vec<Self> {
+        let mut out: Vec<Self> = Vec::new();
+        for w in path.nodes.windows(2) {
+            if w[1].pen.is_none() {
+                continue;
+            }
+            match out.last_mut().filter(|_| w[0].pen.is_some() && w[0].stroke == w[1].stroke) {
+                Some(mark) => mark.nodes.push(w[1].at),
+                None => out.push(Self { nodes: vec![w[0].at, w[1].at], at: 0 }),
+            }
+        }
+        out
+    }
+
+    /// Where a beam passes through the path: on the segment of the last beam or the next that it passes [`THROUGH`];
+    /// where there is none, on the one that it passes nearest.
+    fn place(&mut self, beam: &Beam) -> [f64; 3] {
+        let mut best = (f64::INFINITY, self.nodes[self.at], self.at);
+        for i in self.at..self.nodes.len() - 1 {
+            let (off, place) = beam.nearest(self.nodes[i], self.nodes[i + 1]);
+            if off < best.0 {
+                best = (off, place, i);
+            } else if best.0 < THROUGH {
+                break;
+            }
+        }
+        self.at = best.2;
+        best.1
+    }
+}
+
+struct Finder<'a> {
+    tracer: Tracer<'a>,
+    limits: Limits,
+    /// The part's highest place.
+    top: f64,
+}
+
+/// Follows the beams of all marks, whose path is `followed`. What is beyond a limit reaches `around` mm farther than it
+/// was found.
+///
+/// # Errors
+/// Those of a machine that does not have the program's axes.
+pub fn focus_on_part(
+    program: &Program,
+    machine: &Machine,
+    surface: &Surface,
+    limits: Limits,
+    followed: &Followed,
+    around: f64,
+) -> Result<FocusOnPart, Error> {
+    let spot = program.spots(machine)?;
+    let beam = |to: &AxisCommands| {
+        let spot = spot(to);
+        Beam { at: spot.part, up: spot.up }
+    };
+    let top = surface.tiles().iter().map(|t| t.1.mm()).fold(f64::NEG_INFINITY, f64::max);
+    let mut finder = Finder { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
+    let mut out = FocusOnPart::default();
+    let (mut pieces, mut before, mut along) = (followed.marked.iter(), None, 0.0);
+    let mut paths = Marked::all(&followed.path).into_iter();
+    let (mut piece, mut path) = (None, None);
+    for (_, from, step) in program.steps() {
+        if step.mark.is_some() && step.mark != before {
+            (piece, path) = (pieces.next(), paths.next());
+            along = piece.map_or(0.0, |p| p.from);
+        }
+        before = step.mark;
+        if step.mark.is_none() {
+            continue;
+        }
+        let [a, b] = [beam(from), beam(&step.to)];
+        let way = (b.at[0] - a.at[0]).hypot(b.at[1] - a.at[1]);
+        let (worst, at) = match program.kind {
+            Kind::Xyzuv => finder.upright(&a, &b),
+            Kind::Xyzacuv => {
+                let axis = |k: usize, share: f64| from[k] as f64 + share * (step.to[k] - from[k]) as f64;
+                let beams = (0..=PLACES).map(|i| {
+                    let share = i as f64 / PLACES as f64;
+                    beam(&AxisCommands(std::array::from_fn(|k| axis(k, share).round() as i64)))
+                });
+                finder.leaning(beams, path.as_mut(), [b.at[0] - a.at[0], b.at[1] - a.at[1]])
+            }
+        };
+        (out.focus, out.angle) = (out.focus.max(worst.focus), out.angle.max(worst.angle));
+        if !finder.holds(worst) {
+            out.first.get_or_insert(Miss { at, hit: worst });
+            if let Some(piece) = piece {
+                let [from, to] = [along - around, along + way + around];
+                match out.beyond.last_mut() {
+                    Some(last) if last.stroke == piece.stroke && from <= last.to => last.to = to,
+                    _ => out.beyond.push(Stretch { stroke: piece.stroke, from, to }),
+                }
+            }
+        }
+        along += way;
+    }
+    Ok(out)
+}
+
+impl Finder<'_> {
+    fn holds(&self, BeamHit { focus, angle, beside }: BeamHit) -> bool {
+        focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED && beside <= self.limits.beside
+    }
+
+    /// The worse of two hits: one that keeps its limits is never worse than one that does not.
+    fn worse(&self, a: (BeamHit, [f64; 2]), b: (BeamHit, [f64; 2])) -> (BeamHit, [f64; 2]) {
+        (a.0.max(b.0), if self.holds(a.0) { b.1 } else { a.1 })
+    }
+
+    /// The worst of an upright move, on the line or just next to it where it runs along a border.
+    fn upright(&mut self, a: &Beam, b: &Beam) -> (BeamHit, [f64; 2]) {
+        let [p, q] = [a, b].map(|beam| [beam.at[0], beam.at[1]].map(|v| v * NM_PER_MM));
+        let way = [q[0] - p[0], q[1] - p[1]];
+        let length = way[0].hypot(way[1]);
+        let side = if length > 0.0 { [-way[1] / length, way[0] / length] } else { [1.0, 0.0] };
+        let mut first = None;
+        for by in [0.0, BORDER, -BORDER] {
+            let worst = self.along([0, 1].map(|k| p[k] + by * side[k]), [0, 1].map(|k| q[k] + by * side[k]), a, b);
+            if self.holds(worst.0) {
+                return worst;
+            }
+            first.get_or_insert(worst);
+        }
+        first.unwrap_or_default()
+    }
+
+    fn along(&mut self, p: [f64; 2], q: [f64; 2], a: &Beam, b: &Beam) -> (BeamHit, [f64; 2]) {
+        let grid = |p: [f64; 2]| P2::new(p[0].round() as i64, p[1].round() as i64);
+        let (p, mut q) = (grid(p), grid(q));
+        if p == q {
+            q.x += 1;
+        }
+        let normals = self.tracer.normals();
+        let mut pieces = Vec::new();
+        self.tracer.segment(p, q, |piece| {
+            if piece.skip.is_none() {
+                pieces.push((piece.t0, piece.z0, normals.under(&piece)));
+                pieces.push((piece.t1, piece.z1, normals.under(&piece)));
+            }
+        });
+        let start = (BeamHit::default(), p.mm());
+        pieces.into_iter().fold(start, |worst, (t, z, normal)| {
+            let focus = (z / NM_PER_MM - (a.at[2] + t * (b.at[2] - a.at[2]))).abs();
+            let hit = BeamHit { focus, angle: normal[2].clamp(-1.0, 1.0).acos(), beside: 0.0 };
+            self.worse(worst, (hit, p.lerp(q, t).mm()))
+        })
+    }
+
+    /// The worst of leaning beams of a move that runs along `way`, of a mark with a path.
+    fn leaning(
+        &mut self,
+        beams: impl Iterator<Item = Beam>,
+        mut path: Option<&mut Marked>,
+        way: [f64; 2],
+    ) -> (BeamHit, [f64; 2]) {
+        let mut worst = (BeamHit::default(), [0.0; 2]);
+        for beam in beams {
+            let place = path.as_mut().map_or(beam.at, |path| path.place(&beam));
+            let hit = self.near(&beam, [place[0], place[1]], way);
+            worst = self.worse(worst, (hit, [beam.at[0], beam.at[1]]));
+        }
+        worst
+    }
+
+    /// Where a leaning beam hits the part that should at `place`. Where it misses the part or a limit, one within
+    /// [`BORDER`] that does not.
+    fn near(&mut self, beam: &Beam, place: [f64; 2], way: [f64; 2]) -> BeamHit {
+        let straight = self.hit(beam, place);
+        if let Some(hit) = straight.filter(|&f| self.holds(f)) {
+            return hit;
+        }
+        let length = way[0].hypot(way[1]);
+        let along = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
+        let mut first = straight;
+        for s in [0.0, -1.0, 1.0] {
+            for t in [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0] {
+                let by = [s * along[0] - t * along[1], s * along[1] + t * along[0]].map(|v| v * BORDER / NM_PER_MM);
+                let beam = Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up };
+                let found = self.hit(&beam, [place[0] + by[0], place[1] + by[1]]);
+                if let Some(hit) = found.filter(|&f| self.holds(f)) {
+                    return hit;
+                }
+                first = first.or(found);
+            }
+        }
+        first.unwrap_or(BeamHit::MISSED)
+    }
+
+    /// The highest part along a beam that should meet it at `meant`.
+    fn hit(&mut self, beam: &Beam, meant: [f64; 2]) -> Option<BeamHit> {
+        let up = beam.up;
+        if up[2] <= 0.0 {
+            return None;
+        }
+        // From above the part down to twice the limit below the focal plane; what lies lower is missed.
+        let heights = [self.top.max(beam.at[2]) + self.limits.focus, beam.at[2] - 2.0 * self.limits.focus];
+        let place = |z: f64| [0, 1].map(|k| (beam.at[k] + up[k] / up[2] * (z - beam.at[2])) * NM_PER_MM);
+        let [p, mut q] = heights.map(place).map(|p| P2::new(p[0].round() as i64, p[1].round() as i64));
+        if p == q {
+            q.x += 1;
+        }
+        let still = place(heights[0]).iter().zip(place(heights[1])).all(|(a, b)| (a - b).abs() < 1.0);
+        let normals = self.tracer.normals();
+        let mut found = None;
+        self.tracer.segment(p, q, |piece| {
+            if piece.skip.is_some() || found.is_some() {
+                return;
+            }
+            let height = |t: f64| heights[0] + t * (heights[1] - heights[0]);
+            let z = [piece.z0, piece.z1].map(|z| z / NM_PER_MM);
+            let share = if still {
+                0.0
+            } else {
+                let over = [z[0] - height(piece.t0), z[1] - height(piece.t1)];
+                if over[0] >= 0.0 {
+                    0.0
+                } else if over[1] >= 0.0 {
+                    over[0] / (over[0] - over[1])
+                } else {
+                    return;
+                }
+            };
+            let t = piece.t0 + share * (piece.t1 - piece.t0);
+            let z = if still { z[0] } else { height(t) };
+            found = Some(((z - beam.at[2]) / up[2], normals.under(&piece)));
+        });
+        let (off, normal) = found?;
+        let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
+        let [x, y] = [0, 1].map(|k| beam.at[k] + off * up[k] - meant[k]);
+        Some(BeamHit { focus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plate at z = 0 that ends at x = 1, over one at z = -0.05 that goes on to x = 2.
+    fn ledge() -> Surface {
+        let plate = |x0: f64, x1: f64, z: f64| {
+            let [a, b, c, d] = [[x0, -1.0, z], [x1, -1.0, z], [x1, 1.0, z], [x0, 1.0, z]];
+            [[a, b, c], [a, c, d]]
+        };
+        let facets = [plate(-1.0, 1.0, 0.0), plate(1.0, 2.0, -0.05)].concat();
+        Surface::from_facets(facets, &mut Vec::new()).expect("facets")
+    }
+
+    /// A beam through a point of the upper plate that leans by 30 degrees, so that it goes down towards +x.
+    fn through(x: f64) -> Beam {
+        Beam { at: [x, 0.0, 0.0], up: [-0.5, 0.0, 0.75f64.sqrt()] }
+    }
+
+    #[test]
+    fn a_leaning_beam_that_passes_an_edge_meets_the_part_beside_its_path() {
+        let surface = ledge();
+        let limits = Limits { focus: 0.1, angle: 1.0, beside: 1e-3 };
+        let mut finder = Finder { tracer: Tracer::new(&surface, f64::INFINITY), limits, top: 0.0 };
+        let hit = finder.hit(&through(0.9), [0.9, 0.0]).expect("the upper plate");
+        assert!(hit.focus < 1e-9 && hit.beside < 1e-9 && (hit.angle.to_degrees() - 30.0).abs() < 1e-6, "{hit:?}");
+        assert!(finder.holds(hit));
+        // Past the edge it falls on the lower one: 0.05 tan 30 deg farther on.
+        let hit = finder.hit(&through(1.01), [1.01, 0.0]).expect("the lower plate");
+        assert!((hit.beside - 0.05 / 3f64.sqrt()).abs() < 1e-6, "{hit:?}");
+        assert!((hit.focus - 0.05 / 0.75f64.sqrt()).abs() < 1e-6 && !finder.holds(hit), "{hit:?}");
+        // Past it by less than rounding, a beam beside it counts.
+        let near = finder.near(&through(1.0 + 5e-5), [1.0 + 5e-5, 0.0], [1.0, 0.0]);
+        assert!(finder.holds(near), "{near:?}");
+    }
+
+    #[test]
+    fn beams_are_followed_along_the_path_of_their_mark() {
+        let mut mark = Marked { nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]], at: 0 };
+        // There and back: the path goes on, though the first leg is as near.
+        for (x, leg) in [(0.2, 0), (0.9, 0), (1.0, 0), (0.9, 1), (0.2, 1)] {
+            let y = if leg == 0 { 0.0 } else { 1e-3 * (1.0 - x) };
+            let beam = Beam { at: [x - 0.5, y, 0.75f64.sqrt()], up: [-0.5, 0.0, 0.75f64.sqrt()] };
+            let place = mark.place(&beam);
+            assert!((place[0] - x).abs() < 1e-4 && (place[1] - y).abs() < 1e-4, "{x}: {place:?}");
+        }
+        assert_eq!(mark.at, 1);
+    }
+}

@@ -1,0 +1,211 @@
+//! The spot's own motion along its path: what the scanner does while the stage runs on.
+//!
+//! Consumes a path with the tools above it and the limits of U and V; promises when the spot would be where on the path
+//! if the stage kept up: its *own time*. Where the machine states the scanner's acceleration the spot goes from rest to
+//! rest between its stops, as fast as speed, acceleration and jerk of U and V and the pen allow; on a straight run that
+//! is the motion of [`GalvoModel`], on a curve what the curve leaves of it. Else it is always at speed, and waits as the
+//! machine's delays say. Units: mm, s.
+//!
+//! # Source
+//! Ma et al. (2025) stop the galvo at every point of the curve; here it need not where the path runs straight on.
+
+use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
+use crate::on_the_fly::kinematic_model::KinematicModel;
+use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::path::{NodeKind, Path};
+use crate::on_the_fly::topp::{self, Timed};
+use terrace_core::diag::Error;
+use terrace_core::motion::GalvoModel;
+
+/// Where the spot comes to rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rests {
+    /// At corners and ends of marks and jumps.
+    Corners,
+    /// At every vertex of a stroke besides, as in the article.
+    EveryPoint,
+}
+
+impl Rests {
+    /// The nodes of a path at which it rests, both ends among them.
+    pub fn of(self, path: &Path) -> Vec<usize> {
+        let last = path.len() - 1;
+        let rests = |kind| match self {
+            Self::Corners => matches!(kind, NodeKind::Corner | NodeKind::End),
+            Self::EveryPoint => kind != NodeKind::Between,
+        };
+        (0..=last).filter(|&i| i == 0 || i == last || rests(path.nodes[i].kind)).collect()
+    }
+}
+
+/// When the spot is where on its path, in its own time.
+#[derive(Clone, Debug)]
+pub struct SpotMotion {
+    law: Law,
+    /// When it comes to each node, and when it leaves.
+    times: Vec<[f64; 2]>,
+    /// Way along the path to each node.
+    way: Vec<f64>,
+}
+
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one to a job")]
+enum Law {
+    /// From rest to rest.
+    Profiled(Timed),
+    /// Evenly from node to node.
+    Even,
+}
+
+/// A run is straight where no node is farther from its chord, mm: vertices lie on a grid of nanometres.
+const STRAIGHT: f64 = 5e-6;
+
+/// By how much the speeds along a straight run may differ that is taken as one of a single speed.
+const UNEVEN: f64 = 1.2;
+
+/// The largest speed of the spot, seen from the lens, with which the stage comes to a node in time, mm/s.
+fn stage_cap(model: &KinematicModel<'_>, way: &[f64], axes: &[Axes], i: usize) -> f64 {
+    let (a, b) = (&axes[i - 1], &axes[i]);
+    let steps = [b.xyz[0] - a.xyz[0], b.xyz[1] - a.xyz[1], b.xyz[2] - a.xyz[2], b.a - a.a, b.c - a.c];
+    let times = steps.iter().zip(&model.limits).map(|(step, limit)| step.abs() / limit.speed);
+    (way[i] - way[i - 1]) / times.fold(0.0, f64::max)
+}
+
+impl SpotMotion {
+    /// Of a spot that rests in the field while the stage carries it: its own time is the way, mm.
+    pub fn carried(way: &[f64]) -> Self {
+        Self { law: Law::Even, times: way.iter().map(|&s| [s; 2]).collect(), way: way.to_vec() }
+    }
+
+    /// Under the limits of U and V, or at speed, with the stage at `axes` over each node.
+    ///
+    /// Of run number i between `rests` the limits are taken as so many times smaller as `shares` says; none: the scanner
+    /// has all of them. Where it is `paced` the spot waits for the stage on its way rather than at its rests: it is no
+    /// faster than the stage can be from node to node.
+    ///
+    /// # Errors
+    /// Those of [`topp::time_optimal`], which are faults of the program.
+    pub fn new(
+        path: &Path,
+        axes: &[Axes],
+        model: &KinematicModel<'_>,
+        rests: &[usize],
+        shares: &[f64],
+        paced: bool,
+    ) -> Result<Self, Error> {
+        let way = path.distances();
+        let Some(limit) = model.spot else {
+            let visits = Schedule::of(path, model.machine, model.pens, 0.0).visits;
+            return Ok(Self { law: Law::Even, times: visits.iter().map(|v| [v.arrive, v.leave]).collect(), way });
+        };
+        let mut positions = vec![0.0; 2];
+        let mut caps = Vec::with_capacity(path.len());
+        for (run, w) in rests.windows(2).enumerate() {
+            let (first, last) = (w[0], w[1]);
+            let share = shares.get(run).copied().unwrap_or(1.0);
+            // What U and V have to go between two nodes with the stage half-way between its poses at them.
+            let step = |i: usize, j: usize| {
+                let d = [0, 1, 2].map(|k| path.nodes[j].at[k] - path.nodes[i].at[k]);
+                let [a, c] = [0.5 * (axes[i].a + axes[j].a), 0.5 * (axes[i].c + axes[j].c)];
+                let [u, v, _] = machine_from_part(a, c, d);
+                [share * u, share * v]
+            };
+            let from = [positions[positions.len() - 2], positions[positions.len() - 1]];
+            let own = |i: usize| model.cap(path, &way, i);
+            let cap = |i: usize| if paced { own(i).min(stage_cap(model, &way, axes, i)) } else { own(i) };
+            let run: Vec<f64> = (first + 1..=last).map(cap).collect();
+            if is_straight(path, first, last) {
+                let (whole, length) = (step(first, last), way[last] - way[first]);
+                for at in &way[first + 1..=last] {
+                    let t = (at - way[first]) / length;
+                    positions.extend([0, 1].map(|k| from[k] + t * whole[k]));
+                }
+                let [least, most] = run.iter().fold([f64::INFINITY, 0.0f64], |[l, m], &c| [l.min(c), m.max(c)]);
+                if most < UNEVEN * least {
+                    // One speed for all of it, that of the same time.
+                    let time: f64 =
+                        run.iter().enumerate().map(|(k, c)| (way[first + k + 1] - way[first + k]) / c).sum();
+                    let slowest = (first + 1..=last).map(own).fold(length / time, f64::min);
+                    caps.resize(last, slowest);
+                } else {
+                    caps.extend(run);
+                }
+            } else {
+                let mut at = from;
+                for i in first + 1..=last {
+                    let d = step(i - 1, i);
+                    at = [at[0] + d[0], at[1] + d[1]];
+                    positions.extend(at);
+                }
+                caps.extend(run);
+            }
+        }
+        let all = topp::Path { positions: &positions, s: &way, caps: &caps, stops: rests };
+        let timed = topp::time_optimal(&all, &[limit; 2], &topp::Options { gain: 5e-3, ..topp::Options::default() })?;
+        // Before a mark the mirrors settle, as after any jump.
+        let settle = GalvoModel::of(model.machine).delays(model.machine).jump;
+        let mut later = 0.0;
+        let visit = |(i, t): (usize, f64)| {
+            let come = t + later;
+            let begins = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).or(path.run_at(i + 1)).is_some();
+            later += if begins { settle } else { 0.0 };
+            [come, t + later]
+        };
+        let times = timed.node_times().enumerate().map(visit).collect();
+        Ok(Self { law: Law::Profiled(timed), times, way })
+    }
+
+    /// Its own time of the whole path.
+    pub fn total(&self) -> f64 {
+        self.times.last().map_or(0.0, |t| t[1])
+    }
+
+    /// When it comes to a node, and when it leaves it.
+    pub fn times(&self) -> &[[f64; 2]] {
+        &self.times
+    }
+
+    /// Way to every node, mm.
+    pub fn way(&self) -> &[f64] {
+        &self.way
+    }
+
+    /// The node that it leaves at or before a time, from 0 to the last but one; `hint` is that of the last call.
+    pub fn node_at(&self, time: f64, hint: &mut usize) -> usize {
+        let last = self.times.len() - 2;
+        let begins = |i: usize| self.times[i][0] <= time;
+        if !begins(*hint) || *hint < last && begins(*hint + 2) {
+            *hint = self.times.partition_point(|t| t[0] <= time).clamp(1, last + 1) - 1;
+        } else if *hint < last && begins(*hint + 1) {
+            *hint += 1;
+        }
+        *hint = (*hint).min(last);
+        *hint
+    }
+
+    /// Way along the path at a time of its own; `hint` as for [`SpotMotion::node_at`], `cell` of its own.
+    pub fn way_at(&self, time: f64, hint: &mut usize, cell: &mut usize) -> f64 {
+        let i = self.node_at(time, hint);
+        let [from, to] = [self.way[i], self.way[i + 1]];
+        match &self.law {
+            // Rests are no part of the profile.
+            Law::Profiled(timed) if time > self.times[i][1] => {
+                timed.parameter_at(timed.node_time(i) + (time - self.times[i][1]), cell).clamp(from, to)
+            }
+            Law::Profiled(_) => from,
+            Law::Even => {
+                let (begin, end) = (self.times[i][1], self.times[i + 1][0]);
+                from + ((time - begin) / (end - begin)).clamp(0.0, 1.0) * (to - from)
+            }
+        }
+    }
+}
+
+/// Whether the nodes between two others lie on the line between them, seen from the lens.
+fn is_straight(path: &Path, first: usize, last: usize) -> bool {
+    let [a, b] = [first, last].map(|i| path.nodes[i].at);
+    let d = [b[0] - a[0], b[1] - a[1]];
+    let length = d[0].hypot(d[1]);
+    let off = |p: [f64; 3]| ((p[0] - a[0]) * d[1] - (p[1] - a[1]) * d[0]).abs() / length;
+    last == first + 1 || length > 0.0 && path.nodes[first + 1..last].iter().all(|node| off(node.at) <= STRAIGHT)
+}

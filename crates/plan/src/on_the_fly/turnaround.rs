@@ -1,0 +1,232 @@
+//! Turnarounds: what the beam does between marks so that the whole runs quickest.
+//!
+//! Consumes a path, the machine and what scanner and focus allow; promises the path with the turnarounds chosen for it,
+//! its schedule and its decomposition ([`xyzuv`](super::xyzuv)). The beam may run on with the laser off before and
+//! after every mark, or wait at its ends, so that the stage turns where focus is free. One choice holds for all marks;
+//! it is made on the middle of the path and confirmed on the whole. Units: mm, s.
+//!
+//! The articles have no turnarounds: skywriting and longer waits are ours.
+
+use super::path::Path;
+use super::path::schedule::Schedule;
+use super::xyzuv::{Decomposition, ScannerLimits, decomposed, synchronise};
+use terrace_core::geom::BoxMm;
+use terrace_core::machine::Machine;
+use terrace_core::program::Pen;
+use terrace_core::progress::Task;
+
+/// Shortest and longest turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
+const SHORTEST: f64 = 5e-4;
+const LONGEST: f64 = 0.6;
+const TRIED: usize = 50_000;
+/// How many of the best turns are tried on the whole path.
+const SERIOUS: usize = 3;
+
+/// What the scanner does at the ends of marks, with the laser off, while the stage turns; s at the pens' speeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Turnaround {
+    /// It runs on for so long, and as long towards the next mark.
+    Skywriting(f64),
+    /// It waits for so long at least.
+    Dwell(f64),
+}
+
+impl Turnaround {
+    fn s(self) -> f64 {
+        let (Self::Skywriting(s) | Self::Dwell(s)) = self;
+        s
+    }
+
+    /// How long the beam waits at ends at least.
+    pub fn wait_s(self) -> f64 {
+        if let Self::Dwell(s) = self { s } else { 0.0 }
+    }
+
+    fn times(self, by: f64) -> Self {
+        match self {
+            Self::Skywriting(s) => Self::Skywriting(by * s),
+            Self::Dwell(s) => Self::Dwell(by * s),
+        }
+    }
+}
+
+/// A path, when the beam is where on it, and its motion.
+pub struct Timed {
+    /// What was found best.
+    pub turn: Turnaround,
+    /// With the runs of that.
+    pub path: Path,
+    /// Times at the pens' speeds.
+    pub schedule: Schedule,
+    /// The motion.
+    pub sync: Decomposition,
+}
+
+/// Decomposes a path with the turnarounds at its marks (skywriting, dwell or none) that make the whole quickest, from
+/// `most` samples on, and up to eight times as many where z needs them.
+///
+/// `travels` tells whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
+pub fn quickest(
+    path: &Path,
+    machine: &Machine,
+    pens: &[Pen],
+    allowed: ScannerLimits,
+    most: usize,
+    travels: &dyn Fn(BoxMm<3>) -> bool,
+    task: Task<'_>,
+) -> Timed {
+    let [plainly, trying, whole] = task.split([2, 4, 2]);
+    let turned = |path: &Path, turn: Turnaround| {
+        let path =
+            if let Turnaround::Skywriting(run_s) = turn { path.with_skywriting(run_s, pens) } else { path.clone() };
+        let schedule = Schedule::of(&path, machine, pens, turn.wait_s()).lifted(&path, machine, allowed.focus);
+        (path, schedule)
+    };
+    let total = |schedule: &Schedule, sync: &Decomposition| {
+        let usable = sync.fits && travels(BoxMm::of(sync.stage.iter().copied()));
+        if usable { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
+    };
+    let plain = Turnaround::Dwell(0.0);
+    let (own, schedule) = turned(path, plain);
+    let sync = synchronise(&own, &schedule, machine, allowed, schedule.step_s(most));
+    let mut best = Timed { turn: plain, path: own, schedule, sync };
+    drop(plainly);
+    // Where the pens' speeds are kept no turn can be a better one.
+    if best.sync.fits && best.sync.slower <= 1.0 {
+        return best;
+    }
+    // Turns are tried on the middle of the path, in steps as fine as it needs without them.
+    let step_s = best.sync.step_s / best.sync.slower;
+    let piece = path.middle(TRIED as f64 * step_s / best.schedule.total_s());
+    // A turnaround that cannot be among the best few, which are tried on the whole path, is given up early.
+    let time = |turn: Turnaround, tried: &[(f64, Turnaround)]| {
+        let (path, schedule) = turned(&piece, turn);
+        let mut times: Vec<f64> = tried.iter().map(|t| t.0).collect();
+        times.sort_by(f64::total_cmp);
+        let cutoff = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
+        if cutoff <= 1.0 {
+            return f64::INFINITY;
+        }
+        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s, cutoff))
+    };
+    // The scanner's own delays must fit into a run.
+    let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
+    let times = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
+    let mut tried: Vec<(f64, Turnaround)> = Vec::new();
+    let trying = trying.of_steps(2 * times().count() + 4);
+    for turn in times().map(Turnaround::Skywriting).chain(times().map(Turnaround::Dwell)) {
+        tried.push((time(turn, &tried), turn));
+        trying.step();
+    }
+    for share in [2.0, 1.4] {
+        let Some(&(_, middle)) = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        for turn in [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least) {
+            tried.push((time(turn, &tried), turn));
+            trying.step();
+        }
+    }
+    drop(trying);
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let whole = whole.of_steps(SERIOUS);
+    // What is best there may not be possible everywhere.
+    let before = total(&best.schedule, &best.sync);
+    for (_, turn) in tried.into_iter().filter(|t| t.0.is_finite()).take(SERIOUS) {
+        let (path, schedule) = turned(path, turn);
+        let sync = decomposed(&path, &schedule, machine, allowed, step_s, f64::INFINITY);
+        if total(&schedule, &sync) < before {
+            best = Timed { turn, path, schedule, sync };
+            break;
+        }
+        whole.step();
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::xyzuv::Peaks;
+    use super::*;
+    use crate::on_the_fly::path::{Node, NodeKind};
+    use terrace_core::program::{PenId, PieceId};
+    use terrace_core::units::{Frequency, Power, Speed};
+
+    /// `count` lines of `length` mm there and back, a millimetre apart, up and down a slope of 0.1.
+    fn lines(count: u32, length: f64) -> Path {
+        let mut path = Path::default();
+        for line in 0..count {
+            let ends = [0.0, length].map(|x| [x, f64::from(line), 0.1 * x]);
+            let [a, b] = if line % 2 == 0 { ends } else { [ends[1], ends[0]] };
+            for (at, pen) in [(a, None), (b, Some(PenId(0)))] {
+                path.nodes.push(Node { at, pen, kind: NodeKind::End, stroke: PieceId(line), run: None });
+            }
+        }
+        path
+    }
+
+    fn pens(speed: f64) -> Vec<Pen> {
+        let frequency = Frequency::khz(60.0);
+        vec![Pen {
+            name: "a".into(),
+            speed: Speed::mm_s(speed),
+            power: Power::Percent(50.0),
+            frequency,
+            passes: 1,
+            dwell: None,
+        }]
+    }
+
+    const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], focus: 0.035 };
+
+    #[test]
+    #[ignore = "slow: make test-all"]
+    fn stage_keeps_its_limits_and_marks_stay_in_field_and_focus() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let (path, pens) = (lines(9, 200.0), pens(1000.0));
+        let Timed { turn, path, schedule, sync } =
+            quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true, Task::untold());
+        assert!(turn.s() > 0.0 && sync.fits && sync.slower > 1.0, "{turn:?} {}", sync.slower);
+        let limits = Peaks::limits(&machine);
+        for (k, limit) in limits.iter().enumerate() {
+            let peaks = Peaks::of(&sync.stage, k, sync.step_s);
+            assert!(peaks.slowed(limit) < 1.0 + 1e-9, "{k}: {peaks:?}");
+            let (n, first, last) = (sync.stage.len(), sync.stage[0][k], sync.stage[sync.stage.len() - 1][k]);
+            assert!((sync.stage[1][k] - first).abs() < 1e-6 && (sync.stage[n - 2][k] - last).abs() < 1e-6);
+        }
+        for (i, at) in sync.nodes(&path, &schedule).iter().enumerate() {
+            let p = path.nodes[i].at;
+            assert!((0..2).all(|k| (p[k] - at[k]).abs() <= ROOM.half_field[k] * (1.0 + 1e-6)), "{i}");
+            let lit = path.nodes[i].pen.is_some() || path.pen_at(i + 1).is_some();
+            assert!(!lit || (p[2] - at[2]).abs() <= ROOM.focus * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
+        }
+        // The motion is that of the stage, and every mark runs at its speed, slowed alike.
+        let motion = sync.motion(&path, &schedule);
+        for w in motion.waypoints.windows(2).filter(|w| w[1].pen.is_some()) {
+            let [a, b] = [0, 1].map(|i| [0, 1].map(|k| w[i].axes[k] + w[i].axes[5 + k]));
+            let speed = (b[0] - a[0]).hypot(b[1] - a[1]) / (w[1].time - w[0].time);
+            assert!((speed * sync.slower / 1000.0 - 1.0).abs() < 1e-6, "{speed}");
+        }
+    }
+
+    #[test]
+    fn skywriting_is_used_on_slopes_only_and_saves_time() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let total = |t: &Timed| t.schedule.total_s() * t.sync.slower;
+        let (path, fast) = (lines(5, 200.0), pens(1000.0));
+        let schedule = Schedule::of(&path, &machine, &fast, 0.0);
+        let plain = synchronise(&path, &schedule, &machine, ROOM, schedule.step_s(100_000));
+        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true, Task::untold());
+        assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
+        // What lies within the field needs no stage: the pens' speed is kept.
+        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true, Task::untold());
+        assert!(small.turn == Turnaround::Dwell(0.0) && small.sync.slower == 1.0, "{}", small.sync.slower);
+    }
+
+    #[test]
+    fn path_of_a_single_mark_is_accepted() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        for length in [1e-6, 0.01, 300.0] {
+            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true, Task::untold());
+            assert!(found.sync.slower.is_finite() && found.sync.stage.iter().flatten().all(|v| v.is_finite()));
+        }
+    }
+}

@@ -1,0 +1,465 @@
+//! Where stops stand on their tour: each inside the room that its marks leave, first so that the moves of the stage take
+//! the least time, then, in what freedom is left, so that marks lie about the optical axis.
+//!
+//! Consumes a tour of stops with their rooms (commanded, nm); promises places inside the rooms, on the lattice of the
+//! increments, from which no move takes longer in sum than from where the stops stood. What saves time is a coordinate
+//! that neighbours share: an axis that stands still takes no time. So a stop, or a run of stops that share a
+//! coordinate, moves to that of a neighbour where its room permits and the moves around it then take less; a run between
+//! two others is shared out between them where these can take all of it. This ends in a local optimum. Two starts are
+//! compared: the places as they are, and the fewest runs of stops that can share x and y, in the order of the tour.
+//!
+//! Then every run that shares a coordinate goes as near as it can to where its marks lie about the axis, and to the
+//! middle of their heights, without making the moves at its ends longer.
+
+use super::move_times::MoveTimer;
+use terrace_core::machine::Machine;
+
+/// A stop of the tour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spot {
+    /// Where it stands.
+    pub at: [i64; 3],
+    /// Between which places it may stand along each axis; both lie on the lattice of `at`.
+    pub room: [[i64; 2]; 3],
+    /// Where it would stand with the outermost of its marks on the axis, or in the focal plane, on either side.
+    pub marks: [[i64; 2]; 3],
+    /// Whether a set-up begins with it: the move to it is not counted.
+    pub is_first: bool,
+}
+
+/// Whether a stop at a place, both given, can or must do something.
+type Rule<'a, T> = Option<&'a dyn Fn(T) -> bool>;
+
+/// A stop by its number, at a place.
+pub type Placed = (usize, [i64; 3]);
+
+/// What the moves of the stage cost, and where it may stand.
+#[derive(Clone, Copy)]
+pub struct Ground<'a> {
+    /// The machine.
+    pub machine: &'a Machine,
+    /// From where the stage comes to the first stop; None where that does not count.
+    pub from: Option<[i64; 3]>,
+    /// Whether the stage must lift on its way; None where it never must.
+    pub lifts: Rule<'a, (Placed, Placed)>,
+    /// Whether the head keeps clear of the part at a standstill; None where it always does.
+    pub is_clear: Rule<'a, Placed>,
+}
+
+/// Rounds of improvement at most, and the share of the time that a round must save for another one.
+const ROUNDS: usize = 30;
+const LEAST_SHARE: f64 = 1e-5;
+
+/// A gain below this, s, is rounding.
+const LEAST: f64 = 1e-9;
+
+/// How often the way to the best place of a run is halved where not all of it is free.
+const HALVINGS: usize = 12;
+
+/// Moves the stops of a tour inside their rooms. `step` is the increment of the stage. Answers with the time of their
+/// moves, s.
+pub fn slide(spots: &mut Vec<Spot>, ground: &Ground<'_>, step: i64) -> f64 {
+    let timer = MoveTimer::new(ground.machine);
+    let mut best = Tour { spots: spots.clone(), ground, timer: &timer, step };
+    best.shorten();
+    let mut other = Tour { spots: std::mem::take(spots), ground, timer: &timer, step };
+    other.share();
+    other.shorten();
+    if other.time() < best.time() - LEAST {
+        best = other;
+    }
+    best.centre();
+    let time = best.time();
+    *spots = best.spots;
+    time
+}
+
+struct Tour<'a> {
+    spots: Vec<Spot>,
+    ground: &'a Ground<'a>,
+    timer: &'a MoveTimer,
+    step: i64,
+}
+
+impl Tour<'_> {
+    /// Time of all moves, s.
+    fn time(&self) -> f64 {
+        (0..self.spots.len()).map(|i| self.leg(i)).sum()
+    }
+
+    /// Time of the move to a stop, s; 0 behind the last.
+    fn leg(&self, i: usize) -> f64 {
+        let Some(spot) = self.spots.get(i) else { return 0.0 };
+        match self.before(i) {
+            Some(from) => self.move_s(i.checked_sub(1).map(|n| (n, from)), from, (i, spot.at)),
+            None => 0.0,
+        }
+    }
+
+    /// From where the stage comes to a stop, where that counts.
+    fn before(&self, i: usize) -> Option<[i64; 3]> {
+        match i.checked_sub(1) {
+            None => self.ground.from,
+            Some(n) => (!self.spots[i].is_first).then(|| self.spots[n].at),
+        }
+    }
+
+    /// Where it goes from a stop.
+    fn after(&self, i: usize) -> Option<[i64; 3]> {
+        self.spots.get(i + 1).filter(|next| !next.is_first).map(|next| next.at)
+    }
+
+    fn move_s(&self, stop: Option<Placed>, from: [i64; 3], to: Placed) -> f64 {
+        let lifted = || self.ground.lifts.zip(stop).is_some_and(|(lifts, from)| lifts((from, to)));
+        let [a, b] = [from, to.1].map(|at| at.map(|v| v as f64));
+        if from[..2] != to.1[..2] && lifted() { self.timer.lifted(a, b) } else { self.timer.between(a, b) }
+    }
+
+    /// Time of the moves to the stops `first` to `last` and from the last, s. Those inside count where a lift may
+    /// depend on the place.
+    fn around(&self, first: usize, last: usize) -> f64 {
+        if self.ground.lifts.is_none() && last > first {
+            return self.leg(first) + self.leg(last + 1);
+        }
+        (first..=last + 1).map(|i| self.leg(i)).sum()
+    }
+
+    fn is_clear(&self, first: usize, last: usize) -> bool {
+        self.ground.is_clear.is_none_or(|is_clear| (first..=last).all(|i| is_clear((i, self.spots[i].at))))
+    }
+
+    /// Places that save time, until nothing does.
+    fn shorten(&mut self) {
+        let mut time = self.time();
+        for _ in 0..ROUNDS {
+            (0..self.spots.len()).for_each(|i| self.move_stop(i));
+            self.each_run([true, true, false], Self::share_out);
+            self.each_run([true, true, false], |tour, first, last| tour.move_run(first, last, &[0, 1]));
+            for axis in 0..3 {
+                let shared = [0, 1, 2].map(|k| k == axis);
+                self.each_run(shared, |tour, first, last| tour.move_run(first, last, &[axis]));
+            }
+            let next = self.time();
+            if next > time * (1.0 - LEAST_SHARE) {
+                break;
+            }
+            time = next;
+        }
+    }
+
+    /// Calls `f` with the first and the last stop of every run in which all stops stand at one place along `shared`.
+    fn each_run(&mut self, shared: [bool; 3], mut f: impl FnMut(&mut Self, usize, usize)) {
+        let mut first = 0;
+        while first < self.spots.len() {
+            let mut last = first;
+            while self.after(last).is_some_and(|next| (0..3).all(|k| !shared[k] || next[k] == self.spots[last].at[k])) {
+                last += 1;
+            }
+            f(self, first, last);
+            first = last + 1;
+        }
+    }
+
+    /// The room that all of these stops have along an axis; None where they share none.
+    fn room(&self, first: usize, last: usize, axis: usize) -> Option<[i64; 2]> {
+        let [mut lo, mut hi] = [i64::MIN, i64::MAX];
+        for spot in &self.spots[first..=last] {
+            (lo, hi) = (lo.max(spot.room[axis][0]), hi.min(spot.room[axis][1]));
+        }
+        (lo <= hi).then_some([lo, hi])
+    }
+
+    /// Moves one stop to coordinates of its neighbours where that saves time.
+    fn move_stop(&mut self, i: usize) {
+        let (spot, [before, after]) = (&self.spots[i], [self.before(i), self.after(i)]);
+        let (at, room) = (spot.at, spot.room);
+        let near = |axis: usize| {
+            let mut places = [at[axis]; 3];
+            let mut count = 1;
+            for v in [before, after].into_iter().flatten().map(|p| p[axis].clamp(room[axis][0], room[axis][1])) {
+                if !places[..count].contains(&v) {
+                    places[count] = v;
+                    count += 1;
+                }
+            }
+            (places, count)
+        };
+        let [(xs, nx), (ys, ny), (zs, nz)] = [0, 1, 2].map(near);
+        if nx * ny * nz == 1 {
+            return;
+        }
+        let mut least = self.around(i, i);
+        let mut best = at;
+        for (&x, &y) in xs[..nx].iter().flat_map(|x| ys[..ny].iter().map(move |y| (x, y))) {
+            for &z in &zs[..nz] {
+                self.spots[i].at = [x, y, z];
+                let time = self.around(i, i);
+                if time < least - LEAST && self.is_clear(i, i) {
+                    (least, best) = (time, self.spots[i].at);
+                }
+            }
+        }
+        self.spots[i].at = best;
+    }
+
+    /// Moves a run along the axes that it shares to coordinates of its neighbours where that saves time.
+    fn move_run(&mut self, first: usize, last: usize, axes: &[usize]) {
+        if first == last {
+            return;
+        }
+        let old = self.spots[first].at;
+        let mut choices = [[old; 3]; 3];
+        let mut counts = [1; 3];
+        for &axis in axes {
+            let Some([lo, hi]) = self.room(first, last, axis) else { return };
+            for p in [self.before(first), self.after(last)].into_iter().flatten() {
+                let v = p[axis].clamp(lo, hi);
+                let known = choices[axis][..counts[axis]].iter().any(|c| c[axis] == v);
+                if !known {
+                    choices[axis][counts[axis]][axis] = v;
+                    counts[axis] += 1;
+                }
+            }
+        }
+        let mut least = self.around(first, last);
+        let mut best = old;
+        let mut now = old;
+        for x in 0..counts[0] {
+            for y in 0..counts[1] {
+                for z in 0..counts[2] {
+                    let to = [choices[0][x][0], choices[1][y][1], choices[2][z][2]];
+                    self.put(first, last, axes, to);
+                    now = to;
+                    let time = self.around(first, last);
+                    if time < least - LEAST && self.is_clear(first, last) {
+                        (least, best) = (time, to);
+                    }
+                }
+            }
+        }
+        if now != best {
+            self.put(first, last, axes, best);
+        }
+    }
+
+    fn put(&mut self, first: usize, last: usize, axes: &[usize], to: [i64; 3]) {
+        for spot in &mut self.spots[first..=last] {
+            axes.iter().for_each(|&k| spot.at[k] = to[k]);
+        }
+    }
+
+    /// Shares a run out between the ones before and behind it where these can take all of it.
+    fn share_out(&mut self, first: usize, last: usize) {
+        let (Some(before), Some(after)) = (self.before(first), self.after(last)) else { return };
+        let takes = |spot: &Spot, at: [i64; 3]| (0..2).all(|k| spot.room[k][0] <= at[k] && at[k] <= spot.room[k][1]);
+        let run = &self.spots[first..=last];
+        let of_before = run.iter().take_while(|spot| takes(spot, before)).count();
+        let of_after = run.iter().rev().take_while(|spot| takes(spot, after)).count();
+        if of_before + of_after < run.len() {
+            return;
+        }
+        let (old, from) = (run[0].at, run.len() - of_after);
+        let time = |tour: &Self| (first..=last + 1).map(|i| tour.leg(i)).sum::<f64>();
+        let long = time(self);
+        let border = first + of_before.min(from.max(of_before));
+        for i in first..=last {
+            let to = if i < border { before } else { after };
+            self.put(i, i, &[0, 1], to);
+        }
+        if time(self) >= long - LEAST || !self.is_clear(first, last) {
+            self.put(first, last, &[0, 1], old);
+        }
+    }
+
+    /// Puts stops that can stand over one place there, in the order of the tour: so they change place as rarely as they
+    /// can. Each place is the one in their common room that is nearest to the one before.
+    fn share(&mut self) {
+        if self.ground.is_clear.is_some() {
+            return;
+        }
+        let mut first = 0;
+        let mut before: Option<[i64; 3]> = None;
+        while first < self.spots.len() {
+            let mut room = self.spots[first].room;
+            let mut last = first;
+            while let Some(next) = self.spots.get(last + 1).filter(|next| !next.is_first) {
+                let common = [0, 1].map(|k| [room[k][0].max(next.room[k][0]), room[k][1].min(next.room[k][1])]);
+                if common.iter().any(|[lo, hi]| lo > hi) {
+                    break;
+                }
+                room[..2].copy_from_slice(&common);
+                last += 1;
+            }
+            let at = [0, 1, 2].map(|k| before.unwrap_or(self.spots[first].at)[k].clamp(room[k][0], room[k][1]));
+            self.put(first, last, &[0, 1], at);
+            (before, first) = (Some(at), last + 1);
+        }
+    }
+
+    /// Moves every run that shares a coordinate towards the middle of its marks, as far as that costs no time.
+    fn centre(&mut self) {
+        for axis in [0, 1, 2, 0, 1] {
+            let shared = [0, 1, 2].map(|k| k == axis);
+            self.each_run(shared, |tour, first, last| tour.centre_run(first, last, axis));
+        }
+    }
+
+    fn centre_run(&mut self, first: usize, last: usize, axis: usize) {
+        let Some([lo, hi]) = self.room(first, last, axis) else { return };
+        let run = &self.spots[first..=last];
+        let ends = run.iter().flat_map(|s| s.marks[axis]);
+        let (min, max) = ends.fold((i64::MAX, i64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+        let old = run[0].at;
+        // On the lattice of the stop.
+        let steps = (min.midpoint(max) - old[axis]).div_euclid(self.step);
+        let wanted = (old[axis] + steps * self.step).clamp(lo, hi);
+        let most = self.around(first, last) + LEAST;
+        let fits = |to: i64, tour: &mut Self| {
+            let mut at = old;
+            at[axis] = to;
+            tour.put(first, last, &[axis], at);
+            tour.around(first, last) <= most && tour.is_clear(first, last)
+        };
+        if wanted == old[axis] || fits(wanted, self) {
+            return;
+        }
+        let (mut good, mut bad) = (0i64, (wanted - old[axis]) / self.step);
+        for _ in 0..HALVINGS {
+            let middle = good.midpoint(bad);
+            if middle == good || middle == bad {
+                break;
+            }
+            if fits(old[axis] + middle * self.step, self) { good = middle } else { bad = middle }
+        }
+        let mut at = old;
+        at[axis] += good * self.step;
+        self.put(first, last, &[axis], at);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrace_core::machine::Commanded;
+    use terrace_core::motion;
+    use terrace_core::random::Random;
+
+    const STEP: i64 = 100;
+    const MM: i64 = 1_000_000;
+
+    fn ground(machine: &Machine) -> Ground<'_> {
+        Ground { machine, from: None, lifts: None, is_clear: None }
+    }
+
+    /// Stops of a grid of columns with rooms of random sizes, column by column.
+    fn columns(random: &mut Random, count: i64, levels: i64) -> Vec<Spot> {
+        let mut spots = Vec::new();
+        for i in 0..count {
+            for level in 0..levels {
+                let at = [i % 5 * 40 * MM, i / 5 * 40 * MM, level * 70_000];
+                let room = [0, 1, 2].map(|k| {
+                    let most = if k < 2 { 40 * MM } else { 70_000 };
+                    let free =
+                        |random: &mut Random| random.between(0, 3).min(1) * random.between(0, most) / STEP * STEP;
+                    [at[k] - free(random), at[k] + free(random)]
+                });
+                // Marks that leave this room in a field of 40 mm and a depth of 70 um.
+                let marks = [0, 1, 2].map(|k| {
+                    let half = if k < 2 { 20 * MM } else { 35_000 };
+                    [room[k][1] - half, room[k][0] + half].map(|v| v.clamp(room[k][0] - half, room[k][1] + half))
+                });
+                spots.push(Spot { at, room, marks, is_first: false });
+            }
+        }
+        spots
+    }
+
+    /// Time by the model of motion.
+    fn exact_s(machine: &Machine, spots: &[Spot]) -> f64 {
+        let at = |s: &Spot| Commanded(s.at);
+        spots.windows(2).map(|w| motion::stage_move(machine, at(&w[0]), at(&w[1]), None).total_s()).sum()
+    }
+
+    #[test]
+    fn stops_stay_in_their_rooms_on_the_lattice_and_moves_take_less_time() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let mut random = Random::new(11);
+        for _ in 0..40 {
+            let before = {
+                let (count, levels) = (random.between(1, 12), random.between(1, 9));
+                columns(&mut random, count, levels)
+            };
+            let mut after = before.clone();
+            let time = slide(&mut after, &ground(&machine), STEP);
+            let [old, new] = [&before, &after].map(|spots| exact_s(&machine, spots));
+            assert!((time - new).abs() <= 3e-4 * new + 1e-9, "{time} {new}");
+            assert!(new <= old * (1.0 + 3e-4) + 1e-9, "{new} {old}");
+            for (b, a) in before.iter().zip(&after) {
+                assert_eq!((b.room, b.marks), (a.room, a.marks));
+                for k in 0..3 {
+                    assert!(a.room[k][0] <= a.at[k] && a.at[k] <= a.room[k][1]);
+                    assert_eq!((a.at[k] - b.at[k]) % STEP, 0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn stops_that_can_all_stand_over_one_place_stand_where_their_marks_lie_about_the_axis() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let spot = |level: i64, from: i64, to: i64| {
+            let at = [0, 0, level * 70_000];
+            let room = [[to - 20 * MM, from + 20 * MM], [-5 * MM, 5 * MM], [at[2]; 2]];
+            Spot { at, room, marks: [[from, to], [-15 * MM, 15 * MM], [at[2]; 2]], is_first: false }
+        };
+        // Marks from 2 to 18 mm beside the axis in all, each level a part of it.
+        let mut spots = vec![spot(0, 2 * MM, 10 * MM), spot(1, 5 * MM, 18 * MM), spot(2, 3 * MM, 12 * MM)];
+        slide(&mut spots, &ground(&machine), STEP);
+        assert!(spots.iter().all(|s| s.at[..2] == [10 * MM, 0]), "{spots:?}");
+    }
+
+    #[test]
+    fn runs_that_share_a_place_are_the_fewest_that_the_order_allows() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let (timer, mut random) = (MoveTimer::new(&machine), Random::new(12));
+        for _ in 0..60 {
+            let spots = columns(&mut random, 6, 3);
+            let ground = ground(&machine);
+            let mut tour = Tour { spots: spots.clone(), ground: &ground, timer: &timer, step: STEP };
+            tour.share();
+            let runs = 1 + tour.spots.windows(2).filter(|w| w[0].at[..2] != w[1].at[..2]).count();
+            // The fewest runs up to every stop, whatever the runs before.
+            let mut fewest = vec![0; spots.len() + 1];
+            for end in 1..=spots.len() {
+                let shared = |begin: &usize| {
+                    let room = |k: usize, end_: usize, pick: fn(i64, i64) -> i64| {
+                        spots[*begin..end].iter().map(|s| s.room[k][end_]).reduce(pick).expect("a stop")
+                    };
+                    (0..2).all(|k| room(k, 0, i64::max) <= room(k, 1, i64::min))
+                };
+                fewest[end] = (0..end).filter(shared).map(|begin| fewest[begin] + 1).min().expect("a run of one");
+            }
+            assert!(runs <= fewest[spots.len()], "{runs} {fewest:?}");
+        }
+    }
+
+    #[test]
+    fn a_lift_and_a_place_over_which_the_head_is_too_low_are_kept_out_of() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        // Beside x = 30 mm the part is high.
+        let high = |v: i64| v > 30 * MM;
+        let is_clear = |(_, at): Placed| !high(at[0]);
+        let lifts = |(_, (_, b)): (Placed, Placed)| high(b[0]);
+        let ground = Ground { lifts: Some(&|(a, b)| lifts((a, b))), is_clear: Some(&is_clear), ..ground(&machine) };
+        let spot = |x: i64, room: [i64; 2]| Spot {
+            at: [x, 0, 0],
+            room: [room, [0; 2], [0; 2]],
+            marks: [room, [0; 2], [0; 2]],
+            is_first: false,
+        };
+        let mut spots =
+            vec![spot(0, [0, 40 * MM]), spot(20 * MM, [10 * MM, 40 * MM]), spot(40 * MM, [40 * MM, 40 * MM])];
+        slide(&mut spots, &ground, STEP);
+        assert!(spots[..2].iter().all(|s| !high(s.at[0])) && spots[0].at == spots[1].at, "{spots:?}");
+    }
+}

@@ -1,0 +1,439 @@
+//! Stops: boxes that together contain all texture.
+//!
+//! A stop admits a point of the part that lies in its window, the plane rectangle around its centre,
+//! and in its interval of height; borders belong to it. A method chooses the stops; that is the whole
+//! interface, methods differ in nothing else. Levels lie on the lattice of the stage increment and D is
+//! a whole even number of increments, so that the middle of every level is a place where the stage can
+//! stand.
+
+pub mod bound;
+pub mod box_index;
+mod contour;
+pub mod tilted_sections;
+pub mod window;
+mod zrange;
+
+use crate::projection::{Cells, Footprint, Slabs};
+use terrace_core::geom::{Box2, Buckets, Grid, Nm, P2, P3, Turn};
+use terrace_core::machine::TiltAngles;
+use terrace_core::program::{SectionId, Sections, Stop, StopId};
+
+/// The lattice on which focal planes lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lattice {
+    /// Depth range of a level; a whole even number of steps.
+    pub depth: Nm,
+    /// Stage increment along z.
+    pub step: Nm,
+    /// Part heights z with (z + offset) a multiple of the step lie on the lattice.
+    pub offset: Nm,
+    /// By how much levels reach over each other at most on each side; a whole number of steps.
+    pub hysteresis: Nm,
+}
+
+impl Lattice {
+    /// `depth` is rounded down to the lattice; None where nothing is left of it.
+    pub fn new(depth: Nm, step: Nm, offset: Nm) -> Option<Self> {
+        let depth = step * 2 * (depth / (step * 2));
+        (depth > Nm(0)).then_some(Self { depth, step, offset, hysteresis: Nm(0) })
+    }
+
+    /// With levels that overlap, so that a height that swings about a border need not change the stop
+    /// each time. Rounded to the lattice; at most a quarter of the depth range.
+    #[must_use]
+    pub fn with_hysteresis(mut self, nm: f64) -> Self {
+        let most = self.depth / 4 / self.step;
+        self.hysteresis = self.step * ((nm / self.step.f64()).round() as i64).min(most);
+        self
+    }
+
+    /// Whether one level on the lattice holds heights from `lo` to `hi`.
+    pub fn holds(&self, lo: f64, hi: f64) -> bool {
+        (self.floor(lo) + self.depth).f64() >= hi
+    }
+
+    /// The highest lattice point not above `z`.
+    pub fn floor(&self, z: f64) -> Nm {
+        let z = Nm::floor(z);
+        z - (z + self.offset).rem_euclid(self.step)
+    }
+}
+
+/// How the part lies at a stop of a machine that tilts it.
+#[derive(Clone, Copy, Debug)]
+pub struct Tilted {
+    /// The turn of the part: window and interval of the stop are those of the part so turned.
+    pub turn: Turn,
+    /// What the stop is kept to of the plane of the drawing, if it is.
+    pub area: Option<Box2>,
+}
+
+/// A stop of a method.
+#[derive(Clone, Debug)]
+pub struct PlacedStop {
+    /// Stage position and what it admits.
+    pub stop: Stop,
+    /// None where the machine does not tilt the part: of all stops of a method or of none.
+    tilted: Option<Tilted>,
+}
+
+impl PlacedStop {
+    /// The box of the part that it may admit; `half` of its window.
+    fn area(&self, half: [Nm; 2]) -> Box2 {
+        let flat = Box2::around(Turn::drawn(self.stop.centre), half);
+        self.tilted.map_or(flat, |tilted| footprint(&self.stop, &tilted.turn, half))
+    }
+}
+
+/// The stops of a method, all with windows of one size and intervals of one height.
+#[derive(Clone, Debug)]
+pub struct Stops {
+    /// In the order in which the method gave them.
+    pub stops: Vec<PlacedStop>,
+    /// Half the window along x and y.
+    half: [Nm; 2],
+    /// Height of the intervals.
+    depth: Nm,
+    /// Cells of the size of a window.
+    grid: Grid,
+    /// The stops whose windows touch a cell, by `z_lo`.
+    by_cell: Buckets<(Nm, u32)>,
+}
+
+impl Stops {
+    /// `window` is even, as is the pitch of the sections.
+    pub fn new(stops: Vec<Stop>, window: [Nm; 2], depth: Nm) -> Self {
+        Self::placed(stops.into_iter().map(|stop| PlacedStop { stop, tilted: None }).collect(), window, depth)
+    }
+
+    /// Those of a machine that tilts the part.
+    pub fn tilted(stops: Vec<(Stop, Tilted)>, window: [Nm; 2], depth: Nm) -> Self {
+        let placed = |(stop, tilted)| PlacedStop { stop, tilted: Some(tilted) };
+        Self::placed(stops.into_iter().map(placed).collect(), window, depth)
+    }
+
+    fn placed(stops: Vec<PlacedStop>, window: [Nm; 2], depth: Nm) -> Self {
+        let half = window.map(|w| w / 2);
+        let all = stops.iter().map(|s| s.area(half)).reduce(Box2::union);
+        let all = all.unwrap_or(Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) });
+        // Borders of cells run through centres of stops: the windows of a grid of sections touch four cells then,
+        // not nine.
+        let origin = P2::new(all.lo.x - half[0].0, all.lo.y - half[1].0);
+        let count = [0, 1].map(|axis| (all.size()[axis] / window[axis] + 2) as u32);
+        let grid = Grid { origin, pitch: window, count };
+        let touched = stops.iter().zip(0..).flat_map(|(s, i)| {
+            let entry = (s.stop.z_lo, i);
+            grid.touched(s.area(half)).map(move |cell| (cell, entry))
+        });
+        let mut by_cell = Buckets::new(grid.len(), touched);
+        by_cell.each_mut().for_each(<[_]>::sort_unstable);
+        Self { stops, half, depth, grid, by_cell }
+    }
+
+    /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
+    pub fn near(&self, p: P3, slack: f64) -> impl Iterator<Item = StopId> {
+        let [x, y, z] = p.at;
+        let Grid { origin, pitch, count } = self.grid;
+        let cell = |v: f64, lo: i64, size: Nm| ((v - lo as f64) / size.f64()).floor() as i64;
+        let (column, row) = (cell(x, origin.x, pitch[0]), cell(y, origin.y, pitch[1]));
+        let inside = (0..i64::from(count[0])).contains(&column) && (0..i64::from(count[1])).contains(&row);
+        let list = if inside { self.by_cell.of(row as usize * self.grid.columns() + column as usize) } else { &[] };
+        // Heights of the turned part say nothing of those of the part.
+        let (lowest, highest) =
+            if self.is_tilted() { (f64::NEG_INFINITY, f64::INFINITY) } else { (z - slack, z + slack) };
+        let from = list.partition_point(|&(z_lo, _)| (z_lo + self.depth).f64() < lowest);
+        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo.f64() <= highest).map(|&(_, i)| StopId(i))
+    }
+
+    /// The stops in order.
+    pub fn ids(&self) -> impl Iterator<Item = StopId> + use<> {
+        (0..self.stops.len() as u32).map(StopId)
+    }
+
+    /// Whether the machine tilts the part.
+    #[inline]
+    pub fn is_tilted(&self) -> bool {
+        self.stops.first().is_some_and(|s| s.tilted.is_some())
+    }
+
+    /// What of the drawing stop `i` is kept to, if it is.
+    #[inline]
+    pub fn area(&self, StopId(i): StopId) -> Option<Box2> {
+        self.stops[i as usize].tilted.and_then(|tilted| tilted.area)
+    }
+
+    /// How the part is turned at stop `i`; None where nothing is tilted.
+    #[inline]
+    pub fn turn(&self, StopId(i): StopId) -> Option<&Turn> {
+        self.stops[i as usize].tilted.as_ref().map(|tilted| &tilted.turn)
+    }
+
+    /// Half the window along x and y, nm.
+    #[inline]
+    pub fn half(&self) -> [Nm; 2] {
+        self.half
+    }
+
+    /// Size of the boxes along x, y and z.
+    pub fn size(&self) -> [Nm; 3] {
+        [self.half[0] * 2, self.half[1] * 2, self.depth]
+    }
+
+    /// Lower and upper corner of the window of stop `i`, nm.
+    #[inline]
+    pub fn window(&self, StopId(i): StopId) -> [[f64; 2]; 2] {
+        let c = self.stops[i as usize].stop.centre;
+        let [Nm(hx), Nm(hy)] = self.half;
+        [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
+    }
+}
+
+/// The box of the part that a turned stop may admit.
+fn footprint(stop: &Stop, turn: &Turn, half: [Nm; 2]) -> Box2 {
+    let mut area = Box2::EMPTY;
+    for corner in 0..8 {
+        let side = |bit: usize, c: i64, Nm(half): Nm| (if corner >> bit & 1 == 0 { c - half } else { c + half }) as f64;
+        let z = if corner & 4 == 0 { stop.z_lo } else { stop.z_hi }.f64();
+        let corner = P3::new([side(0, stop.centre.x, half[0]), side(1, stop.centre.y, half[1]), z]);
+        let [x, y, _] = turn.back(corner).at;
+        area.add(P2::new(x.floor() as i64, y.floor() as i64));
+        area.add(P2::new(x.ceil() as i64, y.ceil() as i64));
+    }
+    area
+}
+
+/// Stops on a grid of sections at evenly spaced levels of the whole part (the PPGS article, step 3). `window` is at
+/// least the pitch of the sections.
+pub fn contour(footprint: &Footprint, sections: &Sections, window: [Nm; 2], lattice: &Lattice) -> Stops {
+    let z0 = lattice.floor(footprint.range().map_or(0.0, |r| r.0));
+    on_sections(footprint, sections, window, lattice, |i| {
+        // Levels that lie fast cut figures as they cut everything else.
+        let heights = join(footprint.of_section(i), footprint.figures_of(i).to_vec());
+        contour::levels(&heights, z0, lattice)
+    })
+}
+
+/// Stops on a grid of sections, in each the fewest levels that cover the texture's heights. `window` is at least the
+/// pitch of the sections.
+pub fn z_range(footprint: &Footprint, sections: &Sections, window: [Nm; 2], lattice: &Lattice) -> Stops {
+    on_sections(footprint, sections, window, lattice, |i| {
+        // What no level can hold is cut.
+        let (whole, deep): (Vec<_>, Vec<_>) =
+            footprint.figures_of(i).iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
+        zrange::levels(&join(footprint.of_section(i), deep), &whole, lattice)
+    })
+}
+
+/// A stop at every level, number and lower end, that `levels` gives for a section.
+fn on_sections(
+    footprint: &Footprint,
+    sections: &Sections,
+    window: [Nm; 2],
+    lattice: &Lattice,
+    levels: impl Fn(usize) -> Vec<(i32, Nm)>,
+) -> Stops {
+    let mut stops = Vec::new();
+    for i in (0..sections.len()).filter(|&i| footprint.is_used(i)) {
+        let centre = Turn::upright(sections.centre(i));
+        stops.extend(levels(i).into_iter().map(|(level, z_lo)| Stop {
+            section: SectionId(sections.cell(i)),
+            level,
+            tilt: TiltAngles::UPRIGHT,
+            centre,
+            focus: z_lo + lattice.depth / 2,
+            z_lo,
+            z_hi: z_lo + lattice.depth,
+        }));
+    }
+    Stops::new(stops, window, lattice.depth)
+}
+
+/// Intervals joined where they touch, upwards.
+fn join(heights: &[(f64, f64)], mut more: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    more.extend_from_slice(heights);
+    more.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    more.dedup_by(|next, last| {
+        let touches = next.0 <= last.1;
+        if touches {
+            last.1 = last.1.max(next.1);
+        }
+        touches
+    });
+    more
+}
+
+/// The fine grid and the slabs in which windows see the texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Fine {
+    /// Cells of a width of which a window measures a whole number; corners where windows may begin.
+    pub grid: Sections,
+    /// Heights.
+    pub slabs: Slabs,
+}
+
+impl Fine {
+    /// Cells along a window, unless the texture's box would need too many.
+    const ALONG: i64 = 80;
+    const FEWEST: i64 = 10;
+    const MOST: i64 = 1 << 22;
+    /// Windows are placed with 32-bit coordinates.
+    const WIDEST: Nm = Nm(1 << 31);
+
+    /// For a texture within the sections, its lowest mark at `lowest`; None where the box is too wide for
+    /// windows of this size.
+    pub fn over(sections: &Sections, window: [Nm; 2], lattice: &Lattice, lowest: f64) -> Option<Self> {
+        let size = [0, 1].map(|k| sections.pitch[k] * i64::from(sections.count[k]));
+        let mut along = Self::ALONG;
+        let width = |along: i64| window.map(|p| lattice.step * (p / along / lattice.step).max(1));
+        let cells = |along: i64| (size[0] / width(along)[0]).saturating_mul(size[1] / width(along)[1]);
+        while along > Self::FEWEST && cells(along) > Self::MOST {
+            along /= 2;
+        }
+        let pitch = width(along);
+        let count = [0, 1].map(|k| size[k] / pitch[k] + 1);
+        let fits = count.iter().all(|&c| c <= Cells::MOST) && cells(along) <= Self::MOST;
+        (fits && size.iter().all(|&s| s < Self::WIDEST)).then(|| Self {
+            grid: Sections { origin: sections.origin, pitch, count: count.map(|c| c as u32) },
+            slabs: Slabs {
+                z0: lattice.floor(lowest),
+                depth: lattice.depth,
+                hysteresis: lattice.hysteresis,
+                step: lattice.step,
+            },
+        })
+    }
+}
+
+/// Windows and levels placed freely. What a stop holds it admits as far as `overlap` nm around it. With other
+/// `flips` the search begins in another corner, and the borders of windows lie elsewhere.
+pub fn free(
+    mut cells: Cells,
+    fine: &Fine,
+    sections: &Sections,
+    window: [Nm; 2],
+    lattice: &Lattice,
+    overlap: Nm,
+    flips: [bool; 3],
+) -> Stops {
+    let (Fine { grid, slabs }, Nm(overlap)) = (fine, overlap);
+    // Coordinates from the middle of the box reach less far.
+    let pitch = grid.pitch.map(|Nm(pitch)| pitch);
+    let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * pitch[k]);
+    let figures = cells.take_figures();
+    let list = cells.list();
+    let level = |k: i64| (slabs.border(k) - slabs.z0).0;
+    let highest = list.clone().map(|[.., slab]| level(slab + 1)).chain(figures.iter().map(|f| f[1][2] - slabs.z0.0));
+    let top = highest.max().unwrap_or(0);
+    let middle = [middle[0], middle[1], top / 2 / lattice.step.0 * lattice.step.0];
+    let item = |lo: [i64; 3], hi: [i64; 3]| {
+        let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
+        let (mut lo, mut hi) = (near(lo), near(hi));
+        for k in (0..3).filter(|&k| flips[k]) {
+            (lo[k], hi[k]) = (-hi[k], -lo[k]);
+        }
+        box_index::Item { lo, hi }
+    };
+    let zero = [grid.origin.x, grid.origin.y, slabs.z0.0];
+    let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
+    let items: Vec<box_index::Item> = list
+        .map(|[column, row, slab]| {
+            let [x, y] = [column * pitch[0], row * pitch[1]];
+            let hi = [x + pitch[0] + overlap, y + pitch[1] + overlap, level(slab + 1) + slabs.hysteresis.0];
+            item([x - overlap, y - overlap, level(slab) - slabs.hysteresis.0], hi)
+        })
+        .chain(figures.iter().map(|&[lo, hi]| item(local(lo), local(hi))))
+        .collect();
+    let [w, h] = window.map(|Nm(w)| w);
+    let size = [w, h, lattice.depth.0].map(|v| v as i32);
+    let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step.0 as i32; 3])
+        .into_iter()
+        .map(|corner| {
+            let at = |k: usize| if flips[k] { -corner[k] - size[k] } else { corner[k] };
+            let [x, y, z] = [0, 1, 2].map(|k| i64::from(at(k)) + middle[k]);
+            let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
+            let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
+            let z_lo = slabs.z0 + Nm(z);
+            Stop {
+                section: SectionId(section),
+                level: 0,
+                tilt: TiltAngles::UPRIGHT,
+                centre,
+                focus: z_lo + lattice.depth / 2,
+                z_lo,
+                z_hi: z_lo + lattice.depth,
+            }
+        })
+        .collect();
+    stops.sort_by_key(|s| ([s.section.0[1], s.section.0[0]], s.z_lo, s.centre.y, s.centre.x));
+    for i in 1..stops.len() {
+        stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
+    }
+    Stops::new(stops, window, lattice.depth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LATTICE: Lattice = Lattice { depth: Nm(70_000), step: Nm(100), offset: Nm(0), hysteresis: Nm(0) };
+
+    #[test]
+    fn contour_uses_every_level_that_a_mark_touches() {
+        let l = |h: &[(f64, f64)]| contour::levels(h, Nm(0), &LATTICE);
+        assert_eq!(l(&[(0.0, 70_000.0)]), [(0, Nm(0))], "the topmost level is closed");
+        assert_eq!(l(&[(69_999.0, 70_001.0)]), [(0, Nm(0)), (1, Nm(70_000))]);
+        assert_eq!(
+            l(&[(0.0, 10.0), (200_000.0, 280_001.0)]),
+            [(0, Nm(0)), (2, Nm(140_000)), (3, Nm(210_000)), (4, Nm(280_000))]
+        );
+    }
+
+    #[test]
+    fn z_range_uses_the_fewest_levels() {
+        let count = |h: &[(f64, f64)]| zrange::levels(h, &[], &LATTICE).len();
+        assert_eq!(count(&[(35_000.0, 104_900.0)]), 1);
+        assert_eq!(count(&[(35_000.0, 105_100.0)]), 2);
+        assert_eq!(count(&[(0.0, 10_000.0), (500_000.0, 540_000.0)]), 2, "no level where nothing is");
+        assert_eq!(count(&[(0.0, 10_000.0), (60_000.0, 69_000.0)]), 1);
+    }
+
+    #[test]
+    fn a_figure_lies_in_one_level_and_the_levels_are_fewest() {
+        let levels = |heights: &[(f64, f64)], figures: &[(f64, f64)], h: f64| {
+            zrange::levels(heights, figures, &LATTICE.with_hysteresis(h))
+        };
+        // Two figures that overlap and do not fit one level; a third fits the second's.
+        let figures = [(0.0, 60_000.0), (30_000.0, 95_000.0), (40_000.0, 96_000.0)];
+        assert_eq!(levels(&[], &figures, 0.0), [(0, Nm(0)), (1, Nm(30_000))]);
+        // Heights fill what is between.
+        assert_eq!(levels(&[(0.0, 150_000.0)], &figures, 0.0), [(0, Nm(0)), (1, Nm(30_000)), (2, Nm(100_000))]);
+        // Random figures: every one is held, and no point set of lower ends could be smaller (each level
+        // begins at the lowest end of a figure that no level below holds).
+        let mut numbers = terrace_core::random::Random::new(9);
+        let mut random = |n: usize| numbers.below(n) as f64;
+        let mut figures: Vec<(f64, f64)> = (0..500)
+            .map(|_| {
+                let lo = random(2_000_000);
+                (lo, lo + random(69_900))
+            })
+            .collect();
+        figures.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let out = levels(&[], &figures, 0.0);
+        let holds = |l: &(i32, Nm), f: &(f64, f64)| l.1.f64() <= f.0 && f.1 <= (l.1 + LATTICE.depth).f64();
+        assert!(figures.iter().all(|f| out.iter().any(|l| holds(l, f))));
+        for (i, level) in out.iter().enumerate() {
+            assert!(figures.iter().any(|f| LATTICE.floor(f.0) == level.1 && !out[..i].iter().any(|l| holds(l, f))));
+        }
+        // Hysteresis: neighbours reach over each other by twice as much.
+        assert_eq!(levels(&[(0.0, 150_000.0)], &[], 5000.0), [(0, Nm(0)), (1, Nm(60_000)), (2, Nm(120_000))]);
+    }
+
+    #[test]
+    fn depth_shrinks_to_the_lattice_and_never_grows() {
+        assert_eq!(Lattice::new(Nm(70_000), Nm(100), Nm(0)).map(|l| l.depth), Some(Nm(70_000)));
+        assert_eq!(Lattice::new(Nm(70_500), Nm(1000), Nm(0)).map(|l| l.depth), Some(Nm(70_000)));
+        assert_eq!(Lattice::new(Nm(1_500), Nm(1000), Nm(0)), None);
+        let hysteresis = |depth| Lattice::new(Nm(depth), Nm(1000), Nm(0)).map(|l| l.with_hysteresis(1e9).hysteresis.0);
+        assert_eq!([2_000, 4_000, 70_000].map(hysteresis), [Some(0), Some(1_000), Some(17_000)], "at most a quarter");
+    }
+}

@@ -1,0 +1,237 @@
+//! The strokes of a pass cut between the stops of a method, and what each stop has of them.
+
+use super::split::join;
+use crate::order;
+use crate::order::strokes::{Path, Visit};
+use crate::partition::Stops;
+use crate::split::{Fragment, Fragments, Measure, Sliver};
+use terrace_core::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
+use terrace_core::machine::Machine;
+use terrace_core::motion;
+use terrace_core::parallel;
+use terrace_core::program::{Pen, StopId};
+use terrace_input::job::StrokeOrder;
+
+/// Fragments, chunk by chunk of the texture, and the stops that they are cut for.
+pub(super) struct Cut {
+    pub(super) stops: Stops,
+    pub(super) parts: Vec<Fragments>,
+    /// By stop.
+    pub(super) members: Members,
+    /// By stop.
+    pub(super) marks: Vec<StopMarks>,
+}
+
+impl Cut {
+    pub(super) fn new(stops: Stops, parts: Vec<Fragments>, machine: &Machine, pens: &[Pen]) -> Self {
+        let members = Members::new(&parts, stops.stops.len());
+        let marks = parallel::map(stops.stops.len(), |i| {
+            let stop = &stops.stops[i].stop;
+            let mut marks = StopMarks::default();
+            for (f, measure, points) in members.fragments(&parts, StopId(i as u32)) {
+                let pen = &pens[f.pen.index()];
+                let mark = motion::Mark { points, speed: pen.speed, passes: pen.passes, dwell: pen.dwell };
+                let time = motion::marking(machine, [mark]);
+                marks.time_s[0] += time.mark_s;
+                marks.time_s[1] += time.delay_s;
+                marks.heights.add(f, measure, stop.z_lo.f64());
+                let place = |p: &FieldPoint| P2::new(stop.centre.x + i64::from(p.x), stop.centre.y + i64::from(p.y));
+                points.iter().for_each(|p| marks.area.add(place(p)));
+            }
+            marks
+        });
+        Self { stops, parts, members, marks }
+    }
+
+    /// What was too short to be marked.
+    pub(super) fn slivers(&self) -> impl Iterator<Item = &Sliver> {
+        self.parts.iter().flat_map(|part| &part.slivers)
+    }
+
+    /// What stops mark, if `ids` are those that mark what the stops of the cut did, and what was left out.
+    pub(super) fn marks_by<'a>(&self, of_stops: &'a [StopMarks], ids: &[StopId]) -> Marks<'a> {
+        let id = |stop: StopId| ids[stop.index()];
+        let left_out = |part: &'_ Fragments, sliver: &Sliver| LeftOut {
+            sliver: Sliver { stop: id(sliver.stop), ..*sliver },
+            beside: part.stops_beside(sliver).map(id).collect(),
+        };
+        let left_out = self.parts.iter().flat_map(|part| part.slivers.iter().map(move |s| left_out(part, s)));
+        Marks { of_stops, left_out: left_out.collect() }
+    }
+
+    /// The figures of all parts, without what they were cut into.
+    pub(super) fn totals(parts: Vec<Fragments>) -> Fragments {
+        parts.into_iter().fold(Fragments::default(), join)
+    }
+}
+
+/// What one stop marks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StopMarks {
+    pub(super) heights: Heights,
+    /// Box of the marks on the turned part.
+    pub(super) area: Box2<Turned>,
+    /// Time of the marks and of the scanner's delays, without jumps, s.
+    pub(super) time_s: [f64; 2],
+}
+
+impl Default for StopMarks {
+    fn default() -> Self {
+        Self { heights: Heights::default(), area: Box2::EMPTY, time_s: [0.0; 2] }
+    }
+}
+
+impl StopMarks {
+    pub(super) fn is_empty(&self) -> bool {
+        self.heights.lo > self.heights.hi
+    }
+
+    /// Of two stops that become one.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.heights.join(&other.heights);
+        self.area = self.area.union(other.area);
+        (0..2).for_each(|k| self.time_s[k] += other.time_s[k]);
+    }
+}
+
+/// What stops mark, and what was left out of the marks.
+pub(super) struct Marks<'a> {
+    /// By stop.
+    pub(super) of_stops: &'a [StopMarks],
+    pub(super) left_out: Vec<LeftOut>,
+}
+
+/// A mark that was left out, its stop, and those of the marks beside it on its stroke.
+pub(super) struct LeftOut {
+    pub(super) sliver: Sliver,
+    pub(super) beside: Vec<StopId>,
+}
+
+/// Heights of one stop's marks, nm.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Heights {
+    pub(super) lo: f64,
+    pub(super) hi: f64,
+    /// Integral of the height over the length.
+    z_length: f64,
+    length: f64,
+    /// Sum over the dots, and how many there are.
+    z_dots: f64,
+    dots: f64,
+}
+
+impl Default for Heights {
+    fn default() -> Self {
+        Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0, z_dots: 0.0, dots: 0.0 }
+    }
+}
+
+impl Heights {
+    /// Adds a fragment over the lower end of what its stop admits.
+    fn add(&mut self, f: &Fragment, measure: &Measure, z_lo: f64) {
+        let [lo, hi] = measure.z.map(|z| z_lo + f64::from(z));
+        self.lo = self.lo.min(lo);
+        self.hi = self.hi.max(hi);
+        let length = measure.length;
+        self.z_length += (z_lo + f64::from(measure.mean_z)) * length;
+        self.length += length;
+        if f.len == 1 {
+            self.z_dots += lo;
+            self.dots += 1.0;
+        }
+    }
+
+    fn join(&mut self, other: &Self) {
+        self.lo = self.lo.min(other.lo);
+        self.hi = self.hi.max(other.hi);
+        self.z_length += other.z_length;
+        self.length += other.length;
+        self.z_dots += other.z_dots;
+        self.dots += other.dots;
+    }
+
+    /// Lowest, highest and mean height in whole nanometres.
+    pub(super) fn nm(&self) -> [Nm; 3] {
+        [self.lo, self.hi, self.mean()].map(Nm::round)
+    }
+
+    pub(super) fn mean(&self) -> f64 {
+        if self.length > 0.0 {
+            (self.z_length / self.length).clamp(self.lo, self.hi)
+        } else if self.dots > 0.0 {
+            (self.z_dots / self.dots).clamp(self.lo, self.hi)
+        } else {
+            (self.lo + self.hi) / 2.0
+        }
+    }
+}
+
+/// The fragments of every stop, in the order in which they were cut: chunk and index in it.
+pub(super) struct Members(Buckets<(u32, u32)>);
+
+impl Members {
+    pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
+        let members = (0u32..)
+            .zip(parts)
+            .flat_map(|(part, fragments)| (0u32..).zip(&fragments.list).map(move |(i, f)| (f.stop.index(), (part, i))));
+        Self(Buckets::new(stops, members))
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.0.items().len()
+    }
+
+    pub(super) fn of(&self, stop: StopId) -> &[(u32, u32)] {
+        self.0.of(stop.index())
+    }
+
+    /// The fragments of a stop.
+    pub(super) fn fragments<'a>(
+        &'a self,
+        parts: &'a [Fragments],
+        stop: StopId,
+    ) -> impl Iterator<Item = (&'a Fragment, &'a Measure, &'a [FieldPoint])> {
+        self.of(stop).iter().map(|&m| {
+            let (f, points) = fragment(parts, m);
+            (f, &parts[m.0 as usize].measures[m.1 as usize], points)
+        })
+    }
+
+    /// The order in which the fragments of a stop are marked.
+    pub(super) fn ordered(&self, parts: &[Fragments], stop: StopId, order: StrokeOrder) -> Vec<Visit> {
+        let members = self.of(stop);
+        let path = |&m: &(u32, u32)| {
+            let (f, points) = fragment(parts, m);
+            Path { points, is_closed: f.is_figure }
+        };
+        match order {
+            StrokeOrder::Shortest => order::strokes::order(&members.iter().map(path).collect::<Vec<_>>()),
+            StrokeOrder::Drawing => order::strokes::as_drawn(members.len()),
+        }
+    }
+}
+
+/// A fragment and its points.
+pub(super) fn fragment(parts: &[Fragments], (part, i): (u32, u32)) -> (&Fragment, &[FieldPoint]) {
+    let part = &parts[part as usize];
+    let f = &part.list[i as usize];
+    (f, &part.points[f.first as usize..(f.first + f.len) as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn members_lists_every_fragment_once_at_its_stop() {
+        let fragment = |stop: u32| Fragment { stop: StopId(stop), ..Fragment::default() };
+        let part =
+            |stops: &[u32]| Fragments { list: stops.iter().map(|&s| fragment(s)).collect(), ..Default::default() };
+        let parts = [part(&[2, 0, 2]), part(&[0, 2])];
+        let members = Members::new(&parts, 4);
+        assert_eq!(members.of(StopId(0)), [(0, 1), (1, 0)]);
+        assert_eq!(members.of(StopId(1)), []);
+        assert_eq!(members.of(StopId(2)), [(0, 0), (0, 2), (1, 1)]);
+        assert_eq!(members.of(StopId(3)), []);
+    }
+}

@@ -1,0 +1,141 @@
+//! Lines and dots that the texture has more than once, and pens that give no power: a job is marked all the same, but
+//! most often not as it was meant.
+//!
+//! Two lines are the same where their ends are, in either direction, to the nanometre: what lies on another line and
+//! ends elsewhere is not found. A line is kept as a hash of its ends, 16 bytes, and textures of more than [`MOST`]
+//! points are not looked at.
+
+use std::collections::BTreeMap;
+
+use super::off_part::lengths_and_dots;
+use terrace_core::diag::Diag;
+use terrace_core::geom::{Nm, P2};
+use terrace_core::machine::Machine;
+use terrace_core::program::Pen;
+use terrace_input::job::Job;
+use terrace_input::texture::Texture;
+
+/// Most points of the textures of a job that are looked at.
+const MOST: u64 = 4_000_000;
+
+/// A straight piece of a stroke, or a dot.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Line {
+    /// Hash of its ends.
+    ends: u64,
+    /// Which texture has it, from 0.
+    texture: u32,
+    /// Its length, nm; 0 of a dot.
+    length: u32,
+}
+
+/// What is marked again.
+#[derive(Clone, Copy, Default)]
+struct Again {
+    length: Nm,
+    dots: u64,
+}
+
+impl Again {
+    fn add(&mut self, line: &Line) {
+        self.length += Nm(line.length.into());
+        self.dots += u64::from(line.length == 0);
+    }
+
+    fn text(&self) -> String {
+        lengths_and_dots(self.length.mm(), self.dots)
+    }
+}
+
+/// What should be told of the texture of a pass.
+pub(super) fn warnings(job: &Job, texture: &Texture) -> Vec<Diag> {
+    if texture.points_estimate() > MOST {
+        return Vec::new();
+    }
+    let lines = lines(texture);
+    let mut found: BTreeMap<[u32; 2], Again> = BTreeMap::new();
+    for same in lines.chunk_by(|a, b| a.ends == b.ends) {
+        // Each but the first is marked again: by its own texture where that has it already, else by both.
+        for pair in same.windows(2) {
+            let [of, by] = [pair[0].texture, pair[1].texture];
+            let first = if of == by { of } else { same[0].texture };
+            found.entry([first, by]).or_default().add(&pair[1]);
+        }
+    }
+    found
+        .into_iter()
+        .map(|([a, b], again)| if a == b { within(job, a, again) } else { both(job, [a, b], again) })
+        .collect()
+}
+
+fn within(job: &Job, texture: u32, again: Again) -> Diag {
+    let text = format!("texture {} has lines or dots more than once: {} are marked again", texture + 1, again.text());
+    Diag::warning("lines-twice", text)
+        .at(job.place_of(&format!("texture.{texture}")))
+        .hint("remove the copies from the drawing; to mark it more than once, use `passes` of its pen")
+}
+
+fn both(job: &Job, [a, b]: [u32; 2], again: Again) -> Diag {
+    let text =
+        format!("textures {} and {} have the same lines or dots: {} are marked by both", a + 1, b + 1, again.text());
+    Diag::warning("texture-twice", text)
+        .at(job.place_of(&format!("texture.{b}")))
+        .hint("remove one of the two [[texture]] tables; to mark a texture more than once, use `passes` of its pen")
+}
+
+/// All lines and dots, the same next to each other, in the order of their textures.
+fn lines(texture: &Texture) -> Vec<Line> {
+    let mut out = Vec::new();
+    let mut points = Vec::new();
+    for i in 0..texture.len() {
+        texture.stroke(i, &mut points);
+        let of = texture.part_of(i) as u32;
+        let mut add = |a: P2, b: P2| {
+            let length = a.distance(b).round().min(f64::from(u32::MAX)) as u32;
+            out.push(Line { ends: hash(a.min(b), a.max(b)), texture: of, length });
+        };
+        match points[..] {
+            [dot] => add(dot, dot),
+            _ => points.windows(2).for_each(|w| add(w[0], w[1])),
+        }
+    }
+    out.sort_unstable();
+    out
+}
+
+/// A hash of two points: steps of splitmix64, which spread every bit over all.
+fn hash(a: P2, b: P2) -> u64 {
+    [a.x, a.y, b.x, b.y].into_iter().fold(0, |hash: u64, v| {
+        let mut h = (hash ^ v as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        h = (h ^ (h >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        h ^ (h >> 31)
+    })
+}
+
+/// Pens without power that a texture is marked with.
+pub(super) fn without_power(job: &Job, texture: &Texture, machine: &Machine) -> Vec<Diag> {
+    let is_dark = |pen: &Pen| pen.power.as_w(machine.laser.max_power) <= 0.0;
+    let mut open: Vec<usize> = (0..job.pens.len()).filter(|&i| is_dark(&job.pens[i])).collect();
+    let mut found = Vec::new();
+    let mut points = Vec::new();
+    for i in 0..texture.len() {
+        if open.is_empty() {
+            break;
+        }
+        let pen = texture.stroke(i, &mut points).index();
+        if let Some(at) = open.iter().position(|&one| one == pen) {
+            found.push((open.swap_remove(at), texture.part_of(i)));
+        }
+    }
+    found.into_iter().map(|(pen, of)| told(job, pen, of)).collect()
+}
+
+fn told(job: &Job, pen: usize, texture: usize) -> Diag {
+    let name = &job.pens[pen].name;
+    let text =
+        format!("texture {} is marked with pen {name:?}, which has no power: nothing is marked by it", texture + 1);
+    Diag::warning("pen-no-power", text)
+        .at(job.place_of(&format!("pen.{pen}.power")))
+        .hint("give the pen a power, or the texture another pen")
+}

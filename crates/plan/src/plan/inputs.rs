@@ -1,0 +1,209 @@
+//! The input files of a job, each opened once.
+
+use std::sync::Arc;
+
+use super::early;
+use super::loading_way;
+use super::plausible;
+use super::space_curves;
+use crate::manifest::SpaceCurves;
+use terrace_core::diag::{Diag, Error, Kind};
+use terrace_core::geom::{Box2, BoxMm, P2, cos_sin};
+use terrace_core::machine::Machine;
+use terrace_core::program::{PassId, PenId};
+use terrace_core::progress::Task;
+use terrace_input::job::{Job, Mode};
+use terrace_input::surface::{Joining, Surface};
+use terrace_input::texture::Texture;
+
+/// What a job is planned from.
+#[derive(Debug)]
+pub struct Inputs {
+    /// The machine.
+    pub machine: Machine,
+    /// The part's surface, turned as the job says.
+    pub surface: Arc<Surface>,
+    /// The texture of the first pass.
+    pub texture: Texture,
+    /// The space curves of the texture against the surface; None where it has none.
+    pub curves: Option<SpaceCurves>,
+    /// What the user should know of the files.
+    pub warnings: Vec<Diag>,
+}
+
+/// What inputs are read for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// A job that is planned, checked and written in its formats.
+    Write,
+    /// Measures of a job: nothing is written.
+    Measure,
+}
+
+impl Inputs {
+    /// Reads machine, surface and drawings, and holds the job to what the machine can be; not to what its formats can
+    /// carry, as nothing is to be written.
+    ///
+    /// # Errors
+    /// Faults of the files; `operator-way`; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
+    /// where the texture lies off the part; `curve-distance` where space curves lie off its surface.
+    pub fn load(job: &Job) -> Result<Self, Error> {
+        Self::load_told(job, Task::untold())
+    }
+
+    /// [`Inputs::load`] that tells how far it is.
+    ///
+    /// # Errors
+    /// As [`Inputs::load`].
+    pub fn load_told(job: &Job, task: Task<'_>) -> Result<Self, Error> {
+        Self::loaded(job, Purpose::Measure, None, &mut |_| {}, task)
+    }
+
+    /// Reads what [`Inputs::load`] does for a job that is to be written, and hands on each facet of the surface file as
+    /// the file has it.
+    ///
+    /// # Errors
+    /// As [`Inputs::load`]; besides, before any other file is read, all that job and machine file do not allow: formats
+    /// that cannot carry the job, sections, depth and methods that the machine cannot do.
+    pub fn load_each(job: &Job, each: &mut dyn FnMut([[f64; 3]; 3]), task: Task<'_>) -> Result<Self, Error> {
+        Self::loaded(job, Purpose::Write, None, each, task)
+    }
+
+    /// The same for one of several jobs; the surface of another is taken over where both read and turn it alike.
+    ///
+    /// # Errors
+    /// As [`Inputs::load_each`].
+    pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
+        Self::loaded(job, Purpose::Write, other, &mut |_| {}, Task::untold())
+    }
+
+    fn loaded(
+        job: &Job,
+        purpose: Purpose,
+        other: Option<(&Job, &Arc<Surface>)>,
+        each: &mut dyn FnMut([[f64; 3]; 3]),
+        task: Task<'_>,
+    ) -> Result<Self, Error> {
+        let read_alike = |of: &Job| {
+            let turns = [of, job].map(|j| j.placement.turn.as_rad());
+            of.surface == job.surface && turns[0] == turns[1] && of.path == job.path
+        };
+        let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
+        let machine = job.machine().map_err(|e| job.at_keys(&e))?;
+        loading_way::served(job, &machine)?;
+        let mut warnings = job.warnings.clone();
+        let unused = machine.unused().into_iter();
+        warnings.extend(unused.map(|(key, warning)| warning.at(job.place_in_machine(&key))));
+        let mut faults = match purpose {
+            Purpose::Write => early::faults(job, &machine),
+            Purpose::Measure => early::pens(job, &machine),
+        };
+        match job.plausible(&machine) {
+            Ok(odd) => warnings.extend(odd),
+            Err(e) => {
+                // A depth range that the optics make implausible is told once.
+                faults.retain(|fault| fault.code != "depth-small");
+                let (odd, implausible): (Vec<Diag>, Vec<Diag>) =
+                    e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
+                warnings.extend(odd);
+                faults.extend(implausible);
+            }
+        }
+        if !faults.is_empty() {
+            return Err(Error::many(faults).after(warnings));
+        }
+        // Warnings before an error often show its cause.
+        match Self::read(job, purpose, surface, &machine, &mut warnings, each, task) {
+            Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
+            Err(e) => Err(job.at_keys(&e).after(warnings)),
+        }
+    }
+
+    fn read(
+        job: &Job,
+        purpose: Purpose,
+        surface: Option<&Arc<Surface>>,
+        machine: &Machine,
+        warnings: &mut Vec<Diag>,
+        each: &mut dyn FnMut([[f64; 3]; 3]),
+        task: Task<'_>,
+    ) -> Result<(Arc<Surface>, Texture, Option<SpaceCurves>), Error> {
+        let [shape, drawings] = task.split([3, 1]);
+        let turn = job.placement.turn.as_rad();
+        let joining = Joining {
+            weld_mm: job.surface.weld.mm(),
+            narrow_mm: machine.lens.spot.as_mm(),
+            non_manifold: job.surface.non_manifold,
+        };
+        let surface = match surface {
+            Some(surface) => Arc::clone(surface),
+            None => {
+                let (path, options) = (job.surface_path(), &job.surface.options);
+                Arc::new(Surface::load(&path, options, joining, turn, warnings, each, shape)?)
+            }
+        };
+        warnings.extend(plausible::odd_part(job, surface.size_mm(), machine));
+        let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
+        drop(drawings);
+        texture.ask_for_tracing()?;
+        let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();
+        if let Some((pen, number)) = texture.dot_pens().into_iter().find(is_without) {
+            return Err(early::no_dwell(job, pen, number).into());
+        }
+        let dots = !texture.dot_pens().is_empty() && purpose == Purpose::Write && job.mode == Mode::Stepped;
+        let not_carried = if dots { early::formats(job, machine, true) } else { Vec::new() };
+        if !not_carried.is_empty() {
+            return Err(Error::many(not_carried));
+        }
+        let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
+        let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };
+        if (0..2).any(|k| part.lo[k] > marks.hi[k] || part.hi[k] < marks.lo[k]) {
+            let turned = if turn == 0.0 { "" } else { " as they are turned" };
+            let text = format!(
+                "nothing would be marked: the texture lies at {}, off the part at {}{turned}",
+                spanned(marks),
+                spanned(part)
+            );
+            let hint = "move the texture with its area or origin, or check the unit of surface and drawing";
+            let e = Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint).into();
+            return Err(plausible::explained(&e, &texture));
+        }
+        let curves = space_curves::compare(job, &surface, &texture, warnings)?;
+        Ok((surface, texture, curves))
+    }
+
+    /// The box of the part as the job turns it, mm.
+    pub(super) fn part_box(&self, job: &Job) -> BoxMm<2> {
+        turned(self.surface.part_box_mm(), job.placement.turn.as_rad())
+    }
+
+    /// The same in whole nanometres.
+    pub fn part_box_nm(&self, job: &Job) -> Box2 {
+        let part = self.part_box(job);
+        let corner = |at: [f64; 2]| P2::from_mm(at[0], at[1]).expect("a part lies within 4 m of its origin");
+        Box2 { lo: corner(part.lo), hi: corner(part.hi) }
+    }
+
+    /// The texture of pass `k`, from 0.
+    ///
+    /// # Errors
+    /// Those of patterns, which the turn from pass to pass can cause.
+    pub fn texture_of_pass(&self, job: &Job, pass: PassId) -> Result<Texture, Error> {
+        if pass == PassId(0) {
+            return Ok(self.texture.clone());
+        }
+        let turn = job.placement.turn.as_rad();
+        self.texture.of_pass(&job.textures_of_pass(pass), self.surface.part_box_mm(), turn)
+    }
+}
+
+/// The box, mm, around one that is turned about the origin.
+fn turned(flat: BoxMm<2>, turn_rad: f64) -> BoxMm<2> {
+    let [c, s] = cos_sin(turn_rad);
+    BoxMm::of(flat.corners().map(|[x, y]| [c * x - s * y, s * x + c * y]))
+}
+
+/// Where a box lies, for messages.
+fn spanned(BoxMm { lo, hi }: BoxMm<2>) -> String {
+    format!("x {:.3} to {:.3} mm and y {:.3} to {:.3} mm", lo[0], hi[0], lo[1], hi[1])
+}

@@ -1,0 +1,502 @@
+//! A job that is marked on the fly: the strokes of a plan in their order, divided between stage and scanner.
+//!
+//! Consumes a job, planned as one block of which the order of strokes counts; promises a checked on-the-fly program,
+//! held against the facets of the part, and a list of what of its strokes is left out because the axes cannot keep it
+//! in focus. Machines whose swivel and turntable state their speeds mark with seven axes, all others with five: the
+//! stage follows a moving average, the scanner is the rest.
+
+use crate::emit::Target;
+use std::sync::Arc;
+
+use crate::budget::{Relief, Stated};
+use crate::emit::{self, FlyFile};
+use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
+use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
+use crate::on_the_fly::axes::motion::{Motion, Waypoint};
+use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
+use crate::on_the_fly::check::{self, Checked, LineEnergy};
+use crate::on_the_fly::decompose::{Family, Limits};
+use crate::on_the_fly::kinematic_model::KinematicModel;
+use crate::on_the_fly::path::follow::{Follow, Stretch};
+use crate::on_the_fly::path::height_field::HeightField;
+use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::path::{Followed, Node, Path};
+use crate::on_the_fly::program::{Kind, Program};
+use crate::on_the_fly::spot::Rests;
+use crate::on_the_fly::turnaround::quickest;
+use crate::on_the_fly::xyzacuv::{Instant, TimedAxes, ToolPath, decompose};
+use crate::on_the_fly::xyzuv::ScannerLimits;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
+use terrace_core::machine::{Machine, Origin};
+use terrace_core::program::PieceId;
+use terrace_core::progress::Task;
+use terrace_core::units::Speed;
+use terrace_input::job::Job;
+use terrace_input::surface::Surface;
+use terrace_input::texture::Texture;
+
+use super::fly_formats;
+use super::inputs::Inputs;
+use super::plausible;
+use super::progress::{Phase, Progress};
+use super::strokes::{self, Strokes};
+
+/// Nodes of the path along half of the field.
+const NODES: f64 = 100.0;
+/// Even samples of the path, where z needs no more.
+const SAMPLES: usize = 300_000;
+/// What of the field is left to the rounding of samples, mm.
+const SPARE: f64 = 1e-3;
+/// How far the part may lie from the straight lines between the nodes of a mark, as a share of focus.
+const NEAR: f64 = 0.01;
+/// How far a mark may lie beside its stroke for that where beams lean, mm; 1 um in all is promised.
+const STRAY: f64 = 9e-4;
+/// What of focus is left to that and to rounding, as a share: next to a step of 2 [`NEAR`], which is not cut, the part
+/// lies up to 3 [`NEAR`] from the line.
+const SPARE_FOCUS: f64 = 0.04;
+/// Share of focus and incidence that the height field may use up before a mark on it is left out.
+const FOLLOWED: f64 = 0.9;
+/// How often a motion is stretched to keep the limits of its axes.
+const STRETCHES: usize = 8;
+/// How many times a plan is rebuilt without marks that were out of focus.
+const PLANS: usize = 8;
+/// What a program may be beyond focus and incidence for the rounding of its samples, mm and rad.
+const ROUNDED: [f64; 2] = [5e-5, 5e-4];
+/// A cut at a step takes no more, mm.
+const CUT: f64 = 1e-3;
+const UNFOCUSED: &str = "widen focus.pdof, or compile a stepped job";
+
+/// An on-the-fly job that was planned and checked, not yet written.
+#[derive(Clone, Debug)]
+pub struct OnTheFlyPlan {
+    /// The job.
+    pub job: Job,
+    /// Its machine.
+    pub machine: Machine,
+    /// The program.
+    pub checked: Checked,
+    /// What is not marked next to steps of the part.
+    pub left_out: Vec<LeftOut>,
+    /// The figures; its warnings are those of the plan.
+    pub summary: OnTheFlySummary,
+    /// What the user should know.
+    pub warnings: Vec<Diag>,
+    /// The strokes as they were followed over the part.
+    pub texture: Texture,
+    /// What it was planned from.
+    pub inputs: Arc<Inputs>,
+}
+
+/// Makes an on-the-fly program of a job.
+///
+/// # Errors
+/// Limits of the machine that the motion breaks, `fly-focus` where marks cannot be kept in focus, after the warnings of
+/// the inputs.
+pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<OnTheFlyPlan, Error> {
+    let mut warnings = inputs.warnings.clone();
+    match planned(&job, &inputs, progress, &mut warnings) {
+        Ok(Planned { checked, deviations, relief, lengths, left_out, texture }) => {
+            let figures = checked.figures();
+            let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
+            let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
+            let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
+            warnings.extend(budget.warning(&job, &inputs.machine));
+            warnings.extend(uneven(&figures.energy));
+            let accuracy = FlyAccuracy {
+                part_mm: inputs.surface.size_mm(),
+                deviations,
+                blend_mm,
+                laser: laser(&job, &inputs.machine, &checked),
+                budget,
+            };
+            let summary = OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, &warnings);
+            let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
+            Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
+        }
+        Err(e) => Err(plausible::explained(&e, &inputs.texture).after(warnings)),
+    }
+}
+
+/// How early the laser may be switched in each program that is written of a job.
+pub fn laser(job: &Job, machine: &Machine, checked: &Checked) -> Vec<LaserSwitching> {
+    let kind = checked.program().kind;
+    let files = job.formats.iter().filter_map(|&f| Target::of(f).on_the_fly).filter(|f| f.kinds.contains(&kind));
+    let of = |file: FlyFile| {
+        let servo_period_s = machine.controller.servo_s(file.servo_s);
+        let laser_error_mm = checked.figures().laser_error_mm(servo_period_s);
+        LaserSwitching { file: file.name.into(), servo_period_s, laser_error_mm }
+    };
+    files.map(of).collect()
+}
+
+/// A checked program, how far its marks lie from the best, and what it does not mark.
+struct Planned {
+    checked: Checked,
+    deviations: Deviations,
+    /// The height field under the marks, where rotary axes follow it.
+    relief: Option<Relief>,
+    lengths: FlyLengths,
+    left_out: Vec<LeftOut>,
+    texture: Texture,
+}
+
+fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
+    let machine = &inputs.machine;
+    let Strokes {
+        program: strokes,
+        origin,
+        texture,
+        strokes: followed,
+        texture_mm,
+        skipped,
+        shares,
+        warnings: found,
+        ..
+    } = strokes::in_order(job, machine, inputs, None, progress)?;
+    warnings.extend(found);
+    warnings.extend(fly_formats::unwritten(job, machine)?);
+    if KinematicModel::of(machine, &strokes.pens, origin.mm()).is_none_or(|model| model.spot.is_none()) {
+        let why = "which is for seven axes with scanner.acceleration in the machine file";
+        let hint = "leave it out: without seven axes the quickest turnaround is chosen for all marks";
+        warnings.extend(super::warnings::no_skywriting(job, [why, hint]));
+    }
+    let [field, motion, _rest] = Phase::Motion.task(progress).split([1, 8, 1]);
+    let focus = job.focus.half_depth_mm();
+    let Some(height_field) = HeightField::followed(&inputs.surface, texture, focus) else {
+        let hint = "compare its area with the part's box";
+        return Err(Diag::limit("job-empty", "the texture lies entirely off the part").hint(hint).into());
+    };
+    drop(field);
+    let max_incidence = job.limits.max_incidence.as_rad();
+    let half_field = machine.usable_field().map(|f| f.mm() / 2.0);
+    let [width, height] = texture.size().map(Nm::mm);
+    let planner = Planner {
+        job,
+        machine,
+        strokes: &strokes,
+        origin,
+        surface: &inputs.surface,
+        height_field: &height_field.no_steeper_than(max_incidence.tan()),
+        spacing: half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES,
+        focus,
+        max_incidence,
+    };
+    let (made, worst) = planner.planned(motion)?;
+    let asked = Schedule::of(&made.followed.path, machine, &strokes.pens, 0.0).mark_s;
+    let checked = Checked::new(made.program, machine, job.power_by_speed)?;
+    let slow = checked.figures().mark_s / asked;
+    if slow > 1.001 {
+        warnings.push(slower(job, slow));
+    }
+    warnings.extend(shares.warnings(job, checked.figures().time_s, machine));
+    let left_out = planner.left_out(&inputs.texture, &made.followed.left_out);
+    let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
+    warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
+    let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
+    let relief = (checked.program().kind == Kind::Xyzacuv).then(|| planner.relief(&made.followed.path));
+    Ok(Planned { checked, deviations, relief, lengths, left_out, texture: followed })
+}
+
+/// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than
+/// half, where the whole program is slowed instead.
+fn slow_jumps(machine: &Machine) -> Machine {
+    let mut slow = machine.clone();
+    let (x, y) = (&machine.stage.x, &machine.stage.y);
+    let jump = machine.scanner.jump_speed.as_mm_s();
+    let stage = x.speed.as_mm_s().hypot(y.speed.as_mm_s());
+    slow.scanner.jump_speed = Speed::mm_s((jump - stage).max(0.5 * jump));
+    slow
+}
+
+/// What plans are made of.
+struct Planner<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    strokes: &'a terrace_core::program::Program,
+    origin: Origin,
+    surface: &'a Surface,
+    height_field: &'a HeightField,
+    /// Distance of the path's nodes, mm.
+    spacing: f64,
+    /// Half of the depth range, mm.
+    focus: f64,
+    max_incidence: f64,
+}
+
+/// A program with what it marks.
+struct Made {
+    program: Program,
+    followed: Followed,
+}
+
+impl Planner<'_> {
+    /// Plans until every mark keeps its focus and incidence on the part.
+    fn planned(&self, task: Task<'_>) -> Result<(Made, FocusOnPart), Error> {
+        let limits =
+            beam_hits::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1], beside: STRAY };
+        let leans = KinematicModel::of(self.machine, &self.strokes.pens, self.origin.mm()).is_some();
+        let near = self.near(leans);
+        let (mut without, mut last) = (Vec::new(), None);
+        let mut rest = task;
+        for _ in 0..PLANS {
+            // How many plans there are is not known: each has most of what is left.
+            let [making, checking, left] = rest.split([3, 1, 1]);
+            rest = left;
+            let made = self.made(near, &without, making)?;
+            let around = 2.0 * self.spacing;
+            let found = focus_on_part(&made.program, self.machine, self.surface, limits, &made.followed, around)?;
+            drop(checking);
+            let Some(miss) = found.first else { return Ok((made, found)) };
+            without.extend(found.beyond);
+            last = Some(miss);
+        }
+        Err(last.map_or_else(|| too_sharp(self.job), |miss| self.unfocused(&miss)))
+    }
+
+    /// One plan that leaves some stretches out.
+    fn made(&self, near: f64, without: &[Stretch], task: Task<'_>) -> Result<Made, Error> {
+        let Self { strokes, surface, height_field, spacing, .. } = *self;
+        let origin = self.origin.mm();
+        let machine = slow_jumps(self.machine);
+        let model = KinematicModel::of(&machine, &strokes.pens, origin);
+        // Seven axes follow the height field: where that leaves the part its marks would be out of focus.
+        let most = Limits { focus: FOLLOWED * self.focus, angle: FOLLOWED * self.max_incidence, field: f64::INFINITY };
+        let holds = |p: [f64; 3], n: [f64; 3]| {
+            let height = height_field.at([p[0], p[1]]);
+            let tool = Pose { p: [p[0], p[1], height.z], n: height.normal() };
+            model.is_none() || most.hold(Deviation::of(&Pose { p, n }, &tool))
+        };
+        let [following, timing, _limiting] = task.split([1, 6, 1]);
+        let follow = Follow { near, holds: &holds, without };
+        let blocks = 0..strokes.blocks.len();
+        let followed = Path::following(strokes, blocks, surface, height_field, spacing, &follow);
+        drop(following);
+        if followed.marked.is_empty() {
+            let text = "the height field that the axes follow leaves the part under all of the texture";
+            return Err(Diag::limit("fly-focus", text).hint(UNFOCUSED).into());
+        }
+        let (motion, kind) = match model {
+            Some(model) => (self.seven(&followed.path, &model, timing)?, Kind::Xyzacuv),
+            None => (self.five(&followed.path, &machine, timing)?, Kind::Xyzuv),
+        };
+        Ok(Made { program: self.within_limits(motion, kind)?, followed })
+    }
+
+    /// How far the part may lie from the lines between nodes. A beam that leans by l over a slope of s, at an incidence
+    /// of i, meets a part that lies lower by h at h cos s sin l / cos i to the side. Next to a step that is not cut, h
+    /// is three times as much. Seven axes lean as the height field does somewhere.
+    fn near(&self, leans: bool) -> f64 {
+        let near = NEAR * self.focus;
+        if !leans {
+            return near;
+        }
+        let beside = 3.0 * self.height_field.steepest_lean().sin() / self.max_incidence.cos();
+        if near * beside > STRAY { STRAY / beside } else { near }
+    }
+
+    fn seven(&self, path: &Path, model: &KinematicModel<'_>, task: Task<'_>) -> Result<Motion, Error> {
+        let [dividing, _timing] = task.split([1, 2]);
+        let angle = self.job.limits.warn_incidence.as_rad();
+        let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
+        let path = &model.with_run_ups(path, &self.job.skywriting);
+        let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
+        found.within_travel(model)?;
+        drop(dividing);
+        Ok(turning(model, &found.timed(model, 1)?))
+    }
+
+    fn five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
+        let allowed = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
+        let allowed = ScannerLimits { half_field: allowed.half_field.map(|h| h - SPARE), ..allowed };
+        let origin = self.origin.mm();
+        let travels = |ends: BoxMm<3>| {
+            let ends = ends.lo.into_iter().zip(ends.hi);
+            machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), (least, most)), o)| {
+                let [lo, hi] = axis.travel.map(|t| t.as_mm());
+                [least, most].iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
+            })
+        };
+        let found = quickest(path, machine, &self.strokes.pens, allowed, SAMPLES, &travels, task);
+        if !found.sync.fits {
+            return Err(too_sharp(self.job));
+        }
+        Ok(found.sync.motion(&found.path, &found.schedule))
+    }
+
+    /// The program of a motion, run as much slower as its axes and marks need.
+    fn within_limits(&self, mut motion: Motion, kind: Kind) -> Result<Program, Error> {
+        let program = |motion: &Motion| Program::of(motion, self.strokes, self.machine, self.origin, kind);
+        let (mut made, mut late) = program(&motion)?;
+        // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
+        for _ in 0..STRETCHES {
+            let slow = check::slower(&made, self.machine).max(late);
+            if slow <= 1.0 {
+                break;
+            }
+            motion.waypoints.iter_mut().for_each(|w| w.time *= 1.0 + 1.05 * (slow - 1.0) + 1e-6);
+            (made, late) = program(&motion)?;
+        }
+        Ok(made)
+    }
+
+    /// Stretches of the program's strokes as those of the texture's.
+    fn left_out(&self, texture: &Texture, stretches: &[Stretch]) -> Vec<LeftOut> {
+        let mut drawn = Vec::new();
+        let of = |stretch: &Stretch| {
+            let stroke = &self.strokes.strokes[stretch.stroke.index()];
+            texture.stroke(stroke.source.index(), &mut drawn);
+            let points = self.points_of(stretch.stroke);
+            let end = if stroke.reversed { points[points.len() - 1] } else { points[0] };
+            let segment = stroke.segment as usize;
+            let begin = length_mm(&drawn[..=segment]) + drawn[segment].distance(end) / NM_PER_MM;
+            let length = length_mm(&points);
+            let [from, to] =
+                if stroke.reversed { [length - stretch.to, length - stretch.from] } else { [stretch.from, stretch.to] };
+            LeftOut { stroke: stroke.source.0, from_mm: begin + from, to_mm: begin + to }
+        };
+        stretches.iter().map(of).collect()
+    }
+
+    /// The height field against the part at the nodes of the marks.
+    fn relief(&self, path: &Path) -> Relief {
+        path.nodes.iter().filter(|node| node.pen.is_some()).fold(Relief::default(), |worst, node| {
+            let [x, y, z] = node.at;
+            let height = self.height_field.at([x, y]);
+            let [dx, dy] = height.slope;
+            Relief {
+                off_um: worst.off_um.max((z - height.z).abs() * 1e3),
+                slope_rad: worst.slope_rad.max(dx.hypot(dy).atan()),
+            }
+        })
+    }
+
+    /// The points of a stroke on the part.
+    fn points_of(&self, stroke: PieceId) -> Vec<P2> {
+        let block = self.strokes.blocks.iter().find(|b| b.strokes.contains(&stroke.index()));
+        let centre = block.map_or(P2::new(0, 0), |b| b.stop.centre);
+        let points = self.strokes.points_of(&self.strokes.strokes[stroke.index()]).iter();
+        points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect()
+    }
+
+    /// What is not marked because the axes cannot keep it in focus.
+    fn skipped(&self, lengths: &FlyLengths, stretches: &[Stretch]) -> Option<Diag> {
+        let first = stretches.iter().find(|s| s.to - s.from > CUT)?;
+        let points = self.points_of(first.stroke);
+        let [x_mm, y_mm] = place(&points, first.from);
+        let text = format!(
+            "{:.3} mm of texture is not marked: next to steps of the part the axes cannot keep focus and incidence",
+            lengths.skipped_focus_mm
+        );
+        let place = Place::Part { x_mm, y_mm };
+        Some(Diag::warning("fly-skipped", text).at(place).hint("a stepped job marks up to the step"))
+    }
+
+    /// A mark that no plan keeps in focus.
+    fn unfocused(&self, miss: &Miss) -> Error {
+        let ([x_mm, y_mm], hit) = (miss.at, miss.hit);
+        let text = format!(
+            "a mark would be {:.1} um out of focus ({:.1} um allowed) and {:.1} um off its stroke ({:.1} um allowed), \
+             with the beam at {:.1} deg to the surface normal ({:.1} deg allowed)",
+            hit.focus * 1e3,
+            self.focus * 1e3,
+            hit.beside * 1e3,
+            STRAY * 1e3,
+            hit.angle.to_degrees(),
+            self.max_incidence.to_degrees()
+        );
+        Diag::limit("fly-focus", text).at(Place::Part { x_mm, y_mm }).hint(UNFOCUSED).into()
+    }
+}
+
+/// The point at a length along a polyline, mm.
+fn place(points: &[P2], mut along: f64) -> [f64; 2] {
+    for w in points.windows(2) {
+        let length = w[0].distance(w[1]) / NM_PER_MM;
+        if along <= length {
+            return w[0].lerp(w[1], (along / length).clamp(0.0, 1.0)).mm();
+        }
+        along -= length;
+    }
+    points.last().map_or([0.0; 2], |p| p.mm())
+}
+
+fn slower(job: &Job, slower: f64) -> Diag {
+    let text = format!("the axes cannot follow: marks run at {:.1} % of the pens' speeds", 100.0 / slower);
+    Diag::warning("fly-slow", text)
+        .at(job.place())
+        .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
+}
+
+/// The energy over a spot, as a multiple of the pen's, from which marks are told to be uneven.
+const UNEVEN: f64 = 2.0;
+
+/// Marks that get much more energy where the spot slows down with the laser on.
+fn uneven(energy: &LineEnergy) -> Option<Diag> {
+    let LineEnergy { at_speed, slow_s, worst_share, worst_at: [x_mm, y_mm], .. } = *energy;
+    (worst_share > UNEVEN).then(|| {
+        let text = format!(
+            "the spot slows down with the laser on: a line gets up to {worst_share:.1} times the energy of its pen (P / v) \
+             over the length of a spot, {:.1} % of the marks run at the speed of their pens, {slow_s:.1} s below half of it",
+            100.0 * at_speed
+        );
+        Diag::warning("fly-energy", text)
+            .at(Place::Part { x_mm, y_mm })
+            .hint("set a pen speed that the axes reach (energy.svg shows where they do not), or compile a stepped job")
+    })
+}
+
+fn too_sharp(job: &Job) -> Error {
+    let text = "some marks turn or rise too sharply for the stage to keep them in focus at any speed";
+    Diag::limit("fly-focus", text).at(job.place()).hint(UNFOCUSED).into()
+}
+
+/// Time between waypoints of seven axes, s: longer in programs of more than [`WAYPOINTS`].
+const STEP_S: f64 = 2e-3;
+const WAYPOINTS: f64 = 1e6;
+/// Waypoints between two rests of the spot, at least: it speeds up and slows down between them.
+const BETWEEN_RESTS: f64 = 8.0;
+
+/// The motion of seven axes at the nodes of the path and at even steps of time between; the spot runs straight from
+/// node to node.
+fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
+    let path = &found.path;
+    let times = found.times();
+    let longest_s = STEP_S.max(found.total_s() / WAYPOINTS);
+    let mut reader = found.read(model);
+    let mut motion = Motion::default();
+    let mut put = |time: f64, Instant { axes, field: [u, v], .. }: Instant, pen, stroke| {
+        // A motion is seen from the part's own origin.
+        let shift = machine_from_part(axes.a, axes.c, model.pivot);
+        let [x, y, z] = [0, 1, 2].map(|k| axes.xyz[k] + shift[k]);
+        motion.waypoints.push(Waypoint { time, axes: [x, y, z, axes.a, axes.c, u, v], pen, stroke });
+    };
+    put(0.0, reader.at_node(0, 0.0), None, path.nodes[0].stroke);
+    for rests in Rests::Corners.of(path).windows(2) {
+        let (first, last) = (rests[0], rests[1]);
+        let step_s = longest_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
+        for i in first..last {
+            let ([come, go], stroke) = (times[i], path.nodes[i].stroke);
+            // The spot waits with the laser off, and the stage goes on.
+            let count = ((go - come) / longest_s).ceil() as usize;
+            for k in 1..=count {
+                let time = come + (go - come) * k as f64 / count as f64;
+                put(time, reader.at_node(i, time), None, stroke);
+            }
+            let (from, to) = (go, times[i + 1][0]);
+            let Node { pen, stroke, .. } = path.nodes[i + 1];
+            let count = ((to - from) / step_s).ceil().max(1.0) as usize;
+            for k in 1..count {
+                let time = from + (to - from) * k as f64 / count as f64;
+                put(time, reader.at(time), pen, stroke);
+            }
+            put(to, reader.at_node(i + 1, to), pen, stroke);
+        }
+    }
+    let end = found.total_s();
+    let last = path.len() - 1;
+    if end > times[last][0] {
+        put(end, reader.at_node(last, end), None, path.nodes[last].stroke);
+    }
+    motion
+}

@@ -1,0 +1,157 @@
+//! The strokes of a texture as far as they lie on the part, in the order in which an on-the-fly machine marks
+//! them.
+//!
+//! Consumes surface, texture and the job's limits; there is no field and no stop. The answer is a program of one block,
+//! or of one for every band of depth over the whole part, bottom up. Its points are relative to the texture's upper
+//! right corner, from where the order begins; stage positions have no meaning in it.
+
+use super::assemble::append_stroke;
+use super::cut::Members;
+use super::early;
+use super::grid::{default_height, default_origin};
+use super::inputs::Inputs;
+use super::off_part::OffPart;
+use super::plausible::Shares;
+use super::progress::{Phase, Progress};
+use super::split::{Cuts, join, split};
+use super::stroke_chunks::Sweep;
+use super::{hatch_direction, nothing, warnings};
+use crate::partition::{self, Lattice, Stops};
+use crate::projection::Keep;
+use crate::split::{Fragments, Skipped};
+use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::{Box2, Nm};
+use terrace_core::machine::{Commanded, Machine, Origin};
+use terrace_core::program::{Block, PassId, Program, Sections, SetupId, StopId};
+use terrace_core::progress::Task;
+use terrace_input::job::Job;
+use terrace_input::texture::Texture;
+
+/// Strokes in order.
+#[derive(Clone, Debug)]
+pub struct Strokes {
+    /// A block for every band; stage targets are zeros.
+    pub program: Program,
+    /// Where the part's origin lies in the table frame, nm: where the job says, or so that the middle of the marks
+    /// is at the centre of travel.
+    pub origin: Origin,
+    /// The box of the texture, turned part frame.
+    pub texture: Box2,
+    /// The strokes as they were followed over the part.
+    pub strokes: Texture,
+    /// One section over all of it.
+    pub section: Sections,
+    /// Length of the texture, mm.
+    pub texture_mm: f64,
+    /// What of it lies where nothing may be marked.
+    pub skipped: Skipped,
+    /// What of it each texture has.
+    pub(super) shares: Shares,
+    /// What the user should know of what is not marked.
+    pub warnings: Vec<Diag>,
+}
+
+/// Puts the strokes in order; with `band`, a depth, in bands of that depth.
+///
+/// # Errors
+/// `job-empty`; `fly-large` where the texture is wider than block coordinates reach; `steep` where the job refuses
+/// steep places; `off-part`.
+pub fn in_order(
+    job: &Job,
+    machine: &Machine,
+    inputs: &Inputs,
+    band: Option<Nm>,
+    progress: Progress<'_>,
+) -> Result<Strokes, Error> {
+    if !inputs.texture.dot_pens().is_empty() {
+        return Err(early::no_dots().at(job.place()).into());
+    }
+    let area = inputs.texture.bounds();
+    let size = area.size();
+    let everything = Nm(i64::from(i32::MAX));
+    if size.iter().any(|&s| s >= everything) {
+        let text = "the texture is wider than 2.1 m, which on-the-fly programs cannot hold";
+        return Err(Diag::limit("fly-large", text).at(job.place()).hint("mark a smaller area").into());
+    }
+    let pitch = size.map(|s| (s + Nm(1)) * 2);
+    let section = Sections { origin: area.lo, pitch, count: [1, 1] };
+    let max_slope = job.limits.max_slope();
+    let depth = band.unwrap_or(everything);
+    let [hatching, tracing] = Phase::Footprint.task(progress).split([1, 4]);
+    let texture =
+        hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth, hatching)?;
+    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+    let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None, tracing);
+    let Some((lo, hi)) = footprint.range() else { return Err(nothing::marked(job, &inputs.surface).into()) };
+    let origin = job.placement.origin.unwrap_or_else(|| {
+        let [x, y] = default_origin(machine, area, [Nm(0); 2]);
+        Origin([x.0, y.0, default_height(machine, [lo, hi]).0])
+    });
+    let Some(lattice) = Lattice::new(depth, machine.increment_nm(), Nm(origin[2])) else {
+        return Err(Diag::limit("depth-small", "the depth range is below two stage increments").into());
+    };
+    let lattice = lattice.with_hysteresis(footprint.roughness());
+    let stops = partition::z_range(&footprint, &section, pitch, &lattice);
+    let parts = split(sweep, &[&stops], &section, &job.pens, Cuts::default(), Phase::Split.task(progress))?
+        .pop()
+        .unwrap_or_default();
+    let program = laid(job, &stops, &parts, Phase::Order.task(progress));
+    let found = parts.into_iter().fold(Fragments::default(), join);
+    let mut notes = Vec::new();
+    let off_part = if found.skipped.off_part > 0.0 || found.dots.off_part > 0 {
+        OffPart::of(job, sweep)
+    } else {
+        OffPart::default()
+    };
+    let slips: Vec<_> = inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
+    warnings::warn(job, &found, (&off_part, &slips), Nm(0), [everything, Nm(0)], &mut notes)?;
+    let shares = Shares::of(job, &texture, &program, inputs.part_box(job), machine);
+    let Fragments { texture_mm, skipped, .. } = found;
+    Ok(Strokes {
+        program,
+        origin,
+        texture: area,
+        strokes: texture,
+        section,
+        texture_mm,
+        skipped,
+        shares,
+        warnings: notes,
+    })
+}
+
+/// The fragments of all bands as a program.
+fn laid(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> Program {
+    let members = Members::new(parts, stops.stops.len());
+    let mut program = Program { pens: job.pens.clone(), ..Program::default() };
+    let task = task.of_steps(stops.stops.len());
+    for (i, placed) in stops.stops.iter().enumerate() {
+        let list = members.of(StopId(i as u32));
+        if list.is_empty() {
+            continue;
+        }
+        let first = program.strokes.len();
+        for visit in members.ordered(parts, StopId(i as u32), job.order.strokes) {
+            append_stroke(&mut program, parts, list[visit.stroke as usize], visit);
+        }
+        let heights = members.fragments(parts, StopId(i as u32)).map(|(_, measure, _)| measure.z);
+        let z = heights.fold([i32::MAX, i32::MIN], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
+        let [z_lo, z_hi] = z.map(|z| placed.stop.z_lo + Nm(i64::from(z)));
+        let mut stop = placed.stop.clone();
+        stop.focus = (z_lo + z_hi) / 2;
+        let strokes = first..program.strokes.len();
+        program.blocks.push(Block {
+            pass: PassId(0),
+            setup: SetupId(0),
+            stop,
+            stage: Commanded::default(),
+            focus_shift: Nm(0),
+            retract: false,
+            z_lo,
+            z_hi,
+            strokes,
+        });
+        task.step();
+    }
+    program
+}

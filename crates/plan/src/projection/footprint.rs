@@ -1,0 +1,358 @@
+//! The heights at which the texture touches the surface, section by section.
+
+use std::collections::hash_map::Entry;
+
+use rustc_hash::FxHashMap;
+
+use super::{GridTracer, Keep, Piece, Samples, segments};
+use terrace_core::geom::{Box2, Nm, P2};
+
+/// Disjoint, sorted intervals of height, nm.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Heights {
+    list: Vec<(f64, f64)>,
+    /// Not joined yet: joined in one go, so that many separate intervals cost no more than sorting.
+    new: Vec<(f64, f64)>,
+}
+
+impl Heights {
+    /// Adds the interval between `a` and `b`.
+    pub fn add(&mut self, a: f64, b: f64) {
+        let (lo, hi) = (a.min(b), a.max(b));
+        let i = self.list.partition_point(|&(_, h)| h < lo);
+        // Only the first interval that ends at or above `lo` can hold [lo, hi]: nearly every piece ends here. A
+        // single interval has no neighbour that it could grow into, so it may grow in place.
+        let alone = self.new.is_empty() && self.list.len() == 1;
+        match self.list.get_mut(i) {
+            Some((l, h)) if *l <= lo && hi <= *h => return,
+            Some((l, h)) if alone && *l <= hi => {
+                return (*l, *h) = (l.min(lo), h.max(hi));
+            }
+            _ => self.new.push((lo, hi)),
+        }
+        if self.new.len() > self.list.len() + 16 {
+            self.join();
+        }
+    }
+
+    /// Adds all intervals of another list.
+    pub(super) fn append(&mut self, other: &mut Self) {
+        other.join();
+        self.new.append(&mut other.list);
+    }
+
+    /// Joins what was added, where it touches.
+    pub fn join(&mut self) {
+        if self.new.is_empty() {
+            return;
+        }
+        self.list.append(&mut self.new);
+        self.list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        self.list.dedup_by(|next, last| {
+            let touches = next.0 <= last.1;
+            if touches {
+                last.1 = last.1.max(next.1);
+            }
+            touches
+        });
+    }
+
+    /// The intervals, upwards; joined.
+    pub fn intervals(&self) -> &[(f64, f64)] {
+        debug_assert!(self.new.is_empty());
+        &self.list
+    }
+}
+
+/// What lies in one section.
+#[derive(Clone, Debug, Default)]
+struct InSection {
+    heights: Heights,
+    /// Lowest and highest mark of every stroke that is to stay whole.
+    figures: Vec<(f64, f64)>,
+}
+
+/// How rough the surface is under the strokes: heights that rise and fall again by little.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ripple {
+    /// Rises and falls below [`Ripple::SMALL`], and their sum, nm.
+    count: u64,
+    sum: u64,
+    /// Sum of all rises and falls, nm.
+    all: u64,
+}
+
+impl Ripple {
+    /// Above this it is shape, not roughness, nm.
+    const SMALL: f64 = 20_000.0;
+
+    fn add(&mut self, change: f64) {
+        let change = change.abs();
+        self.all += change as u64;
+        if change < Self::SMALL {
+            self.count += 1;
+            self.sum += change as u64;
+        }
+    }
+}
+
+/// Height that strokes climb or fall by slope along them: as cuts between levels are spread over slopes.
+#[derive(Clone, Debug)]
+struct SlopeSpan {
+    /// By slope in steps of 1 / [`SlopeSpan::PER_UNIT`], the steepest together, nm.
+    by_slope: [u64; Self::STEPS],
+}
+
+impl Default for SlopeSpan {
+    fn default() -> Self {
+        Self { by_slope: [0; Self::STEPS] }
+    }
+}
+
+impl SlopeSpan {
+    const STEPS: usize = 256;
+    const PER_UNIT: f64 = 64.0;
+
+    /// Adds a stretch that is `length` nm long and climbs `height` nm.
+    fn add(&mut self, height: f64, length: f64) {
+        if length == 0.0 {
+            return;
+        }
+        let height = height.abs();
+        let step = (height / length * Self::PER_UNIT) as usize;
+        self.by_slope[step.min(Self::STEPS - 1)] += height as u64;
+    }
+
+    /// The slope that `share` of all climbing does not exceed.
+    fn slope(&self, share: f64) -> f64 {
+        let all: u64 = self.by_slope.iter().sum();
+        let mut sum = 0;
+        let step = self.by_slope.iter().position(|climb| {
+            sum += climb;
+            sum as f64 >= share * all as f64
+        });
+        if all == 0 { 0.0 } else { step.map_or(0.0, |step| (step + 1) as f64 / Self::PER_UNIT) }
+    }
+}
+
+/// Follows the height along one stroke from turn to turn.
+#[derive(Default)]
+struct Turns {
+    from: f64,
+    at: f64,
+    begun: bool,
+}
+
+impl Turns {
+    fn go(&mut self, p: &Piece, ripple: &mut Ripple) {
+        if !self.begun || p.z0 != self.at {
+            self.end(ripple);
+            *self = Self { from: p.z0, at: p.z0, begun: true };
+        }
+        // A change of sign is a turn: what rose or fell since the one before it counts as one.
+        if (p.z1 - self.at) * (self.at - self.from) < 0.0 {
+            ripple.add(self.at - self.from);
+            self.from = self.at;
+        }
+        self.at = p.z1;
+    }
+
+    fn end(&mut self, ripple: &mut Ripple) {
+        if self.begun && self.at != self.from {
+            ripple.all += (self.at - self.from).abs() as u64;
+        }
+    }
+}
+
+/// Where the texture touches the surface: the heights of its marks in every section.
+#[derive(Clone, Debug, Default)]
+pub struct Footprint {
+    /// By section; most sections of a large grid may hold nothing.
+    sections: FxHashMap<u32, InSection>,
+    ripple: Ripple,
+    climb: SlopeSpan,
+    /// Strokes that were to stay whole, but for a place where nothing is marked, or a border of sections.
+    broken: usize,
+    astride: usize,
+}
+
+impl Footprint {
+    /// Adds one stroke, traced over the grid of sections. What is to stay whole must lie within `half` of
+    /// a section's centre along x and y. `marks` takes what it wants of it.
+    pub fn add(
+        &mut self,
+        points: &[P2],
+        tracer: &mut GridTracer<'_>,
+        keep: Keep,
+        half: [Nm; 2],
+        mut marks: Option<&mut Samples>,
+    ) {
+        let columns = i64::from(tracer.grid.count[0]);
+        let index = |[column, row]: [i64; 2]| (row * columns + column) as u32;
+        let Self { sections, ripple, climb, .. } = self;
+        // Pieces of one section that follow each other make one interval each time the section or
+        // the sheet changes.
+        let mut run: Option<([i64; 2], f64, f64)> = None;
+        let mut turns = Turns::default();
+        let mut close = |run: &mut Option<([i64; 2], f64, f64)>| {
+            if let Some((cell, lo, hi)) = run.take() {
+                sections.entry(index(cell)).or_default().heights.add(lo, hi);
+            }
+        };
+        let mut add = |p: Piece, cell: [i64; 2]| {
+            turns.go(&p, ripple);
+            match &mut run {
+                // A piece goes on the run where it begins within its heights; at a step between sheets it does not,
+                // and the heights between the sheets stay out: no stop is spent on them.
+                Some((at, lo, hi)) if *at == cell && p.z0 <= *hi && p.z0 >= *lo => {
+                    *lo = lo.min(p.z1);
+                    *hi = hi.max(p.z1);
+                }
+                run => {
+                    close(run);
+                    *run = Some((cell, p.z0.min(p.z1), p.z0.max(p.z1)));
+                }
+            }
+        };
+        if let Some(bounds) = keep.bounds(points) {
+            let (z, whole) = tracer.small_stroke(points, |p, a, b| {
+                marks.iter_mut().for_each(|m| m.add(p, a, b));
+            });
+            // A whole figure belongs to the section of its middle, which the window of a stop reaches beyond.
+            let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
+            let cell = middle.map(|(axis, sum)| tracer.grid.along(axis, sum / 2, 0));
+            let centre = tracer.grid.centre(index(cell) as usize);
+            let window = Box2::around(centre, half);
+            let inside = window.holds(bounds.lo) && window.holds(bounds.hi);
+            if whole && inside {
+                sections.entry(index(cell)).or_default().figures.push((z[0], z[1]));
+                marks.iter_mut().for_each(|m| m.figure(&bounds, z));
+                return;
+            }
+            self.astride += usize::from(whole);
+            self.broken += usize::from(!whole && z[0] <= z[1]);
+            tracer.replay(add);
+        } else {
+            for (a, b) in segments(points) {
+                let length = a.distance(b);
+                tracer.segment(a, b, |p, cell| {
+                    climb.add(p.z1 - p.z0, (p.t1 - p.t0) * length);
+                    marks.iter_mut().for_each(|m| m.add(&p, a, b));
+                    add(p, cell);
+                });
+            }
+        }
+        close(&mut run);
+        turns.end(ripple);
+    }
+
+    /// Joins what another part of the texture found.
+    pub fn merge(&mut self, other: Self) {
+        for (section, mut theirs) in other.sections {
+            match self.sections.entry(section) {
+                Entry::Vacant(mine) => _ = mine.insert(theirs),
+                Entry::Occupied(mine) => {
+                    let mine = mine.into_mut();
+                    mine.heights.append(&mut theirs.heights);
+                    mine.figures.append(&mut theirs.figures);
+                }
+            }
+        }
+        self.ripple.count += other.ripple.count;
+        self.ripple.sum += other.ripple.sum;
+        self.ripple.all += other.ripple.all;
+        self.climb.by_slope.iter_mut().zip(other.climb.by_slope).for_each(|(mine, theirs)| *mine += theirs);
+        self.broken += other.broken;
+        self.astride += other.astride;
+    }
+
+    /// The footprint with all intervals joined and sorted, as the next functions need it.
+    #[must_use]
+    pub fn joined(mut self) -> Self {
+        for s in self.sections.values_mut() {
+            s.heights.join();
+            s.figures.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        }
+        self
+    }
+
+    /// The footprint with every interval reaching `by` nm further up and down.
+    #[must_use]
+    pub fn widened(mut self, by: f64) -> Self {
+        for s in self.sections.values_mut() {
+            s.heights.new = std::mem::take(&mut s.heights.list);
+            s.heights.new.iter_mut().for_each(|(lo, hi)| (*lo, *hi) = (*lo - by, *hi + by));
+            s.heights.join();
+        }
+        self
+    }
+
+    /// The footprint with the lowest interval of every section reaching `by` nm further down, so that levels begin
+    /// there.
+    #[must_use]
+    pub fn deepened(mut self, by: f64) -> Self {
+        for lowest in self.sections.values_mut().filter_map(|s| s.heights.list.first_mut()) {
+            lowest.0 -= by;
+        }
+        self
+    }
+
+    /// The intervals of a section, upwards; strokes that are to stay whole are not among them.
+    pub fn of_section(&self, section: usize) -> &[(f64, f64)] {
+        self.sections.get(&(section as u32)).map_or(&[], |s| s.heights.intervals())
+    }
+
+    /// Lowest and highest mark of the strokes that are to stay whole in a section, by the lowest.
+    pub fn figures_of(&self, section: usize) -> &[(f64, f64)] {
+        self.sections.get(&(section as u32)).map_or(&[], |s| &s.figures)
+    }
+
+    /// Whether anything is marked in a section.
+    pub fn is_used(&self, section: usize) -> bool {
+        self.sections.contains_key(&(section as u32))
+    }
+
+    /// Strokes that were to stay whole: those that a rim or a steep place breaks, those that lie across a
+    /// border of sections.
+    pub fn not_whole(&self) -> [usize; 2] {
+        [self.broken, self.astride]
+    }
+
+    /// Lowest and highest mark, nm; None where nothing is marked.
+    pub fn range(&self) -> Option<(f64, f64)> {
+        let all = self.sections.values().flat_map(|s| s.heights.intervals().iter().chain(&s.figures));
+        all.fold(None, |r: Option<(f64, f64)>, &(lo, hi)| Some(r.map_or((lo, hi), |(a, b)| (a.min(lo), b.max(hi)))))
+    }
+
+    /// The slope along strokes, as a tangent, that 99 of 100 cuts between levels do not exceed, wherever levels
+    /// begin. Strokes that are to stay whole do not count.
+    pub fn slope(&self) -> f64 {
+        self.climb.slope(0.99)
+    }
+
+    /// The hysteresis that keeps the surface's roughness from shredding strokes, nm: nine tenths of the mean
+    /// of the small rises and falls, where these are a quarter of all or more (fewer cut strokes by less
+    /// than a third, and stops cost more); else 0. White noise of deviation s gives 1.6 s.
+    pub fn roughness(&self) -> f64 {
+        let Ripple { count, sum, all } = self.ripple;
+        if count == 0 || sum * 4 < all { 0.0 } else { 0.9 * sum as f64 / count as f64 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_of_height_are_joined_only_where_they_touch() {
+        let mut h = Heights::default();
+        for (a, b) in [(5.0, 6.0), (1.0, 2.0), (9.0, 8.0), (2.0, 3.0)] {
+            h.add(a, b);
+        }
+        h.join();
+        assert_eq!(h.intervals(), [(1.0, 3.0), (5.0, 6.0), (8.0, 9.0)]);
+        h.add(2.5, 8.5);
+        h.join();
+        assert_eq!(h.intervals(), [(1.0, 9.0)]);
+    }
+}

@@ -1,0 +1,304 @@
+//! A texture stroke traced over the surface: what lies under it, piece by piece.
+//!
+//! Consumes strokes of the texture and the surface; promises pieces that tile every segment of the
+//! stroke: the height of each is linear, or it says why it is not marked. Partition and split both
+//! read the part through this module alone, so what the first saw is what the second cuts. What
+//! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
+//! the texture as small boxes; lower bounds see the [`Samples`], points of it. Units: nm; slopes as squared tangents.
+
+mod cells;
+mod footprint;
+mod marks;
+mod samples;
+mod turned;
+
+pub use cells::{Cells, Figure, Slabs};
+pub use footprint::Footprint;
+pub use marks::Marks;
+pub use samples::{Rows, Samples, Sampling};
+pub use turned::{InTiltedField, TiltedCell, TiltedField, TiltedFields, Turned};
+
+use terrace_core::geom::{Box2, Nm, P2};
+use terrace_core::program::Sections;
+use terrace_input::surface::{Cursor, Span, Surface};
+
+/// The segments of a stroke; a dot has one without length.
+pub fn segments(points: &[P2]) -> impl Iterator<Item = (P2, P2)> + '_ {
+    let dot = if let [dot] = points { Some((*dot, *dot)) } else { None };
+    points.windows(2).map(|w| (w[0], w[1])).chain(dot)
+}
+
+/// Why a piece is not marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Skip {
+    /// No part under it.
+    OffPart,
+    /// The surface is steeper than the limit.
+    Steep,
+}
+
+/// A stretch of one segment.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// Parameters on the segment, 0 to 1, t0 < t1.
+    pub t0: f64,
+    /// See `t0`.
+    pub t1: f64,
+    /// Heights at the two ends, nm; without meaning on skipped pieces.
+    pub z0: f64,
+    /// See `z0`.
+    pub z1: f64,
+    /// Why the piece is not marked, if it is not.
+    pub skip: Option<Skip>,
+    /// Squared slope of the facet under it; without meaning off the part.
+    pub slope2: f64,
+    /// Facet under it; without meaning off the part.
+    facet: u32,
+}
+
+impl Piece {
+    /// Height at parameter `t` of the segment, never beyond those of the ends.
+    #[inline]
+    pub fn z(&self, t: f64) -> f64 {
+        if t >= self.t1 {
+            self.z1
+        } else if t <= self.t0 {
+            self.z0
+        } else {
+            self.z0 + (self.z1 - self.z0) * ((t - self.t0) / (self.t1 - self.t0))
+        }
+    }
+}
+
+/// Where the surface looks under the pieces of a tracer.
+#[derive(Clone, Copy)]
+pub struct Normals<'a>(&'a Surface);
+
+impl Normals<'_> {
+    /// Of a piece on the part: upwards, of length 1.
+    pub fn under(&self, p: &Piece) -> [f64; 3] {
+        self.0.normal(p.facet)
+    }
+}
+
+/// Traces strokes; holds what can be reused from one to the next.
+pub struct Tracer<'a> {
+    surface: &'a Surface,
+    max_slope2: f64,
+    cursor: Cursor,
+    /// Where the last beam was followed.
+    beam: Cursor,
+    spans: Vec<Span>,
+    /// Squared slopes of the facets of the spans.
+    slopes2: Vec<f64>,
+    /// Largest squared slope of what was marked so far.
+    pub worst_slope2: f64,
+}
+
+impl<'a> Tracer<'a> {
+    /// `max_slope` is the tangent of the steepest slope that is marked.
+    pub fn new(surface: &'a Surface, max_slope: f64) -> Self {
+        Self {
+            surface,
+            max_slope2: max_slope * max_slope,
+            cursor: Cursor::new(max_slope * max_slope),
+            beam: Cursor::default(),
+            spans: Vec::new(),
+            slopes2: Vec::new(),
+            worst_slope2: 0.0,
+        }
+    }
+
+    /// Where the surface under pieces looks.
+    pub fn normals(&self) -> Normals<'a> {
+        Normals(self.surface)
+    }
+
+    /// Hands the pieces of the segment from `a` to `b` to `sink` in order. A segment without length has one piece, whose
+    /// two heights are equal.
+    pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
+        if a == b {
+            self.look_at(a);
+        } else {
+            self.walk(a, b);
+        }
+        for (span, &slope2) in self.spans.iter().zip(&self.slopes2) {
+            let skip = match span.facet() {
+                None => Some(Skip::OffPart),
+                Some(_) => {
+                    if slope2 > self.max_slope2 {
+                        Some(Skip::Steep)
+                    } else {
+                        self.worst_slope2 = self.worst_slope2.max(slope2);
+                        None
+                    }
+                }
+            };
+            let facet = span.facet().unwrap_or_default();
+            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, facet });
+        }
+    }
+
+    /// Leaves the spans of a segment and their slopes. Where it runs along an edge, what lies beside it decides.
+    fn walk(&mut self, a: P2, b: P2) {
+        let is_compared = self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+        self.measure();
+        let is_along_edge = |(span, &slope2): (&Span, &f64)| {
+            let is_steep = slope2 > self.max_slope2;
+            (is_steep || is_compared) && self.surface.is_along_edge(a, b, span, is_steep)
+        };
+        if self.spans.iter().zip(&self.slopes2).any(is_along_edge) {
+            self.surface.walk_along_edges(a, b, &mut self.cursor, &mut self.spans);
+            self.measure();
+        }
+    }
+
+    fn measure(&mut self) {
+        let slope2 = |span: &Span| span.facet().map_or(0.0, |f| self.surface.slope2(f));
+        self.slopes2.clear();
+        self.slopes2.extend(self.spans.iter().map(slope2));
+    }
+
+    /// Leaves one span for the whole of a segment that is a point: what a walk away from it begins with. A point on the
+    /// rim of the part is on the part, and one on the edge of a place that may be marked is marked.
+    fn look_at(&mut self, p: P2) {
+        /// Above what walks snap to rims, nm.
+        const STEP: i64 = 16;
+        let mut best: Option<(Span, f64)> = None;
+        for (x, y) in [(STEP, 0), (-STEP, 0), (0, STEP), (0, -STEP)] {
+            self.walk(p, P2::new(p.x + x, p.y + y));
+            let found = (self.spans[0], self.slopes2[0]);
+            let is_marked = found.0.facet().is_some() && found.1 <= self.max_slope2;
+            if is_marked || best.is_none_or(|(span, _)| span.facet().is_none()) {
+                best = Some(found);
+            }
+            if is_marked {
+                break;
+            }
+        }
+        let (mut span, slope2) = best.expect("four directions");
+        (span.t0, span.t1, span.z1) = (0.0, 1.0, span.z0);
+        self.spans.clear();
+        self.spans.push(span);
+        self.slopes2.clear();
+        self.slopes2.push(slope2);
+    }
+}
+
+/// Traces strokes over a grid: what is marked, cut at the lines of the grid.
+pub struct GridTracer<'a> {
+    tracer: Tracer<'a>,
+    grid: &'a Sections,
+    cuts: Vec<(f64, [i64; 2])>,
+    /// Whether a piece was not marked since this was last made false.
+    gap: bool,
+    small: Vec<(Piece, [i64; 2])>,
+}
+
+/// Which strokes stay whole if they may: those no larger than a size along x and y; 0 for none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Keep(pub Nm);
+
+impl Keep {
+    /// The box of a stroke that is to stay whole.
+    pub fn bounds(self, points: &[P2]) -> Option<Box2> {
+        let mut bounds = Box2::EMPTY;
+        let fits = |b: &Box2| b.size().iter().all(|&s| s <= self.0);
+        // A dot cannot be cut.
+        (self.0 > Nm(0) && points.len() > 1 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1))
+            .then_some(bounds)
+    }
+}
+
+impl<'a> GridTracer<'a> {
+    /// Pieces are cut where they leave a cell of `grid`.
+    pub fn new(tracer: Tracer<'a>, grid: &'a Sections) -> Self {
+        Self { tracer, grid, cuts: Vec::new(), gap: false, small: Vec::new() }
+    }
+
+    /// Hands the marked pieces of the segment from `a` to `b` to `sink` in order, each with its
+    /// cell: column and row.
+    pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece, [i64; 2])) {
+        self.cut(a, b);
+        let Self { tracer, cuts, gap, .. } = self;
+        let mut cut = 0;
+        tracer.segment(a, b, |p| {
+            if p.skip.is_some() {
+                *gap = true;
+                return;
+            }
+            // `cuts[cut]` is the cell at the piece's begin; later cuts inside the piece divide it.
+            let mut t = p.t0;
+            loop {
+                while cut + 1 < cuts.len() && cuts[cut + 1].0 <= t {
+                    cut += 1;
+                }
+                let end = match cuts.get(cut + 1) {
+                    Some(&(at, _)) if at < p.t1 => at,
+                    _ => p.t1,
+                };
+                sink(Piece { t0: t, t1: end, z0: p.z(t), z1: p.z(end), ..p }, cuts[cut].1);
+                if end >= p.t1 {
+                    break;
+                }
+                t = end;
+            }
+        });
+    }
+
+    /// Traces a whole stroke; answers its lowest and highest mark, and whether nothing of it is skipped.
+    /// [`GridTracer::replay`] gives its pieces; `also` sees them with their segments.
+    fn small_stroke(&mut self, points: &[P2], mut also: impl FnMut(&Piece, P2, P2)) -> ([f64; 2], bool) {
+        let mut list = std::mem::take(&mut self.small);
+        list.clear();
+        self.gap = false;
+        let mut z = [f64::INFINITY, f64::NEG_INFINITY];
+        for (a, b) in segments(points) {
+            self.segment(a, b, |p, cell| {
+                z = [z[0].min(p.z0).min(p.z1), z[1].max(p.z0).max(p.z1)];
+                also(&p, a, b);
+                list.push((p, cell));
+            });
+        }
+        self.small = list;
+        (z, !self.gap)
+    }
+
+    fn replay(&self, mut sink: impl FnMut(Piece, [i64; 2])) {
+        self.small.iter().for_each(|&(p, cell)| sink(p, cell));
+    }
+
+    /// The cells along the segment: parameter at which each begins, column and row.
+    fn cut(&mut self, a: P2, b: P2) {
+        let d = [b.x - a.x, b.y - a.y];
+        let from = [a.x, a.y];
+        let mut at = [self.grid.along(0, a.x, d[0]), self.grid.along(1, a.y, d[1])];
+        let to = [self.grid.along(0, b.x, -d[0]), self.grid.along(1, b.y, -d[1])];
+        // A segment that stays on a border stays on the side it began on.
+        let to = [if d[0] == 0 { at[0] } else { to[0] }, if d[1] == 0 { at[1] } else { to[1] }];
+        self.cuts.clear();
+        self.cuts.push((0.0, at));
+        // Cell by cell: of the next lines across x and y the nearer one is crossed, through a corner both at once.
+        // Cells are decided on integers, parameters only order the crossings, so the walk ends in `to` whatever
+        // rounding does.
+        while at != to {
+            let next = [0, 1].map(|axis| {
+                if at[axis] == to[axis] {
+                    return f64::INFINITY;
+                }
+                let line = self.grid.line(axis, at[axis] + i64::from(d[axis] > 0));
+                (line - from[axis]) as f64 / d[axis] as f64
+            });
+            let t = next[0].min(next[1]);
+            for axis in 0..2 {
+                if next[axis] == t {
+                    at[axis] += d[axis].signum();
+                }
+            }
+            self.cuts.push((t, at));
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

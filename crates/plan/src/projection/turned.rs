@@ -1,0 +1,282 @@
+//! The heights of the texture on a part that is turned for each place by itself.
+//!
+//! Heights are those of the turned part. What a turned beam does not reach is found here as well: where the
+//! part is one plain sheet within reach, nothing can stand in the beam's way; elsewhere the beam is followed
+//! from points of the marks close to each other.
+
+use super::footprint::Heights;
+use super::{GridTracer, Keep, Piece, segments};
+use terrace_core::geom::{Box2, Nm, P2, P3, Turn, Turned as TurnedFrame};
+use terrace_core::machine::TiltAngles;
+use terrace_core::program::Sections;
+
+/// A place that is marked at one turn of the part.
+#[derive(Clone, Debug)]
+pub struct TiltedField {
+    /// Commands of the tilt axes, millionths of a degree.
+    pub tilt: TiltAngles,
+    /// What they make of the part.
+    pub turn: Turn,
+    /// The point of the turned part under the optical axis, where the stage can stand.
+    pub centre: P2<TurnedFrame>,
+    /// What of the plane it is made for.
+    pub area: Box2,
+    /// The part's highest place that could stand in the way of the beam, nm.
+    pub top: f64,
+    /// Whether its stops may mark their windows beyond the area: nothing there is hidden from them.
+    pub is_wide: bool,
+}
+
+/// Which place of the plane is marked at which turn.
+#[derive(Clone, Debug)]
+pub struct TiltedFields {
+    /// The places are made of cells of this grid.
+    pub grid: Sections,
+    /// What is known of every cell.
+    pub cells: Vec<TiltedCell>,
+    /// All fields.
+    pub list: Vec<TiltedField>,
+    /// Half the window of a stop.
+    pub half: [Nm; 2],
+}
+
+/// One cell of the grid of [`TiltedFields`].
+#[derive(Clone, Debug, Default)]
+pub struct TiltedCell {
+    /// Index of its field.
+    pub field: u32,
+    /// The fields of other cells whose windows reach here and may find something hidden.
+    pub doubtful: Vec<u32>,
+}
+
+/// What one field must hold.
+#[derive(Clone, Debug, Default)]
+pub struct InTiltedField {
+    heights: Heights,
+    /// Lowest and highest mark of every stroke that is to stay whole.
+    pub figures: Vec<(f64, f64)>,
+    /// Whether the part hides a mark from the turned beam, or the beam meets one beyond the limit.
+    pub is_hidden: bool,
+    /// Whether that is so of a mark that lies in the window beyond the area.
+    pub is_occluded: bool,
+    /// Whether a mark lies outside the window.
+    pub is_outside_window: bool,
+    /// Whether a stroke that is to stay whole reaches beyond the area, where stops must not be kept to it.
+    pub is_over: bool,
+}
+
+impl InTiltedField {
+    /// The intervals of height, upwards, of what may be cut.
+    pub fn heights(&self) -> &[(f64, f64)] {
+        self.heights.intervals()
+    }
+}
+
+/// What all fields must hold.
+#[derive(Clone, Debug)]
+pub struct Turned(pub Vec<InTiltedField>);
+
+/// Distance of the points of a mark from which the beam is followed, nm.
+const SPACING: f64 = 50_000.0;
+
+/// The ends of a mark, which may lie at the foot of a wall, are looked at this far inside, nm: as far as possible, so
+/// that walls of some 100 nm, as folds of a mesh have, do not keep a section upright, and within the 10 nm of a mark
+/// that `terrace verify` lets another sheet hide, less the 0.7 nm of either rounding.
+const INSIDE: f64 = 8.0;
+
+/// A beam counts as hidden if the part rises above it by more than this, nm.
+const GRAZE: f64 = 20.0;
+
+impl Turned {
+    /// Nothing in any of `count` fields.
+    pub fn new(count: usize) -> Self {
+        Self(vec![InTiltedField::default(); count])
+    }
+
+    /// Adds one stroke, traced over the grid of the fields.
+    pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields, keep: Keep) {
+        let columns = i64::from(fields.grid.count[0]);
+        let index = |[column, row]: [i64; 2]| (row * columns + column) as usize;
+        let facing_of = |cell| fields.cells[index(cell)].field as usize;
+        if let Some(bounds) = keep.bounds(points) {
+            // A whole figure belongs to the field of its middle; where that cannot take all of it, it is cut as
+            // below.
+            let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
+            let i = facing_of(middle.map(|(axis, sum)| fields.grid.along(axis, sum / 2, 0)));
+            let field = &fields.list[i];
+            let (mut z, mut beside, mut hidden) = ([f64::INFINITY, f64::NEG_INFINITY], false, false);
+            tracer.gap = false;
+            for (a, b) in segments(points) {
+                let w = &[a, b];
+                let mut list = std::mem::take(&mut tracer.small);
+                list.clear();
+                tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
+                for (p, cell) in &list {
+                    self.occlude(p, w, tracer, fields, index(*cell));
+                    let ends = Ends::of(p, w, field);
+                    z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
+                    beside |= ends.is_outside_window(field, fields.half);
+                    // Following the beam is dear, and one hidden place is enough.
+                    hidden = hidden || self.0[i].is_hidden || tracer.tracer.hides(p, w, field);
+                }
+                tracer.small = list;
+            }
+            // Stops that are kept to their area do not mark what of the stroke lies beyond it.
+            let is_within = field.area.holds(bounds.lo) && field.area.holds(bounds.hi);
+            if !tracer.gap && !beside && (field.is_wide || is_within) {
+                let here = &mut self.0[i];
+                here.is_hidden |= hidden;
+                here.is_over |= !is_within;
+                return here.figures.push((z[0], z[1]));
+            }
+        }
+        for (a, b) in segments(points) {
+            let w = &[a, b];
+            let mut list = std::mem::take(&mut tracer.small);
+            list.clear();
+            tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
+            let mut run: Option<(usize, f64, f64)> = None;
+            for (p, cell) in &list {
+                self.occlude(p, w, tracer, fields, index(*cell));
+                let i = facing_of(*cell);
+                let field = &fields.list[i];
+                let ends = Ends::of(p, w, field);
+                let here = &mut self.0[i];
+                here.is_outside_window |= ends.is_outside_window(field, fields.half);
+                here.is_hidden = here.is_hidden || tracer.tracer.hides(p, w, field);
+                // As in the footprint: pieces of one field that follow each other make one interval.
+                match &mut run {
+                    Some((at, lo, hi)) if *at == i && ends.lo() <= *hi && ends.hi() >= *lo => {
+                        *lo = lo.min(ends.lo());
+                        *hi = hi.max(ends.hi());
+                    }
+                    run => {
+                        if let Some((i, lo, hi)) = run.replace((i, ends.lo(), ends.hi())) {
+                            self.0[i].heights.add(lo, hi);
+                        }
+                    }
+                }
+            }
+            if let Some((i, lo, hi)) = run {
+                self.0[i].heights.add(lo, hi);
+            }
+            tracer.small = list;
+        }
+    }
+
+    /// Notes the fields of other places that would find a piece hidden in their windows.
+    fn occlude(&mut self, p: &Piece, w: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields, cell: usize) {
+        let cell = &fields.cells[cell];
+        for &k in &cell.doubtful {
+            let (field, here) = (&fields.list[k as usize], &mut self.0[k as usize]);
+            if cell.field != k && !here.is_occluded && field.is_wide {
+                here.is_occluded =
+                    !Ends::of(p, w, field).is_beyond(field, fields.half) && tracer.tracer.hides(p, w, field);
+            }
+        }
+    }
+
+    /// Joins what another part of the texture found.
+    pub fn merge(&mut self, other: Self) {
+        for (mine, mut theirs) in self.0.iter_mut().zip(other.0) {
+            mine.heights.append(&mut theirs.heights);
+            mine.figures.append(&mut theirs.figures);
+            mine.is_hidden |= theirs.is_hidden;
+            mine.is_occluded |= theirs.is_occluded;
+            mine.is_outside_window |= theirs.is_outside_window;
+            mine.is_over |= theirs.is_over;
+        }
+    }
+
+    /// What all fields must hold with its intervals joined and sorted, as [`In a tilted field::heights`] needs it.
+    #[must_use]
+    pub fn joined(mut self) -> Self {
+        for f in &mut self.0 {
+            f.heights.join();
+            f.figures.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        }
+        self
+    }
+}
+
+/// Both ends of a piece on the turned part.
+struct Ends([P3<TurnedFrame>; 2]);
+
+impl Ends {
+    fn of(p: &Piece, w: &[P2], field: &TiltedField) -> Self {
+        Self([(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| field.turn.apply(at(w, t, z))))
+    }
+    fn lo(&self) -> f64 {
+        self.0[0][2].min(self.0[1][2])
+    }
+    fn hi(&self) -> f64 {
+        self.0[0][2].max(self.0[1][2])
+    }
+    /// Whether both lie outside the window on one side.
+    fn is_beyond(&self, field: &TiltedField, half: [Nm; 2]) -> bool {
+        let c = [field.centre.x, field.centre.y];
+        let off = |k: usize, end: usize| self.0[end][k] - c[k] as f64;
+        (0..2).any(|k| off(k, 0).min(off(k, 1)) > half[k].f64() || off(k, 0).max(off(k, 1)) < -half[k].f64())
+    }
+    fn is_outside_window(&self, field: &TiltedField, half: [Nm; 2]) -> bool {
+        let c = [field.centre.x, field.centre.y];
+        self.0.iter().any(|p| (0..2).any(|k| (p[k] - c[k] as f64).abs() > half[k].f64()))
+    }
+}
+
+/// A point of the segment `w`.
+fn at(w: &[P2], t: f64, z: f64) -> P3 {
+    let [a, b] = [w[0], w[1]];
+    P3::new([a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z])
+}
+
+impl super::Tracer<'_> {
+    /// Whether the part hides some of a piece of the segment `w` from the turned beam, or the beam meets it at
+    /// too large an angle.
+    fn hides(&mut self, p: &Piece, w: &[P2], field: &TiltedField) -> bool {
+        if field.turn.slope2(self.surface.normal(p.facet)) > self.max_slope2 {
+            return true;
+        }
+        let [x, y, z] = field.turn.up();
+        let lean = [x / z, y / z];
+        let flat = lean[0].hypot(lean[1]);
+        // The beam leans by `flat` for every nanometre that it rises: above `top` nothing stands in its way, so
+        // what does lies within `reach` of the mark.
+        let lowest = p.z0.min(p.z1);
+        let reach = (field.top - lowest).max(0.0) * flat;
+        if reach < INSIDE {
+            return false;
+        }
+        let (a, b) = (w[0].lerp(w[1], p.t0), w[0].lerp(w[1], p.t1));
+        let r = reach.ceil() as i64 + 2;
+        let lo = P2::new(a.x.min(b.x) - r, a.y.min(b.y) - r);
+        if self.surface.is_plain(lo, P2::new(a.x.max(b.x) + r, a.y.max(b.y) + r)) {
+            return false;
+        }
+        let length = a.distance(b);
+        let inside = if length > 0.0 { (INSIDE / length).min(0.5) } else { 0.0 };
+        let count = (length / SPACING).ceil().max(2.0) as i64;
+        (0..=count).any(|i| {
+            let t = p.t0 + (p.t1 - p.t0) * (inside + (1.0 - 2.0 * inside) * i as f64 / count as f64);
+            self.is_hidden(at(w, t, p.z(t)), lean, field.top)
+        })
+    }
+
+    /// Whether the part rises above the beam that comes to `p` from where it leans, below the height `top`.
+    fn is_hidden(&mut self, p: P3, lean: [f64; 2], top: f64) -> bool {
+        let [x, y, z] = p.at;
+        let from = P2::new(x.round() as i64, y.round() as i64);
+        let [dx, dy] = lean.map(|l| (l * (top - z + GRAZE)).round() as i64);
+        let to = P2::new(from.x + dx, from.y + dy);
+        if to == from {
+            return false;
+        }
+        let rise = top - z + GRAZE;
+        self.surface.walk(from, to, &mut self.beam, &mut self.spans);
+        self.spans.iter().filter(|s| s.facet().is_some()).any(|s| {
+            // The rounding of the start is worth as much as the surface rises over a nanometre.
+            let slack = |at: f64, t: f64| at > z + t * rise + GRAZE;
+            slack(s.z0, s.t0) || slack(s.z1, s.t1)
+        })
+    }
+}

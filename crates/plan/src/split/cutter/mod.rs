@@ -1,0 +1,612 @@
+//! Which stop continues where a stroke leaves its own, and the fragments that follow from it.
+
+mod bend;
+mod seam;
+
+pub use seam::Seam;
+
+use bend::Bend;
+
+use super::{Fragment, Fragments, Least, Measure, Run, Segment, Skipped, Sliver};
+use crate::partition::Stops;
+use crate::projection::{Keep, Normals, Piece, Skip};
+use terrace_core::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, Turned, nearest};
+use terrace_core::program::{CHORD_NM, PenId, StopId, StrokeId};
+
+/// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
+const EPS: f64 = 1e-3;
+
+/// Bridges of a nanometre that may follow each other: rounding needs one or two.
+const BRIDGES: u32 = 100;
+
+/// How far beyond its window the end of a mark is moved back onto the border, nm: a bridge of one, rounded.
+const BEYOND: i64 = 2;
+
+/// The fragment being built.
+struct Open {
+    stop: StopId,
+    segment: u32,
+    first: usize,
+    z: [f64; 2],
+    z_length: f64,
+    cos_length: f64,
+    slope2: f64,
+    /// The exact length in the field that `z_length` was summed over: that of the rounded points would not do,
+    /// because every nanometre counts with the whole height.
+    length: f64,
+    /// The exact length in the plane of the drawing.
+    drawn_exact: f64,
+    /// The last of its points in the drawing, and the length of the line through all of them, nm.
+    last: P2,
+    drawn: f64,
+    /// On a turned part: the line since its last point.
+    bend: Bend,
+    /// How much of it the fragment before has marked too, nm.
+    shared: f64,
+    /// What became of the fragment that it goes on from.
+    from: Before,
+}
+
+/// What became of the fragment that ended where another begins.
+#[derive(Clone, Copy, Default, PartialEq)]
+enum Before {
+    /// There is none, or a gap between them.
+    #[default]
+    None,
+    /// It is marked; `spare` if it is a sliver that no mark before it adjoins, and how long it is, nm.
+    Marked { spare: Option<f64> },
+    /// It was too short.
+    Skipped,
+}
+
+/// Cuts strokes between the stops of one candidate.
+pub(super) struct Cutter<'a> {
+    normals: Normals<'a>,
+    stops: &'a Stops,
+    least: Least,
+    keep: Keep,
+    out: Fragments,
+    open: Option<Open>,
+    /// What became of the fragment that ended last, if the stroke goes on from there.
+    last: Before,
+    /// Height of the surface at the end of the last stretch that was marked.
+    z: f64,
+    /// Why the stroke is not marked here, and since where on the segment.
+    unmarked: Option<(Skip, P2)>,
+    source: StrokeId,
+    pen: PenId,
+    passes: f64,
+    /// Fragments and skipped lengths before the stroke.
+    before: (usize, Skipped),
+    /// Stops that admit a point; scratch space.
+    admitting: Vec<StopId>,
+    seam: Seam,
+    /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
+    cut: Option<(usize, f64, StopId)>,
+    /// Largest squared slope under a mark as its stop sees it.
+    worst_turned2: f64,
+}
+
+impl<'a> Cutter<'a> {
+    pub(super) fn new(normals: Normals<'a>, stops: &'a Stops, least: Least, keep: Keep, seam: Seam) -> Self {
+        let out = Fragments::default();
+        let before = (0, out.skipped);
+        Self {
+            normals,
+            stops,
+            least,
+            keep,
+            out,
+            open: None,
+            last: Before::None,
+            z: 0.0,
+            unmarked: None,
+            source: StrokeId(0),
+            pen: PenId(0),
+            passes: 1.0,
+            before,
+            admitting: Vec::new(),
+            seam,
+            cut: None,
+            worst_turned2: 0.0,
+        }
+    }
+
+    /// What became of all strokes given so far; `worst_slope2` is the largest squared slope under marks upright.
+    pub(super) fn finish(self, worst_slope2: f64) -> Fragments {
+        // On a turned part the beam meets the surface at other angles than the drawing does.
+        let worst_slope2 = if self.stops.is_tilted() { self.worst_turned2 } else { worst_slope2 };
+        Fragments { worst_slope2, ..self.out }
+    }
+
+    pub(super) fn begin(&mut self, source: StrokeId, pen: PenId, passes: u32) {
+        (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
+        self.before = (self.out.list.len(), self.out.skipped);
+        self.last = Before::None;
+    }
+
+    /// Takes a dot: a run of one segment without length, and its piece.
+    pub(super) fn dot(&mut self, run: &Run) {
+        let (s, p) = (&run.segments[0], &run.pieces[0]);
+        self.out.dots.texture += 1;
+        match p.skip {
+            Some(Skip::OffPart) => return self.out.dots.off_part += 1,
+            Some(Skip::Steep) => {
+                self.out.dots.steep += 1;
+                self.out.steep_at.get_or_insert(s.a);
+                return;
+            }
+            None => {}
+        }
+        let (stop, _) = self.choose(run, 0, 0, 0.0);
+        let at = self.stops.turn(stop).map(|turn| (turn.apply(s.at(0.0, p.z0))[2], turn.slope2(self.normals.under(p))));
+        let (z, slope2) = at.unwrap_or((p.z0, p.slope2));
+        let first = self.out.points.len() as u32;
+        self.out.points.push(self.local(stop, s.a, p.z0));
+        self.out.list.push(Fragment { stop, source: self.source, pen: self.pen, first, len: 1, ..Fragment::default() });
+        let measure = self.measure(stop, [z; 2], [z, 0.0, 1.0 / (1.0 + slope2).sqrt()], slope2);
+        self.out.measures.push(measure);
+    }
+
+    pub(super) fn end(&mut self, points: &[P2]) {
+        self.close(points[points.len() - 1]);
+        let out = &mut self.out;
+        let parts = out.list.len() - self.before.0;
+        out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
+        if points[0] == points[points.len() - 1] {
+            if parts == 1 && out.skipped == self.before.1 {
+                out.figures_whole += 1;
+                // A figure may begin at any vertex as long as its points are those of the texture: rounding drops
+                // some that fall together, a turned part adds some.
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
+            } else {
+                out.figures_cut += 1;
+            }
+        }
+    }
+
+    pub(super) fn run(&mut self, run: &Run) {
+        for (k, s) in run.segments.iter().enumerate() {
+            // A cut is planned within the run, by the number of a piece.
+            if k == 0 {
+                self.cut = None;
+            }
+            // The stop of the open fragment, and where on the segment its window ends.
+            let mut stop = self.open.as_ref().map(|o| (o.stop, self.window_end(o.stop, s)));
+            let mut bridges = 0;
+            for i in s.first..s.end {
+                let p = &run.pieces[i];
+                if let Some(skip) = p.skip {
+                    self.skip(skip, s, p.t0);
+                    stop = None;
+                    continue;
+                }
+                if self.unmarked.is_some() {
+                    self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
+                }
+                // Invariant: what lies before t is marked or counted. `stop` is the stop that continues with where
+                // its window ends on this segment; None where one must be chosen. A turn of the loop either moves t
+                // on, or finds that the stop of the piece before does not admit this one and leaves the choice to
+                // the next turn.
+                let mut t = p.t0;
+                while t < p.t1 {
+                    let chosen = stop.is_none();
+                    let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
+                    let mut exit = self.exit(at, end, s, p, t);
+                    if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
+                        exit = exit.min(cut.max(t));
+                    }
+                    if chosen && exit <= t {
+                        // Rounding left a gap between two stops: bridged by a nanometre. A gap that continues is a
+                        // fault of the method: the mark stays in one stop, so that the check says so.
+                        bridges += 1;
+                        exit = if bridges > BRIDGES { p.t1 } else { (t + 1.0 / s.a.distance(s.b)).min(p.t1) };
+                    } else {
+                        bridges = 0;
+                    }
+                    if exit > t {
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at) {
+                            self.share(at, run, i, t);
+                        }
+                        self.mark(at, s, [t, exit], p);
+                        t = exit;
+                    }
+                    // A stop that reached the end of the piece continues unasked: it was chosen as the one that the
+                    // stroke leaves last.
+                    if exit >= p.t1 {
+                        stop = Some((at, end));
+                    }
+                }
+            }
+            self.vertex(s.index, s.a, s.b);
+        }
+    }
+
+    /// Where on a segment that begins in the window of `stop` it leaves it; on a turned part every piece
+    /// tells for itself.
+    #[inline]
+    fn window_end(&self, stop: StopId, s: &Segment) -> f64 {
+        if self.stops.turn(stop).is_some() {
+            return f64::INFINITY;
+        }
+        let [lo, hi] = self.stops.window(stop);
+        let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
+        let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
+            0 => f64::INFINITY,
+            1.. => (hi - a as f64) / d as f64,
+            _ => (lo - a as f64) / d as f64,
+        };
+        end(x, s.a.x, lo[0], hi[0]).min(end(y, s.a.y, lo[1], hi[1]))
+    }
+
+    /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
+    #[inline]
+    fn exit(&self, stop: StopId, window_end: f64, s: &Segment, p: &Piece, t: f64) -> f64 {
+        if let Some(turn) = self.stops.turn(stop) {
+            return self.turned_exit(stop, turn, s, p, t);
+        }
+        let stop = &self.stops.stops[stop.index()].stop;
+        let (lo, hi) = (stop.z_lo.f64(), stop.z_hi.f64());
+        // At the edge of a sheet the height jumps from one piece to the next.
+        if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
+            return t;
+        }
+        // The height is linear along the piece: the stop is left where it reaches the limit that its far end lies
+        // beyond.
+        let limit = if p.z1 > hi + EPS {
+            hi
+        } else if p.z1 < lo - EPS {
+            lo
+        } else {
+            return window_end.min(p.t1).max(t);
+        };
+        let z_end = if p.z0 == p.z1 { t } else { p.t0 + (p.t1 - p.t0) * ((limit - p.z0) / (p.z1 - p.z0)) };
+        window_end.min(z_end).clamp(t, p.t1)
+    }
+
+    /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
+    fn turned_exit(&self, stop: StopId, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
+        // Every coordinate of the turned part is linear along the piece, and so are those of the drawing: each says
+        // whether it is inside at t and where it leaves; the first to leave counts.
+        let share = (t - p.t0) / (p.t1 - p.t0);
+        let mut exit = p.t1;
+        let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
+            let now = a + (b - a) * share;
+            let limit = b.clamp(lo - EPS, hi + EPS);
+            if limit != b {
+                let limit = b.clamp(lo, hi);
+                exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a) / (b - a)));
+            }
+            lo - EPS <= now && now <= hi + EPS
+        };
+        let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
+        let [a, b] = ends.map(|p| turn.apply(p));
+        let [lo, hi] = self.bounds(stop);
+        let mut is_inside = (0..3).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        if let Some(area) = self.stops.area(stop) {
+            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
+            is_inside = is_inside && (0..2).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        }
+        if is_inside { exit.clamp(t, p.t1) } else { t }
+    }
+
+    /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
+    fn bounds(&self, stop: StopId) -> [[f64; 3]; 2] {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop.index()].stop);
+        [[lo[0], lo[1], at.z_lo.f64()], [hi[0], hi[1], at.z_hi.f64()]]
+    }
+
+    /// A point as `stop` sees it.
+    fn seen(&self, stop: StopId, p: P3) -> P3<Turned> {
+        self.stops.turn(stop).map_or_else(|| Turn::upright_in_space(p), |turn| turn.apply(p))
+    }
+
+    /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
+    /// smaller than 2.1 m, so it fits.
+    fn local(&self, stop: StopId, p: P2, z: f64) -> FieldPoint {
+        let c = self.stops.stops[stop.index()].stop.centre;
+        let Some(turn) = self.stops.turn(stop) else {
+            // A bridge ends beyond the window, and the window may be the whole field.
+            let within = |v: i64, Nm(half): Nm| if v.abs() <= half + BEYOND { v.clamp(-half, half) } else { v };
+            let [w, h] = self.stops.half();
+            return FieldPoint::new(within(p.x - c.x, w) as i32, within(p.y - c.y, h) as i32);
+        };
+        let [x, y, _] = turn.apply(P3::new([p.x as f64, p.y as f64, z])).at;
+        FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
+    }
+
+    /// The stop that continues after `t` on piece `i` of segment `k`, and where its window ends; plans the
+    /// place of the next cut if that is free.
+    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
+        let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let ends = planned.map(|next| (next, self.window_end(next, s)));
+        let (stop, end) =
+            ends.filter(|&(n, end)| self.exit(n, end, s, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+        if self.seam.zone > 0.0 {
+            self.cut = self.plan(stop, run, k, i, t);
+        }
+        (stop, end)
+    }
+
+    /// Of the stops that admit what follows after `t` on piece `i` of segment `k`, the one that the stroke leaves
+    /// last; and where on the segment its window ends.
+    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let at = s.at(t, p.z(t));
+        let mut admitting = std::mem::take(&mut self.admitting);
+        admitting.clear();
+        admitting.extend(self.stops.near(at, EPS).filter(|&stop| {
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
+            holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
+        }));
+        if self.seam.overlap > 0.0 && admitting.len() > 1 {
+            self.overlapping(&mut admitting, run, i, t);
+        }
+        let best = match admitting[..] {
+            [] => self.nearest(at),
+            [one] => one,
+            _ => {
+                // Farthest first is optimal for cuts along one stroke: any cover of the stretch by intervals can be
+                // exchanged for this one, interval by interval, without a cut more.
+                let left = |&stop: &StopId| (self.left(stop, run, k, i, t), stop);
+                let later = |a: &((usize, f64), StopId), b: &((usize, f64), StopId)| {
+                    a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
+                };
+                admitting.iter().map(left).max_by(later).map_or(admitting[0], |l| l.1)
+            }
+        };
+        self.admitting = admitting;
+        (best, self.window_end(best, s))
+    }
+
+    /// Where the stroke leaves a stop that admits it at `t`: piece and parameter.
+    fn left(&self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
+        let mut t = t;
+        for s in &run.segments[k..] {
+            let end = self.window_end(stop, s);
+            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
+                let t = std::mem::replace(&mut t, 0.0).max(p.t0);
+                let exit = self.exit(stop, end, s, p, t);
+                if p.skip.is_some() || exit < p.t1 {
+                    return (j, if p.skip.is_some() { p.t0 } else { exit });
+                }
+            }
+        }
+        // Stops that admit all that was looked ahead over count as equal; the last of the list continues.
+        (run.pieces.len(), 0.0)
+    }
+
+    /// The stop that comes nearest to admitting a point: methods cover all that was traced, up to rounding.
+    fn nearest(&self, at: P3) -> StopId {
+        let beyond = |&stop: &StopId| {
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            (0..3).map(|k| (lo[k] - at[k]).max(at[k] - hi[k])).fold(0.0, f64::max)
+        };
+        let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
+        near.unwrap_or(StopId(0))
+    }
+
+    /// The stroke is not marked from `t` of a segment on.
+    fn skip(&mut self, skip: Skip, s: &Segment, t: f64) {
+        if self.unmarked.is_none_or(|(why, _)| why != skip) {
+            let from = s.a.lerp(s.b, t);
+            self.close(from);
+            self.last = Before::None;
+            self.end_unmarked(from, [s.a, s.b]);
+            self.unmarked = Some((skip, from));
+        }
+    }
+
+    /// Counts what was not marked up to `to`, as one stretch along the segment: its facets may be smaller
+    /// than the grid to which their borders would be rounded.
+    fn end_unmarked(&mut self, to: P2, [a, b]: [P2; 2]) {
+        let Some((skip, from)) = self.unmarked.take() else { return };
+        // The length along the segment, not between the rounded ends: sums of many short stretches must come out as
+        // the length of the stroke.
+        let dot = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
+        let length = self.passes * dot.max(0.0) / a.distance(b) / NM_PER_MM;
+        match skip {
+            Skip::OffPart => self.out.skipped.off_part += length,
+            Skip::Steep => {
+                self.out.skipped.steep += length;
+                if length > 0.0 {
+                    self.out.steep_at.get_or_insert(from);
+                }
+            }
+        }
+    }
+
+    /// Goes on in `stop` over a stretch of a piece.
+    fn mark(&mut self, stop: StopId, s: &Segment, t: [f64; 2], p: &Piece) {
+        // On a turned part the two sides of a wall lie apart in the field.
+        let jump = (p.z(t[0]) - self.z).abs();
+        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD_NM / 2.0);
+        if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
+            self.close(s.a.lerp(s.b, t[0]));
+            if jumps {
+                self.last = Before::None;
+            }
+        }
+        let z = [p.z(t[0]), p.z(t[1])];
+        let ends = self.stops.turn(stop).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
+        if self.open.is_none() {
+            let first = self.out.points.len();
+            let last = s.a.lerp(s.b, t[0]);
+            self.out.points.push(self.local(stop, last, z[0]));
+            let bend = ends.map_or_else(Bend::default, |e| Bend::start([e[0][0], e[0][1]]));
+            let range = [f64::INFINITY, f64::NEG_INFINITY];
+            self.open = Some(Open {
+                stop,
+                segment: s.index,
+                first,
+                z: range,
+                z_length: 0.0,
+                cos_length: 0.0,
+                slope2: 0.0,
+                length: 0.0,
+                drawn_exact: 0.0,
+                last,
+                drawn: 0.0,
+                bend,
+                shared: 0.0,
+                from: self.last,
+            });
+        }
+        self.z = z[1];
+        let normal = || self.normals.under(p);
+        let slope2 = self.stops.turn(stop).map_or(p.slope2, |turn| turn.slope2(normal()));
+        let (centre, Some(open)) = (self.stops.stops[stop.index()].stop.centre, &mut self.open) else { return };
+        let z = ends.map_or(z, |e| e.map(|e| e[2]));
+        if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
+            let p = FieldPoint::new(nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32);
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            }
+        }
+        let drawn = (t[1] - t[0]) * s.a.distance(s.b);
+        let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
+        open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        open.cos_length += length / (1.0 + slope2).sqrt();
+        // A piece no longer than the grid is only rounding of a cut: the mark touches that facet but does not lie on it.
+        if length > 1.0 {
+            open.slope2 = open.slope2.max(slope2);
+        }
+        // The mean of the ends times the length is the integral: the height is linear.
+        open.z_length += (z[0] + z[1]) / 2.0 * length;
+        open.length += length;
+        open.drawn_exact += drawn;
+    }
+
+    /// The end b of `segment` from a: a vertex of the open fragment.
+    fn vertex(&mut self, segment: u32, a: P2, b: P2) {
+        self.out.texture_mm += self.passes * a.distance(b) / NM_PER_MM;
+        self.end_unmarked(b, [a, b]);
+        self.corner(segment, b);
+    }
+
+    /// The open fragment turns at the end b of `segment`.
+    fn corner(&mut self, segment: u32, b: P2) {
+        let Some(p) = self.open.as_ref().map(|open| self.local(open.stop, b, self.z)) else { return };
+        if let Some(open) = &mut self.open {
+            open.drawn += open.last.distance(b);
+            open.last = b;
+            open.bend = self.stops.turn(open.stop).map_or_else(Bend::default, |turn| {
+                let [x, y, _] = turn.apply(P3::new([b.x as f64, b.y as f64, self.z])).at;
+                Bend::start([x, y])
+            });
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            } else if self.out.points.len() == open.first + 1 {
+                // All there is of the fragment is this vertex: it begins on the next segment.
+                open.segment = segment + 1;
+                open.z = [f64::INFINITY, f64::NEG_INFINITY];
+                open.z_length = 0.0;
+                (open.cos_length, open.slope2) = (0.0, 0.0);
+                (open.length, open.drawn_exact) = (0.0, 0.0);
+            }
+        }
+    }
+
+    /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
+    fn close(&mut self, end: P2) -> bool {
+        let Some(open) = self.open.take() else { return false };
+        let p = self.local(open.stop, end, self.z);
+        if self.out.points[self.out.points.len() - 1] != p {
+            self.out.points.push(p);
+        }
+        let count = self.out.points.len() - open.first;
+        let length = open.drawn + open.last.distance(end);
+        // Either way `length` is accounted for, so that mark - overlap + skipped = texture; what the fragment
+        // before has marked of it was counted there.
+        let is_sliver = length < self.least.sliver;
+        let adjoins = matches!(open.from, Before::Marked { .. });
+        // What it has for itself is less than the grid, as where a stroke ends where the stop before admits it no more: all
+        // of it would be marked twice.
+        let is_shared = open.shared > 0.0 && length - open.shared < 1.0;
+        if count < 2 || length < self.least.mark || is_sliver && adjoins || is_shared {
+            self.leave_out(open.stop, open.first, open.z, length - open.shared);
+            self.last = Before::Skipped;
+            return false;
+        }
+        self.out.mark_mm += self.passes * length / NM_PER_MM;
+        self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
+        let mut first = open.first;
+        let mut goes_on = adjoins;
+        if let Before::Marked { spare: Some(before) } = open.from {
+            first = self.drop_before(first, before, open.shared);
+            goes_on = false;
+        }
+        self.out.list.push(Fragment {
+            stop: open.stop,
+            source: self.source,
+            segment: open.segment,
+            first: first as u32,
+            len: count as u32,
+            pen: self.pen,
+            is_figure: false,
+            goes_on,
+        });
+        let [mean_z, cos] = if open.length > 0.0 {
+            [open.z_length / open.length, open.cos_length / open.length]
+        } else {
+            [self.z, 1.0 / (1.0 + open.slope2).sqrt()]
+        };
+        let measure = self.measure(open.stop, open.z, [mean_z, open.length, cos], open.slope2);
+        self.out.measures.push(measure);
+        self.last = Before::Marked { spare: is_sliver.then_some(length) };
+        true
+    }
+
+    /// Leaves out the sliver before the fragment that begins at point `first` and shares `shared` with it; `length` is
+    /// that of the sliver. Answers where the fragment begins then.
+    fn drop_before(&mut self, first: usize, length: f64, shared: f64) -> usize {
+        let (Some(sliver), Some(measure)) = (self.out.list.pop(), self.out.measures.pop()) else { return first };
+        self.out.mark_mm -= self.passes * length / NM_PER_MM;
+        self.out.overlap_mm -= self.passes * shared / NM_PER_MM;
+        let follows = self.out.points.split_off(first);
+        let first = sliver.first as usize;
+        let z_lo = self.stops.stops[sliver.stop.index()].stop.z_lo;
+        self.leave_out(sliver.stop, first, measure.z.map(|z| z_lo.f64() + f64::from(z)), length - shared);
+        self.out.points.extend(follows);
+        first
+    }
+
+    /// What lies under a mark of `stop` between heights `z`, of this mean height, length and mean cosine, nm.
+    fn measure(&mut self, stop: StopId, z: [f64; 2], [mean_z, length, cos]: [f64; 3], slope2: f64) -> Measure {
+        self.worst_turned2 = self.worst_turned2.max(slope2);
+        let z_lo = self.stops.stops[stop.index()].stop.z_lo.f64();
+        let over = |z: f64| (z - z_lo).round() as i32;
+        Measure { z: z.map(over), mean_z: (mean_z - z_lo) as f32, length, cos, slope2 }
+    }
+
+    /// Takes back the points from `first` on: they would be too short a mark of `stop` between heights `z`, which has
+    /// `length` for itself, nm.
+    fn leave_out(&mut self, stop: StopId, first: usize, z: [f64; 2], length: f64) {
+        let length_mm = self.passes * length / NM_PER_MM;
+        self.out.skipped.small += length_mm;
+        let c = self.stops.stops[stop.index()].stop.centre;
+        let mut area = Box2::<Turned>::EMPTY;
+        let place = |p: FieldPoint| P2::<Turned>::new(c.x + i64::from(p.x), c.y + i64::from(p.y));
+        let points: Vec<P2<Turned>> = self.out.points.drain(first..).map(place).collect();
+        points.iter().for_each(|&p| area.add(p));
+        // What is no longer than a point on a vertex has no height yet.
+        let z = if z[0] <= z[1] { z } else { [self.z; 2] };
+        let middle = (z[0] + z[1]) / 2.0;
+        let in_part = |p: P2<Turned>| {
+            let at = [p.x as f64, p.y as f64, middle];
+            self.stops.turn(stop).map_or(at, |turn| turn.back(P3::new(at)).at)
+        };
+        let (Some(&from), Some(&to)) = (points.first(), points.last()) else { return };
+        let ends = [from, to].map(in_part);
+        let [lo, hi] = [z[0].floor(), z[1].ceil()].map(|z| z as i64);
+        let (lo, hi) = ([area.lo.x, area.lo.y, lo], [area.hi.x, area.hi.y, hi]);
+        let after = self.out.list.len() as u32;
+        self.out.slivers.push(Sliver { stop, lo, hi, source: self.source, ends, length_mm, after });
+    }
+}

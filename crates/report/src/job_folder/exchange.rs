@@ -1,0 +1,387 @@
+//! The place of a job folder, and the exchange that puts a new one there.
+//!
+//! Consumes the path as given; links are followed, so the folder behind a link is replaced and the
+//! link stays. Beside the target `NAME` live, only while a run writes, `.NAME.new` (the folder in the
+//! making; once names are exchanged, the one that was replaced), `.NAME.old` (the one that is replaced, where names
+//! cannot be exchanged) and `.NAME.lock`. The lock is the system's own and ends
+//! with its process, however that ends; a second run on the same target waits for it. `.NAME.claim` is another, held
+//! by a batch from before it looks whether the folder is up to date until it is: of two batches one compiles.
+//!
+//! Promises that under the final name there is the whole old folder or the whole new one; where the system cannot
+//! exchange two names in one step (other systems than Linux, some network shares), also none between two renames.
+//! [`Target::recover`] clears up what a stopped run left. This holds when a process is
+//! killed, and, where the new folder and its parent are flushed, when power fails. Limits: file systems
+//! without locks (some network shares) are used without one.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::path::{Component, Path, PathBuf};
+
+use super::flush::{Flush, flush_tree};
+use super::{failed, place};
+use terrace_core::diag::{self, Diag, Error};
+use terrace_input::job::Mode;
+use terrace_plan::manifest::{self, FileFact, InputFact, JobRef, MANIFEST};
+
+/// Where a job folder goes.
+#[derive(Debug)]
+pub(super) struct Target {
+    /// The folder itself, absolute and free of links.
+    pub(super) path: PathBuf,
+    /// The folder in the making.
+    pub(super) new: PathBuf,
+    old: PathBuf,
+    lock: PathBuf,
+    claim: PathBuf,
+    /// The file without which a folder of this kind is not whole.
+    sign: &'static str,
+}
+
+/// A right at a target, such as that to write there; ends when dropped.
+#[derive(Debug)]
+pub(super) struct Lock {
+    path: PathBuf,
+    /// Holds the system's lock as long as it is open.
+    _file: File,
+}
+
+impl Lock {
+    /// Waits until no other process holds the lock of this file.
+    fn of(path: &Path) -> Result<Self, Error> {
+        let refused = |e: std::io::Error| failed("lock the output", path, &e);
+        if is_no_file(path) {
+            let text = "cannot lock the output: something that is no regular file has the name of its lock";
+            let d = Diag::input("output-unwritable", text).at(place(path));
+            return Err(d.hint("remove it, or name another folder with -o").into());
+        }
+        loop {
+            let file = File::options().create(true).append(true).open(path).map_err(refused)?;
+            match file.lock() {
+                Err(e) if e.kind() != std::io::ErrorKind::Unsupported => return Err(refused(e)),
+                _ => {}
+            }
+            // The run that held it before has removed its file: a lock on that one is worth nothing.
+            if is_same(&file, path) {
+                return Ok(Self { path: path.to_owned(), _file: file });
+            }
+        }
+    }
+
+    /// The lock of a file that is there and that no process holds.
+    fn free(path: &Path) -> Option<Self> {
+        // To open a pipe is to wait for its other end.
+        if is_no_file(path) {
+            return None;
+        }
+        let file = File::options().append(true).open(path).ok()?;
+        let is_free = file.try_lock().is_ok() && is_same(&file, path);
+        is_free.then(|| Self { path: path.to_owned(), _file: file })
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // While it is still locked: whoever waits for it sees that it is gone, and makes its own.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+impl Target {
+    /// Finds the place of a folder that is whole when it holds the file `sign`; touches nothing.
+    pub(super) fn find(given: &Path, sign: &'static str) -> Result<Self, Error> {
+        let nameless = || {
+            let d = Diag::input("output-name", "the output has no name of its own").at(place(given));
+            Error::from(d.hint("name a folder, such as -o hood.job"))
+        };
+        if given.file_name().is_none() {
+            return Err(nameless());
+        }
+        let path = resolved(given).map_err(|e| failed("find the folder", given, &e))?;
+        let name = path.file_name().ok_or_else(nameless)?.to_owned();
+        let hidden = |what: &str| {
+            let mut hidden = OsString::from(".");
+            hidden.push(&name);
+            hidden.push(what);
+            path.with_file_name(hidden)
+        };
+        Ok(Self {
+            new: hidden(".new"),
+            old: hidden(".old"),
+            lock: hidden(".lock"),
+            claim: hidden(".claim"),
+            path,
+            sign,
+        })
+    }
+
+    /// Finishes or undoes what a stopped run left.
+    pub(super) fn recover(&self) -> Result<(), Error> {
+        if [&self.new, &self.old, &self.lock].into_iter().any(|p| is_there(p)) {
+            let lock = self.lock()?;
+            self.tidy(&lock)?;
+        }
+        // Of a process that was killed: it goes with the lock, unless another holds it.
+        drop(Lock::free(&self.claim));
+        Ok(())
+    }
+
+    /// Waits until no other run writes here.
+    pub(super) fn lock(&self) -> Result<Lock, Error> {
+        Lock::of(&self.lock)
+    }
+
+    /// Waits until no other run has the folder in work.
+    pub(super) fn claim(&self) -> Result<Lock, Error> {
+        Lock::of(&self.claim)
+    }
+
+    /// [`Target::recover`] under a lock that is held already.
+    pub(super) fn tidy(&self, _lock: &Lock) -> Result<(), Error> {
+        if is_there(&self.old) {
+            // A replaced folder loses its sign first, so one that has it is whole.
+            if !is_there(&self.path) && self.old.join(self.sign).is_file() {
+                fs::rename(&self.old, &self.path).map_err(|e| failed("restore the old folder", &self.old, &e))?;
+            } else {
+                self.discard_old()?;
+            }
+        }
+        if is_there(&self.new) {
+            fs::remove_dir_all(&self.new).map_err(|e| failed("remove an unfinished folder", &self.new, &e))?;
+        }
+        Ok(())
+    }
+
+    /// Refuses a target that is something else than a job folder, is one of another mode, or holds one of the
+    /// `inputs`.
+    pub(super) fn may_be_replaced(&self, mode: Mode, inputs: &[PathBuf]) -> Result<(), Error> {
+        if !is_there(&self.path) {
+            return Ok(());
+        }
+        let Some(held) = mode_of(&self.path) else {
+            let d = Diag::input("output-not-a-job", "the output exists and is not a job folder").at(place(&self.path));
+            return Err(d.hint("name another folder with -o, or remove it yourself").into());
+        };
+        if held != mode {
+            let text = format!("the output holds a job of mode {}, this one is of mode {}", held.name(), mode.name());
+            let d = Diag::input("output-other-mode", text);
+            let hint = "name another folder with -o, or remove it yourself";
+            return Err(d.at(place(&self.path)).hint(hint).into());
+        }
+        for input in inputs {
+            if fs::canonicalize(input).is_ok_and(|real| real.starts_with(&self.path)) {
+                let text = format!("the output would replace the folder that holds the input {}", input.display());
+                let d = Diag::input("output-holds-input", text).at(place(&self.path));
+                return Err(d.hint("move the input, or name another folder with -o").into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the finished new folder in place. Where that fails the old one is put back. The new folder is flushed
+    /// before its name changes, and the folder around it before the old one is removed.
+    pub(super) fn exchange(&self, _lock: &Lock, flush: &Flush<'_>) -> Result<(), Error> {
+        self.put(flush, swap)
+    }
+
+    /// The same, by a function that exchanges two names in one step, or cannot.
+    fn put(&self, flush: &Flush<'_>, swap: fn(&Path, &Path) -> bool) -> Result<(), Error> {
+        flush_tree(&self.new, flush).map_err(|e| failed("put the new folder on the disk", &self.new, &e))?;
+        let parent = self.path.parent().unwrap_or(Path::new("/"));
+        let flush_parent = || flush(parent).map_err(|e| failed("put the folder on the disk", parent, &e));
+        let replaces = is_there(&self.path);
+        if replaces && swap(&self.new, &self.path) {
+            flush_parent()?;
+            // It has the name of an unfinished folder by now: a run that is stopped here has it removed by the next.
+            return fs::remove_dir_all(&self.new).map_err(|e| failed("remove the replaced folder", &self.new, &e));
+        }
+        if replaces {
+            fs::rename(&self.path, &self.old).map_err(|e| failed("set the old folder aside", &self.path, &e))?;
+        }
+        if let Err(e) = fs::rename(&self.new, &self.path) {
+            if replaces {
+                // Should this fail too, the next run restores it.
+                let _ = fs::rename(&self.old, &self.path);
+            }
+            return Err(failed("put the new folder in place", &self.path, &e));
+        }
+        flush_parent()?;
+        if replaces { self.discard_old() } else { Ok(()) }
+    }
+
+    /// Removes the replaced folder, its sign first.
+    fn discard_old(&self) -> Result<(), Error> {
+        let _ = fs::remove_file(self.old.join(self.sign));
+        fs::remove_dir_all(&self.old).map_err(|e| failed("remove the replaced folder", &self.old, &e))
+    }
+}
+
+/// Whether anything has this name, a link that leads nowhere included.
+fn is_there(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
+}
+
+/// Whether what has this name is a pipe, a folder, a link or the like.
+fn is_no_file(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|meta| !meta.is_file())
+}
+
+/// Exchanges the names of two folders in one step; false where system or file system cannot, and nothing is changed.
+#[cfg(target_os = "linux")]
+fn swap(one: &Path, other: &Path) -> bool {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE).is_ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn swap(_: &Path, _: &Path) -> bool {
+    false
+}
+
+/// The mode of a job folder of any version; None where the folder is something else: other programs have files of
+/// this name too. All that manifests of every version have must be there, and the files that it lists.
+fn mode_of(path: &Path) -> Option<Mode> {
+    #[derive(serde::Deserialize)]
+    struct Sign {
+        #[serde(rename = "terrace")]
+        _terrace: String,
+        #[serde(rename = "schema")]
+        _schema: u64,
+        /// Stepped folders of the first schema have none.
+        #[serde(default)]
+        mode: Mode,
+        #[serde(rename = "job")]
+        _job: JobRef,
+        #[serde(rename = "inputs")]
+        _inputs: Vec<InputFact>,
+        files: Vec<FileFact>,
+    }
+    let bytes = diag::read_file(&path.join(MANIFEST), manifest::MAX_FILE).ok()?;
+    let sign: Sign = serde_json::from_slice(&bytes).ok()?;
+    // A folder of ours may have lost files; one that never had any is not of ours.
+    let has_some = sign.files.iter().any(|fact| is_there(&path.join(&fact.file)));
+    has_some.then_some(sign.mode)
+}
+
+#[cfg(unix)]
+fn is_same(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let (Ok(a), Ok(b)) = (file.metadata(), fs::metadata(path)) else { return false };
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Elsewhere a file that is open keeps its name.
+#[cfg(not(unix))]
+fn is_same(_: &File, _: &Path) -> bool {
+    true
+}
+
+/// The path, absolute and free of links; its last parts need not exist.
+pub(super) fn resolved(path: &Path) -> std::io::Result<PathBuf> {
+    let path = std::path::absolute(path)?;
+    let mut rest = Vec::new();
+    let mut known = path.as_path();
+    let mut out = loop {
+        // A link that leads nowhere is there, and is refused by name.
+        if is_there(known) {
+            break fs::canonicalize(known)?;
+        }
+        rest.extend(known.components().next_back());
+        known = known.parent().unwrap_or(Path::new("/"));
+    };
+    for part in rest.into_iter().rev() {
+        match part {
+            Component::ParentDir => _ = out.pop(),
+            other => out.push(other),
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+    use super::*;
+
+    /// A folder `.a.job.new` with a text in its sign, about to become `a.job`.
+    fn made(dir: &Path, text: &str) -> Target {
+        let target = Target::find(&dir.join("a.job"), "sign").expect("a place");
+        fs::create_dir(&target.new).expect("made");
+        fs::write(target.new.join("sign"), text).expect("written");
+        target
+    }
+
+    #[test]
+    fn a_folder_is_replaced_whether_names_can_be_exchanged_or_not() {
+        for swap in [swap as fn(&Path, &Path) -> bool, |_, _| false] {
+            let dir = tempfile::tempdir().expect("a folder");
+            for text in ["one", "two", "three"] {
+                made(dir.path(), text).put(&|_| Ok(()), swap).expect("put in place");
+                assert_eq!(fs::read_to_string(dir.path().join("a.job/sign")).expect("there"), text);
+                assert_eq!(fs::read_dir(dir.path()).expect("there").count(), 1, "nothing is left beside it");
+            }
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn at_no_moment_there_is_no_folder() {
+        let dir = tempfile::tempdir().expect("a folder");
+        made(dir.path(), "0").put(&|_| Ok(()), swap).expect("put in place");
+        let (sign, is_done) = (dir.path().join("a.job"), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            let seen = scope.spawn(|| {
+                let mut looks = 0_u64;
+                while !is_done.load(Relaxed) {
+                    assert!(is_there(&sign), "after {looks} looks");
+                    looks += 1;
+                }
+                looks
+            });
+            for i in 1..500 {
+                made(dir.path(), &i.to_string()).put(&|_| Ok(()), swap).expect("put in place");
+            }
+            is_done.store(true, Relaxed);
+            assert!(seen.join().expect("always there") > 0);
+        });
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_under_the_name_of_a_lock_is_refused_and_not_waited_for() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let target = Target::find(&dir.path().join("a.job"), "sign").expect("a place");
+        for path in [&target.lock, &target.claim] {
+            let status = std::process::Command::new("mkfifo").arg(path).status().expect("mkfifo");
+            assert!(status.success());
+        }
+        for refused in [target.lock(), target.claim()] {
+            assert_eq!(refused.expect_err("a pipe").diags()[0].code, "output-unwritable");
+        }
+        assert!(Lock::free(&target.claim).is_none());
+    }
+
+    #[test]
+    fn only_a_whole_manifest_of_ours_makes_a_job_folder() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let mode = |text: &str| {
+            fs::write(dir.path().join(MANIFEST), text).expect("written");
+            mode_of(dir.path())
+        };
+        fs::write(dir.path().join("program.txt"), "").expect("written");
+        let job = "\"job\":{\"file\":\"../a.toml\",\"blake3\":\"00\"},\"inputs\":[]";
+        let files = "\"files\":[{\"file\":\"program.txt\",\"bytes\":0,\"blake3\":\"00\"}]";
+        let whole = |extra: &str| format!("{{\"terrace\":\"0.1.0\",\"schema\":1{extra},{job},{files}}}");
+        assert_eq!(mode(&whole("")), Some(Mode::Stepped));
+        assert_eq!(mode(&whole(",\"mode\":\"on-the-fly\"")), Some(Mode::OnTheFly));
+        for text in [
+            "{\"terrace\":\"x\",\"schema\":1}".to_owned(),
+            format!("{{\"terrace\":\"x\",\"schema\":1,{job}}}"),
+            format!("{{\"terrace\":\"x\",\"schema\":1,{files}}}"),
+            whole("").replace("program.txt", "other.txt"),
+            whole("").replace("\"schema\":1", "\"schema\":\"one\""),
+        ] {
+            assert_eq!(mode(&text), None, "{text}");
+        }
+    }
+}

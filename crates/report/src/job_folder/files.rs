@@ -1,0 +1,249 @@
+//! The files of a job folder, by mode; the manifest is written last.
+
+use std::fs;
+use std::path::Path;
+use terrace_plan::emit::Target;
+
+use super::pictures::{Pictures, file_name};
+use super::{failed, inputs, path_from};
+use crate::report;
+use terrace_core::diag::{self, Error};
+use terrace_core::format::Format;
+use terrace_core::geom::Nm;
+use terrace_core::parallel;
+use terrace_core::program::{self, PenId, Program};
+use terrace_core::progress::Task;
+use terrace_input::job::Job;
+use terrace_plan::emit::{self, Files, Stepped};
+use terrace_plan::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
+use terrace_plan::plan::{OnTheFlyPlan, Phase, Progress, SteppedPlan};
+
+/// A folder being filled.
+pub struct Filling<'a> {
+    folder: &'a Path,
+    files: Vec<FileFact>,
+}
+
+impl<'a> Filling<'a> {
+    fn new(folder: &'a Path) -> Self {
+        Self { folder, files: Vec::new() }
+    }
+
+    /// Writes one file and notes what was written.
+    pub fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        self.files.push(put(self.folder, name, bytes)?);
+        Ok(())
+    }
+
+    /// The files that were written, by name.
+    pub fn into_files(self) -> Vec<FileFact> {
+        let mut files = self.files;
+        files.sort_by(|a, b| a.file.cmp(&b.file));
+        files
+    }
+}
+
+fn make(path: &Path) -> Result<(), Error> {
+    fs::create_dir(path).map_err(|e| failed("make the folder", path, &e))
+}
+
+/// Writes one file of a job folder; answers with what the manifest says of it.
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).map_err(|e| failed("write the file", &path, &e))?;
+    Ok(FileFact { file: name.into(), bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() })
+}
+
+/// Writes the files of a folder and answers with its manifest.
+pub(super) type Fill<'a> = dyn Fn(Filling<'_>) -> Result<Vec<u8>, Error> + 'a;
+
+/// Fills the new folder of a job; its manifest is written last.
+pub(super) fn fill(folder: &Path, fill: &Fill<'_>) -> Result<(), Error> {
+    let manifest = fill(Filling::new(folder))?;
+    put(folder, MANIFEST, &manifest)?;
+    Ok(())
+}
+
+/// What the manifest of a job begins with in a folder that will stand at `target`.
+pub(super) fn head(job: &Job, target: &Path) -> Result<Head, Error> {
+    Ok(Head::new(job, path_from(&job.path, target)?, inputs(job)?))
+}
+
+/// Says in the report of a folder what was proved of it.
+pub(super) fn tell_proof(folder: &Path, proved: &str) -> Result<(), Error> {
+    let read = |name: &str| {
+        let path = folder.join(name);
+        fs::read(&path).map_err(|e| failed("read the file again", &path, &e))
+    };
+    let report =
+        String::from_utf8_lossy(&read(REPORT)?).replacen(report::NOT_VERIFIED, &report::page::escape(proved), 1);
+    let fact = put(folder, REPORT, report.as_bytes())?;
+    put(folder, MANIFEST, &manifest::with_file(&read(MANIFEST)?, &fact)?)?;
+    Ok(())
+}
+
+/// The report of a folder.
+pub(super) const REPORT: &str = "report.html";
+
+/// Writes the files of a stepped job; answers with its manifest.
+pub(super) fn stepped(
+    plan: &SteppedPlan,
+    head: &Head,
+    mut filling: Filling<'_>,
+    is_drawn: bool,
+    progress: Progress<'_>,
+) -> Result<Vec<u8>, Error> {
+    let [whole, formats, framed] = Phase::Write.task(progress).split([1, 6, 3]);
+    let SteppedPlan { job, machine, checked, passes, summary, figures, .. } = plan;
+    let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
+    filling.put("program.txt", &program::text::write(checked.program(), checked.origins()))?;
+    drop(whole);
+    let block_file = emit::block_file(&job.formats);
+    let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file, frames: None };
+    let points = manifest::registered(job, machine, checked);
+    let frames = job.frames.map(|pen| (pen, points.as_slice()));
+    Programs { emitted, formats: &job.formats, frames, whole: None }.write(&mut filling, [formats, framed])?;
+    if is_drawn {
+        draw(&Pictures::of_stepped(plan), &mut filling, progress)?;
+    }
+    let facts = Facts {
+        job_file: &head.job.file,
+        job,
+        machine,
+        checked,
+        passes: passes.iter().map(|p| (&p.sections, p.directions.as_ref())).collect(),
+        depth_mm: plan.depth.mm(),
+        tessellation_mm: plan.inputs.surface.tessellation_mm(),
+        figures,
+        summary,
+    };
+    let sheet = report::runsheet::Sheet::new(&facts);
+    let sheets = [("runsheet.csv", report::runsheet::csv(&sheet)), ("runsheet.txt", report::runsheet::txt(&sheet))];
+    sheets.iter().try_for_each(|(name, bytes)| filling.put(name, bytes))?;
+    Ok(manifest::manifest(&Head { files: filling.into_files(), ..head.clone() }, &facts))
+}
+
+/// Writes the file of a block.
+type WriteBlock = fn(&Stepped<'_>, usize) -> Vec<u8>;
+
+/// The program files of a stepped job, in all its formats.
+pub struct Programs<'a> {
+    /// The blocks that are written.
+    pub emitted: Stepped<'a>,
+    /// What is written of them.
+    pub formats: &'a [Format],
+    /// Pen of the frames, and commanded x and y of the registration points of every set-up; None where the job has no
+    /// frames.
+    pub frames: Option<(PenId, &'a [Vec<[Nm; 2]>])>,
+    /// The folder of the whole job, of which the files of single blocks are copied; None where they are made.
+    pub whole: Option<&'a Path>,
+}
+
+impl Programs<'_> {
+    /// Writes them: the files of the marks, then those of the frames.
+    pub fn write(&self, filling: &mut Filling<'_>, [marked, framed]: [Task<'_>; 2]) -> Result<(), Error> {
+        let Stepped { checked, machine, .. } = self.emitted;
+        self.files(filling, &self.emitted, &self.emitted, marked)?;
+        let Some((pen, points)) = self.frames else { return Ok(()) };
+        let of_blocks = emit::frames::frames(checked, pen, machine);
+        let of_blocks = Stepped { checked: &of_blocks, figures: &[], frames: Some(points), ..self.emitted };
+        // Where one file holds the job, it holds the frames of its outline.
+        let of_outline = emit::frames::of_outline(checked, pen, machine);
+        self.files(filling, &Stepped { checked: &of_outline, ..of_blocks }, &of_blocks, framed)
+    }
+
+    /// The files of every format: of the whole job, or of single blocks.
+    fn files(
+        &self,
+        filling: &mut Filling<'_>,
+        job: &Stepped<'_>,
+        blocks: &Stepped<'_>,
+        task: Task<'_>,
+    ) -> Result<(), Error> {
+        let is_framed = job.frames.is_some();
+        for (format, task) in self.formats.iter().zip(task.parts(self.formats.len())) {
+            match Target::of(*format).stepped {
+                Some(Files::Whole(file, write)) if is_framed => {
+                    make_inner(filling.folder, "frames")?;
+                    filling.put(&emit::frames::of_whole(file), &write(job))?;
+                }
+                Some(Files::Whole(file, write)) => filling.put(file, &write(job))?,
+                Some(Files::Blocks(ending, write)) => self.blocks(filling, blocks, ending, write, task)?,
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// One file for every block.
+    fn blocks(
+        &self,
+        filling: &mut Filling<'_>,
+        emitted: &Stepped<'_>,
+        ending: &str,
+        write: WriteBlock,
+        task: Task<'_>,
+    ) -> Result<(), Error> {
+        let folder = filling.folder;
+        let program = emitted.checked.program();
+        let name = |i: usize| match emitted.frames {
+            None => Program::block_file(program.id(i), ending),
+            Some(_) => emit::frames::of_block(program.id(i), ending),
+        };
+        let task = task.of_steps(program.blocks.len());
+        let one = |i: usize| {
+            let name = name(i);
+            let bytes = match self.whole {
+                None => write(emitted, i),
+                Some(whole) => diag::read_file(&whole.join(&name), u64::MAX)?,
+            };
+            let fact = put(folder, &name, &bytes);
+            task.step();
+            fact
+        };
+        make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
+        let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
+        filling.files.extend(written?);
+        Ok(())
+    }
+}
+
+/// Draws the pictures of a plan.
+fn draw(pictures: &Pictures<'_>, filling: &mut Filling<'_>, progress: Progress<'_>) -> Result<(), Error> {
+    let drawing = Phase::Draw.task(progress).of_steps(pictures.count());
+    pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)
+}
+
+/// Makes a folder inside a job folder, unless it is there.
+fn make_inner(folder: &Path, name: &str) -> Result<(), Error> {
+    let inner = folder.join(name);
+    if inner.exists() { Ok(()) } else { make(&inner) }
+}
+
+/// Writes the programs of an on-the-fly job; answers with its manifest.
+pub(super) fn on_the_fly(
+    plan: &OnTheFlyPlan,
+    head: &Head,
+    mut filling: Filling<'_>,
+    is_drawn: bool,
+    progress: Progress<'_>,
+) -> Result<Vec<u8>, Error> {
+    let writing = Phase::Write.task(progress).of_steps(plan.job.formats.len());
+    let OnTheFlyPlan { job, machine, checked, .. } = plan;
+    let kind = checked.program().kind;
+    let files = job.formats.iter().filter_map(|&f| Target::of(f).on_the_fly);
+    let mut programs = Vec::new();
+    for file in files.filter(|f| f.kinds.contains(&kind)) {
+        filling.put(file.name, &(file.write)(checked, machine))?;
+        programs.push(file.name);
+        writing.step();
+    }
+    drop(writing);
+    if is_drawn {
+        draw(&Pictures::of_on_the_fly(plan)?, &mut filling, progress)?;
+    }
+    let facts =
+        OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
+    filling.put("runsheet.txt", &report::on_the_fly_txt(&facts, &head.job.file, &programs))?;
+    Ok(manifest::on_the_fly_manifest(&Head { files: filling.into_files(), ..head.clone() }, &facts))
+}

@@ -1,0 +1,47 @@
+//! The error and depth budget in the reports of both modes.
+
+use std::fmt::Write;
+
+use super::page::escape;
+use super::plain;
+use terrace_plan::budget::{Budget, Cause, Terms};
+
+/// A table for where marks are and one for how far from focus, each with its terms and what they come to.
+pub(super) fn section(h: &mut String, budget: &Budget) {
+    let Budget { pdof_mm, reserve_mm, lateral, depth, depth_left_um } = budget;
+    let [pdof, reserve] = [pdof_mm, reserve_mm].map(|mm| plain(mm * 1e3, 1));
+    let _ = writeln!(
+        h,
+        "<h2>Error and depth budget</h2>\n<p>PDOF {pdof} um, of which {reserve} um are kept for errors (focus.reserve). \
+         Each term is a bound. The sum is one too, and decides about warnings; the root of the sum of squares is what to \
+         expect where the terms are independent of each other.</p>\n<div class=\"row\" id=\"budget\" style=\"row-gap:1em\">"
+    );
+    table(h, "Lateral, um", lateral, &[]);
+    let left = [("left of PDOF", plain(*depth_left_um, 2))];
+    table(h, "Depth, um", depth, &left);
+    h.push_str("</div>\n");
+}
+
+/// The terms of one side.
+fn table(h: &mut String, title: &str, side: &Terms, more: &[(&str, String)]) {
+    let of = side.block.as_ref().map_or("worst marks".to_owned(), |block| format!("worst block {}", escape(block)));
+    let _ = write!(h, "<div class=\"wide\"><table>\n<tr><th>{title}</th><th>{of}</th><th>stated by</th></tr>\n");
+    for term in &side.terms {
+        let stated = match (term.cause, term.um, term.cause.key()) {
+            (Cause::Tessellation, Some(_), _) => "surface file",
+            (Cause::Projection, ..) => "pitch, slope",
+            (Cause::Slope, ..) => "lateral errors, slope",
+            (Cause::Relief, ..) => "in the defocus, not summed",
+            (Cause::Tilt, ..) => "not modelled",
+            (_, _, key) => key.unwrap_or_default(),
+        };
+        let um = term.um.map_or_else(|| "not stated".to_owned(), |um| plain(um, 2));
+        let _ = writeln!(h, "<tr><td>{}</td><td>{um}</td><td>{stated}</td></tr>", term.cause.name());
+    }
+    let [sum, rss] = [side.sum_um, side.rss_um].map(|um| plain(um, 2));
+    let totals = [("sum of what is stated", sum), ("root of the sum of squares", rss)];
+    for (name, value) in totals.iter().chain(more) {
+        let _ = writeln!(h, "<tr><th>{name}</th><th>{value}</th><th></th></tr>");
+    }
+    h.push_str("</table></div>\n");
+}

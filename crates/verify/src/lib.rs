@@ -1,0 +1,191 @@
+//! The independent proof: re-reads an emitted job folder and holds every rule against it.
+//!
+//! Consumes a job folder, and the job file and inputs that it names; promises a [`Proof`] with each rule, what was
+//! checked against it and where it is broken. Files are read by readers of this module's own (`read`), heights are
+//! found on the surface file's own facets (`depth`), texture strokes are placed anew; nothing here calls what divided,
+//! cut, ordered or wrote the program.
+//!
+//! Every fault is reported by one rule. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
+//! the stage programs, the OVF and the manifest to it, number by number; `hash` ties bytes to the
+//! manifest. So a damaged drawing breaks agreement and leaves depth alone. `docs/verify.md` lists the
+//! rules with their tolerances and limits.
+//!
+//! Units: nm, integer in files and f64 under `depth`; mm and um only in the proof.
+
+mod geometry;
+mod inputs;
+mod job_facts;
+mod on_the_fly;
+mod progress;
+mod proof;
+mod read;
+mod rest_to_rest;
+mod rotation;
+mod rules;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+pub use progress::{Phase, Progress};
+pub use proof::{Input, Lengths, NotProved, Proof, Rule, Violation};
+
+use geometry::Geometry;
+use inputs::Inputs;
+use job_facts::JobFacts;
+use read::manifest::Manifest;
+use read::program::ProgramFile;
+use rules::Findings;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::geom::P2;
+use terrace_core::parallel;
+use terrace_core::program::{PassId, PenId};
+use terrace_input::job::Mode;
+use terrace_input::texture::Texture;
+
+/// Writes the points of a stroke into the cleared buffer and answers with its pen.
+type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> PenId + 'a;
+
+/// The texture strokes of one pass as placed anew, by number.
+pub(crate) struct Drawing<'a> {
+    /// How many strokes there are.
+    len: usize,
+    stroke: Box<Stroke<'a>>,
+    /// What a stroke comes from, for messages.
+    element: Box<dyn Fn(usize) -> String + 'a>,
+}
+
+impl<'a> Drawing<'a> {
+    fn of(texture: &'a Texture) -> Self {
+        Self {
+            len: texture.len(),
+            stroke: Box::new(|i, out| texture.stroke(i, out)),
+            element: Box::new(|i| texture.element(i)),
+        }
+    }
+}
+
+/// Verifies the job folder at `folder`. Job file and inputs are where the manifest says, or in
+/// `inputs_override`: a folder that holds the job file and, relative to it, its inputs.
+///
+/// # Errors
+/// `job-folder` and `manifest` where there is no readable manifest; faults of a job file or an input
+/// whose bytes are as when the job was compiled, yet cannot be read. Anything else that is wrong with
+/// the folder is a violation in the proof.
+pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
+    verify_told(folder, inputs_override, &|_, _| {})
+}
+
+/// [`verify`] that tells how far it is.
+///
+/// # Errors
+/// As [`verify`].
+pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
+    if read::manifest::is_on_the_fly(folder) {
+        return on_the_fly::verify(folder, inputs_override, progress);
+    }
+    let [listed, written, read, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
+    let manifest: read::manifest::Manifest = read::manifest::read(folder, &read::leaves::STEPPED)?;
+    let mut findings = Findings::new();
+    let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
+    findings.not_proved = rules::stated::of(&manifest.listed(), &read::leaves::STEPPED);
+    let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
+    drop(listed);
+    let mut program = read_program(folder, &mut findings);
+    drop(written);
+    if !unchanged {
+        drop((read, drawn));
+        let _comparing = Phase::Files.task(progress);
+        // The job cannot be loaded again, but the files of the folder can still be compared with each other.
+        let facts = JobFacts::from_manifest(&manifest);
+        if let Some(program) = &mut program {
+            rules::without_inputs(folder, &manifest, program, &facts, &mut findings);
+        }
+        return Ok(findings.into_proof());
+    }
+    let (job, facts) = job_facts::load(&inputs, Mode::Stepped)?;
+    findings.against = inputs.used(&job, folder);
+    let Some(mut program) = program else { return Ok(findings.into_proof()) };
+    // Neither needs the other.
+    let (shaped, stages) = parallel::both(
+        || {
+            let (shape, box_mm) = job_facts::shape(&job)?;
+            drop(read);
+            Ok::<_, Error>((Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm), box_mm))
+        },
+        || rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings),
+    );
+    let (geometry, box_mm) = shaped?;
+    rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.summary);
+    let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
+    let mut files = rules::files::Files::default();
+    let mut textures = Vec::new();
+    let drawn = drawn.of_steps(facts.passes.count as usize);
+    for pass in (0..facts.passes.count).map(PassId) {
+        let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
+        if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
+            // Without its lines the texture is not known.
+            return Ok(findings.into_proof());
+        }
+        let drawing = Drawing::of(&texture);
+        let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
+        let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
+        rules::drawing::check(&placed, spot_mm, &mut files, &mut findings.drawing);
+        rules::bitmap::check(&placed, &requests, spot_mm, &mut files, &mut findings.bitmap);
+        rules::mask::check(&placed, &mut files, &mut findings.mask);
+        drop(drawing);
+        if pass == PassId(0) {
+            let rules = [&mut findings.curves, &mut findings.summary];
+            rules::curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
+        }
+        textures.push(texture);
+        drawn.step();
+    }
+    drop(drawn);
+    let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
+    check_folder(&stages, &manifest, &mut program, &facts, (&drawings, &geometry), &mut findings, progress);
+    Ok(findings.into_proof())
+}
+
+/// The rules that need the job and its inputs, on what was read and loaded again.
+fn check_folder(
+    stages: &rules::Stages,
+    manifest: &Manifest,
+    program: &mut ProgramFile,
+    facts: &JobFacts,
+    (drawings, geometry): (&[Drawing<'_>], &Geometry),
+    findings: &mut Findings,
+    progress: Progress<'_>,
+) {
+    let moves = Phase::Files.task(progress);
+    rules::moves(stages, manifest, program, facts, geometry, findings);
+    rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
+    drop(moves);
+    let [depth, dose] = Phase::Marks.task(progress).split([4, 1]);
+    let marks = rules::depth_and_field::check(program, facts, geometry, findings, depth);
+    rules::dose::check(program, facts, geometry, findings);
+    drop(dose);
+    let [pieces, sums] = Phase::Coverage.task(progress).split([9, 1]);
+    let drawn = (drawings, &marks.drawn);
+    let pieces = rules::coverage::check(manifest, program, facts, drawn, geometry, findings, pieces);
+    rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
+    rules::summary::slopes(manifest, program, facts, geometry, &marks, findings);
+    drop(sums);
+}
+
+/// Reads `program.txt`; one that cannot be read agrees with nothing.
+fn read_program(folder: &Path, findings: &mut Findings) -> Option<ProgramFile> {
+    match read::program::read(&folder.join("program.txt")) {
+        Ok(program) => Some(program),
+        Err(fault) => {
+            findings.agreement.ran = true;
+            findings.agreement.broken("", format!("program.txt:{}", fault.line), fault.message);
+            None
+        }
+    }
+}
+
+/// The error for inputs that cannot be used.
+fn unusable(code: &'static str, message: &str, path: &Path) -> Error {
+    Diag::input(code, message).at(Place::file(path.display().to_string())).into()
+}

@@ -1,0 +1,180 @@
+//! Areas by a threshold: what is marked lies in the dark, and the dark is filled or outlined.
+
+use super::super::drawing::around;
+use super::grey::Grey;
+use super::{BEYOND, Look, MAX_MARKS, Marks, Point, ROUNDING, places};
+use crate::proof::Rule;
+use terrace_core::geom::{BoxMm, NM_PER_MM, P2};
+use terrace_input::texture::FillMode;
+
+/// Most dark places that are looked for.
+pub(super) const MAX_PLACES: usize = 60_000;
+
+/// Most pixels that are looked at for them.
+const MAX_LOOKS: usize = 300_000_000;
+
+/// Most cells of the grid that tells where marks are.
+const MAX_CELLS: f64 = 4e8;
+
+impl Look<'_> {
+    /// Areas that are darker than a threshold.
+    pub(super) fn areas(
+        &self,
+        grey: &Grey,
+        threshold: f64,
+        marks: &Marks<'_>,
+        is_cut: bool,
+        rule: &mut Rule,
+    ) -> Result<(), &'static str> {
+        let by_pixels = grey.is_two_tone();
+        // The border lies between the centres of neighbours, or is the side of a pixel.
+        let near = |p: Point| {
+            let slack = self.slack_mm;
+            let around = || grey.around([p[0] - slack, p[1] - slack], [p[0] + slack, p[1] + slack]);
+            let [columns, mut rows] = if by_pixels { self.pixels_at(grey, p) } else { around() };
+            rows.any(|j| grey.density[j * grey.columns..][columns.clone()].iter().any(|&d| self.is_dark(d, threshold)))
+        };
+        let mut points = Vec::new();
+        for i in marks.some(MAX_MARKS) {
+            (marks.drawing.stroke)(i, &mut points);
+            for p in places(&points) {
+                rule.checked += 1;
+                if !self.page.holds(p, self.slack_mm) {
+                    rule.broken("", (marks.drawing.element)(i), BEYOND);
+                } else if !around(p, self.slack_mm * NM_PER_MM).any(|q| near(self.page.at(q))) {
+                    let [x, y] = self.page.at(p);
+                    let text = format!("it is marked where the bitmap is light, at {x:.4}, {y:.4} mm of the page");
+                    rule.broken("", (marks.drawing.element)(i), text);
+                }
+            }
+        }
+        if is_cut {
+            return Err("whether all dark areas are filled is not compared where inside or outside cut them");
+        }
+        if self.marking.along_contours.is_some() {
+            return Err("whether all dark areas are filled is not compared for lines along contours");
+        }
+        self.filled(grey, threshold, marks, rule);
+        Ok(())
+    }
+
+    fn is_dark(&self, density: f32, threshold: f64) -> bool {
+        f64::from(density) > threshold - ROUNDING
+    }
+
+    /// The pixels that a point lies on, to the tolerance.
+    fn pixels_at(&self, grey: &Grey, p: Point) -> [std::ops::Range<usize>; 2] {
+        let range = |v: f64, side: f64, count: usize| {
+            let at = |v: f64| (v / side).floor().clamp(0.0, count as f64 - 1.0) as usize;
+            at(v - self.slack_mm)..at(v + self.slack_mm) + 1
+        };
+        [range(p[0], grey.pixel[0], grey.columns), range(grey.height - p[1], grey.pixel[1], grey.rows)]
+    }
+
+    /// Dark places must have a mark beside them.
+    fn filled(&self, grey: &Grey, threshold: f64, marks: &Marks<'_>, rule: &mut Rule) {
+        let pitch = self.marking.pitch_mm.unwrap_or(self.spot_mm / 2.0);
+        let is_outline = self.marking.fill == FillMode::Outline;
+        let inset = self.marking.inset_mm.unwrap_or(self.spot_mm / 2.0);
+        let widest = grey.pixel[0].max(grey.pixel[1]);
+        // How deep in the dark a place must lie for a line to pass within this distance of it.
+        let (depth, reach) = if is_outline { (0.0, widest) } else { (inset + 1.5 * pitch + self.slack_mm, pitch) };
+        let trace = Trace::new(self, marks, reach + self.slack_mm);
+        let wide = [0, 1].map(|k| (depth / grey.pixel[k]).ceil() as usize + 1);
+        let looks = if is_outline { 2 } else { (2 * wide[0] + 1) * (2 * wide[1] + 1) };
+        let is_dark = |i: usize, j: usize| f64::from(grey.density[j * grey.columns + i]) > threshold + ROUNDING;
+        let is_light = |i: usize, j: usize| !self.is_dark(grey.density[j * grey.columns + i], threshold);
+        let most = MAX_PLACES.min(MAX_LOOKS / looks.max(1)).max(1);
+        // On borders few pixels count, so all are looked at.
+        let stride = if is_outline { 1 } else { (grey.density.len().div_ceil(most)).max(1) };
+        let mut found = 0;
+        for k in (0..grey.density.len()).step_by(stride) {
+            let (i, j) = (k % grey.columns, k / grey.columns);
+            let is_place = if is_outline {
+                is_dark(i, j)
+                    && (i + 1 == grey.columns || is_light(i + 1, j) || j + 1 == grey.rows || is_light(i, j + 1))
+            } else {
+                i >= wide[0]
+                    && j >= wide[1]
+                    && i + wide[0] < grey.columns
+                    && j + wide[1] < grey.rows
+                    && (j - wide[1]..=j + wide[1]).all(|j| (i - wide[0]..=i + wide[0]).all(|i| is_dark(i, j)))
+            };
+            if !is_place {
+                continue;
+            }
+            found += 1;
+            if found > MAX_PLACES {
+                break;
+            }
+            let on_file = [(i as f64 + 0.5) * grey.pixel[0], grey.height - (j as f64 + 0.5) * grey.pixel[1]];
+            for p in self.page.copies(on_file, self.limit) {
+                if !self.is_within(p, depth + reach) {
+                    continue;
+                }
+                rule.checked += 1;
+                if !trace.has_near(p) {
+                    let [x, y] = on_file;
+                    let text =
+                        format!("the bitmap is dark at {x:.4}, {y:.4} mm of the page, and nothing is marked there");
+                    rule.broken("", self.name.clone(), text);
+                }
+            }
+        }
+    }
+}
+
+/// Where marks are, to a cell of a grid over the page or its tiles.
+struct Trace {
+    lo: Point,
+    cell: f64,
+    count: [usize; 2],
+    is_set: Vec<bool>,
+}
+
+impl Trace {
+    fn new(look: &Look<'_>, marks: &Marks<'_>, reach: f64) -> Self {
+        let BoxMm { lo, hi } = look.page.extent(look.limit);
+        let area = (hi[0] - lo[0]) * (hi[1] - lo[1]);
+        let cell = reach.max((area / MAX_CELLS).sqrt());
+        // Marks on an edge may lie beside it.
+        let lo = lo.map(|v| v - cell);
+        let count = [0, 1].map(|k| ((hi[k] - lo[k]) / cell) as usize + 2);
+        let mut trace = Self { lo, cell, count, is_set: vec![false; count[0] * count[1]] };
+        let mut points = Vec::new();
+        for i in marks.strokes.clone() {
+            (marks.drawing.stroke)(i, &mut points);
+            let at = |p: &P2| look.page.on_plane([p.x as f64, p.y as f64]);
+            points.first().map(at).into_iter().for_each(|p| trace.set(p));
+            for w in points.windows(2) {
+                let (a, b) = (at(&w[0]), at(&w[1]));
+                let steps = ((b[0] - a[0]).hypot(b[1] - a[1]) / cell * 2.0).ceil().max(1.0);
+                for k in 1..=steps as usize {
+                    let t = k as f64 / steps;
+                    trace.set([0, 1].map(|m| a[m] + t * (b[m] - a[m])));
+                }
+            }
+        }
+        trace
+    }
+
+    fn cell_of(&self, p: Point) -> [i64; 2] {
+        [0, 1].map(|k| ((p[k] - self.lo[k]) / self.cell).floor() as i64)
+    }
+
+    fn index(&self, [i, j]: [i64; 2]) -> Option<usize> {
+        let is_in = |v: i64, count: usize| (0..count as i64).contains(&v);
+        (is_in(i, self.count[0]) && is_in(j, self.count[1])).then(|| j as usize * self.count[0] + i as usize)
+    }
+
+    fn set(&mut self, p: Point) {
+        if let Some(k) = self.index(self.cell_of(p)) {
+            self.is_set[k] = true;
+        }
+    }
+
+    fn has_near(&self, p: Point) -> bool {
+        let [i, j] = self.cell_of(p);
+        (-1..=1).any(|x| (-1..=1).any(|y| self.index([i + x, j + y]).is_some_and(|k| self.is_set[k])))
+    }
+}

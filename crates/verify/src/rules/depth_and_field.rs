@@ -1,0 +1,392 @@
+//! `field`, `depth` and `surface`: every mark, points between vertices included, against the field of
+//! the machine and against the surface file's own facets.
+//!
+//! Depth: a mark lies within the block's stated interval of heights, within the largest deviation from
+//! its focal plane, and the marks of a block within the depth range. Where there is a zoom optic, the plane that the
+//! stage sets and the focus shift sum to the focal plane, and the optic reaches it. Heights carry the tolerance
+//! [`Geometry::z_tolerance`].
+
+use super::slopes::{Along, Bounds};
+use super::stretch::{Parallel, Parts, Stretch, confirmed, confirmed_along, note, whole};
+use super::turned::{Drawn, Turned};
+use super::{Findings, part_place, part_place_nm};
+use crate::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
+use crate::job_facts::JobFacts;
+use crate::proof::Rule;
+use crate::read::program::ProgramFile;
+use terrace_core::geom::{FieldPoint, P2};
+use terrace_core::machine::{Carries, Machine};
+use terrace_core::parallel;
+use terrace_core::program::{Block, Stroke};
+use terrace_core::progress::Task;
+
+/// What the marks came to.
+#[derive(Default)]
+pub(crate) struct Marks {
+    /// Marked length of each block in mm, passes counted.
+    pub(super) block_mm: Vec<f64>,
+    /// Largest distance from a focal plane, nm.
+    pub(super) worst_defocus: f64,
+    /// How far it may be off, nm.
+    pub(super) worst_tolerance: f64,
+    /// Where the points of tilted blocks lie in the drawing.
+    pub(crate) drawn: Drawn,
+    /// The slopes under the marks of each upright block, where what lies under them tells them.
+    pub(super) slopes: Vec<Option<Bounds>>,
+}
+
+/// Holds `field`: every point of every stroke.
+pub(crate) fn field(file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    rule.ran = true;
+    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
+        for stroke in file.program.strokes_of(block) {
+            let points = file.program.points_of(stroke);
+            rule.checked += points.len() as u64;
+            if let Some(&FieldPoint { x, y }) = points.iter().find(|&&p| !machine.field_holds(p)) {
+                let c = block.stop.centre;
+                let place = part_place(<P2>::new(c.x + i64::from(x), c.y + i64::from(y)));
+                let [x, y] = [x, y].map(|v| f64::from(v) / terrace_core::geom::NM_PER_MM);
+                rule.broken(id, place, format!("field point ({x}, {y}) mm lies outside the usable field"));
+            }
+        }
+    }
+}
+
+/// Holds `depth` and `surface`.
+pub(crate) fn check(
+    file: &ProgramFile,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    findings: &mut Findings,
+    task: Task<'_>,
+) -> Marks {
+    let task = task.of_steps(file.program.blocks.len());
+    let Findings { depth, surface: solid, source, .. } = findings;
+    (depth.ran, solid.ran) = (true, true);
+    let mut out = Marks::default();
+    let mut slope2 = 0.0f64;
+    let mut add = |found: Found| {
+        out.block_mm.push(found.mark_mm);
+        if found.worst > out.worst_defocus {
+            (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
+        }
+        slope2 = slope2.max(found.slope2);
+        out.slopes.push(found.slopes);
+    };
+    let blocks = &file.program.blocks;
+    if blocks.iter().all(|b| b.stop.tilt.is_upright()) {
+        let parts = parallel::map(blocks.len().div_ceil(AT_ONCE), |n| {
+            let (mut deep, mut whole) = (Rule::new(depth.code, depth.what), Rule::new(solid.code, solid.what));
+            let mut search = Search::new(file, facts, geometry, &mut deep, &mut whole);
+            let range = n * AT_ONCE..blocks.len().min((n + 1) * AT_ONCE);
+            let of = |i: usize| {
+                task.step();
+                search.block(&file.ids[i], &blocks[i])
+            };
+            let found: Vec<Found> = range.map(of).collect();
+            (found, deep, whole)
+        });
+        for (found, deep, whole) in parts {
+            found.into_iter().for_each(&mut add);
+            depth.add(deep);
+            solid.add(whole);
+        }
+    } else {
+        let mut drawn = Drawn::default();
+        let mut search = Search::new(file, facts, geometry, depth, solid);
+        let mut turned: Option<Turned> = None;
+        for (id, block) in file.ids.iter().zip(blocks) {
+            let found = if Turned::of(file, block, facts, geometry, &mut turned)
+                && let Some(here) = &turned
+            {
+                here.draw(id, file, &facts.raised(block), &mut drawn, source);
+                search.on(&here.geometry).block(id, block)
+            } else {
+                search.block(id, block)
+            };
+            add(found);
+            task.step();
+        }
+        out.drawn = drawn;
+    }
+    findings.worst_defocus_um = out.worst_defocus / 1e3;
+    findings.worst_incidence_deg = slope2.sqrt().atan().to_degrees();
+    out
+}
+
+/// Blocks that a thread looks at one after another.
+const AT_ONCE: usize = 16;
+
+/// What the marks of one block came to; heights in nm.
+struct Found {
+    lo: f64,
+    hi: f64,
+    worst: f64,
+    worst_tolerance: f64,
+    slope2: f64,
+    mark_mm: f64,
+    slopes: Option<Bounds>,
+}
+
+impl Found {
+    fn add(&mut self, s: &Sheet, focus: f64, geometry: &Geometry) {
+        self.slope2 = self.slope2.max(s.slope2);
+        let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
+        let worst = (hi - focus).max(focus - lo);
+        if lo < self.lo || hi > self.hi || worst > self.worst {
+            // The range is found from heights that are certain, the deviation from those measured.
+            let tolerance = geometry.z_tolerance(s.slope2);
+            self.lo = self.lo.min(lo + tolerance);
+            self.hi = self.hi.max(hi - tolerance);
+            if worst > self.worst {
+                (self.worst, self.worst_tolerance) = (worst, tolerance);
+            }
+        }
+    }
+}
+
+struct Search<'a> {
+    file: &'a ProgramFile,
+    facts: &'a JobFacts,
+    geometry: &'a Geometry,
+    depth: &'a mut Rule,
+    solid: &'a mut Rule,
+    scratch: Scratch,
+    /// The segments of the stroke at hand.
+    lines: Vec<Line>,
+    /// Where it is too high or low, and where nothing may be marked.
+    low: Vec<Stretch>,
+    off: Vec<Stretch>,
+}
+
+/// What is wrong with the focus shift of a block, whose heights are those of the program.
+fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<String> {
+    let mm = |nm: i64| terrace_core::geom::mm_from_nm(nm);
+    let Some(zoom) = &machine.zoom else {
+        let shift = block.focus_shift.0;
+        return (shift != 0)
+            .then(|| format!("the focus is shifted by {} mm, the machine has no zoom optic", mm(shift)));
+    };
+    let reach = zoom.range.as_mm() / 2.0;
+    if block.focus_shift.mm().abs() > reach + 1e-9 {
+        let text = format!("the focus is shifted by {} mm, the optic reaches {reach} mm", block.focus_shift.mm());
+        return Some(text);
+    }
+    // The rule `travel` holds a head that is turned.
+    if !block.stop.tilt.is_upright() && machine.tilt.as_ref().is_some_and(|axes| axes.carries == Carries::Head) {
+        return None;
+    }
+    let plane = machine.stage.z.sign() * block.stage[2] - file.origin(block)[2];
+    let found = plane + block.focus_shift.0;
+    (found != block.stop.focus.0).then(|| {
+        let wanted = block.stop.focus.mm();
+        format!("stage and optic focus on {} mm, the block's focal plane is at {wanted} mm", mm(found))
+    })
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        file: &'a ProgramFile,
+        facts: &'a JobFacts,
+        geometry: &'a Geometry,
+        depth: &'a mut Rule,
+        solid: &'a mut Rule,
+    ) -> Self {
+        let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
+        Self { file, facts, geometry, depth, solid, scratch: Scratch::default(), lines, low, off }
+    }
+
+    /// The same search on another geometry.
+    fn on<'b>(&'b mut self, geometry: &'b Geometry) -> Search<'b> {
+        Search::new(self.file, self.facts, geometry, self.depth, self.solid)
+    }
+
+    fn block(&mut self, id: &str, block: &Block) -> Found {
+        let zoom_fault = zoom_fault(block, self.file, &self.facts.machine);
+        // Heights are compared on the surface as the file has it.
+        let block = &self.facts.raised(block);
+        let focus = block.stop.focus.f64();
+        let limit = self.facts.defocus_limit_nm();
+        let allowed = [block.z_lo.f64().max(focus - limit), block.z_hi.f64().min(focus + limit)];
+        let mut found = Found {
+            lo: f64::INFINITY,
+            hi: f64::NEG_INFINITY,
+            worst: 0.0,
+            worst_tolerance: 0.0,
+            slope2: 0.0,
+            mark_mm: 0.0,
+            slopes: None,
+        };
+        let slack = self.geometry.z_tolerance_at_limit();
+        if (block.stop.z_lo - block.z_lo).f64() > slack || (block.z_hi - block.stop.z_hi).f64() > slack {
+            let text = "the stated interval of its marks is not inside the one that the stop admits";
+            self.depth.broken(id, part_place(block.stop.centre), text);
+        }
+        if block.stop.z_hi - block.stop.z_lo > self.facts.depth_range {
+            self.depth.broken(id, part_place(block.stop.centre), "its stop admits more than the depth range");
+        }
+        if let Some(fault) = zoom_fault {
+            self.depth.broken(id, part_place(block.stop.centre), fault);
+        }
+        let mut slopes = Along::NONE;
+        for stroke in self.file.program.strokes_of(block) {
+            self.stroke(id, block, stroke, allowed, (&mut found, &mut slopes));
+        }
+        found.slopes = slopes.bounds().filter(|_| block.stop.tilt.is_upright());
+        let range = self.facts.depth_range_nm();
+        if found.hi - found.lo > range + 1.0 {
+            let text = format!("its marks span {:.4} um, more than {:.4} um", (found.hi - found.lo) / 1e3, range / 1e3);
+            self.depth.broken(id, part_place(block.stop.centre), text);
+        }
+        found
+    }
+
+    fn stroke(
+        &mut self,
+        id: &str,
+        block: &Block,
+        stroke: &Stroke,
+        allowed: [f64; 2],
+        (found, slopes): (&mut Found, &mut Along),
+    ) {
+        let c = block.stop.centre;
+        let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
+        let points = self.file.program.points_of(stroke);
+        let (focus, geometry) = (block.stop.focus.f64(), self.geometry);
+        self.lines.clear();
+        self.low.clear();
+        self.off.clear();
+        let mut length = 0.0;
+        for w in points.windows(2).filter(|w| w[0] != w[1]) {
+            let line = Line::new(part(w[0]), part(w[1]));
+            let segment = self.lines.len();
+            let (low, off) = (&mut self.low, &mut self.off);
+            // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether
+            // it stays outside on either side of an edge is looked into below, for the few marks that need it.
+            let cut = geometry.along(&line, &mut self.scratch, |p| {
+                slopes.piece(&p, geometry);
+                match &p.sheet {
+                    Some(s) if s.slope != Slope::Steep => {
+                        let parts = beyond(&p, s, 0.0, allowed, geometry);
+                        if parts.iter().all(|d| d[0] >= d[1]) {
+                            found.add(s, focus, geometry);
+                        }
+                        for d in parts.into_iter().filter(|d| d[0] < d[1]) {
+                            note(low, segment, d, line.len);
+                        }
+                    }
+                    _ => note(off, segment, p.d, line.len),
+                }
+            });
+            slopes.line(line.len, geometry);
+            self.depth.checked += cut;
+            self.solid.checked += 1;
+            length += line.len;
+            self.lines.push(line);
+        }
+        slopes.stroke(self.file, stroke, self.facts);
+        if let [dot] = points {
+            self.dot(id, part(*dot), allowed, focus, found);
+        }
+        found.mark_mm +=
+            length * f64::from(self.file.program.pens[stroke.pen.index()].passes) / terrace_core::geom::NM_PER_MM;
+        if !self.low.is_empty() {
+            self.report_depth(id, block, allowed, found);
+        }
+        if !self.off.is_empty() {
+            self.report_off_surface(id);
+        }
+    }
+
+    /// Judges a dot by what it may lie on.
+    fn dot(&mut self, id: &str, at: [f64; 2], allowed: [f64; 2], focus: f64, found: &mut Found) {
+        let geometry = self.geometry;
+        (self.depth.checked, self.solid.checked) = (self.depth.checked + 1, self.solid.checked + 1);
+        let around = geometry.around(at, &mut self.scratch);
+        let sheets = || around.iter().filter_map(|p| p.sheet.filter(|s| s.slope != Slope::Steep));
+        let is_within = |s: &Sheet| {
+            let tolerance = geometry.z_tolerance(s.slope2);
+            s.z.iter().any(|&z| allowed[0] - tolerance <= z && z <= allowed[1] + tolerance)
+        };
+        match (sheets().find(is_within), sheets().next()) {
+            (Some(sheet), _) => found.add(&sheet, focus, geometry),
+            (None, Some(sheet)) => {
+                let [z, lo, hi] = [sheet.z[0], allowed[0], allowed[1]].map(|z| z / 1e6);
+                let text = format!("a dot lies at z {z:.6} mm on the part; {lo:.6} to {hi:.6} mm is allowed");
+                found.worst = found.worst.max((sheet.z[0] - focus).abs());
+                self.depth.broken(id, part_place_nm(at), text);
+            }
+            (None, None) => {
+                self.solid.broken(id, part_place_nm(at), "a dot lies off the part or beyond the incidence limit");
+            }
+        }
+    }
+
+    fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], found: &mut Found) {
+        let (geometry, lines) = (self.geometry, &self.lines);
+        let bad = |p: &Piece, side: f64| {
+            let sheet = p.sheet.as_ref().filter(|s| s.slope != Slope::Steep);
+            sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, side, allowed, geometry))
+        };
+        let beside = |p: &Piece, parallel: Parallel| bad(p, parallel.side);
+        let runs = confirmed_along(&self.low, geometry, &mut self.scratch, |i| lines[i], beside);
+        let focus = block.stop.focus.f64();
+        let mut worst: Option<([f64; 2], f64)> = None;
+        // Of what is confirmed the place farthest from the focal plane is reported, found at the ends of its pieces.
+        for s in runs.iter().flat_map(|r| &r.stretches) {
+            let part = lines[s.segment].part(s.d, 0.0);
+            geometry.along(&part, &mut self.scratch, |p| {
+                let Some(sheet) = p.sheet.filter(|_| bad(&p, 0.0).iter().any(|d| d[0] < d[1])) else { return };
+                for (d, z) in p.d.into_iter().zip(sheet.z) {
+                    if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
+                        worst = Some((part.at(d), z));
+                    }
+                }
+            });
+        }
+        let Some((at, z)) = worst else { return };
+        if (z - focus).abs() > found.worst {
+            found.worst = (z - focus).abs();
+        }
+        let [z, focus, lo, hi] =
+            [z, focus, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered(block.pass).f64());
+        let text = format!(
+            "a mark at z {:.6} mm lies {:.4} um from the focal plane at {:.6} mm; {:.6} to {:.6} mm is allowed",
+            z / 1e6,
+            (z - focus).abs() / 1e3,
+            focus / 1e6,
+            lo / 1e6,
+            hi / 1e6
+        );
+        self.depth.broken(id, part_place_nm(at), text);
+    }
+
+    fn report_off_surface(&mut self, id: &str) {
+        let lines = &self.lines;
+        let bad = |p: &Piece| whole(p, p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep));
+        let runs = confirmed(&self.off, self.geometry, &mut self.scratch, |i| lines[i], bad);
+        let len: f64 = runs.iter().map(|r| r.len).sum();
+        if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
+            let text = format!("{:.6} mm of a mark lie off the part or beyond the incidence limit", len / 1e6);
+            self.solid.broken(id, part_place_nm(lines[s.segment].at(s.d[0])), text);
+        }
+    }
+}
+
+/// Where a piece lies too low or too high. One that lies `side` nm beside the mark is as much higher or lower as its
+/// slope makes it.
+fn beyond(p: &Piece, s: &Sheet, side: f64, allowed: [f64; 2], geometry: &Geometry) -> Parts {
+    let [z0, z1] = s.z;
+    if z0.min(z1) >= allowed[0] && z0.max(z1) <= allowed[1] {
+        return [[0.0; 2]; 2];
+    }
+    let tolerance = geometry.z_tolerance(s.slope2) + side.abs() * s.slope2.sqrt();
+    let (lowest, highest) = (allowed[0] - tolerance, allowed[1] + tolerance);
+    // Up the piece: too low as far as `from`, too high beyond `to`, as shares of it.
+    let (bottom, top) = (z0.min(z1), z0.max(z1));
+    let share = |z: f64| ((z - bottom) / (top - bottom).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let from = if bottom < lowest { share(lowest) } else { 0.0 };
+    let to = if top > highest { share(highest) } else { 1.0 };
+    let part = |a: f64, b: f64| if a < b { [a, b].map(|share| p.d[0] + share * p.len()) } else { [0.0; 2] };
+    if z0 <= z1 { [part(0.0, from), part(to, 1.0)] } else { [part(0.0, 1.0 - to), part(1.0 - from, 1.0)] }
+}
