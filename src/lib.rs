@@ -1,7 +1,23 @@
 #![doc = include_str!("lib.md")]
 
-pub mod batch;
+mod batch;
+#[doc(hidden)]
 pub mod cli;
-pub mod resume;
+mod resume;
+#[doc(hidden)]
 pub mod run;
-pub mod sweep;
+mod sweep;
+
+pub use terrace_core::diag::{Diag, Error, Kind, Place};
+pub use terrace_core::machine::Machine;
+pub use terrace_core::program::{Block, Program, Stop, Stroke};
+pub use terrace_input::job::{Job, Mode, Overrides};
+pub use terrace_input::surface::Surface;
+pub use terrace_input::texture::Texture;
+pub use terrace_plan::check::Checked;
+pub use terrace_plan::manifest::{OnTheFlySummary, Summary, Times};
+pub use terrace_plan::plan::{
+    Inputs, OnTheFlyPlan, Phase, Plan, Progress, SteppedPlan, default_output, of_inputs as plan_of, plan,
+};
+pub use terrace_report::job_folder::{Durability, prepare, write, write_with};
+pub use terrace_verify::{Proof, Rule, Violation, verify};

@@ -30,13 +30,12 @@ pub mod work;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-pub use groups::groups;
 pub use index::index_html;
 pub use list::{plan, plan_sweep};
-pub use outcome::{Figures, Outcome, State};
+pub use outcome::{Outcome, State};
 pub use report::Report;
-pub use unit::{Combinations, Compile, Task, Unit};
-pub use work::{Settings, Verify, work};
+pub use unit::Unit;
+pub use work::{Settings, work};
 
 use work::End;
 

@@ -93,7 +93,10 @@ fn pictures_of_the_view_are_those_that_are_kept() {
 #[ignore = "slow"]
 fn scripts_of_the_view_have_the_types_that_they_state() {
     let tsc = root().join(".venv/browser/node_modules/.bin/tsc");
-    let out =
-        Command::new(tsc).arg("-p").arg(root().join("src/view/page")).output().expect("installed by setup.sh all");
+    let out = Command::new(tsc)
+        .arg("-p")
+        .arg(root().join("crates/report/src/view/page"))
+        .output()
+        .expect("installed by setup.sh all");
     assert!(out.status.success(), "{}", said(&out));
 }

@@ -50,7 +50,7 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
         ("src/surface/mod.rs", "refuse(", "input"),
         ("src/surface/threemf/", "fault(", "input"),
         ("src/machine/load.rs", "fault(", "input"),
-        ("src/verify/", "unusable(", "input"),
+        ("crates/verify/src/", "unusable(", "input"),
         ("src/texture/svg/tally.rs", "Told", "warning"),
         ("src/texture/svg/tally.rs", "Refused", "input"),
         ("src/texture/svg/tally.rs", "Refused", "warning"),
@@ -95,7 +95,8 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
 /// Code and kinds of every message in the source, its tests left out.
 fn codes_in_source() -> BTreeMap<String, BTreeSet<String>> {
     let mut out = BTreeMap::new();
-    for path in files(&root().join("src"), "rs") {
+    let folders = [root().join("src"), root().join("crates")];
+    for path in folders.iter().flat_map(|folder| files(folder, "rs")) {
         let shown = path.display().to_string().replace('\\', "/");
         if shown.contains("/tests/") || shown.ends_with("/tests.rs") {
             continue;
@@ -517,7 +518,7 @@ fn index_of_tests_names_every_module_and_only_existing_files() {
     for module in modules.lines().filter_map(|l| l.strip_prefix("mod ")?.strip_suffix(';')) {
         assert!(module == "support" || named.contains(module), "tests/README.md does not name {module}");
     }
-    for path in named.iter().filter(|n| n.starts_with("src/")) {
+    for path in named.iter().filter(|n| n.starts_with("src/") || n.starts_with("crates/")) {
         assert!(root().join(path).exists(), "tests/README.md names {path}");
     }
 }

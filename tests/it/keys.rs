@@ -1,7 +1,7 @@
 //! The sample that `terrace init` writes: every key of the schema, with its default, its values and what it is for.
 //!
-//! Keys are described once, at the fields of `src/job/file.rs` and `src/job/texture/keys.rs`: the schema of job files
-//! has that from there, and `src/job/sample.toml` is made of the schema. `KEYS=write` writes it again.
+//! Keys are described once, at the fields of `crates/input/src/job/file.rs` and `crates/input/src/job/texture/keys.rs`: the schema of job files
+//! has that from there, and `crates/input/src/job/sample.toml` is made of the schema. `KEYS=write` writes it again.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -259,11 +259,11 @@ fn the_sample_is_made_of_the_schema() {
         std::fs::write(file(), &made).expect("a writable repository");
         return;
     }
-    assert!(made == SAMPLE_JOB, "src/job/sample.toml is not what `KEYS=write` writes");
+    assert!(made == SAMPLE_JOB, "crates/input/src/job/sample.toml is not what `KEYS=write` writes");
 }
 
 fn file() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("src/job/sample.toml")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/input/src/job/sample.toml")
 }
 
 /// The keys of the sample, commented out or not, and the line of each.

@@ -1,38 +1,50 @@
-//! The layers of the library, and the modules that own each dependency, read from the `crate::` paths.
+//! What no compiler holds of the structure: the crates as docs/architecture.md draws them, modules without circles, and
+//! what the verifier may not touch of the crates that it shares.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every source file with its module (`emit` for src/emit/dxf.rs and src/emit.rs) and its text without
-/// tests and comments.
+/// The folders of sources, each with the name of its crate.
+fn crates() -> Vec<(String, PathBuf)> {
+    let mut out = vec![("terrace".to_owned(), root().join("src"))];
+    for entry in std::fs::read_dir(root().join("crates")).expect("crates is readable") {
+        let folder = entry.expect("crates is readable").path();
+        let name = folder.file_name().expect("a name").to_string_lossy().into_owned();
+        out.push((name, folder.join("src")));
+    }
+    out.sort();
+    out
+}
+
+/// Every source file with its crate and its text without tests and comments.
 fn sources() -> Vec<(PathBuf, String, String)> {
-    let root = root();
     let mut out = Vec::new();
-    let mut open = vec![root.clone()];
-    while let Some(dir) = open.pop() {
-        for entry in std::fs::read_dir(dir).expect("src is readable") {
-            let path = entry.expect("src is readable").path();
-            if path.is_dir() {
-                open.push(path);
-            } else if path.extension().is_some_and(|e| e == "rs") {
-                let inner = path.strip_prefix(&root).expect("below src");
-                let test_only = inner
-                    .iter()
-                    .any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs", "brute.rs"].iter().any(|t| c == *t))
-                    && !inner.starts_with("job");
-                if test_only {
-                    continue;
+    for (name, root) in crates() {
+        let mut open = vec![root.clone()];
+        while let Some(dir) = open.pop() {
+            for entry in std::fs::read_dir(dir).expect("sources are readable") {
+                let path = entry.expect("sources are readable").path();
+                if path.is_dir() {
+                    open.push(path);
+                } else if path.extension().is_some_and(|e| e == "rs") {
+                    let inner = path.strip_prefix(&root).expect("below src");
+                    let test_only = inner
+                        .iter()
+                        .any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs", "brute.rs"].iter().any(|t| c == *t))
+                        && !inner.starts_with("job");
+                    if test_only {
+                        continue;
+                    }
+                    let text = std::fs::read_to_string(&path).expect("readable");
+                    let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+                    let code: String =
+                        text.lines().filter(|l| !l.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
+                    out.push((path, name.clone(), code));
                 }
-                let module = inner.iter().next().expect("a name").to_string_lossy().trim_end_matches(".rs").to_owned();
-                let text = std::fs::read_to_string(&path).expect("readable");
-                let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
-                let code: String =
-                    text.lines().filter(|l| !l.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
-                out.push((path, module, code));
             }
         }
     }
@@ -88,88 +100,55 @@ fn items(list: &str) -> Vec<&str> {
     out
 }
 
-/// The modules that a text names as `crate::module` or in `use crate::{module, other::…}`.
-fn named(text: &str) -> BTreeSet<String> {
-    let paths = paths(text).into_iter().filter(|path| path[0] == "crate");
-    let words = paths.filter_map(|path| path.get(1).map(|word| (*word).to_owned()));
-    words.filter(|word| word.starts_with(char::is_lowercase)).collect()
+/// The crates of the project that each crate is built from, tests apart.
+fn graph() -> BTreeMap<String, BTreeSet<String>> {
+    let of = |(name, src): (String, PathBuf)| {
+        let manifest = src.parent().expect("a folder").join("Cargo.toml");
+        let manifest: toml::Table = std::fs::read_to_string(&manifest).expect("readable").parse().expect("TOML");
+        let own =
+            |name: &str| name.strip_prefix("terrace-").or((name == "svg-style").then_some(name)).map(str::to_owned);
+        let needed = manifest["dependencies"].as_table().expect("dependencies").keys();
+        (name, needed.filter_map(|name| own(name)).collect())
+    };
+    crates().into_iter().map(of).collect()
 }
 
-/// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 36] = [
-    "parallel",
-    "progress",
-    "geom",
-    "units",
-    "diag",
-    "python",
-    "format",
-    "nurbs",
-    "machine",
-    "clearance",
-    "motion",
-    "program",
-    "surface",
-    "texture",
-    "job",
-    "projection",
-    "partition",
-    "split",
-    "order",
-    "check",
-    "block_map",
-    "on_the_fly",
-    "emit",
-    "budget",
-    "manifest",
-    "plan",
-    "scene",
-    "report",
-    "view",
-    "job_folder",
-    "compare",
-    "resume",
-    "run",
-    "sweep",
-    "batch",
-    "cli",
-];
-
-/// What the verifier may name: readers of input files and types. Nothing that planned or wrote what it verifies.
-const VERIFIER: [&str; 11] =
-    ["progress", "parallel", "geom", "units", "diag", "format", "machine", "program", "surface", "texture", "job"];
-
-#[test]
-fn what_the_verifier_may_name_stands_above_all_that_plans_and_writes() {
-    let place = |module: &str| ORDER.iter().position(|m| *m == module);
-    assert!(VERIFIER.iter().all(|module| place(module) < place("projection")), "nor does it reach it through them");
+/// All that a crate is built from.
+fn reached(graph: &BTreeMap<String, BTreeSet<String>>, name: &str) -> BTreeSet<String> {
+    let mut out = BTreeSet::new();
+    let mut open = vec![name.to_owned()];
+    while let Some(name) = open.pop() {
+        open.extend(graph[&name].iter().filter(|other| out.insert((*other).clone())).cloned());
+    }
+    out
 }
 
 #[test]
-fn modules_name_only_modules_above_them() {
-    let place = |module: &str| ORDER.iter().position(|m| *m == module);
-    let mut wrong = Vec::new();
-    for (path, module, code) in sources() {
-        for other in named(&code).into_iter().filter(|other| *other != module) {
-            let may = match module.as_str() {
-                "lib" | "main" | "cli" => true,
-                "verify" => VERIFIER.contains(&other.as_str()),
-                // Nothing is marked that does not verify.
-                "run" if other == "verify" => true,
-                _ => place(&other) < place(&module) && place(&other).is_some(),
-            };
-            if !may {
-                wrong.push(format!("{}: {module} names {other}", path.display()));
-            }
+fn the_verifier_is_built_without_anything_that_plans_or_writes() {
+    let want = ["core", "input", "svg-style"].map(str::to_owned);
+    assert_eq!(reached(&graph(), "verify"), BTreeSet::from(want));
+}
+
+/// The arrows between the crates as docs/architecture.md draws them, those left out that others imply.
+#[test]
+fn the_crates_are_drawn_as_they_are() {
+    let graph = graph();
+    let mut drawn = String::from("```mermaid\ngraph BT\n");
+    for (name, needed) in &graph {
+        let implied = |other: &String| needed.iter().any(|via| via != other && reached(&graph, via).contains(other));
+        for other in needed.iter().filter(|other| !implied(other)) {
+            drawn.push_str(&format!("    {name} --> {other}\n"));
         }
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    drawn.push_str("```\n");
+    let text = std::fs::read_to_string(root().join("docs/architecture.md")).expect("readable");
+    assert!(text.contains(&drawn), "docs/architecture.md draws the crates otherwise than\n{drawn}");
 }
 
 #[test]
 fn the_verifier_uses_nothing_that_the_planner_uses_of_the_same_modules() {
-    for (path, module, code) in sources() {
-        if module == "verify" {
+    for (path, name, code) in sources() {
+        if name == "verify" {
             for hidden in ["surface::walk", "Welder", "Tracer", "Surface::load", "from_facets", "program::text"] {
                 assert!(!code.contains(hidden), "{} uses {hidden}", path.display());
             }
@@ -178,81 +157,23 @@ fn the_verifier_uses_nothing_that_the_planner_uses_of_the_same_modules() {
 }
 
 #[test]
-fn each_dependency_is_used_in_its_own_modules_only() {
-    // Crate, and the modules or files that may name it.
-    let owners: [(&str, &[&str]); 32] = [
-        ("rayon", &["src/parallel", "src/batch", "src/cli", "src/compare/mod.rs"]),
-        ("nalgebra", &["src/geom"]),
-        ("spade", &["src/surface/points"]),
-        ("parry2d", &["src/clearance"]),
-        ("geo", &["src/report", "src/surface/polygon"]),
-        // The texture module has a module of this name.
-        ("svg", &["src/report", "src/texture/mod.rs", "src/texture/source.rs"]),
-        ("clap", &["src/cli"]),
-        ("ctrlc", &["src/cli"]),
-        // On Linux alone.
-        ("rustix", &["src/job_folder"]),
-        ("indicatif", &["src/cli"]),
-        (
-            "roxmltree",
-            &[
-                "src/texture/svg",
-                "src/verify/read/labels.rs",
-                "src/verify/read/lightburn.rs",
-                "src/verify/read/picture.rs",
-                "src/verify/read/unread.rs",
-            ],
-        ),
-        // It alone names cssparser, cssparser-color, selectors and color, on which nothing in src depends.
-        ("svg_style", &["src/texture/svg"]),
-        ("svgtypes", &["src/texture/svg", "src/texture/artwork/marking.rs"]),
-        ("kurbo", &["src/texture/svg"]),
-        ("i_overlay", &["src/texture/artwork/area.rs"]),
-        ("rstar", &["src/texture/artwork/marks.rs", "src/verify/read/outline.rs", "src/verify/read/picture.rs"]),
-        ("usvg", &["src/verify/read/picture.rs"]),
-        ("resvg", &["src/report/raster.rs", "src/report/pdf.rs"]),
-        ("pdf_writer", &["src/report/pdf.rs"]),
-        ("dejavu", &["src/report/raster.rs"]),
-        ("rustfft", &["src/on_the_fly/decompose"]),
-        ("png", &["src/surface/heightmap", "src/texture/bitmap", "src/report/image.rs", "src/report/pdf.rs"]),
-        ("quick_xml", &["src/surface/threemf", "src/texture/xml.rs"]),
-        ("tiff", &["src/surface/heightmap", "src/texture/bitmap"]),
-        ("zip", &["src/surface/threemf"]),
-        ("zune_jpeg", &["src/texture/bitmap/jpeg.rs"]),
-        ("prost", &["src/emit/ovf", "src/verify/read/ovf"]),
-        ("toml", &["src/diag", "src/job"]),
-        ("toml_edit", &["src/cli/orient.rs"]),
-        ("serialport", &["src/run/stage/grbl"]),
-        ("nusb", &["src/run/laser/lmc/usb.rs"]),
-        ("annotate_snippets", &["src/diag"]),
-    ];
-    let mut wrong = Vec::new();
+fn only_the_command_line_prints() {
     for (path, _, code) in sources() {
-        let shown = path.display().to_string().replace('\\', "/");
-        for (name, places) in owners {
-            let uses = code
-                .match_indices(&format!("{name}::"))
-                .any(|(i, _)| !code[..i].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':'));
-            if uses && !places.iter().any(|r| shown.contains(r)) {
-                wrong.push(format!("{shown} uses {name}, which belongs to {places:?}"));
-            }
-        }
         let prints = ["println!", "eprintln!", "print!(", "dbg!"].iter().any(|p| code.contains(p));
-        if prints && !shown.contains("src/cli") {
-            wrong.push(format!("{shown} prints"));
-        }
+        assert!(!prints || path.starts_with(root().join("src/cli")), "{} prints", path.display());
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// By the module around them, which modules name which others beside them, and a file that does.
 type Arrows = BTreeMap<String, BTreeMap<(String, String), PathBuf>>;
 
-/// The module of a file, word by word.
-fn module(path: &Path) -> Vec<String> {
-    let inner = path.strip_prefix(root()).expect("below src").with_extension("");
-    let mut words: Vec<String> = inner.iter().map(|word| word.to_string_lossy().into_owned()).collect();
-    if words.last().is_some_and(|word| word == "mod") {
+/// The module of a file, word by word, from its crate on.
+fn module(path: &Path, name: &str) -> Vec<String> {
+    let src = crates().into_iter().find(|(other, _)| other == name).expect("a crate").1;
+    let inner = path.strip_prefix(src).expect("below src").with_extension("");
+    let mut words = vec![name.to_owned()];
+    words.extend(inner.iter().map(|word| word.to_string_lossy().into_owned()));
+    if words.last().is_some_and(|word| ["mod", "lib", "main"].contains(&word.as_str())) {
         words.pop();
     }
     words
@@ -261,13 +182,13 @@ fn module(path: &Path) -> Vec<String> {
 /// What the modules inside each module name beside them. All inside a module counts as the module; what a module names
 /// of those around it, or of those it holds, does not count.
 fn arrows() -> Arrows {
-    let files: Vec<_> = sources().into_iter().map(|(path, _, code)| (module(&path), path, code)).collect();
+    let files: Vec<_> = sources().into_iter().map(|(path, name, code)| (module(&path, &name), path, code)).collect();
     let modules: BTreeSet<&[String]> = files.iter().map(|file| file.0.as_slice()).collect();
     let mut out = Arrows::new();
     for (module, path, code) in &files {
         for named in paths(code) {
             let ups = named.iter().take_while(|word| **word == "super").count();
-            let from = if ups > 0 { &module[..module.len().saturating_sub(ups)] } else { &[] };
+            let from = if ups > 0 { &module[..module.len().saturating_sub(ups)] } else { &module[..1] };
             let mut target = from.to_vec();
             target.extend(named[ups.max(1)..].iter().map(|word| (*word).to_owned()));
             while !target.is_empty() && !modules.contains(target.as_slice()) {
@@ -303,9 +224,10 @@ fn modules_inside_a_module_do_not_name_each_other_in_a_circle() {
     let arrows = arrows();
     // Named from `crate::` and from `super::`, in a folder and deeper.
     for (level, from, to) in [
-        ("on_the_fly", "check", "program"),
+        ("plan", "plan", "partition"),
+        ("plan::on_the_fly", "check", "program"),
         ("verify", "rules", "geometry"),
-        ("texture", "drawing", "clip"),
+        ("input::texture", "drawing", "clip"),
         ("verify::geometry", "mesh", "grid"),
     ] {
         let arrow = (from.to_owned(), to.to_owned());
@@ -330,9 +252,9 @@ fn circles_are_found() {
 
 #[test]
 fn scan_for_module_names_finds_every_form() {
-    let text = "use crate::{diag, surface::{Span, walk}};\nuse crate::geom::P2;\nlet x = crate::emit::dxf();";
-    let want = ["diag", "emit", "geom", "surface"].map(str::to_owned);
-    assert_eq!(named(text), BTreeSet::from(want));
+    let found = paths("use crate::{diag, surface::{Span, walk}};\nlet x = crate::emit::dxf();");
+    let want = ["crate diag", "crate surface Span", "crate surface walk", "crate emit dxf"];
+    assert_eq!(found, want.map(|path| path.split(' ').collect::<Vec<_>>()));
     let found = paths("use super::{\n    Figure,\n    place::{self, Site},\n};\nlet x = super::super::clip::clip(1);");
     let want = ["super Figure", "super place self", "super place Site", "super ", "super super clip clip"];
     assert_eq!(found, want.map(|path| path.split(' ').collect::<Vec<_>>()));

@@ -13,13 +13,21 @@ use crate::support::{folder, said, terrace};
 
 /// Words of the page, the file of a test below the root, and the test.
 const TRIED: [(&str, &str, &str); 63] = [
-    ("OBJ: no free-form surfaces, no weights", "src/surface/obj.rs", "unknown_keywords_are_counted_and_named_once"),
-    ("ASCII PLY: one element to a line", "src/surface/ply.rs", "faults_are_named"),
-    ("3MF: at most a million instances", "src/surface/threemf/tests.rs", "a_small_file_cannot_stand_for_a_huge_part"),
-    ("No slices, beam lattices", "src/surface/threemf/tests.rs", "faults_of_models_are_named"),
+    (
+        "OBJ: no free-form surfaces, no weights",
+        "crates/input/src/surface/obj.rs",
+        "unknown_keywords_are_counted_and_named_once",
+    ),
+    ("ASCII PLY: one element to a line", "crates/input/src/surface/ply.rs", "faults_are_named"),
+    (
+        "3MF: at most a million instances",
+        "crates/input/src/surface/threemf/tests.rs",
+        "a_small_file_cannot_stand_for_a_huge_part",
+    ),
+    ("No slices, beam lattices", "crates/input/src/surface/threemf/tests.rs", "faults_of_models_are_named"),
     (
         "none can be chosen",
-        "src/surface/threemf/tests.rs",
+        "crates/input/src/surface/threemf/tests.rs",
         "components_are_placed_from_the_inside_out_and_mirrors_keep_the_winding",
     ),
     ("hidden bodies are left out", "tests/it/cad.rs", "what_a_step_file_hides_is_left_out_and_named"),
@@ -29,21 +37,25 @@ const TRIED: [(&str, &str, &str); 63] = [
         "tests/it/cad.rs",
         "step_units_that_are_read_wrongly_are_refused_and_a_utf_8_mark_is_not",
     ),
-    ("at most 20,000 samples a side", "src/surface/heightmap/png_image.rs", "files_that_are_no_height_map_are_refused"),
+    (
+        "at most 20,000 samples a side",
+        "crates/input/src/surface/heightmap/png_image.rs",
+        "files_that_are_no_height_map_are_refused",
+    ),
     (
         "band; no JPEG, no fax packing, no zstd",
-        "src/surface/heightmap/tiff_image.rs",
+        "crates/input/src/surface/heightmap/tiff_image.rs",
         "files_that_are_no_height_map_are_refused",
     ),
     (
         "refused where cells are not square by it",
-        "src/surface/heightmap/tiff_image.rs",
+        "crates/input/src/surface/heightmap/tiff_image.rs",
         "cells_that_are_not_square_are_refused",
     ),
-    ("USGS DEM: no records with line ends", "src/surface/heightmap/usgs_dem.rs", "faults_are_named"),
+    ("USGS DEM: no records with line ends", "crates/input/src/surface/heightmap/usgs_dem.rs", "faults_are_named"),
     (
         "CMYK, TIFF palettes and floating samples are refused",
-        "src/texture/bitmap/tests.rs",
+        "crates/input/src/texture/bitmap/tests.rs",
         "tags_that_change_samples_are_refused_by_name",
     ),
     ("They have at most 100 million pixels", "tests/it/bad_input.rs", "malformed_bitmaps_give_the_expected_messages"),
@@ -58,13 +70,21 @@ const TRIED: [(&str, &str, &str); 63] = [
         "every_drawing_is_marked_as_shown_or_refused_with_its_cause",
     ),
     ("No script runs, and no other file is opened", "tests/it/bad_svg.rs", "hostile_drawings_are_refused_or_bounded"),
-    ("pen widths (PW) serve for points alone", "src/texture/hpgl/tests.rs", "a_point_of_a_wide_pen_is_a_disc"),
-    ("wedges are not read", "src/texture/hpgl/tests.rs", "pens_fills_and_faults_are_told"),
+    (
+        "pen widths (PW) serve for points alone",
+        "crates/input/src/texture/hpgl/tests.rs",
+        "a_point_of_a_wide_pen_is_a_disc",
+    ),
+    ("wedges are not read", "crates/input/src/texture/hpgl/tests.rs", "pens_fills_and_faults_are_told"),
     ("does not fill tiles", "tests/it/limits.rs", "contours_do_not_fill_tiles"),
-    ("of blocks are not read", "src/texture/dxf/tests.rs", "every_ignored_entity_is_listed_with_count_and_handle"),
+    (
+        "of blocks are not read",
+        "crates/input/src/texture/dxf/tests.rs",
+        "every_ignored_entity_is_listed_with_count_and_handle",
+    ),
     (
         "all of these are refused by type, or left out",
-        "src/texture/dxf/tests.rs",
+        "crates/input/src/texture/dxf/tests.rs",
         "every_ignored_entity_is_listed_with_count_and_handle",
     ),
     ("Dots: stepped jobs alone", "tests/it/early.rs", "on_the_fly_jobs_are_refused_as_early"),
@@ -77,7 +97,7 @@ const TRIED: [(&str, &str, &str); 63] = [
     ("They are not cut at an area", "tests/it/curves.rs", "what_is_not_a_curve_or_not_read_is_refused_by_name"),
     (
         "A column of numbers of points without a name",
-        "src/surface/points/names.rs",
+        "crates/input/src/surface/points/names.rs",
         "rows_of_names_say_which_columns_are_taken_or_are_refused",
     ),
     ("parts up to 4 m", "tests/it/bad_surfaces.rs", "a_cloud_in_utm_metres_is_refused_by_its_size"),
@@ -96,7 +116,7 @@ const TRIED: [(&str, &str, &str); 63] = [
     ("The part is laid once", "tests/it/laid.rs", "rotations_up_and_level_agree_and_what_says_nothing_is_refused"),
     (
         "Of these C may turn without",
-        "src/machine/tilt_axes.rs",
+        "crates/core/src/machine/tilt_axes.rs",
         "a_turntable_may_have_no_ends_and_take_angles_modulo_a_turn",
     ),
     ("A and B have a travel", "tests/it/limits.rs", "only_c_turns_without_ends"),
@@ -106,7 +126,7 @@ const TRIED: [(&str, &str, &str); 63] = [
         "drawings_alone_do_not_set_the_zoom_optic_and_compile_says_so",
     ),
     ("On the fly the optic is not used", "tests/it/limits.rs", "the_zoom_optic_is_not_used_on_the_fly"),
-    ("PDOF is", "src/job/plausible.rs", "pdof_beyond_twice_the_depth_of_focus_is_refused_at_its_key"),
+    ("PDOF is", "crates/input/src/job/plausible.rs", "pdof_beyond_twice_the_depth_of_focus_is_refused_at_its_key"),
     ("For tilted stops no bound is known", "tests/it/limits.rs", "tilted_stops_have_no_lower_bound"),
     (
         "what is too short to be marked",
@@ -143,7 +163,7 @@ const TRIED: [(&str, &str, &str); 63] = [
     ),
     (
         "the galvo is assumed to be always at full speed",
-        "src/motion/energy.rs",
+        "crates/core/src/motion/energy.rs",
         "nothing_is_said_of_dots_and_of_a_spot_that_is_always_at_speed",
     ),
     (

@@ -1,11 +1,10 @@
 //! Random numbers for tests, the same in every run.
 
-#![allow(dead_code, reason = "the unit tests and the integration tests include this file, and each uses a part of it")]
-
 /// Xorshift with 64 bits (Marsaglia, Xorshift RNGs, 2003).
 pub struct Random(u64);
 
 impl Random {
+    /// The numbers of a seed.
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(2) | 1)
     }
@@ -15,6 +14,7 @@ impl Random {
         Self::new((seed + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
     }
 
+    /// All 64 bits.
     pub fn next(&mut self) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -32,6 +32,7 @@ impl Random {
         lo + self.below((hi - lo + 1) as usize) as i64
     }
 
+    /// Whether a chance of so many in a hundred comes true.
     pub fn chance(&mut self, percent: usize) -> bool {
         self.below(100) < percent
     }
@@ -96,6 +97,7 @@ impl Random {
         (0..count).map(one).collect()
     }
 
+    /// Puts a list into another order.
     pub fn shuffle<T>(&mut self, list: &mut [T]) {
         for i in (1..list.len()).rev() {
             list.swap(i, (self.next() % (i as u64 + 1)) as usize);

@@ -19,8 +19,8 @@ mod heightmap;
 mod implicit_mesh;
 mod lines;
 mod mesh;
-#[cfg(any(test, feature = "test-support"))]
-pub mod mutants;
+#[cfg(test)]
+mod mutants;
 mod narrow_gaps;
 mod obj;
 mod ply;

@@ -13,8 +13,8 @@ type Outcome = (Result<usize, &'static str>, &'static [&'static str]);
 
 const TOLERANCE: f64 = 5e-4;
 
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 fn shared(folder: &str) -> PathBuf {

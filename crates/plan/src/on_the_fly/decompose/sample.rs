@@ -7,7 +7,7 @@ use crate::on_the_fly::decompose::on_surface;
 
 /// What a file of `fixtures/anchors` holds.
 pub(crate) fn stored(name: &str) -> Value {
-    let file = format!("{}/fixtures/anchors/{name}", env!("CARGO_MANIFEST_DIR"));
+    let file = format!("{}/../../fixtures/anchors/{name}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
     serde_json::from_str(&text).expect("JSON")
 }

@@ -354,7 +354,7 @@ fn programs_are_the_same_bytes_each_time() {
 
 #[test]
 fn linuxcnc_reads_the_same_places_and_times() {
-    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let cnc = root.join(".venv/linuxcnc");
     let python = root.join(".venv/bin/python");
     let libraries = cnc.join("root/usr/lib");
