@@ -4,6 +4,7 @@ mod batch;
 #[doc(hidden)]
 pub mod cli;
 mod resume;
+#[cfg(feature = "run")]
 #[doc(hidden)]
 pub mod run;
 mod sweep;

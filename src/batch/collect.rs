@@ -8,7 +8,6 @@ use super::outcome::{Outcome, State};
 use super::report::Report;
 use super::unit::{Compile, Task, Unit};
 use super::work::End;
-use crate::sweep::{self, Row};
 use terrace_core::diag::{Diag, Error, Fault, Place};
 use terrace_input::job::Job;
 use terrace_report::job_folder;
@@ -35,21 +34,8 @@ fn outcome(unit: &Unit, reports: &Path, reasons: &Reasons) -> Outcome {
     ended.unwrap_or_else(|fault| Outcome::of(unit, State::Missing(fault)))
 }
 
-/// The rows of all units of a sweep, in the order of the combinations.
-pub fn rows(units: &[Unit], reports: &Path, reasons: &Reasons) -> Vec<Row> {
-    let of = |unit: &Unit| {
-        let Task::Sweep(some) = &unit.task else { return Vec::new() };
-        match fragment(unit, reports, reasons).map(|found| found.end) {
-            Ok(End::Rows(rows)) => rows,
-            Ok(End::Job(_)) => Vec::new(),
-            Err(fault) => sweep::unplanned(&some.settings, some.first..some.first + some.count, &fault),
-        }
-    };
-    units.iter().flat_map(of).collect()
-}
-
 /// The report of a unit, of the inputs that were planned.
-fn fragment(unit: &Unit, reports: &Path, reasons: &Reasons) -> Result<Fragment, Fault> {
+pub(super) fn fragment(unit: &Unit, reports: &Path, reasons: &Reasons) -> Result<Fragment, Fault> {
     match Fragment::read(reports, unit.id) {
         Some(found) if found.hash == unit.hash => Ok(found),
         Some(_) => {

@@ -7,6 +7,7 @@
 use super::unit::Unit;
 
 /// Groups for `slots` processes at a time, in the order in which they are to be given out: the largest units first.
+#[cfg(feature = "fleet")]
 pub fn groups<'a>(units: &[&'a Unit], slots: usize) -> Vec<Vec<&'a Unit>> {
     let sorted = by_cost(units);
     let all: f64 = sorted.iter().map(|unit| unit.cost_s).sum();

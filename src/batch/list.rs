@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::unit::{Combinations, Compile, Task, Unit};
-use crate::sweep;
+use super::unit::{Compile, Task, Unit};
 use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_core::machine::Machine;
 use terrace_core::parallel;
-use terrace_input::job::{Job, Overrides, Setting};
+use terrace_input::job::{Job, Overrides};
 use terrace_plan::plan;
 use terrace_report::job_folder::Hashes;
 
@@ -38,25 +37,6 @@ pub fn plan(
         let task = Task::Compile(Compile { folder: folder.clone(), verify: is_verified, pictures: is_drawn });
         Unit::new(id, path, task, overrides, job.as_ref().ok(), &hashes)
     }))
-}
-
-/// Most units of a sweep. The surface is read once for a unit, so there are no more than keep a fleet busy.
-const UNITS_OF_A_SWEEP: usize = 256;
-
-/// The units of a sweep of a job, each some combinations that follow one another.
-///
-/// # Errors
-/// `sweep-many`.
-pub fn plan_sweep(job: &Job, overrides: &Overrides, settings: &[Setting]) -> Result<Vec<Unit>, Error> {
-    let all = sweep::combinations(settings)?;
-    let hashes = Hashes::default();
-    let count = all.div_ceil(all.div_ceil(UNITS_OF_A_SWEEP));
-    let unit = |id: usize| {
-        let (first, end) = (id * all / count, (id + 1) * all / count);
-        let some = Combinations { settings: settings.to_vec(), first, count: end - first };
-        Unit::new(id, &job.path, Task::Sweep(some), overrides, Some(job), &hashes)
-    };
-    Ok((0..count).map(unit).collect())
 }
 
 /// The jobs of several arguments.

@@ -15,12 +15,15 @@
 //! hash, and every file it lists is there with its size. Outcomes are in the order of the list.
 
 pub mod collect;
+#[cfg(feature = "fleet")]
 pub mod engine;
 pub mod fragment;
 mod groups;
 mod index;
 pub mod isolated;
 mod list;
+#[cfg(feature = "fleet")]
+pub mod of_sweep;
 mod outcome;
 mod report;
 mod unit;
@@ -31,7 +34,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 pub use index::index_html;
-pub use list::{plan, plan_sweep};
+pub use list::plan;
 pub use outcome::{Outcome, State};
 pub use report::Report;
 pub use unit::Unit;

@@ -66,6 +66,7 @@ impl Chosen {
 }
 
 /// Numbers of units as [`Chosen`] reads them.
+#[cfg(feature = "fleet")]
 pub(super) fn numbers(ids: &[usize]) -> String {
     ids.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
 }

@@ -92,6 +92,7 @@ pub fn work(unit: &Unit, settings: &Settings<'_>) -> Done {
 
 /// What became of a unit whose folder is up to date and need not be verified; None of others. Its files are as they
 /// were when it was planned.
+#[cfg(feature = "fleet")]
 pub fn up_to_date(unit: &Unit) -> Option<Done> {
     let Task::Compile(Compile { folder, verify: false, pictures }) = &unit.task else { return None };
     let job = Job::load(&unit.job, &unit.overrides).ok()?;

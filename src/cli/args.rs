@@ -9,11 +9,13 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use super::{examples, explain};
 
 use crate::batch::units::Chosen;
+#[cfg(feature = "compare")]
 use terrace_compare::compare::{SYSTEMS, System};
 use terrace_core::machine::PROFILES;
 use terrace_core::program::BlockId;
 use terrace_core::units::{Angle, Length};
 use terrace_input::job::{FileUnit, Mode, Objective, Setting};
+#[cfg(feature = "compare")]
 use terrace_plan::on_the_fly::axes::following_error::Protection;
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
@@ -216,6 +218,7 @@ pub enum Command {
     },
     /// Mark a job: move the stage from block to block and hand each to the laser; without --arm a dry run with the pilot
     /// laser, or without laser.
+    #[cfg(feature = "run")]
     Run(RunArgs),
     /// Draw only the layout (of the first pass, if there are several).
     Preview {
@@ -248,6 +251,7 @@ pub enum Command {
     },
     /// Estimate the same job on several systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
     /// stage synchronised, five and seven axes, and a fast tool servo; times, deviations and seams side by side.
+    #[cfg(feature = "compare")]
     Compare {
         /// Job file, or - for standard input.
         job: PathBuf,
@@ -304,12 +308,15 @@ pub enum Command {
         /// Unit of a surface file that carries none; default: sizes are printed without a unit.
         #[arg(long, value_parser = one_of(&FileUnit::ALL, FileUnit::name))]
         unit: Option<FileUnit>,
+        #[cfg(feature = "compare")]
         /// The file is a NURBS surface (JSON): examine it and the three algorithms for its height.
         #[arg(long, conflicts_with = "unit")]
         nurbs: bool,
+        #[cfg(feature = "compare")]
         /// Distance of the nodes of algorithm I's grid; default: a hundredth of the shorter side.
         #[arg(long, value_name = "LENGTH", requires = "nurbs")]
         grid: Option<Length>,
+        #[cfg(feature = "compare")]
         /// Kernel k of algorithm I's weights; default: 0.9 of the distance of the nodes.
         #[arg(long, value_name = "LENGTH", requires = "nurbs")]
         kernel: Option<Length>,
@@ -410,7 +417,7 @@ pub struct Batch {
 #[derive(Debug, clap::Args)]
 pub struct FleetArgs {
     /// Have the work done by the workers of this engine; they need the same folders at the same place.
-    #[arg(long, value_name = "NAME", value_parser = one_of(&[Engine::Dask], Engine::name))]
+    #[arg(long, value_name = "NAME", value_parser = one_of(Engine::ALL, Engine::name))]
     pub engine: Option<Engine>,
     /// Address of the engine's scheduler.
     #[arg(long, value_name = "ADDRESS", default_value = "tcp://127.0.0.1:8786", requires = "engine")]
@@ -425,13 +432,21 @@ pub struct FleetArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Engine {
     /// Dask, of Python.
+    #[cfg(feature = "fleet")]
     Dask,
 }
 
 impl Engine {
+    /// Those that this build has.
+    pub const ALL: &'static [Self] = &[
+        #[cfg(feature = "fleet")]
+        Self::Dask,
+    ];
+
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
+            #[cfg(feature = "fleet")]
             Self::Dask => "dask",
         }
     }

@@ -4,8 +4,12 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "fleet")]
+use super::args::Engine;
 use super::args::{Args, Batch};
-use super::fleet::{Carrier, settings, stop_on_ctrl_c};
+#[cfg(feature = "fleet")]
+use super::carrier::{self, Carrier};
+use super::fleet::{settings, stop_on_ctrl_c};
 use super::{durability, fleet, overrides, print, refuse_input, show, unwritable, write_file};
 use crate::batch::collect::{Reasons, collect};
 use crate::batch::{self, Outcome, Report, Unit, units};
@@ -48,13 +52,16 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
         view.job(outcome, [ended, list.len()]);
         log.iter_mut().for_each(|log| log.add(outcome));
     };
-    let found = if asked.fleet.engine.is_some() {
-        let around = asked.output.clone().unwrap_or_default();
-        let keep = asked.plan.as_deref();
-        let carrier = Carrier { args, asked: &asked.fleet, around: &around, keep, stop: &stop, view: &view };
-        fleet::batch(&carrier, &list, &mut told)?
-    } else {
-        batch::run(&list, &settings(args, &stop), &mut told)
+    let engine = asked.fleet.engine;
+    let found = match engine {
+        #[cfg(feature = "fleet")]
+        Some(Engine::Dask) => {
+            let around = asked.output.clone().unwrap_or_default();
+            let keep = asked.plan.as_deref();
+            let carrier = Carrier { args, asked: &asked.fleet, around: &around, keep, stop: &stop, view: &view };
+            carrier::batch(&carrier, &list, &mut told)?
+        }
+        None => batch::run(&list, &settings(args, &stop), &mut told),
     };
     view.finish();
     // Before the result is printed: where a file cannot be written, its error is the only JSON object.

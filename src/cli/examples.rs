@@ -6,7 +6,7 @@ use std::fmt::Write;
 type Example = (&'static str, &'static str);
 
 /// Examples by command; "" is the program itself.
-pub const EXAMPLES: [(&str, &[Example]); 18] = [
+pub const EXAMPLES: &[(&str, &[Example])] = &[
     (
         "",
         &[
@@ -48,6 +48,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
             ("terrace verify job.job --inputs moved/", "The job file and its inputs lie elsewhere now"),
         ],
     ),
+    #[cfg(feature = "run")]
     (
         "run",
         &[
@@ -75,6 +76,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
             ("terrace orient job.toml --json", "For a program"),
         ],
     ),
+    #[cfg(feature = "compare")]
     (
         "compare",
         &[
@@ -123,6 +125,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
             ("terrace inspect part.stl --unit mm", "Size and place of a surface"),
             ("terrace inspect leather.svg", "Size and strokes of a drawing"),
             ("terrace inspect job.job", "What a job folder holds"),
+            #[cfg(feature = "compare")]
             ("terrace inspect --nurbs dish.nurbs.json", "A NURBS surface and the ways to its height"),
         ],
     ),

@@ -5,6 +5,9 @@
 
 mod args;
 mod batch;
+#[cfg(feature = "fleet")]
+mod carrier;
+#[cfg(feature = "compare")]
 mod compare;
 mod examples;
 mod explain;
@@ -16,6 +19,7 @@ mod named;
 mod orient;
 mod preview;
 mod resume;
+#[cfg(feature = "run")]
 mod run;
 mod show;
 mod steps;
@@ -31,12 +35,16 @@ use clap::error::ContextKind;
 
 use args::{Args, Choice, Command};
 use steps::Steps;
+#[cfg(feature = "compare")]
 use terrace_compare::nurbs::{GridSteps, Surface};
 use terrace_core::diag::{self, Diag, Error, Failure, Kind, Place};
 use terrace_core::machine::{Machine, PROFILES};
 use terrace_core::parallel;
+#[cfg(feature = "compare")]
 use terrace_core::units::Length;
-use terrace_input::job::{self, Job, Mode, Overrides};
+#[cfg(feature = "compare")]
+use terrace_input::job::Mode;
+use terrace_input::job::{self, Job, Overrides};
 use terrace_plan::manifest::AnySummary;
 use terrace_plan::plan::lay::Side;
 use terrace_plan::plan::part::{self, Facets};
@@ -165,6 +173,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
         }
+        #[cfg(feature = "run")]
         Command::Run(asked) => return run::run(args, asked),
         Command::Preview { job, output, width, choice } => {
             preview::preview(args, job, output.as_deref(), *width, choice)?;
@@ -177,6 +186,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             };
             orient::orient(args, job, side, *apply)?;
         }
+        #[cfg(feature = "compare")]
         Command::Compare { job, systems, protection, nurbs: exact, output } => {
             if let Some(folder) = output {
                 compare::may_be_replaced(folder)?;
@@ -202,19 +212,12 @@ fn run(args: &Args) -> Result<u8, Error> {
         }
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch(asked) => return batch::run(args, asked),
-        Command::Inspect { file, unit, nurbs, grid, kernel } => {
-            let steps = Steps::new(args.quiet);
-            steps.begin(format!("reading {}", file.display()));
-            let shown = if *nurbs {
-                let [step, kernel] = [grid, kernel].map(|length| length.map(Length::as_mm));
-                inspect::nurbs(file, GridSteps { step, kernel })?
-            } else {
-                inspect::inspect(file, *unit)?
-            };
-            steps.done();
-            warn(args, &shown.warnings);
-            print(&if args.json { show::json(&shown.json) } else { shown.text })?;
+        #[cfg(feature = "compare")]
+        Command::Inspect { file, nurbs: true, grid, kernel, .. } => {
+            let [step, kernel] = [grid, kernel].map(|length| length.map(Length::as_mm));
+            inspect(args, file, || inspect::nurbs(file, GridSteps { step, kernel }))?;
         }
+        Command::Inspect { file, unit, .. } => inspect(args, file, || inspect::inspect(file, *unit))?,
         Command::Import { file, output, tolerance, angle } => {
             import::run(args, file, output.as_deref(), *tolerance, *angle)?;
         }
@@ -235,6 +238,16 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Man { command, .. } => print(&manual::page(command.as_deref())?)?,
     }
     Ok(0)
+}
+
+/// Looks at a file and says what it holds.
+fn inspect(args: &Args, file: &Path, look: impl FnOnce() -> Result<inspect::Shown, Error>) -> Result<(), Error> {
+    let steps = Steps::new(args.quiet);
+    steps.begin(format!("reading {}", file.display()));
+    let shown = look()?;
+    steps.done();
+    warn(args, &shown.warnings);
+    print(&if args.json { show::json(&shown.json) } else { shown.text })
 }
 
 /// Whether results must be on the disk before the program ends.

@@ -1,12 +1,15 @@
 //! How results and progress look on a terminal.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+#[cfg(feature = "run")]
+use std::time::Duration;
+use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Proved;
 use crate::batch::Outcome;
+#[cfg(feature = "run")]
 use crate::run;
 use terrace_core::diag::shell_word;
 use terrace_core::machine::Machine;
@@ -83,8 +86,10 @@ impl Progress {
 }
 
 /// How far a run is, in blocks.
+#[cfg(feature = "run")]
 pub struct Blocks(ProgressBar);
 
+#[cfg(feature = "run")]
 impl Blocks {
     pub fn new(quiet: bool) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };

@@ -102,11 +102,13 @@ impl Steps {
     }
 
     /// Changes what is being done within a step that goes on.
+    #[cfg(feature = "compare")]
     pub fn rename(&self, text: impl Into<String>) {
         locked(&self.step).text = plain(text);
     }
 
     /// Says how far the step is, whatever it is.
+    #[cfg(feature = "compare")]
     pub fn percent(&self, percent: u8) {
         locked(&self.step).done = Some((percent, Instant::now()));
     }

@@ -2,12 +2,15 @@
 
 use std::path::Path;
 
+#[cfg(feature = "fleet")]
+use super::args::Engine;
 use super::args::{Args, Choice, FleetArgs};
-use super::fleet::{Carrier, stop_on_ctrl_c};
 use super::steps::Steps;
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
-use crate::batch::work::End;
-use crate::batch::{self, collect};
+#[cfg(feature = "fleet")]
+use super::{carrier::Carrier, fleet::stop_on_ctrl_c};
+#[cfg(feature = "fleet")]
+use crate::batch::{of_sweep, work::End};
 use crate::sweep::{self, Sweep};
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::progress::Task;
@@ -22,8 +25,10 @@ pub(super) fn run(
     (settings, fleet): (&[Setting], &FleetArgs),
     [csv, plot]: [Option<&Path>; 2],
 ) -> Result<(), Error> {
-    let found = match fleet.engine {
-        Some(_) => carried(args, (job, choice), settings, fleet)?,
+    let engine = fleet.engine;
+    let found = match engine {
+        #[cfg(feature = "fleet")]
+        Some(Engine::Dask) => carried(args, (job, choice), settings, fleet)?,
         None => planned(args, (job, choice), settings)?,
     };
     let table = sweep::table(&found);
@@ -57,6 +62,7 @@ fn planned(args: &Args, (job, choice): (&Path, &Choice), settings: &[Setting]) -
 }
 
 /// By an engine.
+#[cfg(feature = "fleet")]
 fn carried(
     args: &Args,
     (path, choice): (&Path, &Choice),
@@ -69,7 +75,7 @@ fn carried(
     }
     let (text, overrides) = (read_file(path)?, overrides(args, choice));
     let job = sweep::prepared((path, &text), &overrides, settings)?;
-    let list = batch::plan_sweep(&job, &overrides, settings)?;
+    let list = of_sweep::plan(&job, &overrides, settings)?;
     let view = show::Progress::new(args.quiet, sweep::combinations(settings)?, "settings");
     let stop = stop_on_ctrl_c(&view, true);
     let around = path.parent().unwrap_or(Path::new(""));
@@ -80,6 +86,6 @@ fn carried(
         }
     })?;
     view.finish();
-    let rows = collect::rows(&list, &ended.reports, &ended.reasons);
+    let rows = of_sweep::rows(&list, &ended.reports, &ended.reasons);
     Sweep::of((job, &text), &overrides, settings, rows)
 }

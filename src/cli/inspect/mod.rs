@@ -1,5 +1,6 @@
 //! What a file or folder holds, for the first look: boxes in mm, counts, warnings.
 
+#[cfg(feature = "compare")]
 mod nurbs;
 mod surface;
 mod texture;
@@ -13,6 +14,7 @@ use terrace_input::job::{FileUnit, Job, Overrides};
 use terrace_input::surface::is_cad;
 use terrace_plan::manifest::{self, AnySummary, duration};
 
+#[cfg(feature = "compare")]
 pub use nurbs::nurbs;
 
 /// What was found.

@@ -50,17 +50,27 @@ impl<'a> Faults<'a> {
 
     /// Whether the file gives a key, such as `limits.steep`.
     pub(super) fn is_given(&self, key: &str) -> bool {
-        let Ok(root) = DeTable::parse(self.source) else { return false };
-        let mut table = root.get_ref();
-        let mut steps = key.split('.').peekable();
-        while let Some(found) = steps.next().and_then(|step| table.get(step)) {
-            match (found.get_ref(), steps.peek()) {
-                (_, None) => return true,
-                (DeValue::Table(inner), Some(_)) => table = inner,
-                _ => return false,
-            }
+        let (table, key) = key.rsplit_once('.').unwrap_or(("", key));
+        self.keys_given(table).iter().any(|given| given == key)
+    }
+
+    /// The keys that the file gives in a table such as `limits` or `texture.0`, in the order of their names; none where
+    /// there is no such table.
+    pub(super) fn keys_given(&self, table: &str) -> Vec<String> {
+        let Ok(root) = DeTable::parse(self.source) else { return Vec::new() };
+        let mut at = root.get_ref();
+        let mut steps = table.split('.').filter(|step| !step.is_empty()).peekable();
+        while let Some(step) = steps.next() {
+            let inner = match at.get(step).map(|found| found.get_ref()) {
+                Some(DeValue::Array(list)) => {
+                    steps.next().and_then(|i| list.get(i.parse::<usize>().ok()?)).map(|entry| entry.get_ref())
+                }
+                found => found,
+            };
+            let Some(DeValue::Table(inner)) = inner else { return Vec::new() };
+            at = inner;
         }
-        false
+        at.keys().map(|key| key.get_ref().to_string()).collect()
     }
 
     pub(super) fn push(&mut self, key: &str, fault: Diag) {

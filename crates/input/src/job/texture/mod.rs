@@ -17,6 +17,9 @@ use terrace_core::geom::{BoxMm, Nm, Pose};
 use terrace_core::program::{Pen, PenId};
 use terrace_core::units::{Angle, Length};
 
+/// Keys that every texture takes.
+const EVERY: [&str; 9] = ["pattern", "file", "curves", "area", "inside", "outside", "soft", "tolerance", "pen"];
+
 /// Keys of drawings.
 const DRAWING: [&str; 29] = [
     "size",
@@ -344,57 +347,17 @@ impl Texture<'_> {
 
     /// Holds the keys that are given to those that `what` needs and can take.
     fn only(&self, what: &str, needs: &[&str], takes: &[&str], f: &mut Faults<'_>) {
-        let keys = self.keys;
-        for (key, is_given) in [
-            ("pitch", keys.pitch.is_some()),
-            ("direction", keys.direction.is_some()),
-            ("order", keys.order.is_some()),
-            ("cell", keys.cell.is_some()),
-            ("lattice", keys.lattice.is_some()),
-            ("width", keys.width.is_some()),
-            ("bar", keys.bar.is_some()),
-            ("inner", keys.inner.is_some()),
-            ("line", keys.line.is_some()),
-            ("centre", keys.centre.is_some()),
-            ("jitter", keys.jitter.is_some()),
-            ("seed", keys.seed.is_some() && keys.soft.is_none()),
-            ("size", keys.size.is_some()),
-            ("scale", keys.scale.is_some()),
-            ("fit", keys.fit.is_some()),
-            ("align", keys.align.is_some()),
-            ("unit", keys.unit.is_some()),
-            ("origin", keys.origin.is_some()),
-            ("turn", keys.turn != Angle::default()),
-            ("tile", keys.tile),
-            ("stroke", keys.stroke.is_some()),
-            ("fill", keys.fill.is_some()),
-            ("cross", keys.cross),
-            ("one_way", keys.one_way),
-            ("inset", keys.inset.is_some()),
-            ("contour", keys.contour.is_some()),
-            ("on_unsupported", keys.on_unsupported.is_some()),
-            ("pens", !keys.pens.is_empty()),
-            ("only", !keys.only.is_empty()),
-            ("except", !keys.except.is_empty()),
-            ("paper", keys.paper.is_some()),
-            ("mirror", keys.mirror.is_some()),
-            ("dpi", keys.dpi.is_some()),
-            ("gamma", keys.gamma.is_some()),
-            ("invert", keys.invert),
-            ("screen", keys.screen.is_some()),
-            ("threshold", keys.threshold.is_some()),
-            ("period", keys.period.is_some()),
-            ("max_distance", keys.max_distance.is_some()),
-            ("on_distance", keys.on_distance.is_some()),
-        ] {
-            let fault = match (needs.contains(&key), is_given) {
-                (true, false) => format!("{what} needs {key}"),
-                (false, true) if !takes.contains(&key) => format!("{key} does not apply to {what}"),
-                _ => continue,
-            };
-            let all = [needs, takes].concat().join(", ");
+        let given = f.keys_given(&format!("texture.{}", self.i));
+        let is_given = |key: &&&str| given.iter().any(|given| given == **key);
+        let missing = needs.iter().filter(|key| !is_given(key)).map(|key| ("pattern", format!("{what} needs {key}")));
+        let of_soft: &[&str] = if self.keys.soft.is_some() { &["seed"] } else { &[] };
+        let allowed = [needs, takes, &EVERY, of_soft].concat();
+        let strange = given.iter().filter(|key| !allowed.contains(&key.as_str()));
+        let strange = strange.map(|key| (key.as_str(), format!("{key} does not apply to {what}")));
+        let all = [needs, takes].concat().join(", ");
+        for (key, fault) in missing.chain(strange) {
             let fault = Diag::input("texture-key", fault).hint(format!("keys specific to {what}: {all}"));
-            f.push(&self.key(if is_given { key } else { "pattern" }), fault);
+            f.push(&self.key(key), fault);
         }
     }
 }

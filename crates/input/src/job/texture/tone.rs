@@ -11,17 +11,17 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
     let screen = keys.screen.unwrap_or_default();
     let is_area = screen == Screen::Threshold;
     // Keys that the screen has no use for.
-    for (key, is_given, applies) in [
-        ("threshold", keys.threshold.is_some(), is_area),
-        ("period", keys.period.is_some(), matches!(screen, Screen::Dashes | Screen::Halftone)),
-        ("seed", keys.seed.is_some() && keys.soft.is_none(), screen == Screen::Noise),
-        ("one_way", keys.one_way, !screen.is_of_dots()),
-        ("fill", keys.fill.is_some(), is_area),
-        ("cross", keys.cross, is_area),
-        ("inset", keys.inset.is_some(), is_area),
-        ("contour", keys.contour.is_some(), is_area),
+    for (key, applies) in [
+        ("threshold", is_area),
+        ("period", matches!(screen, Screen::Dashes | Screen::Halftone)),
+        ("seed", screen == Screen::Noise || keys.soft.is_some()),
+        ("one_way", !screen.is_of_dots()),
+        ("fill", is_area),
+        ("cross", is_area),
+        ("inset", is_area),
+        ("contour", is_area),
     ] {
-        if is_given && !applies {
+        if !applies && f.is_given(&place(key)) {
             let fault = format!("{key} does not apply to screen = \"{}\"", screen.name());
             f.push(&place(key), Diag::input("texture-key", fault).hint("leave it out, or change screen"));
         }
