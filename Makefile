@@ -34,7 +34,7 @@ check:
 	$(CARGO) clippy --all-targets -- -D warnings
 	$(CARGO) clippy --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
-	$(CARGO) deny check bans licenses sources
+	PATH="$(CURDIR)/.venv/cargo/bin:$$PATH" $(CARGO) deny check bans licenses sources
 
 # Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces, a fleet; prints tables.
 bench: setup

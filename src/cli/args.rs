@@ -574,7 +574,7 @@ mod tests {
         for (name, list) in examples::EXAMPLES {
             assert!(name.is_empty() || all.find_subcommand(name).is_some(), "{name} is not a command");
             assert!(!list.is_empty(), "{name}");
-            for (typed, _) in list {
+            for (typed, _) in *list {
                 // The shell takes what follows a pipe or a redirection, and quotes.
                 let words = typed.split(" > ").next().and_then(|t| t.split(['|', '<']).next()).expect("a command");
                 let quoted = words.split('"').enumerate();

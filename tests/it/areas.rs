@@ -196,7 +196,7 @@ fn lines_along_contours_stay_in_area_and_section() {
         assert_eq!(texture.len(), 0, "areas hold no line until directions are known");
         let mut directions = Vec::new();
         let grid = fill(&mut texture, || {
-            directions.push((noise.next() % 18_000) as u16);
+            directions.push((noise.bits() % 18_000) as u16);
             directions[directions.len() - 1]
         });
         lies_in(&texture, &corners, seed);

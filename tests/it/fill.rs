@@ -94,7 +94,7 @@ fn hatch_lines_at_section_borders_are_marked_exactly_once() {
         // Every direction; the axes, along which lines may lie on borders, more often.
         let mut directions = Vec::new();
         let (strokes, grid) = filled(area, pitch, 0.0, 15, || {
-            let any = (noise.next() % 18_000) as u16;
+            let any = (noise.bits() % 18_000) as u16;
             directions.push(if any.is_multiple_of(4) { 9000 * (any / 4 % 2) } else { any });
             directions[directions.len() - 1]
         });
@@ -108,8 +108,8 @@ fn hatch_lines_at_section_borders_are_marked_exactly_once() {
         // Places all over the area and as many next to borders: no mark is farther than a pitch.
         for _ in 0..20_000 {
             let mut p = [0, 1].map(|k| area.lo[k] + (noise.half() + 0.5) * (area.hi[k] - area.lo[k]));
-            if noise.next().is_multiple_of(2) {
-                let border = [grid.line(0, 1), grid.line(0, 2), grid.line(0, 3)][(noise.next() % 3) as usize];
+            if noise.bits().is_multiple_of(2) {
+                let border = [grid.line(0, 1), grid.line(0, 2), grid.line(0, 3)][(noise.bits() % 3) as usize];
                 p[0] = border as f64 / 1e6 + noise.half() * pitch;
             }
             let nm = <P2>::from_mm(p[0], p[1]).expect("near");

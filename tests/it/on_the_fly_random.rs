@@ -19,7 +19,7 @@ fn between(noise: &mut Random, lo: f64, hi: f64) -> f64 {
 }
 
 fn pick<T: Copy>(noise: &mut Random, list: &[T]) -> T {
-    list[(noise.next() >> 5) as usize % list.len()]
+    list[(noise.bits() >> 5) as usize % list.len()]
 }
 
 /// A base sheet, gentle or terraced, blocks with upright walls on it, and sheets over or through it.

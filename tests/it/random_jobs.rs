@@ -15,7 +15,7 @@ use terrace_plan::plan;
 use terrace_report::job_folder;
 
 fn below(noise: &mut Random, n: u64) -> u64 {
-    (noise.next() >> 5) % n
+    (noise.bits() >> 5) % n
 }
 
 fn pick<T: Copy>(noise: &mut Random, list: &[T]) -> T {
@@ -41,7 +41,7 @@ fn surface(noise: &mut Random, size: f64) -> Vec<[[f64; 3]; 3]> {
         let [w, h] = [0, 1].map(|_| between(noise, 0.2, 1.0) * size);
         let (tall, wave) = (size * pick(noise, &[0.0, 0.001, 0.02, 0.3]), size * between(noise, 0.05, 0.5));
         let (kind, base) = (below(noise, 5), between(noise, -0.02, 0.02) * size * pick(noise, &[0.0, 1.0]));
-        let mut seed = Random::new(noise.next());
+        let mut seed = Random::new(noise.bits());
         let rough = std::cell::RefCell::new(&mut seed);
         let z = |x: f64, y: f64| {
             base + match kind {
@@ -471,7 +471,7 @@ fn trials(seeds: impl IntoIterator<Item = u64>, wanted: Machine, part: Part) {
         .map(|seed| {
             let dir = crate::support::folder();
             let mut noise = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(1));
-            (0..8).for_each(|_| _ = noise.next());
+            (0..8).for_each(|_| _ = noise.bits());
             let path = job(&mut noise, dir.path(), wanted, part);
             let begun = Instant::now();
             let ended = catch_unwind(AssertUnwindSafe(|| run(&path))).unwrap_or_else(|_| Err("it panicked".into()));

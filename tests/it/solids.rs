@@ -93,11 +93,11 @@ fn shuffled(facets: &[Facet], order: u64, winding: u64) -> Vec<Facet> {
     let mut out = facets.to_vec();
     noise.shuffle(&mut out);
     for f in &mut out {
-        f.rotate_left((noise.next() % 3) as usize);
+        f.rotate_left((noise.bits() % 3) as usize);
         let is_turned = match winding {
             0 => false,
             1 => true,
-            _ => noise.next().is_multiple_of(2),
+            _ => noise.bits().is_multiple_of(2),
         };
         if is_turned {
             f.swap(0, 1);

@@ -3,7 +3,7 @@
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
 # unpacked without root; Dask, which carries fleets; with `all` also the packages that slow tests need
 # (requirements-all.txt), Chromium with the packages that drive it and icons (../browser/package.json), the drawings of
-# Debian's inkscape, and Slurm. Running it again costs nothing. Ends with an error if anything is missing.
+# Debian's inkscape, Slurm, and cargo-deny. Running it again costs nothing. Ends with an error if anything is missing.
 set -eu
 
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -168,6 +168,11 @@ if [ "${1:-}" = all ]; then
             break
         fi
     done
+fi
+
+# --- cargo-deny, which holds licences and sources of the dependencies against deny.toml
+if [ "${1:-}" = all ] && [ ! -x "$venv/cargo/bin/cargo-deny" ]; then
+    cargo install --quiet --locked --root "$venv/cargo" cargo-deny || complain "cargo-deny (cargo install cargo-deny)"
 fi
 
 if [ "$failed" = 0 ]; then

@@ -15,7 +15,7 @@ impl Random {
     }
 
     /// All 64 bits.
-    pub fn next(&mut self) -> u64 {
+    pub fn bits(&mut self) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -24,7 +24,7 @@ impl Random {
 
     /// From 0 to `n`, which is left out; 0 where `n` is 0.
     pub fn below(&mut self, n: usize) -> usize {
-        ((self.next() >> 11) % n.max(1) as u64) as usize
+        ((self.bits() >> 11) % n.max(1) as u64) as usize
     }
 
     /// From `lo` to `hi`, both included.
@@ -44,7 +44,7 @@ impl Random {
 
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Uniform in [lo, hi).
@@ -54,7 +54,7 @@ impl Random {
 
     /// Any number: of all magnitudes, and often a special one.
     pub fn float(&mut self) -> f64 {
-        let subnormal = f64::from_bits(self.next() >> 12);
+        let subnormal = f64::from_bits(self.bits() >> 12);
         let finite = [0.0, 1.0, subnormal, f64::MIN_POSITIVE, f64::MAX];
         match self.below(20) {
             0 => f64::NAN,
@@ -62,7 +62,7 @@ impl Random {
             2 => f64::NEG_INFINITY,
             3..6 => finite[self.below(finite.len())],
             6..9 => -finite[self.below(finite.len())],
-            _ => f64::from_bits(self.next()),
+            _ => f64::from_bits(self.bits()),
         }
     }
 
@@ -100,7 +100,7 @@ impl Random {
     /// Puts a list into another order.
     pub fn shuffle<T>(&mut self, list: &mut [T]) {
         for i in (1..list.len()).rev() {
-            list.swap(i, (self.next() % (i as u64 + 1)) as usize);
+            list.swap(i, (self.bits() % (i as u64 + 1)) as usize);
         }
     }
 }

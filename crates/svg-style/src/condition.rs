@@ -169,7 +169,7 @@ fn in_supports(css: &mut Parser<'_>) -> Result<Holds, Fault> {
             all_tokens(css)?;
             let text = css.slice_from(start).trim();
             Ok(if name.eq_ignore_ascii_case("selector") {
-                Holds::of(super::sheet::is_selector(text))
+                Holds::of(super::selector::is_selector(text))
             } else {
                 Holds::Unknown(format!("{name}() in @supports"))
             })

@@ -22,6 +22,7 @@ mod condition;
 mod declaration;
 mod link;
 mod map;
+mod matrix;
 mod property;
 mod selector;
 mod sheet;

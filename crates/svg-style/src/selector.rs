@@ -11,14 +11,24 @@ use selectors::attr::{AttrSelectorOperation, CaseSensitivity, NamespaceConstrain
 use selectors::bloom::BloomFilter;
 use selectors::context::MatchingContext;
 use selectors::matching::ElementSelectorFlags;
-use selectors::parser::{self, SelectorParseErrorKind};
+use selectors::parser::{self, ParseRelative, SelectorList, SelectorParseErrorKind};
 use selectors::{Element, OpaqueElement, SelectorImpl};
 
 /// Most steps of all comparisons of elements with selectors, long attributes counted by their length.
 const MAX_STEPS: usize = 40_000_000;
 
+/// Deepest nesting of blocks and brackets.
+pub(crate) const MAX_DEPTH: u8 = 64;
+
 /// How many bytes of an attribute are compared in one step.
 const BYTES_PER_STEP: usize = 64;
+
+/// Whether browsers know a selector.
+pub(crate) fn is_selector(text: &str) -> bool {
+    let mut css = CssParser::new(text);
+    css.set_nested_block_limit(MAX_DEPTH);
+    SelectorList::<Svg>::parse(&Names::default(), &mut css, ParseRelative::No).is_ok() && css.is_exhausted()
+}
 
 /// What selectors are made of.
 #[derive(Clone, Debug)]

@@ -11,7 +11,7 @@ use selectors::parser::{Component, ParseRelative, Selector, SelectorList};
 
 use super::condition::{Holds, media, supported};
 use super::declaration::{Declaration, declare, raw, without_important};
-use super::selector::{Name, Names, Svg};
+use super::selector::{MAX_DEPTH, Name, Names, Svg};
 use super::value::{Fault, Source};
 use super::{Excess, Remark, Weight};
 
@@ -20,9 +20,6 @@ const MAX_PARTS: usize = 1000;
 
 /// Most selectors of a drawing.
 const MAX_SELECTORS: usize = 4_000_000;
-
-/// Deepest nesting of blocks and brackets.
-const MAX_DEPTH: u8 = 64;
 
 /// What a rule declares.
 #[derive(Debug, Default)]
@@ -182,13 +179,6 @@ impl Sheets {
         }
         layer
     }
-}
-
-/// Whether browsers know a selector.
-pub(crate) fn is_selector(text: &str) -> bool {
-    let mut css = Parser::new(text);
-    css.set_nested_block_limit(MAX_DEPTH);
-    SelectorList::<Svg>::parse(&Names::default(), &mut css, ParseRelative::No).is_ok() && css.is_exhausted()
 }
 
 /// Reads rules in their order.

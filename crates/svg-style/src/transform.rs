@@ -6,7 +6,6 @@ use std::sync::Arc;
 use cssparser::Parser;
 
 use super::map::Map;
-use super::property::Style;
 use super::value::{
     Fault, Length, Quantity, Reading, Source, angle, is_next, keyword, length, number, number_or_share, quantity,
 };
@@ -42,38 +41,6 @@ pub enum TransformBox {
     Fill,
     /// The box of the element with its strokes.
     Stroke,
-}
-
-impl Style {
-    /// Whether the element has a transform.
-    pub fn has_transform(&self) -> bool {
-        [&self.translate, &self.rotate, &self.scale, &self.transform].iter().any(|t| !t.0.is_empty())
-    }
-
-    /// Whether the transform depends on the reference box, which need not be known otherwise.
-    pub fn transform_needs_box(&self) -> bool {
-        let all = [&self.translate, &self.rotate, &self.scale, &self.transform];
-        let steps = || all.iter().flat_map(|t| t.0.iter());
-        let has_share = steps().any(|s| matches!(s, Step::Translate(by) if by.iter().any(|l| l.share != 0.0)));
-        let is_moved = self.transform_box != TransformBox::View;
-        self.has_transform() && (has_share || is_moved || self.transform_origin.iter().any(|l| l.share != 0.0))
-    }
-
-    /// The map of its transform properties together (CSS Transforms 2, 6).
-    pub fn matrix(&self, reference: Reference) -> Map {
-        let origin = [0, 1].map(|k| reference.corner[k] + self.transform_origin[k].of(reference.size[k]));
-        let mut map = Map::shift(origin);
-        for part in [&self.translate, &self.rotate, &self.scale, &self.transform] {
-            for step in part.0.iter() {
-                let step = match step {
-                    Step::Matrix(m) => *m,
-                    Step::Translate(by) => Map::shift([0, 1].map(|k| by[k].of(reference.size[k]))),
-                };
-                map = map.after(step);
-            }
-        }
-        map.after(Map::shift(origin.map(|v| -v)))
-    }
 }
 
 impl Transform {
@@ -301,6 +268,7 @@ pub(crate) fn reference_box(_: &Reading, css: &mut Parser<'_>) -> Result<Transfo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::property::Style;
 
     fn parsed(text: &str) -> Option<[f64; 6]> {
         let mut style = Style::initial();

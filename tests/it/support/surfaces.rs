@@ -34,9 +34,9 @@ pub fn mesh(n: usize, [x0, y0, x1, y1]: [f64; 4], z: impl Fn(f64, f64) -> f64) -
     for j in 0..n {
         for i in 0..n {
             let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
-            let pair = if noise.next().is_multiple_of(2) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+            let pair = if noise.bits().is_multiple_of(2) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
             for mut f in pair {
-                f.rotate_left((noise.next() % 3) as usize);
+                f.rotate_left((noise.bits() % 3) as usize);
                 facets.push(f);
             }
         }

@@ -54,7 +54,7 @@ impl<'a> Faults<'a> {
         self.keys_given(table).iter().any(|given| given == key)
     }
 
-    /// The keys that the file gives in a table such as `limits` or `texture.0`, in the order of their names; none where
+    /// The keys that the file gives in a table such as `limits` or `texture.0`, in the order of the file; none where
     /// there is no such table.
     pub(super) fn keys_given(&self, table: &str) -> Vec<String> {
         let Ok(root) = DeTable::parse(self.source) else { return Vec::new() };
@@ -70,7 +70,9 @@ impl<'a> Faults<'a> {
             let Some(DeValue::Table(inner)) = inner else { return Vec::new() };
             at = inner;
         }
-        at.keys().map(|key| key.get_ref().to_string()).collect()
+        let mut keys: Vec<_> = at.keys().collect();
+        keys.sort_by_key(|key| key.span().start);
+        keys.into_iter().map(|key| key.get_ref().to_string()).collect()
     }
 
     pub(super) fn push(&mut self, key: &str, fault: Diag) {

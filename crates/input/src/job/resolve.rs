@@ -602,7 +602,13 @@ mod tests {
         assert_eq!(of(""), ["hatch needs pitch"]);
         let more = "pitch = \"0.5 mm\"\ncell = \"1 mm\"\norder = 3\ntile = true";
         let nothing = |key: &str| format!("{key} does not apply to hatch");
-        assert_eq!(of(more), [nothing("order"), nothing("cell"), nothing("tile")]);
+        assert_eq!(of(more), [nothing("cell"), nothing("order"), nothing("tile")]);
+        // A default is a key that is given too.
+        for (key, value) in
+            [("turn", "\"0 deg\""), ("tile", "false"), ("invert", "false"), ("pens", "{}"), ("only", "[]")]
+        {
+            assert_eq!(of(&format!("{pitch}\n{key} = {value}")), [nothing(key)]);
+        }
         let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
         assert_eq!(direction[0].1, "direction does not apply to squares");
         assert_eq!(direction[1].0, "texture-cell");

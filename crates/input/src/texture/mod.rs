@@ -106,9 +106,13 @@ impl Request {
 }
 
 /// Strokes that are asked for by their index.
-pub trait Figure: std::fmt::Debug + Send + Sync {
+pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     /// How many strokes there are.
     fn len(&self) -> u64;
+    /// Whether there is none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
     /// How many points they have together, at most.
     fn points(&self) -> u64;
     /// How many points its longest stroke has, about: all where it has one stroke, four times the mean of several.

@@ -30,9 +30,8 @@ fn scripts_are_those_whose_types_are_checked_in_their_order() {
     let config: serde_json::Value = serde_json::from_str(include_str!("page/tsconfig.json")).expect("JSON");
     let named = config["files"].as_array().expect("files");
     let text = |name: &serde_json::Value| {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("crates/report/src/view/page")
-            .join(name.as_str().expect("a name"));
+        let path =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/view/page").join(name.as_str().expect("a name"));
         std::fs::read_to_string(path).expect("a script")
     };
     assert_eq!(named.iter().map(text).collect::<Vec<_>>(), SCRIPTS);

@@ -142,7 +142,7 @@ fn column_refuses_values_of_another_kind() {
 
 /// A whole number of any size, or none.
 fn count(noise: &mut Random) -> Option<u64> {
-    [None, Some(0), Some(u64::MAX), Some(noise.next() >> noise.below(64))][noise.below(4)]
+    [None, Some(0), Some(u64::MAX), Some(noise.bits() >> noise.below(64))][noise.below(4)]
 }
 
 #[test]
