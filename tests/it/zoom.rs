@@ -10,17 +10,19 @@ use crate::support::{JobText, compile, folder, manifest, number, said, terrace, 
 #[test]
 #[ignore = "slow: make test-all"]
 fn a_dome_is_marked_at_one_stop_a_section_and_compare_gives_the_same_time() {
-    is_marked_at_one_stop_a_section(40, "12 mm");
+    // 11.25 fields: the lines of the last sections fit into the fields beside them, where the optic's range holds both.
+    is_marked_at_one_stop_a_section(40, "12 mm", 141);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn a_dome_under_a_hatch_of_1_mm_is_marked_at_one_stop_a_section() {
-    is_marked_at_one_stop_a_section(500, "1 mm");
+    // 450 mm are 12 fields of 40 mm along x and along y; the dome is 10 mm high, as is the optic's range.
+    is_marked_at_one_stop_a_section(500, "1 mm", 144);
 }
 
 /// A dome of so many cells along each side, under a hatch of this pitch.
-fn is_marked_at_one_stop_a_section(cells: usize, pitch: &str) {
+fn is_marked_at_one_stop_a_section(cells: usize, pitch: &str, stops: usize) {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(cells, [0.0, 0.0, 450.0, 450.0], dome));
@@ -32,8 +34,7 @@ fn is_marked_at_one_stop_a_section(cells: usize, pitch: &str) {
     let job = text.write(dir.path(), "dome.toml");
     let out = dir.path().join("dome.job");
     let summary = compile(&job, &out);
-    // 450 mm are 12 fields of 40 mm along x and along y; the dome is 10 mm high, as is the optic's range.
-    assert_eq!(summary["stops"], 144);
+    assert_eq!(summary["stops"], stops);
     assert!(summary["blocks"].as_u64().expect("a number") > 1_000, "{summary}");
     let total = number(&summary["time_s"], "total");
     verify(&out);
@@ -41,7 +42,7 @@ fn is_marked_at_one_stop_a_section(cells: usize, pitch: &str) {
     let stage = std::fs::read_to_string(out.join("stage.ngc")).expect("a stage program");
     let moves = stage.lines().filter(|l| l.starts_with("G0 X")).count();
     let heights = stage.lines().filter(|l| l.starts_with("G0 Z")).count();
-    assert!(moves <= 144 && heights < 10, "{moves} {heights}");
+    assert!(moves <= stops && heights < 10, "{moves} {heights}");
 
     let args = [Path::new("compare"), &job, Path::new("--systems"), Path::new("zoom,z-range"), Path::new("--json")];
     let compared = terrace(args);
@@ -53,7 +54,7 @@ fn is_marked_at_one_stop_a_section(cells: usize, pitch: &str) {
     };
     let of = |name: &str| number(&row(name), "total_s");
     assert!((of("zoom") - total).abs() <= 1e-6 * total, "{} {total}", of("zoom"));
-    assert_eq!(row("zoom")["stops"], 144);
+    assert_eq!(row("zoom")["stops"], stops);
     assert!(of("z-range") > 2.0 * total, "{} {total}", of("z-range"));
 }
 

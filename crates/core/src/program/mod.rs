@@ -3,7 +3,7 @@
 //! job whose work planes are machined while the axes stand still.
 //!
 //! # Invariants
-//! A [`Program`] holds P1 to P7 once [`terrace_plan::check`] has made it a `Checked` one:
+//! A [`Program`] holds P1 to P7 once the check of `terrace-plan` has made it a `Checked` one:
 //! - P1 every block has at least one stroke; a stroke has two points or more, no two neighbours equal, or is a dot: one
 //!   point, whose pen has a dwell; strokes lie block by block, points stroke by stroke;
 //! - P2 every point lies in the usable field of the machine;

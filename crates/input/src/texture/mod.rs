@@ -106,7 +106,7 @@ impl Request {
 }
 
 /// Strokes that are asked for by their index.
-pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
+pub trait Figure: std::fmt::Debug + Send + Sync {
     /// How many strokes there are.
     fn len(&self) -> u64;
     /// Whether there is none.
