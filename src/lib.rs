@@ -17,8 +17,6 @@ pub use terrace_input::surface::Surface;
 pub use terrace_input::texture::Texture;
 pub use terrace_plan::check::Checked;
 pub use terrace_plan::manifest::{OnTheFlySummary, Summary, Times};
-pub use terrace_plan::plan::{
-    Inputs, OnTheFlyPlan, Phase, Plan, Progress, SteppedPlan, default_output, of_inputs as plan_of, plan,
-};
-pub use terrace_report::job_folder::{Durability, prepare, write, write_with};
+pub use terrace_plan::plan::{Inputs, OnTheFlyPlan, Phase, Plan, Progress, SteppedPlan, of_inputs as plan_of, plan};
+pub use terrace_report::job_folder::{Durability, default_output, prepare, write, write_with};
 pub use terrace_verify::{Proof, Rule, Violation, verify};

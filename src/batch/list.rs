@@ -7,8 +7,7 @@ use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_core::machine::Machine;
 use terrace_core::parallel;
 use terrace_input::job::{Job, Overrides};
-use terrace_plan::plan;
-use terrace_report::job_folder::Hashes;
+use terrace_report::job_folder::{Hashes, default_output};
 
 /// A job file that was listed.
 struct Listed {
@@ -105,7 +104,7 @@ fn entry(path: PathBuf, is_folder: bool, output: Option<&Path>, overrides: &Over
         return None;
     }
     let mode = job.as_ref().map_or(overrides.mode.unwrap_or_default(), |job| job.mode);
-    let beside = plan::default_output(&path, mode);
+    let beside = default_output(&path, mode);
     let folder = match (output, beside.file_name()) {
         (Some(o), Some(name)) => o.join(name),
         _ => beside,

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::outcome::{Outcome, counted};
 use terrace_core::machine::LoadingWay;
-use terrace_plan::manifest::duration;
+use terrace_core::units::duration;
 
 /// All outcomes, in the order of the list.
 #[derive(Debug)]

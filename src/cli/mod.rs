@@ -315,7 +315,7 @@ fn compile(
     choice: &Choice,
 ) -> Result<(), Error> {
     let job = load(args, path, choice)?;
-    let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
+    let target = output.map_or_else(|| job_folder::default_output(&job.path, job.mode), Path::to_owned);
     job_folder::prepare(&target, job.mode)?;
     let steps = Steps::new(args.quiet);
     let mut phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();

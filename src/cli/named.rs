@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::show;
 use terrace_core::diag::{Diag, Error, Place, edits};
 use terrace_input::job::Mode;
-use terrace_plan::plan;
+use terrace_report::job_folder;
 
 /// The file that makes a folder a job folder.
 const MANIFEST: &str = "manifest.json";
@@ -31,7 +31,7 @@ pub fn job_folder(path: &Path) -> Result<(), Error> {
     }
     if path.is_file() {
         let own: Vec<PathBuf> = [Mode::Stepped, Mode::OnTheFly]
-            .map(|mode| plan::default_output(path, mode))
+            .map(|mode| job_folder::default_output(path, mode))
             .into_iter()
             .filter(|folder| is_job_folder(folder))
             .collect();

@@ -12,8 +12,8 @@ use super::{load, print, show, warn, write_file};
 use terrace_core::diag::{Diag, Error, Kind, Place};
 use terrace_core::geom::{Pose, mm_from_nm};
 use terrace_core::units::Angle;
+use terrace_core::units::duration;
 use terrace_input::job::Job;
-use terrace_plan::manifest::duration;
 use terrace_plan::plan::lay::{self, Laying, Reason, Side};
 use terrace_plan::plan::orient::{self, Orientation, SetUp};
 

@@ -13,9 +13,10 @@ use crate::batch::Outcome;
 use crate::run;
 use terrace_core::diag::shell_word;
 use terrace_core::machine::Machine;
+use terrace_core::units::duration;
 use terrace_input::job::Focus;
 use terrace_plan::budget::Budget;
-use terrace_plan::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
+use terrace_plan::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary};
 use terrace_plan::plan::{HatchSaving, Phase};
 
 /// Pretty JSON with a line end.

@@ -129,7 +129,7 @@ struct Got {
 
 fn read_at(path: &Path, unit_mm: f64) -> Got {
     let scale = Scale { pixel_mm: 2.0, z_mm: [0.0, 100.0], values: None, nodata: None, origin_mm: [0.0; 2] };
-    let has_scale = ["png", "tif", "dem"].iter().any(|e| path.extension().is_some_and(|of| of == *e));
+    let has_scale = ["png", "tif"].iter().any(|e| path.extension().is_some_and(|of| of == *e));
     let heightmap = has_scale.then_some(scale);
     let unit_mm = path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("3mf")).then_some(unit_mm);
     let options = Options { unit_mm, heightmap, ..Default::default() };
@@ -334,9 +334,9 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.step", "file-unreadable", "cannot read"),
         ("a.sldprt", "surface-format", "export it from the CAD program as STEP"),
         ("a.ply", "surface-unit", "a PLY file carries no unit"),
-        ("a.doc", "surface-format", ".stl, .obj, .ply, .3mf, .step, .iges, .png, .tif or .dem"),
+        ("a.doc", "surface-format", ".stl, .obj, .ply, .3mf, .step, .iges, .png or .tif"),
         ("a.TIFF", "heightmap-scale", "add [surface.heightmap]"),
-        ("a.dem", "heightmap-scale", "a USGS DEM carries no scale"),
+        ("a.dem", "surface-format", "gdal_translate"),
         ("a.asc", "surface-unit", "a point cloud carries no unit"),
         ("a.grd", "surface-format", "gdal_translate"),
         ("stl", "surface-format", "no extension"),

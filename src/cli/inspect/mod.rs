@@ -10,9 +10,10 @@ use std::path::Path;
 use serde_json::json;
 
 use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::units::duration;
 use terrace_input::job::{FileUnit, Job, Overrides};
 use terrace_input::surface::is_cad;
-use terrace_plan::manifest::{self, AnySummary, duration};
+use terrace_plan::manifest::{self, AnySummary};
 
 #[cfg(feature = "compare")]
 pub use nurbs::nurbs;

@@ -84,7 +84,7 @@ impl Mode {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceKeys {
-    /// STL, OBJ, PLY, 3MF, STEP, IGES, height map (PNG, TIFF, ESRI ASCII grid, USGS DEM), or XYZ / CSV point cloud;
+    /// STL, OBJ, PLY, 3MF, STEP, IGES, height map (PNG, TIFF, ESRI ASCII grid), or XYZ / CSV point cloud;
     /// relative to the job file.
     #[schemars(example = &"part.stl")]
     pub file: PathBuf,
@@ -113,7 +113,7 @@ pub struct SurfaceKeys {
     #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub tessellation: Option<Length>,
-    /// Scale of a height map; required for PNG, TIFF and USGS DEM.
+    /// Scale of a height map; required for PNG and TIFF.
     #[serde(default)]
     pub heightmap: Option<HeightmapKeys>,
     /// Longest triangle edge that a point cloud may be meshed with; default: eight times the typical

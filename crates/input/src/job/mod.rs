@@ -10,6 +10,7 @@ mod faults;
 pub mod file;
 mod file_unit;
 mod not_a_job;
+mod passes;
 mod plausible;
 mod read;
 mod resolve;
@@ -24,10 +25,11 @@ pub use file::{
     json_schema,
 };
 pub use file_unit::FileUnit;
+pub use passes::Passes;
 pub use read::{read_file, read_text};
 pub use resolve::MAX_SETUPS;
 pub use resolved::{
-    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
+    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Placement, Setups, SurfaceInput,
 };
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};
 pub use setting::{KeyValue, Keys, Setting, near_keys};

@@ -16,7 +16,7 @@ enum Use {
 }
 
 /// Names of files end in these and mean what stands beside them.
-const EXTENSIONS: [(&str, &str, Use); 28] = [
+const EXTENSIONS: [(&str, &str, Use); 27] = [
     ("stl", "an STL surface", Use::Surface),
     ("obj", "an OBJ surface", Use::Surface),
     ("ply", "a PLY surface", Use::Surface),
@@ -26,7 +26,6 @@ const EXTENSIONS: [(&str, &str, Use); 28] = [
     ("iges", "an IGES part", Use::Surface),
     ("igs", "an IGES part", Use::Surface),
     ("asc", "a height map or point cloud", Use::Surface),
-    ("dem", "a USGS DEM", Use::Surface),
     ("xyz", "a point cloud", Use::Surface),
     ("pts", "a point cloud", Use::Surface),
     ("ptx", "a point cloud", Use::Surface),

@@ -10,8 +10,9 @@ use super::file::{
     FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, MarkPower, Method, Mode, NonManifold, Objective, Parts,
     PassesKeys, PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
+use super::passes::Passes;
 use super::resolved::{
-    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
+    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Placement, Setups, SurfaceInput,
 };
 use super::texture::Texture;
 use super::texture::keys::TextureKeys;
@@ -61,9 +62,8 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length).0)));
     let focus = focus(&file.focus, f);
     errors_stated(file, f);
-    // Facets of exact surfaces may use a tenth of the depth.
     let is_cad = surface::is_cad(&surface.file);
-    surface.options.tessellation = is_cad.then(|| surface::Tessellation::within(focus.pdof.mm() / 10.0));
+    surface.options.tessellation = is_cad.then(|| surface::Tessellation::of_pdof(focus.pdof.mm()));
     let pens = pens(&file.pen, f);
     if file.texture.is_empty() {
         f.push("texture", Diag::input("texture-none", "the job has no [[texture]]"));

@@ -55,7 +55,7 @@ fn surface_keys(file: &JobFile, f: &mut Faults<'_>) {
     let keys = &file.surface;
     let extension = extension(&keys.file);
     let is_cloud = matches!(extension.as_str(), "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx");
-    let is_map = matches!(extension.as_str(), "png" | "tif" | "tiff" | "dem");
+    let is_map = matches!(extension.as_str(), "png" | "tif" | "tiff");
     let kind = format!("a .{extension} file");
     tell(
         f,

@@ -213,7 +213,6 @@ fn read_file(
         "3mf" => threemf::read(path, stated("a 3MF file")?, options, notes, sink),
         "png" => heightmap::png_image::read(path, scale("a PNG image")?, notes),
         "tif" | "tiff" => heightmap::tiff_image::read(path, scale("a TIFF image")?, notes),
-        "dem" => heightmap::usgs_dem::read(path, scale("a USGS DEM")?, notes),
         "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx" => {
             // A grid may have its scale from either.
             if options.heightmap.is_none() {
@@ -248,11 +247,11 @@ fn way_in(extension: &str) -> &'static str {
             "export it from the CAD program as STEP"
         }
         "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => "open it in MeshLab or Blender and export it as binary STL",
-        "grd" | "flt" | "bil" | "hgt" | "adf" | "img" | "vrt" => {
+        "dem" | "grd" | "flt" | "bil" | "hgt" | "adf" | "img" | "vrt" => {
             "convert it to GeoTIFF or an ESRI ASCII grid (.asc), with gdal_translate or QGIS"
         }
         _ => {
-            "surfaces are read from .stl, .obj, .ply, .3mf, .step, .iges, .png, .tif or .dem (height maps), and .xyz, .csv, \
+            "surfaces are read from .stl, .obj, .ply, .3mf, .step, .iges, .png or .tif (height maps), and .xyz, .csv, \
              .txt, .asc, .pts or .ptx (points, or an ESRI grid)"
         }
     }

@@ -241,16 +241,5 @@ pub fn lift_mm(machine: &Machine, checked: &Checked, index: usize) -> Option<f64
     lifts.then(|| machine.retract_z().mm())
 }
 
-/// A duration for reading: `4.2 s`, `12 min 5 s`, `3 h 12 min`.
-pub fn duration(s: f64) -> String {
-    let whole = s.max(0.0).round() as u64;
-    match whole {
-        // What would be rounded to 60.0 s is a minute.
-        _ if s < 59.95 => format!("{:.1} s", s.max(0.0)),
-        ..3600 => format!("{} min {} s", whole / 60, whole % 60),
-        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
-    }
-}
-
 #[cfg(test)]
 mod tests;

@@ -47,10 +47,3 @@ fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
     assert_eq!(json["focus"]["level"], "mid");
     assert_eq!(json["job"]["file"], "../hood.toml");
 }
-
-#[test]
-fn durations_are_formatted_in_words() {
-    let said = [0.0, 4.24, 59.94, 59.96, 725.2, 3599.6, 11_520.0].map(duration);
-    assert_eq!(said, ["0.0 s", "4.2 s", "59.9 s", "1 min 0 s", "12 min 5 s", "1 h 0 min", "3 h 12 min"]);
-    assert_eq!(duration(-1.0), "0.0 s");
-}

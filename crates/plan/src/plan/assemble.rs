@@ -4,16 +4,16 @@ use super::cut::{Cut, StopMarks, fragment};
 use super::dose;
 use super::focal_plane::focal_plane;
 use super::setups::{self, CellId, Setups, Used};
+use super::stage::Stage;
 use super::standstills::{Place, standstills};
-use super::start::Start;
 use crate::order;
 use crate::order::stops::HeightOrder;
 use crate::order::strokes::Visit;
 use crate::partition::{Lattice, Stops};
 use crate::split::Fragments;
-use terrace_core::clearance::{Clearance, Head};
+
 use terrace_core::geom::{Box2, FieldPoint, Nm, P2, Turned};
-use terrace_core::machine::{Commanded, Machine, Origin, Stand, TiltAngles};
+use terrace_core::machine::{Commanded, Stand};
 use terrace_core::parallel;
 use terrace_core::program::{Block, Program, Slope, Stop, StopId, Stroke};
 use terrace_core::progress::Task;
@@ -38,16 +38,6 @@ pub(super) struct Assembly {
 pub(super) struct How {
     pub(super) level: Level,
     pub(super) lattice: Lattice,
-}
-
-/// The stage as a pass finds it.
-pub(super) struct Stage<'a> {
-    pub(super) machine: &'a Machine,
-    pub(super) clearance: &'a Clearance,
-    pub(super) start: &'a Start,
-    /// Where the part's origin lies, nm.
-    pub(super) origin: Origin,
-    pub(super) climb: StopOrder,
 }
 
 /// A stop that is used: its place among the stops of the method, its focal plane set, and the lowest and highest
@@ -328,57 +318,5 @@ impl Stage<'_> {
             }
         }
         order
-    }
-
-    /// Whether the commands of a stop are those of a tilted head, which are rounded.
-    fn rounds(&self, stop: &Stop) -> bool {
-        self.machine.tilts_head() && !stop.tilt.is_upright()
-    }
-
-    /// Whether the stage must lift between two stops with their commands, of a part that lies at `origin`.
-    pub(super) fn lifts_between(
-        &self,
-        (a, from): (&Stop, Commanded),
-        (b, to): (&Stop, Commanded),
-        origin: Origin,
-    ) -> bool {
-        if !self.rounds(a) && !self.rounds(b) {
-            return self.lifts(a, b);
-        }
-        // The surface is that before it sank, as everywhere here.
-        let Origin([x, y, z]) = origin;
-        let head =
-            Head { machine: self.machine, origin: Origin([x, y, z + self.start.lowered.0]), clearance: self.clearance };
-        head.over_move((from, a.tilt), (to, b.tilt)) > Nm(0)
-    }
-
-    /// Whether the stage must lift between two stops.
-    fn lifts(&self, a: &Stop, b: &Stop) -> bool {
-        if a.tilt == b.tilt {
-            return a.centre != b.centre && self.lowest_between(a, b) - self.start.lowered < self.lowest_over(a, b);
-        }
-        let turn = |u: i64, v: i64| self.machine.turn(TiltAngles([u, v]), self.origin);
-        let [[a0, a1], [b0, b1]] = [a.tilt.0, b.tilt.0];
-        a.focus - self.start.lowered
-            < self.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
-    }
-
-    /// The lowest focal plane on the way from one stop to another of the same tilt, without a lift.
-    fn lowest_between(&self, a: &Stop, b: &Stop) -> Nm {
-        if self.machine.stage.diagonal { a.focus.min(b.focus) } else { a.focus }
-    }
-
-    /// Whether the head keeps clear of the part where it stands at a stop.
-    pub(super) fn is_clear(&self, stop: &Stop) -> bool {
-        stop.focus - self.start.lowered >= self.lowest_over(stop, stop)
-    }
-
-    /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
-    fn lowest_over(&self, a: &Stop, b: &Stop) -> Nm {
-        if a.tilt.is_upright() {
-            return self.clearance.lowest_focus(a.centre, b.centre);
-        }
-        let turn = self.machine.turn(a.tilt, self.origin);
-        self.clearance.lowest_swing([turn; 4])
     }
 }

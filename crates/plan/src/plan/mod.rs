@@ -43,6 +43,7 @@ mod setups;
 mod site;
 mod space_curves;
 mod split;
+mod stage;
 mod standstills;
 mod start;
 mod stepped;
@@ -51,8 +52,6 @@ pub mod strokes;
 mod summary;
 mod tilted_stops;
 mod warnings;
-
-use std::path::{Path, PathBuf};
 
 pub use hatch_saving::HatchSaving;
 pub use inputs::Inputs;
@@ -143,13 +142,4 @@ pub fn of_inputs(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<Pla
 /// Limits of the machine that the job breaks.
 pub fn stepped(job: Job, inputs: Inputs) -> Result<SteppedPlan, Error> {
     stepped::plan(job, inputs, &|_, _| {})
-}
-
-/// Folder of a job file's outputs: `hood.toml` makes `hood.job` next to it, or `hood.fly.job` of an on-the-fly job, so
-/// that neither replaces the other.
-pub fn default_output(job: &Path, mode: Mode) -> PathBuf {
-    match mode {
-        Mode::Stepped => job.with_extension("job"),
-        Mode::OnTheFly => job.with_extension("fly.job"),
-    }
 }

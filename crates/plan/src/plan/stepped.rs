@@ -11,7 +11,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::assemble::{self, Assembly, Stage};
+use super::assemble::{self, Assembly};
 use super::bound;
 use super::candidate::Candidate;
 use super::candidates::{best_of, divide, drop_worse, methods, stops};
@@ -32,6 +32,7 @@ use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
 use super::site::Site;
 use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, split, too_large};
+use super::stage::Stage;
 use super::start::Start;
 use super::stroke_chunks::Sweep;
 use super::summary;

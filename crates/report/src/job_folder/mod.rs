@@ -38,6 +38,15 @@ fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
         .into()
 }
 
+/// Folder of a job file's outputs: `hood.toml` makes `hood.job` next to it, or `hood.fly.job` of an on-the-fly job, so
+/// that neither replaces the other.
+pub fn default_output(job: &Path, mode: Mode) -> PathBuf {
+    match mode {
+        Mode::Stepped => job.with_extension("job"),
+        Mode::OnTheFly => job.with_extension("fly.job"),
+    }
+}
+
 /// Finishes or undoes what a stopped run left next to `target`, and makes sure that a folder may be written there,
 /// before time is spent on a plan.
 ///

@@ -14,7 +14,7 @@ use super::{Layout, budget, energy, length_text, mm, pass_file, plain, record};
 use terrace_core::diag::Message;
 use terrace_core::geom::Nm;
 use terrace_core::program::{Block, BlockId, PassId, Slope};
-use terrace_plan::manifest::duration;
+use terrace_core::units::duration;
 
 /// The report as the text of an HTML file.
 pub fn report_html(job: &Layout<'_>, energy_map: &EnergyMap) -> String {

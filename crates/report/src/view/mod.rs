@@ -24,10 +24,11 @@ use terrace_core::geom::BoxMm;
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::parallel;
 use terrace_core::program::{Pen, Slope};
+use terrace_core::units::duration;
 use terrace_input::job::Mode;
 use terrace_input::surface::{Decimated, Surface};
 use terrace_plan::block_map::BlockMap;
-use terrace_plan::manifest::{OnTheFlySummary, Summary, duration};
+use terrace_plan::manifest::{OnTheFlySummary, Summary};
 use terrace_plan::plan::{OnTheFlyPlan, SteppedPlan};
 
 /// The page, its style and its scripts in the order in which they are read.

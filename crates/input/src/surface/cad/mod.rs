@@ -36,6 +36,11 @@ pub struct Tessellation {
 }
 
 impl Tessellation {
+    /// For a job: facets may use a tenth of the processing depth of focus.
+    pub fn of_pdof(pdof_mm: f64) -> Self {
+        Self::within(pdof_mm / 10.0)
+    }
+
     /// With this chord tolerance, and an angle of 5 deg.
     pub fn within(chord_mm: f64) -> Self {
         Self { chord_mm, angle_rad: 5f64.to_radians() }

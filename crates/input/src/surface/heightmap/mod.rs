@@ -1,13 +1,12 @@
 //! Height maps: samples on a square grid, from images and from grids of elevations.
 //!
-//! A reader ([`png_image`], [`tiff_image`], [`esri_grid`], [`usgs_dem`]) gives the values of the file; here they get
+//! A reader ([`png_image`], [`tiff_image`] or [`esri_grid`]) gives the values of the file; here they get
 //! their heights, from `[surface.heightmap]` or from the file's own scale, and their limits. Samples are nodes of the
 //! grid. Holes are samples of a stated value or NaN. Values stay as the file has them (2, 4 or 8 bytes each).
 
 pub(super) mod esri_grid;
 pub(super) mod png_image;
 pub(super) mod tiff_image;
-pub(super) mod usgs_dem;
 
 use super::facets::PartExtent;
 use super::{Content, Heightmap, Scale};

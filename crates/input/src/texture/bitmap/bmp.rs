@@ -1,4 +1,5 @@
-//! BMP of Windows and OS/2: palettes of 1 to 8 bits, plain or run-length coded, and colour of 16, 24 and 32 bits.
+//! BMP of Windows: palettes of 1 to 8 bits, and colour of 16, 24 and 32 bits. Files of OS/2 and run-length coded ones
+//! are refused: no program has written them for decades.
 //!
 //! Read here and not by a crate: those at hand take the spare byte of plain 32-bit pixels for their opacity, which
 //! makes whole pictures white, and fill what a truncated file lacks.
@@ -21,8 +22,6 @@ struct Header {
 
 enum Packing {
     Palette(Vec<u16>),
-    /// Runs of indices to a palette.
-    Runs(Vec<u16>),
     /// Blue, green, red of a byte each.
     Bytes,
     /// The bits of red, green, blue and opacity.
@@ -52,14 +51,8 @@ pub(super) fn decode(data: &[u8]) -> Result<Image, Diag> {
     }
     let Header { columns, rows, bits, .. } = header;
     let mut image = Image::new(columns, rows);
-    if let Packing::Runs(palette) = &header.packing {
-        for index in runs(data.get(header.start..).unwrap_or_default(), columns, rows, bits)? {
-            image.samples.push(colour(palette, index)?);
-        }
-    } else {
-        for row in 0..rows {
-            push(header.line(data, row)?, &header.packing, bits, columns, &mut image)?;
-        }
+    for row in 0..rows {
+        push(header.line(data, row)?, &header.packing, bits, columns, &mut image)?;
     }
     if !header.is_top_down {
         image.flip();
@@ -94,32 +87,31 @@ fn pixel(bytes: &[u8]) -> u32 {
 
 fn header(data: &[u8]) -> Result<Header, Diag> {
     let (start, size) = (long(data, 10)? as usize, long(data, 14)? as usize);
-    let is_core = size == 12;
-    if !matches!(size, 12 | 16 | 40 | 52 | 56 | 64 | 108 | 124) {
+    if matches!(size, 12 | 16 | 64) {
+        return Err(unread("a BMP of OS/2"));
+    }
+    if !matches!(size, 40 | 52 | 56 | 108 | 124) {
         return Err(damaged(&format!("its header has {size} bytes")));
     }
-    let (columns, rows, bits) = if is_core {
-        (i64::from(short(data, 18)?), i64::from(short(data, 20)?), short(data, 24)?)
-    } else {
-        // Stored with a sign; rows below zero begin with the uppermost.
-        (i64::from(long(data, 18)?.cast_signed()), i64::from(long(data, 22)?.cast_signed()), short(data, 28)?)
-    };
+    // Stored with a sign; rows below zero begin with the uppermost.
+    let (columns, rows) = (i64::from(long(data, 18)?.cast_signed()), i64::from(long(data, 22)?.cast_signed()));
+    let bits = short(data, 28)?;
     check_size(columns.max(0).unsigned_abs(), rows.unsigned_abs(), 1)?;
-    let compression = if size >= 40 { long(data, 30)? } else { 0 };
+    let compression = long(data, 30)?;
     let packing = match (bits, compression) {
         (1 | 2 | 4 | 8, 0) => Packing::Palette(palette(data, size, bits)?),
-        (8, 1) | (4, 2) => Packing::Runs(palette(data, size, bits)?),
         (24, 0) => Packing::Bytes,
         (16, 0) => Packing::Masks([0x7c00, 0x03e0, 0x001f, 0]),
         (32, 0) => Packing::Masks([0xff_0000, 0xff00, 0xff, 0]),
-        (16 | 32, 3 | 6) if size >= 40 && size != 64 => {
+        (16 | 32, 3 | 6) => {
             let has_alpha = compression == 6 || size >= 56;
             let [r, g, b] = [long(data, 54)?, long(data, 58)?, long(data, 62)?];
             Packing::Masks([r, g, b, if has_alpha { long(data, 66)? } else { 0 }])
         }
+        (8, 1) | (4, 2) => return Err(unread("a run-length coded BMP")),
         _ => return Err(unread(&format!("a BMP of {bits} bits with compression {compression}"))),
     };
-    let resolution = if size >= 40 { Some([long(data, 38)?, long(data, 42)?]) } else { None };
+    let resolution = [long(data, 38)?, long(data, 42)?];
     Ok(Header {
         columns: columns as usize,
         rows: rows.unsigned_abs() as usize,
@@ -127,19 +119,18 @@ fn header(data: &[u8]) -> Result<Header, Diag> {
         bits,
         packing,
         start,
-        resolution: resolution.map(|r| r.map(|per_m| f64::from(per_m.cast_signed()) / 1000.0)),
+        resolution: Some(resolution.map(|per_m| f64::from(per_m.cast_signed()) / 1000.0)),
     })
 }
 
 /// The greys of a palette, which follows the header.
 fn palette(data: &[u8], size: usize, bits: u16) -> Result<Vec<u16>, Diag> {
     let most = 1usize << bits;
-    let used = if size >= 40 { long(data, 46)? as usize } else { 0 };
+    let used = long(data, 46)? as usize;
     let count = if used == 0 { most } else { used.min(most) };
-    let entry = if size == 12 { 3 } else { 4 };
     (0..count)
         .map(|k| {
-            let [b, g, r] = bytes(data, 14 + size + k * entry)?;
+            let [b, g, r] = bytes(data, 14 + size + 4 * k)?;
             Ok(luma([r, g, b].map(|v| u16::from(v) * 257)))
         })
         .collect()
@@ -155,7 +146,7 @@ fn colour(palette: &[u16], index: u8) -> Result<u16, Diag> {
 /// Appends a row.
 fn push(line: &[u8], packing: &Packing, bits: u16, columns: usize, image: &mut Image) -> Result<(), Diag> {
     match packing {
-        Packing::Palette(palette) | Packing::Runs(palette) => {
+        Packing::Palette(palette) => {
             let bits = usize::from(bits);
             let per_byte = 8 / bits;
             for i in 0..columns {
@@ -181,57 +172,6 @@ fn band(pixel: u32, mask: u32) -> Option<u16> {
     let most = mask >> mask.trailing_zeros().min(31);
     let value = u64::from((pixel & mask) >> mask.trailing_zeros().min(31));
     (mask != 0).then(|| (value * u64::from(WHITE) / u64::from(most)) as u16)
-}
-
-/// Indices from runs; those that a jump leaves out are 0.
-fn runs(data: &[u8], columns: usize, rows: usize, bits: u16) -> Result<Vec<u8>, Diag> {
-    let cut = || truncated("its runs end before the last pixel");
-    let beyond = || damaged("a run leaves the picture");
-    let mut out = vec![0; columns * rows];
-    let (mut x, mut y, mut at) = (0, 0, 0);
-    let mut pair = || {
-        let pair = data.get(at..at + 2).ok_or_else(cut)?;
-        at += 2;
-        Ok::<_, Diag>([pair[0], pair[1]])
-    };
-    let half = |v: u8, i: usize| {
-        if bits == 8 {
-            v
-        } else if i.is_multiple_of(2) {
-            v >> 4
-        } else {
-            v & 15
-        }
-    };
-    loop {
-        match pair()? {
-            [0, 0] => (x, y) = (0, y + 1),
-            [0, 1] => return Ok(out),
-            [0, 2] => {
-                let [right, up] = pair()?;
-                (x, y) = (x + usize::from(right), y + usize::from(up));
-            }
-            [count, value] => {
-                let n = usize::from(if count == 0 { value } else { count });
-                if y >= rows || x + n > columns {
-                    return Err(beyond());
-                }
-                let run = &mut out[y * columns + x..][..n];
-                if count > 0 {
-                    run.iter_mut().enumerate().for_each(|(i, p)| *p = half(value, i));
-                } else {
-                    // Indices as they are, filled up to whole pairs of bytes.
-                    let per_pair = if bits == 8 { 2 } else { 4 };
-                    for part in run.chunks_mut(per_pair) {
-                        let values = pair()?;
-                        let index = |i: usize| if bits == 8 { values[i] } else { half(values[i / 2], i) };
-                        part.iter_mut().enumerate().for_each(|(i, p)| *p = index(i));
-                    }
-                }
-                x += n;
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -266,12 +206,6 @@ mod tests {
             ("4 bits", file([3, 2], 4, 0, &[], &INK, &[0x01, 0x10, 0, 0, 0x11, 0, 0, 0]), [k, k, w, w, k, k]),
             ("8 bits", file([3, 2], 8, 0, &[], &INK, &[0, 1, 0, 0, 1, 1, 1, 0]), [k, k, k, w, k, w]),
             ("24 bits", file([2, 2], 24, 0, &[], &[], &rgb), [k, k, red, w, 0, 0]),
-            ("runs", file([3, 2], 8, 1, &[], &INK, &[2, 1, 1, 0, 0, 0, 0, 3, 1, 0, 1, 0, 0, 1]), [k, w, k, k, k, w]),
-            (
-                "runs of 4 bits",
-                file([3, 2], 4, 2, &[], &INK, &[3, 0x10, 0, 0, 0, 2, 1, 0, 2, 0x10, 0, 1]),
-                [w, k, w, k, w, k],
-            ),
             ("32 bits", file([2, 1], 32, 0, &[], &[], &[0, 0, 255, 0, 0, 0, 0, 0]), [red, k, 0, 0, 0, 0]),
             ("opacity", file([2, 1], 32, 3, &masks, &[], &[0, 0, 0, 255, 0, 0, 0, 0]), [k, w, 0, 0, 0, 0]),
             ("spare byte", file([2, 1], 32, 3, &masks, &[], &[0, 0, 0, 0, 255, 255, 255, 0]), [k, w, 0, 0, 0, 0]),
@@ -293,12 +227,15 @@ mod tests {
             (file([1, 1], 8, 0, &[], &INK, &[2, 0, 0, 0]), "bitmap-damaged"),
             (file([-1, 1], 8, 0, &[], &INK, &[0; 4]), "bitmap-damaged"),
             (file([i32::MAX, i32::MIN], 8, 0, &[], &INK, &[0; 4]), "bitmap-large"),
-            (file([2, 1], 8, 1, &[], &INK, &[3, 1, 0, 1]), "bitmap-damaged"),
-            (file([2, 1], 8, 1, &[], &INK, &[1, 1]), "bitmap-truncated"),
+            (file([2, 1], 8, 1, &[], &INK, &[2, 1, 0, 1]), "bitmap-samples"),
+            (file([2, 1], 4, 2, &[], &INK, &[2, 1, 0, 1]), "bitmap-samples"),
             (file([2, 1], 8, 4, &[], &INK, &[0; 4]), "bitmap-samples"),
         ] {
             assert_eq!(decode(&data).expect_err("refused").code, code);
         }
+        let mut of_os2 = whole.clone();
+        of_os2[14] = 12;
+        assert!(decode(&of_os2).expect_err("refused").message.contains("OS/2"));
         // Whatever byte is wrong: an answer, and no panic.
         for at in 2..whole.len() {
             for value in [0, 1, 0x7f, 0x80, 0xff] {

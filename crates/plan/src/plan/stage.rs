@@ -1,0 +1,72 @@
+//! The stage as a pass finds it, and when the head lifts between two stops.
+
+use super::start::Start;
+use terrace_core::clearance::{Clearance, Head};
+use terrace_core::geom::Nm;
+use terrace_core::machine::{Commanded, Machine, Origin, TiltAngles};
+use terrace_core::program::Stop;
+use terrace_input::job::StopOrder;
+
+/// The stage as a pass finds it.
+pub(super) struct Stage<'a> {
+    pub(super) machine: &'a Machine,
+    pub(super) clearance: &'a Clearance,
+    pub(super) start: &'a Start,
+    /// Where the part's origin lies, nm.
+    pub(super) origin: Origin,
+    pub(super) climb: StopOrder,
+}
+
+impl Stage<'_> {
+    /// Whether the commands of a stop are those of a tilted head, which are rounded.
+    pub(super) fn rounds(&self, stop: &Stop) -> bool {
+        self.machine.tilts_head() && !stop.tilt.is_upright()
+    }
+
+    /// Whether the stage must lift between two stops with their commands, of a part that lies at `origin`.
+    pub(super) fn lifts_between(
+        &self,
+        (a, from): (&Stop, Commanded),
+        (b, to): (&Stop, Commanded),
+        origin: Origin,
+    ) -> bool {
+        if !self.rounds(a) && !self.rounds(b) {
+            return self.lifts(a, b);
+        }
+        // The surface is that before it sank, as everywhere here.
+        let Origin([x, y, z]) = origin;
+        let head =
+            Head { machine: self.machine, origin: Origin([x, y, z + self.start.lowered.0]), clearance: self.clearance };
+        head.over_move((from, a.tilt), (to, b.tilt)) > Nm(0)
+    }
+
+    /// Whether the stage must lift between two stops.
+    pub(super) fn lifts(&self, a: &Stop, b: &Stop) -> bool {
+        if a.tilt == b.tilt {
+            return a.centre != b.centre && self.lowest_between(a, b) - self.start.lowered < self.lowest_over(a, b);
+        }
+        let turn = |u: i64, v: i64| self.machine.turn(TiltAngles([u, v]), self.origin);
+        let [[a0, a1], [b0, b1]] = [a.tilt.0, b.tilt.0];
+        a.focus - self.start.lowered
+            < self.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
+    }
+
+    /// The lowest focal plane on the way from one stop to another of the same tilt, without a lift.
+    pub(super) fn lowest_between(&self, a: &Stop, b: &Stop) -> Nm {
+        if self.machine.stage.diagonal { a.focus.min(b.focus) } else { a.focus }
+    }
+
+    /// Whether the head keeps clear of the part where it stands at a stop.
+    pub(super) fn is_clear(&self, stop: &Stop) -> bool {
+        stop.focus - self.start.lowered >= self.lowest_over(stop, stop)
+    }
+
+    /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
+    pub(super) fn lowest_over(&self, a: &Stop, b: &Stop) -> Nm {
+        if a.tilt.is_upright() {
+            return self.clearance.lowest_focus(a.centre, b.centre);
+        }
+        let turn = self.machine.turn(a.tilt, self.origin);
+        self.clearance.lowest_swing([turn; 4])
+    }
+}
