@@ -1,12 +1,12 @@
 //! Speed and memory of the whole job, on three sizes: `make bench` prints the table.
 //!
-//! A plain program that does what cannot be left out (`floor`) runs first on every size, in the same run. CPU seconds
-//! are told as multiples of its own as well, and these and the memory are compared with the figures that the repository
+//! A plain program that does what cannot be left out (`floor`) runs first on every size, in the same run. Seconds are
+//! told as multiples of its own as well, and these and the memory are compared with the figures that the repository
 //! keeps (`benches/kept.json`): what has become slower or larger by more than a tenth is said at the end. `KEEP=write`
 //! keeps the figures of this run.
 //!
 //! Every case runs in a process of its own, on one thread unless its name says two, from files in
-//! the page cache, and reports its CPU seconds (user and system) and its peak memory, as the kernel
+//! the page cache, and reports the seconds that it computed and its peak memory, as the kernel
 //! counts them.
 
 #[path = "../tests/it/support/surfaces.rs"]
@@ -21,7 +21,7 @@ mod kept;
 #[path = "support/memory.rs"]
 mod memory;
 
-use cpu::cpu_s;
+use cpu::user_s;
 use kept::Kept;
 use memory::peak_mb;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ fn main() {
         return;
     }
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let heads = ["CPU s", "x floor", "wall s", "peak MB", "B/unit"].map(|head| format!("{head:>9}")).join(" ");
+    let heads = ["user s", "x floor", "wall s", "peak MB", "B/unit"].map(|head| format!("{head:>9}")).join(" ");
     println!("{:<38} {heads}", "case, one thread");
     let mut kept = Kept::read();
     for (n, name, height, cases) in SETS {
@@ -61,18 +61,18 @@ fn main() {
             let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
             let text = String::from_utf8(out.stdout).expect("text");
-            let ([cpu_s, wall_s, peak_mb, units], note) = columns(&text);
+            let ([user_s, wall_s, peak_mb, units], note) = columns(&text);
             match *case {
-                "floor" => floor_s = cpu_s,
+                "floor" => floor_s = user_s,
                 "load" => bare_mb = peak_mb,
                 _ => {}
             }
-            let ratio = cpu_s / floor_s;
+            let ratio = user_s / floor_s;
             // What the mesh takes is no unit's.
             let bytes = (peak_mb - bare_mb) * 1024.0 * 1024.0 / units;
             let bytes = if units > 0.0 && bare_mb > 0.0 { format!("{bytes:.0}") } else { String::new() };
             let case = format!("{name} triangles, {case}");
-            println!("{case:<38} {cpu_s:>9.2} {ratio:>9.2} {wall_s:>9.2} {peak_mb:>9.0} {bytes:>9}  {note}");
+            println!("{case:<38} {user_s:>9.2} {ratio:>9.2} {wall_s:>9.2} {peak_mb:>9.0} {bytes:>9}  {note}");
             kept.add(&case, ratio, peak_mb);
         }
     }
@@ -135,7 +135,7 @@ fn run(case: &str, stl: &Path) {
         "compare" => (0, compare_hood()),
         method => job(method, stl),
     });
-    println!("{:>9.2} {:>9.2} {:>9.1} {units:>9}  {note}", cpu_s(), start.elapsed().as_secs_f64(), peak_mb());
+    println!("{:>9.2} {:>9.2} {:>9.1} {units:>9}  {note}", user_s(), start.elapsed().as_secs_f64(), peak_mb());
 }
 
 fn load(stl: &Path) -> Surface {

@@ -8,7 +8,7 @@
 #[path = "support/cpu.rs"]
 mod cpu;
 
-use cpu::cpu_s;
+use cpu::user_s;
 use terrace_plan::on_the_fly::topp::{Limit, Options, Path, time_optimal};
 
 const STEP: f64 = 0.1;
@@ -69,9 +69,9 @@ fn dome() -> Owned {
 fn row(name: &str, path: &Owned, refine: usize, limits: &[Limit]) {
     let (nodes, caps) = (path.s.len(), vec![500.0; path.s.len() - 1]);
     let path = Path { positions: &path.positions, s: &path.s, caps: &caps, stops: &path.stops };
-    let start = cpu_s();
+    let start = user_s();
     let timed = time_optimal(&path, limits, &Options { refine, ..Options::default() }).expect("a sound path");
-    let cpu = (cpu_s() - start).max(0.01);
+    let cpu = (user_s() - start).max(0.01);
     let r = timed.report();
     let worst = r.ratio.speed.max(r.ratio.acceleration).max(r.ratio.jerk);
     println!(

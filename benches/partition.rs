@@ -13,7 +13,7 @@ mod cpu;
 #[path = "support/memory.rs"]
 mod memory;
 
-use cpu::cpu_s;
+use cpu::user_s;
 use memory::peak_mb;
 use std::process::Command;
 
@@ -63,9 +63,9 @@ fn run(case: &str, z: Surface) {
         "fine" => cells(&lines(z, FINE), FINE),
         _ => cells(&lines(z, CELL), CELL),
     };
-    let start = cpu_s();
+    let start = user_s();
     let corners = window::cover(&items, SIZE, STEP);
-    let covered = cpu_s();
+    let covered = user_s();
     let (certificate, seconds) = bound(case, z, &items);
     assert!(certificate.check(), "a sound certificate");
     let (stops, least) = (corners.len(), certificate.stops());
@@ -80,8 +80,8 @@ fn run(case: &str, z: Surface) {
 
 fn bound(case: &str, z: impl Fn(f64, f64) -> f64, items: &[Item]) -> (Certificate, f64) {
     if case == "squares" {
-        let start = cpu_s();
-        return (lower_bound_whole(items, SIZE), cpu_s() - start);
+        let start = user_s();
+        return (lower_bound_whole(items, SIZE), user_s() - start);
     }
     let mut points: Vec<[i32; 3]> = Vec::new();
     for (y, x0, x1) in pieces(CELL[0]) {
@@ -91,8 +91,8 @@ fn bound(case: &str, z: impl Fn(f64, f64) -> f64, items: &[Item]) -> (Certificat
             points.push([x * MM, y * MM, z(x, y)].map(|v| v.round() as i32));
         }
     }
-    let start = cpu_s();
-    (lower_bound(&points, SIZE), cpu_s() - start)
+    let start = user_s();
+    (lower_bound(&points, SIZE), user_s() - start)
 }
 
 /// Lines along x, cut into cells: y and the ends along x, mm.
