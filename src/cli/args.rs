@@ -1,6 +1,8 @@
 //! Arguments of the command line.
 
 use std::io::IsTerminal;
+#[cfg(feature = "run")]
+use std::path::Path;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
@@ -472,10 +474,14 @@ fn bytes(text: &str) -> Result<u64, String> {
 #[derive(Debug, clap::Args)]
 pub struct RunArgs {
     /// Job folder; it must verify.
-    pub folder: PathBuf,
+    #[arg(required_unless_present = "schema")]
+    folder: Option<PathBuf>,
     /// Run file: the machine with its stage and laser drivers.
-    #[arg(long, value_name = "RUN.toml")]
-    pub with: PathBuf,
+    #[arg(long, value_name = "RUN.toml", required_unless_present = "schema")]
+    with: Option<PathBuf>,
+    /// Print the JSON schema of run files instead.
+    #[arg(long, exclusive = true)]
+    pub schema: bool,
     /// Fire the laser.
     #[arg(long)]
     pub arm: bool,
@@ -504,6 +510,19 @@ pub struct RunArgs {
     /// Mark another part of a series from its first block on; the journal counts the parts.
     #[arg(long, requires = "arm", conflicts_with_all = ["go_on", "frames"])]
     pub again: bool,
+}
+
+#[cfg(feature = "run")]
+impl RunArgs {
+    /// The job folder.
+    pub fn folder(&self) -> &Path {
+        self.folder.as_deref().expect("required without --schema")
+    }
+
+    /// The run file.
+    pub fn with(&self) -> &Path {
+        self.with.as_deref().expect("required without --schema")
+    }
 }
 
 /// Options that override keys of the job file.

@@ -33,6 +33,8 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::error::ContextKind;
 
+#[cfg(feature = "run")]
+use args::RunArgs;
 use args::{Args, Choice, Command};
 use steps::Steps;
 #[cfg(feature = "compare")]
@@ -173,6 +175,8 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
         }
+        #[cfg(feature = "run")]
+        Command::Run(RunArgs { schema: true, .. }) => schema_text(args, crate::run::settings::json_schema(), None)?,
         #[cfg(feature = "run")]
         Command::Run(asked) => return run::run(args, asked),
         Command::Preview { job, output, width, choice } => {

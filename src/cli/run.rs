@@ -15,7 +15,7 @@ use terrace_core::diag::{Diag, Error};
 
 /// Runs a job and says what has become of it.
 pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
-    named::job_folder(&asked.folder)?;
+    named::job_folder(asked.folder())?;
     let interrupt = Interrupt::default();
     let told = interrupt.clone();
     let heard = ctrlc::set_handler(move || {
@@ -41,8 +41,8 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
 
 fn order(asked: &RunArgs) -> Order<'_> {
     Order {
-        folder: &asked.folder,
-        run_file: &asked.with,
+        folder: asked.folder(),
+        run_file: asked.with(),
         inputs: asked.inputs.as_deref(),
         journal: asked.journal.as_deref(),
         log: asked.log.as_deref(),

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use terrace_core::diag::{self, Diag, Error};
@@ -15,10 +16,11 @@ const KEYS: &str = "docs/run-file.md lists all keys of a run file";
 const MAX_FILE: u64 = 1 << 20;
 
 /// The keys of a run file.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RunFile {
-    /// Name of the machine, as in its machine file: jobs for another one are refused.
+    /// Name of the machine, as in its machine file; jobs for another machine are refused.
+    #[schemars(extend("x-value" = "name"))]
     pub machine: String,
     /// How the stage is driven.
     pub stage: StageKeys,
@@ -40,19 +42,27 @@ impl RunFile {
     }
 }
 
+/// The JSON schema of a run file.
+pub fn json_schema() -> String {
+    let schema = schemars::schema_for!(RunFile);
+    serde_json::to_string_pretty(&schema).expect("a schema is plain JSON")
+}
+
 /// A stage driver and its keys.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "driver", rename_all = "lowercase", deny_unknown_fields)]
 pub enum StageKeys {
     /// LinuxCNC through its network shell, linuxcncrsh.
     Linuxcnc(LinuxCncKeys),
     /// GRBL 1.1 on a serial port.
     Grbl {
-        /// The port, such as `/dev/ttyUSB0` or `COM3`.
+        /// Serial port, such as `"/dev/ttyUSB0"` or `"COM3"`.
         port: String,
-        /// Bits per second; default: 115200.
+        /// Bits per second.
+        #[schemars(extend("x-default" = "115200"))]
         baud: Option<u32>,
-        /// What `$I` must hold, such as the name set with `$I=`.
+        /// What the answer to `$I` must hold, such as the name set with `$I=`.
+        #[schemars(extend("x-default" = "not checked"))]
         identity: Option<String>,
     },
     /// A person moves the stage and says when it stands.
@@ -60,25 +70,31 @@ pub enum StageKeys {
 }
 
 /// A laser driver and its keys.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "driver", rename_all = "lowercase", deny_unknown_fields)]
 pub enum LaserKeys {
     /// LightBurn on this or another computer, by UDP; it takes `lightburn` files.
     Lightburn {
-        /// Host; default: localhost.
+        /// Computer that LightBurn runs on.
+        #[schemars(extend("x-default" = "\"localhost\""))]
         address: Option<String>,
-        /// The job folder as LightBurn's computer sees it, where that is another path.
+        /// The job folder as that computer sees it.
+        #[schemars(extend("x-value" = "path", "x-default" = "the same path"))]
         folder: Option<String>,
-        /// Its port for commands; default: 19840.
+        /// Port that LightBurn listens to.
+        #[schemars(extend("x-default" = "19840"))]
         port: Option<u16>,
-        /// The port that it answers to; default: 19841.
+        /// Port that it answers to.
+        #[schemars(extend("x-default" = "19841"))]
         answers: Option<u16>,
     },
     /// A BJJCZ (LMC) card over USB; it takes `lmc` files.
     Lmc {
         /// Serial number of the USB device, where there are several.
+        #[schemars(extend("x-default" = "the only one"))]
         serial: Option<String>,
-        /// Field correction (.cor) that the card is given; default: none.
+        /// Field correction (`.cor`) that the card is given.
+        #[schemars(extend("x-value" = "path"))]
         correction: Option<String>,
     },
     /// A command of the user's, which ends when the block is marked, with 0 where it is.
@@ -90,32 +106,40 @@ pub enum LaserKeys {
 }
 
 /// LinuxCNC and how it is reached.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinuxCncKeys {
-    /// Host and port of linuxcncrsh, such as `localhost:5007`.
+    /// Host and port of linuxcncrsh, such as `"localhost:5007"`.
     pub address: String,
-    /// Connection password of linuxcncrsh (-w); default: EMC.
+    /// Its connection password (`-w`).
+    #[schemars(extend("x-default" = "\"EMC\""))]
     pub password: Option<String>,
-    /// Enable password of linuxcncrsh (-e); default: EMCTOO.
+    /// Its enable password (`-e`).
+    #[schemars(extend("x-default" = "\"EMCTOO\""))]
     pub enable: Option<String>,
-    /// Name of the server (linuxcncrsh -n), which must be the same.
+    /// Its name (`-n`), which must be the same.
+    #[schemars(extend("x-default" = "not checked"))]
     pub identity: Option<String>,
-    /// How far an axis may stand from its target when the laser is started; default: 0.01 mm.
+    /// How far an axis may stand from its target when the laser is started; 0.01 mm also stands for 0.01 degrees of a tilt axis.
+    #[schemars(extend("x-default" = "\"0.01 mm\""))]
     #[serde(default, deserialize_with = "positive_option")]
     pub tolerance: Option<Length>,
 }
 
 /// A command and what it takes.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CommandKeys {
-    /// Format of the files that it takes; default: those that the job holds, where there is one kind.
+    /// Format of the files that it takes, as in `emit.formats`.
+    #[schemars(extend("x-default" = "the only one of the job"))]
     pub format: Option<String>,
-    /// The program and its arguments; `{file}`, `{block}` and `{shift}` (mm) are replaced.
+    /// Program and arguments; it ends with 0 when the block is marked and the laser off.
+    #[schemars(extend("x-value" = "list of words"))]
     pub mark: Vec<String>,
     /// The same with the pilot laser.
+    #[schemars(extend("x-value" = "list of words"))]
     pub pilot: Option<Vec<String>>,
-    /// A command that switches the laser off; called before the first block and at every end.
+    /// Switches the laser off; called before the first block and at every end.
+    #[schemars(extend("x-value" = "list of words"))]
     pub off: Option<Vec<String>>,
 }

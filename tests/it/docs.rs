@@ -145,7 +145,7 @@ fn scan_for_codes_finds_every_form() {
     assert_eq!(codes, ["a-b", "c", "svg-d", "svg-t"]);
 }
 
-// --- Keys
+// --- Examples
 
 /// The schema that `at` refers to: through references, lists and choices to an object with keys.
 fn object<'a>(schema: &'a Value, at: &'a Value) -> Option<&'a Value> {
@@ -158,103 +158,6 @@ fn object<'a>(schema: &'a Value, at: &'a Value) -> Option<&'a Value> {
     let choices = at["anyOf"].as_array().into_iter().flatten();
     choices.chain(at.get("items")).find_map(|c| object(schema, c))
 }
-
-/// The words that a key may have as its value.
-fn words(schema: &Value, at: &Value, out: &mut BTreeSet<String>) {
-    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
-        words(schema, &schema["$defs"][name], out);
-    }
-    out.extend(at["const"].as_str().map(str::to_owned));
-    out.extend(at["enum"].as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned));
-    for list in ["anyOf", "oneOf"] {
-        at[list].as_array().into_iter().flatten().for_each(|c| words(schema, c, out));
-    }
-    at.get("items").into_iter().for_each(|c| words(schema, c, out));
-}
-
-/// Every table of a file, by its dotted name ("" for the file itself): its keys that hold values, each
-/// with the words it may have.
-fn tables(schema: &Value) -> BTreeMap<String, BTreeMap<String, BTreeSet<String>>> {
-    let mut out = BTreeMap::new();
-    let mut open = vec![(String::new(), schema)];
-    while let Some((name, at)) = open.pop() {
-        let mut keys = BTreeMap::new();
-        for (key, value) in at["properties"].as_object().expect("an object has keys") {
-            // What is written in one line is explained as a key.
-            let in_line = ["move", "servo", "settle", "inside", "outside"];
-            match object(schema, value).filter(|_| !in_line.contains(&key.as_str())) {
-                Some(inner) => {
-                    let dot = if name.is_empty() { "" } else { "." };
-                    open.push((format!("{name}{dot}{key}"), inner));
-                }
-                None => {
-                    let mut all = BTreeSet::new();
-                    words(schema, value, &mut all);
-                    keys.insert(key.clone(), all);
-                }
-            }
-        }
-        out.insert(name, keys);
-    }
-    out
-}
-
-/// The rows of a document's tables under headings like "## [surface]", which may name several tables:
-/// key and the whole row.
-fn rows(text: &str) -> BTreeMap<String, BTreeMap<String, String>> {
-    let mut out: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
-    let mut names: Vec<String> = Vec::new();
-    for line in text.lines() {
-        if let Some(heading) = line.strip_prefix("## ") {
-            let parts = heading.split('`').skip(1).step_by(2);
-            names = parts.map(|p| p.trim_matches(['[', ']']).to_owned()).collect();
-            if heading == "The file itself" {
-                names.push(String::new());
-            }
-        } else if let Some(key) = line.strip_prefix("| `").and_then(|l| l.split('`').next()) {
-            for name in &names {
-                out.entry(name.clone()).or_default().insert(key.to_owned(), line.to_owned());
-            }
-        }
-    }
-    out
-}
-
-fn every_key_has_a_row(file: &str, schema: &str) {
-    let text = text_of(file);
-    let rows = rows(&text);
-    let schema: Value = serde_json::from_str(schema).expect("a schema is JSON");
-    let tables = tables(&schema);
-    assert!(tables.len() > 5, "{file}: tables are found");
-    for (name, keys) in &tables {
-        let empty = BTreeMap::new();
-        let have = rows.get(name).unwrap_or(&empty);
-        for (key, words) in keys {
-            let row = have.get(key).unwrap_or_else(|| panic!("{file}: [{name}] has no row for {key}"));
-            for word in words {
-                assert!(row.contains(&format!("\"{word}\"")), "{file}: [{name}] {key} does not name {word:?}");
-            }
-        }
-        for key in have.keys() {
-            assert!(keys.contains_key(key), "{file}: [{name}] explains {key}, which does not exist");
-        }
-    }
-    for name in rows.keys() {
-        assert!(tables.contains_key(name), "{file} explains [{name}], which does not exist");
-    }
-}
-
-#[test]
-fn every_key_of_a_job_file_is_explained() {
-    every_key_has_a_row("docs/job-file.md", &job::json_schema());
-}
-
-#[test]
-fn every_key_of_a_machine_file_is_explained() {
-    every_key_has_a_row("docs/machine-file.md", &machine::json_schema());
-}
-
-// --- Examples
 
 /// The code blocks of a document whose opening line is "```" and `kind`.
 fn blocks<'a>(text: &'a str, kind: &str) -> Vec<&'a str> {

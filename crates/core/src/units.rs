@@ -73,6 +73,7 @@ macro_rules! quantity {
                     "description": format!("Text: {} with its unit, for example {:?}.", article($what), $example),
                     "pattern": pattern(&[$($unit),+]),
                     "examples": [$example],
+                    "x-value": $what,
                 })
             }
         }
@@ -398,6 +399,7 @@ impl schemars::JsonSchema for Power {
             "description": "A power in percent of the machine's max_power or in W, for example \"60 %\" or \"8.4 W\".",
             "pattern": pattern(&["%", "mW", "W", "kW"]),
             "examples": ["60 %", "8.4 W"],
+            "x-value": "power",
         })
     }
 }

@@ -14,9 +14,12 @@ use crate::units::{number_and_unit, quantity_from_text};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cost {
-    /// An hour of the machine, whether it marks, moves or waits.
+    /// An hour of the machine; the currency by its three letters, 0 to 1e6 an hour.
+    #[schemars(extend("x-value" = "money per hour, such as \"80 EUR/h\""))]
     pub machine: Rate,
-    /// An hour of the person who attends it as long as the job takes.
+    /// An hour of the person who attends it, in the same currency; without it a person costs nothing, as where one
+    /// attends many closed machines.
+    #[schemars(extend("x-value" = "money per hour"))]
     #[serde(default)]
     pub operator: Option<Rate>,
 }

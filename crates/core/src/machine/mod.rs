@@ -42,7 +42,7 @@ use crate::units::{
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
-    /// Name shown in run sheets and reports.
+    /// Shown in run sheets, reports and program heads.
     pub name: String,
     /// Where the numbers come from.
     #[serde(default)]
@@ -99,9 +99,9 @@ pub enum FieldShape {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lens {
-    /// Full sizes of the scan field along x and y.
+    /// Full sizes of the scan field along x and y, up to 1 m.
     pub field: [Length; 2],
-    /// Shape of the field.
+    /// A circle has the smaller of the two sizes as its diameter; sections are then squares inside it.
     #[serde(default)]
     pub shape: FieldShape,
     /// Rim of the field that is not used, on every side.
@@ -110,16 +110,20 @@ pub struct Lens {
     /// From the lens edge to the focal plane.
     #[serde(deserialize_with = "positive")]
     pub working_distance: Length,
-    /// Outer diameter of the lens or the head, for clearance.
+    /// Outer diameter of the lens or head, whichever could touch the part.
     #[serde(deserialize_with = "positive")]
     pub diameter: Length,
-    /// Spot diameter (1/e²) in focus.
+    /// Spot diameter (1/e²) in focus; with wavelength and M² it decides `pdof-large`, alone `pitch-small` and the
+    /// default of `partition.min_mark`.
     #[serde(deserialize_with = "positive")]
     pub spot: Length,
-    /// Largest angle between the beam and the optical axis over the field, for the error budget.
+    /// Largest angle between beam and optical axis over the field; for the [error
+    /// budget](job-file.md#error-and-depth-budget).
+    #[schemars(extend("x-value" = "angle, or by distance"))]
     #[serde(default, deserialize_with = "over_field::option")]
     pub telecentricity: Option<OverField<Angle>>,
-    /// Largest distance of the spot from where it should be once the field is corrected, for the error budget.
+    /// Largest distance of the spot from its place once the field is corrected; for the error budget.
+    #[schemars(extend("x-value" = "length, or by distance"))]
     #[serde(default, deserialize_with = "over_field::option")]
     pub field_residual: Option<OverField<Length>>,
 }
@@ -128,31 +132,34 @@ pub struct Lens {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scanner {
-    /// Speed of jumps.
+    /// Top speed of jumps, for times.
     #[serde(deserialize_with = "positive")]
     pub jump_speed: Speed,
-    /// Largest mark speed.
+    /// Largest mark speed; a faster pen is refused.
     #[serde(deserialize_with = "positive")]
     pub max_mark_speed: Speed,
-    /// Top acceleration of the spot along x and along y, for marking while the stage moves.
+    /// Top acceleration of the spot along x and along y; with it all times count the spot from rest to rest, see below.
     #[serde(default, deserialize_with = "positive_option")]
     pub acceleration: Option<Acceleration>,
-    /// Top jerk, for the same; without it the acceleration steps.
+    /// Top jerk along x and along y; without it the acceleration steps.
     #[serde(default, deserialize_with = "positive_option")]
     pub jerk: Option<Jerk>,
-    /// How the spot follows its command.
+    /// How the spot follows its command, as a damped oscillator, see below; only for comparisons.
+    #[schemars(extend("x-value" = "{ frequency = \"1000 Hz\", damping = 0.7, feed_forward = \"velocity\" }"))]
     #[serde(default)]
     pub servo: Option<Servo>,
-    /// Accumulated following error of the stage up to which the scanner compensates it under eq. 5 of Cui et al. (2021).
+    /// E_lim in eq. 5 of Cui et al.: up to this sum of the stage's following error over time the scanner compensates
+    /// it; only for `terrace compare --protection accumulated`.
+    #[schemars(extend("x-value" = "sum of a length over time (\"mm s\", \"um s\")", "x-default" = "\"0.02 mm s\""))]
     #[serde(default, deserialize_with = "positive_option")]
     pub accumulated_error: Option<LengthTime>,
-    /// Whether the controller's x is the field's y and the other way round.
+    /// The controller's x is the field's y and the other way round.
     #[serde(default)]
     pub swap_xy: bool,
-    /// Whether the controller's x runs against the field's (after a swap).
+    /// The controller's x runs against the field's, after a swap.
     #[serde(default)]
     pub mirror_x: bool,
-    /// Whether the controller's y runs against the field's (after a swap).
+    /// The controller's y runs against the field's, after a swap.
     #[serde(default)]
     pub mirror_y: bool,
 }
@@ -204,20 +211,20 @@ pub enum Carries {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// Lowest and highest commanded position.
+    /// Lowest and highest commanded position, within 4 m.
     pub travel: [Length; 2],
     /// What the axis moves.
     pub carries: Carries,
-    /// Whether a positive command moves it against the frame's axis.
+    /// A positive command moves it against the frame's axis.
     #[serde(default)]
     pub reversed: bool,
     /// Top speed.
     #[serde(deserialize_with = "positive")]
     pub speed: Speed,
-    /// Top acceleration.
+    /// Top acceleration, such as "1000 mm/s2".
     #[serde(deserialize_with = "positive")]
     pub acceleration: Acceleration,
-    /// Top jerk; without it the acceleration steps.
+    /// Top jerk, such as "20000 mm/s3"; without it the acceleration steps.
     #[serde(default, deserialize_with = "positive_option")]
     pub jerk: Option<Jerk>,
 }
@@ -263,28 +270,33 @@ pub struct Stage {
     pub y: Axis,
     /// Axis along z (focus).
     pub z: Axis,
-    /// Smallest step of a commanded position; stage targets are its multiples.
+    /// Smallest step of a commanded position; every stage target is a multiple of it.
     #[serde(default = "default_increment", deserialize_with = "positive")]
     pub increment: Length,
-    /// Waiting time after a move before the laser may fire.
+    /// Wait after a move before the laser may fire. It is the dwell in the stage programs too (at least 50 ms there).
+    /// With two times, the longer one of the axes that have moved.
+    #[schemars(extend("x-value" = "time, or { xy = time, z = time }"))]
     #[serde(default)]
     pub settle: Settling,
-    /// Whether z moves together with x and y on the way from stop to stop.
+    /// Whether z moves together with x and y, see below; not on a machine with `[tilt]`.
     #[serde(default)]
     pub diagonal: bool,
-    /// Positioning accuracy of x and of y, for the error of stitching and the error budget.
+    /// Positioning accuracy of x and of y after a move; for the error budget, and the stitching error in `compare`.
     #[serde(default, deserialize_with = "positive_option")]
     pub accuracy: Option<Length>,
-    /// Positioning accuracy of z, for the depth budget.
+    /// The same of z; for the depth budget.
     #[serde(default, deserialize_with = "positive_option")]
     pub z_accuracy: Option<Length>,
-    /// How the stage follows its command.
+    /// How the stage follows its command, as a damped oscillator; on the fly room for its following error at top speed
+    /// is reserved in the field (20 Hz and 0.7 where nothing is stated).
+    #[schemars(extend("x-value" = "{ frequency = \"20 Hz\", damping = 0.7 }"))]
     #[serde(default)]
     pub servo: Option<Servo>,
-    /// Smallest gap between the lens and the part in any move.
+    /// Smallest gap between lens and part in any move.
     #[serde(deserialize_with = "positive")]
     pub clearance: Length,
-    /// Measured times of a move, instead of the axis profiles and the settling time.
+    /// Measured times of a move, see below.
+    #[schemars(extend("x-value" = "{ xy = time, z = time }"))]
     #[serde(default, rename = "move")]
     pub move_times: Option<MoveTimes>,
 }
@@ -297,13 +309,15 @@ fn default_increment() -> Length {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Laser {
-    /// Full power; percent in pens refers to it.
+    /// Full power; percent in pens refers to it, and a pen that asks for more is refused.
+    #[schemars(extend("x-value" = "power in W"))]
     #[serde(deserialize_with = "positive")]
     pub max_power: Watts,
-    /// Wavelength.
+    /// With `lens.spot` and `m2` it gives the depth of focus of the optics.
     #[serde(deserialize_with = "positive")]
     pub wavelength: Length,
-    /// Beam quality M²; default: 1, an ideal Gaussian beam.
+    /// Beam quality M²; 1 is an ideal Gaussian beam.
+    #[schemars(extend("x-value" = "1 to 1000"))]
     #[serde(default = "ideal_beam")]
     pub m2: f64,
 }
@@ -316,19 +330,19 @@ fn ideal_beam() -> f64 {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 pub struct Delays {
-    /// Laser-on delay at the start of a stroke.
+    /// Laser-on delay; may be negative. No time of its own in the estimate.
     #[serde(default)]
     pub laser_on: Time,
-    /// Laser-off delay at its end.
+    /// Laser-off delay; may be negative. No time of its own in the estimate.
     #[serde(default)]
     pub laser_off: Time,
-    /// Wait after a jump.
+    /// Wait after a jump, once per stroke.
     #[serde(default, deserialize_with = "non_negative")]
     pub jump: Time,
-    /// Wait after a mark before the next jump.
+    /// Wait after a mark, once per stroke; in times only without `scanner.acceleration`.
     #[serde(default, deserialize_with = "non_negative")]
     pub mark: Time,
-    /// Wait at a corner inside a stroke.
+    /// Wait at a corner inside a stroke; in times only without `scanner.acceleration`.
     #[serde(default, deserialize_with = "non_negative")]
     pub polygon: Time,
 }
@@ -337,16 +351,19 @@ pub struct Delays {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Controller {
-    /// Longest line of the stage program, in characters.
+    /// Longest line of the stage program, in characters (at most 70 in `stage_m0.nc`).
+    #[schemars(extend("x-value" = "whole number, 40 to 1000000"))]
     #[serde(default = "default_line")]
     pub max_line: usize,
-    /// Most strokes in one block file; 0 for no limit.
+    /// Most strokes in one block; 0 for no limit.
     #[serde(default)]
     pub max_strokes: usize,
-    /// Period of the servo in which the laser is switched on the fly; None for what is usual of the controller.
+    /// Period of the servo; on the fly the laser is switched up to one period early, and each program states the length
+    /// that this is at the fastest mark.
+    #[schemars(extend("x-default" = "\"1 ms\" for LinuxCNC, \"50 us\" for PMAC"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub servo_period: Option<Time>,
-    /// Which control reads `stage_m0.nc`.
+    /// The control that reads `stage_m0.nc`, see below.
     #[serde(default)]
     pub dialect: Dialect,
 }
@@ -385,16 +402,16 @@ impl Default for Controller {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zoom {
-    /// Full range of the focal plane, half of it above and half below where the stage sets it.
+    /// Full range of the focal plane; half of it is above, half below the plane at `lens.working_distance`.
     #[serde(deserialize_with = "positive")]
     pub range: Length,
     /// Speed of the focal plane.
     #[serde(deserialize_with = "positive")]
     pub speed: Speed,
-    /// Waiting time after a move.
+    /// Wait after a move.
     #[serde(default, deserialize_with = "non_negative")]
     pub settle: Time,
-    /// How far the focal plane may lie from where the optic is told to set it, for the depth budget.
+    /// How far the focal plane may lie from where the optic is told to set it; for the depth budget.
     #[serde(default, deserialize_with = "positive_option")]
     pub accuracy: Option<Length>,
 }
@@ -403,10 +420,11 @@ pub struct Zoom {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 pub struct Operator {
-    /// The way; None where nobody states it.
+    /// Who loads and starts the blocks, see below.
     #[serde(default)]
     pub way: Option<LoadingWay>,
-    /// Time to load one block and to start it, by a person or by `terrace run`.
+    /// Time to load one block and to start it, by a person or by `terrace run`. It has no effect with "card" and "ovf".
+    #[schemars(extend("x-default" = "\"15 s\" by a person; else not counted"))]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub load: Option<Time>,
 }
@@ -442,9 +460,10 @@ impl LoadingWay {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lmc {
-    /// Units of the card per mm; it has 65536 along each axis.
+    /// Units of the card per mm; it has 65536 along each axis, centre 32768.
+    #[schemars(extend("x-value" = "number, 1 to 1e6"))]
     pub units_per_mm: f64,
-    /// What it drives.
+    /// What it drives; they take power and frequency by different commands.
     #[serde(default)]
     pub laser: LmcLaser,
 }
@@ -464,14 +483,17 @@ pub enum LmcLaser {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rtc {
-    /// Which board.
+    /// Decides ranges and units.
     pub board: RtcBoard,
-    /// Bits per mm, from the correction file of the lens.
+    /// Bits per mm, from the correction file.
+    #[schemars(extend("x-value" = "number, 1 to 1e6"))]
     pub bits_per_mm: f64,
     /// Bits per mm of the focus shift, where the board drives a zoom optic.
+    #[schemars(extend("x-value" = "number, 1 to 1e6"))]
     #[serde(default)]
     pub focus_bits_per_mm: Option<f64>,
     /// Most commands in one list.
+    #[schemars(extend("x-value" = "whole number, 100 to 8000000"))]
     #[serde(default = "default_list")]
     pub list_memory: usize,
 }

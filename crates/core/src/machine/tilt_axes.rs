@@ -21,11 +21,11 @@ use crate::units::{
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tilt {
-    /// What the axes carry.
+    /// What the axes turn.
     #[serde(default = "the_part")]
     pub carries: Carries,
-    /// Point that both axes pass through: of a table in the table frame, of a head from the centre of its field in the
-    /// focal plane, without a tilt.
+    /// The point that both axes pass through: of a table in the table frame; of a head from the centre of its field in
+    /// the focal plane, without a tilt.
     pub pivot: [Length; 3],
     /// The axes in the order in which they carry each other, the one nearest to the part or to the head last.
     pub axes: [RotaryAxis; 2],
@@ -35,14 +35,18 @@ pub struct Tilt {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RotaryAxis {
-    /// Letter of the axis: A about x, B about y, C about z.
+    /// A turns about x, B about y, C about z. With a table the outer axis is A or B, with a head the inner one; the
+    /// other axis has another letter.
     pub letter: Letter,
     /// Whether a positive command turns what is carried left-handed.
     #[serde(default)]
     pub reversed: bool,
-    /// How far it turns.
+    /// Lowest and highest angle; 0 lies between them, at most a turn either way (of C: 100 turns). A turntable C
+    /// without ends is "continuous".
+    #[schemars(extend("x-value" = "two angles, or \"continuous\""))]
     pub travel: AxisTravel,
-    /// How its angles are commanded.
+    /// How a continuous axis is commanded: whole turns count; or from 0 to under 360 deg, and the axis goes the shorter
+    /// way round. Modulo takes an `increment` that divides 360 deg.
     #[serde(default)]
     pub commands: AngleCommands,
     /// Smallest step of a commanded angle; commands are its multiples.
@@ -51,13 +55,13 @@ pub struct RotaryAxis {
     /// Time of a move, settling included.
     #[serde(deserialize_with = "non_negative")]
     pub move_time: Time,
-    /// Top speed, for marking while the axis turns.
+    /// Top speed, such as "20 deg/s" or "0.36 rad/s"; only for marking while the axis turns.
     #[serde(default, deserialize_with = "positive_option")]
     pub speed: Option<AngularSpeed>,
-    /// Top acceleration, for the same.
+    /// Top acceleration, such as "100 deg/s2", for the same.
     #[serde(default, deserialize_with = "positive_option")]
     pub acceleration: Option<AngularAcceleration>,
-    /// Top jerk, for the same; without it the acceleration steps.
+    /// Top jerk, such as "1000 deg/s3", for the same.
     #[serde(default, deserialize_with = "positive_option")]
     pub jerk: Option<AngularJerk>,
 }

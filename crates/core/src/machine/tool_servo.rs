@@ -13,31 +13,36 @@ use crate::units::{
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ToolServo {
-    /// Speed of the spindle.
+    /// Speed of the spindle; also in rpm, deg/s, rad/s.
+    #[schemars(extend("x-value" = "angular speed, such as \"200 1/min\""))]
     #[serde(deserialize_with = "positive")]
     pub spindle: AngularSpeed,
     /// Feed of the tool towards the axis of the spindle.
     #[serde(deserialize_with = "positive")]
     pub feed: Speed,
-    /// Control cycle: a set-point in each.
+    /// Control cycle, with a set-point in each.
     #[serde(deserialize_with = "positive")]
     pub cycle: Time,
-    /// Full stroke.
+    /// Full stroke along z.
     #[serde(deserialize_with = "positive")]
     pub stroke: Length,
-    /// Top speed along the stroke, where something besides the jerk limits it.
+    /// Top speed along z, where something besides the jerk limits it.
+    #[schemars(extend("x-default" = "not limited"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub speed: Option<Speed>,
     /// Top acceleration, likewise.
+    #[schemars(extend("x-default" = "not limited"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub acceleration: Option<Acceleration>,
-    /// Top jerk; or else `drive` states what it follows from.
+    /// Top jerk; give either this or `[tool_servo.drive]`.
+    #[schemars(extend("x-default" = "by the drive"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub jerk: Option<Jerk>,
     /// The linear motor whose voltage limits the jerk.
     #[serde(default)]
     pub drive: Option<Drive>,
-    /// How the tool follows its command.
+    /// How the tool follows its command, as a damped oscillator; without it no following error is told.
+    #[schemars(extend("x-value" = "{ frequency = \"1000 Hz\", damping = 0.7 }"))]
     #[serde(default)]
     pub servo: Option<Servo>,
     /// Oscillations that the drive is said to make, to be checked against its jerk.
@@ -49,16 +54,20 @@ pub struct ToolServo {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Drive {
-    /// Voltage that is left to change the current.
+    /// U, the voltage that is left to change the current.
+    #[schemars(extend("x-value" = "voltage (mV, V, kV)"))]
     #[serde(deserialize_with = "positive")]
     pub voltage: Voltage,
-    /// Inductance of the winding.
+    /// L of the winding: its time constant times its resistance.
+    #[schemars(extend("x-value" = "inductance (uH, mH, H)"))]
     #[serde(deserialize_with = "positive")]
     pub inductance: Inductance,
-    /// Force constant.
+    /// KT.
+    #[schemars(extend("x-value" = "force constant (N/A)"))]
     #[serde(deserialize_with = "positive")]
     pub force_constant: ForceConstant,
-    /// Moving mass.
+    /// M, the moving mass.
+    #[schemars(extend("x-value" = "mass (g, kg)"))]
     #[serde(deserialize_with = "positive")]
     pub mass: Mass,
 }

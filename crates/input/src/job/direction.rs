@@ -55,6 +55,7 @@ impl JsonSchema for Direction {
             "type": "string",
             "description": "An angle with its unit, for example \"30 deg\", or \"contour\".",
             "examples": ["30 deg", "contour"],
+            "x-value": "angle, or \"contour\"",
         })
     }
 }

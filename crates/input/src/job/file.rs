@@ -20,7 +20,7 @@ use terrace_core::units::{
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JobFile {
-    /// How the part is marked: stop by stop, or while the stage moves.
+    /// How the part is marked; written above all tables.
     #[serde(default)]
     pub mode: Mode,
     /// The part's surface.
@@ -84,41 +84,41 @@ impl Mode {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceKeys {
-    /// STL, OBJ, PLY, 3MF, STEP, IGES, height map (PNG, TIFF, ESRI ASCII grid), or XYZ / CSV point cloud;
-    /// relative to the job file.
-    #[schemars(example = &"part.stl")]
+    /// Meshes: `.stl`, `.obj`, `.ply`, `.3mf`. CAD: `.step`, `.stp`, `.iges`, `.igs`. Height maps: `.png`, `.tif`,
+    /// `.tiff`. Points or an ESRI grid: `.xyz`, `.csv`, `.asc`, `.txt`, `.pts`, `.ptx`.
+    #[schemars(example = &"part.stl", extend("x-value" = "path"))]
     pub file: PathBuf,
-    /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds. 3MF files state theirs.
-    #[schemars(example = &"mm")]
+    /// Length of one unit of the file's numbers. Refused for STEP and IGES, which state theirs.
+    #[schemars(example = &"mm", extend("x-default" = "required for STL, OBJ, PLY and points"))]
     #[serde(default)]
     pub unit: Option<FileUnit>,
-    /// Where the part's origin lies in the file: x, y and z in its own unit, subtracted from all coordinates; default
-    /// (0, 0, 0). Not for height maps, STEP and IGES.
-    #[schemars(example = [0.0, 0.0, 0.0])]
+    /// Where the part's origin lies in the file, in its unit: subtracted from all coordinates; see below. Not for
+    /// height maps, STEP and IGES.
+    #[schemars(example = [0.0, 0.0, 0.0], extend("x-value" = "[x, y, z] as numbers", "x-default" = "[0, 0, 0]"))]
     #[serde(default)]
     pub datum: Option<[f64; 3]>,
-    /// Factor on all coordinates, such as 4e-5 for a map at 1 : 25000; default 1. Not for height maps, STEP and IGES.
-    #[schemars(example = 1.0)]
+    /// Factor on all coordinates: 4e-5 for a map at 1 : 25000. Not for height maps, STEP and IGES.
+    #[schemars(example = 1.0, extend("x-value" = "number above 0", "x-default" = "1"))]
     #[serde(default)]
     pub scale: Option<f64>,
-    /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.
+    /// Vertices closer together than this become one; see below.
     #[schemars(example = &"2 um")]
     #[serde(default, deserialize_with = "non_negative")]
     pub weld: Length,
-    /// What happens where an edge joins three facets, or another odd number above: a sheet hangs on another.
+    /// Edges that join three facets, or another odd number above: the surface is refused, or the topmost sheet is
+    /// marked.
     #[serde(default)]
     pub non_manifold: NonManifold,
-    /// How far facets, samples or points of the file lie from the part, for the depth budget: the chord tolerance of an
-    /// export, the error of a measurement. Not for STEP and IGES, whose chord tolerance is known.
+    /// How far facets, samples or points lie from the part, for the [depth budget](#error-and-depth-budget); not for
+    /// STEP and IGES.
     #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub tessellation: Option<Length>,
     /// Scale of a height map; required for PNG and TIFF.
     #[serde(default)]
     pub heightmap: Option<HeightmapKeys>,
-    /// Longest triangle edge that a point cloud may be meshed with; default: eight times the typical
-    /// spacing. Longer ones are holes.
-    #[schemars(example = &"5 mm")]
+    /// Point clouds: triangles with a longer edge in plan are holes.
+    #[schemars(example = &"5 mm", extend("x-default" = "eight times the typical spacing"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub max_edge: Option<Length>,
 }
@@ -138,23 +138,22 @@ pub enum NonManifold {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeightmapKeys {
-    /// Distance of neighbouring samples.
+    /// Distance between neighbouring samples, in x and in y.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
     pub pixel: Length,
-    /// Heights that the two `values` stand for.
+    /// Heights that the two `values` stand for; the second may be the lower one.
     #[schemars(example = ["0 mm", "12 mm"])]
     pub z: [Length; 2],
-    /// Sample values that stand for the two heights; default the full range of the file's depth, where its samples are
-    /// whole numbers.
-    #[schemars(example = [1.0, 65535.0])]
+    /// The sample values that `z` belongs to.
+    #[schemars(example = [1.0, 65535.0], extend("x-default" = "the range of the type, such as [0, 65535]; required for floats and grids"))]
     #[serde(default)]
     pub values: Option<[f64; 2]>,
-    /// Sample value that means "no surface here", beside NaN and the value that the file states.
+    /// Samples of this value are holes, as are NaN and the value that the file states.
     #[schemars(example = 0.0)]
     #[serde(default)]
     pub nodata: Option<f64>,
-    /// Part-frame position of the lower left sample; default (0, 0).
+    /// Part-frame position of the lower left sample.
     #[serde(default)]
     pub origin: [Length; 2],
 }
@@ -163,12 +162,12 @@ pub struct HeightmapKeys {
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlacementKeys {
-    /// Table-frame position of the (turned) part's origin; default: centre of the texture at the
-    /// centre of travel.
-    #[schemars(example = ["300 mm", "200 mm", "-80 mm"])]
+    /// Position of the turned part's origin in the table frame.
+    #[schemars(example = ["300 mm", "200 mm", "-80 mm"], extend("x-default" = "the middle of the stops at the centre of travel; with tilted stops or set-ups, the centre of the texture"))]
     #[serde(default)]
     pub origin: Option<[Length; 3]>,
-    /// Rotations of the surface file about its x, y and z axis, in this order, before all else: how the part is laid.
+    /// How the part is laid: rotations of the surface file about its x, then its y, then its z axis, right-handed.
+    /// `terrace orient JOB --apply` writes it.
     #[schemars(example = ["0 deg", "90 deg", "0 deg"])]
     #[serde(default)]
     pub rotate: Option<[Angle; 3]>,
@@ -176,20 +175,21 @@ pub struct PlacementKeys {
     #[schemars(example = [0.0, 0.0, 1.0])]
     #[serde(default)]
     pub up: Option<[f64; 3]>,
-    /// Instead of `rotate`: three points of the surface file whose plane is to be level; counter-clockwise as the lens
-    /// sees them.
-    #[schemars(example = [[0.0, 0.0, 5.0], [100.0, 0.0, 5.0], [0.0, 80.0, 5.0]])]
+    /// Instead of `rotate`: three points of the surface file whose plane is to be level; the lens sees them
+    /// counter-clockwise.
+    #[schemars(example = [[0.0, 0.0, 5.0], [100.0, 0.0, 5.0], [0.0, 80.0, 5.0]], extend("x-value" = "three points of three numbers"))]
     #[serde(default)]
     pub level: Option<[[f64; 3]; 3]>,
-    /// Turn of the part about its z axis, counter-clockwise.
+    /// Turn of the part about the z axis of its own frame, counter-clockwise seen from the lens. The texture turns with
+    /// it.
     #[serde(default)]
     pub turn: Angle,
-    /// How far points of the part lie, in x and y, from where the placement has them once the part is registered, for
-    /// the error budget.
+    /// How far points of the part lie in x and y from where the placement has them, once it is registered; for the
+    /// [error budget](#error-and-depth-budget).
     #[schemars(example = &"0.02 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub residual: Option<Length>,
-    /// The same in z: how exactly the height of the part is set, for the depth budget.
+    /// The same in z: how exactly the height is set; for the depth budget.
     #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub residual_z: Option<Length>,
@@ -221,25 +221,28 @@ pub enum DepthRule {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FocusKeys {
-    /// Processing depth of focus.
+    /// Processing depth of focus: height range in which your process gives the wanted result.
+    #[schemars(extend("x-default" = "this or `dof`"))]
     #[serde(default)]
     pub pdof: Option<Length>,
-    /// Depth of focus of the optics.
-    #[schemars(example = &"0.06 mm")]
+    /// Depth of focus of the optics; pdof = factor x dof.
+    #[schemars(example = &"0.06 mm", extend("x-default" = "this or `pdof`"))]
     #[serde(default)]
     pub dof: Option<Length>,
-    /// PDOF = factor × DOF, 0.8 to 1.2 in the article.
-    #[schemars(example = 1.2)]
+    /// See `dof`; the article uses 0.8 to 1.2, beyond which a warning says so; no effect beside `pdof`.
+    #[schemars(example = 1.2, extend("x-default" = "1"))]
     #[serde(default)]
     pub factor: Option<f64>,
-    /// What is taken off PDOF for errors of part, set-up and machine; blocks are made for the rest.
-    #[schemars(example = &"0.01 mm")]
+    /// Part of pdof that is kept for errors of part, set-up and machine; see [below](#error-and-depth-budget). Blocks
+    /// are made for the rest.
+    #[schemars(example = &"0.01 mm", extend("x-value" = "length below pdof"))]
     #[serde(default, deserialize_with = "non_negative")]
     pub reserve: Length,
-    /// Focal plane of a block.
+    /// Focal plane of a block: in the middle of the heights of its marks, or at their mean (step 4 of the article).
     #[serde(default)]
     pub level: Level,
-    /// What PDOF bounds.
+    /// What pdof bounds: the whole height range of a block, or the deviation to either side (the range is then 2 x
+    /// pdof).
     #[serde(default)]
     pub rule: DepthRule,
 }
@@ -278,39 +281,37 @@ impl Method {
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartitionKeys {
-    /// The method.
+    /// How stops are chosen, see below.
     #[serde(default)]
     pub method: Method,
-    /// Pitch of the grid of sections; default: the usable field.
-    #[schemars(example = &"39 mm")]
+    /// Pitch of the grid of sections and size of windows, at most the usable field.
+    #[schemars(example = &"39 mm", extend("x-default" = "the usable field"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub section: Option<Length>,
-    /// Fragments shorter than this are skipped and counted; default: those shorter than half the spot that a cut made,
-    /// next to a mark of their stroke.
-    #[schemars(example = &"5 um")]
+    /// Pieces shorter than this in plan are not marked; see below.
+    #[schemars(example = &"5 um", extend("x-default" = "slivers below half the spot"))]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub min_mark: Option<Length>,
-    /// What `auto` minimises.
+    /// What "auto" minimises: the estimated job time with the loading of its blocks (`operator` of the machine file),
+    /// or the number of stops. `--objective` on the command line overrides it.
     #[serde(default)]
     pub objective: Objective,
-    /// Closed figures and strokes no larger than this along x and y are marked in one piece wherever a stop can contain
-    /// them; default: none.
+    /// Closed figures and strokes up to this size along x and y are not cut where a stop can contain them.
     #[schemars(example = &"2 mm")]
     #[serde(default, deserialize_with = "non_negative")]
     pub keep_whole: Length,
-    /// Strokes are cut at a random place within this length before the border of a stop, where both stops admit it, so
-    /// that cuts do not line up; default: none, all cuts lie on the border.
-    #[schemars(example = &"0.2 mm")]
+    /// Strokes are cut at random places within this length before a border, where both stops admit it, so that cuts do
+    /// not line up.
+    #[schemars(example = &"0.2 mm", extend("x-value" = "length below half the field"))]
     #[serde(default, deserialize_with = "non_negative")]
     pub zone: Length,
-    /// Strokes that are cut between two stops are marked by both over this length before the cut, as far as both admit
-    /// it; default: none. Not together with `zone`.
-    #[schemars(example = &"0.05 mm")]
+    /// Length that both stops mark where a stroke is cut, as far as both admit it; not together with `zone`.
+    #[schemars(example = &"0.05 mm", extend("x-value" = "length below a quarter of the field"))]
     #[serde(default, deserialize_with = "non_negative")]
     pub overlap: Length,
-    /// How far levels overlap up and down, so that a rough surface does not change the stop at every ripple. It is
-    /// taken from the depth range. Default: from the surface's roughness.
-    #[schemars(example = &"5 um")]
+    /// Overlap of levels up and down, at most a quarter of the depth range, which it is taken from: a rough surface
+    /// then does not change the stop at every ripple.
+    #[schemars(example = &"5 um", extend("x-default" = "from the surface"))]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub hysteresis: Option<Length>,
 }
@@ -364,10 +365,10 @@ pub enum StrokeOrder {
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OrderKeys {
-    /// Order of the stops.
+    /// Order of the stops: least time of stage moves, or focal planes that only rise, or only fall.
     #[serde(default)]
     pub stops: StopOrder,
-    /// Order of the strokes within a block.
+    /// Order of the strokes within a block: short jumps, or order and direction as drawn.
     #[serde(default)]
     pub strokes: StrokeOrder,
 }
@@ -376,21 +377,21 @@ pub struct OrderKeys {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PassesKeys {
-    /// How many times, 1 to 100.
-    #[schemars(example = 3)]
+    /// Number of passes.
+    #[schemars(example = 3, extend("x-value" = "1 to 100"))]
     #[serde(default = "once")]
     pub count: u32,
-    /// By how much straight hatches turn from pass to pass, counter-clockwise.
+    /// Turn of straight hatches from pass to pass, counter-clockwise about the corner where they begin.
     #[schemars(example = &"67 deg")]
     #[serde(default)]
     pub rotate: Angle,
-    /// By how much focal planes sink from pass to pass, the depth that a pass removes.
-    #[schemars(example = &"8 um")]
+    /// By how much focal planes sink from pass to pass: the depth that a pass removes.
+    #[schemars(example = &"8 um", extend("x-value" = "length up to the depth range"))]
     #[serde(default, deserialize_with = "non_negative")]
     pub lower: Length,
-    /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not coincide; default:
-    /// the golden part of a section. With "0 mm" levels do not move either.
-    #[schemars(example = &"10 mm")]
+    /// By how much the grid of sections moves from pass to pass, in x and in y, so that seams do not coincide. With "0
+    /// mm" levels do not move either.
+    #[schemars(example = &"10 mm", extend("x-default" = "0.618 of a section"))]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub shift: Option<Length>,
 }
@@ -405,15 +406,17 @@ impl Default for PassesKeys {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SetupsKeys {
-    /// Number of columns into which the stops are divided along x.
+    /// Number of columns of set-ups along x; "auto" chooses the smallest number for which all stops are within travel.
+    #[schemars(extend("x-value" = "1 to 100 or \"auto\""))]
     #[serde(default)]
     pub columns: Parts,
-    /// Number of rows along y.
+    /// The same along y.
+    #[schemars(extend("x-value" = "1 to 100 or \"auto\""))]
     #[serde(default)]
     pub rows: Parts,
-    /// Points of the part's own frame that the operator finds with the pilot laser, x and y; every set-up
+    /// Points that the operator can find with the pilot laser, in the part frame before `placement.turn`; every set-up
     /// must reach two.
-    #[schemars(example = [["0 mm", "0 mm"], ["100 mm", "0 mm"]])]
+    #[schemars(example = [["0 mm", "0 mm"], ["100 mm", "0 mm"]], extend("x-value" = "list of [x, y], lengths"))]
     pub registration: Vec<[Length; 2]>,
 }
 
@@ -455,13 +458,15 @@ pub enum Compensate {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Dose {
-    /// What is changed.
+    /// "speed": marks are slower by the cosine. "power": power is divided by the cosine.
     #[schemars(example = &"speed")]
     pub compensate: Compensate,
     /// By how much at most: 1.5 is a speed of two thirds, or half as much power again.
+    #[schemars(extend("x-value" = "1.01 to 10"))]
     #[serde(default = "default_cap")]
     pub cap: f64,
     /// Factors are multiples of this.
+    #[schemars(extend("x-value" = "0.001 to 0.2"))]
     #[serde(default = "default_step")]
     pub step: f64,
 }
@@ -500,21 +505,22 @@ pub enum Implausible {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LimitsKeys {
-    /// Beam incidence above which a warning says so.
+    /// Marks on a slope above this cause a warning.
     #[serde(default = "default_warn_incidence")]
     pub warn_incidence: Angle,
-    /// Beam incidence above which nothing is marked; below 90 deg.
+    /// Nothing is marked on slopes above this.
+    #[schemars(extend("x-value" = "angle below 90 deg"))]
     #[serde(default = "default_max_incidence")]
     pub max_incidence: Angle,
-    /// What happens to texture beyond it.
+    /// What happens to texture on steeper slopes: it is not marked, counted as `skipped_steep_mm` and reported by a
+    /// warning; or the job is refused.
     #[serde(default)]
     pub steep: Steep,
-    /// Share of the length of a drawing, or of a pattern with an area, that may lie off the part, where nothing is
-    /// marked; beyond it the job is refused.
+    /// The job is refused where more of the length of a texture that the job places lies off the part; see below.
     #[serde(default = "default_max_off_part")]
     pub max_off_part: Share,
-    /// What happens where a value is far from what the machine's optics allow: a depth of focus beyond twice that
-    /// of the optics, or a hatch pitch below a quarter of the spot.
+    /// Blocks deeper than twice the depth of focus of the optics or shallower than a thousandth of it, and hatches with
+    /// a pitch below a quarter of the spot: refused, or accepted with a warning.
     #[serde(default)]
     pub implausible: Implausible,
 }
@@ -547,12 +553,12 @@ impl Default for LimitsKeys {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MachineKeys {
-    /// Name of a built-in profile (`terrace machines`).
-    #[schemars(example = &"xyz-galvo-40")]
+    /// A built-in profile; `terrace machines` lists them.
+    #[schemars(example = &"xyz-galvo-40", extend("x-value" = "name", "x-default" = "this or `file`"))]
     #[serde(default)]
     pub profile: Option<String>,
-    /// A machine file, relative to the job file.
-    #[schemars(example = &"our-machine.toml")]
+    /// A machine file, see [machine-file.md](machine-file.md).
+    #[schemars(example = &"our-machine.toml", extend("x-value" = "path", "x-default" = "this or `profile`"))]
     #[serde(default)]
     pub file: Option<PathBuf>,
 }
@@ -561,29 +567,32 @@ pub struct MachineKeys {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PenKeys {
-    /// Name that textures refer to.
-    #[schemars(example = &"fill")]
+    /// What textures call it.
+    #[schemars(example = &"fill", extend("x-value" = "letters, digits, - and _"))]
     pub name: String,
-    /// Mark speed.
+    /// Mark speed across the beam.
     #[serde(deserialize_with = "positive")]
     pub speed: Speed,
-    /// Laser power.
+    /// Percent of the machine's `laser.max_power`, or W.
+    #[schemars(extend("x-value" = "\"60 %\" or \"8 W\""))]
     pub power: Power,
     /// Repetition rate.
     #[serde(deserialize_with = "positive")]
     pub frequency: Frequency,
-    /// How often every stroke is marked.
+    /// How many times in a row the controller marks each stroke; not to be confused with `[passes]`.
+    #[schemars(extend("x-value" = "1 to 1000"))]
     #[serde(default = "once")]
     pub passes: u32,
-    /// How long the beam is on at a dot; or give `pulses`. Dots need one of the two.
-    #[schemars(example = &"1 ms")]
+    /// How long the beam is on at a dot, each time.
+    #[schemars(example = &"1 ms", extend("x-value" = "time up to 10 s", "x-default" = "this or `pulses` for dots"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub dwell: Option<Time>,
     /// Pulses of a dot: the dwell is so many periods of `frequency`.
-    #[schemars(example = 20)]
+    #[schemars(example = 20, extend("x-default" = "this or `dwell` for dots"))]
     #[serde(default)]
     pub pulses: Option<u32>,
-    /// Seven axes only: the spot gets to its speed before a mark and loses it after the mark, with the laser off.
+    /// On the fly with seven axes: the spot gets to its speed before a mark and loses it after the mark, with the laser
+    /// off.
     #[serde(default)]
     pub skywriting: bool,
 }
@@ -596,16 +605,15 @@ fn once() -> u32 {
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmitKeys {
-    /// The formats; default: those that the job's mode is usually marked with.
-    #[schemars(example = ["dxf", "linuxcnc", "ovf"])]
+    /// What is written in addition to the manifest, the program text, the pictures and the run sheets.
+    #[schemars(example = ["dxf", "linuxcnc", "ovf"], extend("x-default" = "stepped: [\"dxf\", \"linuxcnc\", \"ovf\"]; on the fly: [\"linuxcnc\", \"pmac\"]"))]
     #[serde(default)]
     pub formats: Option<Vec<Format>>,
-    /// Pen that the frames of the blocks are drawn with, of a power that leaves no mark; no texture may use it. Default:
-    /// no frames.
-    #[schemars(example = &"pilot")]
+    /// Frames of the blocks are written too, drawn with this pen, which no texture may use: its power leaves no mark.
+    #[schemars(example = &"pilot", extend("x-value" = "pen"))]
     #[serde(default)]
     pub frames: Option<String>,
-    /// What the power of marks on the fly follows.
+    /// On the fly: the power of marks is that of their pens, or follows the speed of the spot, see below.
     #[serde(default)]
     pub power: MarkPower,
 }

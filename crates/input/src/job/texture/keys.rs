@@ -35,196 +35,204 @@ pub enum AreaName {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TextureKeys {
-    /// A generated pattern; or give `file` or `curves`.
-    #[schemars(example = &"hatch")]
+    /// A generated pattern, see below.
+    #[schemars(example = &"hatch", extend("x-default" = "this, `file` or `curves`"))]
     #[serde(default)]
     pub pattern: Option<Pattern>,
-    /// A drawing (SVG, DXF, HPGL) or a bitmap (PNG, TIFF, BMP, JPEG), relative to the job file; or give `pattern`.
-    #[schemars(example = &"drawing.svg")]
+    /// A drawing (`.svg`, `.svgz`, `.dxf`, `.plt`, `.hpgl`) or a [bitmap](#bitmaps): PNG, TIFF, BMP or JPEG.
+    #[schemars(example = &"drawing.svg", extend("x-value" = "path", "x-default" = "see `pattern`"))]
     #[serde(default)]
     pub file: Option<PathBuf>,
-    /// Space curves (CSV with columns x, y, z, or DXF) in the frame of the surface file, relative to the job file.
-    #[schemars(example = &"curves.csv")]
+    /// [Space curves](#space-curves) on the surface, in the frame of its file: `.csv` (`.txt`, `.xyz`) or `.dxf`.
+    #[schemars(example = &"curves.csv", extend("x-value" = "path", "x-default" = "see `pattern`"))]
     #[serde(default)]
     pub curves: Option<PathBuf>,
-    /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
-    /// Default for patterns: the part's box. Default for drawings: no limit.
-    #[schemars(example = ["-30 mm", "-25 mm", "30 mm", "25 mm"])]
+    /// Where the texture lies; "part" is the box of the surface file in plan. Drawings are cut at it.
+    #[schemars(example = ["-30 mm", "-25 mm", "30 mm", "25 mm"], extend("x-value" = "\"part\" or [x0, y0, x1, y1] as lengths", "x-default" = "patterns: \"part\"; drawings: no limit"))]
     #[serde(default)]
     pub area: Option<AreaKeys>,
-    /// Hatch: distance of lines. Cells and honeycomb: distance of neighbouring centres. Riblets: distance of grooves.
-    /// Concentric and spiral: distance of circles or turns. Dots: distance of sites. Poisson: least distance.
-    /// Drawing: distance of the lines that fill areas; default: half the spot.
-    #[schemars(example = &"0.5 mm")]
+    /// Hatch, drawings: distance between lines. Cells, honeycomb: between centres. Riblets: between grooves.
+    /// Concentric, spiral: between circles or turns. Dots: between sites. Poisson: least distance.
+    #[schemars(example = &"0.5 mm", extend("x-default" = "required but for hilbert; drawings: half the spot"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
-    /// Hatch and riblets: direction of the lines from +x, counter-clockwise; hatch also `"contour"`: in every section
-    /// along the level lines of the part. Drawing: direction of the lines that fill areas, an angle or `"contour"`.
-    #[schemars(example = &"0 deg")]
+    /// Hatch, riblets: direction of the lines from +x, counter-clockwise. Drawings: direction of the lines that fill
+    /// areas. Hatch, drawings: "contour" turns them along the level lines of every section.
+    #[schemars(example = &"0 deg", extend("x-default" = "\"0 deg\""))]
     #[serde(default)]
     pub direction: Option<Direction>,
-    /// Hilbert: 4^order points.
-    #[schemars(example = 8)]
+    /// Hilbert: a curve of 4^order points.
+    #[schemars(example = 8, extend("x-value" = "1 to 13", "x-default" = "required for hilbert"))]
     #[serde(default)]
     pub order: Option<u32>,
-    /// Squares: side. Circles, rings: (outer) diameter. Hexagons: width across flats. Crosses, jerusalem: width from tip
-    /// to tip. Riblets: width of a groove.
-    #[schemars(example = &"0.6 mm")]
+    /// Squares: side. Circles, rings: (outer) diameter. Hexagons: width across flats. Crosses, jerusalem: width from
+    /// tip to tip. Riblets: width of a groove.
+    #[schemars(example = &"0.6 mm", extend("x-default" = "required where it applies"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub cell: Option<Length>,
-    /// Cells and dots: how their centres lie; default: `"hex"` for hexagons, `"square"` for all others.
+    /// Cells, dots: how their centres lie.
+    #[schemars(extend("x-default" = "hexagons: \"hex\"; other cells: \"square\""))]
     #[serde(default)]
     pub lattice: Option<Lattice>,
     /// Crosses, jerusalem: width of the arms, and of the bars.
-    #[schemars(example = &"0.1 mm")]
+    #[schemars(example = &"0.1 mm", extend("x-default" = "required for crosses, jerusalem"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub width: Option<Length>,
     /// Jerusalem: length of the bars across the ends of the arms.
-    #[schemars(example = &"0.3 mm")]
+    #[schemars(example = &"0.3 mm", extend("x-default" = "required for jerusalem"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub bar: Option<Length>,
     /// Rings: inner diameter.
-    #[schemars(example = &"0.4 mm")]
+    #[schemars(example = &"0.4 mm", extend("x-default" = "required for rings"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub inner: Option<Length>,
-    /// Riblets: distance of the lines in a groove.
-    #[schemars(example = &"0.02 mm")]
+    /// Riblets: distance between the lines in a groove, at most `cell`.
+    #[schemars(example = &"0.02 mm", extend("x-default" = "required for riblets"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub line: Option<Length>,
-    /// Concentric and spiral: part-frame position of the centre; default: the middle of the area.
-    #[schemars(example = ["0 mm", "0 mm"])]
+    /// Concentric, spiral: part-frame position of the centre, in the area or beside it.
+    #[schemars(example = ["0 mm", "0 mm"], extend("x-default" = "middle of the area"))]
     #[serde(default)]
     pub centre: Option<[Length; 2]>,
-    /// Dots: how far a dot may lie from its site, at random; 100 % is half a pitch. Default: 0 %.
-    #[schemars(example = &"50 %")]
+    /// Dots: how far a dot may lie from its site, in percent of half a pitch.
+    #[schemars(example = &"50 %", extend("x-value" = "0 % to 100 %", "x-default" = "\"0 %\""))]
     #[serde(default)]
     pub jitter: Option<Share>,
-    /// Dots, poisson, bitmap with `screen = "noise"`, and with `soft`: what random places follow from; default: 0.
-    #[schemars(example = 1)]
+    /// Dots, poisson, bitmaps with `screen = "noise"`, and `soft`: seed of the random places.
+    #[schemars(example = 1, extend("x-default" = "0"))]
     #[serde(default)]
     pub seed: Option<u64>,
-    /// Drawing: width and height that the whole page gets; required where the file has no physical size.
-    #[schemars(example = ["50 mm", "50 mm"])]
+    /// Drawings: width and height that the whole page gets. This, `fit` or, for bitmaps, `dpi` is required where the
+    /// file has no physical size.
+    #[schemars(example = ["50 mm", "50 mm"], extend("x-default" = "the drawing's own"))]
     #[serde(default)]
     pub size: Option<[Length; 2]>,
-    /// Drawing: how many times as large as its file states; not together with `size` or `fit`.
-    #[schemars(example = 2.0)]
+    /// Drawings: how many times as large as its file says the page is; not together with `size` or `fit`.
+    #[schemars(example = 2.0, extend("x-value" = "number above 0", "x-default" = "1"))]
     #[serde(default)]
     pub scale: Option<f64>,
-    /// Drawing: how large its page becomes in its area, or in the part's box.
+    /// Drawings: size of the page from that of `area`, or of the part's box, see below; not together with `size`,
+    /// `scale`, `dpi` or `origin`.
     #[serde(default)]
     pub fit: Option<Fit>,
-    /// Drawing: which side or corner of its area, or of the part's box, the page touches; default with `fit`: the middle.
+    /// Drawings: where in `area`, or in the part's box, the page lies; not together with `origin`.
+    #[schemars(extend("x-default" = "with `fit`: \"centre\""))]
     #[serde(default)]
     pub align: Option<Align>,
-    /// Only what lies inside an area of a drawing is marked: `"mask.svg#outline"`, placed by the keys of this texture, or
-    /// a table with keys of its own.
-    #[schemars(example = &"mask.svg#outline")]
+    /// Only what lies inside an area of a drawing is marked: `"mask.svg#outline"`, placed by the keys of this texture,
+    /// or a table with keys of its own; see below.
+    #[schemars(example = &"mask.svg#outline", extend("x-value" = "\"FILE#NAME\", or a table", "x-default" = "everywhere"))]
     #[serde(default)]
     pub inside: Option<MaskKeys>,
-    /// What lies inside an area of a drawing is not marked.
-    #[schemars(example = &"mask.svg#holes")]
+    /// What lies inside an area of a drawing is not marked, as with `inside`.
+    #[schemars(example = &"mask.svg#holes", extend("x-value" = "\"FILE#NAME\", or a table"))]
     #[serde(default)]
     pub outside: Option<MaskKeys>,
-    /// Width over which marks fade at the border of `inside` and `outside`; default: a sharp border.
-    #[schemars(example = &"2 mm")]
+    /// Width over which marks fade at the border of `inside` and `outside`.
+    #[schemars(example = &"2 mm", extend("x-default" = "a sharp border"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub soft: Option<Length>,
-    /// DXF drawing, curves: a unit of the file; required where it states none.
-    #[schemars(example = &"mm")]
+    /// DXF drawings, curves: a unit of the file. Required where it states none, as CSV.
+    #[schemars(example = &"mm", extend("x-default" = "the file's own"))]
     #[serde(default)]
     pub unit: Option<FileUnit>,
-    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
-    /// without an area, the page in the middle of the part.
-    #[schemars(example = ["0 mm", "0 mm"])]
+    /// Drawings: part-frame position of the page's lower left corner.
+    #[schemars(example = ["0 mm", "0 mm"], extend("x-default" = "lower left of `area`; without an area the page is centred on the part's box"))]
     #[serde(default)]
     pub origin: Option<[Length; 2]>,
-    /// Drawing: turn of the page about its lower left corner, counter-clockwise.
+    /// Drawings: rotation of the page, counter-clockwise: about its lower left corner where that is placed, by `origin`
+    /// or by default; with `align` the turned page is aligned.
     #[schemars(example = &"90 deg")]
     #[serde(default)]
     pub turn: Angle,
-    /// Drawing: mirror the page about its middle, before it is turned: `"x"` exchanges left and right.
+    /// Drawings: mirror the page about its middle, before it is turned; "x" exchanges left and right, "y" top and
+    /// bottom.
     #[serde(default, deserialize_with = "mirror_axis")]
     pub mirror: Option<Mirror>,
-    /// Drawing: repeat the page over the area.
+    /// Drawings: repeat the page over `area`, which is then required. Tiles at its border are cut.
     #[serde(default)]
     pub tile: bool,
-    /// Drawing: how strokes are marked.
+    /// Drawings: how strokes are marked, see below.
+    #[schemars(extend("x-default" = "\"shown\""))]
     #[serde(default)]
     pub stroke: Option<StrokeMode>,
-    /// Drawing: how areas are marked; by lines at `pitch` along `direction`.
+    /// Drawings: how filled areas are marked, see below.
+    #[schemars(extend("x-default" = "\"hatch\""))]
     #[serde(default)]
     pub fill: Option<FillMode>,
-    /// Drawing: a second set of lines crosses the first at a right angle in filled areas.
+    /// Drawings: a second set of lines at a right angle to the first in filled areas.
     #[serde(default)]
     pub cross: bool,
-    /// Drawing: all lines of filled areas have one direction; else each is opposite to its neighbours.
+    /// Drawings: all lines of filled areas run along `direction`; else neighbours run in opposite directions.
     #[serde(default)]
     pub one_way: bool,
-    /// Drawing: distance of the lines of filled areas from the border; default: half the spot.
-    #[schemars(example = &"0.01 mm")]
+    /// Drawings: distance of the lines of filled areas from their border.
+    #[schemars(example = &"0.01 mm", extend("x-default" = "half the spot"))]
     #[serde(default)]
     pub inset: Option<Length>,
-    /// Drawing: whether the contour of filled areas is marked too, `inset` inside.
+    /// Drawings: whether the contour of a hatched area is marked too, `inset` inside, before or after its lines.
+    #[schemars(extend("x-default" = "\"none\""))]
     #[serde(default)]
     pub contour: Option<ContourPass>,
-    /// Drawing: what is done with elements that cannot be reproduced.
+    /// Drawings, curves: whether elements that cannot be reproduced refuse the job, or are left out with a warning.
+    #[schemars(extend("x-default" = "\"error\""))]
     #[serde(default)]
     pub on_unsupported: Option<OnUnsupported>,
-    /// Drawing: pens by colour (`"#ff0000"`, `"red"`) or label (`"layer:Grain"`, `"id:rim"`, `"class:fine"`); all else is
-    /// marked with `pen`.
-    #[schemars(example = BTreeMap::from([("#ff0000", "fill")]))]
+    /// Drawings, curves: pens by colour (`"#ff0000"`, `"red"`) or label (`"layer:Grain"`, `"id:rim"`, `"class:fine"`),
+    /// see below. All else is marked with `pen`.
+    #[schemars(example = BTreeMap::from([("#ff0000", "fill")]), extend("x-value" = "table of colours and labels with their pens"))]
     #[serde(default)]
     pub pens: BTreeMap<String, String>,
-    /// Drawing: the colours and labels that exist; default: all.
-    #[schemars(example = ["layer:Grain"])]
+    /// Drawings, curves: only these colours and labels are read.
+    #[schemars(example = ["layer:Grain"], extend("x-value" = "list of colours and labels", "x-default" = "all"))]
     #[serde(default)]
     pub only: Vec<String>,
-    /// Drawing: the colours and labels that do not exist.
-    #[schemars(example = ["layer:Notes"])]
+    /// Drawings, curves: these colours and labels are left out.
+    #[schemars(example = ["layer:Notes"], extend("x-value" = "list of colours and labels"))]
     #[serde(default)]
     pub except: Vec<String>,
-    /// Drawing: which colours are the page, which hides what lies below and is not marked: a colour (`"#fefefe"`: it and
-    /// what lies between it and white) or a CIE lightness L* from 50 to 100; default: 98, what the eye cannot tell from
-    /// white.
-    #[schemars(example = &"#fefefe")]
+    /// Drawings: which colours are the page, which hides what lies below it and is not marked: a colour and what lies
+    /// between it and white, or a CIE lightness; see below.
+    #[schemars(example = &"#fefefe", extend("x-value" = "a colour, or 50 to 100", "x-default" = "98"))]
     #[serde(default)]
     pub paper: Option<PaperKeys>,
-    /// Bitmap: pixels in an inch, or `"file"` for what the file states; or give `size`.
-    #[schemars(example = 300)]
+    /// Bitmaps: pixels per inch; "file" takes what the file states.
+    #[schemars(example = 300, extend("x-value" = "number, or \"file\"", "x-default" = "this or `size` for bitmaps"))]
     #[serde(default)]
     pub dpi: Option<DpiKeys>,
-    /// Bitmap: the density of a sample from 0 (black) to 1 (white) is 1 - sample^gamma; default: 1.
-    #[schemars(example = 2.2)]
+    /// Bitmaps: the density of a sample from 0 (black) to 1 (white) is 1 - sample^gamma.
+    #[schemars(example = 2.2, extend("x-value" = "0.01 to 100", "x-default" = "1"))]
     #[serde(default)]
     pub gamma: Option<f64>,
-    /// Bitmap: mark what is light.
+    /// Bitmaps: mark what is light.
     #[serde(default)]
     pub invert: bool,
-    /// Bitmap: how grey becomes marks; lines, dashes and dots lie at `pitch`, by default the spot, along `direction`.
+    /// Bitmaps: how grey becomes marks. Lines, dashes and dots lie at `pitch`, by default the spot, along `direction`.
+    #[schemars(extend("x-default" = "\"threshold\""))]
     #[serde(default)]
     pub screen: Option<Screen>,
-    /// Bitmap with `screen = "threshold"`: density above which an area is marked; default: 50 %.
-    #[schemars(example = &"50 %")]
+    /// Bitmaps with `screen = "threshold"`: density above which an area is marked.
+    #[schemars(example = &"50 %", extend("x-value" = "percent below 100", "x-default" = "\"50 %\""))]
     #[serde(default)]
     pub threshold: Option<Share>,
-    /// Bitmap with `screen = "dashes"`: distance of the dashes on their line; with `"halftone"`: side of the cells;
-    /// default: ten pitches.
-    #[schemars(example = &"0.2 mm")]
+    /// Bitmaps with `screen = "dashes"`: distance of the dashes on their line; with "halftone": side of the cells.
+    #[schemars(example = &"0.2 mm", extend("x-default" = "ten pitches"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub period: Option<Length>,
-    /// Curves: largest distance from the surface along z; default: half of `focus.pdof`.
-    #[schemars(example = &"0.1 mm")]
+    /// Curves: how far a curve may lie above or below the surface.
+    #[schemars(example = &"0.1 mm", extend("x-default" = "half of `focus.pdof`"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub max_distance: Option<Length>,
-    /// Curves: what is done where a curve lies farther from the surface than that.
+    /// Curves: whether a curve farther from the surface refuses the job, or is marked where the lens sees it, with a
+    /// warning.
+    #[schemars(extend("x-default" = "\"error\""))]
     #[serde(default)]
     pub on_distance: Option<OnDistance>,
-    /// Largest distance between a curve and its polyline.
+    /// Largest distance between a curve and the polyline that is marked.
     #[serde(default = "default_tolerance", deserialize_with = "positive")]
     pub tolerance: Length,
-    /// Name of the pen; default: the first.
-    #[schemars(example = &"fill")]
+    /// The pen it is marked with.
+    #[schemars(example = &"fill", extend("x-value" = "name", "x-default" = "the first pen"))]
     #[serde(default)]
     pub pen: Option<String>,
 }
