@@ -12,6 +12,7 @@
 //!
 //! Units: nm, integer in files and f64 under `depth`; mm and um only in the proof.
 
+mod findings;
 mod geometry;
 mod inputs;
 mod job_facts;
@@ -30,12 +31,12 @@ use std::path::Path;
 pub use progress::{Phase, Progress};
 pub use proof::{Input, Lengths, NotProved, Proof, Rule, Violation};
 
+use findings::{Findings, RuleCode};
 use geometry::Geometry;
 use inputs::Inputs;
 use job_facts::JobFacts;
 use read::manifest::Manifest;
 use read::program::ProgramFile;
-use rules::Findings;
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::P2;
 use terrace_core::parallel;
@@ -86,10 +87,10 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     }
     let [listed, written, read, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
     let manifest: read::manifest::Manifest = read::manifest::read(folder, &read::leaves::STEPPED)?;
-    let mut findings = Findings::new();
+    let mut findings = Findings::new(findings::STEPPED);
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     findings.not_proved = rules::stated::of(&manifest.listed(), &read::leaves::STEPPED);
-    let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
+    let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash]);
     drop(listed);
     let mut program = read_program(folder, &mut findings);
     drop(written);
@@ -116,26 +117,26 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
         || rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings),
     );
     let (geometry, box_mm) = shaped?;
-    rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.summary);
+    rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.rules[RuleCode::Summary]);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let mut files = rules::files::Files::default();
     let mut textures = Vec::new();
     let drawn = drawn.of_steps(facts.passes.count as usize);
     for pass in (0..facts.passes.count).map(PassId) {
         let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
-        if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
+        if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.rules[RuleCode::Fill]) {
             // Without its lines the texture is not known.
             return Ok(findings.into_proof());
         }
         let drawing = Drawing::of(&texture);
         let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
         let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
-        rules::drawing::check(&placed, spot_mm, &mut files, &mut findings.drawing);
-        rules::bitmap::check(&placed, &requests, spot_mm, &mut files, &mut findings.bitmap);
-        rules::mask::check(&placed, &mut files, &mut findings.mask);
+        rules::drawing::check(&placed, spot_mm, &mut files, &mut findings.rules[RuleCode::Drawing]);
+        rules::bitmap::check(&placed, &requests, spot_mm, &mut files, &mut findings.rules[RuleCode::Bitmap]);
+        rules::mask::check(&placed, &mut files, &mut findings.rules[RuleCode::Mask]);
         drop(drawing);
         if pass == PassId(0) {
-            let rules = [&mut findings.curves, &mut findings.summary];
+            let rules = findings.rules.several([RuleCode::Curves, RuleCode::Summary]);
             rules::curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
         }
         textures.push(texture);
@@ -159,7 +160,7 @@ fn check_folder(
 ) {
     let moves = Phase::Files.task(progress);
     rules::moves(stages, manifest, program, facts, geometry, findings);
-    rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
+    rules::agreement::with_job(manifest, program, facts, &mut findings.rules[RuleCode::Agreement]);
     drop(moves);
     let [depth, dose] = Phase::Marks.task(progress).split([4, 1]);
     let marks = rules::depth_and_field::check(program, facts, geometry, findings, depth);
@@ -178,8 +179,8 @@ fn read_program(folder: &Path, findings: &mut Findings) -> Option<ProgramFile> {
     match read::program::read(&folder.join("program.txt")) {
         Ok(program) => Some(program),
         Err(fault) => {
-            findings.agreement.ran = true;
-            findings.agreement.broken("", format!("program.txt:{}", fault.line), fault.message);
+            findings.rules[RuleCode::Agreement].ran = true;
+            findings.rules[RuleCode::Agreement].broken("", format!("program.txt:{}", fault.line), fault.message);
             None
         }
     }

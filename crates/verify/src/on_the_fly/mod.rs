@@ -20,14 +20,15 @@ use std::path::Path;
 
 use chain::Chain;
 use cover::{Cover, CoverageChecker, Covers};
-use marks::{MarkChecker, Rules, Traced, Wanted, Worst};
+use marks::{MarkChecker, Rules, Traced, Wanted};
 use track::Stroke;
 
+use super::findings::{self, Findings, RuleCode};
 use super::geometry::{Geometry, Scratch};
 use super::inputs::Inputs;
 use super::job_facts::{self, JobFacts};
 use super::progress::{Phase, Progress};
-use super::proof::{Input, Lengths, NotProved, Proof, Rule};
+use super::proof::{Lengths, Proof, Rule};
 use super::read::leaves;
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
@@ -44,139 +45,69 @@ use terrace_input::texture::Texture;
 /// Marks and strokes that are counted as one step.
 const COUNTED: usize = 64;
 
-/// The rules and figures while they are being found.
-struct Findings {
-    hash: Rule,
-    agreement: Rule,
-    limits: Rule,
-    laser: Rule,
-    position: Rule,
-    focus: Rule,
-    surface: Rule,
-    once: Rule,
-    coverage: Rule,
-    curves: Rule,
-    summary: Rule,
-    marks: usize,
-    lengths: Lengths,
-    /// How far lengths of what is not marked may be off where corners of facets are welded.
-    doubt_mm: f64,
-    worst: Worst,
-    against: Vec<Input>,
-    not_proved: Vec<NotProved>,
-}
-
-impl Findings {
-    fn new() -> Self {
-        Self {
-            hash: Rule::new("hash", "every file is as listed, none is unlisted, and the inputs are unchanged"),
-            agreement: Rule::new("agreement", "the programs agree with each other, with the manifest and with the job"),
-            limits: Rule::new("limits", "all axes and marks keep their limits at every sample"),
-            laser: Rule::new("laser", "the laser is off outside marks, and is switched off immediately at the end"),
-            position: Rule::new("position", "every mark lies on the stroke that it claims to be, within 1 um"),
-            focus: Rule::new("focus", "every mark is in focus and within the incidence limit"),
-            surface: Rule::new("surface", "no beam of a mark misses the part"),
-            once: Rule::new("once", "nothing is marked twice except declared overlaps"),
-            coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
-            curves: Rule::new("curves", curves::WHAT),
-            summary: Rule::new("summary", "counts, times and lengths are as stated"),
-            marks: 0,
-            lengths: Lengths::default(),
-            doubt_mm: 0.0,
-            worst: Worst::default(),
-            against: Vec::new(),
-            not_proved: Vec::new(),
-        }
-    }
-
-    fn into_proof(self) -> Proof {
-        let rules = vec![
-            self.hash,
-            self.agreement,
-            self.limits,
-            self.laser,
-            self.position,
-            self.focus,
-            self.surface,
-            self.once,
-            self.coverage,
-            self.curves,
-            self.summary,
-        ];
-        Proof {
-            ok: rules.iter().all(|r| r.ran && r.violated == 0),
-            rules,
-            stops: 0,
-            fragments: self.marks,
-            lengths: self.lengths,
-            worst_defocus_um: self.worst.defocus / 1e3,
-            worst_incidence_deg: self.worst.lean.to_degrees(),
-            against: self.against,
-            not_proved: self.not_proved,
-            worst_position_um: Some(self.worst.stray / 1e3),
-        }
-    }
-}
-
 /// Verifies an on-the-fly job folder.
 pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
     let reading = Phase::Read.task(progress);
     let manifest: Manifest = manifest::read(folder, &leaves::ON_THE_FLY)?;
-    let mut findings = Findings::new();
+    let mut findings = Findings::new(findings::ON_THE_FLY);
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };
     findings.not_proved = stated::of(&listed, &leaves::ON_THE_FLY);
-    let unchanged = hash::check(folder, &listed, &inputs, &mut findings.hash);
-    let mut programs = agree::read(folder, &manifest, &mut findings.agreement);
+    let unchanged = hash::check(folder, &listed, &inputs, &mut findings.rules[RuleCode::Hash]);
+    let mut programs = agree::read(folder, &manifest, &mut findings.rules[RuleCode::Agreement]);
     for (name, program) in &mut programs {
-        turntable::unwind(program, name, &manifest.machine, &mut findings.agreement);
+        turntable::unwind(program, name, &manifest.machine, &mut findings.rules[RuleCode::Agreement]);
     }
     drop(reading);
     let comparing = Phase::Files.task(progress);
-    agree::programs(&programs, &mut findings.agreement);
-    programs.iter().for_each(|program| agree::comments(program, &manifest, &mut findings.agreement));
-    findings.laser.ran = !programs.is_empty();
+    agree::programs(&programs, &mut findings.rules[RuleCode::Agreement]);
+    programs.iter().for_each(|program| agree::comments(program, &manifest, &mut findings.rules[RuleCode::Agreement]));
+    findings.rules[RuleCode::Laser].ran = !programs.is_empty();
     for (name, program) in &programs {
-        findings.laser.checked += program.steps.len() as u64;
+        findings.rules[RuleCode::Laser].checked += program.steps.len() as u64;
         for fault in &program.faults {
-            findings.laser.broken("", format!("{name}:{}", fault.line), &fault.message);
+            findings.rules[RuleCode::Laser].broken("", format!("{name}:{}", fault.line), &fault.message);
         }
     }
     let origin = Origin(manifest.placement.origin_mm.map(|v| Nm::from_mm(v).unwrap_or_default().0));
     let Some((name, program)) = programs.first() else {
-        findings.agreement.broken("", "manifest.json", "no program is listed that can be read");
+        findings.rules[RuleCode::Agreement].broken("", "manifest.json", "no program is listed that can be read");
         return Ok(findings.into_proof());
     };
     let Some(chain) = Chain::of(&manifest.machine, origin, &manifest.axes) else {
-        findings.agreement.broken("", "manifest.json", "the machine does not have the axes that are named");
+        findings.rules[RuleCode::Agreement].broken(
+            "",
+            "manifest.json",
+            "the machine does not have the axes that are named",
+        );
         return Ok(findings.into_proof());
     };
-    findings.marks = program.powers.len();
+    findings.fragments = program.powers.len();
     if !unchanged {
         check_program(name, program, &chain, &manifest, &[], &mut findings);
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
     findings.against = inputs.used(&job, folder);
-    agree::with_job(&manifest, &facts, program, &chain, &mut findings.agreement);
-    agree::sheet(folder, &manifest, &facts, &mut findings.agreement);
+    agree::with_job(&manifest, &facts, program, &chain, &mut findings.rules[RuleCode::Agreement]);
+    agree::sheet(folder, &manifest, &facts, &mut findings.rules[RuleCode::Agreement]);
     let pens = facts.pens.clone().unwrap_or_default();
     check_program(name, program, &chain, &manifest, &pens, &mut findings);
     drop(comparing);
     let [shaped, drawn, marks] = Phase::Marks.task(progress).split([3, 1, 12]);
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
-    summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.summary);
+    summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.rules[RuleCode::Summary]);
     drop(shaped);
     let texture = job_facts::texture(&job, &facts.machine, PassId(0), box_mm)?;
-    let rules = [&mut findings.curves, &mut findings.summary];
+    let rules = findings.rules.several([RuleCode::Curves, RuleCode::Summary]);
     curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
     drop(drawn);
     let checked = (&facts, &texture, &geometry);
     let covers = check_marks(name, program, &chain, checked, &mut findings, marks);
     check_coverage(covers, &manifest, checked, &mut findings, Phase::Coverage.task(progress));
     let lengths = (&findings.lengths, findings.doubt_mm);
-    agree::summary(&manifest, &facts, program, &chain, lengths, &mut findings.summary);
+    agree::summary(&manifest, &facts, program, &chain, lengths, &mut findings.rules[RuleCode::Summary]);
     Ok(findings.into_proof())
 }
 
@@ -188,8 +119,8 @@ fn check_program(
     pens: &[Pen],
     findings: &mut Findings,
 ) {
-    findings.limits.ran = true;
-    limits::check(program, name, chain, &manifest.machine, pens, &mut findings.limits);
+    findings.rules[RuleCode::Limits].ran = true;
+    limits::check(program, name, chain, &manifest.machine, pens, &mut findings.rules[RuleCode::Limits]);
 }
 
 /// The rules of geometry.
@@ -202,7 +133,8 @@ fn check_marks(
     task: Task<'_>,
 ) -> Covers {
     let task = task.of_steps(program.powers.len() / COUNTED);
-    let Findings { position, focus, surface: bare, once, coverage, .. } = findings;
+    let judged = [RuleCode::Position, RuleCode::Focus, RuleCode::Surface, RuleCode::Once, RuleCode::Coverage];
+    let [position, focus, bare, once, coverage] = findings.rules.several(judged);
     for rule in [&mut *position, &mut *focus, &mut *bare, &mut *once, &mut *coverage] {
         rule.ran = true;
     }
@@ -254,7 +186,9 @@ fn check_marks(
             task.step();
         }
     }
-    findings.worst = checker.worst;
+    findings.worst_defocus_um = checker.worst.defocus / 1e3;
+    findings.worst_incidence_deg = checker.worst.lean.to_degrees();
+    findings.worst_position_um = Some(checker.worst.stray / 1e3);
     covers
 }
 
@@ -283,7 +217,7 @@ fn check_coverage(
     task: Task<'_>,
 ) {
     let task = task.of_steps(texture.len() / COUNTED);
-    let Findings { once, coverage, .. } = findings;
+    let [once, coverage] = findings.rules.several([RuleCode::Once, RuleCode::Coverage]);
     let mut points: Vec<P2> = Vec::new();
     let left_out = left_out(manifest, texture, coverage);
     let covers = covers.sorted(&left_out);

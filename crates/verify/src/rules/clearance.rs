@@ -17,9 +17,9 @@
 //! A head that is turned itself moves through the part as it sees it, in any direction. While its axes turn it must stay
 //! above the highest place of the part.
 
-use super::Findings;
 use super::stage::{Positions, StageFile};
 use super::sweep::Sweep;
+use crate::findings::{Findings, RuleCode};
 use crate::geometry::{BoxNm, Geometry, HeadPose, Turn};
 use crate::job_facts::JobFacts;
 use crate::proof::Rule;
@@ -45,7 +45,7 @@ pub(crate) fn check(
     geometry: &Geometry,
     findings: &mut Findings,
 ) {
-    let rule = &mut findings.clearance;
+    let rule = &mut findings.rules[RuleCode::Clearance];
     rule.ran = true;
     let tiles = Tiles::of(geometry, &facts.machine);
     let mut head = Head { geometry, tiles, machine: &facts.machine, file, rule };

@@ -13,8 +13,9 @@ mod gaps;
 use super::stretch::Run;
 use super::texture_stroke::TextureStroke;
 use super::turned::{Drawn, Turned};
-use super::{Findings, part_place, part_place_nm};
+use super::{part_place, part_place_nm};
 use crate::Drawing;
+use crate::findings::{Findings, RuleCode};
 use crate::geometry::{Geometry, Piece, Scratch, Slope};
 use crate::job_facts::JobFacts;
 use crate::proof::{Lengths, Rule};
@@ -78,11 +79,11 @@ pub(crate) fn check(
     findings: &mut Findings,
     task: Task<'_>,
 ) -> Pieces {
-    let depth_holds = findings.depth.violated == 0;
+    let depth_holds = findings.rules[RuleCode::Depth].violated == 0;
     let pitch = |k: usize| manifest.passes.get(k).map_or([0.0; 2], |p| p.sections.pitch_mm.map(|mm| mm * NM_PER_MM));
     let window = |k| [0, 1].map(|axis| pitch(k)[axis].min(facts.section_nm[axis]));
     let windows = (0..drawings.len()).map(window).collect();
-    let Findings { source, once, coverage, .. } = findings;
+    let [source, once, coverage] = findings.rules.several([RuleCode::Source, RuleCode::Once, RuleCode::Coverage]);
     (source.ran, once.ran, coverage.ran) = (true, true, true);
     let Some(first) = drawings.first() else { return Pieces::default() };
     let mut cover = Cover {

@@ -17,9 +17,6 @@ use terrace_input::texture::{Kind, OnDistance, SpacePoint, Texture};
 use super::part_place_nm;
 use super::stretch::{Parallel, Parts, Stretch, confirmed_along, note};
 
-/// What the rule asks.
-pub(crate) const WHAT: &str = "space curves are those of their file and lie on the surface";
-
 /// Points of a stroke lie this near to those of its curve in x and y, nm: both are rounded.
 const SAME: i64 = 1;
 
@@ -383,7 +380,7 @@ mod tests {
         let turn = job.placement.turn.as_rad();
         let texture = Texture::load(&job.textures, area, turn, 0.03, &mut Vec::new()).expect("a texture");
         write(name, after);
-        let mut rules = [Rule::new("curves", WHAT), Rule::new("summary", "")];
+        let mut rules = [Rule::new("curves", ""), Rule::new("summary", "")];
         let [curves, summary] = &mut rules;
         check(&job, &texture, &geometry, stated, [curves, summary]);
         rules

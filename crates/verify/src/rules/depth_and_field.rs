@@ -9,7 +9,8 @@
 use super::slopes::{Along, Bounds};
 use super::stretch::{Parallel, Parts, Stretch, confirmed, confirmed_along, note, whole};
 use super::turned::{Drawn, Turned};
-use super::{Findings, part_place, part_place_nm};
+use super::{part_place, part_place_nm};
+use crate::findings::{Findings, RuleCode};
 use crate::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
 use crate::job_facts::JobFacts;
 use crate::proof::Rule;
@@ -61,7 +62,7 @@ pub(crate) fn check(
     task: Task<'_>,
 ) -> Marks {
     let task = task.of_steps(file.program.blocks.len());
-    let Findings { depth, surface: solid, source, .. } = findings;
+    let [depth, solid, source] = findings.rules.several([RuleCode::Depth, RuleCode::Surface, RuleCode::Source]);
     (depth.ran, solid.ran) = (true, true);
     let mut out = Marks::default();
     let mut slope2 = 0.0f64;

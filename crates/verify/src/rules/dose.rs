@@ -4,8 +4,9 @@
 //! compensates for the slope, at that much more power. The factor of a mark's pen is checked against the mean cosine
 //! over the mark, found on the surface file's own facets: half a step and [`NEAR`] apart at most, within the cap.
 
+use super::part_place_nm;
 use super::turned::Turned;
-use super::{Findings, part_place_nm};
+use crate::findings::{Findings, RuleCode};
 use crate::geometry::{Geometry, Line, Scratch, Slope};
 use crate::job_facts::JobFacts;
 use crate::read::program::ProgramFile;
@@ -52,7 +53,7 @@ pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &JobFacts) -> bool {
 
 /// Holds `dose`.
 pub(crate) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &Geometry, findings: &mut Findings) {
-    let rule = &mut findings.dose;
+    let rule = &mut findings.rules[RuleCode::Dose];
     rule.ran = true;
     let Some(dose) = facts.dose else {
         // No compensation: pens are the job's own, which `agreement` checks.

@@ -5,13 +5,14 @@
 //! Of `lower_bound_stops` only this is checked, that there are no fewer stops: a bound is proved by its certificate,
 //! which the folder does not hold.
 
+use super::Rule;
 use super::coverage::Pieces;
 use super::depth_and_field::Marks;
 use super::off_axis;
 use super::slopes::{self, Bounds};
 use super::times::{self, Times};
 use super::turned::Turned;
-use super::{Findings, Rule};
+use crate::findings::{Findings, RuleCode};
 use crate::geometry::{Geometry, Scratch};
 use crate::job_facts::JobFacts;
 use crate::read::manifest::{BlockEntry, Manifest};
@@ -55,12 +56,12 @@ pub(crate) fn check(
     let s = &manifest.summary;
     let found = &pieces.lengths;
     let sound = |r: &Rule| r.violated == 0;
-    let once = sound(&findings.once) && sound(&findings.source);
-    let placed = sound(&findings.agreement) && sound(&findings.travel);
-    let covered = once && sound(&findings.coverage) && sound(&findings.surface);
-    let deep = sound(&findings.depth) && sound(&findings.surface);
-    let inside = sound(&findings.field);
-    let rule = &mut findings.summary;
+    let once = sound(&findings.rules[RuleCode::Once]) && sound(&findings.rules[RuleCode::Source]);
+    let placed = sound(&findings.rules[RuleCode::Agreement]) && sound(&findings.rules[RuleCode::Travel]);
+    let covered = once && sound(&findings.rules[RuleCode::Coverage]) && sound(&findings.rules[RuleCode::Surface]);
+    let deep = sound(&findings.rules[RuleCode::Depth]) && sound(&findings.rules[RuleCode::Surface]);
+    let inside = sound(&findings.rules[RuleCode::Field]);
+    let rule = &mut findings.rules[RuleCode::Summary];
     rule.ran = true;
     let mut hold = |id: &str, name: &str, stated: f64, found: f64, tolerance: f64| {
         rule.checked += 1;
@@ -238,11 +239,20 @@ pub(crate) fn slopes(
     marks: &Marks,
     findings: &mut Findings,
 ) {
-    let Findings { depth, field, surface: solid, dose, source, once, coverage, travel, .. } = &*findings;
-    if [depth, field, solid, dose, source, once, coverage, travel].iter().any(|r| r.violated > 0) {
+    let of_marks = [
+        RuleCode::Depth,
+        RuleCode::Field,
+        RuleCode::Surface,
+        RuleCode::Dose,
+        RuleCode::Source,
+        RuleCode::Once,
+        RuleCode::Coverage,
+        RuleCode::Travel,
+    ];
+    if of_marks.iter().any(|&code| findings.rules[code].violated > 0) {
         return;
     }
-    let rule = &mut findings.summary;
+    let rule = &mut findings.rules[RuleCode::Summary];
     let blocks = &file.program.blocks;
     let entries: Vec<&BlockEntry> = manifest.blocks.iter().collect();
     let count = entries.len().min(blocks.len());

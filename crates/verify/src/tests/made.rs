@@ -8,10 +8,11 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::findings::{Findings, RuleCode, STEPPED};
 use crate::geometry::{Geometry, MeshBuilder, Shape};
 use crate::job_facts::JobFacts;
 use crate::read::manifest::Manifest;
-use crate::{Drawing, Proof, check_folder, inputs::Inputs, read, rules, rules::Findings};
+use crate::{Drawing, Proof, check_folder, inputs::Inputs, read, rules};
 use terrace_core::geom::{FieldPoint, Nm, P2, Turn};
 use terrace_core::machine::{Commanded, Machine, Origin, TiltAngles};
 use terrace_core::program::{
@@ -257,14 +258,14 @@ impl Made {
     /// Verifies a folder against this job.
     pub(super) fn verify(&self, folder: &Path) -> Proof {
         let manifest: Manifest = read::manifest::read(folder, &read::leaves::STEPPED).expect("a manifest");
-        let mut findings = Findings::new();
-        findings.fill.ran = true;
-        findings.drawing.ran = true;
-        findings.mask.ran = true;
-        findings.bitmap.ran = true;
-        findings.curves.ran = true;
+        let mut findings = Findings::new(STEPPED);
+        findings.rules[RuleCode::Fill].ran = true;
+        findings.rules[RuleCode::Drawing].ran = true;
+        findings.rules[RuleCode::Mask].ran = true;
+        findings.rules[RuleCode::Bitmap].ran = true;
+        findings.rules[RuleCode::Curves].ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);
-        crate::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
+        crate::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash]);
         let Some(mut program) = crate::read_program(folder, &mut findings) else {
             return findings.into_proof();
         };
