@@ -24,7 +24,7 @@ pub(super) struct Candidate {
     pub(super) program: Program,
     /// The stop of every block of a pass, among those of the method.
     pub(super) ids: Vec<StopId>,
-    /// How many stops it had before some were merged.
+    /// How many stops it has, or had before some were merged.
     pub(super) unmerged: usize,
     /// Where the part's origin lies in the table frame.
     pub(super) origin: Origin,

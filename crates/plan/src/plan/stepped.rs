@@ -159,75 +159,43 @@ impl<'a> Draft<'a> {
             made.push((method, one, fault));
             drop_worse(&mut made, |made| made.measure(job, machine));
         }
-        let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
+        let mut best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
         if is_single {
             tried.clear();
         }
-        let not_kept = warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split);
+        warnings.extend(warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split));
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
         let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
         let shares = Shares::of(job, &first.texture, &best.program, inputs.part_box(job), machine);
         let slivers = best.split.slivers.clone();
-        let mut draft = Self {
+        let grid = first.grid.clone();
+        let blocks = 0..best.program.blocks.len();
+        let mut passes = vec![first.pass(machine, inputs, &best, blocks)];
+        drop(mapping);
+        let begin = Start::first(machine);
+        let tasks = (job.passes.count > 1).then(|| Phase::Passes.task(progress));
+        let tasks = tasks.map_or_else(Vec::new, |task| task.parts(job.passes.count as usize - 1));
+        for (number, task) in (1..job.passes.count).map(PassId).zip(tasks) {
+            let start = best.start_of(number, &begin, &job.passes);
+            passes.push(add_pass(&mut best, &on, start, task)?);
+        }
+        Ok(Self {
             job,
             machine,
             inputs: Arc::clone(inputs),
+            origins: best.origins(),
             best,
             tried,
-            passes: Vec::new(),
+            passes,
             off_part,
             slivers,
-            grid: first.grid.clone(),
+            grid,
             clearance,
-            origins: Vec::new(),
             curves: inputs.curves,
             shares,
             slips: inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect(),
             warnings,
-        };
-        draft.warnings.extend(not_kept);
-        let blocks = 0..draft.best.program.blocks.len();
-        let pass = first.pass(machine, inputs, &draft.best, blocks);
-        draft.passes.push(pass);
-        drop(mapping);
-        let begin = Start::first(machine);
-        let passes = (job.passes.count > 1).then(|| Phase::Passes.task(progress));
-        let passes = passes.map_or_else(Vec::new, |task| task.parts(job.passes.count as usize - 1));
-        for (number, task) in (1..job.passes.count).map(PassId).zip(passes) {
-            let start = draft.best.start_of(number, &begin, &job.passes);
-            draft.add_pass(inputs, start, task)?;
-        }
-        draft.origins = draft.best.origins();
-        Ok(draft)
-    }
-
-    /// Plans a further pass and appends it.
-    fn add_pass(&mut self, inputs: &Inputs, start: Start, task: Task<'_>) -> Result<(), Error> {
-        let (job, machine) = (self.job, self.machine);
-        let lowered = start.lowered;
-        let texture = inputs.texture_of_pass(job, start.pass)?;
-        let [tracing, dividing, cutting, ordering] = task.split([2, 1, 3, 1]);
-        let ready = Ready::new(job, machine, inputs, texture, start, tracing)?;
-        let method = self.best.method;
-        let Some(stops) = divide(&ready.site(job, machine, inputs), method, dividing) else {
-            return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
-        };
-        let cuts = Cuts::new(job, machine, ready.grid.keep);
-        let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts, cutting)?;
-        let parts = parts.pop().unwrap_or_default();
-        let on = Given { job, machine, inputs, clearance: &self.clearance };
-        let next = ready.laid_out(&on, method, Cut::new(stops, parts, machine, &job.pens), ordering);
-        let first = self.best.program.blocks.len();
-        let blocks = first..first + next.program.blocks.len();
-        if self.best.fragments + next.fragments > MAX_FRAGMENTS
-            || self.best.program.points.len() + next.program.points.len() > MAX_POINTS
-        {
-            return Err(too_large(&inputs.texture).into());
-        }
-        let pass = ready.pass(machine, inputs, &next, blocks);
-        self.passes.push(pass);
-        self.best.append(next, lowered);
-        Ok(())
+        })
     }
 
     /// The program, not yet checked.
@@ -315,6 +283,33 @@ impl<'a> Draft<'a> {
             inputs,
         })
     }
+}
+
+/// Plans a further pass, divided as those before, and appends it to their program.
+fn add_pass(program: &mut Candidate, on: &Given<'_>, start: Start, task: Task<'_>) -> Result<Pass, Error> {
+    let &Given { job, machine, inputs, .. } = on;
+    let lowered = start.lowered;
+    let texture = inputs.texture_of_pass(job, start.pass)?;
+    let [tracing, dividing, cutting, ordering] = task.split([2, 1, 3, 1]);
+    let ready = Ready::new(job, machine, inputs, texture, start, tracing)?;
+    let method = program.method;
+    let Some(stops) = divide(&ready.site(job, machine, inputs), method, dividing) else {
+        return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
+    };
+    let cuts = Cuts::new(job, machine, ready.grid.keep);
+    let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts, cutting)?;
+    let parts = parts.pop().unwrap_or_default();
+    let next = ready.laid_out(on, method, Cut::new(stops, parts, machine, &job.pens), ordering);
+    let first = program.program.blocks.len();
+    let blocks = first..first + next.program.blocks.len();
+    if program.fragments + next.fragments > MAX_FRAGMENTS
+        || program.program.points.len() + next.program.points.len() > MAX_POINTS
+    {
+        return Err(too_large(&inputs.texture).into());
+    }
+    let pass = ready.pass(machine, inputs, &next, blocks);
+    program.append(next, lowered);
+    Ok(pass)
 }
 
 /// What all passes are planned from.
@@ -415,6 +410,7 @@ impl Ready {
         let Assembly { blocks, ids, setups, used, worst_defocus, worst_defocus_mean } =
             assemble::assemble(stops, marks, &self.stage(on), how, &setups);
         let program = Program { blocks, ..Program::default() };
+        let unmerged = program.stops();
         let times = self.times_of_stops(machine, &program, marks);
         Candidate {
             method,
@@ -426,7 +422,7 @@ impl Ready {
             worst_defocus_mean,
             program,
             ids,
-            unmerged: 0,
+            unmerged,
             origin: self.grid.origin,
             setups,
             used,
@@ -439,10 +435,9 @@ impl Ready {
         let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
         let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
         let placed = self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(&cut)));
-        let unmerged = placed.program.stops();
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
-            return (cut, Candidate { unmerged, ..placed });
+            return (cut, placed);
         }
         for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
             let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
@@ -462,12 +457,12 @@ impl Ready {
                     let again = || self.candidate(on, method, (&cut.stops, &cut.marks), Some(&made.setups));
                     let next = if as_taken { next } else { again() };
                     let next = self.placed(on, next, &cut.marks_by(&cut.marks, &as_cut(&cut)));
-                    return (cut, Candidate { unmerged, ..next });
+                    return (cut, Candidate { unmerged: placed.unmerged, ..next });
                 }
                 Err(as_it_was) => cut = *as_it_was,
             }
         }
-        (cut, Candidate { unmerged, ..placed })
+        (cut, placed)
     }
 
     /// A candidate with its stops where they cost least.
