@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::{Outcome, Report};
 use terrace_core::diag::Error;
-use terrace_core::units::duration;
+use terrace_core::duration::duration;
 use terrace_report::job_folder;
 use terrace_report::report::page::{self, escape};
 

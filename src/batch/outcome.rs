@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::unit::Unit;
 use terrace_core::diag::{Fault, Message};
+use terrace_core::duration::duration;
 use terrace_core::machine::LoadingWay;
-use terrace_core::units::duration;
 use terrace_plan::manifest::AnySummary;
 
 /// What the manifest of a job's folder tells of it.

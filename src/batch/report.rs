@@ -5,8 +5,8 @@ use std::fmt;
 use serde_json::{Value, json};
 
 use super::outcome::{Outcome, counted};
+use terrace_core::duration::duration;
 use terrace_core::machine::LoadingWay;
-use terrace_core::units::duration;
 
 /// All outcomes, in the order of the list.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use super::steps::Steps;
 use super::{durability, named, print, show};
 use crate::resume::{self, Choice};
 use terrace_core::diag::Error;
-use terrace_core::units::duration;
+use terrace_core::duration::duration;
 
 /// Writes the folder of what is left.
 pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {

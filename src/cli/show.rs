@@ -12,8 +12,8 @@ use crate::batch::Outcome;
 #[cfg(feature = "run")]
 use crate::run;
 use terrace_core::diag::shell_word;
+use terrace_core::duration::duration;
 use terrace_core::machine::Machine;
-use terrace_core::units::duration;
 use terrace_input::job::Focus;
 use terrace_plan::budget::Budget;
 use terrace_plan::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary};

@@ -311,7 +311,7 @@ fn verdict_agrees(found: &Value, page: &str) {
         assert!(number(best, "worst_fod_um") <= number(limits, "fod_um") + 2e-3, "{best}");
         assert!(number(best, "worst_bia_deg") <= number(limits, "bia_deg") + 1e-6, "{best}");
         assert!(number(best, "worst_displacement_mm") <= number(limits, "displacement_mm") + 2e-6, "{best}");
-        assert!(answer.contains(&terrace_core::units::duration(seconds(best))), "{answer}");
+        assert!(answer.contains(&terrace_core::duration::duration(seconds(best))), "{answer}");
         assert_eq!(verdict["job_key"], best["job_key"]);
     } else {
         let is_made = |s: &&Value| standing_of(found, s) == "yours-to-set" && s["job_key"].is_string();
@@ -321,7 +321,7 @@ fn verdict_agrees(found: &Value, page: &str) {
         match nearest {
             Some(s) => {
                 let told = format!("Yours to set: {} takes {}", s["system"].as_str().expect("a name"), {
-                    terrace_core::units::duration(seconds(s))
+                    terrace_core::duration::duration(seconds(s))
                 });
                 assert!(answer.starts_with(&told) && answer.contains("limits.warn_incidence"), "{answer}");
             }

@@ -163,7 +163,7 @@ fn pages_follow(out: &Path, stated: &Stated) -> f64 {
         assert_eq!(sheet.lines().filter(|l| *l == line).count(), 1, "{line}\n{sheet}");
     }
     let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
-    let duration = terrace_core::units::duration(total_s);
+    let duration = terrace_core::duration::duration(total_s);
     let least = if least.is_empty() { "" } else { "at least " };
     let attends = format!("<li>A person attends {least}{duration}: {words}.</li>");
     assert!(report.contains(&attends), "{attends}\n{report}");

@@ -7,7 +7,7 @@ use crate::support::surfaces::{Random, dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 use crate::textures::{PLATE, cells, code, load, made, request, strokes, total_mm};
 use terrace_core::geom::{BoxMm, P2, length_mm};
-use terrace_input::texture::pattern::{Lattice, Shape};
+use terrace_input::texture::kind::{Lattice, Shape};
 use terrace_input::texture::{Area, Kind, Texture};
 
 /// Any pattern that has a file of its own since cells, of some tenths of a millimetre to two.

@@ -9,7 +9,7 @@ use crate::support::{fixture, folder, outlined, outlines, shared};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, BoxMm, P2, length_mm};
 use terrace_core::program::PenId;
-use terrace_input::texture::pattern::{Lattice, Shape};
+use terrace_input::texture::kind::{Lattice, Shape};
 use terrace_input::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
 
 pub(crate) const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);

@@ -3,6 +3,7 @@
 
 pub mod clearance;
 pub mod diag;
+pub mod duration;
 pub mod format;
 pub mod geom;
 pub mod machine;

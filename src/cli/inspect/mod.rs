@@ -10,7 +10,7 @@ use std::path::Path;
 use serde_json::json;
 
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::units::duration;
+use terrace_core::duration::duration;
 use terrace_input::job::{FileUnit, Job, Overrides};
 use terrace_input::surface::is_cad;
 use terrace_plan::manifest::{self, AnySummary};

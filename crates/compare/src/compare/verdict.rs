@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use super::system::Kind;
 use super::{Beyond, Comparison, Figures, Hardware, KeyCost, Row, SYSTEMS};
+use terrace_core::duration::duration;
 use terrace_core::machine::LoadingWay;
-use terrace_core::units::duration;
 use terrace_report::report::table::plain;
 
 /// Times nearer to each other than this factor are as long.

@@ -4,6 +4,7 @@
 //! (listed in `docs/errors.md`), a place and a hint that says what to change. Nothing here prints: the command line
 //! renders diagnostics, JSON writes them as objects.
 
+mod exit_code;
 pub mod memory;
 mod message;
 mod shape;
@@ -250,18 +251,6 @@ impl Error {
     /// What went wrong, in the order found; warnings that came before it at the end.
     pub fn diags(&self) -> &[Diag] {
         &self.0
-    }
-    /// The exit code: 3 for a bug of ours, else 2 for input, else 1 for limits.
-    pub fn exit_code(&self) -> u8 {
-        self.0
-            .iter()
-            .map(|d| match d.kind {
-                Kind::Bug => 3,
-                Kind::Input => 2,
-                Kind::Limit | Kind::Warning => 1,
-            })
-            .max()
-            .unwrap_or(3)
     }
 }
 

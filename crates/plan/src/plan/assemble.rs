@@ -3,8 +3,8 @@
 use super::cut::{Cut, StopMarks, fragment};
 use super::dose;
 use super::focal_plane::focal_plane;
+use super::lifts::Stage;
 use super::setups::{self, CellId, Setups, Used};
-use super::stage::Stage;
 use super::standstills::{Place, standstills};
 use crate::order;
 use crate::order::stops::HeightOrder;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::early;
-use super::loading_way;
+use super::operator_way;
 use super::plausible;
 use super::space_curves;
 use crate::manifest::SpaceCurves;
@@ -90,7 +90,7 @@ impl Inputs {
         };
         let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
-        loading_way::served(job, &machine)?;
+        operator_way::served(job, &machine)?;
         let mut warnings = job.warnings.clone();
         let unused = machine.unused().into_iter();
         warnings.extend(unused.map(|(key, warning)| warning.at(job.place_in_machine(&key))));

@@ -14,7 +14,7 @@ use std::ops::Range;
 use super::candidate::Candidate;
 use super::cut::{LeftOut, Marks};
 use super::extent::{Extent, Near};
-use super::stage::Stage;
+use super::lifts::Stage;
 use crate::order::slide::{self, Ground, Placed, Spot};
 use crate::order::stops::{self, HeightOrder};
 use crate::split::Sliver;

@@ -6,7 +6,7 @@ use super::energy_map::EnergyMap;
 use super::page::{self, escape};
 use super::table::share as shown_share;
 use super::{OnTheFlyLayout, budget, energy, job_report, length_text, plain, record};
-use terrace_core::units::duration;
+use terrace_core::duration::duration;
 use terrace_plan::manifest::LaserSwitching;
 
 /// The report as the text of an HTML file.

@@ -12,9 +12,9 @@ use super::page::{self, escape};
 use super::table::share as shown_share;
 use super::{Layout, budget, energy, length_text, mm, pass_file, plain, record};
 use terrace_core::diag::Message;
+use terrace_core::duration::duration;
 use terrace_core::geom::Nm;
 use terrace_core::program::{Block, BlockId, PassId, Slope};
-use terrace_core::units::duration;
 
 /// The report as the text of an HTML file.
 pub fn report_html(job: &Layout<'_>, energy_map: &EnergyMap) -> String {

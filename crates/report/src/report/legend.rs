@@ -14,8 +14,8 @@ use super::sheet::{BESIDE, FONT, FOOT, GAP, LEAST_FONT, LEFT, RIM, Sheet, TOP, e
 use super::travel::{self, Seen};
 use super::unmarked::{self, Lines};
 use super::{Layout, Mode, OnTheFlyLayout, Picture, Shade, clean, length_text, mm, plain};
+use terrace_core::duration::duration;
 use terrace_core::geom::Nm;
-use terrace_core::units::duration;
 
 /// Distance of two lines of text, of a font of 1.
 const LINE: f64 = 1.42;

@@ -9,7 +9,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::job::direction::Direction;
 use crate::job::file_unit::FileUnit;
-use crate::texture::pattern::{Lattice, Pattern};
+use crate::texture::kind::Lattice;
+use crate::texture::pattern::Pattern;
 use crate::texture::{Align, ContourPass, FillMode, Fit, Mirror, OnDistance, Screen, StrokeMode};
 use terrace_core::units::{Angle, Length, Share, positive, positive_option};
 

@@ -4,6 +4,7 @@
 //! hexagons at their lowest corner, circles at their rightmost point; the vertices of a circle lie on it, its chords
 //! within the tolerance.
 
+use crate::texture::kind::Shape;
 use std::f64::consts::TAU;
 
 use crate::texture::place::LEAST;
@@ -11,36 +12,6 @@ use terrace_core::diag::{Diag, Error};
 
 /// Fewest segments of a circle.
 const LEAST_SEGMENTS: f64 = 8.0;
-
-/// What a cell shows; lengths in mm. Its size is that of [`super::Kind::Cells`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
-    /// A point.
-    Dot,
-    /// A square of that side.
-    Square,
-    /// A circle of that diameter.
-    Circle,
-    /// A regular hexagon of that width across its flats, which lie left and right.
-    Hexagon,
-    /// A cross, from tip to tip.
-    Cross {
-        /// Width of its arms.
-        width_mm: f64,
-    },
-    /// A Jerusalem cross: a cross with a bar across the end of every arm, from outer side to outer side of bars.
-    Jerusalem {
-        /// Width of arms and bars.
-        width_mm: f64,
-        /// Length of the bars.
-        bar_mm: f64,
-    },
-    /// Two circles about one centre; that is the diameter of the outer one.
-    Ring {
-        /// Diameter of the inner one.
-        inner_mm: f64,
-    },
-}
 
 impl Shape {
     /// The outlines of a cell of a size, in the order in which they are marked.

@@ -15,7 +15,7 @@ use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, BoxMm, P2};
 
 use super::Lattice;
-use super::cell::Shape;
+use crate::texture::kind::Shape;
 
 #[derive(Debug)]
 pub(in crate::texture) struct Loops {

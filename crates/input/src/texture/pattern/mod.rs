@@ -1,6 +1,6 @@
 //! Generated patterns: every stroke is computed from its index in constant time, none is stored.
 //!
-//! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`], and a row of the table below; `place`
+//! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`](super::kind::Kind), and a row of the table below; `place`
 //! builds it. Areas are boxes in the part frame, mm, borders included.
 
 mod cell;
@@ -12,12 +12,10 @@ mod honeycomb;
 mod loops;
 mod radial;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use cell::Shape;
 pub use contour_hatch::{Contour, Directions};
 use dots::{Dots, Scattered};
 use hatch::Hatch;
@@ -26,11 +24,10 @@ use honeycomb::Honeycomb;
 use loops::Loops;
 use radial::{Curve, Radial};
 
-use super::artwork::{FillMode, Marking, Screen, StrokeMode};
-use super::curves::OnDistance;
-use super::{Figure, Placed, Position, Size, place, place::Site};
+use super::artwork::{FillMode, Screen, StrokeMode};
+use super::kind::{Kind, Lattice, Shape};
+use super::{Figure, Placed, place, place::Site};
 use terrace_core::diag::{Diag, Error};
-use terrace_core::geom::{Nm, Pose};
 
 /// Most points of one stroke, which is held while it is followed: 1 GB.
 const MAX_STROKE_POINTS: u64 = 1 << 26;
@@ -69,17 +66,6 @@ pub enum Pattern {
     Spiral,
 }
 
-/// How the centres of cells lie.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, schemars::JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Lattice {
-    /// In columns and rows.
-    #[default]
-    Square,
-    /// Every second row half a pitch further, so that all six neighbours are a pitch away.
-    Hex,
-}
-
 impl Lattice {
     /// How far a point lies from the centre of a tile along the normals of its sides, at most.
     fn reach(self, [x, y]: [f64; 2]) -> f64 {
@@ -89,121 +75,6 @@ impl Lattice {
             Self::Hex => x.max((x + 3f64.sqrt() * y) / 2.0),
         }
     }
-}
-
-/// What is drawn.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
-    /// Parallel lines.
-    Hatch {
-        /// Distance of lines.
-        pitch_mm: f64,
-        /// Direction of lines from +x, counter-clockwise.
-        direction_rad: f64,
-    },
-    /// Parallel lines along the level lines of the part, their direction told later.
-    Contour {
-        /// Distance of lines.
-        pitch_mm: f64,
-        /// By which part of their distance all lines are moved, 0 to 1.
-        phase: f64,
-    },
-    /// One Hilbert curve of 4^order points.
-    Hilbert {
-        /// 4^order points.
-        order: u32,
-    },
-    /// Closed loops on a lattice.
-    Cells {
-        /// What a cell shows.
-        shape: Shape,
-        /// Side, diameter, width across flats, or width from tip to tip.
-        cell_mm: f64,
-        /// Distance of centres.
-        pitch_mm: f64,
-        /// How the centres lie.
-        lattice: Lattice,
-    },
-    /// Dots on a lattice.
-    Dots {
-        /// Distance of sites.
-        pitch_mm: f64,
-        /// How the sites lie.
-        lattice: Lattice,
-        /// How far a dot may lie from its site, in half pitches, 0 to 1.
-        jitter: f64,
-        /// What the places of moved dots follow from.
-        seed: u64,
-    },
-    /// Dots at random (Poisson-disc).
-    Poisson {
-        /// Least distance of two dots.
-        pitch_mm: f64,
-        /// What their places follow from.
-        seed: u64,
-    },
-    /// The walls of a hexagonal tiling.
-    Honeycomb {
-        /// Distance of the centres of tiles.
-        pitch_mm: f64,
-    },
-    /// Grooves of several lines each.
-    Riblets {
-        /// Distance of grooves.
-        pitch_mm: f64,
-        /// Width of a groove.
-        cell_mm: f64,
-        /// Distance of the lines in a groove.
-        line_mm: f64,
-        /// Direction of lines from +x, counter-clockwise.
-        direction_rad: f64,
-    },
-    /// Circles about one centre.
-    Concentric {
-        /// Distance of circles.
-        pitch_mm: f64,
-        /// Their centre, part frame; None for the middle of the area.
-        centre_mm: Option<[f64; 2]>,
-    },
-    /// An Archimedean spiral.
-    Spiral {
-        /// Distance of turns.
-        pitch_mm: f64,
-        /// Its centre, part frame; None for the middle of the area.
-        centre_mm: Option<[f64; 2]>,
-    },
-    /// A drawing (SVG, DXF or HPGL) or a bitmap.
-    Drawing {
-        /// The file.
-        path: PathBuf,
-        /// Of the whole page.
-        size: Size,
-        /// A drawing unit where the file may not say so; None for that of the file.
-        unit_mm: Option<f64>,
-        /// Of the page.
-        position: Position,
-        /// Turn of the page about its lower left corner, counter-clockwise.
-        turn_rad: f64,
-        /// Whether the page is repeated over the area.
-        tile: bool,
-        /// How its lines and areas are marked.
-        marking: Box<Marking>,
-    },
-    /// Space curves (CSV or DXF), in the frame of the surface file.
-    Curves {
-        /// The file.
-        path: PathBuf,
-        /// A unit of the file where it may not say so; None for that of the file.
-        unit_mm: Option<f64>,
-        /// Which of its curves are marked, and their pens.
-        marking: Box<Marking>,
-        /// How the surface file, and the curves with it, are rotated.
-        pose: Option<Pose>,
-        /// How far from the surface a curve may lie.
-        max_distance: Nm,
-        /// What is done with curves beyond that.
-        on_distance: OnDistance,
-    },
 }
 
 /// The values of a `[[texture]]` that patterns are made from.

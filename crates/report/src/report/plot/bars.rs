@@ -8,7 +8,7 @@ use super::{Axis, Bar, Bars, Plot, WIDTH, words};
 use crate::report::colour::{self, Colour, hex};
 use crate::report::legend::PARTS;
 use crate::report::sheet::{el, rectangle, text, titled};
-use terrace_core::units::duration;
+use terrace_core::duration::duration;
 
 /// Height of a bar, and from one to the next.
 const HIGH: f64 = 24.0;

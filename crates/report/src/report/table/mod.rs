@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use terrace_core::diag;
-use terrace_core::units::duration;
+use terrace_core::duration::duration;
 
 /// Columns of a terminal that a table should not exceed.
 pub const TERMINAL: usize = 120;
