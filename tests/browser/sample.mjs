@@ -1,12 +1,12 @@
 // Makes job folders of a mathematical part, each with a view.html and what view.mjs compares of a manifest.json:
 // node sample.mjs FOLDER [demo|tilt|passes|fly|large ...]
-// The data is written as src/view/ writes it, by other code, so the page can be developed and measured alone.
+// The data is written as crates/report/src/view writes it, by other code, so the page can be developed and measured alone.
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { deflateRawSync } from "node:zlib";
 
-const page = join(dirname(fileURLToPath(import.meta.url)), "../../src/view/page");
+const page = join(dirname(fileURLToPath(import.meta.url)), "../../crates/report/src/view/page");
 
 // --- the binary forms of the data elements
 
