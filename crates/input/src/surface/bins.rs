@@ -51,8 +51,13 @@ const MAX_REFS_PER_FACET: u64 = 12;
 
 impl Bins {
     pub fn new(mesh: &Mesh) -> Self {
-        let mut all = <Box2>::EMPTY;
-        mesh.facets.iter().flatten().for_each(|&v| all.add(mesh.vertices[v as usize].p2()));
+        let of_some = |facets: &[[u32; 3]]| {
+            let mut area = <Box2>::EMPTY;
+            facets.iter().flatten().for_each(|&v| area.add(mesh.vertices[v as usize].p2()));
+            area
+        };
+        let parts: Vec<&[[u32; 3]]> = mesh.facets.chunks(AT_ONCE).collect();
+        let all = parallel::map(parts.len(), |n| of_some(parts[n])).into_iter().fold(<Box2>::EMPTY, Box2::union);
         let (lo, hi) = (P2::new(all.lo.x - 2, all.lo.y - 2), all.hi);
         let (w, h) = (hi.x + 3 - lo.x, hi.y + 3 - lo.y);
         let area = w as f64 * h as f64 * FACETS_PER_BIN / mesh.facets.len() as f64;

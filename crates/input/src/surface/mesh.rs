@@ -9,6 +9,8 @@
 //! one other facet lies on its other side; everything else (border, fold, more than two facets) has
 //! none and counts as a rim for the walk.
 
+use std::sync::mpsc;
+
 use rustc_hash::FxHashMap;
 
 use super::faults::{Fault, FaultKind};
@@ -16,6 +18,7 @@ use super::topology::{Joining, Survey, TURNED, UPRIGHT, survey};
 pub(crate) use super::vertex::{NONE, Vertex};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{BoxMm, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
+use terrace_core::parallel;
 
 /// The mesh; see the module for what it promises.
 #[derive(Debug)]
@@ -31,25 +34,48 @@ pub struct Mesh {
 /// Corners welded in one go.
 const BATCH: usize = 3 * 64;
 
-/// Gathers facets and welds their corners.
-pub(crate) struct Welder {
+/// Corners that are handed to another thread at a time, and how many such lists may wait there.
+const HANDED: usize = 64 * BATCH;
+const QUEUED: usize = 4;
+
+/// A corner of a facet: where it lies on the turned part, nm, and the hash of that.
+#[derive(Clone, Copy)]
+struct Corner {
+    p: P2,
+    z: f64,
+    hash: u64,
+}
+
+/// Turns facets into corners.
+struct Corners {
+    /// Cosine and sine of the part's turn.
     turn: [f64; 2],
-    pub(super) joining: Joining,
+    /// Box of all corners before the turn, mm.
+    part_box_mm: BoxMm<2>,
+    /// Those that are not welded yet, three a facet.
+    waiting: Vec<Corner>,
+}
+
+/// Makes one point of equal corners.
+struct Points {
     weld_nm: i64,
-    points: Vec<(P2, f64)>,
+    list: Vec<(P2, f64)>,
     facets: Vec<[u32; 3]>,
     /// Open addressing, linear probing: index of a point or NONE.
     table: Vec<u32>,
     /// Only with a weld distance: points by cell of that size.
     cells: FxHashMap<[i64; 3], Vec<u32>>,
-    /// Facets of which two corners are one, and where the first is, mm.
+    /// Facets of which two corners are one, and a corner of the first.
     degenerate: usize,
-    degenerate_at: [f64; 3],
-    /// Corners that are not welded yet, three a facet.
-    waiting: Vec<(P2, f64)>,
+    degenerate_at: Option<(P2, f64)>,
     touched: Vec<u32>,
-    /// Box of all corners before the turn, mm.
-    pub part_box_mm: BoxMm<2>,
+}
+
+/// Gathers facets and welds their corners.
+pub(crate) struct Welder {
+    pub(super) joining: Joining,
+    corners: Corners,
+    points: Points,
 }
 
 /// Share of the area in plan that faces away from the lens, from which a part shows its back: of a closed body it is
@@ -68,82 +94,62 @@ fn share_away(vertices: &[Vertex], facets: &[[u32; 3]], states: &[u8]) -> f64 {
     if all > 0.0 { away / all } else { 0.0 }
 }
 
-impl Welder {
-    /// `turn` is the cosine and sine of the part's turn.
-    pub fn new(turn: [f64; 2], joining: Joining) -> Self {
-        Self {
-            turn,
-            joining,
-            weld_nm: (joining.weld_mm * NM_PER_MM).round() as i64,
-            points: Vec::new(),
-            facets: Vec::new(),
-            table: vec![NONE; 1 << 12],
-            cells: FxHashMap::default(),
-            degenerate: 0,
-            degenerate_at: [0.0; 3],
-            waiting: Vec::with_capacity(BATCH),
-            touched: Vec::with_capacity(BATCH),
-            part_box_mm: BoxMm::EMPTY,
-        }
-    }
-
-    /// Takes one facet, corners in mm. Readers have refused what is not finite or beyond 4 m.
-    pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
-        for [x, y, z] in corners {
+impl Corners {
+    /// Takes one facet, corners in mm.
+    fn add(&mut self, facet: [[f64; 3]; 3]) {
+        let [c, s] = self.turn;
+        for [x, y, z] in facet {
             self.part_box_mm.add([x, y]);
-            let [c, s] = self.turn;
             let (tx, ty) = (c * x - s * y, s * x + c * y);
             let p = P2::new(nearest(tx * NM_PER_MM), nearest(ty * NM_PER_MM));
-            self.waiting.push((p, z * NM_PER_MM));
-        }
-        if self.waiting.len() >= BATCH {
-            self.flush();
+            let z = z * NM_PER_MM;
+            self.waiting.push(Corner { p, z, hash: hash(p, nearest(z)) });
         }
     }
+}
 
-    /// Welds the waiting corners. In a file without order every look-up misses the cache; touching a
+impl Points {
+    /// Welds the corners of some facets. In a file without order every look-up misses the cache; touching a
     /// batch of slots first, then their points, lets the misses overlap (2.5 times faster measured).
-    fn flush(&mut self) {
-        let mask = self.table.len() - 1;
-        let mut touched = 0;
-        let slots = self.waiting.iter().map(|&(p, z)| hash(p, nearest(z)) as usize & mask);
-        self.touched.clear();
-        self.touched.extend(slots.map(|slot| self.table[slot]));
-        for &id in self.touched.iter().filter(|&&id| id != NONE) {
-            touched ^= self.points[id as usize].0.x;
-        }
-        std::hint::black_box(touched);
-        let waiting = std::mem::take(&mut self.waiting);
-        for corners in waiting.chunks_exact(3) {
-            let mut ids = [0; 3];
-            for (id, &(p, z)) in ids.iter_mut().zip(corners) {
-                *id = self.vertex(p, z);
+    fn weld(&mut self, corners: &[Corner]) {
+        for batch in corners.chunks(BATCH) {
+            let mask = self.table.len() - 1;
+            let mut touched = 0;
+            self.touched.clear();
+            self.touched.extend(batch.iter().map(|corner| self.table[corner.hash as usize & mask]));
+            for &id in self.touched.iter().filter(|&&id| id != NONE) {
+                touched ^= self.list[id as usize].0.x;
             }
-            if ids[0] == ids[1] || ids[1] == ids[2] || ids[2] == ids[0] {
-                if self.degenerate == 0 {
-                    self.degenerate_at = unturned(self.turn, &corners[0]);
-                }
-                self.degenerate += 1;
-            } else {
-                self.facets.push(ids);
-            }
+            std::hint::black_box(touched);
+            batch.chunks_exact(3).for_each(|facet| self.facet(facet));
         }
-        self.waiting = waiting;
-        self.waiting.clear();
     }
 
-    fn vertex(&mut self, p: P2, z: f64) -> u32 {
+    fn facet(&mut self, corners: &[Corner]) {
+        let mut ids = [0; 3];
+        for (id, corner) in ids.iter_mut().zip(corners) {
+            *id = self.vertex(corner);
+        }
+        if ids[0] == ids[1] || ids[1] == ids[2] || ids[2] == ids[0] {
+            self.degenerate_at.get_or_insert((corners[0].p, corners[0].z));
+            self.degenerate += 1;
+        } else {
+            self.facets.push(ids);
+        }
+    }
+
+    fn vertex(&mut self, &Corner { p, z, hash }: &Corner) -> u32 {
         if self.weld_nm > 0 {
             return self.vertex_near(p, z);
         }
         let zn = nearest(z);
         let mask = self.table.len() - 1;
-        let mut slot = hash(p, zn) as usize & mask;
+        let mut slot = hash as usize & mask;
         loop {
             match self.table[slot] {
                 NONE => break,
                 id => {
-                    let (q, qz) = self.points[id as usize];
+                    let (q, qz) = self.list[id as usize];
                     if q == p && nearest(qz) == zn {
                         return id;
                     }
@@ -151,10 +157,10 @@ impl Welder {
             }
             slot = (slot + 1) & mask;
         }
-        let id = self.points.len() as u32;
-        self.points.push((p, z));
+        let id = self.list.len() as u32;
+        self.list.push((p, z));
         self.table[slot] = id;
-        if self.points.len() * 2 > self.table.len() {
+        if self.list.len() * 2 > self.table.len() {
             self.grow();
         }
         id
@@ -164,7 +170,7 @@ impl Welder {
         let mask = self.table.len() * 2 - 1;
         self.table.clear();
         self.table.resize(mask + 1, NONE);
-        for (id, &(p, z)) in self.points.iter().enumerate() {
+        for (id, &(p, z)) in self.list.iter().enumerate() {
             let mut slot = hash(p, nearest(z)) as usize & mask;
             while self.table[slot] != NONE {
                 slot = (slot + 1) & mask;
@@ -183,7 +189,7 @@ impl Welder {
             for dy in -1..=1 {
                 for dz in -1..=1 {
                     for &id in self.cells.get(&[cell[0] + dx, cell[1] + dy, cell[2] + dz]).into_iter().flatten() {
-                        let (q, qz) = self.points[id as usize];
+                        let (q, qz) = self.list[id as usize];
                         let d2 = ((q.x - p.x) as f64).powi(2) + ((q.y - p.y) as f64).powi(2) + (qz - z).powi(2);
                         if d2 <= (w as f64).powi(2) && best.is_none_or(|b| id < b) {
                             best = Some(id);
@@ -193,11 +199,85 @@ impl Welder {
             }
         }
         best.unwrap_or_else(|| {
-            let id = self.points.len() as u32;
-            self.points.push((p, z));
+            let id = self.list.len() as u32;
+            self.list.push((p, z));
             self.cells.entry(cell).or_default().push(id);
             id
         })
+    }
+}
+
+impl Welder {
+    /// `turn` is the cosine and sine of the part's turn.
+    pub fn new(turn: [f64; 2], joining: Joining) -> Self {
+        Self {
+            joining,
+            corners: Corners { turn, part_box_mm: BoxMm::EMPTY, waiting: Vec::with_capacity(BATCH) },
+            points: Points {
+                weld_nm: (joining.weld_mm * NM_PER_MM).round() as i64,
+                list: Vec::new(),
+                facets: Vec::new(),
+                table: vec![NONE; 1 << 12],
+                cells: FxHashMap::default(),
+                degenerate: 0,
+                degenerate_at: None,
+                touched: Vec::with_capacity(BATCH),
+            },
+        }
+    }
+
+    /// Takes one facet, corners in mm. Readers have refused what is not finite or beyond 4 m.
+    pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
+        self.corners.add(corners);
+        if self.corners.waiting.len() >= BATCH {
+            self.flush();
+        }
+    }
+
+    /// Takes the facets that `read` hands to its sink, and answers with what `read` answers. Corners are welded on a
+    /// thread of their own where there are several: reading a file and welding take about as long.
+    pub fn fed_by<T>(self, read: impl FnOnce(&mut dyn FnMut([[f64; 3]; 3])) -> T) -> (Self, T) {
+        if parallel::threads() == 1 {
+            let mut welder = self;
+            let out = read(&mut |facet| welder.facet(facet));
+            return (welder, out);
+        }
+        let Self { joining, mut corners, mut points } = self;
+        std::thread::scope(|scope| {
+            let (hand, handed) = mpsc::sync_channel::<Vec<Corner>>(QUEUED);
+            let (give_back, emptied) = mpsc::channel::<Vec<Corner>>();
+            let welding = scope.spawn(move || {
+                for mut list in handed {
+                    points.weld(&list);
+                    list.clear();
+                    // Nobody takes it once all is read.
+                    let _ = give_back.send(list);
+                }
+                points
+            });
+            let out = read(&mut |facet| {
+                corners.add(facet);
+                if corners.waiting.len() >= HANDED {
+                    let empty = emptied.try_recv().unwrap_or_else(|_| Vec::with_capacity(HANDED));
+                    // Where it cannot be handed over the other thread has panicked, which is seen below.
+                    let _ = hand.send(std::mem::replace(&mut corners.waiting, empty));
+                }
+            });
+            drop(hand);
+            let points = welding.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            (Self { joining, corners, points }, out)
+        })
+    }
+
+    /// Box of all corners before the turn, mm.
+    pub fn part_box_mm(&self) -> BoxMm<2> {
+        self.corners.part_box_mm
+    }
+
+    /// Welds the waiting corners.
+    fn flush(&mut self) {
+        self.points.weld(&self.corners.waiting);
+        self.corners.waiting.clear();
     }
 
     /// The finished mesh, and what was wrong with it, each kind once. `path` names the file in messages.
@@ -208,7 +288,9 @@ impl Welder {
     pub fn finish(mut self, path: &str, notes: &mut Vec<Diag>) -> Result<(Mesh, Vec<Fault>), Error> {
         self.flush();
         let place = || terrace_core::diag::Place::file(path);
-        let Self { points, mut facets, table, mut degenerate, mut degenerate_at, turn, joining, .. } = self;
+        let Self { joining, corners: Corners { turn, .. }, points } = self;
+        let Points { list: points, mut facets, table, mut degenerate, degenerate_at, .. } = points;
+        let mut degenerate_at = degenerate_at.map_or([0.0; 3], |corner| unturned(turn, &corner));
         drop(table);
         let mut all = terrace_core::geom::Box2::EMPTY;
         points.iter().for_each(|&(p, _)| all.add(p));

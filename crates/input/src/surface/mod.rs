@@ -317,19 +317,20 @@ impl Surface {
         let [reading, joined] = task.split([1, 1]);
         let shown = path.display().to_string();
         let turn = terrace_core::geom::cos_sin(turn_rad);
-        let mut welder = Welder::new(turn, joining);
         let mut count = 0usize;
         let reading = reading.of_steps(facets_expected(path).div_ceil(COUNTED));
-        let content = read(path, options, notes, &mut |facet| {
-            welder.facet(facet);
-            each(facet);
-            count += 1;
-            if count.is_multiple_of(COUNTED) {
-                reading.step();
-            }
-        })?;
+        let (mut welder, content) = Welder::new(turn, joining).fed_by(|weld| {
+            read(path, options, notes, &mut |facet| {
+                weld(facet);
+                each(facet);
+                count += 1;
+                if count.is_multiple_of(COUNTED) {
+                    reading.step();
+                }
+            })
+        });
         drop(reading);
-        let map = match content {
+        let map = match content? {
             Content::Facets(_) => return Self::from_welder(welder, &shown, notes, joined),
             Content::Tessellated(_, off) => {
                 let surface = Self::from_welder(welder, &shown, notes, joined)?;
@@ -383,7 +384,7 @@ impl Surface {
     }
 
     fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>, task: Task<'_>) -> Result<Self, Error> {
-        let part_box_mm = welder.part_box_mm;
+        let part_box_mm = welder.part_box_mm();
         if part_box_mm.lo.iter().chain(&part_box_mm.hi).any(|v| v.abs() * NM_PER_MM > MAX_NM.f64()) {
             let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
             return Err(d.hint("check the unit of the part, or move the part to its origin").into());

@@ -312,6 +312,16 @@ fn add_pass(program: &mut Candidate, on: &Given<'_>, start: Start, task: Task<'_
     Ok(pass)
 }
 
+/// A candidate some of whose stops are merged.
+struct Merging {
+    merged: merge::Merged,
+    /// What its stops mark, as far as that is known before strokes are cut again.
+    marks: Vec<StopMarks>,
+    next: Candidate,
+    /// The same with its stops where they cost least.
+    placed: Candidate,
+}
+
 /// What all passes are planned from.
 struct Given<'a> {
     job: &'a Job,
@@ -434,18 +444,21 @@ impl Ready {
         let &Given { job, machine, inputs, .. } = on;
         let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
         let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
-        let placed = self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(&cut)));
+        let as_made = |cut: &Cut| self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(cut)));
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
+            let placed = as_made(&cut);
             return (cut, placed);
         }
+        let merging = |cut: &Cut, pairs| self.merging(on, (cut, &made), pairs);
+        let (placed, mut first) = parallel::both(|| as_made(&cut), || merging(&cut, Pairs::All));
         for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
-            let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
-            let Some(merged) = merge::merged(&cut, &made, &costs) else { break };
-            let marks = merged.marks(&cut.marks);
-            // The part stays where it lies: two stops of a set-up are merged within it.
-            let next = self.candidate(on, method, (&merged.stops, &marks), Some(&made.setups));
-            if !self.placed(on, next.clone(), &cut.marks_by(&marks, &merged.ids)).improves(&placed, job, machine) {
+            let found = match pairs {
+                Pairs::All => first.take(),
+                Pairs::Saving => merging(&cut, pairs),
+            };
+            let Some(Merging { merged, marks, next, placed: judged }) = found else { break };
+            if !judged.improves(&placed, job, machine) {
                 continue;
             }
             let cuts = Cuts::new(job, machine, self.grid.keep);
@@ -463,6 +476,18 @@ impl Ready {
             }
         }
         (cut, placed)
+    }
+
+    /// What becomes of a candidate when stops of these pairs are merged; None where there are none.
+    fn merging(&self, on: &Given<'_>, (cut, made): (&Cut, &Candidate), pairs: Pairs) -> Option<Merging> {
+        let &Given { job, machine, .. } = on;
+        let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
+        let merged = merge::merged(cut, made, &costs)?;
+        let marks = merged.marks(&cut.marks);
+        // The part stays where it lies: two stops of a set-up are merged within it.
+        let next = self.candidate(on, made.method, (&merged.stops, &marks), Some(&made.setups));
+        let placed = self.placed(on, next.clone(), &cut.marks_by(&marks, &merged.ids));
+        Some(Merging { merged, marks, next, placed })
     }
 
     /// A candidate with its stops where they cost least.
