@@ -355,7 +355,10 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str)
             d.place = Place::file(path);
         }
         if e.message().contains("unknown field") || e.message().contains("unknown variant") {
-            d.hint = "check the spelling against the names listed".into();
+            d.hint = match meant(e.message()).as_slice() {
+                [] => "check the spelling against the names listed".into(),
+                names => format!("did you mean {}?", names.join(" or ")),
+            };
         } else if e.message().contains("missing field") {
             d.hint = keys.into();
         } else if has_backslash(source, e.span()) {
@@ -363,6 +366,17 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str)
         }
         d.into()
     })
+}
+
+/// Of the names in a message "unknown field `a`, expected one of `b`, `c`" those that differ from the first by one or
+/// two characters: the nearest, at most three.
+fn meant(message: &str) -> Vec<&str> {
+    let mut names = message.split('`').skip(1).step_by(2);
+    let Some(given) = names.next() else { return Vec::new() };
+    let near: Vec<(usize, &str)> = names.map(|name| (edits(given, name), name)).filter(|(n, _)| *n <= 2).collect();
+    let least = near.iter().map(|(n, _)| *n).min();
+    let nearest = near.into_iter().filter(|(n, name)| Some(*n) == least && *n < name.len() / 2);
+    nearest.map(|(_, name)| name).take(3).collect()
 }
 
 /// The rest of the line from a fault on, where it begins with a quote that a text processor has curled.
@@ -410,6 +424,17 @@ pub fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_unknown_name_is_answered_with_the_nearest_that_is_known() {
+        let of =
+            |given: &str| format!("unknown field `{given}`, expected one of `pitch`, `pen`, `pens`, `unit`, `cell`");
+        assert_eq!(meant(&of("pitsh")), ["pitch"]);
+        assert_eq!(meant(&of("Unit")), ["unit"]);
+        assert_eq!(meant(&of("penn")), ["pens"]);
+        assert!(meant(&of("speed")).is_empty());
+        assert!(meant("unknown field").is_empty());
+    }
 
     #[test]
     fn edits_are_counted() {
