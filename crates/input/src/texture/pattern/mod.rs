@@ -1,6 +1,6 @@
 //! Generated patterns: every stroke is computed from its index in constant time, none is stored.
 //!
-//! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`](super::kind::Kind), and a row of the table below; `place`
+//! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`], and a row of the table below; `place`
 //! builds it. Areas are boxes in the part frame, mm, borders included.
 
 mod cell;
