@@ -68,16 +68,29 @@ impl Simulator {
 
     fn opened(&self) -> Grbl {
         let mut grbl = self.driver();
-        grbl.open(&Interrupt::default()).expect("it is ready");
-        grbl
+        let mut tries = 40;
+        loop {
+            match grbl.open(&Interrupt::default()) {
+                Ok(_) => return grbl,
+                // See `link`.
+                Err(e) if e.code == "grbl-port" && tries > 0 => std::thread::sleep(Duration::from_millis(50)),
+                Err(e) => panic!("it is ready: {e}"),
+            }
+            tries -= 1;
+        }
+    }
+
+    /// The port, once nobody holds it. A driver that was dropped may for a moment longer: a process that another test
+    /// starts meanwhile has the lock, too, until it runs a program of its own.
+    fn link(&self) -> Link {
+        let open =
+            |_| Link::open(&self.port, DEFAULT_BAUD).inspect_err(|_| std::thread::sleep(Duration::from_millis(50)));
+        (0..40).map(open).find_map(Result::ok).expect("a port")
     }
 
     /// Stores a setting, as a terminal does.
     fn set(&self, setting: &str) {
-        // A driver that was dropped may hold its port for a moment longer.
-        let open =
-            |_| Link::open(&self.port, DEFAULT_BAUD).inspect_err(|_| std::thread::sleep(Duration::from_millis(50)));
-        let mut link = (0..40).map(open).find_map(Result::ok).expect("a port");
+        let mut link = self.link();
         link.send(setting).expect("sent");
         assert_eq!(link.next(Instant::now() + Duration::from_secs(1)), Ok(Some(Reply::Ok)));
     }
