@@ -8,6 +8,7 @@ pub mod emit;
 pub mod manifest;
 pub mod on_the_fly;
 pub mod order;
+pub mod ordered_strokes;
 pub mod partition;
 pub mod plan;
 pub mod projection;

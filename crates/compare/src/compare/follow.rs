@@ -8,7 +8,6 @@ use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
 use terrace_core::machine::{Commanded, Machine};
 use terrace_core::motion::{GalvoModel, stage_move};
 use terrace_core::parallel;
-use terrace_core::program::Program;
 use terrace_core::progress::Task;
 use terrace_input::job::Mode;
 use terrace_plan::block_map::BlockMap;
@@ -27,6 +26,7 @@ use terrace_plan::on_the_fly::xyzacuv::{
     AxisFigures, Decomposed, Instant, TimedAxes, ToolPath, decompose, decompose_and_time,
 };
 use terrace_plan::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
+use terrace_plan::ordered_strokes::{Band, OrderedStrokes};
 use terrace_plan::plan::strokes::{self, Strokes};
 
 /// Samples of a synchronised path, and of one band of it.
@@ -56,10 +56,10 @@ pub(super) struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     pub(super) fn new(subject: &'a Subject<'a>, whole: &'a Strokes) -> Self {
-        let path = path_of(subject, &whole.program, 0..whole.program.blocks.len());
+        let path = path_of(subject, &whole.ordered, 0..whole.ordered.strokes.len());
         let thin = path.evened(STEP);
-        let process_s = Schedule::of(&path, subject.machine, &whole.program.pens, 0.0).total_s();
-        Self { subject, whole, path, thin, process_s, mark_mm: mark_mm(&whole.program) }
+        let process_s = Schedule::of(&path, subject.machine, &whole.ordered.pens, 0.0).total_s();
+        Self { subject, whole, path, thin, process_s, mark_mm: mark_mm(&whole.ordered, &whole.bands) }
     }
 
     /// Length of the marks, every pass of the pens counted.
@@ -85,7 +85,7 @@ impl<'a> Follower<'a> {
 
     /// The job's machine as one of seven axes; None where it is none.
     fn seven(&self) -> Option<KinematicModel<'_>> {
-        KinematicModel::of(self.subject.machine, &self.whole.program.pens, self.whole.origin.mm())
+        KinematicModel::of(self.subject.machine, &self.whole.ordered.pens, self.whole.origin.mm())
     }
 
     /// What moves scanner and stage together, and what the job file says for it where the job's machine does: where
@@ -107,7 +107,7 @@ impl<'a> Follower<'a> {
     /// The strokes in their order, synchronised as a whole.
     pub(super) fn synchronised(&self, curves: &mut Curves) -> Result<Figures, Error> {
         let machine = self.subject.machine;
-        let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
+        let (pens, allowed) = (&self.whole.ordered.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: BoxMm<3>| too_far(machine, ends).is_none();
         let Timed { turn, path, schedule, sync } =
@@ -170,7 +170,7 @@ impl<'a> Follower<'a> {
     fn by_the_article(&self, allowed: ScannerLimits) -> String {
         const SAMPLES: usize = 50_000;
         let machine = self.subject.machine;
-        let schedule = Schedule::of(&self.path, machine, &self.whole.program.pens, 0.0);
+        let schedule = Schedule::of(&self.path, machine, &self.whole.ordered.pens, 0.0);
         let even = schedule.samples(&self.path, (schedule.total_s() / SAMPLES as f64).max(1e-3));
         let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
         let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
@@ -214,30 +214,28 @@ impl<'a> Follower<'a> {
     pub(super) fn bands(&self) -> Result<Figures, Error> {
         let subject = self.subject;
         let depth = Some(subject.job.focus.depth);
-        let Strokes { program, section, texture, .. } =
-            strokes::in_order(subject.job, subject.machine, subject.inputs, depth, &|_, _| {})?;
-        let (program, allowed) = (&repeated(program), self.allowed()?);
-        let upright = vec![None; program.blocks.len()];
-        let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
-        let band = |i: usize| {
-            let block = &program.blocks[i];
-            let mut path = path_of(subject, program, i..i + 1);
-            let plane = block.stop.focus.mm();
+        let strokes = strokes::in_order(subject.job, subject.machine, subject.inputs, depth, &|_, _| {})?;
+        let Strokes { ordered, bands, texture, .. } = strokes.repeated();
+        let allowed = self.allowed()?;
+        let map = BlockMap::of_bands(&ordered, &bands, &subject.inputs.surface, texture);
+        let along = |band: &Band| {
+            let mut path = path_of(subject, &ordered, band.strokes.clone());
+            let plane = band.focus.mm();
             let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
             path.nodes.iter_mut().for_each(|node| node.at[2] = plane);
-            let schedule = Schedule::of(&path, subject.machine, &program.pens, 0.0);
+            let schedule = Schedule::of(&path, subject.machine, &ordered.pens, 0.0);
             let sync = synchronise(&path, &schedule, subject.machine, allowed, schedule.step_s(COARSE));
             path.nodes.iter_mut().zip(heights).for_each(|(node, z)| node.at[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
             let ends = [path.nodes[0].at, path.nodes[path.len() - 1].at]
                 .map(nm)
-                .map(|[x, y, _]| Commanded([x, y, block.stop.focus.0]));
+                .map(|[x, y, _]| Commanded([x, y, band.focus.0]));
             Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
-        let bands = parallel::map(program.blocks.len(), band).into_iter().collect::<Result<Vec<_>, Error>>()?;
+        let found = parallel::map(bands.len(), |i| along(&bands[i])).into_iter().collect::<Result<Vec<_>, Error>>()?;
         let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
         let mut before: Option<Commanded> = None;
-        for (followed, own, slow, own_s, [first, last]) in bands {
+        for (followed, own, slow, own_s, [first, last]) in found {
             let moved = before.map(|from| stage_move(subject.machine, from, first, None)).unwrap_or_default();
             before = Some(last);
             time.stage += own.stage + moved.travel_s;
@@ -249,13 +247,13 @@ impl<'a> Follower<'a> {
         }
         Ok(Figures {
             time,
-            model_s: Some(step_scan_s(program.blocks.len(), subject.move_s, process_s)),
-            stops: program.blocks.len(),
+            model_s: Some(step_scan_s(bands.len(), subject.move_s, process_s)),
+            stops: bands.len(),
             speed: 100.0 / slowest,
             seam_mm: map.seam_mm(),
             notes: vec!["speed of the slowest band".into()],
             hardware: self.together().0,
-            marked_mm: mark_mm(program),
+            marked_mm: mark_mm(&ordered, &bands),
             ..all.figures(subject.limits)
         })
     }
@@ -264,7 +262,7 @@ impl<'a> Follower<'a> {
     pub(super) fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, Error> {
         let subject = self.subject;
         let mut notes = Vec::new();
-        let pens = &self.whole.program.pens;
+        let pens = &self.whole.ordered.pens;
         const OTHER: &str = "xyzac-galvo-10";
         let mut other = Machine::built_in(OTHER)?;
         if subject.galvo == GalvoModel::AtSpeed {
@@ -394,7 +392,7 @@ impl<'a> Follower<'a> {
             *(if made.path.nodes[i + 1].pen.is_some() { &mut time.mark } else { &mut time.jump }) += w[1][0] - w[0][1];
         }
         time.delay = times.iter().map(|[come, go]| go - come).sum();
-        let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
+        let asked = Schedule::of(&self.thin, machine, &self.whole.ordered.pens, 0.0).mark_s;
         // Where the scanner does not move it does not compensate for the stage either.
         let feed = (tools != ToolPath::OnTheMark).then_some(self.subject.protection);
         let (samples, step_s) = sampled(&made, model);
@@ -555,25 +553,9 @@ fn turns_too_far(model: &KinematicModel<'_>, axes: &[Axes]) -> Option<Beyond> {
     (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
 }
 
-/// The program with every stroke as often in its list as its pen has passes: what marks on the fly marks a stroke again
-/// before it goes on, as a controller does at a stop.
-pub(super) fn repeated(mut program: Program) -> Program {
-    let passes: Vec<usize> =
-        program.pens.iter_mut().map(|pen| std::mem::replace(&mut pen.passes, 1) as usize).collect();
-    let once = std::mem::take(&mut program.strokes);
-    for block in &mut program.blocks {
-        let first = program.strokes.len();
-        for stroke in &once[block.strokes.clone()] {
-            program.strokes.extend(std::iter::repeat_n(*stroke, passes[stroke.pen.index()]));
-        }
-        block.strokes = first..program.strokes.len();
-    }
-    program
-}
-
-/// Length of all marks of a program.
-fn mark_mm(program: &Program) -> f64 {
-    program.blocks.iter().map(|block| program.mark_mm(block)).sum()
+/// Length of the marks of all bands.
+fn mark_mm(ordered: &OrderedStrokes, bands: &[Band]) -> f64 {
+    bands.iter().map(|band| ordered.mark_mm(band.strokes.clone())).sum()
 }
 
 fn nm(p: [f64; 3]) -> [i64; 3] {
@@ -590,26 +572,4 @@ fn travel(points: impl Iterator<Item = [f64; 3]>) -> f64 {
         last = Some(p);
     }
     sum
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use terrace_core::program::sample;
-
-    #[test]
-    fn repeated_program_marks_the_same_length_with_pens_of_one_pass() {
-        let (mut program, _) = sample::program();
-        (program.pens[0].passes, program.pens[1].passes) = (2, 3);
-        let repeats = repeated(program.clone());
-        assert!(repeats.pens.iter().all(|pen| pen.passes == 1));
-        assert!((mark_mm(&repeats) - mark_mm(&program)).abs() < 1e-9 && mark_mm(&program) > 1.0);
-        assert_eq!(repeated(repeats.clone()), repeats, "once is enough");
-        // Each stroke follows itself, in the block it belongs to.
-        for (a, b) in program.blocks.iter().zip(&repeats.blocks) {
-            let of = |s: &terrace_core::program::Stroke| program.pens[s.pen.index()].passes as usize;
-            let want: Vec<_> = program.strokes_of(a).iter().flat_map(|s| std::iter::repeat_n(*s, of(s))).collect();
-            assert_eq!(repeats.strokes_of(b), want);
-        }
-    }
 }

@@ -38,7 +38,6 @@ use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::Nm;
 use terrace_core::machine::{Commanded, Cost, Machine};
 use terrace_core::motion::{GalvoModel, stage_move};
-use terrace_core::program::Program;
 use terrace_core::progress::Task;
 use terrace_input::job::{Job, Method};
 use terrace_plan::manifest::Loading;
@@ -51,6 +50,7 @@ use terrace_plan::on_the_fly::path::schedule::Schedule;
 use terrace_plan::on_the_fly::spot::Rests;
 use terrace_plan::on_the_fly::statistics::Statistics;
 use terrace_plan::on_the_fly::xyzacuv::{AxisFigures, BackOff};
+use terrace_plan::ordered_strokes::OrderedStrokes;
 use terrace_plan::plan::strokes;
 use terrace_plan::plan::{Inputs, SteppedPlan};
 
@@ -372,7 +372,7 @@ pub fn compare(
     let machine = &Machine { zoom: None, ..inputs.machine.clone() };
     let mut whole =
         strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
-    whole.program = follow::repeated(whole.program);
+    whole = whole.repeated();
     let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();
     let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
@@ -520,9 +520,9 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     Figures { beyond, ..figures }
 }
 
-/// The path of some blocks of a program over the part.
-fn path_of(subject: &Subject<'_>, program: &Program, blocks: Range<usize>) -> Path {
+/// The path of some strokes over the part.
+fn path_of(subject: &Subject<'_>, ordered: &OrderedStrokes, strokes: Range<usize>) -> Path {
     let field = subject.machine.usable_field().map(Nm::mm);
     let spacing = field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES;
-    Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing)
+    Path::of(ordered, strokes, &subject.inputs.surface, &subject.height_field, spacing)
 }

@@ -1,7 +1,5 @@
 //! The stepped systems: each is compiled as a job is, and its marks are measured where they lie.
 
-use std::borrow::Cow;
-
 use super::{Figures, Hardware, KeyCost, Split, Subject, marked, path_of};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
@@ -14,6 +12,7 @@ use terrace_plan::manifest::Times;
 use terrace_plan::on_the_fly::axes::kinematics::Deviation;
 use terrace_plan::on_the_fly::path::height_field::HeightField;
 use terrace_plan::on_the_fly::xyzuv::step_scan_s;
+use terrace_plan::ordered_strokes::OrderedStrokes;
 use terrace_plan::plan::{Draft, SteppedPlan};
 
 /// Planes of focus so far apart, nm, that every field has one.
@@ -200,14 +199,16 @@ fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figur
 
 /// The figures of a stepped plan, by the nodes of its marks on the part.
 fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
-    let mut program = Cow::Borrowed(plan.program);
+    let program = plan.program;
     let turns: Vec<Turn> = program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.origin)).collect();
-    if turns.iter().any(|turn| turn.lean() > 0.0) {
-        seen_from_above(program.to_mut(), &turns, &subject.height_field, plan.texture);
-    }
-    let owner = owners(&program);
-    let path = path_of(subject, &program, 0..program.blocks.len());
-    let blocks = &plan.program.blocks;
+    let ordered = if turns.iter().any(|turn| turn.lean() > 0.0) {
+        seen_from_above(program, &turns, &subject.height_field, plan.texture)
+    } else {
+        OrderedStrokes::of_program(program)
+    };
+    let owner = owners(program);
+    let path = path_of(subject, &ordered, 0..ordered.strokes.len());
+    let blocks = &program.blocks;
     let deviation = |i: usize| {
         let number = owner[path.nodes[i].stroke.index()] as usize;
         let (block, turn, [x, y, z]) = (&blocks[number], &turns[number], path.nodes[i].at);
@@ -231,15 +232,14 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     figures
 }
 
-/// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the
-/// texture.
-fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightField, texture: Box2) {
-    let Program { blocks, strokes, points, .. } = program;
-    for (block, turn) in blocks.iter_mut().zip(turns) {
+/// The strokes of all blocks where they lie on the untilted part, seen along z; points in the box of the texture.
+fn seen_from_above(program: &Program, turns: &[Turn], height_field: &HeightField, texture: Box2) -> OrderedStrokes {
+    let mut ordered = OrderedStrokes::of_program(program);
+    for (block, turn) in program.blocks.iter().zip(turns) {
         let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
         let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - focus).mm());
         // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
-        let met = |FieldPoint { x, y }: FieldPoint| {
+        let met = |FieldPoint { x, y }: FieldPoint| -> P2 {
             let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus.0];
             let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
             let (mut way, mut p) = (0.0f64, from);
@@ -251,17 +251,16 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
             }
             P2::new((p[0] * NM_PER_MM).round() as i64, (p[1] * NM_PER_MM).round() as i64)
         };
-        let middle = met(FieldPoint::AXIS);
-        for stroke in &strokes[block.strokes.clone()] {
-            for point in &mut points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
-                let p = met(*point);
+        for stroke in program.strokes_of(block) {
+            let placed = &mut ordered.points[stroke.first as usize..(stroke.first + stroke.len) as usize];
+            for (to, &point) in placed.iter_mut().zip(program.points_of(stroke)) {
+                let p = met(point);
                 // Rounding must put nothing beyond an edge of the part.
-                let p: P2 = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
-                *point = FieldPoint::new((p.x - middle.x) as i32, (p.y - middle.y) as i32);
+                *to = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
             }
         }
-        block.stop.centre = Turn::upright(middle);
     }
+    ordered
 }
 
 /// The block of every stroke.

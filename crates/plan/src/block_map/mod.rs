@@ -32,6 +32,8 @@ mod region_growing;
 #[cfg(test)]
 mod tests;
 
+use crate::ordered_strokes::{Band, OrderedStrokes};
+use rasterise::{BandMarks, BlockMarks, Marks};
 use terrace_core::geom::{Box2, Grid, Nm, P2, P3, Turn, Turned};
 use terrace_core::program::{Block, Program, Sections};
 use terrace_input::surface::Surface;
@@ -126,17 +128,30 @@ impl BlockMap {
         surface: &Surface,
         area: Box2,
     ) -> Self {
+        let is_gridded = is_gridded(program, &program.blocks, sections);
+        let section = |b: &Block| section(program, b, sections).filter(|_| is_gridded);
+        let stops = program.blocks.iter().zip(turns).map(|(b, turn)| Accepts::of(b, *turn, section(b), field));
+        Self::of(&BlockMarks { program, turns }, &stops.collect::<Vec<_>>(), field, surface, area)
+    }
+
+    /// The map of bands of depth over the whole part.
+    pub fn of_bands(ordered: &OrderedStrokes, bands: &[Band], surface: &Surface, area: Box2) -> Self {
+        let everywhere = raster(area, CELL).bounds();
+        let window = Box2 { lo: Turn::upright(everywhere.lo), hi: Turn::upright(everywhere.hi) };
+        let stops: Vec<Accepts> = bands.iter().map(|band| Accepts { turn: None, window, z: band.z }).collect();
+        Self::of(&BandMarks { ordered, bands }, &stops, area.size(), surface, area)
+    }
+
+    /// The map of marks, each group of which has the stop at the same place of the list; gaps are closed in proportion
+    /// to `field`.
+    fn of(marks: &dyn Marks, stops: &[Accepts], field: [Nm; 2], surface: &Surface, area: Box2) -> Self {
         let grid = raster(area, CELL);
-        let marked = rasterise::marked_cells(program, turns, &grid);
+        let marked = rasterise::marked_cells(marks, &grid);
         let [least, widest] =
             [SPARSE_GAP, field[0].min(field[1]) / WIDEST_GAP].map(|gap| (gap / grid.pitch[0]) as usize);
         let shown = closing::gaps(&grid, &marked, least, widest);
         let dense = region_growing::dense(&grid, &marked);
         let heights = region_growing::Heights::under(surface, &grid, &dense);
-        let is_gridded = is_gridded(program, &program.blocks, sections);
-        let section = |b: &Block| section(program, b, sections).filter(|_| is_gridded);
-        let stops: Vec<Accepts> =
-            program.blocks.iter().zip(turns).map(|(b, turn)| Accepts::of(b, *turn, section(b), field)).collect();
         let may = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];
             heights.at(cell).is_some_and(|z| stop.admits(grid.centre(cell), z))
@@ -151,7 +166,7 @@ impl BlockMap {
         }
         region_growing::grow(&grid, &mut labels, may);
         // Counted here: closing, which follows, is for the picture.
-        let sub_blocks = measure::parts(&grid, &labels) + without_cell(&labels, program.blocks.len());
+        let sub_blocks = measure::parts(&grid, &labels) + without_cell(&labels, stops.len());
         labels.iter_mut().zip(&marked).filter(|(label, _)| **label == 0).for_each(|(label, mark)| *label = *mark);
         region_growing::grow(&grid, &mut labels, |cell, _| shown[cell] && heights.at(cell).is_some());
         labels.iter_mut().zip(&shown).filter(|(_, shown)| !**shown).for_each(|(label, _)| *label = 0);

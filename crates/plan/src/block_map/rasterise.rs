@@ -1,13 +1,14 @@
-//! Cells under the strokes of blocks.
+//! Cells under the strokes of blocks, or of bands of depth.
 //!
-//! Consumes a program, promises for every cell the block with the longest marks in it. Strokes are followed
+//! Consumes marks in groups, promises for every cell the group with the longest marks in it. Strokes are followed
 //! from border to border of the cells. Which cells a segment begins and ends in is decided on the
 //! program's integers; a segment along a border belongs to the upper cell, one that only touches a cell
 //! to none. Time follows the cells that strokes pass; memory is 8 bytes a cell, and 4 more in the rows of
-//! the highest block.
+//! the highest group.
 
 use std::ops::Range;
 
+use crate::ordered_strokes::{Band, OrderedStrokes};
 use terrace_core::geom::{FieldPoint, Grid, P3, Turn};
 use terrace_core::program::{Block, Program};
 
@@ -17,44 +18,89 @@ const LEAST_NM: f32 = 1.0;
 /// What a dot counts for, nm.
 const DOT_NM: f32 = 1000.0;
 
-/// Index of the block with the longest marks plus 1 for every cell, 0 where there are none; among
+/// Marks in groups, each of which a label stands for.
+pub(super) trait Marks {
+    /// How many groups there are.
+    fn groups(&self) -> usize;
+    /// Hands on the points of every stroke of a group, nm on the part; a dot has one.
+    fn strokes_of(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]]));
+}
+
+/// The marks of the blocks of a program, whose parts are turned as `turns` has it.
+pub(super) struct BlockMarks<'a> {
+    pub program: &'a Program,
+    pub turns: &'a [Option<Turn>],
+}
+
+impl Marks for BlockMarks<'_> {
+    fn groups(&self) -> usize {
+        self.program.blocks.len()
+    }
+
+    fn strokes_of(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
+        let (block, turn) = (&self.program.blocks[group], &self.turns[group]);
+        let mut points = Vec::new();
+        for stroke in self.program.strokes_of(block) {
+            points.clear();
+            points.extend(self.program.points_of(stroke).iter().map(|p| on_part(block, turn, p)));
+            visit(&points);
+        }
+    }
+}
+
+/// The marks of bands of depth.
+pub(super) struct BandMarks<'a> {
+    pub ordered: &'a OrderedStrokes,
+    pub bands: &'a [Band],
+}
+
+impl Marks for BandMarks<'_> {
+    fn groups(&self) -> usize {
+        self.bands.len()
+    }
+
+    fn strokes_of(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
+        let mut points = Vec::new();
+        for stroke in &self.ordered.strokes[self.bands[group].strokes.clone()] {
+            points.clear();
+            points.extend(self.ordered.points_of(stroke).iter().map(|p| [p.x, p.y]));
+            visit(&points);
+        }
+    }
+}
+
+/// Index of the group with the longest marks plus 1 for every cell, 0 where there are none; among
 /// equals the first.
-pub(super) fn marked_cells(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec<u32> {
+pub(super) fn marked_cells(marks: &dyn Marks, grid: &Grid) -> Vec<u32> {
     let mut labels = vec![0u32; grid.len()];
     let mut longest = vec![LEAST_NM; grid.len()];
-    // Lengths of the block at hand, over the rows that it touches.
+    // Lengths of the group at hand, over the rows that it touches.
     let (mut own, mut touched) = (Vec::<f32>::new(), Vec::<u32>::new());
-    for (i, (block, turn)) in program.blocks.iter().zip(turns).enumerate() {
-        let Some(rows) = rows_of(program, block, turn, grid) else { continue };
+    for group in 0..marks.groups() {
+        let Some(rows) = rows_of(marks, group, grid) else { continue };
         let first = rows.start * grid.columns();
         own.resize(own.len().max(rows.len() * grid.columns()), 0.0);
-        for stroke in program.strokes_of(block) {
-            let mut points = program.points_of(stroke).iter().map(|p| on_part(block, turn, p));
-            let Some(mut a) = points.next() else { continue };
-            if stroke.is_dot() {
-                let cell = grid.along(1, a[1], 0) as usize * grid.columns() + grid.along(0, a[0], 0) as usize;
-                let own = &mut own[cell - first];
-                if *own == 0.0 {
-                    touched.push(cell as u32);
-                }
-                *own += DOT_NM;
+        let mut add = |cell: usize, length: f32| {
+            let own = &mut own[cell - first];
+            if *own == 0.0 {
+                touched.push(cell as u32);
             }
-            for b in points {
-                pass(a, b, grid, |cell, length| {
-                    let own = &mut own[cell - first];
-                    if *own == 0.0 {
-                        touched.push(cell as u32);
-                    }
-                    *own += length as f32;
-                });
-                a = b;
+            *own += length;
+        };
+        marks.strokes_of(group, &mut |points| {
+            if let [at] = points {
+                let cell = grid.along(1, at[1], 0) as usize * grid.columns() + grid.along(0, at[0], 0) as usize;
+                add(cell, DOT_NM);
             }
-        }
+            for ends in points.windows(2) {
+                pass(ends[0], ends[1], grid, |cell, length| add(cell, length as f32));
+            }
+        });
         for cell in touched.drain(..).map(|cell| cell as usize) {
             let length = std::mem::take(&mut own[cell - first]);
-            // More than the blocks before have: among equals the first keeps the cell.
+            // More than the groups before have: among equals the first keeps the cell.
             if length > longest[cell] {
-                (longest[cell], labels[cell]) = (length, i as u32 + 1);
+                (longest[cell], labels[cell]) = (length, group as u32 + 1);
             }
         }
     }
@@ -72,11 +118,12 @@ fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
     })
 }
 
-/// The rows that hold a block's points.
-fn rows_of(program: &Program, block: &Block, turn: &Option<Turn>, grid: &Grid) -> Option<Range<usize>> {
-    let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
-    let y = points.map(|p| on_part(block, turn, p)[1]);
-    let (lo, hi) = y.fold((i64::MAX, i64::MIN), |(lo, hi), y| (lo.min(y), hi.max(y)));
+/// The rows that hold a group's points.
+fn rows_of(marks: &dyn Marks, group: usize, grid: &Grid) -> Option<Range<usize>> {
+    let (mut lo, mut hi) = (i64::MAX, i64::MIN);
+    marks.strokes_of(group, &mut |points| {
+        points.iter().for_each(|p| (lo, hi) = (lo.min(p[1]), hi.max(p[1])));
+    });
     if lo > hi {
         return None;
     }

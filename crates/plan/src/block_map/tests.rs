@@ -188,7 +188,7 @@ fn a_cell_belongs_to_the_longest_marks_in_it() {
         (nm(1.0, 1.0), z, vec![line(0.25, 0.5, 0.05), line(0.55, 1.0, 0.2)]),
     ]);
     assert_eq!(
-        rasterise::marked_cells(&program, &[None; 8][..program.blocks.len()], &grid(4, 1, 250_000)),
+        rasterise::marked_cells(&BlockMarks { program: &program, turns: &none(&program) }, &grid(4, 1, 250_000)),
         [1, 1, 2, 2]
     );
 }

@@ -146,13 +146,14 @@ pub(super) fn lay_out(
     program.strokes.reserve_exact(members.len());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     for (i, (id, visits)) in ids.iter().zip(orders).enumerate() {
-        let (first, first_point) = (program.strokes.len(), program.points.len());
+        let first = program.strokes.len();
         let list = members.of(*id);
-        visits.iter().for_each(|visit| append_stroke(&mut program, &parts, list[visit.stroke as usize], *visit));
         let (from, at) = (stops.stops[id.index()].stop.centre, program.blocks[i].stop.centre);
         let by = [from.x - at.x, from.y - at.y].map(|v| v as i32);
-        for p in &mut program.points[first_point..] {
-            *p = FieldPoint::new(p.x + by[0], p.y + by[1]);
+        let in_field = |p: FieldPoint| FieldPoint::new(p.x + by[0], p.y + by[1]);
+        for visit in visits {
+            let fragment = (parts.as_slice(), list[visit.stroke as usize]);
+            append_stroke(&mut program.strokes, &mut program.points, fragment, visit, in_field);
         }
         program.blocks[i].strokes = first..program.strokes.len();
     }
@@ -165,19 +166,25 @@ fn moved(stop: &Stop, by: [i64; 3]) -> Stop {
     Stop { centre, focus: stop.focus + Nm(by[2]), ..stop.clone() }
 }
 
-/// Appends a fragment as a stroke.
-pub(super) fn append_stroke(program: &mut Program, parts: &[Fragments], member: (u32, u32), visit: Visit) {
+/// Appends a fragment as a stroke, whose points `place` puts into the frame of the list.
+pub(super) fn append_stroke<P>(
+    strokes: &mut Vec<Stroke>,
+    list: &mut Vec<P>,
+    (parts, member): (&[Fragments], (u32, u32)),
+    visit: Visit,
+    place: impl Fn(FieldPoint) -> P,
+) {
     let Visit { start, reversed, .. } = visit;
     let (f, points) = fragment(parts, member);
-    let first = program.points.len();
+    let first = list.len();
     if reversed {
-        program.points.extend(points.iter().rev());
+        list.extend(points.iter().rev().map(|&p| place(p)));
     } else {
         // A closed stroke is turned so that it begins and ends at its start.
-        program.points.extend_from_slice(&points[start as usize..]);
-        program.points.extend_from_slice(&points[1..][..start as usize]);
+        list.extend(points[start as usize..].iter().map(|&p| place(p)));
+        list.extend(points[1..][..start as usize].iter().map(|&p| place(p)));
     }
-    program.strokes.push(Stroke {
+    strokes.push(Stroke {
         source: f.source,
         segment: f.segment + start,
         reversed,

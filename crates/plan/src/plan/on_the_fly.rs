@@ -26,6 +26,7 @@ use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::turnaround::quickest;
 use crate::on_the_fly::xyzacuv::{Instant, TimedAxes, ToolPath, decompose};
 use crate::on_the_fly::xyzuv::ScannerLimits;
+use crate::ordered_strokes::OrderedStrokes;
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use terrace_core::machine::{Machine, Origin};
@@ -143,17 +144,8 @@ struct Planned {
 
 fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
-    let Strokes {
-        program: strokes,
-        origin,
-        texture,
-        strokes: followed,
-        texture_mm,
-        skipped,
-        shares,
-        warnings: found,
-        ..
-    } = strokes::in_order(job, machine, inputs, None, progress)?;
+    let Strokes { ordered: strokes, origin, texture, followed, texture_mm, skipped, shares, warnings: found, .. } =
+        strokes::in_order(job, machine, inputs, None, progress)?;
     warnings.extend(found);
     warnings.extend(fly_formats::unwritten(job, machine)?);
     if KinematicModel::of(machine, &strokes.pens, origin.mm()).is_none_or(|model| model.spot.is_none()) {
@@ -213,7 +205,7 @@ fn slow_jumps(machine: &Machine) -> Machine {
 struct Planner<'a> {
     job: &'a Job,
     machine: &'a Machine,
-    strokes: &'a terrace_core::program::Program,
+    strokes: &'a OrderedStrokes,
     origin: Origin,
     surface: &'a Surface,
     height_field: &'a HeightField,
@@ -269,8 +261,8 @@ impl Planner<'_> {
         };
         let [following, timing, _limiting] = task.split([1, 6, 1]);
         let follow = Follow { near, holds: &holds, without };
-        let blocks = 0..strokes.blocks.len();
-        let followed = Path::following(strokes, blocks, surface, height_field, spacing, &follow);
+        let all = 0..strokes.strokes.len();
+        let followed = Path::following(strokes, all, surface, height_field, spacing, &follow);
         drop(following);
         if followed.marked.is_empty() {
             let text = "the height field that the axes follow leaves the part under all of the texture";
@@ -350,7 +342,7 @@ impl Planner<'_> {
             let end = if stroke.reversed { points[points.len() - 1] } else { points[0] };
             let segment = stroke.segment as usize;
             let begin = length_mm(&drawn[..=segment]) + drawn[segment].distance(end) / NM_PER_MM;
-            let length = length_mm(&points);
+            let length = length_mm(points);
             let [from, to] =
                 if stroke.reversed { [length - stretch.to, length - stretch.from] } else { [stretch.from, stretch.to] };
             LeftOut { stroke: stroke.source.0, from_mm: begin + from, to_mm: begin + to }
@@ -372,18 +364,15 @@ impl Planner<'_> {
     }
 
     /// The points of a stroke on the part.
-    fn points_of(&self, stroke: PieceId) -> Vec<P2> {
-        let block = self.strokes.blocks.iter().find(|b| b.strokes.contains(&stroke.index()));
-        let centre = block.map_or(P2::new(0, 0), |b| b.stop.centre);
-        let points = self.strokes.points_of(&self.strokes.strokes[stroke.index()]).iter();
-        points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect()
+    fn points_of(&self, stroke: PieceId) -> &[P2] {
+        self.strokes.points_of(&self.strokes.strokes[stroke.index()])
     }
 
     /// What is not marked because the axes cannot keep it in focus.
     fn skipped(&self, lengths: &FlyLengths, stretches: &[Stretch]) -> Option<Diag> {
         let first = stretches.iter().find(|s| s.to - s.from > CUT)?;
         let points = self.points_of(first.stroke);
-        let [x_mm, y_mm] = place(&points, first.from);
+        let [x_mm, y_mm] = place(points, first.from);
         let text = format!(
             "{:.3} mm of texture is not marked: next to steps of the part the axes cannot keep focus and incidence",
             lengths.skipped_focus_mm

@@ -9,7 +9,7 @@ use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{BoxMm, Nm};
 use terrace_core::machine::Machine;
 use terrace_core::parallel;
-use terrace_core::program::{PassId, Program, stroke_mm};
+use terrace_core::program::Stroke;
 use terrace_input::job::Job;
 use terrace_input::texture::{Slip, Texture};
 
@@ -44,6 +44,9 @@ impl Marked {
     }
 }
 
+/// Hands on the strokes of a group, each with its length, mm.
+type StrokesOf<'a> = dyn Fn(usize, &mut dyn FnMut(&Stroke, f64)) + Sync + 'a;
+
 /// The figures of each texture, in the order of the job.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shares {
@@ -53,19 +56,24 @@ pub(super) struct Shares {
 }
 
 impl Shares {
-    /// Of the first pass of a program; `part` is the box of the part as it is turned, mm.
-    pub(super) fn of(job: &Job, texture: &Texture, program: &Program, part: BoxMm<2>, machine: &Machine) -> Self {
+    /// Of the strokes of the first pass; `part` is the box of the part as it is turned, mm.
+    pub(super) fn of(
+        job: &Job,
+        texture: &Texture,
+        (groups, strokes_of): (usize, &StrokesOf<'_>),
+        part: BoxMm<2>,
+        machine: &Machine,
+    ) -> Self {
         let ends: Vec<usize> = (0..job.textures.len()).map(|k| texture.strokes_of(k).end).collect();
-        let blocks = program.blocks.partition_point(|b| b.pass == PassId(0));
         let mut all = parallel::fold(
-            blocks,
+            groups,
             || vec![Marked::default(); ends.len()],
             |found, i| {
-                for stroke in program.strokes_of(&program.blocks[i]) {
+                strokes_of(i, &mut |stroke, length_mm| {
                     let of = &mut found[ends.partition_point(|&end| end <= stroke.source.index())];
                     of.dots += u64::from(stroke.is_dot());
-                    of.length += Nm::from_mm(stroke_mm(program.points_of(stroke))).unwrap_or_default();
-                }
+                    of.length += Nm::from_mm(length_mm).unwrap_or_default();
+                });
             },
             |a, b| {
                 for (a, b) in a.iter_mut().zip(b) {

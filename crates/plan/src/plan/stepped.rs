@@ -50,7 +50,7 @@ use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::Nm;
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::parallel;
-use terrace_core::program::{Block, BlockFigures, OffAxis, PassId, Program, StopId};
+use terrace_core::program::{Block, BlockFigures, OffAxis, PassId, Program, StopId, Stroke, stroke_mm};
 use terrace_core::progress::Task;
 use terrace_input::job::{Job, Method};
 use terrace_input::texture::{Slip, Texture};
@@ -166,7 +166,12 @@ impl<'a> Draft<'a> {
         warnings.extend(warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split));
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
         let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
-        let shares = Shares::of(job, &first.texture, &best.program, inputs.part_box(job), machine);
+        let program = &best.program;
+        let strokes_of = |i: usize, visit: &mut dyn FnMut(&Stroke, f64)| {
+            program.strokes_of(&program.blocks[i]).iter().for_each(|s| visit(s, stroke_mm(program.points_of(s))));
+        };
+        let blocks = program.blocks.partition_point(|b| b.pass == PassId(0));
+        let shares = Shares::of(job, &first.texture, (blocks, &strokes_of), inputs.part_box(job), machine);
         let slivers = best.split.slivers.clone();
         let grid = first.grid.clone();
         let blocks = 0..best.program.blocks.len();

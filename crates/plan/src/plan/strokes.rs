@@ -1,9 +1,8 @@
 //! The strokes of a texture as far as they lie on the part, in the order in which an on-the-fly machine marks
 //! them.
 //!
-//! Consumes surface, texture and the job's limits; there is no field and no stop. The answer is a program of one block,
-//! or of one for every band of depth over the whole part, bottom up. Its points are relative to the texture's upper
-//! right corner, from where the order begins; stage positions have no meaning in it.
+//! Consumes surface, texture and the job's limits; there is no field and no stop. All strokes are one band, or lie in
+//! bands of a depth over the whole part, bottom up. The order begins at the texture's upper right corner.
 
 use super::assemble::append_stroke;
 use super::cut::Members;
@@ -16,13 +15,14 @@ use super::progress::{Phase, Progress};
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
 use super::{hatch_direction, nothing, warnings};
+use crate::ordered_strokes::{Band, OrderedStrokes};
 use crate::partition::{self, Lattice, Stops};
 use crate::projection::Keep;
 use crate::split::{Fragments, Skipped};
 use terrace_core::diag::{Diag, Error};
-use terrace_core::geom::{Box2, Nm};
-use terrace_core::machine::{Commanded, Machine, Origin};
-use terrace_core::program::{Block, PassId, Program, Sections, SetupId, StopId};
+use terrace_core::geom::{Box2, FieldPoint, Nm, P2, length_mm};
+use terrace_core::machine::{Machine, Origin};
+use terrace_core::program::{Sections, StopId, Stroke};
 use terrace_core::progress::Task;
 use terrace_input::job::Job;
 use terrace_input::texture::Texture;
@@ -30,17 +30,17 @@ use terrace_input::texture::Texture;
 /// Strokes in order.
 #[derive(Clone, Debug)]
 pub struct Strokes {
-    /// A block for every band; stage targets are zeros.
-    pub program: Program,
+    /// The strokes, band by band.
+    pub ordered: OrderedStrokes,
+    /// The bands of depth, upwards; one where there are none.
+    pub bands: Vec<Band>,
     /// Where the part's origin lies in the table frame, nm: where the job says, or so that the middle of the marks
     /// is at the centre of travel.
     pub origin: Origin,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
     /// The strokes as they were followed over the part.
-    pub strokes: Texture,
-    /// One section over all of it.
-    pub section: Sections,
+    pub followed: Texture,
     /// Length of the texture, mm.
     pub texture_mm: f64,
     /// What of it lies where nothing may be marked.
@@ -95,7 +95,7 @@ pub fn in_order(
     let parts = split(sweep, &[&stops], &section, &job.pens, Cuts::default(), Phase::Split.task(progress))?
         .pop()
         .unwrap_or_default();
-    let program = laid(job, &stops, &parts, Phase::Order.task(progress));
+    let (ordered, bands) = in_bands(job, &stops, &parts, Phase::Order.task(progress));
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
     let off_part = if found.skipped.off_part > 0.0 || found.dots.off_part > 0 {
@@ -105,14 +105,18 @@ pub fn in_order(
     };
     let slips: Vec<_> = inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
     warnings::warn(job, &found, (&off_part, &slips), Nm(0), [everything, Nm(0)], &mut notes)?;
-    let shares = Shares::of(job, &texture, &program, inputs.part_box(job), machine);
+    let strokes_of = |i: usize, visit: &mut dyn FnMut(&Stroke, f64)| {
+        let band: &Band = &bands[i];
+        ordered.strokes[band.strokes.clone()].iter().for_each(|s| visit(s, length_mm(ordered.points_of(s))));
+    };
+    let shares = Shares::of(job, &texture, (bands.len(), &strokes_of), inputs.part_box(job), machine);
     let Fragments { texture_mm, skipped, .. } = found;
     Ok(Strokes {
-        program,
+        ordered,
+        bands,
         origin,
         texture: area,
-        strokes: texture,
-        section,
+        followed: texture,
         texture_mm,
         skipped,
         shares,
@@ -120,38 +124,39 @@ pub fn in_order(
     })
 }
 
-/// The fragments of all bands as a program.
-fn laid(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> Program {
+impl Strokes {
+    /// The same with every stroke as often in the list as its pen has passes.
+    #[must_use]
+    pub fn repeated(mut self) -> Self {
+        self.ordered = self.ordered.repeated(&mut self.bands);
+        self
+    }
+}
+
+/// The fragments in order, band by band.
+fn in_bands(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> (OrderedStrokes, Vec<Band>) {
     let members = Members::new(parts, stops.stops.len());
-    let mut program = Program { pens: job.pens.clone(), ..Program::default() };
+    let mut ordered = OrderedStrokes { pens: job.pens.clone(), ..OrderedStrokes::default() };
+    let mut bands = Vec::new();
     let task = task.of_steps(stops.stops.len());
     for (i, placed) in stops.stops.iter().enumerate() {
-        let list = members.of(StopId(i as u32));
+        let id = StopId(i as u32);
+        let list = members.of(id);
         if list.is_empty() {
             continue;
         }
-        let first = program.strokes.len();
-        for visit in members.ordered(parts, StopId(i as u32), job.order.strokes) {
-            append_stroke(&mut program, parts, list[visit.stroke as usize], visit);
+        let first = ordered.strokes.len();
+        let stop = &placed.stop;
+        let on_part = |p: FieldPoint| P2::new(stop.centre.x + i64::from(p.x), stop.centre.y + i64::from(p.y));
+        for visit in members.ordered(parts, id, job.order.strokes) {
+            let fragment = (parts, list[visit.stroke as usize]);
+            append_stroke(&mut ordered.strokes, &mut ordered.points, fragment, visit, on_part);
         }
-        let heights = members.fragments(parts, StopId(i as u32)).map(|(_, measure, _)| measure.z);
+        let heights = members.fragments(parts, id).map(|(_, measure, _)| measure.z);
         let z = heights.fold([i32::MAX, i32::MIN], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
-        let [z_lo, z_hi] = z.map(|z| placed.stop.z_lo + Nm(i64::from(z)));
-        let mut stop = placed.stop.clone();
-        stop.focus = (z_lo + z_hi) / 2;
-        let strokes = first..program.strokes.len();
-        program.blocks.push(Block {
-            pass: PassId(0),
-            setup: SetupId(0),
-            stop,
-            stage: Commanded::default(),
-            focus_shift: Nm(0),
-            retract: false,
-            z_lo,
-            z_hi,
-            strokes,
-        });
+        let [lo, hi] = z.map(|z| stop.z_lo + Nm(i64::from(z)));
+        bands.push(Band { focus: (lo + hi) / 2, z: [stop.z_lo, stop.z_hi], strokes: first..ordered.strokes.len() });
         task.step();
     }
-    program
+    (ordered, bands)
 }

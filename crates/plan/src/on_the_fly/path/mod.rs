@@ -1,6 +1,6 @@
-//! The path of the beam over the part: strokes in the order of a program, and the jumps between them.
+//! The path of the beam over the part: strokes in their order, and the jumps between them.
 //!
-//! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that straight
+//! Consumes the strokes and the part; promises nodes so close that straight
 //! lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the frame is the part's.
 //! Under marks the height is the part's own, along jumps the height field's. Where rounding has put a mark off the part
 //! its height continues from the nearest that is known, as the height field does.
@@ -15,10 +15,11 @@ pub mod schedule;
 
 use crate::on_the_fly::path::follow::{Follow, Segment, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
+use crate::ordered_strokes::OrderedStrokes;
 use crate::projection::Tracer;
 use terrace_core::geom::{NM_PER_MM, P2, mm_from_nm};
 use terrace_core::motion::{CORNER, angle, is_corner};
-use terrace_core::program::{Pen, PenId, PieceId, Program};
+use terrace_core::program::{Pen, PenId, PieceId};
 use terrace_input::surface::Surface;
 
 /// What the path does at a node.
@@ -43,7 +44,7 @@ pub struct Node {
     pub pen: Option<PenId>,
     /// What the path does here.
     pub kind: NodeKind,
-    /// Stroke of the program that it belongs to, the one just marked or jumped to.
+    /// Which of the strokes it belongs to, the one just marked or jumped to.
     pub stroke: PieceId,
     /// Pen whose speed the laser-off stretch that ends here keeps: it runs out of a mark or into one.
     pub run: Option<PenId>,
@@ -68,21 +69,21 @@ pub struct Followed {
 }
 
 impl Path {
-    /// The path of the strokes of some blocks of a program, with nodes no farther apart than `spacing` mm.
+    /// The path of some of the strokes, with nodes no farther apart than `spacing` mm.
     pub fn of(
-        program: &Program,
-        blocks: std::ops::Range<usize>,
+        ordered: &OrderedStrokes,
+        range: std::ops::Range<usize>,
         surface: &Surface,
         height_field: &HeightField,
         spacing: f64,
     ) -> Self {
-        Self::following(program, blocks, surface, height_field, spacing, &Follow::EVENLY).path
+        Self::following(ordered, range, surface, height_field, spacing, &Follow::EVENLY).path
     }
 
     /// The same, cut and with nodes as `follow` has it.
     pub fn following(
-        program: &Program,
-        blocks: std::ops::Range<usize>,
+        ordered: &OrderedStrokes,
+        range: std::ops::Range<usize>,
         surface: &Surface,
         height_field: &HeightField,
         spacing: f64,
@@ -92,20 +93,14 @@ impl Path {
         let path = &mut out.path;
         let mut tracer = Tracer::new(surface, f64::INFINITY);
         let mut from: Option<P2> = None;
-        for block in &program.blocks[blocks] {
-            let centre = block.stop.centre;
-            for (number, stroke) in block.strokes.clone().zip(program.strokes_of(block)) {
-                let points = program.points_of(stroke).iter();
-                let points: Vec<P2> =
-                    points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect();
-                let segments = follow::segments(&points, &mut tracer, height_field);
-                let (marked, left_out) = follow::pieces(PieceId(number as u32), &segments, follow, spacing);
-                for piece in &marked {
-                    path.piece_of(&segments, piece, &mut from, stroke.pen, (height_field, spacing, follow.near));
-                }
-                out.marked.extend(marked);
-                out.left_out.extend(left_out);
+        for (number, stroke) in range.clone().zip(&ordered.strokes[range]) {
+            let segments = follow::segments(ordered.points_of(stroke), &mut tracer, height_field);
+            let (marked, left_out) = follow::pieces(PieceId(number as u32), &segments, follow, spacing);
+            for piece in &marked {
+                path.piece_of(&segments, piece, &mut from, stroke.pen, (height_field, spacing, follow.near));
             }
+            out.marked.extend(marked);
+            out.left_out.extend(left_out);
         }
         out
     }

@@ -25,12 +25,13 @@ pub mod peaks;
 use std::ops::{Index, IndexMut};
 
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
+use crate::ordered_strokes::OrderedStrokes;
 use frame::Frame;
 pub use frame::Spot;
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::mm_from_nm;
 use terrace_core::machine::{Machine, Origin};
-use terrace_core::program::{self, Pen, PenId, PieceId, StrokeId};
+use terrace_core::program::{Pen, PenId, PieceId, StrokeId};
 
 /// How far a move may bow off its line in the part where axes turn, nm.
 pub const BOW: f64 = 20.0;
@@ -157,7 +158,7 @@ impl Program {
     /// `fly-axes` where the machine does not have the axes; `fly-motion` where the motion is none.
     pub fn of(
         motion: &Motion,
-        strokes: &program::Program,
+        strokes: &OrderedStrokes,
         machine: &Machine,
         origin: Origin,
         kind: Kind,
@@ -246,7 +247,7 @@ fn hold(program: &mut Program, frame: &Frame) {
 }
 
 /// Refuses what is not a motion.
-fn is_sound(motion: &Motion, strokes: &program::Program) -> Result<(), Error> {
+fn is_sound(motion: &Motion, strokes: &OrderedStrokes) -> Result<(), Error> {
     let waypoints = &motion.waypoints;
     let bug = |text: &str| Err(Diag::bug("fly-motion", text).into());
     let finite = waypoints.iter().all(|w| w.time.is_finite() && w.axes.iter().all(|v| v.is_finite()));

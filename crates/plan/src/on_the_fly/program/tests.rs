@@ -4,8 +4,8 @@ use terrace_core::machine::{Carries, Machine, Origin, TiltAngles};
 use terrace_core::program::{Stroke, sample};
 use terrace_core::units::Length;
 
-fn strokes() -> program::Program {
-    let mut strokes = sample::program().0;
+fn strokes() -> OrderedStrokes {
+    let mut strokes = OrderedStrokes::of_program(&sample::program().0);
     strokes.strokes.truncate(1);
     strokes.strokes[0] = Stroke { source: StrokeId(7), segment: 0, reversed: false, pen: PenId(1), first: 0, len: 2 };
     strokes

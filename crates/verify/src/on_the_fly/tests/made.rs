@@ -15,6 +15,7 @@ use terrace_plan::on_the_fly::check::Checked;
 use terrace_plan::on_the_fly::path;
 use terrace_plan::on_the_fly::path::height_field::HeightField;
 use terrace_plan::on_the_fly::program::{Kind, Program};
+use terrace_plan::ordered_strokes::OrderedStrokes;
 use terrace_plan::plan::OnTheFlyPlan;
 use terrace_plan::plan::{self, Inputs};
 use terrace_report::job_folder::write_on_the_fly;
@@ -110,11 +111,12 @@ impl Planned {
             Inputs::load(&load(&path, Mode::OnTheFly)).unwrap_or_else(|e| panic!("{e}"));
         let height_field =
             HeightField::over(&surface, plan.passes[0].texture, sort.height_field_step, 0.0).expect("a part");
-        let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &height_field, sort.spacing);
+        let ordered = OrderedStrokes::of_program(stepped);
+        let path = path::Path::of(&ordered, 0..ordered.strokes.len(), &surface, &height_field, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &height_field, &sort, &speeds);
-        let (program, _) =
-            Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
+        let (program, _) = Program::of(&motion, &ordered, &machine, plan.checked.origin(), sort.kind)
+            .unwrap_or_else(|e| panic!("{e}"));
         let lengths = FlyLengths {
             texture_mm: plan.summary.texture_mm,
             skipped_mm: plan.summary.skipped_mm,
