@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::Args;
-use super::steps::Steps;
+use super::progress::Steps;
 use super::{show, write_file};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::BoxMm;

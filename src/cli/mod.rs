@@ -18,11 +18,11 @@ mod manual;
 mod named;
 mod orient;
 mod preview;
+mod progress;
 mod resume;
 #[cfg(feature = "run")]
 mod run;
 mod show;
-mod steps;
 mod sweep;
 
 use std::cell::Cell;
@@ -36,7 +36,7 @@ use clap::error::ContextKind;
 #[cfg(feature = "run")]
 use args::RunArgs;
 use args::{Args, Choice, Command};
-use steps::Steps;
+use progress::Steps;
 #[cfg(feature = "compare")]
 use terrace_compare::nurbs::{GridSteps, Surface};
 use terrace_core::diag::{self, Diag, Error, Failure, Kind, Place};

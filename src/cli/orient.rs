@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use toml_edit::{Array, DocumentMut, Item, Table, value};
 
 use super::args::{Args, Choice};
-use super::steps::Steps;
+use super::progress::Steps;
 use super::{load, print, show, warn, write_file};
 use terrace_core::diag::{Diag, Error, Kind, Place};
 use terrace_core::duration::duration;

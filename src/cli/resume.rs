@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::args::{Args, Left};
-use super::steps::Steps;
+use super::progress::Steps;
 use super::{durability, named, print, show};
 use crate::resume::{self, Choice};
 use terrace_core::diag::Error;

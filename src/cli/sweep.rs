@@ -5,7 +5,7 @@ use std::path::Path;
 #[cfg(feature = "fleet")]
 use super::args::Engine;
 use super::args::{Args, Choice, FleetArgs};
-use super::steps::Steps;
+use super::progress::Steps;
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
 #[cfg(feature = "fleet")]
 use super::{carrier::Carrier, fleet::stop_on_ctrl_c};

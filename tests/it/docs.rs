@@ -49,7 +49,7 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
     let helpers = [
         ("src/surface/mod.rs", "refuse(", "input"),
         ("src/surface/threemf/", "fault(", "input"),
-        ("src/machine/load.rs", "fault(", "input"),
+        ("src/machine/read.rs", "fault(", "input"),
         ("crates/verify/src/", "unusable(", "input"),
         ("src/texture/svg/tally.rs", "Told", "warning"),
         ("src/texture/svg/tally.rs", "Refused", "input"),

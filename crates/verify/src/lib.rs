@@ -119,7 +119,7 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     let (geometry, box_mm) = shaped?;
     rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.rules[RuleCode::Summary]);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
-    let mut files = rules::files::Files::default();
+    let mut files = rules::drawing_files::Files::default();
     let mut textures = Vec::new();
     let drawn = drawn.of_steps(facts.passes.count as usize);
     for pass in (0..facts.passes.count).map(PassId) {

@@ -4,6 +4,7 @@
 //! (listed in `docs/errors.md`), a place and a hint that says what to change. Nothing here prints: the command line
 //! renders diagnostics, JSON writes them as objects.
 
+mod did_you_mean;
 mod exit_code;
 pub mod memory;
 mod message;
@@ -15,6 +16,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use did_you_mean::edits;
+use did_you_mean::meant;
 pub use message::{Failure, Fault, Message, Severity};
 #[cfg(any(test, feature = "test-support"))]
 pub use shape::lists_all_of;
@@ -317,22 +320,6 @@ fn near_names(path: &Path) -> Vec<String> {
     near.into_iter().take(3).map(|(_, name)| name).collect()
 }
 
-/// How many characters must be put in, left out or changed to make one text of the other (Wagner and Fischer 1974).
-pub fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    // Row i holds the distances of the first i characters of `a` to all beginnings of `b`.
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, &y) in b.iter().enumerate() {
-            let change = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = change.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
 /// Parses a TOML text into `T`; every fault points at its value. `keys` tells where all keys are listed.
 ///
 /// # Errors
@@ -366,17 +353,6 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str)
         }
         d.into()
     })
-}
-
-/// Of the names in a message "unknown field `a`, expected one of `b`, `c`" those that differ from the first by one or
-/// two characters: the nearest, at most three.
-fn meant(message: &str) -> Vec<&str> {
-    let mut names = message.split('`').skip(1).step_by(2);
-    let Some(given) = names.next() else { return Vec::new() };
-    let near: Vec<(usize, &str)> = names.map(|name| (edits(given, name), name)).filter(|(n, _)| *n <= 2).collect();
-    let least = near.iter().map(|(n, _)| *n).min();
-    let nearest = near.into_iter().filter(|(n, name)| Some(*n) == least && *n < name.len() / 2);
-    nearest.map(|(_, name)| name).take(3).collect()
 }
 
 /// The rest of the line from a fault on, where it begins with a quote that a text processor has curled.
@@ -424,26 +400,6 @@ pub fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_unknown_name_is_answered_with_the_nearest_that_is_known() {
-        let of =
-            |given: &str| format!("unknown field `{given}`, expected one of `pitch`, `pen`, `pens`, `unit`, `cell`");
-        assert_eq!(meant(&of("pitsh")), ["pitch"]);
-        assert_eq!(meant(&of("Unit")), ["unit"]);
-        assert_eq!(meant(&of("penn")), ["pens"]);
-        assert!(meant(&of("speed")).is_empty());
-        assert!(meant("unknown field").is_empty());
-    }
-
-    #[test]
-    fn edits_are_counted() {
-        for (a, b, n) in
-            [("", "", 0), ("abc", "abc", 0), ("abc", "", 3), ("sample", "sampel", 2), ("kitten", "sitting", 3)]
-        {
-            assert_eq!((edits(a, b), edits(b, a)), (n, n), "{a} {b}");
-        }
-    }
 
     #[test]
     fn windows_path_in_double_quotes_has_a_hint() {

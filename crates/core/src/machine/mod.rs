@@ -12,9 +12,10 @@
 mod command;
 mod cost;
 mod head_tilt;
-mod load;
+mod lift;
 mod over_field;
 mod range;
+mod read;
 mod settling;
 mod tilt_axes;
 mod tool_servo;
@@ -23,8 +24,8 @@ mod unused;
 pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
 pub use head_tilt::Stand;
-pub use load::{PROFILES, json_schema};
 pub use over_field::OverField;
+pub use read::{PROFILES, json_schema};
 pub use settling::{AxisSettling, Settling};
 pub use tilt_axes::{AngleCommands, AxisTravel, Letter, RotaryAxis, Tilt};
 pub use tool_servo::{Drive, Oscillation, ToolServo};
@@ -585,15 +586,6 @@ impl Machine {
     /// The stage increment.
     pub fn increment_nm(&self) -> Nm {
         self.stage.increment.as_nm().expect("an increment beyond 1 mm is refused when the machine is read")
-    }
-
-    /// The z command at the end of travel that lies farthest from the part: where the stage programs
-    /// lift the head to before a move that could come too near, at their start and at their end.
-    pub fn retract_z(&self) -> Nm {
-        let [lowest, highest] = self.stage.z.travel_nm();
-        let grid = self.increment_nm().max(Nm(1));
-        // Rounded into the travel, onto the grid of commands.
-        if self.stage.z.sign() > 0 { highest - highest.rem_euclid(grid) } else { lowest + (-lowest).rem_euclid(grid) }
     }
 
     /// The axis commands that bring the optical axis over the point `p` of the part and the focal plane to

@@ -6,7 +6,7 @@
 
 mod found;
 mod head;
-mod loading;
+mod load_time;
 mod on_the_fly;
 mod registration;
 #[cfg(any(test, feature = "test-support"))]
@@ -16,7 +16,7 @@ mod stepped;
 pub use found::{AnySummary, Found, read};
 pub use head::{FileFact, Head, InputFact, JobRef, MANIFEST, with_file};
 pub use head::{MAX_FILE, portable};
-pub use loading::Loading;
+pub use load_time::Loading;
 pub use on_the_fly::{
     AxisPeaks, Deviations, FlyAccuracy, FlyEnergy, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary,
     on_the_fly_manifest,

@@ -86,13 +86,6 @@ impl Candidate {
         }
     }
 
-    /// Whether `self` makes the marks of `other` in less time and at fewer stops.
-    pub(super) fn improves(&self, other: &Self, job: &Job, machine: &Machine) -> bool {
-        self.program.stops() < other.program.stops()
-            && self.program.blocks.len() < other.program.blocks.len()
-            && self.measure(job, machine) <= other.measure(job, machine)
-    }
-
     /// Keeps the blocks whose stops mark something still; the others stood where the block before them does.
     pub(super) fn keep_blocks(&mut self, cut: &Cut) {
         let blocks = std::mem::take(&mut self.program.blocks).into_iter().zip(std::mem::take(&mut self.ids));

@@ -20,6 +20,7 @@ use terrace_core::geom::{Nm, P2};
 use terrace_core::machine::{Commanded, Machine};
 use terrace_core::motion;
 use terrace_core::program::{Block, SetupId, Stop, StopId};
+use terrace_input::job::Job;
 
 /// The machine that stops are merged for, and what a stop costs beside its moves.
 pub(super) struct Costs<'a> {
@@ -39,6 +40,13 @@ pub(super) enum Pairs {
     All,
     /// Those whose merger saves time in the tour as it is.
     Saving,
+}
+
+/// Whether the job with merged stops is kept: it marks the same at fewer stops, and is no worse by the job's objective.
+pub(super) fn improves(merged: &Candidate, as_it_was: &Candidate, job: &Job, machine: &Machine) -> bool {
+    merged.program.stops() < as_it_was.program.stops()
+        && merged.program.blocks.len() < as_it_was.program.blocks.len()
+        && merged.measure(job, machine) <= as_it_was.measure(job, machine)
 }
 
 /// How often all stops look for a partner.

@@ -463,7 +463,7 @@ impl Ready {
                 Pairs::Saving => merging(&cut, pairs),
             };
             let Some(Merging { merged, marks, next, placed: judged }) = found else { break };
-            if !judged.improves(&placed, job, machine) {
+            if !merge::improves(&judged, &placed, job, machine) {
                 continue;
             }
             let cuts = Cuts::new(job, machine, self.grid.keep);

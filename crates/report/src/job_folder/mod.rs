@@ -3,6 +3,7 @@
 //! Files are written into a hidden folder next to the target, the manifest last; when all are there the folder takes
 //! the target's name (`exchange`). A job folder belongs to the program: replacing it removes everything in it.
 
+mod default_output;
 mod exchange;
 mod files;
 mod flush;
@@ -12,6 +13,7 @@ mod pictures;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+pub use default_output::default_output;
 use files::Fill;
 pub use files::{Filling, Programs};
 pub use flush::Durability;
@@ -36,15 +38,6 @@ fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
         .at(place(path))
         .hint("check path, space and permissions")
         .into()
-}
-
-/// Folder of a job file's outputs: `hood.toml` makes `hood.job` next to it, or `hood.fly.job` of an on-the-fly job, so
-/// that neither replaces the other.
-pub fn default_output(job: &Path, mode: Mode) -> PathBuf {
-    match mode {
-        Mode::Stepped => job.with_extension("job"),
-        Mode::OnTheFly => job.with_extension("fly.job"),
-    }
 }
 
 /// Finishes or undoes what a stopped run left next to `target`, and makes sure that a folder may be written there,

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::energy_map::EnergyMap;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{OnTheFlyLayout, budget, energy, job_report, length_text, plain, record};
+use super::{OnTheFlyLayout, energy, error_budget, job_report, length_text, plain, record};
 use terrace_core::duration::duration;
 use terrace_plan::manifest::LaserSwitching;
 
@@ -91,7 +91,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>, energy_map: &EnergyMap) -> Stri
     }
     h.push_str("</table>\n</div>\n</div>\n");
     energy::map_line(&mut h, energy_map);
-    budget::section(&mut h, &s.budget);
+    error_budget::section(&mut h, &s.budget);
     record::unmarked(&mut h, &job.scene.unmarked);
     record::histograms(&mut h, job.scene, &job.program.pens);
     record::pens(&mut h, &job.program.pens, job.machine);

@@ -10,7 +10,7 @@ use super::energy_map::EnergyMap;
 use super::legend::seconds;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{Layout, budget, energy, length_text, mm, pass_file, plain, record};
+use super::{Layout, energy, error_budget, length_text, mm, pass_file, plain, record};
 use terrace_core::diag::Message;
 use terrace_core::duration::duration;
 use terrace_core::geom::Nm;
@@ -45,7 +45,7 @@ pub fn report_html(job: &Layout<'_>, energy_map: &EnergyMap) -> String {
     candidates(&mut h, job);
     record::unmarked(&mut h, &job.scene.unmarked);
     record::histograms(&mut h, job.scene, &job.checked.program().pens);
-    budget::section(&mut h, &job.summary.budget);
+    error_budget::section(&mut h, &job.summary.budget);
     defocus(&mut h, job);
     slopes(&mut h, job);
     energy::section(&mut h, job, energy_map);

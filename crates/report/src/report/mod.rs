@@ -12,10 +12,10 @@
 //! machined is in the program.
 
 mod blocks;
-mod budget;
 mod colour;
 mod energy;
 mod energy_map;
+mod error_budget;
 mod fly_report;
 mod fly_sheet;
 mod image;

@@ -9,7 +9,7 @@ mod shown;
 
 use shown::Shown;
 
-use super::files::{Content, Files};
+use super::drawing_files::{Content, Files};
 use super::page::{Page, Site};
 use super::paper::{Hides, hides, is_page};
 use crate::Drawing;

@@ -10,7 +10,7 @@
 //! the variance c (1 - c) of each, and must not be more than [`SIGMAS`] deviations off.
 
 use super::drawing::{F32, Placed, samples};
-use super::files::{Content, Files};
+use super::drawing_files::{Content, Files};
 use super::page::{Page, Site};
 use crate::Drawing;
 use crate::proof::Rule;

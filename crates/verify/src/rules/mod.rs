@@ -8,7 +8,7 @@ pub(super) mod curves;
 pub(super) mod depth_and_field;
 pub(super) mod dose;
 pub(super) mod drawing;
-pub(super) mod files;
+pub(super) mod drawing_files;
 pub(super) mod fill;
 mod frames;
 pub(super) mod hash;

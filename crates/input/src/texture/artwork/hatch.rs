@@ -8,7 +8,7 @@
 use super::area::{Area, Polygon};
 use super::crossings::edges;
 use super::cut::Keep;
-use super::marking::ContourPass;
+use super::marking::{ContourPass, Marking};
 use crate::texture::clip::{Lines, is_closed};
 use crate::texture::place::{LEAST, NM};
 use terrace_core::geom::{BoxMm, cos_sin};
@@ -46,6 +46,22 @@ pub(super) struct Hatch {
     pub(super) inset_mm: f64,
     /// When the contour is marked.
     pub(super) contour: ContourPass,
+}
+
+impl Hatch {
+    /// What a marking says of areas on a page that is turned by `page_rad`: lines half a spot apart and from the border
+    /// where it does not say.
+    pub(super) fn of(marking: &Marking, spot_mm: f64, page_rad: f64) -> Self {
+        Self {
+            pitch_mm: marking.pitch_mm.unwrap_or(spot_mm / 2.0),
+            direction_rad: marking.direction_rad - page_rad,
+            waits: marking.along_contours.is_some(),
+            cross: marking.cross,
+            one_way: marking.one_way,
+            inset_mm: marking.inset_mm.unwrap_or(spot_mm / 2.0),
+            contour: marking.contour,
+        }
+    }
 }
 
 /// More lines than one polygon may hold.
@@ -314,7 +330,8 @@ mod tests {
     /// The rings of an area at a pitch of 1 mm and an inset of 0.5 mm.
     fn rings(contours: &[&[Point]]) -> (Area, Lines) {
         let area = Area::new(contours.iter().copied(), Rule::EvenOdd).expect("few");
-        let hatch = Marking { pitch_mm: Some(1.0), inset_mm: Some(0.5), ..Marking::default() }.hatch(1.0, 0.0);
+        let marking = Marking { pitch_mm: Some(1.0), inset_mm: Some(0.5), ..Marking::default() };
+        let hatch = Hatch::of(&marking, 1.0, 0.0);
         let mut out = Lines::default();
         hatch.rings(&area, &mut out).map_err(|TooFine| "fine").expect("rings");
         (area, out)

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use svgtypes::Color;
 
-use super::{Colour, Hatch, Paper};
+use super::{Colour, Paper};
 use terrace_core::diag::{self, Diag, Error};
 use terrace_core::program::PenId;
 
@@ -234,19 +234,6 @@ impl Marking {
             StrokeMode::Outline | StrokeMode::Hatch => *width > 0.0,
         };
         width_mm.filter(is_area)
-    }
-
-    /// The hatch of areas on a page that is turned by `page_rad`.
-    pub(super) fn hatch(&self, spot_mm: f64, page_rad: f64) -> Hatch {
-        Hatch {
-            pitch_mm: self.pitch_mm.unwrap_or(spot_mm / 2.0),
-            direction_rad: self.direction_rad - page_rad,
-            waits: self.along_contours.is_some(),
-            cross: self.cross,
-            one_way: self.one_way,
-            inset_mm: self.inset_mm.unwrap_or(spot_mm / 2.0),
-            contour: self.contour,
-        }
     }
 
     /// Whether elements with these labels do not exist, whatever they hold.

@@ -111,7 +111,7 @@ pub(in crate::texture) fn marks(
     page_rad: f64,
     notes: &mut Vec<Diag>,
 ) -> Result<Page, Box<Diag>> {
-    let hatch = marking.hatch(spot_mm, page_rad);
+    let hatch = Hatch::of(marking, spot_mm, page_rad);
     let screen = Raster::new(marking, spot_mm, page_rad);
     let classes = classes(art, marking, Some(marking.paper))?;
     let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
@@ -194,7 +194,7 @@ const MAX_TONE_LOST: f64 = 0.1;
 /// Lines farther apart than a spot are not to cover their area.
 fn tone_lost(art: &Artwork, marking: &Marking, page: &Page, spot_mm: f64) -> Option<Diag> {
     let is_filled = matches!(marking.fill, FillMode::Hatch | FillMode::Rings)
-        && marking.hatch(spot_mm, 0.0).pitch_mm <= spot_mm
+        && Hatch::of(marking, spot_mm, 0.0).pitch_mm <= spot_mm
         && page.lines.len() > 0
         && page.waits.is_empty();
     let dark = art.dark_share.filter(|_| is_filled && spot_mm > 0.0)?;

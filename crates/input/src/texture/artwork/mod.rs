@@ -25,7 +25,6 @@ pub(super) use choice::{Class, classes, selectors};
 pub(super) use crossings::TooMany;
 pub(super) use cut::{Cells, Cutter, Keep};
 pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, disc, steps};
-use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};

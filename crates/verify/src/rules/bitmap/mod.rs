@@ -19,7 +19,7 @@ mod screen;
 mod tests;
 
 use super::drawing::{F32, Placed};
-use super::files::{Content, Files};
+use super::drawing_files::{Content, Files};
 use super::page::Page;
 use crate::Drawing;
 use crate::proof::Rule;
