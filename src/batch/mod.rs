@@ -18,7 +18,6 @@ pub mod collect;
 #[cfg(feature = "fleet")]
 pub mod engine;
 pub mod fragment;
-mod groups;
 mod index;
 pub mod isolated;
 mod list;
@@ -28,6 +27,7 @@ mod outcome;
 mod report;
 mod unit;
 pub mod units;
+mod units_per_process;
 pub mod work;
 
 use std::sync::Mutex;

@@ -7,8 +7,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::groups::shares;
 use super::unit::Unit;
+use super::units_per_process::shares;
 use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_report::job_folder::{self, Durability};
 

@@ -18,10 +18,10 @@ use dask::{Event, Session, Submission};
 
 use super::collect::Reasons;
 use super::fragment::Fragment;
-use super::groups::groups;
 use super::outcome::State;
 use super::unit::Unit;
 use super::units::numbers;
+use super::units_per_process::groups;
 use super::work::End;
 use terrace_core::diag::{Diag, Error};
 use terrace_report::job_folder::Durability;

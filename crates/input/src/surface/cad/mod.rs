@@ -13,11 +13,13 @@ mod cache;
 mod converter;
 mod iges;
 mod part21;
+mod tessellation;
 
 use std::path::Path;
 use std::sync::Mutex;
 
 pub use answer::{About, CadMesh};
+pub use tessellation::Tessellation;
 
 use super::facets::{Facets, Unit};
 use super::{Content, lines};
@@ -25,27 +27,6 @@ use terrace_core::diag::{Diag, Error};
 
 /// What the hint says where a file cannot be read.
 const AGAIN: &str = "export the part again from the CAD program, as STEP AP214 or AP242";
-
-/// How finely exact surfaces become facets.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tessellation {
-    /// Chord tolerance: how far facets may lie off the surface, mm.
-    pub chord_mm: f64,
-    /// Largest angle between neighbouring segments of an edge, rad.
-    pub angle_rad: f64,
-}
-
-impl Tessellation {
-    /// For a job: facets may use a tenth of the processing depth of focus.
-    pub fn of_pdof(pdof_mm: f64) -> Self {
-        Self::within(pdof_mm / 10.0)
-    }
-
-    /// With this chord tolerance, and an angle of 5 deg.
-    pub fn within(chord_mm: f64) -> Self {
-        Self { chord_mm, angle_rad: 5f64.to_radians() }
-    }
-}
 
 /// The kinds of files of exact surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
