@@ -15,3 +15,5 @@ pub mod python;
 #[cfg(any(test, feature = "test-support"))]
 pub mod random;
 pub mod units;
+#[cfg(any(test, feature = "test-support"))]
+pub mod variants;

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use terrace_core::geom::{Nm, P2, length_mm};
+use terrace_core::geom::{FieldPoint, Nm, P2, length_mm};
 use terrace_core::program::{Pen, Program, Stroke};
 
 /// Strokes in marking order.
@@ -33,14 +33,19 @@ pub struct Band {
 impl OrderedStrokes {
     /// The strokes of a program whose stops are upright, under the same indices.
     pub fn of_program(program: &Program) -> Self {
+        Self::placed(program, |i, p| {
+            let centre = program.blocks[i].stop.centre;
+            P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))
+        })
+    }
+
+    /// The strokes of a program, under the same indices; `place` says where a point of the block with an index lies.
+    pub fn placed(program: &Program, place: impl Fn(usize, FieldPoint) -> P2) -> Self {
         let mut points = vec![P2::default(); program.points.len()];
-        for block in &program.blocks {
-            let centre = block.stop.centre;
+        for (i, block) in program.blocks.iter().enumerate() {
             for stroke in program.strokes_of(block) {
-                let placed = &mut points[range(stroke)];
-                for (to, p) in placed.iter_mut().zip(program.points_of(stroke)) {
-                    *to = P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y));
-                }
+                let placed = points[range(stroke)].iter_mut();
+                placed.zip(program.points_of(stroke)).for_each(|(to, p)| *to = place(i, *p));
             }
         }
         Self { pens: program.pens.clone(), strokes: program.strokes.clone(), points }

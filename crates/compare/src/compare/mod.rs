@@ -370,9 +370,9 @@ pub fn compare(
     inputs.machine.operator.way = Some(loading.way);
     let inputs = Arc::new(inputs);
     let machine = &Machine { zoom: None, ..inputs.machine.clone() };
-    let mut whole =
+    let whole =
         strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
-    whole = whole.repeated();
+    let whole = whole.repeated();
     let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();
     let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {

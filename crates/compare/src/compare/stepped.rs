@@ -234,33 +234,25 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
 
 /// The strokes of all blocks where they lie on the untilted part, seen along z; points in the box of the texture.
 fn seen_from_above(program: &Program, turns: &[Turn], height_field: &HeightField, texture: Box2) -> OrderedStrokes {
-    let mut ordered = OrderedStrokes::of_program(program);
-    for (block, turn) in program.blocks.iter().zip(turns) {
+    // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
+    let met = |i: usize, FieldPoint { x, y }: FieldPoint| {
+        let (block, turn) = (&program.blocks[i], &turns[i]);
         let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
         let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - focus).mm());
-        // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
-        let met = |FieldPoint { x, y }: FieldPoint| -> P2 {
-            let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus.0];
-            let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
-            let (mut way, mut p) = (0.0f64, from);
-            for _ in 0..4 {
-                let h = height_field.at([p[0], p[1]]);
-                let closing = up[2] - h.slope[0] * up[0] - h.slope[1] * up[1];
-                way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
-                p = [0, 1, 2].map(|k| from[k] + way * up[k]);
-            }
-            P2::new((p[0] * NM_PER_MM).round() as i64, (p[1] * NM_PER_MM).round() as i64)
-        };
-        for stroke in program.strokes_of(block) {
-            let placed = &mut ordered.points[stroke.first as usize..(stroke.first + stroke.len) as usize];
-            for (to, &point) in placed.iter_mut().zip(program.points_of(stroke)) {
-                let p = met(point);
-                // Rounding must put nothing beyond an edge of the part.
-                *to = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
-            }
+        let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus.0];
+        let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
+        let (mut way, mut p) = (0.0f64, from);
+        for _ in 0..4 {
+            let h = height_field.at([p[0], p[1]]);
+            let closing = up[2] - h.slope[0] * up[0] - h.slope[1] * up[1];
+            way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
+            p = [0, 1, 2].map(|k| from[k] + way * up[k]);
         }
-    }
-    ordered
+        // Rounding must put nothing beyond an edge of the part.
+        let [x, y] = [p[0], p[1]].map(|v| (v * NM_PER_MM).round() as i64);
+        P2::new(x.clamp(texture.lo.x, texture.hi.x), y.clamp(texture.lo.y, texture.hi.y))
+    };
+    OrderedStrokes::placed(program, met)
 }
 
 /// The block of every stroke.

@@ -71,14 +71,11 @@ pub(super) fn row(method: Method) -> &'static MethodRow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrace_core::variants::variants;
 
     #[test]
     fn every_method_but_auto_has_one_row() {
-        // The list of all methods is that of the schema of job files.
-        let schema = schemars::schema_for!(Method).to_value();
-        let names = schema["oneOf"].as_array().expect("one entry a method").iter().map(|e| e["const"].clone());
-        let all = names.map(|name| serde_json::from_value::<Method>(name).expect("a method"));
-        for method in all.filter(|method| *method != Method::Auto) {
+        for method in variants::<Method>().into_iter().filter(|method| *method != Method::Auto) {
             assert_eq!(METHODS.iter().filter(|row| row.method == method).count(), 1, "{}", method.name());
         }
         assert!(METHODS.iter().all(|row| row.method != Method::Auto));

@@ -383,6 +383,7 @@ pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrace_core::variants::variants;
 
     #[test]
     fn sections_keep_step_with_cells_on_a_square_lattice_only() {
@@ -415,13 +416,9 @@ mod tests {
             jitter: Some(0.5),
             seed: Some(1),
         };
-        // The list of all patterns is that of the schema of job files.
-        let schema = schemars::schema_for!(Pattern).to_value();
-        let names = schema["oneOf"].as_array().expect("one entry a pattern").iter().map(|e| e["const"].clone());
-        let names: Vec<serde_json::Value> = names.collect();
-        assert_eq!(names.len(), PATTERNS.len());
-        for name in names {
-            let pattern: Pattern = serde_json::from_value(name).expect("a pattern");
+        let patterns: Vec<Pattern> = variants();
+        assert_eq!(patterns.len(), PATTERNS.len());
+        for pattern in patterns {
             let row = row(pattern);
             assert!((row.kind)(&all).is_some(), "{}", row.name);
             assert!((row.kind)(&Values::default()).is_none(), "{} needs {:?}", row.name, row.needs);

@@ -1,9 +1,9 @@
 //! The path of the beam over the part: strokes in their order, and the jumps between them.
 //!
-//! Consumes the strokes and the part; promises nodes so close that straight
-//! lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the frame is the part's.
-//! Under marks the height is the part's own, along jumps the height field's. Where rounding has put a mark off the part
-//! its height continues from the nearest that is known, as the height field does.
+//! Consumes the strokes and the part; promises nodes so close that straight lines between them stand for the path, with
+//! every vertex of a stroke among them. Units: mm; the frame is the part's. Under marks the height is the part's own,
+//! along jumps the height field's. Where rounding has put a mark off the part its height continues from the nearest that
+//! is known, as the height field does.
 //!
 //! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which continue as the marks do, and one
 //! straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
