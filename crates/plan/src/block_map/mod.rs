@@ -134,12 +134,14 @@ impl BlockMap {
         Self::of(&BlockMarks { program, turns }, &stops.collect::<Vec<_>>(), field, surface, area)
     }
 
-    /// The map of bands of depth over the whole part.
+    /// The map of bands of depth over the whole part. Gaps are closed as in a field twice as large as the texture: up to
+    /// a quarter of it.
     pub fn of_bands(ordered: &OrderedStrokes, bands: &[Band], surface: &Surface, area: Box2) -> Self {
         let everywhere = raster(area, CELL).bounds();
         let window = Box2 { lo: Turn::upright(everywhere.lo), hi: Turn::upright(everywhere.hi) };
         let stops: Vec<Accepts> = bands.iter().map(|band| Accepts { turn: None, window, z: band.z }).collect();
-        Self::of(&BandMarks { ordered, bands }, &stops, area.size(), surface, area)
+        let field = area.size().map(|s| (s + Nm(1)) * 2);
+        Self::of(&BandMarks { ordered, bands }, &stops, field, surface, area)
     }
 
     /// The map of marks, each group of which has the stop at the same place of the list; gaps are closed in proportion

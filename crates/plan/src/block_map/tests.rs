@@ -372,3 +372,24 @@ fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
     let again = BlockMap::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
     assert_eq!(map.labels(), again.labels());
 }
+
+/// Lines 7 mm apart are farther from each other than an eighth of the texture, and nearer than a quarter of it.
+#[test]
+fn bands_have_the_map_of_blocks_in_one_section_over_all_of_the_texture() {
+    let surface = plane(BoxMm::rectangle(0.0, 0.0, 40.0, 40.0), |x, _| 0.01 * x);
+    let line = |y: i64, from: i64, to: i64| vec![P2::new(from * MM, y * MM), P2::new(to * MM, y * MM)];
+    let across = |from: i64, to: i64| (0..6).map(|k| line(2 + 7 * k, from, to)).collect::<Vec<_>>();
+    let corner = P2::new(40 * MM + 1, 40 * MM + 1);
+    let program = program(&[(corner, [0, 200_000], across(0, 20)), (corner, [200_000, 400_000], across(20, 40))]);
+    let area = area(40, 40);
+    let pitch = area.size().map(|s| (s + Nm(1)) * 2);
+    let section = Sections { origin: area.lo, pitch, count: [1, 1] };
+    let of_blocks = BlockMap::new(&program, &section, &none(&program), pitch, &surface, area);
+    let band = |b: &Block| Band { focus: b.stop.focus, z: [b.stop.z_lo, b.stop.z_hi], strokes: b.strokes.clone() };
+    let bands: Vec<Band> = program.blocks.iter().map(band).collect();
+    let of_bands = BlockMap::of_bands(&OrderedStrokes::of_program(&program), &bands, &surface, area);
+    assert_eq!(of_bands.labels(), of_blocks.labels());
+    assert_eq!(of_bands.sub_blocks(), of_blocks.sub_blocks());
+    // From the lowest line to the highest, where the bands meet.
+    assert!((of_bands.seam_mm() - 35.0).abs() < 1.0, "{}", of_bands.seam_mm());
+}
