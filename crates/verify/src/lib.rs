@@ -89,11 +89,15 @@ pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Prog
     let manifest: read::manifest::Manifest = read::manifest::read(folder, &read::leaves::STEPPED)?;
     let mut findings = Findings::new(findings::STEPPED);
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
-    findings.not_proved = rules::stated::of(&manifest.listed(), &read::leaves::STEPPED);
-    let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash]);
-    drop(listed);
-    let mut program = read_program(folder, &mut findings);
-    drop(written);
+    let (unchanged, program) = parallel::both(
+        || {
+            findings.not_proved = rules::stated::of(&manifest.listed(), &read::leaves::STEPPED);
+            rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash])
+        },
+        || read::program::read(&folder.join("program.txt")),
+    );
+    let mut program = readable(program, &mut findings);
+    drop((listed, written));
     if !unchanged {
         drop((read, drawn));
         let _comparing = Phase::Files.task(progress);
@@ -174,9 +178,9 @@ fn check_folder(
     drop(sums);
 }
 
-/// Reads `program.txt`; one that cannot be read agrees with nothing.
-fn read_program(folder: &Path, findings: &mut Findings) -> Option<ProgramFile> {
-    match read::program::read(&folder.join("program.txt")) {
+/// `program.txt` as it was read; one that cannot be read agrees with nothing.
+fn readable(program: Result<ProgramFile, read::Fault>, findings: &mut Findings) -> Option<ProgramFile> {
+    match program {
         Ok(program) => Some(program),
         Err(fault) => {
             findings.rules[RuleCode::Agreement].ran = true;

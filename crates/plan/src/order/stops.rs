@@ -18,6 +18,7 @@ use super::move_times::MoveTimer;
 use super::tour::Tour;
 use terrace_core::machine::{Commanded, Machine};
 use terrace_core::motion;
+use terrace_core::parallel;
 
 /// In which order levels may be visited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +39,7 @@ pub struct Stage<'a> {
     /// Commanded position from which the stage comes to the first stop, nm.
     pub from: Commanded,
     /// Whether the stage must lift on its way between two stops, given by index; None where it never must.
-    pub lifts: Option<&'a dyn Fn(usize, usize) -> bool>,
+    pub lifts: Option<&'a (dyn Fn(usize, usize) -> bool + Sync)>,
 }
 
 /// Random changes for every stop, as the driver asks for them: eight times as many gain less than a quarter
@@ -50,6 +51,9 @@ const MOST_PERTURBATIONS: usize = 5000;
 
 /// Stops around each stop that moves look at: the nearest, and the nearest over other places.
 const NEIGHBOURS: usize = 5;
+
+/// Stops whose neighbours are looked for on one thread.
+const CHUNK: usize = 256;
 
 /// A gain below this, s, is rounding.
 const LEAST: f64 = 1e-9;
@@ -111,8 +115,9 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     let mut starts = strips(&at);
     starts.push(greedy(&endpoints, &mut tree, |endpoint| at[endpoint as usize], far));
     tree.fill();
-    let timed = |seq: &Vec<u32>| time(stops, stage, &of_endpoints(seq));
-    let Some(start) = starts.into_iter().min_by(|a, b| timed(a).total_cmp(&timed(b))) else { return some };
+    let timed = |seq: &[u32]| time(stops, stage, &of_endpoints(seq));
+    let timed_starts = parallel::map_items(starts, |_, seq| (timed(&seq), seq));
+    let Some((start_s, start)) = timed_starts.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return some };
 
     let both_ways = |a: u32, b: u32| {
         let [from, to] = [a, b].map(|endpoint| at[endpoint as usize]);
@@ -131,7 +136,7 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     tour.improve();
     tour.perturb(effort * some.len().min(MOST_PERTURBATIONS), 1);
     let better = tour.into_seq();
-    of_endpoints(if timed(&better) < timed(&start) { &better } else { &start })
+    of_endpoints(if timed(&better) < start_s { &better } else { &start })
 }
 
 /// Serpentines over all but place 0, where they start: bands along x or y, in them column by column, each
@@ -208,13 +213,12 @@ fn strip(
 fn neighbours(
     tree: &Tree<3>,
     at: &[[f64; 3]],
-    far: impl Fn([f64; 3]) -> f64,
-    cost: impl Fn(u32, u32) -> f64,
+    far: impl Fn([f64; 3]) -> f64 + Sync,
+    cost: impl Fn(u32, u32) -> f64 + Sync,
 ) -> Vec<Vec<(f64, u32)>> {
     let columns = Columns::new(at);
-    let (mut near, mut beside) = (Nearest::default(), Nearest::default());
     let list = |endpoint: usize| {
-        near.0.clear();
+        let (mut near, mut beside) = (Nearest::default(), Nearest::default());
         tree.around(at[endpoint], (endpoint as u32).checked_sub(1), f64::INFINITY, &far, |d, number| {
             let other = number as usize + 1;
             if other == endpoint { near.limit() } else { near.insert(d, other as u32) }
@@ -227,7 +231,10 @@ fn neighbours(
         found.dedup();
         found
     };
-    (0..at.len()).map(list).collect()
+    let parts = parallel::map(at.len().div_ceil(CHUNK), |part| {
+        (part * CHUNK..at.len().min((part + 1) * CHUNK)).map(list).collect::<Vec<_>>()
+    });
+    parts.into_iter().flatten().collect()
 }
 
 /// The nearest of what was found, [`NEIGHBOURS`] at most, by distance.

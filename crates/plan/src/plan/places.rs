@@ -150,7 +150,7 @@ impl Places {
     }
 
     /// Another tour of the spots, each set-up by itself.
-    fn tour(&self, at: &[Commanded], site: &Site<'_>, lifts: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+    fn tour(&self, at: &[Commanded], site: &Site<'_>, lifts: impl Fn(usize, usize) -> bool + Sync) -> Vec<usize> {
         let mut way: Vec<usize> = Vec::with_capacity(at.len());
         let mut first = 0;
         while first < at.len() {

@@ -133,24 +133,32 @@ impl<'a> Draft<'a> {
         progress: Progress<'_>,
     ) -> Result<Self, Error> {
         let [tracing, dividing] = Phase::Footprint.task(progress).split([2, 1]);
-        let clearance = Clearance::new(&inputs.surface.tiles(), machine);
         let start = Start::first(machine);
-        let first = Ready::new(job, machine, inputs, inputs.texture.clone(), start, tracing)?;
+        let (clearance, first) = parallel::both(
+            || Clearance::new(&inputs.surface.tiles(), machine),
+            || Ready::new(job, machine, inputs, inputs.texture.clone(), start, tracing),
+        );
+        let first = first?;
         let methods = methods(job, machine)?;
         let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective, dividing)?;
         let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
         let cuts = Cuts::new(job, machine, first.grid.keep);
         let cutting = Phase::Split.task(progress);
         let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts, cutting)?;
-        let [ordering, mapping] = Phase::Order.task(progress).split([5, 1]);
-        let ordering = ordering.parts(found.len());
+        let [merging, ordering, mapping] = Phase::Order.task(progress).split([1, 4, 1]);
+        let [merging, ordering] = [merging, ordering].map(|task| task.parts(found.len()));
         let on = Given { job, machine, inputs, clearance: &clearance };
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let mut made = Vec::new();
         let is_single = found.len() == 1;
-        for (((method, stops), parts), task) in found.into_iter().zip(parts).zip(ordering) {
-            let cut = Cut::new(stops, parts, machine, &job.pens);
-            let one = first.laid_out(&on, method, cut, task);
+        let divided = found.into_iter().zip(parts).zip(merging).collect();
+        // A tour is searched on one thread; those of several methods side by side.
+        let arranged = parallel::map_items(divided, |_, (((method, stops), parts), task)| {
+            first.arranged(&on, method, Cut::new(stops, parts, machine, &job.pens), task)
+        });
+        for ((cut, stops), task) in arranged.into_iter().zip(ordering) {
+            let method = stops.method;
+            let one = first.laid_out(&on, cut, stops, task);
             // A single method is checked in the end, with everything else.
             let fault = if is_single { None } else { one.fault(machine, &first.grid, &clearance) };
             if fault.is_none() {
@@ -304,7 +312,9 @@ fn add_pass(program: &mut Candidate, on: &Given<'_>, start: Start, task: Task<'_
     let cuts = Cuts::new(job, machine, ready.grid.keep);
     let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts, cutting)?;
     let parts = parts.pop().unwrap_or_default();
-    let next = ready.laid_out(on, method, Cut::new(stops, parts, machine, &job.pens), ordering);
+    let [merging, ordering] = ordering.split([1, 3]);
+    let (cut, made) = ready.arranged(on, method, Cut::new(stops, parts, machine, &job.pens), merging);
+    let next = ready.laid_out(on, cut, made, ordering);
     let first = program.program.blocks.len();
     let blocks = first..first + next.program.blocks.len();
     if program.fragments + next.fragments > MAX_FRAGMENTS
@@ -393,12 +403,16 @@ impl Ready {
         }
     }
 
-    /// One candidate: its stops ordered, placed, and merged where that makes it better; its strokes ordered.
-    fn laid_out(&self, on: &Given<'_>, method: Method, cut: Cut, task: Task<'_>) -> Candidate {
-        let [merging, ordering] = task.split([1, 3]);
-        let [merging, joining] = merging.split([3, 1]);
+    /// A candidate without strokes: its stops ordered, placed, and merged where that makes it better.
+    fn arranged(&self, on: &Given<'_>, method: Method, cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
+        let [merging, joining] = task.split([3, 1]);
         let (cut, mut made) = self.merged(on, method, cut, merging);
         let cut = self.joined(on, cut, &mut made, joining);
+        (cut, made)
+    }
+
+    /// The candidate with the strokes of its stops, in order.
+    fn laid_out(&self, on: &Given<'_>, cut: Cut, made: Candidate, ordering: Task<'_>) -> Candidate {
         let &Given { job, machine, .. } = on;
         let fragments = cut.members.len();
         let pens = dose::Pens::new(job.dose, &job.pens, &cut.parts);
