@@ -266,7 +266,8 @@ impl Made {
         findings.rules[RuleCode::Curves].ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);
         crate::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash]);
-        let Some(mut program) = crate::read_program(folder, &mut findings) else {
+        let Some(mut program) = crate::readable(crate::read::program::read(&folder.join("program.txt")), &mut findings)
+        else {
             return findings.into_proof();
         };
         let drawing = Drawing {
