@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
+use toml::de::DeValue;
 
-use terrace_core::diag::{self, Diag, Error};
+use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_core::units::{Length, positive_option};
 
 /// Where all keys of a run file are listed.
@@ -38,7 +39,18 @@ impl RunFile {
         let text = diag::utf8(diag::read_file(path, MAX_FILE)?)
             .map_err(|e| e.at(Diag::input("run-file-utf8", format!("the run file is {e}")), &shown))?;
         let source: Arc<str> = text.into();
-        diag::from_toml(&shown, &source, KEYS)
+        let mut table = diag::parse_toml(&shown, &source, KEYS)?;
+        for name in ["stage", "laser"] {
+            let Some(found) = table.get_mut().get_mut(name) else { continue };
+            let span = found.span();
+            let DeValue::Table(driver) = found.get_mut() else { continue };
+            if !driver.contains_key("driver") {
+                let place = Place::Text { path: shown, source: Arc::clone(&source), span };
+                return Err(Diag::input("toml", "missing field `driver`").at(place).hint(KEYS).into());
+            }
+            diag::by_tag(driver, "driver");
+        }
+        diag::from_table(&shown, &source, table, KEYS)
     }
 }
 
@@ -50,7 +62,8 @@ pub fn json_schema() -> String {
 
 /// A stage driver and its keys.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(tag = "driver", rename_all = "lowercase", deny_unknown_fields)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+#[schemars(tag = "driver")]
 pub enum StageKeys {
     /// LinuxCNC through its network shell, linuxcncrsh.
     Linuxcnc(LinuxCncKeys),
@@ -71,7 +84,8 @@ pub enum StageKeys {
 
 /// A laser driver and its keys.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(tag = "driver", rename_all = "lowercase", deny_unknown_fields)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+#[schemars(tag = "driver")]
 pub enum LaserKeys {
     /// LightBurn on this or another computer, by UDP; it takes `lightburn` files.
     Lightburn {
@@ -142,4 +156,43 @@ pub struct CommandKeys {
     /// Switches the laser off; called before the first block and at every end.
     #[schemars(extend("x-value" = "list of words"))]
     pub off: Option<Vec<String>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The faults of a run file: place, text and hint.
+    fn faults(text: &str) -> Vec<String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("run.toml");
+        std::fs::write(&path, text).expect("written");
+        let shown = path.display().to_string();
+        match RunFile::read(&path) {
+            Ok(_) => Vec::new(),
+            Err(e) => {
+                e.diags().iter().map(|d| format!("{}: {}", d.place, d.message).replace(&shown, "run.toml")).collect()
+            }
+        }
+    }
+
+    #[test]
+    fn faults_of_a_driver_stand_at_their_key() {
+        let stage = |keys: &str| faults(&format!("machine = \"a\"\n[stage]\n{keys}\n[laser]\ndriver = \"manual\"\n"));
+        assert_eq!(stage("driver = \"grbl\"\nport = \"/dev/ttyUSB0\"\nbaud = 9600"), [""; 0]);
+        for (keys, wanted) in [
+            (
+                "driver = \"grbl\"\nport = \"x\"\nbaud = \"fast\"",
+                "run.toml:5:8: invalid type: string \"fast\", expected u32",
+            ),
+            ("driver = \"grbl\"\nport = \"x\"\nbuad = 9600", "run.toml:5:1: unknown field `buad`"),
+            ("driver = \"grbl\"", "missing field `port`"),
+            ("driver = \"gbrl\"\nport = \"x\"", "run.toml:3:10: unknown variant `gbrl`"),
+            ("port = \"x\"", "missing field `driver`"),
+            ("driver = \"manual\"\nport = \"x\"", "run.toml:4:1: unknown field `port`"),
+        ] {
+            let found = stage(keys);
+            assert!(found.len() == 1 && found[0].contains(wanted), "{keys}: {found:?}");
+        }
+    }
 }

@@ -180,7 +180,7 @@ fn a_surface_or_folder_in_place_of_the_job_file_is_told_with_what_was_meant() {
     std::fs::create_dir(dir.path().join("sub")).expect("made");
     for command in ["check", "compile", "preview", "orient", "compare"] {
         let found = told(dir.path(), &[command, "sample.stl"]);
-        assert_eq!(found, [["this is an STL surface, not a job file", "did you mean job.toml?"]], "{command}");
+        assert_eq!(found, [["this is an STL file, not a job file", "did you mean job.toml?"]], "{command}");
         let found = told(dir.path(), &[command, "sample.svg"]);
         assert_eq!(found[0][0], "this is an SVG drawing, not a job file", "{command}");
         let found = told(dir.path(), &[command, "."]);

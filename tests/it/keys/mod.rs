@@ -81,8 +81,8 @@ fn write(table: &Table, out: &mut String) {
         let comment = if is_active(table) { "" } else { "# " };
         *out += &format!("\n\n{}{comment}{open}{}{close}\n", wrapped(&table.about), table.path);
     }
-    for key in &table.keys {
-        *out += &with_comment(key);
+    for same in table.keys.chunk_by(|a, b| a.name == b.name) {
+        *out += &with_comment(same);
     }
     for inner in &table.tables {
         write(inner, out);
@@ -90,19 +90,38 @@ fn write(table: &Table, out: &mut String) {
     }
 }
 
-/// A key below its description.
-fn with_comment(key: &Key) -> String {
+/// A key below its description, or those that sources of textures have of it.
+fn with_comment(same: &[Key]) -> String {
+    let key = &same[0];
     let own = active(&key.path);
     let mut choices = [own.map(str::to_owned), key.example.clone(), key.default_value.clone()].into_iter().flatten();
     let more = || key.words.last().or(key.example_of_type.as_ref()).cloned();
     let shown = choices.next().or_else(more).unwrap_or_else(|| panic!("{} needs an example", key.path));
-    let mut text = plain(&key.about);
+    let mut text = same.iter().map(|key| described(key, &shown)).collect::<Vec<_>>().join(" ");
     if key.words.len() > 1 {
         text += &format!(" One of {}.", key.words.join(", "));
     }
-    text += &without_it(key, &shown);
     let comment = if own.is_some() { "" } else { "# " };
     format!("\n{}{comment}{} = {shown}\n", wrapped(&text), key.name)
+}
+
+/// What a key is for, and what holds without it.
+fn described(key: &Key, shown: &str) -> String {
+    let text = plain(&key.about);
+    // Which pattern is one is said by the pattern itself.
+    if key.sources.is_empty() || key.name == "pattern" {
+        return text + &without_it(key, shown);
+    }
+    // What a source needs is missed when it is not there.
+    let without = if key.default == "required" { String::new() } else { without_it(key, shown) };
+    format!("{}: {}{without}", begun(&key.sources.join(", "), true), begun(&text, false))
+}
+
+/// A text that begins with a capital or a small letter.
+fn begun(text: &str, is_capital: bool) -> String {
+    let (first, rest) = text.split_at(text.chars().next().map_or(0, char::len_utf8));
+    let first = if is_capital { first.to_uppercase() } else { first.to_lowercase() };
+    first + rest
 }
 
 /// What holds without a key that shows a value, as a sentence after a blank; nothing where that says itself.

@@ -22,6 +22,8 @@ pub struct Key {
     pub name: String,
     /// With the path of its table.
     pub path: String,
+    /// The sources of a texture that have it as described here; none of a key that does not depend on the source.
+    pub sources: Vec<String>,
     /// What it is for.
     pub about: String,
     /// What may be written, in words.
@@ -91,6 +93,9 @@ impl Schema {
         let mut table = Table { path: path.into(), is_list, about, keys: Vec::new(), tables: Vec::new() };
         let required: Vec<&str> =
             node.get("required").and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str).collect();
+        for (source, node) in self.sources(node) {
+            self.keys_of_source(&source, path, &node, &mut table.keys);
+        }
         for (name, value) in node["properties"].as_object().expect("a table") {
             let inner = self.node(value);
             let below = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
@@ -113,6 +118,49 @@ impl Schema {
         table
     }
 
+    /// The sources that a table may have, each with its keys: of an enum with a tag its words, else what describes it.
+    fn sources(&self, node: &Map<String, Value>) -> Vec<(String, Map<String, Value>)> {
+        let mut out = Vec::new();
+        for one in node.get("anyOf").and_then(Value::as_array).into_iter().flatten() {
+            let target = self.node(&serde_json::json!({ "$ref": one["$ref"] }));
+            let Some(words) = target.get("oneOf").and_then(Value::as_array) else {
+                out.push((text_of(&target, "description").expect("a name"), target));
+                continue;
+            };
+            for word in words {
+                let mut own = self.node(word);
+                let keys = own["properties"].as_object_mut().expect("keys");
+                let (tag, value) = keys.iter().find(|(_, value)| value.get("const").is_some()).expect("a tag");
+                let (tag, word) = (tag.clone(), value["const"].clone());
+                let all: Vec<&Value> = words.iter().map(|word| &word["properties"][&tag]["const"]).collect();
+                let mut of_tag = serde_json::json!({ "enum": all, "examples": [all[0]] });
+                for key in ["description", "x-default"] {
+                    of_tag[key] = target[key].clone();
+                }
+                keys.shift_remove(&tag);
+                keys.shift_insert(0, tag, of_tag);
+                out.push((word.as_str().expect("a word").to_owned(), own));
+            }
+        }
+        out
+    }
+
+    /// Appends the keys of a source, or the source to the keys that are described for others already.
+    fn keys_of_source(&self, source: &str, path: &str, node: &Map<String, Value>, keys: &mut Vec<Key>) {
+        let required: Vec<&str> =
+            node.get("required").and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str).collect();
+        for (name, value) in node["properties"].as_object().expect("a table") {
+            let key = self.key(name, format!("{path}.{name}"), value, required.contains(&name.as_str()));
+            match keys.iter_mut().find(|k| (&k.name, &k.about, &k.default) == (&key.name, &key.about, &key.default)) {
+                Some(known) => known.sources.push(source.to_owned()),
+                None => {
+                    let at = keys.iter().rposition(|k| k.name == key.name).map_or(keys.len(), |last| last + 1);
+                    keys.insert(at, Key { sources: vec![source.to_owned()], ..key });
+                }
+            }
+        }
+    }
+
     /// The keys beside `driver`.
     fn driver(&self, path: &str, mut node: Map<String, Value>) -> Table {
         node["properties"].as_object_mut().expect("keys").shift_remove("driver");
@@ -129,6 +177,7 @@ impl Schema {
         let stated = text_of(&node, "x-default").or_else(|| default_value.as_ref().map(bare));
         Key {
             name: name.into(),
+            sources: Vec::new(),
             value: self.value(&node).unwrap_or_else(|| panic!("what {path} can be is not said")),
             words: self.words(&node),
             default: stated.unwrap_or_else(|| if is_required { "required" } else { "none" }.into()),

@@ -23,10 +23,18 @@ const MARK: [&str; 2] = ["<!-- keys: ", " -->"];
 /// The keys of one table.
 fn rows(table: &Table) -> String {
     let cell = |text: &str| text.replace('|', "\\|");
-    let mut out = String::from("| key | value | default | meaning |\n|---|---|---|---|\n");
+    let by_source = table.keys.iter().any(|key| !key.sources.is_empty());
+    let [head, line] = if by_source { [" of |", "---|"] } else { [""; 2] };
+    let mut out = format!("| key |{head} value | default | meaning |\n|---|{line}---|---|---|\n");
     for key in &table.keys {
         let cells = [&key.value, &key.default, &key.about].map(|text| cell(text));
-        out += &format!("| `{}` | {} |\n", key.name, cells.join(" | "));
+        let sources = match (&key.sources[..], key.name.as_str()) {
+            ([], _) => "every texture".into(),
+            (_, "pattern") => "patterns".into(),
+            (sources, _) => sources.join(", "),
+        };
+        let of = if by_source { format!(" {sources} |") } else { String::new() };
+        out += &format!("| `{}` |{of} {} |\n", key.name, cells.join(" | "));
     }
     out
 }

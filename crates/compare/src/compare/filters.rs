@@ -2,7 +2,7 @@
 
 use terrace_core::machine::Machine;
 use terrace_core::parallel;
-use terrace_plan::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stages, within};
+use terrace_plan::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
 use terrace_plan::on_the_fly::path::Path;
 use terrace_plan::on_the_fly::path::schedule::{Samples, Schedule};
 use terrace_plan::on_the_fly::xyzuv::{Peaks, ScannerLimits};
@@ -27,13 +27,8 @@ pub struct Filter {
 }
 
 /// The filters that are compared.
-pub(super) const FAMILIES: [(&str, Family); 5] = [
-    ("moving average", Family::MovingAverage),
-    ("Gaussian", Family::Gaussian),
-    ("Savitzky-Golay", Family::SavitzkyGolay { order: 3 }),
-    ("low-pass", Family::LowPass),
-    ("empirical modes", Family::EmpiricalModes),
-];
+pub(super) const FAMILIES: [(&str, Family); 2] =
+    [("moving average", Family::MovingAverage), ("Gaussian", Family::Gaussian)];
 
 /// All decompositions of one path, that of least acceleration after the filters; where the best filter, of least
 /// acceleration among them, is quicker, the one that takes no more time than it comes last.
@@ -122,14 +117,13 @@ fn filtered(even: &Samples, family: Family, allowed: ScannerLimits) -> (Vec<[f64
     // Longer than the whole path nothing changes any more; half a thousandth of it is a start that is too strong
     // where the scanner has anything to do.
     let start = (even.at.len() as f64 / 4.0).min(4000.0);
-    let (in_plan, in_height) = (stages(&plan, family), stages(&height, family));
     let fits = |strength: f64| {
-        let made = in_plan(strength);
+        let made = stage(&plan, family.at(strength));
         let holds = plan.iter().zip(&made).all(|(p, s)| (0..2).all(|k| (p[k] - s[k]).abs() <= allowed.half_field[k]));
         (made, holds)
     };
     let focused = |strength: f64| {
-        let made = in_height(strength);
+        let made = stage(&height, family.at(strength));
         let holds =
             height.iter().zip(&made).zip(&even.on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= allowed.focus);
         (made, holds)

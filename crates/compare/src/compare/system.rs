@@ -45,6 +45,8 @@ pub(super) enum Kind {
 pub struct System {
     /// Its name on the command line and in tables.
     pub name: &'static str,
+    /// What it is, as a phrase in Markdown.
+    pub about: &'static str,
     /// Of one kind, the verdict tells the fastest.
     pub(super) kind: Kind,
     pub(super) run: Run,
@@ -54,59 +56,102 @@ pub struct System {
 
 /// All systems, in the order of the table.
 pub static SYSTEMS: [&System; 14] = [
-    // What `compile` makes where no method is asked for.
     &System {
         name: "auto",
+        about: "the stepped job that `terrace compile` makes where no method is asked for: the best of `contour`, `z-range` and `window`",
         kind: Kind::Stepped,
         run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Auto, t)),
         start: 1,
     },
-    // Fields side by side, one focal plane each.
-    &System { name: "flat", kind: Kind::Stepped, run: Run::Stepped(stepped::flat), start: 1 },
-    // The methods of partition.
+    &System {
+        name: "flat",
+        about: "fields side by side, each focused on the middle of its marks; no levels",
+        kind: Kind::Stepped,
+        run: Run::Stepped(stepped::flat),
+        start: 1,
+    },
     &System {
         name: "contour",
+        about: "the stepped job that `terrace compile` makes by this method",
         kind: Kind::Stepped,
         run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Contour, t)),
         start: 1,
     },
-    &System { name: "z-range", kind: Kind::Stepped, run: Run::Stepped(stepped::z_range), start: 1 },
+    &System {
+        name: "z-range",
+        about: "the stepped job that `terrace compile` makes by this method",
+        kind: Kind::Stepped,
+        run: Run::Stepped(stepped::z_range),
+        start: 1,
+    },
     &System {
         name: "window",
+        about: "the stepped job that `terrace compile` makes by this method",
         kind: Kind::Stepped,
         run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Window, t)),
         start: 1,
     },
-    // Levels changed by a zoom optic in the head.
-    &System { name: "zoom", kind: Kind::Zoom, run: Run::Stepped(stepped::zoom), start: 1 },
-    // The part tilted at each stop.
-    &System { name: "tilt", kind: Kind::Tilt, run: Run::Stepped(stepped::tilt), start: 1 },
-    // The head tilted at each stop: rob-scan.
-    &System { name: "head-tilt", kind: Kind::HeadTilt, run: Run::Stepped(stepped::head_tilt), start: 1 },
-    // Scanner and stage synchronised, strokes in their order, the stage by moving average.
-    &System { name: "sync", kind: Kind::OnTheFly, run: Run::OnTheFly(|f, c| f.synchronised(c)), start: 2 },
-    // As "sync", the texture cut into bands of depth over the whole part; z steps between them.
-    &System { name: "sync-bands", kind: Kind::OnTheFly, run: Run::OnTheFly(|f, _| f.bands()), start: 4 },
-    // Seven axes, by the Gaussian decomposition of the article and by least acceleration.
+    &System {
+        name: "zoom",
+        about: "the stepped job by `z-range` on the machine with its zoom optic, as `terrace compile` makes it; all other rows do without the optic",
+        kind: Kind::Zoom,
+        run: Run::Stepped(stepped::zoom),
+        start: 1,
+    },
+    &System {
+        name: "tilt",
+        about: "the stepped job with the part tilted at every stop",
+        kind: Kind::Tilt,
+        run: Run::Stepped(stepped::tilt),
+        start: 1,
+    },
+    &System {
+        name: "head-tilt",
+        about: "the same with the head tilted over a part that stays: the article's rob-scan, stepped",
+        kind: Kind::HeadTilt,
+        run: Run::Stepped(stepped::head_tilt),
+        start: 1,
+    },
+    &System {
+        name: "sync",
+        about: "scanner and stage synchronised: the stage follows a moving average of the beam's path, z included",
+        kind: Kind::OnTheFly,
+        run: Run::OnTheFly(|f, c| f.synchronised(c)),
+        start: 2,
+    },
+    &System {
+        name: "sync-bands",
+        about: "the same for each band of depth over the whole part, without skywriting; z steps from band to band",
+        kind: Kind::OnTheFly,
+        run: Run::OnTheFly(|f, _| f.bands()),
+        start: 4,
+    },
     &System {
         name: "7-axis",
+        about: "X Y Z A C follow the Gaussian-smoothed path with its normal; the scanner adds the difference (Ma et al. 2025)",
         kind: Kind::SevenAxes,
         run: Run::OnTheFly(|f, c| f.turning(ToolPath::Filtered(Family::Gaussian), c)),
         start: 3,
     },
     &System {
         name: "7-axis-smooth",
+        about: "the same with stage axes of least acceleration within the same limits",
         kind: Kind::SevenAxes,
         run: Run::OnTheFly(|f, c| f.turning(ToolPath::LeastAcceleration, c)),
         start: 0,
     },
-    // Five axes, the scanner at rest.
     &System {
         name: "5-axis",
+        about: "X Y Z A C carry the whole motion; the scanner does not move",
         kind: Kind::FiveAxes,
         run: Run::OnTheFly(|f, c| f.turning(ToolPath::OnTheMark, c)),
         start: 5,
     },
-    // The surface itself, turned with a fast tool servo.
-    &System { name: "tool-servo", kind: Kind::ToolServo, run: Run::OnTheFly(|f, _| tool_servo::turned(f)), start: 5 },
+    &System {
+        name: "tool-servo",
+        about: "another process, for reference: a fast tool servo turns the surface itself (Brecher et al.); needs `[tool_servo]` in the machine file and `--nurbs`",
+        kind: Kind::ToolServo,
+        run: Run::OnTheFly(|f, _| tool_servo::turned(f)),
+        start: 5,
+    },
 ];

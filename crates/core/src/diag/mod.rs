@@ -26,6 +26,8 @@ pub use text::{NotUtf8, shell_word, utf8};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use serde::de::DeserializeOwned;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 /// Severity, which also decides the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -325,34 +327,83 @@ fn near_names(path: &Path) -> Vec<String> {
 /// # Errors
 /// `toml` with the place of the fault: syntax, unknown or missing keys, wrong units, values out of range.
 pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str) -> Result<T, Error> {
-    toml::from_str(source).map_err(|e| {
-        let place = match e.span() {
-            Some(span) => Place::Text { path: path.into(), source: source.clone(), span },
-            None => Place::file(path),
-        };
-        if let Some(quoted) = typographic(source, e.span()) {
-            let fault = format!("these are typographic quotes: {quoted}");
-            return Diag::input("toml", fault).at(place).hint("write straight quotes: \"...\"").into();
-        }
-        // Where a value's own message ends in a remedy, that is the hint.
-        let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((e.message().trim(), keys));
-        let mut d = Diag::input("toml", fault).at(place).hint(remedy);
-        // The table that misses a key is the whole file: no line of it is at fault.
-        if e.message().starts_with("missing field") && e.span().is_some_and(|span| span.start == 0) {
-            d.place = Place::file(path);
-        }
-        if e.message().contains("unknown field") || e.message().contains("unknown variant") {
-            d.hint = match meant(e.message()).as_slice() {
-                [] => "check the spelling against the names listed".into(),
-                names => format!("did you mean {}?", names.join(" or ")),
-            };
-        } else if e.message().contains("missing field") {
-            d.hint = keys.into();
-        } else if has_backslash(source, e.span()) {
-            d.hint = "in double quotes a backslash begins an escape: write the path with / or in single quotes".into();
-        }
-        d.into()
-    })
+    from_table(path, source, parse_toml(path, source, keys)?, keys)
+}
+
+/// Parses a TOML text into tables, whose values know their places.
+///
+/// # Errors
+/// `toml` where it is no TOML.
+pub fn parse_toml<'a>(path: &str, source: &'a Arc<str>, keys: &str) -> Result<Spanned<DeTable<'a>>, Error> {
+    DeTable::parse(source).map_err(|e| toml_fault(&e, path, source, keys))
+}
+
+/// What [`parse_toml`] made of `source`, or what was made of that, as `T`.
+///
+/// # Errors
+/// As [`from_toml`].
+pub fn from_table<T: DeserializeOwned>(
+    path: &str,
+    source: &Arc<str>,
+    table: Spanned<DeTable<'_>>,
+    keys: &str,
+) -> Result<T, Error> {
+    T::deserialize(toml::Deserializer::from(table)).map_err(|e| toml_fault(&e, path, source, keys))
+}
+
+/// Makes `grbl = { port = "x" }` of the table `driver = "grbl", port = "x"` with the tag `driver`: as an enum is read
+/// without losing the places of its values. Leaves a table without the tag as it is.
+pub fn by_tag(table: &mut DeTable<'_>, tag: &str) {
+    let Some(word) = table.remove(tag) else { return };
+    let (at, word) = (word.span(), word.into_inner());
+    let rest = Spanned::new(at.clone(), DeValue::Table(std::mem::take(table)));
+    match word {
+        DeValue::String(word) => table.insert(Spanned::new(at, word), rest),
+        other => table.insert(Spanned::new(at.clone(), tag.to_owned().into()), Spanned::new(at, other)),
+    };
+}
+
+/// The fault of a key that is not among the known ones.
+pub fn unknown_key(key: &str, known: &[&str]) -> Diag {
+    let names: Vec<String> = known.iter().map(|name| format!("`{name}`")).collect();
+    let text = format!("unknown field `{key}`, expected one of {}", names.join(", "));
+    let hint = spelled(&text);
+    Diag::input("toml", text).hint(hint)
+}
+
+/// What to do about a name that is not known: take one of those that the message lists.
+fn spelled(message: &str) -> String {
+    match meant(message).as_slice() {
+        [] => "check the spelling against the names listed".into(),
+        names => format!("did you mean {}?", names.join(" or ")),
+    }
+}
+
+/// An error of the parser, or of a type that was read.
+fn toml_fault(e: &toml::de::Error, path: &str, source: &Arc<str>, keys: &str) -> Error {
+    let place = match e.span() {
+        Some(span) => Place::Text { path: path.into(), source: source.clone(), span },
+        None => Place::file(path),
+    };
+    if let Some(quoted) = typographic(source, e.span()) {
+        let fault = format!("these are typographic quotes: {quoted}");
+        return Diag::input("toml", fault).at(place).hint("write straight quotes: \"...\"").into();
+    }
+    // Where a value's own message ends in a remedy, that is the hint.
+    let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((e.message().trim(), keys));
+    let mut d = Diag::input("toml", fault).at(place).hint(remedy);
+    // The table that misses a key is the whole file: no line of it is at fault.
+    if e.message().starts_with("missing field") && e.span().is_some_and(|span| span.start == 0) {
+        d.place = Place::file(path);
+    }
+    if e.message().contains("unknown field") || e.message().contains("unknown variant") {
+        d.hint = spelled(e.message());
+    } else if e.message().contains("missing field") {
+        d.hint = keys.into();
+    } else if has_backslash(source, e.span()) {
+        d.hint = "in double quotes a backslash begins an escape: write the path with / or in single quotes".into();
+    }
+    d.into()
 }
 
 /// The rest of the line from a fault on, where it begins with a quote that a text processor has curled.
@@ -375,7 +426,7 @@ fn has_backslash(source: &str, span: Option<Range<usize>>) -> bool {
 /// The place of a key's value in a TOML text that can be read, such as `stage.x.speed` or `tilt.axes.0.travel`; of the
 /// innermost table that is there where the key is not.
 pub fn place_of(path: &str, source: &Arc<str>, key: &str) -> Place {
-    let Ok(document) = toml::de::DeTable::parse(source) else { return Place::file(path) };
+    let Ok(document) = DeTable::parse(source) else { return Place::file(path) };
     let mut keys = key.split('.');
     let Some(mut value) = keys.next().and_then(|k| document.get_ref().get(k)) else { return Place::file(path) };
     for key in keys {

@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::file_unit::FileUnit;
+use super::partition::PartitionKeys;
 use super::texture::keys::TextureKeys;
 use terrace_core::format::Format;
 use terrace_core::units::{
@@ -17,7 +18,7 @@ use terrace_core::units::{
 };
 
 /// The keys of a job file.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JobFile {
     /// How the part is marked; written above all tables.
@@ -245,96 +246,6 @@ pub struct FocusKeys {
     /// pdof).
     #[serde(default)]
     pub rule: DepthRule,
-}
-
-/// Ways to divide.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// A grid of sections, evenly spaced levels of the whole part (the article).
-    Contour,
-    /// A grid of sections, in each the fewest levels that cover the texture's depths.
-    ZRange,
-    /// Windows of the field and levels placed freely, as few as can be found.
-    Window,
-    /// Sections each at a tilt of its own, levels along the tilted beam; for machines with tilt axes.
-    Tilt,
-    /// Every method that the machine can run; the one with the least job time is kept.
-    #[default]
-    Auto,
-}
-
-impl Method {
-    /// The name in files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Contour => "contour",
-            Self::ZRange => "z-range",
-            Self::Window => "window",
-            Self::Tilt => "tilt",
-            Self::Auto => "auto",
-        }
-    }
-}
-
-/// `[partition]`.
-#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PartitionKeys {
-    /// How stops are chosen, see below.
-    #[serde(default)]
-    pub method: Method,
-    /// Pitch of the grid of sections and size of windows, at most the usable field.
-    #[schemars(example = &"39 mm", extend("x-default" = "the usable field"))]
-    #[serde(default, deserialize_with = "positive_option")]
-    pub section: Option<Length>,
-    /// Pieces shorter than this in plan are not marked; see below.
-    #[schemars(example = &"5 um", extend("x-default" = "slivers below half the spot"))]
-    #[serde(default, deserialize_with = "non_negative_option")]
-    pub min_mark: Option<Length>,
-    /// What "auto" minimises: the estimated job time with the loading of its blocks (`operator` of the machine file),
-    /// or the number of stops. `--objective` on the command line overrides it.
-    #[serde(default)]
-    pub objective: Objective,
-    /// Closed figures and strokes up to this size along x and y are not cut where a stop can contain them.
-    #[schemars(example = &"2 mm")]
-    #[serde(default, deserialize_with = "non_negative")]
-    pub keep_whole: Length,
-    /// Strokes are cut at random places within this length before a border, where both stops admit it, so that cuts do
-    /// not line up.
-    #[schemars(example = &"0.2 mm", extend("x-value" = "length below half the field"))]
-    #[serde(default, deserialize_with = "non_negative")]
-    pub zone: Length,
-    /// Length that both stops mark where a stroke is cut, as far as both admit it; not together with `zone`.
-    #[schemars(example = &"0.05 mm", extend("x-value" = "length below a quarter of the field"))]
-    #[serde(default, deserialize_with = "non_negative")]
-    pub overlap: Length,
-    /// Overlap of levels up and down, at most a quarter of the depth range, which it is taken from: a rough surface
-    /// then does not change the stop at every ripple.
-    #[schemars(example = &"5 um", extend("x-default" = "from the surface"))]
-    #[serde(default, deserialize_with = "non_negative_option")]
-    pub hysteresis: Option<Length>,
-}
-
-/// What `auto` minimises.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Objective {
-    /// Estimated job time.
-    #[default]
-    Time,
-    /// Stops; of equal numbers the least time.
-    Stops,
-}
-
-impl Objective {
-    /// The name in files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Stops => "stops",
-        }
-    }
 }
 
 /// In which order the stage visits the stops.

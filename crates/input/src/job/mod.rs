@@ -5,11 +5,11 @@
 //! its own variant. All faults of a file are reported at once, each at its place. What needs other files
 //! (the surface, drawings, the machine) is found out when these are read.
 
-mod direction;
 mod faults;
 pub mod file;
 mod file_unit;
 mod not_a_job;
+mod partition;
 mod passes;
 mod plausible;
 mod read;
@@ -21,16 +21,14 @@ mod texture;
 mod unused;
 
 pub use file::{
-    Compensate, DepthRule, Dose, Implausible, Level, MarkPower, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
-    json_schema,
+    Compensate, DepthRule, Dose, Implausible, Level, MarkPower, Mode, Steep, StopOrder, StrokeOrder, json_schema,
 };
 pub use file_unit::FileUnit;
+pub use partition::{Method, Objective, Partition};
 pub use passes::Passes;
 pub use read::{read_file, read_text};
 pub use resolve::MAX_SETUPS;
-pub use resolved::{
-    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Placement, Setups, SurfaceInput,
-};
+pub use resolved::{Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Placement, Setups, SurfaceInput};
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};
 pub use setting::{KeyValue, Keys, Setting, near_keys};
 pub use terrace_core::format::Format;

@@ -2,49 +2,42 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::surface;
 use terrace_core::diag::{self, Diag, Place};
 
-/// What a job names a file for, and how.
-#[derive(Clone, Copy)]
-enum Use {
-    Surface,
-    Drawing,
-    /// A height map or a drawing.
-    Picture,
-    /// A point cloud or space curves.
-    Points,
-}
-
-/// Names of files end in these and mean what stands beside them.
-const EXTENSIONS: [(&str, &str, Use); 27] = [
-    ("stl", "an STL surface", Use::Surface),
-    ("obj", "an OBJ surface", Use::Surface),
-    ("ply", "a PLY surface", Use::Surface),
-    ("3mf", "a 3MF part", Use::Surface),
-    ("step", "a STEP part", Use::Surface),
-    ("stp", "a STEP part", Use::Surface),
-    ("iges", "an IGES part", Use::Surface),
-    ("igs", "an IGES part", Use::Surface),
-    ("asc", "a height map or point cloud", Use::Surface),
-    ("xyz", "a point cloud", Use::Surface),
-    ("pts", "a point cloud", Use::Surface),
-    ("ptx", "a point cloud", Use::Surface),
-    ("csv", "a table of points", Use::Points),
-    ("png", "a PNG picture", Use::Picture),
-    ("tif", "a TIFF picture", Use::Picture),
-    ("tiff", "a TIFF picture", Use::Picture),
-    ("bmp", "a BMP picture", Use::Drawing),
-    ("jpg", "a JPEG picture", Use::Drawing),
-    ("jpeg", "a JPEG picture", Use::Drawing),
-    ("svg", "an SVG drawing", Use::Drawing),
-    ("svgz", "an SVG drawing", Use::Drawing),
-    ("dxf", "a DXF drawing", Use::Drawing),
-    ("plt", "an HPGL plot", Use::Drawing),
-    ("hpgl", "an HPGL plot", Use::Drawing),
-    ("hpg", "an HPGL plot", Use::Drawing),
-    ("lbrn2", "a LightBurn project", Use::Drawing),
-    ("ngc", "a stage program", Use::Surface),
+/// Other files than surfaces: the extension of their names, what they are, and the key of a job that names such a file.
+const OTHERS: [(&str, &str, Option<&str>); 14] = [
+    ("csv", "a table of points", Some("texture.curves")),
+    ("png", "a PNG image", Some("texture.file")),
+    ("tif", "a TIFF image", Some("texture.file")),
+    ("tiff", "a TIFF image", Some("texture.file")),
+    ("bmp", "a BMP image", Some("texture.file")),
+    ("jpg", "a JPEG image", Some("texture.file")),
+    ("jpeg", "a JPEG image", Some("texture.file")),
+    ("svg", "an SVG drawing", Some("texture.file")),
+    ("svgz", "an SVG drawing", Some("texture.file")),
+    ("dxf", "a DXF drawing", Some("texture.file")),
+    ("plt", "an HPGL plot", Some("texture.file")),
+    ("hpgl", "an HPGL plot", Some("texture.file")),
+    ("hpg", "an HPGL plot", Some("texture.file")),
+    ("lbrn2", "a LightBurn project", None),
 ];
+
+/// What a file is called in messages by its name, and the keys of a job that may name it; None of a name that says
+/// nothing.
+fn kind(path: &Path) -> Option<(&'static str, Vec<&'static str>)> {
+    let extension = path.extension()?.to_string_lossy().to_lowercase();
+    // A job may be called job.txt.
+    let surface = surface::format::of(path).filter(|_| extension != "txt");
+    let other = OTHERS.iter().find(|(known, ..)| *known == extension);
+    let keys = surface.map(|_| "surface.file").into_iter().chain(other.and_then(|(.., key)| *key)).collect();
+    match (surface, other) {
+        _ if extension == "ngc" => Some(("a stage program", Vec::new())),
+        (_, Some((_, what, _))) => Some((what, keys)),
+        (Some(format), None) => Some((format.name, keys)),
+        (None, None) => None,
+    }
+}
 
 /// Most job files that a hint names.
 const SHOWN: usize = 3;
@@ -60,24 +53,17 @@ pub(super) fn by_name(path: &Path) -> Option<Diag> {
         let hint = mean(&near).unwrap_or_else(|| "name a job file; `terrace init FOLDER` writes one".into());
         return Some(Diag::input("not-a-job", format!("this is {what}, not a job file")).at(place).hint(hint));
     }
-    let extension = path.extension()?.to_string_lossy().to_lowercase();
-    let (_, what, used) = EXTENSIONS.iter().find(|(known, ..)| *known == extension)?;
+    let (what, keys) = kind(path)?;
     let name = path.file_name()?.to_string_lossy().into_owned();
     // What is not there is told as such.
     let near = if path.is_file() { job_files(path.parent()?, Some(&name)) } else { return None };
-    let key = match used {
-        Use::Surface if matches!(extension.as_str(), "ngc") => None,
-        Use::Drawing if matches!(extension.as_str(), "lbrn2") => None,
-        Use::Surface => Some("surface.file"),
-        Use::Drawing => Some("texture.file"),
-        Use::Picture => Some("surface.file or texture.file"),
-        Use::Points => Some("surface.file or texture.curves"),
-    };
     let inspect = format!("`terrace inspect {name}` says what it holds");
-    let hint = match (mean(&near), key) {
+    let hint = match (mean(&near), &keys[..]) {
         (Some(hint), _) => hint,
-        (None, Some(key)) => format!("name a job file (.toml), which names this file as {key}; {inspect}"),
-        (None, None) => "name a job file (.toml)".into(),
+        (None, []) => "name a job file (.toml)".into(),
+        (None, keys) => {
+            format!("name a job file (.toml), which names this file as {}; {inspect}", keys.join(" or "))
+        }
     };
     Some(Diag::input("not-a-job", format!("this is {what}, not a job file")).at(place).hint(hint))
 }
@@ -142,11 +128,15 @@ mod tests {
     fn surfaces_drawings_and_folders_are_told_and_the_job_that_names_them_is_offered() {
         let dir = tempfile::tempdir().expect("a folder");
         let at = |name: &str| dir.path().join(name);
-        for (extension, what, _) in EXTENSIONS {
+        let surfaces = surface::format::FORMATS.iter().flat_map(|format| format.extensions);
+        let all: std::collections::BTreeSet<&str> =
+            surfaces.chain(OTHERS.iter().map(|(extension, ..)| extension)).copied().collect();
+        for extension in all.into_iter().filter(|extension| *extension != "txt") {
             let file = at(&format!("part.{}", extension.to_uppercase()));
             assert!(by_name(&file).is_none(), "{extension}: what is not there is no STL file");
             std::fs::write(&file, "x").expect("written");
             let d = read_file(&file).expect_err("no job file").diags()[0].clone();
+            let (what, _) = kind(&file).expect("a kind of file");
             assert_eq!((d.code, d.message), ("not-a-job", format!("this is {what}, not a job file")));
             assert!(d.hint.starts_with("name a job file"), "{extension}: {}", d.hint);
         }

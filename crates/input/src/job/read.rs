@@ -9,6 +9,7 @@ use super::file::JobFile;
 use super::not_a_job;
 use super::resolve::resolve;
 use super::resolved::{Job, Overrides};
+use super::texture::by_source;
 use terrace_core::diag::{self, Diag, Error, Place, TableKey};
 
 /// Largest job file that is read.
@@ -98,8 +99,19 @@ impl Job {
         if !faults.is_empty() {
             return Err(Error::many(faults));
         }
-        let file: JobFile = diag::from_toml(&path.display().to_string(), &source, KEYS)?;
-        resolve(path, source, &file, overrides)
+        let shown = path.display().to_string();
+        let mut table = diag::parse_toml(&shown, &source, KEYS)?;
+        let mut faults = Faults::new(path, &source);
+        let is_whole = by_source::sort(table.get_mut(), &mut faults);
+        let faults = faults.list;
+        if !is_whole {
+            return Err(Error::many(faults));
+        }
+        let file: JobFile = match diag::from_table(&shown, &source, table, KEYS) {
+            Ok(file) => file,
+            Err(e) => return Err(Error::many(faults.into_iter().chain(e.diags().iter().cloned()).collect())),
+        };
+        resolve(path, Arc::clone(&source), &file, overrides, faults)
     }
 
     /// The place of a key of the job file, such as `partition.section`; the file where it is not given.

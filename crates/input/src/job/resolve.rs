@@ -4,16 +4,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
-    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, MarkPower, Method, Mode, NonManifold, Objective, Parts,
-    PassesKeys, PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, MarkPower, Mode, NonManifold, Parts, PassesKeys, PenKeys,
+    PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
+use super::partition::{self, Method};
 use super::passes::Passes;
-use super::resolved::{
-    Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Partition, Placement, Setups, SurfaceInput,
-};
+use super::resolved::{Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Placement, Setups, SurfaceInput};
 use super::texture::Texture;
 use super::texture::keys::TextureKeys;
 use super::unused;
@@ -50,12 +48,19 @@ fn holds(format: Format, mode: Mode) -> bool {
     }
 }
 
-/// Resolves a job file.
+/// Resolves a job file; `found` are its faults so far.
 ///
 /// # Errors
 /// Every fault of the file, each with its place, in the order of the file's sections.
-pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: &Overrides) -> Result<Job, Error> {
+pub(super) fn resolve(
+    path: &Path,
+    source: Arc<str>,
+    file: &JobFile,
+    overrides: &Overrides,
+    found: Vec<Diag>,
+) -> Result<Job, Error> {
     let mut faults = Faults::new(path, &source);
+    faults.list = found;
     let f = &mut faults;
     let mode = overrides.mode.unwrap_or(file.mode);
     let mut surface = surface_input(&file.surface, f);
@@ -73,10 +78,9 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let pose = laid.and_then(|laid| laid.pose());
     surface.options.pose = pose;
     let textures = file.texture.iter().enumerate();
-    let textures = textures
-        .filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens, pdof: focus.pdof, pose }.resolve(f))
-        .collect();
-    let mut partition = partition(file, f);
+    let textures =
+        textures.map(|(i, keys)| Texture { i, keys, folder, pens: &pens, pdof: focus.pdof, pose }.resolve(f)).collect();
+    let mut partition = partition::resolve(&file.partition, f);
     if let Some(objective) = overrides.objective {
         partition.objective = objective;
     }
@@ -358,27 +362,6 @@ fn dwell_faults(i: usize, pen: &PenKeys, f: &mut Faults<'_>) {
     }
 }
 
-fn partition(file: &JobFile, f: &mut Faults<'_>) -> Partition {
-    let keys = &file.partition;
-    if keys.zone.as_mm() > 0.0 && keys.overlap.as_mm() > 0.0 {
-        f.push(
-            "partition.overlap",
-            Diag::input("seam-both", "partition has both zone and overlap")
-                .hint("keep one of them: seams are either spread or marked twice"),
-        );
-    }
-    Partition {
-        method: keys.method,
-        objective: keys.objective,
-        section: f.nm_option("partition.section", keys.section),
-        min_mark: f.nm_option("partition.min_mark", keys.min_mark),
-        keep_whole: f.nm("partition.keep_whole", keys.keep_whole),
-        zone: f.nm("partition.zone", keys.zone),
-        overlap: f.nm("partition.overlap", keys.overlap),
-        hysteresis: f.nm_option("partition.hysteresis", keys.hysteresis),
-    }
-}
-
 fn machine(keys: &MachineKeys, f: &mut Faults<'_>) -> Option<MachineInput> {
     match (&keys.profile, &keys.file) {
         (Some(_), Some(_)) => {
@@ -526,7 +509,7 @@ fn frames(file: &JobFile, f: &mut Faults<'_>) -> Option<PenId> {
         return None;
     };
     let marks =
-        |t: &TextureKeys| t.pen.as_ref().map_or(pen == 0, |used| used == name) || t.pens.values().any(|p| p == name);
+        |t: &TextureKeys| t.common.pen.as_ref().map_or(pen == 0, |used| used == name) || t.pens().any(|p| p == name);
     if let Some(i) = file.texture.iter().position(marks) {
         let text = format!("pen {name:?} of the frames marks texture {}", i + 1);
         let hint = "add a [[pen]] for the frames alone, of a power that leaves no mark; it cannot be the first where a \
@@ -538,8 +521,8 @@ fn frames(file: &JobFile, f: &mut Faults<'_>) -> Option<PenId> {
 
 /// What on-the-fly programs cannot do.
 fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
-    let contour = |t: &TextureKeys| t.direction == Some(Direction::Contour);
-    let along_contours = file.texture.iter().position(contour).map(|i| format!("texture.{i}.direction"));
+    let along_contours = file.texture.iter().position(TextureKeys::runs_along_contours);
+    let along_contours = along_contours.map(|i| format!("texture.{i}.direction"));
     let repeated = file.pen.iter().position(|p| p.passes > 1).map(|i| format!("pen.{i}.passes"));
     let asked = [
         ((file.passes.count > 1).then(|| "passes.count".to_owned()), "several passes (passes.count)"),
@@ -549,20 +532,10 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
         (repeated, "pens of several passes (pen.passes)"),
         (along_contours, "areas filled along contours (direction = \"contour\")"),
     ];
-    let (partition, order) = (&file.partition, &file.order);
-    let unused = [
-        ("partition.method", partition.method != Method::Auto),
-        ("partition.section", partition.section.is_some()),
-        ("partition.min_mark", partition.min_mark.is_some()),
-        ("partition.objective", partition.objective != Objective::Time),
-        ("partition.keep_whole", partition.keep_whole.as_mm() > 0.0),
-        ("partition.zone", partition.zone.as_mm() > 0.0),
-        ("partition.overlap", partition.overlap.as_mm() > 0.0),
-        ("partition.hysteresis", partition.hysteresis.is_some()),
-        ("order.stops", order.stops != StopOrder::Time),
-        ("focus.level", file.focus.level != Level::Mid),
-    ];
-    let unused: Vec<&str> = unused.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
+    let unused =
+        [("order.stops", file.order.stops != StopOrder::Time), ("focus.level", file.focus.level != Level::Mid)];
+    let others = unused.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key.to_owned());
+    let unused: Vec<String> = partition::changed(&file.partition).into_iter().chain(others).collect();
     if let Some(first) = unused.first() {
         let text = format!("on-the-fly jobs have no stops, so these keys have no effect: {}", unused.join(", "));
         f.warn(first, Diag::warning("fly-unused", text).hint("leave them out, or compile a stepped job"));
@@ -617,7 +590,7 @@ mod tests {
         let contour = SAMPLE_JOB.replacen("direction = \"0 deg\"", "direction = \"contour\"", 1);
         let contour = contour.replacen("pattern = \"hatch\"", &riblets.replace("width = \"1 mm\"", ""), 1);
         let refused = Job::parse(Path::new("job.toml"), &contour, &Overrides::default()).expect_err("refused");
-        assert_eq!(refused.diags()[0].message, "direction = \"contour\" does not apply to riblets");
+        assert_eq!(refused.diags()[0].message, "\"contour\" is not an angle");
     }
 
     #[test]

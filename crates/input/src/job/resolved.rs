@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
+use super::file::{Dose, Implausible, Level, Mode, Steep, StopOrder, StrokeOrder};
+use super::partition::{Method, Objective, Partition};
 use super::passes::Passes;
 use crate::surface;
 use crate::texture;
@@ -176,27 +177,6 @@ impl super::DepthRule {
             Self::Half => pdof * 2,
         }
     }
-}
-
-/// How the surface is divided.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Partition {
-    /// The method.
-    pub method: Method,
-    /// What `auto` minimises.
-    pub objective: Objective,
-    /// Pitch of the sections; None: from the usable field.
-    pub section: Option<Nm>,
-    /// Fragments shorter than this are skipped and counted; None: slivers below half the spot, next to a mark.
-    pub min_mark: Option<Nm>,
-    /// Closed figures and strokes no larger than this along x and y stay whole where a stop can hold them.
-    pub keep_whole: Nm,
-    /// Strokes are cut at a random place within this length before a border; 0: on it.
-    pub zone: Nm,
-    /// Strokes that are cut are marked by both stops over this length.
-    pub overlap: Nm,
-    /// How far levels reach over each other; None: from the surface's roughness.
-    pub hysteresis: Option<Nm>,
 }
 
 /// Order of stops and strokes.

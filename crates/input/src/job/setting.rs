@@ -160,24 +160,32 @@ pub fn near_keys(key: &str) -> Vec<String> {
 
 /// Appends the dotted names of all keys with values below `at`.
 fn keys_of(schema: &serde_json::Value, at: &serde_json::Value, around: &str, out: &mut Vec<String>) {
-    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
-        return keys_of(schema, &schema["$defs"][name], around, out);
-    }
-    let choices = at["anyOf"].as_array().into_iter().flatten();
-    let inner: Vec<&serde_json::Value> = choices.filter(|c| c["type"] != "null").collect();
-    if let [only] = inner[..] {
-        return keys_of(schema, only, around, out);
-    }
-    if let Some(keys) = at["properties"].as_object() {
-        for (key, value) in keys {
-            let dot = if around.is_empty() { "" } else { "." };
+    let tables = tables_of(schema, at);
+    if !tables.is_empty() {
+        let dot = if around.is_empty() { "" } else { "." };
+        for (key, value) in tables.into_iter().filter_map(|table| table["properties"].as_object()).flatten() {
             keys_of(schema, value, &format!("{around}{dot}{key}"), out);
         }
     } else if at["items"]["$ref"].is_string() && at["type"] == "array" && !around.contains('.') {
         keys_of(schema, &at["items"], &format!("{around}.0"), out);
-    } else if around.contains('.') {
+    } else if around.contains('.') && !out.iter().any(|key| key == around) {
         out.push(around.to_owned());
     }
+}
+
+/// The tables that a value is: one, or some whose keys stand side by side. None where it may be something else.
+fn tables_of<'a>(schema: &'a serde_json::Value, at: &'a serde_json::Value) -> Vec<&'a serde_json::Value> {
+    let mut tables = Vec::new();
+    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
+        tables.extend(tables_of(schema, &schema["$defs"][name]));
+    }
+    tables.extend(Some(at).filter(|at| at["properties"].is_object()));
+    let choices = ["anyOf", "oneOf"].into_iter().filter_map(|of| at[of].as_array()).flatten();
+    let choices: Vec<_> = choices.filter(|one| one["type"] != "null").map(|one| tables_of(schema, one)).collect();
+    if choices.iter().all(|tables| !tables.is_empty()) {
+        tables.extend(choices.into_iter().flatten());
+    }
+    tables
 }
 
 #[cfg(test)]

@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{JobFile, Mode};
-use super::texture::keys::TextureKeys;
-use crate::texture::pattern::Pattern;
+use super::texture::keys::{SourceKeys, TextureKeys};
+use crate::surface::{self, format::Holds};
+use crate::texture::pattern::PatternKeys;
 use crate::texture::{FillMode, StrokeMode};
 use terrace_core::diag::Diag;
 
@@ -43,8 +43,8 @@ fn stepped(file: &JobFile, f: &mut Faults<'_>) {
         return;
     }
     let turns = |t: &TextureKeys| {
-        let is_lines = t.pattern == Some(Pattern::Hatch) || t.file.is_some();
-        is_lines && t.direction != Some(Direction::Contour)
+        let is_lines = matches!(t.source, SourceKeys::Pattern(PatternKeys::Hatch(_)) | SourceKeys::File(_));
+        is_lines && !t.runs_along_contours()
     };
     let is_turned = file.texture.iter().any(turns);
     let why = "no texture has straight hatches, which alone turn from pass to pass";
@@ -54,8 +54,8 @@ fn stepped(file: &JobFile, f: &mut Faults<'_>) {
 fn surface_keys(file: &JobFile, f: &mut Faults<'_>) {
     let keys = &file.surface;
     let extension = extension(&keys.file);
-    let is_cloud = matches!(extension.as_str(), "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx");
-    let is_map = matches!(extension.as_str(), "png" | "tif" | "tiff");
+    let holds = surface::format::of(&keys.file).map(|format| format.holds);
+    let [is_cloud, is_map] = [Holds::Points, Holds::HeightMap].map(|kind| holds == Some(kind));
     let kind = format!("a .{extension} file");
     tell(
         f,
@@ -86,15 +86,18 @@ fn keys_of_pose(file: &JobFile) -> bool {
 
 fn texture_keys(i: usize, keys: &TextureKeys, f: &mut Faults<'_>) {
     let key = |name: &str| format!("texture.{i}.{name}");
-    if keys.pattern == Some(Pattern::Dots) && keys.jitter.is_none_or(|jitter| jitter.as_percent() == 0.0) {
-        let has_own = keys.seed.is_some() && keys.soft.is_none();
+    if let SourceKeys::Pattern(PatternKeys::Dots(dots)) = &keys.source
+        && !dots.is_random()
+    {
+        let has_own = keys.common.seed.is_some() && keys.common.soft.is_none();
         tell(f, &[(key("seed"), has_own)], "dots without jitter have no random places", "leave it out, or add jitter");
     }
+    let Some(keys) = keys.drawing() else { return };
     // Wide strokes are hatched too, unless the job says otherwise.
     let strokes_are_lines = matches!(keys.stroke, Some(StrokeMode::Centre | StrokeMode::Outline));
-    let is_drawing = keys.file.as_deref().is_some_and(|file| !is_bitmap(file)) && strokes_are_lines;
+    let is_drawing = !is_bitmap(&keys.file) && strokes_are_lines;
     let lines = [
-        (key("direction"), keys.direction.is_some()),
+        (key("direction"), f.is_given(&key("direction"))),
         (key("cross"), keys.cross),
         (key("one_way"), keys.one_way),
         (key("contour"), keys.contour.is_some()),

@@ -15,6 +15,7 @@ mod decimate;
 mod facets;
 mod facing;
 mod faults;
+pub mod format;
 mod heightmap;
 mod implicit_mesh;
 mod lines;
@@ -38,13 +39,12 @@ mod walk;
 use std::path::Path;
 
 use bins::{Bins, Class};
-pub use cad::{About, CadMesh, Tessellation, is_cad, load as load_cad};
+pub use cad::{About, CadMesh, Tessellation, load as load_cad};
 pub use decimate::Decimated;
-use facets::Unit;
 pub use facing::Facing;
 pub use faults::{Fault, FaultKind, NonManifold};
+use format::{Holds, SurfaceFile};
 pub use heightmap::Samples;
-use heightmap::esri_grid::By;
 use implicit_mesh::ImplicitMesh;
 use lines::Lines;
 use mesh::{Mesh, Welder};
@@ -164,9 +164,13 @@ pub fn read(
 
 /// Whether a file holds points that are triangulated, by its name and how it begins.
 pub fn is_cloud(path: &Path) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    matches!(extension.as_str(), "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx")
+    format::of(path).is_some_and(|format| format.holds == Holds::Points)
         && Lines::open(path, "a point cloud").is_ok_and(|lines| !heightmap::esri_grid::begins(lines.head()))
+}
+
+/// Whether a path names a file of exact surfaces, by its extension; such files state their unit.
+pub fn is_cad(path: &Path) -> bool {
+    format::of(path).is_some_and(|format| format.holds == Holds::ExactSurfaces)
 }
 
 /// Reads a surface file; points alone are laid as the options say.
@@ -176,85 +180,8 @@ fn read_file(
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let refuse = |code, text: String| Diag::input(code, text).at(lines::place(path));
-    let stated = |kind: &str| match options.unit_mm {
-        Some(unit) if !(unit > 0.0 && unit.is_finite()) => {
-            Err(refuse("surface-unit", format!("{kind}: {unit} mm is no unit")).hint("correct unit in [surface]"))
-        }
-        unit => Ok(unit),
-    };
-    let unit = |kind: &str| {
-        let none = || refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]");
-        let scale = options.scale.unwrap_or(1.0);
-        let mm = stated(kind)?.ok_or_else(none)? * scale;
-        Ok::<_, Diag>(Unit { mm, scale, datum: options.datum.unwrap_or_default() })
-    };
-    let placed_by = |kind: &str, way: &str| match options.datum.is_some() || options.scale.is_some() {
-        true => Err(refuse("surface-datum", format!("surface.datum and surface.scale do not place {kind}")).hint(way)),
-        false => Ok(()),
-    };
-    let scale = |kind: &str| {
-        let none = || {
-            refuse("heightmap-scale", format!("{kind} carries no scale"))
-                .hint("add [surface.heightmap] with pixel (sample spacing) and z (heights of two values)")
-        };
-        placed_by(kind, "use pixel, z and origin of [surface.heightmap]")?;
-        options.heightmap.as_ref().ok_or_else(none)
-    };
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    match extension.as_str() {
-        "stl" => stl::read(path, unit("an STL file")?, notes, sink),
-        "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
-        "ply" => ply::read(path, unit("a PLY file")?, notes, sink),
-        "step" | "stp" | "iges" | "igs" => {
-            placed_by("STEP and IGES files", "move and scale the part in the CAD program")?;
-            cad::read(path, options.tessellation.unwrap_or(Tessellation::within(0.01)), notes, sink)
-        }
-        "3mf" => threemf::read(path, stated("a 3MF file")?, options, notes, sink),
-        "png" => heightmap::png_image::read(path, scale("a PNG image")?, notes),
-        "tif" | "tiff" => heightmap::tiff_image::read(path, scale("a TIFF image")?, notes),
-        "xyz" | "csv" | "txt" | "asc" | "pts" | "ptx" => {
-            // A grid may have its scale from either.
-            if options.heightmap.is_none() {
-                unit("a point cloud")?;
-            }
-            let lines = Lines::open(path, "a point cloud")?;
-            if !heightmap::esri_grid::begins(lines.head()) {
-                return points::read(lines, path, unit("a point cloud")?, options, notes, sink);
-            }
-            placed_by("a grid", "use pixel, z and origin of [surface.heightmap]")?;
-            let by = match (&options.heightmap, stated("a grid")?) {
-                (Some(scale), None) => By::Scale(scale),
-                (None, Some(unit_mm)) => By::Unit(unit_mm),
-                _ => {
-                    let d = refuse("heightmap-scale", "unit and [surface.heightmap] both give the grid a scale".into());
-                    return Err(d.hint("keep unit to use the numbers of its header, or [surface.heightmap]").into());
-                }
-            };
-            heightmap::esri_grid::read(lines, path, &by, notes)
-        }
-        other => {
-            let what = if other.is_empty() { "no extension".into() } else { format!("the extension .{other}") };
-            Err(refuse("surface-format", format!("a surface file with {what} is not read")).hint(way_in(other)).into())
-        }
-    }
-}
-
-/// How a surface comes to be read whose file has an extension that is not.
-fn way_in(extension: &str) -> &'static str {
-    match extension {
-        "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
-            "export it from the CAD program as STEP"
-        }
-        "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => "open it in MeshLab or Blender and export it as binary STL",
-        "dem" | "grd" | "flt" | "bil" | "hgt" | "adf" | "img" | "vrt" => {
-            "convert it to GeoTIFF or an ESRI ASCII grid (.asc), with gdal_translate or QGIS"
-        }
-        _ => {
-            "surfaces are read from .stl, .obj, .ply, .3mf, .step, .iges, .png or .tif (height maps), and .xyz, .csv, \
-             .txt, .asc, .pts or .ptx (points, or an ESRI grid)"
-        }
-    }
+    let Some(format) = format::of(path) else { return Err(format::unread(path).into()) };
+    (format.read)(SurfaceFile { path, name: format.name, options, notes, sink })
 }
 
 /// Looks for what is wrong with facets as they come.

@@ -21,6 +21,7 @@ mod clip;
 pub mod contents;
 mod contour_areas;
 mod curves;
+pub mod direction;
 mod drawing;
 mod dxf;
 mod foreign;

@@ -23,7 +23,21 @@ pub mod rtc;
 mod target;
 
 pub use known::{Key, Known, KnownFault};
-pub use target::{Files, FlyFile, Stepped, TARGETS, Target, block_file, faults, known_faults};
+pub use target::{Files, FlyFile, Stepped, Target, block_file, faults, known_faults};
+
+/// All targets, in the order in which files are written.
+pub const TARGETS: [Target; 10] = [
+    dxf::TARGET,
+    csv::TARGET,
+    lightburn::TARGET,
+    lmc::TARGET,
+    rtc::TARGET,
+    gcode::LINUXCNC,
+    gcode::M0,
+    ovf::TARGET,
+    poses::TARGET,
+    on_the_fly::PMAC,
+];
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

@@ -1,10 +1,10 @@
-//! The table of targets: what each is called, which files it writes, and what it can carry.
+//! What a target is: which files it writes, and what it can carry.
 //!
-//! A target is a writer next to this file, a variant and a row of [`Format`] and a row here; its reader is in `verify::read` and
-//! that reader's row in the verifier's own table.
+//! A target is a writer next to this file with its row, named in [`TARGETS`], and a variant and a row of [`Format`]; its
+//! reader with the verifier's own row is in `verify::read`.
 
 use super::known::{Known, KnownFault};
-use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc};
+use super::{TARGETS, frames};
 use crate::check::Checked;
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
@@ -52,14 +52,10 @@ pub enum Files {
 
 impl Files {
     /// Their name in messages: of files of single blocks by their ending.
-    pub fn shown(self) -> &'static str {
+    pub fn shown(self) -> String {
         match self {
-            Self::Whole(name, _) => name,
-            Self::Blocks("dxf", _) => "blocks/*.dxf",
-            Self::Blocks("csv", _) => "blocks/*.csv",
-            Self::Blocks("lbrn2", _) => "blocks/*.lbrn2",
-            Self::Blocks("lmc", _) => "blocks/*.lmc",
-            Self::Blocks(..) => "blocks/*.rtc",
+            Self::Whole(name, _) => name.to_owned(),
+            Self::Blocks(ending, _) => format!("blocks/*.{ending}"),
         }
     }
 }
@@ -104,184 +100,7 @@ pub struct Target {
 }
 
 /// The ways that use files of single blocks.
-const OF_BLOCKS: &[LoadingWay] = &[LoadingWay::Run, LoadingWay::Card, LoadingWay::Person];
-
-/// All targets, in the order in which files are written.
-pub const TARGETS: [Target; 10] = [
-    Target {
-        format: Format::Dxf,
-        stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
-        on_the_fly: None,
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: true,
-        carries_settings: false,
-        carries_focus_shift: false,
-        ways: OF_BLOCKS,
-        moves_stage: false,
-        sheet: &[
-            "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
-            "of that block and nowhere else. Layer and colour number are the number of the pen. Switch off",
-            "sorting and joining of paths where order or direction matter.",
-        ],
-    },
-    Target {
-        format: Format::Csv,
-        stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
-        on_the_fly: None,
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: true,
-        carries_settings: false,
-        carries_focus_shift: false,
-        ways: OF_BLOCKS,
-        moves_stage: false,
-        sheet: &[
-            "blocks/B0001.csv and so on hold one block each as points in mm: number of the stroke, number of",
-            "the pen, x, y. The beam is on between points of the same stroke and off between strokes.",
-        ],
-    },
-    Target {
-        format: Format::Lightburn,
-        stepped: Some(Files::Blocks("lbrn2", |job, i| lightburn::block(job.checked, job.machine, i))),
-        on_the_fly: None,
-        known_faults: lightburn::known_faults,
-        faults: no_faults,
-        carries_pens: true,
-        carries_settings: true,
-        carries_focus_shift: false,
-        ways: OF_BLOCKS,
-        moves_stage: false,
-        sheet: &[
-            "blocks/B0001.lbrn2 and so on are LightBurn projects of one block each, with speed, power, frequency",
-            "and passes of every pen; layer 00 is pen 1. LightBurn marks layer after layer, and the paths of a",
-            "layer in the order of the file only with all cut optimization switched off. Switch it off.",
-        ],
-    },
-    Target {
-        format: Format::Lmc,
-        stepped: Some(Files::Blocks("lmc", |job, i| lmc::block(job.checked, job.machine, i))),
-        on_the_fly: None,
-        known_faults: lmc::known_faults,
-        faults: lmc::faults,
-        carries_pens: true,
-        carries_settings: true,
-        carries_focus_shift: false,
-        ways: OF_BLOCKS,
-        moves_stage: false,
-        sheet: &[
-            "blocks/B0001.lmc and so on are lists of one block each for a BJJCZ (LMC) card, in units of the card,",
-            "with all settings of the pens. They hold no correction of the field: load it before.",
-        ],
-    },
-    Target {
-        format: Format::Rtc,
-        stepped: Some(Files::Blocks("rtc", |job, i| rtc::block(job.checked, job.machine, i))),
-        on_the_fly: None,
-        known_faults: rtc::known_faults,
-        faults: rtc::faults,
-        carries_pens: true,
-        carries_settings: true,
-        carries_focus_shift: true,
-        ways: OF_BLOCKS,
-        moves_stage: false,
-        sheet: &[
-            "blocks/B0001.rtc and so on are lists of one block each for a SCANLAB RTC board, as text in the units",
-            "of the board, for a program of your own that goes through them line by line.",
-        ],
-    },
-    Target {
-        format: Format::Linuxcnc,
-        stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
-        on_the_fly: Some(FlyFile {
-            name: "fly.ngc",
-            kinds: &[Kind::Xyzuv],
-            write: on_the_fly::linuxcnc,
-            servo_s: on_the_fly::LINUXCNC_SERVO_S,
-        }),
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: false,
-        carries_settings: false,
-        carries_focus_shift: false,
-        ways: &[LoadingWay::Card],
-        moves_stage: true,
-        sheet: &[
-            "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
-            "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
-            "wait takes too long the program ends without moving on: check the laser, then let `terrace resume`",
-            "write a program of what is left. The first line of block B0133 is N133. To begin there, first do",
-            "what the comments ENTRY before it say.",
-        ],
-    },
-    Target {
-        format: Format::Gcode,
-        stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
-        on_the_fly: None,
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: false,
-        carries_settings: false,
-        carries_focus_shift: false,
-        ways: &[LoadingWay::Person],
-        moves_stage: true,
-        sheet: &[
-            "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
-            "cycle start. Never press it while the laser is on. Dwells are in seconds. The first line of block",
-            "B0133 is N133. To begin there, first do what the comments ENTRY before it say.",
-        ],
-    },
-    Target {
-        format: Format::Ovf,
-        stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
-        on_the_fly: None,
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: true,
-        carries_settings: true,
-        carries_focus_shift: true,
-        ways: &[LoadingWay::Ovf],
-        moves_stage: false,
-        sheet: &[
-            "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
-        ],
-    },
-    Target {
-        format: Format::Poses,
-        stepped: Some(Files::Whole("poses.csv", poses::write)),
-        on_the_fly: None,
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: false,
-        carries_settings: false,
-        carries_focus_shift: false,
-        ways: &[LoadingWay::Person],
-        moves_stage: false,
-        sheet: &[
-            "poses.csv holds the pose of the head at each block, for a robot or a gantry: the centre of the field in",
-            "the focal plane, mm in the frame of the part, and the turns about z, y and x (ZYX Euler angles, deg)",
-            "that bring the axes of the part to the field's x and y and the beam, z towards the lens.",
-        ],
-    },
-    Target {
-        format: Format::Pmac,
-        stepped: None,
-        on_the_fly: Some(FlyFile {
-            name: "fly.pmc",
-            kinds: &[Kind::Xyzuv, Kind::Xyzacuv],
-            write: on_the_fly::pmac,
-            servo_s: on_the_fly::PMAC_SERVO_S,
-        }),
-        known_faults: no_known_faults,
-        faults: no_faults,
-        carries_pens: false,
-        carries_settings: false,
-        carries_focus_shift: false,
-        ways: &[],
-        moves_stage: true,
-        sheet: &[],
-    },
-];
+pub(super) const OF_BLOCKS: &[LoadingWay] = &[LoadingWay::Run, LoadingWay::Card, LoadingWay::Person];
 
 impl Target {
     /// The row of a format.
@@ -315,12 +134,12 @@ pub fn known_faults(formats: &[Format], known: &Known<'_>) -> Vec<(Format, Known
 }
 
 /// Formats that take every job, as far as it is known before it is planned.
-fn no_known_faults(_: &Known<'_>) -> Vec<KnownFault> {
+pub(super) fn no_known_faults(_: &Known<'_>) -> Vec<KnownFault> {
     Vec::new()
 }
 
 /// Formats that take every program that the check takes.
-fn no_faults(_: &Program, _: &Machine) -> Vec<Diag> {
+pub(super) fn no_faults(_: &Program, _: &Machine) -> Vec<Diag> {
     Vec::new()
 }
 

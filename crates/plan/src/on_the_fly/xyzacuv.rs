@@ -14,7 +14,7 @@
 
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose, follow};
 use crate::on_the_fly::axes::motion::STAGE;
-use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stages};
+use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stage};
 use crate::on_the_fly::in_step::in_step_s;
 use crate::on_the_fly::kinematic_model::{BeyondTravel, KinematicModel};
 use crate::on_the_fly::path::c_rewind::{Rewound, rewound};
@@ -105,15 +105,15 @@ pub fn decompose(
     let (back_off, strength, axes) = match tools {
         ToolPath::Filtered(family) => {
             let even = Resampled::of(path, &s);
-            let smooth = stages(&even.plan, family);
-            let tools = |strength: f64| even.tools(&smooth(strength / even.step), height_field, &s);
+            let smooth = |strength: f64| stage(&even.plan, family.at(strength / even.step));
+            let tools = |strength: f64| even.tools(&smooth(strength), height_field, &s);
             let (trials, strength) = even.smoothing(family, &tools, &marks, &path.weights(), limits);
             let tools = model.all_from_pivot(tools(strength));
             (trials, Some(strength), follow(&tools, model.branches()))
         }
         ToolPath::Gaussian { sigma } => {
             let even = Resampled::of(path, &s);
-            let smooth = stages(&even.plan, Family::Gaussian)(sigma / even.step);
+            let smooth = stage(&even.plan, Family::Gaussian.at(sigma / even.step));
             let tools = model.all_from_pivot(even.tools(&smooth, height_field, &s));
             (BackOff::new(), Some(sigma), follow(&tools, model.branches()))
         }

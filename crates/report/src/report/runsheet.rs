@@ -364,7 +364,7 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     }
     let way = sheet.summary.loading.way;
     let unused = sheet.formats.iter().map(|&f| Target::of(f)).filter(|t| !t.ways.contains(&way));
-    let unused: Vec<&str> = unused.filter_map(|t| t.stepped).map(Files::shown).collect();
+    let unused: Vec<String> = unused.filter_map(|t| t.stepped).map(Files::shown).collect();
     if !unused.is_empty() {
         writeln!(out, "  - Not used by operator.way = {:?}: {}.", way.name(), unused.join(", "))?;
     }

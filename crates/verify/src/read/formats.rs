@@ -1,16 +1,16 @@
-//! The verifier's table of target formats: one row each, with the files that stand for it in a job folder and the
-//! reader of those files.
+//! What the verifier knows of a target format: the files that stand for it in a job folder, and the reader of those
+//! files.
 //!
 //! The variant that a row holds says what a file of that format tells, and so which rules are checked against it: the
 //! rules take [`Strokes`], statements, work planes or a [`FlyProgram`] and know nothing of formats. Adding a target is a
-//! reader next to this file and a row here. The table is written apart from the one of the writers; a test compares the
-//! two.
+//! reader next to this file with its row, named in [`FORMATS`]. The table is written apart from the one of the writers;
+//! a test compares the two.
 
 use std::path::Path;
 
 use super::manifest::{BlockEntry, FileEntry};
-use super::on_the_fly::{self, FlyProgram};
-use super::{BlockOf, Fault, Strokes, csv, dxf, gcode, lightburn, lmc, ovf, poses, rtc};
+use super::on_the_fly::FlyProgram;
+use super::{BlockOf, FORMATS, Fault, Strokes, gcode, ovf, poses};
 use terrace_core::diag;
 use terrace_core::geom::ControllerPoint;
 use terrace_core::machine::Machine;
@@ -38,22 +38,22 @@ pub(crate) struct BlockFiles {
 }
 
 /// Points in nm.
-fn in_nm(_: &Machine, ControllerPoint { x, y }: ControllerPoint) -> [i64; 2] {
+pub(super) fn in_nm(_: &Machine, ControllerPoint { x, y }: ControllerPoint) -> [i64; 2] {
     [x, y].map(i64::from)
 }
 
 /// Of files that leave dwells to the marking software.
-const fn no_dwell(_: &Pen) -> Option<i64> {
+pub(super) const fn no_dwell(_: &Pen) -> Option<i64> {
     None
 }
 
 /// The dwell of a pen in units of 10 us.
-fn tens_of_us(pen: &Pen) -> Option<i64> {
+pub(super) fn tens_of_us(pen: &Pen) -> Option<i64> {
     pen.dwell.map(|dwell| (dwell.as_us() / 10.0).round() as i64)
 }
 
 /// Drawings that name pens and leave their settings to the marking software.
-const fn drawing(
+pub(super) const fn drawing(
     ending: &'static str,
     read: fn(&[u8], &BlockOf<'_>, &mut Strokes<'_>) -> Result<(), Fault>,
 ) -> Option<Stepped> {
@@ -96,104 +96,6 @@ pub(crate) struct Row {
     pub(crate) stepped: Option<Stepped>,
     pub(crate) on_the_fly: Option<OnTheFly>,
 }
-
-/// All formats.
-pub(crate) const FORMATS: [Row; 10] = [
-    Row {
-        format: Format::Dxf,
-        name: "dxf",
-        stepped: drawing("dxf", |bytes, of, visit| dxf::strokes(bytes, of.id, visit)),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Csv,
-        name: "csv",
-        stepped: drawing("csv", |bytes, _, visit| csv::strokes(bytes, visit)),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Lightburn,
-        name: "lightburn",
-        stepped: Some(Stepped::Blocks(BlockFiles {
-            ending: "lbrn2",
-            read: lightburn::strokes,
-            units: in_nm,
-            names_pens: true,
-            repeats: false,
-            settings: lightburn::settings,
-            dwell: no_dwell,
-        })),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Lmc,
-        name: "lmc",
-        stepped: Some(Stepped::Blocks(BlockFiles {
-            ending: "lmc",
-            read: |bytes, _, visit| lmc::strokes(bytes, visit),
-            units: lmc::units,
-            names_pens: false,
-            repeats: true,
-            settings: lmc::settings,
-            dwell: tens_of_us,
-        })),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Rtc,
-        name: "rtc",
-        stepped: Some(Stepped::Blocks(BlockFiles {
-            ending: "rtc",
-            read: rtc::strokes,
-            units: rtc::units,
-            names_pens: false,
-            repeats: true,
-            settings: rtc::settings,
-            dwell: tens_of_us,
-        })),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Linuxcnc,
-        name: "linuxcnc",
-        stepped: Some(Stepped::Stage { file: "stage.ngc", handshake: true, read: gcode::read }),
-        on_the_fly: Some(OnTheFly {
-            file: "fly.ngc",
-            axes: &["XYZUV"],
-            read: on_the_fly::linuxcnc::read,
-            servo_s: 1e-3,
-        }),
-    },
-    Row {
-        format: Format::Gcode,
-        name: "gcode",
-        stepped: Some(Stepped::Stage { file: "stage_m0.nc", handshake: false, read: gcode::read }),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Ovf,
-        name: "ovf",
-        stepped: Some(Stepped::Planes { file: "job.ovf", open: |bytes| ovf::OvfFile::open(bytes) }),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Poses,
-        name: "poses",
-        stepped: Some(Stepped::Poses { file: "poses.csv", read: poses::read }),
-        on_the_fly: None,
-    },
-    Row {
-        format: Format::Pmac,
-        name: "pmac",
-        stepped: None,
-        on_the_fly: Some(OnTheFly {
-            file: "fly.pmc",
-            axes: &["XYZUV", "XYZACUV"],
-            read: on_the_fly::pmac::read,
-            servo_s: 50e-6,
-        }),
-    },
-];
 
 /// The formats of a stepped job that ought to be in its folder: those that the job asks for, and those that the
 /// manifest lists a file of, for the whole job or for a block.

@@ -25,8 +25,23 @@ mod rtc;
 pub(super) mod runsheet;
 mod unread;
 
+use formats::Row;
 use terrace_core::machine::Machine;
 use terrace_core::program::Block;
+
+/// All formats.
+pub(crate) const FORMATS: [Row; 10] = [
+    dxf::ROW,
+    csv::ROW,
+    lightburn::ROW,
+    lmc::ROW,
+    rtc::ROW,
+    gcode::LINUXCNC,
+    gcode::M0,
+    ovf::ROW,
+    poses::ROW,
+    on_the_fly::pmac::ROW,
+];
 
 /// The block whose file is read.
 #[derive(Clone, Copy)]

@@ -15,6 +15,8 @@ use super::turned::Turned;
 use crate::findings::{Findings, RuleCode};
 use crate::geometry::{Geometry, Scratch};
 use crate::job_facts::JobFacts;
+use crate::read::FORMATS;
+use crate::read::formats::Stepped;
 use crate::read::manifest::{BlockEntry, Manifest};
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{BoxMm, NM_PER_MM};
@@ -188,12 +190,13 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
 /// The way in which blocks are loaded: as the machine file states it; else by a person, but where `job.ovf` alone can
 /// mark the job.
 pub(super) fn way(facts: &JobFacts) -> LoadingWay {
-    let is_of_blocks = |format: &Format| {
-        use Format::{Csv, Dxf, Gcode, Lightburn, Linuxcnc, Lmc, Rtc};
-        matches!(format, Dxf | Csv | Lightburn | Lmc | Rtc | Linuxcnc | Gcode)
+    let is_of = |of: fn(&Stepped) -> bool| {
+        FORMATS.iter().any(|row| facts.formats.contains(&row.format) && row.stepped.as_ref().is_some_and(of))
     };
-    let one_file = facts.formats.contains(&Format::Ovf) && !facts.formats.iter().any(is_of_blocks);
-    facts.machine.operator.way.unwrap_or(if one_file { LoadingWay::Ovf } else { LoadingWay::Person })
+    let is_whole = is_of(|files| matches!(files, Stepped::Planes { .. }));
+    let is_of_blocks = is_of(|files| matches!(files, Stepped::Blocks(_) | Stepped::Stage { .. }));
+    let usual = if is_whole && !is_of_blocks { LoadingWay::Ovf } else { LoadingWay::Person };
+    facts.machine.operator.way.unwrap_or(usual)
 }
 
 /// Time for one block, s: a person takes 15 s where the machine file does not state it.

@@ -1,23 +1,26 @@
 //! The keys of a `[[texture]]` that say where in its area it is marked.
 
 use super::Texture;
-use super::keys::MaskKeys;
+use super::keys::{MaskKeys, SourceKeys};
 use super::page;
 use crate::job::faults::Faults;
 use crate::job::file_unit::FileUnit;
-use crate::texture::pattern::Pattern;
+use crate::texture::pattern::PatternKeys;
 use crate::texture::{self, Area, Kind, Marking, Mask, Masks, Screen, Selector, StrokeMode};
 use terrace_core::diag::Diag;
-use terrace_core::units::Length;
+use terrace_core::units::{Angle, Length};
 
 /// What can have a name in a drawing.
 const KINDS: [&str; 4] = ["id", "layer", "class", "block"];
 
 /// Where it is marked.
 pub(super) fn resolve(texture: &Texture<'_>, f: &mut Faults<'_>) -> Masks {
-    let keys = texture.keys;
-    let has_own_places =
-        matches!(keys.pattern, Some(Pattern::Dots | Pattern::Poisson)) || keys.screen == Some(Screen::Noise);
+    let keys = &texture.keys.common;
+    let has_own_places = match &texture.keys.source {
+        SourceKeys::Pattern(pattern) => matches!(pattern, PatternKeys::Dots(_) | PatternKeys::Poisson(_)),
+        SourceKeys::File(drawing) => drawing.screen == Some(Screen::Noise),
+        SourceKeys::Curves(_) => false,
+    };
     let has_border = keys.inside.is_some() || keys.outside.is_some();
     for (key, is_given, needed, has_needed) in [
         ("soft", keys.soft.is_some(), "inside or outside", has_border),
@@ -28,7 +31,7 @@ pub(super) fn resolve(texture: &Texture<'_>, f: &mut Faults<'_>) -> Masks {
             f.push(&texture.key(key), fault.hint(format!("add {needed}, or leave {key} out")));
         }
     }
-    if has_border && keys.curves.is_some() {
+    if has_border && matches!(texture.keys.source, SourceKeys::Curves(_)) {
         let key = if keys.inside.is_some() { "inside" } else { "outside" };
         let fault = Diag::input("texture-key", format!("{key} does not apply to space curves"));
         f.push(&texture.key(key), fault.hint("cut the curves in their file"));
@@ -53,9 +56,11 @@ fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) ->
     let (page, turn, mirror, unit, area) = match mask {
         // Its page lies where a drawing with the same keys would.
         MaskKeys::Named(_) => {
-            let keys = texture.keys;
-            let area = if keys.area.is_some() { texture.area_as_given() } else { Area::Unlimited };
-            (keys.into(), keys.turn, keys.mirror, keys.unit, area)
+            let area = if texture.keys.common.area.is_some() { texture.area_as_given() } else { Area::Unlimited };
+            match texture.keys.drawing() {
+                Some(keys) => (keys.into(), keys.turn, keys.mirror, keys.unit, area),
+                None => (page::PageKeys::default(), Angle::default(), None, texture.unit(), area),
+            }
         }
         MaskKeys::Placed(keys) => ((&**keys).into(), keys.turn, keys.mirror, keys.unit, Area::Unlimited),
     };

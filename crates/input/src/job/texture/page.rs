@@ -1,13 +1,13 @@
 //! The keys of a `[[texture]]` that say how large the page of a drawing is and where it lies.
 
-use super::keys::{PlacedMaskKeys, TextureKeys};
+use super::keys::{DrawingKeys, PlacedMaskKeys};
 use crate::job::faults::Faults;
 use crate::texture::{Align, Fit, Position, Size};
 use terrace_core::diag::Diag;
 use terrace_core::units::Length;
 
 /// The keys of a page.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct PageKeys {
     size: Option<[Length; 2]>,
     scale: Option<f64>,
@@ -17,9 +17,9 @@ pub(super) struct PageKeys {
     has_dpi: bool,
 }
 
-impl From<&TextureKeys> for PageKeys {
-    fn from(keys: &TextureKeys) -> Self {
-        let &TextureKeys { size, scale, fit, align, origin, dpi, .. } = keys;
+impl From<&DrawingKeys> for PageKeys {
+    fn from(keys: &DrawingKeys) -> Self {
+        let &DrawingKeys { size, scale, fit, align, origin, dpi, .. } = keys;
         Self { size, scale, fit, align, origin, has_dpi: dpi.is_some() }
     }
 }

@@ -1,20 +1,25 @@
 //! The keys of a `[[texture]]` that say how a bitmap is marked.
 
-use super::keys::{DpiKeys, DpiName, TextureKeys};
+use super::keys::{CommonKeys, DpiKeys, DpiName, DrawingKeys};
 use crate::job::faults::Faults;
 use crate::texture::{Resolution, Screen, Tone};
 use terrace_core::diag::Diag;
 use terrace_core::units::{Length, Share};
 
 /// How a bitmap is marked; None where nothing is said of it.
-pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mut Faults<'_>) -> Option<Tone> {
+pub(super) fn resolve(
+    keys: &DrawingKeys,
+    common: &CommonKeys,
+    place: &dyn Fn(&str) -> String,
+    f: &mut Faults<'_>,
+) -> Option<Tone> {
     let screen = keys.screen.unwrap_or_default();
     let is_area = screen == Screen::Threshold;
     // Keys that the screen has no use for.
     for (key, applies) in [
         ("threshold", is_area),
         ("period", matches!(screen, Screen::Dashes | Screen::Halftone)),
-        ("seed", screen == Screen::Noise || keys.soft.is_some()),
+        ("seed", screen == Screen::Noise || common.soft.is_some()),
         ("one_way", !screen.is_of_dots()),
         ("fill", is_area),
         ("cross", is_area),
@@ -59,6 +64,6 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
         screen,
         threshold: threshold.map_or(given.threshold, |v| v / 100.0),
         period_mm: keys.period.map(Length::as_mm),
-        seed: keys.seed.unwrap_or(given.seed),
+        seed: common.seed.unwrap_or(given.seed),
     })
 }

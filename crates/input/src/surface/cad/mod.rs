@@ -53,11 +53,6 @@ impl Format {
     }
 }
 
-/// Whether a path names a file of exact surfaces, by its extension; such files state their unit.
-pub fn is_cad(path: &Path) -> bool {
-    Format::of(path).is_some()
-}
-
 /// Reads a STEP or IGES file as facets in mm; what the converter warns of goes to `notes`.
 ///
 /// # Errors

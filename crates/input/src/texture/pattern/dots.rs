@@ -11,14 +11,71 @@
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::loops::Loops;
-use super::{Lattice, Shape, bad_pitch};
+use super::{Fault, Keys};
+use super::{Lattice, bad_pitch};
+use crate::texture::kind::{Kind, Shape};
 use crate::texture::place::{NM, Turn};
 use crate::texture::random::Random;
 use crate::texture::{Figure, MAX_STROKES, too_large};
 use terrace_core::diag::{Diag, Error, memory};
 use terrace_core::geom::{Box2, BoxMm, P2};
 use terrace_core::program::PenId;
+use terrace_core::units::{Length, Share, positive};
+
+/// Dots on a lattice.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct DotsKeys {
+    /// Distance between sites.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+    /// How the sites lie.
+    #[serde(default)]
+    pub lattice: Lattice,
+    /// How far a dot may lie from its site, in percent of half a pitch.
+    #[schemars(example = &"50 %", extend("x-value" = "0 % to 100 %", "x-default" = "\"0 %\""))]
+    #[serde(default)]
+    pub jitter: Option<Share>,
+}
+
+impl DotsKeys {
+    /// Whether its dots lie at random places.
+    pub fn is_random(&self) -> bool {
+        self.jitter.is_some_and(|jitter| jitter.as_percent() > 0.0)
+    }
+}
+
+impl Keys for DotsKeys {
+    fn kind(&self, seed: u64) -> Kind {
+        let jitter = self.jitter.map_or(0.0, |jitter| jitter.as_percent() / 100.0);
+        Kind::Dots { pitch_mm: self.pitch.as_mm(), lattice: self.lattice, jitter, seed }
+    }
+
+    fn faults(&self) -> Vec<Fault> {
+        let beyond = self.jitter.filter(|j| !(0.0..=100.0).contains(&j.as_percent()));
+        let fault = |jitter| Diag::input("texture-key", format!("jitter {jitter} is not between 0 % and 100 %"));
+        beyond.map(|jitter| ("jitter", fault(jitter))).into_iter().collect()
+    }
+}
+
+/// Dots at random that keep a distance.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct PoissonKeys {
+    /// Least distance between dots.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+}
+
+impl Keys for PoissonKeys {
+    fn kind(&self, seed: u64) -> Kind {
+        Kind::Poisson { pitch_mm: self.pitch.as_mm(), seed }
+    }
+}
 
 /// How often a place is tried around each dot.
 const TRIES: u32 = 30;

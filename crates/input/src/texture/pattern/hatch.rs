@@ -5,13 +5,74 @@
 //! only touch a corner are not. Stroke `i` is line `first + i`, counted along the normal that lies left of the
 //! direction, and runs along the direction.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use crate::texture::Figure;
 use crate::texture::place::{NM, SLACK, Turn, steps};
 use crate::texture::{MAX_STROKES, too_large};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, BoxMm, P2, cos_sin};
+use terrace_core::units::{Angle, Length, positive};
 
 use super::bad_pitch;
+use super::{Fault, Keys, needs_room};
+use crate::texture::direction::Direction;
+use crate::texture::kind::Kind;
+
+/// Parallel lines.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct HatchKeys {
+    /// Distance between lines.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+    /// Direction of the lines from +x, counter-clockwise; "contour" turns them along the level lines of every section.
+    #[schemars(example = &"0 deg")]
+    #[serde(default)]
+    pub direction: Direction,
+}
+
+impl Keys for HatchKeys {
+    fn kind(&self, _: u64) -> Kind {
+        let pitch_mm = self.pitch.as_mm();
+        match self.direction {
+            Direction::Angle(angle) => Kind::Hatch { pitch_mm, direction_rad: angle.as_rad() },
+            Direction::Contour => Kind::Contour { pitch_mm, phase: 0.0 },
+        }
+    }
+}
+
+/// Parallel grooves of several lines each.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct RibletsKeys {
+    /// Distance between grooves.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+    /// Width of a groove.
+    #[schemars(example = &"0.6 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub cell: Length,
+    /// Distance between the lines in a groove, at most `cell`.
+    #[schemars(example = &"0.02 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub line: Length,
+    /// Direction of the lines from +x, counter-clockwise.
+    #[serde(default)]
+    pub direction: Angle,
+}
+
+impl Keys for RibletsKeys {
+    fn kind(&self, _: u64) -> Kind {
+        let [pitch_mm, cell_mm, line_mm] = [self.pitch, self.cell, self.line].map(Length::as_mm);
+        Kind::Riblets { pitch_mm, cell_mm, line_mm, direction_rad: self.direction.as_rad() }
+    }
+
+    fn faults(&self) -> Vec<Fault> {
+        needs_room(self.cell, self.pitch)
+    }
+}
 
 #[derive(Debug)]
 pub(in crate::texture) struct Hatch {

@@ -3,10 +3,37 @@
 //! 2^n × 2^n points at distance width / (2^n - 1) and height / (2^n - 1): the outer points lie on the
 //! area's border. One stroke.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{Fault, Keys};
 use crate::texture::Figure;
+use crate::texture::kind::Kind;
 use crate::texture::place::{LEAST, Turn};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, BoxMm, P2};
+
+/// One Hilbert curve.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct HilbertKeys {
+    /// A curve of 4^order points.
+    #[schemars(example = 8, extend("x-value" = "1 to 13"))]
+    pub order: u32,
+}
+
+impl Keys for HilbertKeys {
+    fn kind(&self, _: u64) -> Kind {
+        Kind::Hilbert { order: self.order }
+    }
+
+    fn faults(&self) -> Vec<Fault> {
+        if (1..=MAX_ORDER).contains(&self.order) {
+            return Vec::new();
+        }
+        let text = format!("Hilbert order {} is not between 1 and {MAX_ORDER}", self.order);
+        vec![("order", Diag::input("texture-order", text))]
+    }
+}
 
 /// The highest order: 67 million points, which is 1 GB while the stroke is held.
 const MAX_ORDER: u32 = 13;

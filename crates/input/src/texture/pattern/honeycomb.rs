@@ -9,13 +9,34 @@
 //! Three walls meet at a corner, so at least half as many strokes as corners are needed, which is one for a tile: there
 //! are no more, but for the zig-zag lines. The uppermost level may be cut, and its zig-zag line then in pieces.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::Keys;
 use crate::texture::Figure;
+use crate::texture::kind::Kind;
 use crate::texture::place::{LEAST, Turn, push, steps};
 use crate::texture::{MAX_STROKES, too_large};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, BoxMm, P2};
+use terrace_core::units::{Length, positive};
 
 use super::{MAX_STROKE_POINTS, bad_pitch, long_stroke};
+
+/// The walls of a hexagonal tiling.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct HoneycombKeys {
+    /// Distance between the centres of tiles.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+}
+
+impl Keys for HoneycombKeys {
+    fn kind(&self, _: u64) -> Kind {
+        Kind::Honeycomb { pitch_mm: self.pitch.as_mm() }
+    }
+}
 
 /// The least pitch: its walls are 3 nm long.
 const LEAST_PITCH: f64 = 3.0 * LEAST;

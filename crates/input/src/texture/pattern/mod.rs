@@ -1,9 +1,11 @@
 //! Generated patterns: every stroke is computed from its index in constant time, none is stored.
 //!
-//! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`], and a row of the table below; `place`
-//! builds it. Areas are boxes in the part frame, mm, borders included.
+//! A pattern is a file here, with its keys and its figure, and a variant of [`PatternKeys`] and of [`Kind`]; `place`
+//! builds the figure. Keys forbid no others: what stands beside them in the table is sorted out before
+//! they are read, and belongs to every texture. Areas are boxes in the part frame, mm, borders included.
 
 mod cell;
+mod cell_keys;
 mod contour_hatch;
 mod dots;
 mod hatch;
@@ -14,56 +16,114 @@ mod radial;
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
+use cell_keys::{CirclesKeys, CrossesKeys, HexagonsKeys, JerusalemKeys, RingsKeys, SquaresKeys};
 pub use contour_hatch::{Contour, Directions};
-use dots::{Dots, Scattered};
-use hatch::Hatch;
-use hilbert::Hilbert;
-use honeycomb::Honeycomb;
+use dots::{Dots, DotsKeys, PoissonKeys, Scattered};
+use hatch::{Hatch, HatchKeys, RibletsKeys};
+use hilbert::{Hilbert, HilbertKeys};
+use honeycomb::{Honeycomb, HoneycombKeys};
 use loops::Loops;
-use radial::{Curve, Radial};
+use radial::{ConcentricKeys, Curve, Radial, SpiralKeys};
 
 use super::artwork::{FillMode, Screen, StrokeMode};
-use super::kind::{Kind, Lattice, Shape};
+use super::kind::{Kind, Lattice};
 use super::{Figure, Placed, place, place::Site};
 use terrace_core::diag::{Diag, Error};
+use terrace_core::units::Length;
 
 /// Most points of one stroke, which is held while it is followed: 1 GB.
 const MAX_STROKE_POINTS: u64 = 1 << 26;
 
-/// Made patterns, by the name that the job file gives them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+/// A generated pattern, see below.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Pattern {
+#[schemars(tag = "pattern", extend("x-default" = "this, `file` or `curves`"))]
+pub enum PatternKeys {
     /// Parallel lines.
-    Hatch,
+    Hatch(HatchKeys),
     /// One Hilbert curve.
-    Hilbert,
+    Hilbert(HilbertKeys),
     /// Square loops on a lattice (FSS cells).
-    Squares,
+    Squares(SquaresKeys),
     /// Circles on a lattice (FSS cells).
-    Circles,
+    Circles(CirclesKeys),
     /// Hexagonal loops on a lattice (FSS cells).
-    Hexagons,
+    Hexagons(HexagonsKeys),
     /// Outlines of crosses on a lattice (FSS cells).
-    Crosses,
+    Crosses(CrossesKeys),
     /// Outlines of Jerusalem crosses on a lattice (FSS cells).
-    Jerusalem,
+    Jerusalem(JerusalemKeys),
     /// Pairs of circles about one centre on a lattice (FSS cells).
-    Rings,
+    Rings(RingsKeys),
     /// Dots on a lattice.
-    Dots,
+    Dots(DotsKeys),
     /// Dots at random that keep a distance.
-    Poisson,
+    Poisson(PoissonKeys),
     /// The walls of a hexagonal tiling.
-    Honeycomb,
+    Honeycomb(HoneycombKeys),
     /// Parallel grooves of several lines each.
-    Riblets,
+    Riblets(RibletsKeys),
     /// Circles about one centre.
-    Concentric,
+    Concentric(ConcentricKeys),
     /// An Archimedean spiral.
-    Spiral,
+    Spiral(SpiralKeys),
+}
+
+impl PatternKeys {
+    fn keys(&self) -> &dyn Keys {
+        match self {
+            Self::Hatch(keys) => keys,
+            Self::Hilbert(keys) => keys,
+            Self::Squares(keys) => keys,
+            Self::Circles(keys) => keys,
+            Self::Hexagons(keys) => keys,
+            Self::Crosses(keys) => keys,
+            Self::Jerusalem(keys) => keys,
+            Self::Rings(keys) => keys,
+            Self::Dots(keys) => keys,
+            Self::Poisson(keys) => keys,
+            Self::Honeycomb(keys) => keys,
+            Self::Riblets(keys) => keys,
+            Self::Concentric(keys) => keys,
+            Self::Spiral(keys) => keys,
+        }
+    }
+
+    /// What is drawn; random places follow from the seed.
+    pub fn kind(&self, seed: u64) -> Kind {
+        self.keys().kind(seed)
+    }
+
+    /// Values that the pattern cannot have, each with its key.
+    pub fn faults(&self) -> Vec<Fault> {
+        self.keys().faults()
+    }
+}
+
+/// A key, and what is wrong with its value.
+pub type Fault = (&'static str, Diag);
+
+/// The keys of one pattern.
+pub(super) trait Keys {
+    /// What is drawn; random places follow from the seed.
+    fn kind(&self, seed: u64) -> Kind;
+
+    /// Values that the pattern cannot have.
+    fn faults(&self) -> Vec<Fault> {
+        Vec::new()
+    }
+}
+
+/// The fault of figures that are wider than they are apart.
+pub(super) fn needs_room(cell: Length, pitch: Length) -> Vec<Fault> {
+    if cell <= pitch {
+        return Vec::new();
+    }
+    let text = format!("cell {cell} is larger than pitch {pitch}, so figures would overlap");
+    vec![("cell", Diag::input("texture-cell", text))]
 }
 
 impl Lattice {
@@ -75,177 +135,6 @@ impl Lattice {
             Self::Hex => x.max((x + 3f64.sqrt() * y) / 2.0),
         }
     }
-}
-
-/// The values of a `[[texture]]` that patterns are made from.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Values {
-    /// `pitch`, mm.
-    pub pitch_mm: Option<f64>,
-    /// `cell`, mm.
-    pub cell_mm: Option<f64>,
-    /// `order`.
-    pub order: Option<u32>,
-    /// `direction`, rad; None along contours.
-    pub direction_rad: Option<f64>,
-    /// `lattice`.
-    pub lattice: Option<Lattice>,
-    /// `width`, mm.
-    pub width_mm: Option<f64>,
-    /// `bar`, mm.
-    pub bar_mm: Option<f64>,
-    /// `inner`, mm.
-    pub inner_mm: Option<f64>,
-    /// `line`, mm.
-    pub line_mm: Option<f64>,
-    /// `centre`, mm.
-    pub centre_mm: Option<[f64; 2]>,
-    /// `jitter`, 0 to 1.
-    pub jitter: Option<f64>,
-    /// `seed`.
-    pub seed: Option<u64>,
-}
-
-impl Values {
-    /// Cells of a shape.
-    fn cells(&self, shape: Shape) -> Option<Kind> {
-        let usual = if shape == Shape::Hexagon { Lattice::Hex } else { Lattice::Square };
-        let lattice = self.lattice.unwrap_or(usual);
-        Some(Kind::Cells { shape, cell_mm: self.cell_mm?, pitch_mm: self.pitch_mm?, lattice })
-    }
-}
-
-/// What a job file says of a pattern.
-pub struct Row {
-    /// Which.
-    pub pattern: Pattern,
-    /// Its name in messages.
-    pub name: &'static str,
-    /// Keys that it needs.
-    pub needs: &'static [&'static str],
-    /// Further keys that it takes.
-    pub takes: &'static [&'static str],
-    /// The request for it; None where a value that it needs is missing.
-    pub kind: fn(&Values) -> Option<Kind>,
-}
-
-/// All patterns.
-const PATTERNS: [Row; 14] = [
-    Row {
-        pattern: Pattern::Hatch,
-        name: "hatch",
-        needs: &["pitch"],
-        takes: &["direction"],
-        kind: |v| {
-            let pitch_mm = v.pitch_mm?;
-            Some(match v.direction_rad {
-                Some(direction_rad) => Kind::Hatch { pitch_mm, direction_rad },
-                None => Kind::Contour { pitch_mm, phase: 0.0 },
-            })
-        },
-    },
-    Row {
-        pattern: Pattern::Hilbert,
-        name: "hilbert",
-        needs: &["order"],
-        takes: &[],
-        kind: |v| Some(Kind::Hilbert { order: v.order? }),
-    },
-    Row {
-        pattern: Pattern::Squares,
-        name: "squares",
-        needs: &["pitch", "cell"],
-        takes: &["lattice"],
-        kind: |v| v.cells(Shape::Square),
-    },
-    Row {
-        pattern: Pattern::Circles,
-        name: "circles",
-        needs: &["pitch", "cell"],
-        takes: &["lattice"],
-        kind: |v| v.cells(Shape::Circle),
-    },
-    Row {
-        pattern: Pattern::Hexagons,
-        name: "hexagons",
-        needs: &["pitch", "cell"],
-        takes: &["lattice"],
-        kind: |v| v.cells(Shape::Hexagon),
-    },
-    Row {
-        pattern: Pattern::Crosses,
-        name: "crosses",
-        needs: &["pitch", "cell", "width"],
-        takes: &["lattice"],
-        kind: |v| v.cells(Shape::Cross { width_mm: v.width_mm? }),
-    },
-    Row {
-        pattern: Pattern::Jerusalem,
-        name: "jerusalem",
-        needs: &["pitch", "cell", "width", "bar"],
-        takes: &["lattice"],
-        kind: |v| v.cells(Shape::Jerusalem { width_mm: v.width_mm?, bar_mm: v.bar_mm? }),
-    },
-    Row {
-        pattern: Pattern::Rings,
-        name: "rings",
-        needs: &["pitch", "cell", "inner"],
-        takes: &["lattice"],
-        kind: |v| v.cells(Shape::Ring { inner_mm: v.inner_mm? }),
-    },
-    Row {
-        pattern: Pattern::Dots,
-        name: "dots",
-        needs: &["pitch"],
-        takes: &["lattice", "jitter", "seed"],
-        kind: |v| {
-            let (lattice, jitter) = (v.lattice.unwrap_or_default(), v.jitter.unwrap_or(0.0));
-            Some(Kind::Dots { pitch_mm: v.pitch_mm?, lattice, jitter, seed: v.seed.unwrap_or(0) })
-        },
-    },
-    Row {
-        pattern: Pattern::Poisson,
-        name: "poisson",
-        needs: &["pitch"],
-        takes: &["seed"],
-        kind: |v| Some(Kind::Poisson { pitch_mm: v.pitch_mm?, seed: v.seed.unwrap_or(0) }),
-    },
-    Row {
-        pattern: Pattern::Honeycomb,
-        name: "honeycomb",
-        needs: &["pitch"],
-        takes: &[],
-        kind: |v| Some(Kind::Honeycomb { pitch_mm: v.pitch_mm? }),
-    },
-    Row {
-        pattern: Pattern::Riblets,
-        name: "riblets",
-        needs: &["pitch", "cell", "line"],
-        takes: &["direction"],
-        kind: |v| {
-            let (pitch_mm, cell_mm, line_mm) = (v.pitch_mm?, v.cell_mm?, v.line_mm?);
-            Some(Kind::Riblets { pitch_mm, cell_mm, line_mm, direction_rad: v.direction_rad? })
-        },
-    },
-    Row {
-        pattern: Pattern::Concentric,
-        name: "concentric",
-        needs: &["pitch"],
-        takes: &["centre"],
-        kind: |v| Some(Kind::Concentric { pitch_mm: v.pitch_mm?, centre_mm: v.centre_mm }),
-    },
-    Row {
-        pattern: Pattern::Spiral,
-        name: "spiral",
-        needs: &["pitch"],
-        takes: &["centre"],
-        kind: |v| Some(Kind::Spiral { pitch_mm: v.pitch_mm?, centre_mm: v.centre_mm }),
-    },
-];
-
-/// The row of a pattern.
-pub fn row(pattern: Pattern) -> &'static Row {
-    PATTERNS.iter().find(|row| row.pattern == pattern).expect("every pattern has a row, as a test holds")
 }
 
 impl Kind {
@@ -383,47 +272,18 @@ pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrace_core::variants::variants;
 
     #[test]
     fn sections_keep_step_with_cells_on_a_square_lattice_only() {
-        let v = Values { pitch_mm: Some(2.0), cell_mm: Some(1.0), inner_mm: Some(0.5), ..Values::default() };
-        for (pattern, lattice, pitch) in [
-            (Pattern::Rings, None, Some(2.0)),
-            (Pattern::Rings, Some(Lattice::Hex), None),
-            (Pattern::Hexagons, None, None),
-            (Pattern::Hexagons, Some(Lattice::Square), Some(2.0)),
-            (Pattern::Honeycomb, None, None),
+        for (keys, pitch) in [
+            ("rings = { pitch = \"2 mm\", cell = \"1 mm\", inner = \"0.5 mm\" }", Some(2.0)),
+            ("rings = { pitch = \"2 mm\", cell = \"1 mm\", inner = \"0.5 mm\", lattice = \"hex\" }", None),
+            ("hexagons = { pitch = \"2 mm\", cell = \"1 mm\" }", None),
+            ("hexagons = { pitch = \"2 mm\", cell = \"1 mm\", lattice = \"square\" }", Some(2.0)),
+            ("honeycomb = { pitch = \"2 mm\" }", None),
         ] {
-            let kind = (row(pattern).kind)(&Values { lattice, ..v }).expect("all keys are there");
-            assert_eq!(kind.figure_pitch_mm(), pitch, "{pattern:?} {lattice:?}");
-        }
-    }
-
-    #[test]
-    fn every_pattern_row_builds_from_its_required_keys() {
-        let all = Values {
-            pitch_mm: Some(1.0),
-            cell_mm: Some(0.8),
-            order: Some(3),
-            direction_rad: Some(0.0),
-            lattice: Some(Lattice::Square),
-            width_mm: Some(0.1),
-            bar_mm: Some(0.4),
-            inner_mm: Some(0.5),
-            line_mm: Some(0.1),
-            centre_mm: Some([0.0, 0.0]),
-            jitter: Some(0.5),
-            seed: Some(1),
-        };
-        let patterns: Vec<Pattern> = variants();
-        assert_eq!(patterns.len(), PATTERNS.len());
-        for pattern in patterns {
-            let row = row(pattern);
-            assert!((row.kind)(&all).is_some(), "{}", row.name);
-            assert!((row.kind)(&Values::default()).is_none(), "{} needs {:?}", row.name, row.needs);
-            // The name in the job file is the name of the row.
-            assert_eq!(serde_json::to_value(pattern).expect("a name"), row.name);
+            let keys: PatternKeys = toml::from_str(keys).unwrap_or_else(|e| panic!("{keys}: {e}"));
+            assert_eq!(keys.kind(0).figure_pitch_mm(), pitch, "{keys:?}");
         }
     }
 }

@@ -12,13 +12,57 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::Keys;
 use crate::texture::Figure;
+use crate::texture::kind::Kind;
 use crate::texture::place::{LEAST, NM, Turn, far, is_near, push};
 use crate::texture::{MAX_STROKES, too_large};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, BoxMm, P2};
+use terrace_core::units::{Length, positive};
 
 use super::{MAX_STROKE_POINTS, bad_pitch, long_stroke};
+
+/// Circles about one centre.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct ConcentricKeys {
+    /// Distance between circles.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+    /// Part-frame position of the centre, in the area or beside it.
+    #[schemars(example = ["0 mm", "0 mm"], extend("x-default" = "middle of the area"))]
+    #[serde(default)]
+    pub centre: Option<[Length; 2]>,
+}
+
+impl Keys for ConcentricKeys {
+    fn kind(&self, _: u64) -> Kind {
+        Kind::Concentric { pitch_mm: self.pitch.as_mm(), centre_mm: self.centre.map(|c| c.map(Length::as_mm)) }
+    }
+}
+
+/// An Archimedean spiral.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+pub struct SpiralKeys {
+    /// Distance between turns.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(deserialize_with = "positive")]
+    pub pitch: Length,
+    /// Part-frame position of the centre, in the area or beside it.
+    #[schemars(example = ["0 mm", "0 mm"], extend("x-default" = "middle of the area"))]
+    #[serde(default)]
+    pub centre: Option<[Length; 2]>,
+}
+
+impl Keys for SpiralKeys {
+    fn kind(&self, _: u64) -> Kind {
+        Kind::Spiral { pitch_mm: self.pitch.as_mm(), centre_mm: self.centre.map(|c| c.map(Length::as_mm)) }
+    }
+}
 
 /// The least pitch.
 const LEAST_PITCH: f64 = 5.0 * LEAST;

@@ -14,7 +14,10 @@
 
 mod message;
 
+use super::target::{Files, Target, no_faults, no_known_faults};
 use std::collections::BTreeMap;
+use terrace_core::format::Format;
+use terrace_core::machine::LoadingWay;
 
 use prost::Message;
 
@@ -33,6 +36,23 @@ const MOST_POINTS: usize = 1_000_000;
 
 /// Key of the only part in the map of parts.
 const PART_KEY: i32 = 1;
+
+/// The OpenVectorFormat file of the whole job.
+pub(super) const TARGET: Target = Target {
+    format: Format::Ovf,
+    stepped: Some(Files::Whole("job.ovf", |job| write(job.checked, job.machine, job.job, job.part))),
+    on_the_fly: None,
+    known_faults: no_known_faults,
+    faults: no_faults,
+    carries_pens: true,
+    carries_settings: true,
+    carries_focus_shift: true,
+    ways: &[LoadingWay::Ovf],
+    moves_stage: false,
+    sheet: &[
+        "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
+    ],
+};
 
 /// The file. `job_name` and `source_name` name the job and the surface it is for.
 ///

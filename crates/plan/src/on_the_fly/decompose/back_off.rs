@@ -9,15 +9,6 @@ pub enum Family {
     MovingAverage,
     /// [`Method::Gaussian`]; its strength is sigma.
     Gaussian,
-    /// [`Method::SavitzkyGolay`] of a degree; its strength is the samples.
-    SavitzkyGolay {
-        /// Degree of the polynomials.
-        order: usize,
-    },
-    /// [`Method::LowPass`]; its strength is the shortest wave.
-    LowPass,
-    /// [`Method::EmpiricalModes`]; its strength is the shortest mean period.
-    EmpiricalModes,
 }
 
 /// A strength that was tried.
@@ -34,14 +25,12 @@ pub struct Trial<T> {
 impl Family {
     /// The method of this strength, in samples.
     pub fn at<const N: usize>(self, strength: f64) -> Method<N> {
-        // The nearest odd number.
-        let samples = 2 * (strength / 2.0).floor().max(0.0) as usize + 1;
         match self {
-            Self::MovingAverage => Method::MovingAverage { samples },
+            // The nearest odd number.
+            Self::MovingAverage => {
+                Method::MovingAverage { samples: 2 * (strength / 2.0).floor().max(0.0) as usize + 1 }
+            }
             Self::Gaussian => Method::Gaussian { sigma: strength },
-            Self::SavitzkyGolay { order } => Method::SavitzkyGolay { samples: samples.max(order | 1), order },
-            Self::LowPass => Method::LowPass { wavelength: strength },
-            Self::EmpiricalModes => Method::EmpiricalModes { period: strength },
         }
     }
 }

@@ -19,17 +19,13 @@ pub(super) fn gaussian<const N: usize>(path: &[[f64; N]], sigma: f64) -> Vec<[f6
 }
 
 /// The path with `by` samples more at both ends.
-pub(super) fn lengthened<const N: usize>(
-    path: &[[f64; N]],
-    by: usize,
-    sample: impl Fn(isize) -> [f64; N],
-) -> Vec<[f64; N]> {
+fn lengthened<const N: usize>(path: &[[f64; N]], by: usize, sample: impl Fn(isize) -> [f64; N]) -> Vec<[f64; N]> {
     (-(by as isize)..(path.len() + by) as isize).map(sample).collect()
 }
 
 /// Sums under weights that are the same to both sides, of a path lengthened by as many samples as there are weights
 /// next to the middle one.
-pub(super) fn symmetric<const N: usize>(longer: &[[f64; N]], weights: &[f64]) -> Vec<[f64; N]> {
+fn symmetric<const N: usize>(longer: &[[f64; N]], weights: &[f64]) -> Vec<[f64; N]> {
     // Several sums at a time: the additions of one depend on each other, those of different ones do not.
     const TOGETHER: usize = 8;
     let reach = weights.len() - 1;

@@ -11,7 +11,6 @@
 //!
 //! # Sources
 //! Moving average: Cui et al., eq. 1 to 4. Gaussian, its back-off search and the three limits: Ma et al. (2025).
-//! Savitzky and Golay, Anal. Chem. 36 (1964) 1627. Empirical mode decomposition: Huang et al. (1998), see `emd`.
 //!
 //! # Limits
 //! Filters know nothing of limits: these are checked afterwards. Only [`Method::LeastAcceleration`] and
@@ -20,12 +19,9 @@
 mod average;
 mod back_off;
 mod corridor;
-mod emd;
-mod fourier;
 mod gauss;
 #[cfg(test)]
 pub(crate) mod sample;
-mod savitzky;
 mod xyzacuv;
 
 pub use average::{Average, Infeasible, choose_average, samples_for_jump};
@@ -45,23 +41,6 @@ pub enum Method<const N: usize> {
     Gaussian {
         /// Standard deviation, samples.
         sigma: f64,
-    },
-    /// Polynomials fitted around each sample, the path turned about its ends beyond them.
-    SavitzkyGolay {
-        /// Samples of a fit, odd (an even one counts as one more).
-        samples: usize,
-        /// Degree of the polynomials.
-        order: usize,
-    },
-    /// Shorter waves than this taken away; the ends stay.
-    LowPass {
-        /// Shortest wave that stays, samples.
-        wavelength: f64,
-    },
-    /// Empirical modes of shorter mean periods than this taken away.
-    EmpiricalModes {
-        /// Shortest mean period that stays, samples.
-        period: f64,
     },
     /// The least sum of squared second differences with the scanner in its box at every sample.
     LeastAcceleration {
@@ -94,20 +73,7 @@ pub fn stage<const N: usize>(path: &[[f64; N]], method: Method<N>) -> Vec<[f64; 
     match method {
         Method::MovingAverage { samples } => average::moving_average(path, samples),
         Method::Gaussian { sigma } => gauss::gaussian(path, sigma),
-        Method::SavitzkyGolay { samples, order } => savitzky::savitzky_golay(path, samples, order),
-        Method::LowPass { wavelength } => fourier::low_pass(path, wavelength),
-        Method::EmpiricalModes { period } => emd::Modes::of(path).slow(period),
         Method::LeastAcceleration { half } => corridor::least_acceleration(path, half),
-    }
-}
-
-/// The stage's paths of a filter at any strength, in samples: for searches, which ask for many.
-pub fn stages<const N: usize>(path: &[[f64; N]], family: Family) -> impl Fn(f64) -> Vec<[f64; N]> + Sync {
-    // The modes are the same at every strength.
-    let modes = (family == Family::EmpiricalModes && path.len() > 2).then(|| emd::Modes::of(path));
-    move |strength| match &modes {
-        Some(modes) => modes.slow(strength),
-        None => stage(path, family.at(strength)),
     }
 }
 

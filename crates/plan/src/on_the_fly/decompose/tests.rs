@@ -13,12 +13,9 @@ fn wandering() -> Vec<[f64; 2]> {
         .collect()
 }
 
-const METHODS: [Method<2>; 6] = [
+const METHODS: [Method<2>; 3] = [
     Method::MovingAverage { samples: 201 },
     Method::Gaussian { sigma: 60.0 },
-    Method::SavitzkyGolay { samples: 301, order: 3 },
-    Method::LowPass { wavelength: 300.0 },
-    Method::EmpiricalModes { period: 900.0 },
     Method::LeastAcceleration { half: [2.0, 5.0] },
 ];
 
@@ -62,16 +59,11 @@ fn short_paths_and_no_strength_change_nothing() {
             Method::MovingAverage { samples: 0 },
             Method::Gaussian { sigma: 0.0 },
             Method::Gaussian { sigma: f64::NAN },
-            Method::SavitzkyGolay { samples: 1, order: 0 },
-            Method::SavitzkyGolay { samples: 3, order: 9 },
-            Method::LowPass { wavelength: 0.0 },
-            Method::EmpiricalModes { period: 0.0 },
         ] {
             let got = stage(&path, method);
             assert!(got.len() == n && got.iter().zip(&path).all(|(a, b)| (a[0] - b[0]).abs() < 1e-12), "{method:?}");
         }
         assert_eq!(stage(&path, Method::MovingAverage { samples: 99 }).len(), n);
-        assert_eq!(stage(&path, Method::SavitzkyGolay { samples: 99, order: 2 }).len(), n);
     }
 }
 
@@ -204,25 +196,6 @@ fn filters_damp_a_wave_by_their_transfer_functions() {
         assert!((left(length, Method::Gaussian { sigma: 50.0 }) - gauss).abs() < 2e-4);
         let mean = (50.5 * w).sin() / (101.0 * (0.5 * w).sin());
         assert!((left(length, Method::MovingAverage { samples: 101 }) - mean).abs() < 1e-12);
-        let cut = left(length, Method::LowPass { wavelength: 200.0 });
-        assert!((cut - if length < 200.0 { 0.0 } else { 1.0 }).abs() < 0.02, "{length}: {cut}");
-    }
-}
-
-#[test]
-fn fitted_polynomials_come_back_and_the_classic_weights_are_met() {
-    let cubic = |i: i32| f64::from(i - 400) / 100.0;
-    let path: Vec<[f64; 1]> = (0..800).map(cubic).map(|t| [1.0 + t - 2.0 * t * t + 0.5 * t.powi(3)]).collect();
-    for samples in [5, 101, 701] {
-        let got = stage(&path, Method::SavitzkyGolay { samples, order: 3 });
-        let inner = samples / 2..800 - samples / 2;
-        assert!(inner.clone().all(|i| (got[i][0] - path[i][0]).abs() < 1e-10), "{samples}");
-    }
-    // 5 samples, degree 2: -3, 12, 17, 12, -3 over 35.
-    let spike: Vec<[f64; 1]> = (0..11).map(|i| [f64::from(u8::from(i == 5))]).collect();
-    let got = stage(&spike, Method::SavitzkyGolay { samples: 5, order: 2 });
-    for (i, want) in [(3, -3.0), (4, 12.0), (5, 17.0), (6, 12.0), (7, -3.0)] {
-        assert!((got[i][0] - want / 35.0).abs() < 1e-14);
     }
 }
 
@@ -245,8 +218,7 @@ fn least_acceleration_stays_in_the_corridor_and_beats_every_filter() {
     }
 }
 
-const FAMILIES: [Family; 4] =
-    [Family::MovingAverage, Family::Gaussian, Family::SavitzkyGolay { order: 3 }, Family::LowPass];
+const FAMILIES: [Family; 2] = [Family::MovingAverage, Family::Gaussian];
 
 // --- Strength, on the seven-axis part
 

@@ -17,6 +17,12 @@ pub enum Direction {
     Contour,
 }
 
+impl Default for Direction {
+    fn default() -> Self {
+        Self::Angle(Angle::default())
+    }
+}
+
 impl Direction {
     const CONTOUR: &str = "contour";
 }
