@@ -6,7 +6,7 @@ use std::rc::Rc;
 use super::Console;
 use super::folder::Folder;
 use super::laser::{self, Laser};
-use super::settings::{LaserKeys, RunFile, StageKeys};
+use super::settings::{GrblKeys, LaserKeys, LightBurnKeys, LmcKeys, RunFile, StageKeys};
 use super::stage::{self, Stage};
 use terrace_core::diag::Diag;
 
@@ -17,22 +17,24 @@ pub(super) fn identities(keys: &RunFile) -> Vec<String> {
         StageKeys::Linuxcnc(keys) => {
             all.extend(addresses(keys.address.as_str(), &keys.address).iter().map(|at| format!("linuxcncrsh at {at}")));
         }
-        StageKeys::Grbl { port, .. } => {
+        StageKeys::Grbl(GrblKeys { port, .. }) => {
             // By whatever link the port is named.
             let port = std::fs::canonicalize(port).map_or_else(|_| port.clone(), |found| found.display().to_string());
             all.push(format!("port {port}"));
         }
-        StageKeys::Manual {} => {}
+        StageKeys::Manual(_) => {}
     }
     match &keys.laser {
-        LaserKeys::Lightburn { address, port, .. } => {
+        LaserKeys::Lightburn(LightBurnKeys { address, port, .. }) => {
             let host = address.as_deref().unwrap_or("localhost");
             let port = port.unwrap_or(laser::lightburn::PORTS[0]);
             let at = addresses((host, port), &format!("{host}:{port}"));
             all.extend(at.iter().map(|at| format!("LightBurn at {at}")));
         }
-        LaserKeys::Lmc { serial, .. } => all.push(format!("LMC card {}", serial.as_deref().unwrap_or_default())),
-        LaserKeys::Command(_) | LaserKeys::Handshake {} | LaserKeys::Manual {} => {}
+        LaserKeys::Lmc(LmcKeys { serial, .. }) => {
+            all.push(format!("LMC card {}", serial.as_deref().unwrap_or_default()))
+        }
+        LaserKeys::Command(_) | LaserKeys::Handshake(_) | LaserKeys::Manual(_) => {}
     }
     all
 }
@@ -52,10 +54,10 @@ fn addresses(named: impl ToSocketAddrs, text: &str) -> Vec<String> {
 pub(super) fn stage(keys: &StageKeys, console: &Rc<dyn Console>) -> Result<Box<dyn Stage>, Diag> {
     Ok(match keys {
         StageKeys::Linuxcnc(keys) => Box::new(stage::linuxcnc::LinuxCnc::new(keys)),
-        StageKeys::Grbl { port, baud, identity } => {
+        StageKeys::Grbl(GrblKeys { port, baud, identity }) => {
             Box::new(stage::grbl::Grbl::new(port.clone(), *baud, identity.clone()))
         }
-        StageKeys::Manual {} => Box::new(stage::manual::Manual::new(console)),
+        StageKeys::Manual(_) => Box::new(stage::manual::Manual::new(console)),
     })
 }
 
@@ -63,21 +65,21 @@ pub(super) fn stage(keys: &StageKeys, console: &Rc<dyn Console>) -> Result<Box<d
 pub(super) fn laser(keys: &RunFile, folder: &Folder, console: &Rc<dyn Console>) -> Result<Box<dyn Laser>, Diag> {
     let shifts = folder.blocks.iter().find(|b| b.focus_shift != 0);
     let driver: Box<dyn Laser> = match &keys.laser {
-        LaserKeys::Lightburn { address, folder, port, answers } => {
+        LaserKeys::Lightburn(LightBurnKeys { address, folder, port, answers }) => {
             Box::new(laser::lightburn::LightBurn::new(address.clone(), folder.clone(), *port, *answers))
         }
-        LaserKeys::Lmc { serial, correction } => {
+        LaserKeys::Lmc(LmcKeys { serial, correction }) => {
             let source = folder.machine.lmc.map(|l| l.laser).unwrap_or_default();
             Box::new(laser::lmc::Lmc::new(serial.clone(), correction.as_ref().map(Into::into), source))
         }
         LaserKeys::Command(keys) => Box::new(laser::command::Command::new(keys, folder.formats())?),
-        LaserKeys::Handshake {} => {
+        LaserKeys::Handshake(_) => {
             if !matches!(keys.stage, StageKeys::Linuxcnc(_)) {
                 return Err(stage::no_handshake());
             }
             Box::new(laser::handshake::Handshake::default())
         }
-        LaserKeys::Manual {} => Box::new(laser::manual::Manual::new(console)),
+        LaserKeys::Manual(_) => Box::new(laser::manual::Manual::new(console)),
     };
     match shifts {
         Some(block) if !driver.sets_focus_shift() => {

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use toml::de::DeValue;
 
 use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_core::units::{Length, positive_option};
@@ -43,12 +42,11 @@ impl RunFile {
         for name in ["stage", "laser"] {
             let Some(found) = table.get_mut().get_mut(name) else { continue };
             let span = found.span();
-            let DeValue::Table(driver) = found.get_mut() else { continue };
-            if !driver.contains_key("driver") {
+            if found.get_ref().as_table().is_some_and(|keys| !keys.contains_key("driver")) {
                 let place = Place::Text { path: shown, source: Arc::clone(&source), span };
                 return Err(Diag::input("toml", "missing field `driver`").at(place).hint(KEYS).into());
             }
-            diag::by_tag(driver, "driver");
+            diag::by_tag(found.get_mut(), "driver");
         }
         diag::from_table(&shown, &source, table, KEYS)
     }
@@ -62,62 +60,82 @@ pub fn json_schema() -> String {
 
 /// A stage driver and its keys.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase", deny_unknown_fields)]
+#[serde(rename_all = "lowercase")]
 #[schemars(tag = "driver")]
 pub enum StageKeys {
     /// LinuxCNC through its network shell, linuxcncrsh.
     Linuxcnc(LinuxCncKeys),
     /// GRBL 1.1 on a serial port.
-    Grbl {
-        /// Serial port, such as `"/dev/ttyUSB0"` or `"COM3"`.
-        port: String,
-        /// Bits per second.
-        #[schemars(extend("x-default" = "115200"))]
-        baud: Option<u32>,
-        /// What the answer to `$I` must hold, such as the name set with `$I=`.
-        #[schemars(extend("x-default" = "not checked"))]
-        identity: Option<String>,
-    },
+    Grbl(GrblKeys),
     /// A person moves the stage and says when it stands.
-    Manual {},
+    Manual(NoKeys),
 }
 
 /// A laser driver and its keys.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase", deny_unknown_fields)]
+#[serde(rename_all = "lowercase")]
 #[schemars(tag = "driver")]
 pub enum LaserKeys {
     /// LightBurn on this or another computer, by UDP; it takes `lightburn` files.
-    Lightburn {
-        /// Computer that LightBurn runs on.
-        #[schemars(extend("x-default" = "\"localhost\""))]
-        address: Option<String>,
-        /// The job folder as that computer sees it.
-        #[schemars(extend("x-value" = "path", "x-default" = "the same path"))]
-        folder: Option<String>,
-        /// Port that LightBurn listens to.
-        #[schemars(extend("x-default" = "19840"))]
-        port: Option<u16>,
-        /// Port that it answers to.
-        #[schemars(extend("x-default" = "19841"))]
-        answers: Option<u16>,
-    },
+    Lightburn(LightBurnKeys),
     /// A BJJCZ (LMC) card over USB; it takes `lmc` files.
-    Lmc {
-        /// Serial number of the USB device, where there are several.
-        #[schemars(extend("x-default" = "the only one"))]
-        serial: Option<String>,
-        /// Field correction (`.cor`) that the card is given.
-        #[schemars(extend("x-value" = "path"))]
-        correction: Option<String>,
-    },
+    Lmc(LmcKeys),
     /// A command of the user's, which ends when the block is marked, with 0 where it is.
     Command(CommandKeys),
     /// A scan card that listens to START and answers with BUSY, through the stage's control.
-    Handshake {},
+    Handshake(NoKeys),
     /// A person loads and marks each block and says when it is done.
-    Manual {},
+    Manual(NoKeys),
 }
+
+/// GRBL and how it is reached.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrblKeys {
+    /// Serial port, such as `"/dev/ttyUSB0"` or `"COM3"`.
+    pub port: String,
+    /// Bits per second.
+    #[schemars(extend("x-default" = "115200"))]
+    pub baud: Option<u32>,
+    /// What the answer to `$I` must hold, such as the name set with `$I=`.
+    #[schemars(extend("x-default" = "not checked"))]
+    pub identity: Option<String>,
+}
+
+/// LightBurn and how it is reached.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LightBurnKeys {
+    /// Computer that LightBurn runs on.
+    #[schemars(extend("x-default" = "\"localhost\""))]
+    pub address: Option<String>,
+    /// The job folder as that computer sees it.
+    #[schemars(extend("x-value" = "path", "x-default" = "the same path"))]
+    pub folder: Option<String>,
+    /// Port that LightBurn listens to.
+    #[schemars(extend("x-default" = "19840"))]
+    pub port: Option<u16>,
+    /// Port that it answers to.
+    #[schemars(extend("x-default" = "19841"))]
+    pub answers: Option<u16>,
+}
+
+/// A BJJCZ (LMC) card and how it is reached.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LmcKeys {
+    /// Serial number of the USB device, where there are several.
+    #[schemars(extend("x-default" = "the only one"))]
+    pub serial: Option<String>,
+    /// Field correction (`.cor`) that the card is given.
+    #[schemars(extend("x-value" = "path"))]
+    pub correction: Option<String>,
+}
+
+/// A driver without keys.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoKeys {}
 
 /// LinuxCNC and how it is reached.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -189,6 +207,7 @@ mod tests {
             ("driver = \"grbl\"", "missing field `port`"),
             ("driver = \"gbrl\"\nport = \"x\"", "run.toml:3:10: unknown variant `gbrl`"),
             ("port = \"x\"", "missing field `driver`"),
+            ("driver = 3\nport = \"x\"", "wanted string or table"),
             ("driver = \"manual\"\nport = \"x\"", "run.toml:4:1: unknown field `port`"),
         ] {
             let found = stage(keys);

@@ -124,7 +124,7 @@ impl Schema {
         for one in node.get("anyOf").and_then(Value::as_array).into_iter().flatten() {
             let target = self.node(&serde_json::json!({ "$ref": one["$ref"] }));
             let Some(words) = target.get("oneOf").and_then(Value::as_array) else {
-                out.push((text_of(&target, "description").expect("a name"), target));
+                out.push((text_of(&target, "title").expect("a name"), target));
                 continue;
             };
             for word in words {

@@ -352,14 +352,18 @@ pub fn from_table<T: DeserializeOwned>(
 }
 
 /// Makes `grbl = { port = "x" }` of the table `driver = "grbl", port = "x"` with the tag `driver`: as an enum is read
-/// without losing the places of its values. Leaves a table without the tag as it is.
-pub fn by_tag(table: &mut DeTable<'_>, tag: &str) {
+/// without losing the places of its values. Leaves what is no such table as it is; of a tag that is no text the value is
+/// left, which no enum takes.
+pub fn by_tag(value: &mut DeValue<'_>, tag: &str) {
+    let DeValue::Table(table) = value else { return };
     let Some(word) = table.remove(tag) else { return };
     let (at, word) = (word.span(), word.into_inner());
-    let rest = Spanned::new(at.clone(), DeValue::Table(std::mem::take(table)));
-    match word {
-        DeValue::String(word) => table.insert(Spanned::new(at, word), rest),
-        other => table.insert(Spanned::new(at.clone(), tag.to_owned().into()), Spanned::new(at, other)),
+    *value = match word {
+        DeValue::String(word) => {
+            let rest = Spanned::new(at.clone(), DeValue::Table(std::mem::take(table)));
+            DeValue::Table(std::iter::once((Spanned::new(at, word), rest)).collect())
+        }
+        other => other,
     };
 }
 

@@ -19,14 +19,12 @@
 //! The first line of block B0133 has the number N133. Comments say what must be done before the program is begun
 //! there: the lift, where the block's own moves do not lift, and the axes that they do not move.
 
-use super::Stepped;
-use super::on_the_fly;
 use super::target::{Files, FlyFile, Target, no_faults, no_known_faults};
+use super::{Stepped, on_the_fly};
 use crate::on_the_fly::program::Kind;
 use terrace_core::format::Format;
 use terrace_core::geom::Nm;
-use terrace_core::machine::LoadingWay;
-use terrace_core::machine::{Commanded, Dialect, TiltAngles};
+use terrace_core::machine::{Commanded, Dialect, LoadingWay, TiltAngles};
 use terrace_core::program::{Block, PassId};
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.

@@ -11,8 +11,7 @@ use super::Stepped;
 use super::target::{Files, Target, no_faults, no_known_faults};
 use terrace_core::format::Format;
 use terrace_core::geom::{NM_PER_MM, P3};
-use terrace_core::machine::LoadingWay;
-use terrace_core::machine::{Machine, Origin};
+use terrace_core::machine::{LoadingWay, Machine, Origin};
 use terrace_core::program::Block;
 
 /// The names of the columns.

@@ -1,7 +1,7 @@
 //! The keys of a `[[texture]]` table, sorted into those that every texture takes and those of its source.
 //!
-//! A table of the file has them all side by side; [`TextureKeys`](super::keys::TextureKeys) has them apart, each source with a type of its own.
-//! The sorting is done on the parsed table, so that every value keeps its place in the file.
+//! A table of the file has them all side by side; [`TextureKeys`](super::keys::TextureKeys) has them apart, each source
+//! with a type of its own. The sorting is done on the parsed table, so that every value keeps its place in the file.
 
 use std::ops::Range;
 use std::path::Path;
@@ -75,7 +75,7 @@ pub(in crate::job) fn sort(root: &mut DeTable<'_>, f: &mut Faults<'_>) -> bool {
         let span = entry.span();
         let DeValue::Table(table) = entry.get_mut() else { continue };
         match source(i, table, f) {
-            Some(tag) if has_needed(i, table, tag, f) => *table = sorted(std::mem::take(table), &span, tag),
+            Some(tag) if holds_own_keys(i, table, tag, f) => *table = sorted(std::mem::take(table), &span, tag),
             _ => is_whole = false,
         }
     }
@@ -107,8 +107,8 @@ fn source(i: usize, table: &DeTable<'_>, f: &mut Faults<'_>) -> Option<&'static 
     }
 }
 
-/// Takes out the keys that do not belong to the source, and answers whether those that it needs are there.
-fn has_needed(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'_>) -> bool {
+/// Takes out the keys that are not of the source, and answers whether those that it needs are there.
+fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'_>) -> bool {
     let source = match tag {
         "pattern" => SCHEMA.patterns.iter().find(|source| table["pattern"].get_ref().as_str() == Some(&source.name)),
         "file" => Some(&SCHEMA.drawing),
@@ -149,10 +149,11 @@ fn sorted<'a>(table: DeTable<'a>, span: &Range<usize>, tag: &'static str) -> DeT
         let is_common = SCHEMA.common.iter().any(|known| *known == **key.get_ref());
         if is_common { &mut common } else { &mut own }.insert(key, value);
     }
+    let mut own = DeValue::Table(own);
     if tag == "pattern" {
         diag::by_tag(&mut own, tag);
     }
-    let source = table_of(span, [(tag.into(), DeValue::Table(own))]);
+    let source = table_of(span, [(tag.into(), own)]);
     let DeValue::Table(apart) = table_of(span, [("source".into(), source), ("common".into(), DeValue::Table(common))])
     else {
         unreachable!("a table was made")
@@ -199,7 +200,7 @@ mod tests {
             ("file = \"a.svg\"\nscreen = \"lins\"", "job.toml:3:10: "),
             ("curves = \"a.csv\"\nmax_distance = \"-1 mm\"", "job.toml:3:16: "),
             ("pattern = \"hatc\"\npitch = \"1 mm\"", "job.toml:2:11: unknown variant `hatc`, expected one of"),
-            ("pattern = 3\npitch = \"1 mm\"", "job.toml:2:11: "),
+            ("pattern = 3\npitch = \"1 mm\"", "job.toml:1:1: wanted string or table"),
         ] {
             let found = told(keys);
             assert!(found.len() == 1 && found[0].starts_with(wanted), "{keys}: {found:?}");

@@ -90,8 +90,9 @@ pub struct CommonKeys {
     pub pen: Option<String>,
 }
 
-/// drawings
+/// The keys of drawings and bitmaps.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[schemars(title = "drawings")]
 pub struct DrawingKeys {
     /// A drawing (`.svg`, `.svgz`, `.dxf`, `.plt`, `.hpgl`) or a [bitmap](#bitmaps): PNG, TIFF, BMP or JPEG.
     #[schemars(example = &"drawing.svg", extend("x-value" = "path", "x-default" = "see `pattern`"))]
@@ -210,8 +211,9 @@ pub struct DrawingKeys {
     pub period: Option<Length>,
 }
 
-/// curves
+/// The keys of space curves.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[schemars(title = "curves")]
 pub struct CurvesKeys {
     /// [Space curves](#space-curves) on the surface, in the frame of its file: `.csv` (`.txt`, `.xyz`) or `.dxf`.
     #[schemars(example = &"curves.csv", extend("x-value" = "path", "x-default" = "see `pattern`"))]

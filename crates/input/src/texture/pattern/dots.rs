@@ -15,8 +15,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::loops::Loops;
-use super::{Fault, Keys};
-use super::{Lattice, bad_pitch};
+use super::{Fault, Keys, Lattice, bad_pitch};
 use crate::texture::kind::{Kind, Shape};
 use crate::texture::place::{NM, Turn};
 use crate::texture::random::Random;

@@ -12,7 +12,7 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::Keys;
+use super::{Keys, MAX_STROKE_POINTS, bad_pitch, long_stroke};
 use crate::texture::Figure;
 use crate::texture::kind::Kind;
 use crate::texture::place::{LEAST, Turn, push, steps};
@@ -20,8 +20,6 @@ use crate::texture::{MAX_STROKES, too_large};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, BoxMm, P2};
 use terrace_core::units::{Length, positive};
-
-use super::{MAX_STROKE_POINTS, bad_pitch, long_stroke};
 
 /// The walls of a hexagonal tiling.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]

@@ -15,7 +15,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::Keys;
+use super::{Keys, MAX_STROKE_POINTS, bad_pitch, long_stroke};
 use crate::texture::Figure;
 use crate::texture::kind::Kind;
 use crate::texture::place::{LEAST, NM, Turn, far, is_near, push};
@@ -23,8 +23,6 @@ use crate::texture::{MAX_STROKES, too_large};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, BoxMm, P2};
 use terrace_core::units::{Length, positive};
-
-use super::{MAX_STROKE_POINTS, bad_pitch, long_stroke};
 
 /// Circles about one centre.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]

@@ -17,7 +17,7 @@ mod message;
 use super::target::{Files, Target, no_faults, no_known_faults};
 use std::collections::BTreeMap;
 use terrace_core::format::Format;
-use terrace_core::machine::LoadingWay;
+use terrace_core::machine::{Carries, LoadingWay, Machine};
 
 use prost::Message;
 
@@ -28,7 +28,6 @@ use self::message::{
 use super::poses::Pose;
 use crate::check::Checked;
 use terrace_core::geom::{Box2, Controller, FieldPoint, Nm, mm_from_nm};
-use terrace_core::machine::{Carries, Machine};
 use terrace_core::program::{PenId, Program, Stroke};
 
 /// Most points in one vector block; readers load a vector block as a whole.
