@@ -475,13 +475,23 @@ fn job_file_error_says_what_to_write() {
     let dir = folder();
     for (from, to, fault, remedy) in [
         (
-            "pitch = ",
-            "mirror = true\npitch = ",
+            "pattern = \"hatch\"",
+            "file = \"sample.svg\"\nmirror = true",
             "mirror = true does not say along which axis",
             "write \"x\" (left and right",
         ),
-        ("pitch = ", "mirror = \"z\"\npitch = ", "\"z\" is no axis to mirror along", "or \"y\" (top and bottom)"),
-        ("pitch = ", "mirror = false\npitch = ", "mirror = false does not name an axis", "leave it out"),
+        (
+            "pattern = \"hatch\"",
+            "file = \"sample.svg\"\nmirror = \"z\"",
+            "\"z\" is no axis to mirror along",
+            "or \"y\" (top and bottom)",
+        ),
+        (
+            "pattern = \"hatch\"",
+            "file = \"sample.svg\"\nmirror = false",
+            "mirror = false does not name an axis",
+            "leave it out",
+        ),
         (
             "\"hatch\"",
             "\u{201c}hatch\u{201d}",

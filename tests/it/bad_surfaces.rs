@@ -334,7 +334,11 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.step", "file-unreadable", "cannot read"),
         ("a.sldprt", "surface-format", "export it from the CAD program as STEP"),
         ("a.ply", "surface-unit", "a PLY file carries no unit"),
-        ("a.doc", "surface-format", ".stl, .obj, .ply, .3mf, .step, .iges, .png or .tif"),
+        (
+            "a.doc",
+            "surface-format",
+            ".stl, .obj, .ply, .3mf, .step, .stp, .iges, .igs, .png, .tif, .tiff (height maps)",
+        ),
         ("a.TIFF", "heightmap-scale", "add [surface.heightmap]"),
         ("a.dem", "surface-format", "gdal_translate"),
         ("a.asc", "surface-unit", "a point cloud carries no unit"),

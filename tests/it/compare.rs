@@ -70,7 +70,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     let filters = found["decompositions"].as_array().expect("decompositions");
     let rms = |f: &Value| number(f, "rms_stage_acceleration_mm_s2");
     let least = filters.iter().find(|f| f["decomposition"] == "least acceleration").expect("the last");
-    assert!(filters.len() >= 6 && filters.iter().all(|f| rms(least) <= rms(f)), "{filters:?}");
+    assert!(filters.len() >= 3 && filters.iter().all(|f| rms(least) <= rms(f)), "{filters:?}");
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn holds(found: &Value) {
     let off: Vec<f64> = grids.iter().map(|g| number(g, "above_the_finest_percent")).collect();
     assert!(off.len() == 3 && off[0].abs() < 10.0 && off[1].abs() < 0.5 * off[0].abs(), "{off:?}");
     let filters = found["decompositions"].as_array().expect("decompositions");
-    let (all, least) = filters.split_at(5);
+    let (all, least) = filters.split_at(2);
     let best = |key: &str| all.iter().map(|f| number(f, key)).fold(f64::INFINITY, f64::min);
     let (rms, time) = ("rms_stage_acceleration_mm_s2", "time_s");
     // That, or the one that takes no more time than the best filter (but for what its start must stand off), keeps
@@ -132,7 +132,7 @@ fn holds(found: &Value) {
     assert!(number(last, rms) <= 0.8 * smoothest && number(last, time) <= 1.0011 * number(filter, time), "{filters:?}");
     // Every filter for seven axes keeps the limits, and so does least acceleration.
     let seven = found["seven_axis_decompositions"].as_array().expect("decompositions");
-    assert_eq!(seven.len(), 6);
+    assert_eq!(seven.len(), 3);
     for s in seven {
         let inside = |key: &str, limit: &str| number(s, key) <= number(limits, limit) * (1.0 + 1e-6);
         assert!(

@@ -47,7 +47,7 @@ fn literal(rest: &str) -> Option<&str> {
 fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>>) {
     // A file, the text that stands before its codes, and their kind.
     let helpers = [
-        ("src/surface/mod.rs", "refuse(", "input"),
+        ("src/surface/format.rs", "refuse(", "input"),
         ("src/surface/threemf/", "fault(", "input"),
         ("src/machine/read.rs", "fault(", "input"),
         ("crates/verify/src/", "unusable(", "input"),
@@ -234,7 +234,7 @@ fn every_built_in_machine_is_counted_and_has_its_row() {
 /// Every key of an example exists.
 fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
     for (key, value) in example {
-        let inner = &at["properties"][key];
+        let inner = property(schema, at, key);
         assert!(!inner.is_null(), "an example has the key {key}, which does not exist:\n{shown}");
         let list = value.as_array().cloned().unwrap_or_else(|| vec![value.clone()]);
         for table in list.iter().filter_map(toml::Value::as_table) {
@@ -246,6 +246,20 @@ fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
             keys_exist(schema, inner, table, shown);
         }
     }
+}
+
+/// What a table has of a key; of a table whose keys depend on its source what the first source has that knows it.
+fn property<'a>(schema: &'a Value, at: &'a Value, key: &str) -> &'a Value {
+    if !at["properties"][key].is_null() {
+        return &at["properties"][key];
+    }
+    let choices = ["anyOf", "oneOf"].into_iter().filter_map(|of| at[of].as_array()).flatten();
+    let found = choices.map(|one| {
+        let name = one["$ref"].as_str().and_then(|r| r.rsplit('/').next());
+        let own = &one["properties"][key];
+        if own.is_null() { name.map_or(own, |name| property(schema, &schema["$defs"][name], key)) } else { own }
+    });
+    found.into_iter().find(|value| !value.is_null()).unwrap_or(&Value::Null)
 }
 
 #[test]

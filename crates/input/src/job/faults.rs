@@ -80,6 +80,12 @@ impl<'a> Faults<'a> {
         self.list.push(fault.at(place));
     }
 
+    /// A fault at a place of the text.
+    pub(super) fn push_at(&mut self, span: std::ops::Range<usize>, fault: Diag) {
+        let (path, source) = (self.path.display().to_string(), self.source.clone());
+        self.list.push(fault.at(Place::Text { path, source, span }));
+    }
+
     pub(super) fn warn(&mut self, key: &str, warning: Diag) {
         let place = self.place(key);
         self.warnings.push(warning.at(place));

@@ -131,11 +131,8 @@ pub(super) fn unread(path: &Path) -> Diag {
             )
         }
     };
-    refuse(path, "surface-format", format!("a surface file with {what} is not read")).hint(hint)
-}
-
-fn refuse(path: &Path, code: &'static str, text: String) -> Diag {
-    Diag::input(code, text).at(lines::place(path))
+    let text = format!("a surface file with {what} is not read");
+    Diag::input("surface-format", text).at(lines::place(path)).hint(hint)
 }
 
 /// A surface file that is to be read.
@@ -151,7 +148,7 @@ pub(super) struct SurfaceFile<'a> {
 
 impl<'a> SurfaceFile<'a> {
     fn refuse(&self, code: &'static str, text: String) -> Diag {
-        refuse(self.path, code, text)
+        Diag::input(code, text).at(lines::place(self.path))
     }
 
     /// The unit that the job states, mm.

@@ -5,32 +5,12 @@
 //! stroke. A closed figure ends on the point it starts with. A stroke of one line is a dot: the beam is on there for the
 //! dwell of its pen.
 
-use super::target::{Files, OF_BLOCKS, Target, no_faults, no_known_faults};
 use crate::check::Checked;
-use terrace_core::format::Format;
 use terrace_core::geom::ControllerPoint;
 use terrace_core::machine::Machine;
 
 /// The names of the columns.
 const HEADER: &[u8] = b"stroke,pen,x_mm,y_mm\r\n";
-
-/// CSV files of blocks.
-pub(super) const TARGET: Target = Target {
-    format: Format::Csv,
-    stepped: Some(Files::Blocks("csv", |job, i| block(job.checked, job.machine, i))),
-    on_the_fly: None,
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: true,
-    carries_settings: false,
-    carries_focus_shift: false,
-    ways: OF_BLOCKS,
-    moves_stage: false,
-    sheet: &[
-        "blocks/B0001.csv and so on hold one block each as points in mm: number of the stroke, number of",
-        "the pen, x, y. The beam is on between points of the same stroke and off between strokes.",
-    ],
-};
 
 /// The points of block `index`.
 ///

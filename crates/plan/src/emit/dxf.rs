@@ -5,31 +5,10 @@
 //! points that ends where it starts is a closed POLYLINE that does not repeat its first point. One layer
 //! per pen, `B0001_P1`, in the colour with the pen's number. R12 has no unit: the run sheet says mm.
 
-use super::target::{Files, OF_BLOCKS, Target, no_faults, no_known_faults};
 use crate::check::Checked;
-use terrace_core::format::Format;
 use terrace_core::geom::ControllerPoint;
 use terrace_core::machine::Machine;
 use terrace_core::program::{BlockId, PenId};
-
-/// DXF files of blocks.
-pub(super) const TARGET: Target = Target {
-    format: Format::Dxf,
-    stepped: Some(Files::Blocks("dxf", |job, i| block(job.checked, job.machine, i))),
-    on_the_fly: None,
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: true,
-    carries_settings: false,
-    carries_focus_shift: false,
-    ways: OF_BLOCKS,
-    moves_stage: false,
-    sheet: &[
-        "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
-        "of that block and nowhere else. Layer and colour number are the number of the pen. Switch off",
-        "sorting and joining of paths where order or direction matter.",
-    ],
-};
 
 /// The drawing of block `index`.
 ///

@@ -19,12 +19,9 @@
 //! The first line of block B0133 has the number N133. Comments say what must be done before the program is begun
 //! there: the lift, where the block's own moves do not lift, and the axes that they do not move.
 
-use super::target::{Files, FlyFile, Target, no_faults, no_known_faults};
-use super::{Stepped, on_the_fly};
-use crate::on_the_fly::program::Kind;
-use terrace_core::format::Format;
+use super::Stepped;
 use terrace_core::geom::Nm;
-use terrace_core::machine::{Commanded, Dialect, LoadingWay, TiltAngles};
+use terrace_core::machine::{Commanded, Dialect, TiltAngles};
 use terrace_core::program::{Block, PassId};
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
@@ -38,51 +35,6 @@ const BOUNCE: &str = "G4 P0.050";
 
 /// Largest number of a line that GRBL and LinuxCNC take.
 const MOST_LINES: u64 = 9_999_999;
-
-/// The program of LinuxCNC.
-pub(super) const LINUXCNC: Target = Target {
-    format: Format::Linuxcnc,
-    stepped: Some(Files::Whole("stage.ngc", linuxcnc)),
-    on_the_fly: Some(FlyFile {
-        name: "fly.ngc",
-        kinds: &[Kind::Xyzuv],
-        write: on_the_fly::linuxcnc,
-        servo_s: on_the_fly::LINUXCNC_SERVO_S,
-    }),
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: false,
-    carries_settings: false,
-    carries_focus_shift: false,
-    ways: &[LoadingWay::Card],
-    moves_stage: true,
-    sheet: &[
-        "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
-        "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
-        "wait takes too long the program ends without moving on: check the laser, then let `terrace resume`",
-        "write a program of what is left. The first line of block B0133 is N133. To begin there, first do",
-        "what the comments ENTRY before it say.",
-    ],
-};
-
-/// The plain G-code program that waits with M0.
-pub(super) const M0: Target = Target {
-    format: Format::Gcode,
-    stepped: Some(Files::Whole("stage_m0.nc", m0)),
-    on_the_fly: None,
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: false,
-    carries_settings: false,
-    carries_focus_shift: false,
-    ways: &[LoadingWay::Person],
-    moves_stage: true,
-    sheet: &[
-        "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
-        "cycle start. Never press it while the laser is on. Dwells are in seconds. The first line of block",
-        "B0133 is N133. To begin there, first do what the comments ENTRY before it say.",
-    ],
-};
 
 /// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is
 /// given twice that and 10 s.

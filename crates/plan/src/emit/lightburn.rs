@@ -6,10 +6,8 @@
 //! decimals.
 
 use super::known::{Key, Known, KnownFault};
-use super::target::{Files, OF_BLOCKS, Target, no_faults};
 use crate::check::Checked;
 use terrace_core::diag::Diag;
-use terrace_core::format::Format;
 use terrace_core::geom::{ControllerPoint, NM_PER_MM, Nm};
 use terrace_core::machine::Machine;
 use terrace_core::program::{BlockId, Pen, Program, Stroke};
@@ -19,25 +17,6 @@ const MOST_LAYERS: usize = 30;
 
 /// Most vertices of one shape, so that LightBurn need not draw a block as one path.
 const MOST_VERTICES: usize = 50_000;
-
-/// LightBurn projects of blocks.
-pub(super) const TARGET: Target = Target {
-    format: Format::Lightburn,
-    stepped: Some(Files::Blocks("lbrn2", |job, i| block(job.checked, job.machine, i))),
-    on_the_fly: None,
-    known_faults,
-    faults: no_faults,
-    carries_pens: true,
-    carries_settings: true,
-    carries_focus_shift: false,
-    ways: OF_BLOCKS,
-    moves_stage: false,
-    sheet: &[
-        "blocks/B0001.lbrn2 and so on are LightBurn projects of one block each, with speed, power, frequency",
-        "and passes of every pen; layer 00 is pen 1. LightBurn marks layer after layer, and the paths of a",
-        "layer in the order of the file only with all cut optimization switched off. Switch it off.",
-    ],
-};
 
 /// The project of block `index`.
 ///

@@ -10,10 +10,8 @@
 
 use super::cards;
 use super::known::{Key, Known, KnownFault};
-use super::target::{Files, OF_BLOCKS, Target};
 use crate::check::Checked;
 use terrace_core::diag::Diag;
-use terrace_core::format::Format;
 use terrace_core::geom::{ControllerPoint, FieldPoint, NM_PER_MM};
 use terrace_core::machine::{Lmc, LmcLaser, Machine};
 use terrace_core::program::{Pen, Program};
@@ -48,24 +46,6 @@ const OPEN: u16 = 800;
 
 /// Speeds of the card may be off by this share after rounding.
 const SPEED_ERROR: f64 = 0.05;
-
-/// Lists of blocks for a BJJCZ (LMC) card.
-pub(super) const TARGET: Target = Target {
-    format: Format::Lmc,
-    stepped: Some(Files::Blocks("lmc", |job, i| block(job.checked, job.machine, i))),
-    on_the_fly: None,
-    known_faults,
-    faults,
-    carries_pens: true,
-    carries_settings: true,
-    carries_focus_shift: false,
-    ways: OF_BLOCKS,
-    moves_stage: false,
-    sheet: &[
-        "blocks/B0001.lmc and so on are lists of one block each for a BJJCZ (LMC) card, in units of the card,",
-        "with all settings of the pens. They hold no correction of the field: load it before.",
-    ],
-};
 
 /// The list of block `index`.
 ///

@@ -8,10 +8,8 @@
 //! Rz Ry Rx.
 
 use super::Stepped;
-use super::target::{Files, Target, no_faults, no_known_faults};
-use terrace_core::format::Format;
 use terrace_core::geom::{NM_PER_MM, P3};
-use terrace_core::machine::{LoadingWay, Machine, Origin};
+use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::Block;
 
 /// The names of the columns.
@@ -42,25 +40,6 @@ impl Pose {
         [x, y, z, c, b, a].map(|v| v as f64 / NM_PER_MM)
     }
 }
-
-/// The poses of the head.
-pub(super) const TARGET: Target = Target {
-    format: Format::Poses,
-    stepped: Some(Files::Whole("poses.csv", write)),
-    on_the_fly: None,
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: false,
-    carries_settings: false,
-    carries_focus_shift: false,
-    ways: &[LoadingWay::Person],
-    moves_stage: false,
-    sheet: &[
-        "poses.csv holds the pose of the head at each block, for a robot or a gantry: the centre of the field in",
-        "the focal plane, mm in the frame of the part, and the turns about z, y and x (ZYX Euler angles, deg)",
-        "that bring the axes of the part to the field's x and y and the beam, z towards the lens.",
-    ],
-};
 
 /// The poses of a job.
 pub fn write(job: &Stepped<'_>) -> Vec<u8> {

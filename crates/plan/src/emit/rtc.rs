@@ -6,9 +6,7 @@
 //! divided between two. A dot is a jump, and `laser_on` with its dwell in 10 us. A stroke is repeated as often as its pen
 //! has passes.
 
-use super::target::{Files, OF_BLOCKS, Target};
 use std::io::Write;
-use terrace_core::format::Format;
 
 use super::cards;
 use super::known::{Key, Known, KnownFault};
@@ -44,24 +42,6 @@ fn counts(board: RtcBoard) -> Counts {
     };
     Counts { name, range, speeds, delay, period }
 }
-
-/// Lists of blocks for a SCANLAB RTC board.
-pub(super) const TARGET: Target = Target {
-    format: Format::Rtc,
-    stepped: Some(Files::Blocks("rtc", |job, i| block(job.checked, job.machine, i))),
-    on_the_fly: None,
-    known_faults,
-    faults,
-    carries_pens: true,
-    carries_settings: true,
-    carries_focus_shift: true,
-    ways: OF_BLOCKS,
-    moves_stage: false,
-    sheet: &[
-        "blocks/B0001.rtc and so on are lists of one block each for a SCANLAB RTC board, as text in the units",
-        "of the board, for a program of your own that goes through them line by line.",
-    ],
-};
 
 /// The lists of block `index`.
 ///

@@ -1,7 +1,7 @@
 //! What a target is: which files it writes, and what it can carry.
 //!
-//! A target is a writer next to this file with its row, named in [`TARGETS`], and a variant and a row of [`Format`]; its
-//! reader with the verifier's own row is in `verify::read`.
+//! A target is a writer next to this file, a row of [`TARGETS`], and a variant and a row of [`Format`]; its reader with
+//! the verifier's own row is in `verify::read`.
 
 use super::known::{Known, KnownFault};
 use super::{TARGETS, frames};

@@ -3,18 +3,8 @@
 //! Consumes the bytes of one file; hands over each stroke in file order, in whole nanometres, with its pen. Strokes
 //! are numbered 1, 2, 3 ... without a gap: a line that is missing, repeated or out of place is a fault.
 
-use super::formats::{Row, drawing};
 use super::number::{integer, nm_from_decimal};
 use super::{Fault, FileStroke, Strokes};
-use terrace_core::format::Format;
-
-/// CSV files of blocks.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Csv,
-    name: "csv",
-    stepped: drawing("csv", |bytes, _, visit| strokes(bytes, visit)),
-    on_the_fly: None,
-};
 
 /// Reads the file of a block.
 pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault> {

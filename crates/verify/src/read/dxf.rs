@@ -5,18 +5,8 @@
 //! those that stand in [`Head`], an entity has the group codes of its kind, each once, and nothing else stands in the
 //! file. Marking software acts on more than coordinates: units, colours, visibility, extrusion.
 
-use super::formats::{Row, drawing};
 use super::number::{integer, nm_from_decimal};
 use super::{Fault, FileStroke, Strokes};
-use terrace_core::format::Format;
-
-/// DXF files of blocks.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Dxf,
-    name: "dxf",
-    stepped: drawing("dxf", |bytes, of, visit| strokes(bytes, of.id, visit)),
-    on_the_fly: None,
-};
 
 /// Takes layer and points of a stroke.
 type Visit<'v> = dyn FnMut(&[u8], &[[i64; 2]]) + 'v;

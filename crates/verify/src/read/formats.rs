@@ -3,7 +3,7 @@
 //!
 //! The variant that a row holds says what a file of that format tells, and so which rules are checked against it: the
 //! rules take [`Strokes`], statements, work planes or a [`FlyProgram`] and know nothing of formats. Adding a target is a
-//! reader next to this file with its row, named in [`FORMATS`]. The table is written apart from the one of the writers;
+//! reader next to this file and a row of [`FORMATS`]. The table is written apart from the one of the writers;
 //! a test compares the two.
 
 use std::path::Path;

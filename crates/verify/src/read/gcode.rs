@@ -6,27 +6,8 @@
 
 use super::Fault;
 use super::comments::{self, Sentence};
-use super::formats::{OnTheFly, Row, Stepped};
 use super::number::nm_from_decimal;
-use super::on_the_fly;
-use terrace_core::format::Format;
 use terrace_core::geom::Nm;
-
-/// The program of LinuxCNC.
-pub(in crate::read) const LINUXCNC: Row = Row {
-    format: Format::Linuxcnc,
-    name: "linuxcnc",
-    stepped: Some(Stepped::Stage { file: "stage.ngc", handshake: true, read: read }),
-    on_the_fly: Some(OnTheFly { file: "fly.ngc", axes: &["XYZUV"], read: on_the_fly::linuxcnc::read, servo_s: 1e-3 }),
-};
-
-/// The plain G-code program that waits with M0.
-pub(in crate::read) const M0: Row = Row {
-    format: Format::Gcode,
-    name: "gcode",
-    stepped: Some(Stepped::Stage { file: "stage_m0.nc", handshake: false, read: read }),
-    on_the_fly: None,
-};
 
 /// What one line asks for.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,9 +5,7 @@
 //! follow each other. The file is read whole: elements and attributes are those that stand here, with the values that
 //! they must have, and anything else is a fault. LightBurn applies attributes too, as a scale of the power of a shape.
 
-use super::formats::{BlockFiles, Row, Stepped, in_nm, no_dwell};
 use std::collections::{BTreeMap, BTreeSet};
-use terrace_core::format::Format;
 
 use roxmltree::{Document, Node};
 
@@ -15,22 +13,6 @@ use super::comments::printable;
 use super::number::{integer, millionths, nm_from_decimal};
 use super::{BlockOf, Fault, FileStroke, Strokes};
 use terrace_core::program::Pen;
-
-/// LightBurn projects of blocks.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Lightburn,
-    name: "lightburn",
-    stepped: Some(Stepped::Blocks(BlockFiles {
-        ending: "lbrn2",
-        read: strokes,
-        units: in_nm,
-        names_pens: true,
-        repeats: false,
-        settings: settings,
-        dwell: no_dwell,
-    })),
-    on_the_fly: None,
-};
 
 /// Settings of a layer: power and speed in millionths of a percent and of a mm/s, rate in Hz, passes.
 type Layer = [i64; 4];

@@ -4,30 +4,12 @@
 //! are in force. A stroke begins with a jump and is repeated for every pass. Whatever is not known, or comes before all
 //! settings are set, is a fault with the number of its command.
 
-use super::formats::{BlockFiles, Row, Stepped, tens_of_us};
 use std::collections::BTreeMap;
-use terrace_core::format::Format;
 
 use super::{BlockOf, Fault, FileStroke, Strokes};
 use terrace_core::geom::{ControllerPoint, NM_PER_MM};
 use terrace_core::machine::{LmcLaser, Machine};
 use terrace_core::program::Pen;
-
-/// Lists of blocks for a BJJCZ (LMC) card.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Lmc,
-    name: "lmc",
-    stepped: Some(Stepped::Blocks(BlockFiles {
-        ending: "lmc",
-        read: |bytes, _, visit| strokes(bytes, visit),
-        units: units,
-        names_pens: false,
-        repeats: true,
-        settings: settings,
-        dwell: tens_of_us,
-    })),
-    on_the_fly: None,
-};
 
 /// Commands that set a value, in the order in which settings are handed over; power and frequency of a fibre and of a
 /// CO2 laser are each other's places.

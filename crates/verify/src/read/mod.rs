@@ -25,22 +25,107 @@ mod rtc;
 pub(super) mod runsheet;
 mod unread;
 
-use formats::Row;
+use formats::{BlockFiles, OnTheFly, Row, Stepped, drawing, in_nm, no_dwell, tens_of_us};
+use terrace_core::format::Format;
 use terrace_core::machine::Machine;
 use terrace_core::program::Block;
 
 /// All formats.
 pub(crate) const FORMATS: [Row; 10] = [
-    dxf::ROW,
-    csv::ROW,
-    lightburn::ROW,
-    lmc::ROW,
-    rtc::ROW,
-    gcode::LINUXCNC,
-    gcode::M0,
-    ovf::ROW,
-    poses::ROW,
-    on_the_fly::pmac::ROW,
+    Row {
+        format: Format::Dxf,
+        name: "dxf",
+        stepped: drawing("dxf", |bytes, of, visit| dxf::strokes(bytes, of.id, visit)),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Csv,
+        name: "csv",
+        stepped: drawing("csv", |bytes, _, visit| csv::strokes(bytes, visit)),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Lightburn,
+        name: "lightburn",
+        stepped: Some(Stepped::Blocks(BlockFiles {
+            ending: "lbrn2",
+            read: lightburn::strokes,
+            units: in_nm,
+            names_pens: true,
+            repeats: false,
+            settings: lightburn::settings,
+            dwell: no_dwell,
+        })),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Lmc,
+        name: "lmc",
+        stepped: Some(Stepped::Blocks(BlockFiles {
+            ending: "lmc",
+            read: |bytes, _, visit| lmc::strokes(bytes, visit),
+            units: lmc::units,
+            names_pens: false,
+            repeats: true,
+            settings: lmc::settings,
+            dwell: tens_of_us,
+        })),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Rtc,
+        name: "rtc",
+        stepped: Some(Stepped::Blocks(BlockFiles {
+            ending: "rtc",
+            read: rtc::strokes,
+            units: rtc::units,
+            names_pens: false,
+            repeats: true,
+            settings: rtc::settings,
+            dwell: tens_of_us,
+        })),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Linuxcnc,
+        name: "linuxcnc",
+        stepped: Some(Stepped::Stage { file: "stage.ngc", handshake: true, read: gcode::read }),
+        on_the_fly: Some(OnTheFly {
+            file: "fly.ngc",
+            axes: &["XYZUV"],
+            read: on_the_fly::linuxcnc::read,
+            servo_s: 1e-3,
+        }),
+    },
+    Row {
+        format: Format::Gcode,
+        name: "gcode",
+        stepped: Some(Stepped::Stage { file: "stage_m0.nc", handshake: false, read: gcode::read }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Ovf,
+        name: "ovf",
+        stepped: Some(Stepped::Planes { file: "job.ovf", open: |bytes| ovf::OvfFile::open(bytes) }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Poses,
+        name: "poses",
+        stepped: Some(Stepped::Poses { file: "poses.csv", read: poses::read }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Pmac,
+        name: "pmac",
+        stepped: None,
+        on_the_fly: Some(OnTheFly {
+            file: "fly.pmc",
+            axes: &["XYZUV", "XYZACUV"],
+            read: on_the_fly::pmac::read,
+            servo_s: 50e-6,
+        }),
+    },
 ];
 
 /// The block whose file is read.

@@ -5,19 +5,9 @@
 //! every offset and count was checked, that each message holds its known fields and nothing else (written again it is the
 //! same bytes), and that distances and bounds are those of its points. Vector blocks are decoded one at a time.
 
-use super::formats::{Row, Stepped};
 use std::collections::BTreeMap;
-use terrace_core::format::Format;
 
 use prost::Message;
-
-/// The OpenVectorFormat file of the whole job.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Ovf,
-    name: "ovf",
-    stepped: Some(Stepped::Planes { file: "job.ovf", open: |bytes| OvfFile::open(bytes) }),
-    on_the_fly: None,
-};
 
 /// Bytes before the first work plane: magic and offset of the job table.
 const HEADER: usize = 12;

@@ -4,17 +4,7 @@
 //! about z, y and x in millionths of a degree.
 
 use super::Fault;
-use super::formats::{Row, Stepped};
 use super::number::nm_from_decimal;
-use terrace_core::format::Format;
-
-/// The poses of the head.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Poses,
-    name: "poses",
-    stepped: Some(Stepped::Poses { file: "poses.csv", read: read }),
-    on_the_fly: None,
-};
 
 /// One line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,9 +3,7 @@
 //! Consumes the text line by line; hands over each stroke in file order, in bits, with the settings that the list has
 //! set. Settings do not outlive their list. Anything that is not known is a fault with its line.
 
-use super::formats::{BlockFiles, Row, Stepped, tens_of_us};
 use std::collections::{BTreeMap, BTreeSet};
-use terrace_core::format::Format;
 
 use super::comments::printable;
 use super::number::{integer, millionths};
@@ -14,22 +12,6 @@ use terrace_core::geom::{ControllerPoint, NM_PER_MM};
 use terrace_core::machine::{Machine, RtcBoard};
 use terrace_core::program::Pen;
 use terrace_core::units::Time;
-
-/// Lists of blocks for a SCANLAB RTC board.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Rtc,
-    name: "rtc",
-    stepped: Some(Stepped::Blocks(BlockFiles {
-        ending: "rtc",
-        read: strokes,
-        units: units,
-        names_pens: false,
-        repeats: true,
-        settings: settings,
-        dwell: tens_of_us,
-    })),
-    on_the_fly: None,
-};
 
 /// Settings in the order in which they are handed over, and how many numbers each has.
 const SET: [(&str, usize); 7] = [

@@ -120,22 +120,28 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
     let specific =
         if own.is_empty() { String::new() } else { format!("keys specific to {}: {}", source.name, own.join(", ")) };
     let missing: Vec<&String> = source.needs.iter().filter(|key| !table.contains_key(key.as_str())).collect();
-    for key in &missing {
-        let fault = Diag::input("texture-key", format!("{} needs {key}", source.name));
-        f.push(&format!("texture.{i}.{tag}"), fault.hint(&specific));
+    let is_known = |key: &str| {
+        SCHEMA.common.iter().any(|known| known == key)
+            || SCHEMA.sources().any(|s| s.keys.iter().any(|known| known == key))
+    };
+    // A key that is misspelt is told as such, and not as missing.
+    if table.keys().all(|key| is_known(key.get_ref())) {
+        for key in &missing {
+            let fault = Diag::input("texture-key", format!("{} needs {key}", source.name));
+            f.push(&format!("texture.{i}.{tag}"), fault.hint(&specific));
+        }
     }
     for key in f.keys_given(&format!("texture.{i}")) {
         let is = |known: &str| *known == key;
         if key == tag || own.iter().any(|own| is(own)) || SCHEMA.common.iter().any(|common| is(common)) {
             continue;
         }
-        let place = format!("texture.{i}.{key}");
-        if SCHEMA.sources().any(|other| other.keys.iter().any(|known| is(known))) {
+        if is_known(&key) {
             let fault = Diag::input("texture-key", format!("{key} does not apply to {}", source.name));
-            f.push(&place, fault.hint(&specific));
-        } else {
+            f.push(&format!("texture.{i}.{key}"), fault.hint(&specific));
+        } else if let Some((found, _)) = table.get_key_value(key.as_str()) {
             let known = own.iter().copied().chain(SCHEMA.common.iter().map(String::as_str));
-            f.push(&place, diag::unknown_key(&key, &known.collect::<Vec<_>>()));
+            f.push_at(found.span(), diag::unknown_key(&key, &known.collect::<Vec<_>>()));
         }
         table.remove(key.as_str());
     }

@@ -11,7 +11,6 @@ mod linuxcnc;
 mod pmac;
 
 pub use linuxcnc::{SERVO_S as LINUXCNC_SERVO_S, linuxcnc};
-pub(super) use pmac::TARGET as PMAC;
 pub use pmac::{SERVO_S as PMAC_SERVO_S, blend_us, pmac};
 
 use crate::on_the_fly::axes::motion::AXES;

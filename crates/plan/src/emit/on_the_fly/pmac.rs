@@ -12,10 +12,7 @@
 //! look-ahead or limit that stretches times.
 
 use super::{At, BLEND_MM, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
-use crate::emit::target::{FlyFile, Target, no_faults, no_known_faults};
 use crate::on_the_fly::check::{Checked, Figures};
-use crate::on_the_fly::program::Kind;
-use terrace_core::format::Format;
 use terrace_core::machine::Machine;
 
 /// Its usual servo period, s (that of Ma et al. 2025).
@@ -26,26 +23,6 @@ pub fn blend_us(figures: &Figures) -> i64 {
     let most = 8.0 * BLEND_MM / figures.corner_mm_s.max(1e-9) * 1e6;
     (most.floor().min(1e6) as i64).min(figures.shortest_us)
 }
-
-/// The on-the-fly program for Power PMAC.
-pub(in crate::emit) const TARGET: Target = Target {
-    format: Format::Pmac,
-    stepped: None,
-    on_the_fly: Some(FlyFile {
-        name: "fly.pmc",
-        kinds: &[Kind::Xyzuv, Kind::Xyzacuv],
-        write: pmac,
-        servo_s: super::PMAC_SERVO_S,
-    }),
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: false,
-    carries_settings: false,
-    carries_focus_shift: false,
-    ways: &[],
-    moves_stage: true,
-    sheet: &[],
-};
 
 /// The program for Power PMAC.
 pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {

@@ -14,10 +14,7 @@
 
 mod message;
 
-use super::target::{Files, Target, no_faults, no_known_faults};
 use std::collections::BTreeMap;
-use terrace_core::format::Format;
-use terrace_core::machine::{Carries, LoadingWay, Machine};
 
 use prost::Message;
 
@@ -28,6 +25,7 @@ use self::message::{
 use super::poses::Pose;
 use crate::check::Checked;
 use terrace_core::geom::{Box2, Controller, FieldPoint, Nm, mm_from_nm};
+use terrace_core::machine::{Carries, Machine};
 use terrace_core::program::{PenId, Program, Stroke};
 
 /// Most points in one vector block; readers load a vector block as a whole.
@@ -35,23 +33,6 @@ const MOST_POINTS: usize = 1_000_000;
 
 /// Key of the only part in the map of parts.
 const PART_KEY: i32 = 1;
-
-/// The OpenVectorFormat file of the whole job.
-pub(super) const TARGET: Target = Target {
-    format: Format::Ovf,
-    stepped: Some(Files::Whole("job.ovf", |job| write(job.checked, job.machine, job.job, job.part))),
-    on_the_fly: None,
-    known_faults: no_known_faults,
-    faults: no_faults,
-    carries_pens: true,
-    carries_settings: true,
-    carries_focus_shift: true,
-    ways: &[LoadingWay::Ovf],
-    moves_stage: false,
-    sheet: &[
-        "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
-    ],
-};
 
 /// The file. `job_name` and `source_name` name the job and the surface it is for.
 ///

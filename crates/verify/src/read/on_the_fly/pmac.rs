@@ -3,17 +3,7 @@
 use super::{AXES, FlyProgram, Runner, axis, scaled};
 use crate::read::Fault;
 use crate::read::comments::printable;
-use crate::read::formats::{OnTheFly, Row};
 use crate::read::number::{millionths, nm_from_decimal};
-use terrace_core::format::Format;
-
-/// The on-the-fly program for Power PMAC.
-pub(in crate::read) const ROW: Row = Row {
-    format: Format::Pmac,
-    name: "pmac",
-    stepped: None,
-    on_the_fly: Some(OnTheFly { file: "fly.pmc", axes: &["XYZUV", "XYZACUV"], read: read, servo_s: 50e-6 }),
-};
 
 #[derive(Default)]
 struct Modes {
