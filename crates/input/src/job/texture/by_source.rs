@@ -121,8 +121,8 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
         if own.is_empty() { String::new() } else { format!("keys specific to {}: {}", source.name, own.join(", ")) };
     let missing: Vec<&String> = source.needs.iter().filter(|key| !table.contains_key(key.as_str())).collect();
     let is_known = |key: &str| {
-        SCHEMA.common.iter().any(|known| known == key)
-            || SCHEMA.sources().any(|s| s.keys.iter().any(|known| known == key))
+        let of_sources = || SCHEMA.sources().any(|other| other.keys.iter().any(|known| known == key));
+        SOURCES.contains(&key) || SCHEMA.common.iter().any(|known| known == key) || of_sources()
     };
     // A key that is misspelt is told as such, and not as missing.
     if table.keys().all(|key| is_known(key.get_ref())) {
