@@ -42,11 +42,10 @@ impl RunFile {
         for name in ["stage", "laser"] {
             let Some(found) = table.get_mut().get_mut(name) else { continue };
             let span = found.span();
-            if found.get_ref().as_table().is_some_and(|keys| !keys.contains_key("driver")) {
-                let place = Place::Text { path: shown, source: Arc::clone(&source), span };
-                return Err(Diag::input("toml", "missing field `driver`").at(place).hint(KEYS).into());
+            if let Err((fault, at)) = diag::by_tag(found.get_mut(), "driver") {
+                let place = Place::Text { path: shown, source: Arc::clone(&source), span: at.unwrap_or(span) };
+                return Err(fault.at(place).hint(KEYS).into());
             }
-            diag::by_tag(found.get_mut(), "driver");
         }
         diag::from_table(&shown, &source, table, KEYS)
     }
@@ -207,7 +206,7 @@ mod tests {
             ("driver = \"grbl\"", "missing field `port`"),
             ("driver = \"gbrl\"\nport = \"x\"", "run.toml:3:10: unknown variant `gbrl`"),
             ("port = \"x\"", "missing field `driver`"),
-            ("driver = 3\nport = \"x\"", "wanted string or table"),
+            ("driver = 3\nport = \"x\"", "run.toml:3:10: driver is not a text"),
             ("driver = \"manual\"\nport = \"x\"", "run.toml:4:1: unknown field `port`"),
         ] {
             let found = stage(keys);

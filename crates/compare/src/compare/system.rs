@@ -58,7 +58,8 @@ pub struct System {
 pub static SYSTEMS: [&System; 14] = [
     &System {
         name: "auto",
-        about: "the stepped job that `terrace compile` makes where no method is asked for: the best of `contour`, `z-range` and `window`",
+        about: "the stepped job that `terrace compile` makes where no method is asked for: the best of `contour`, \
+                `z-range` and `window`",
         kind: Kind::Stepped,
         run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Auto, t)),
         start: 1,
@@ -93,7 +94,8 @@ pub static SYSTEMS: [&System; 14] = [
     },
     &System {
         name: "zoom",
-        about: "the stepped job by `z-range` on the machine with its zoom optic, as `terrace compile` makes it; all other rows do without the optic",
+        about: "the stepped job by `z-range` on the machine with its zoom optic, as `terrace compile` makes it; all \
+                other rows do without the optic",
         kind: Kind::Zoom,
         run: Run::Stepped(stepped::zoom),
         start: 1,
@@ -128,7 +130,8 @@ pub static SYSTEMS: [&System; 14] = [
     },
     &System {
         name: "7-axis",
-        about: "X Y Z A C follow the Gaussian-smoothed path with its normal; the scanner adds the difference (Ma et al. 2025)",
+        about: "X Y Z A C follow the Gaussian-smoothed path with its normal; the scanner adds the difference (Ma et \
+                al. 2025)",
         kind: Kind::SevenAxes,
         run: Run::OnTheFly(|f, c| f.turning(ToolPath::Filtered(Family::Gaussian), c)),
         start: 3,
@@ -149,7 +152,8 @@ pub static SYSTEMS: [&System; 14] = [
     },
     &System {
         name: "tool-servo",
-        about: "another process, for reference: a fast tool servo turns the surface itself (Brecher et al.); needs `[tool_servo]` in the machine file and `--nurbs`",
+        about: "another process, for reference: a fast tool servo turns the surface itself (Brecher et al.); needs \
+                `[tool_servo]` in the machine file and `--nurbs`",
         kind: Kind::ToolServo,
         run: Run::OnTheFly(|f, _| tool_servo::turned(f)),
         start: 5,

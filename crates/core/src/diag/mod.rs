@@ -352,19 +352,22 @@ pub fn from_table<T: DeserializeOwned>(
 }
 
 /// Makes `grbl = { port = "x" }` of the table `driver = "grbl", port = "x"` with the tag `driver`: as an enum is read
-/// without losing the places of its values. Leaves what is no such table as it is; of a tag that is no text the value is
-/// left, which no enum takes.
-pub fn by_tag(value: &mut DeValue<'_>, tag: &str) {
-    let DeValue::Table(table) = value else { return };
-    let Some(word) = table.remove(tag) else { return };
-    let (at, word) = (word.span(), word.into_inner());
-    *value = match word {
-        DeValue::String(word) => {
-            let rest = Spanned::new(at.clone(), DeValue::Table(std::mem::take(table)));
-            DeValue::Table(std::iter::once((Spanned::new(at, word), rest)).collect())
-        }
-        other => other,
+/// without losing the places of its values. Leaves what is no table as it is.
+///
+/// # Errors
+/// `toml` where the tag is missing, or is no text; its place is that of the tag, or else up to the caller.
+pub fn by_tag(value: &mut DeValue<'_>, tag: &str) -> Result<(), (Diag, Option<Range<usize>>)> {
+    let DeValue::Table(table) = value else { return Ok(()) };
+    let Some(word) = table.remove(tag) else {
+        return Err((Diag::input("toml", format!("missing field `{tag}`")), None));
     };
+    let (at, word) = (word.span(), word.into_inner());
+    let DeValue::String(word) = word else {
+        return Err((Diag::input("toml", format!("{tag} is not a text")).hint("write it in quotes"), Some(at)));
+    };
+    let rest = Spanned::new(at.clone(), DeValue::Table(std::mem::take(table)));
+    *value = DeValue::Table(std::iter::once((Spanned::new(at, word), rest)).collect());
+    Ok(())
 }
 
 /// The fault of a key that is not among the known ones.

@@ -74,9 +74,13 @@ pub(in crate::job) fn sort(root: &mut DeTable<'_>, f: &mut Faults<'_>) -> bool {
     for (i, entry) in list.iter_mut().enumerate() {
         let span = entry.span();
         let DeValue::Table(table) = entry.get_mut() else { continue };
-        match source(i, table, f) {
-            Some(tag) if holds_own_keys(i, table, tag, f) => *table = sorted(std::mem::take(table), &span, tag),
-            _ => is_whole = false,
+        let apart = match source(i, table, f) {
+            Some(tag) if holds_own_keys(i, table, tag, f) => sorted(std::mem::take(table), &span, tag, f),
+            _ => None,
+        };
+        match apart {
+            Some(apart) => *table = apart,
+            None => is_whole = false,
         }
     }
     is_whole
@@ -148,23 +152,26 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
     missing.is_empty()
 }
 
-/// The table with its keys apart.
-fn sorted<'a>(table: DeTable<'a>, span: &Range<usize>, tag: &'static str) -> DeTable<'a> {
+/// The table with its keys apart; None where it names a pattern by something else than a text.
+fn sorted<'a>(table: DeTable<'a>, span: &Range<usize>, tag: &'static str, f: &mut Faults<'_>) -> Option<DeTable<'a>> {
     let (mut own, mut common) = (DeTable::new(), DeTable::new());
     for (key, value) in table {
         let is_common = SCHEMA.common.iter().any(|known| *known == **key.get_ref());
         if is_common { &mut common } else { &mut own }.insert(key, value);
     }
     let mut own = DeValue::Table(own);
-    if tag == "pattern" {
-        diag::by_tag(&mut own, tag);
+    if tag == "pattern"
+        && let Err((fault, at)) = diag::by_tag(&mut own, tag)
+    {
+        f.push_at(at.unwrap_or(span.clone()), fault);
+        return None;
     }
     let source = table_of(span, [(tag.into(), own)]);
     let DeValue::Table(apart) = table_of(span, [("source".into(), source), ("common".into(), DeValue::Table(common))])
     else {
         unreachable!("a table was made")
     };
-    apart
+    Some(apart)
 }
 
 /// A table whose keys and values stand at one place of the file.
@@ -206,7 +213,7 @@ mod tests {
             ("file = \"a.svg\"\nscreen = \"lins\"", "job.toml:3:10: "),
             ("curves = \"a.csv\"\nmax_distance = \"-1 mm\"", "job.toml:3:16: "),
             ("pattern = \"hatc\"\npitch = \"1 mm\"", "job.toml:2:11: unknown variant `hatc`, expected one of"),
-            ("pattern = 3\npitch = \"1 mm\"", "job.toml:1:1: wanted string or table"),
+            ("pattern = 3\npitch = \"1 mm\"", "job.toml:2:11: pattern is not a text"),
         ] {
             let found = told(keys);
             assert!(found.len() == 1 && found[0].starts_with(wanted), "{keys}: {found:?}");
