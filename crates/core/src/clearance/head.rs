@@ -23,48 +23,103 @@ pub struct Head<'a> {
     pub clearance: &'a Clearance,
 }
 
+/// The straight way of a head's field centre in the frame of the turned part.
+struct Way {
+    /// The ends of the way, nm.
+    ends: [[f64; 3]; 2],
+    /// How far what lies lower along z of the part lies beside it as the head sees it, along x and y.
+    lean: [f64; 2],
+    /// How much of a height along z of the part lies along the beam.
+    up: f64,
+    /// Half the width of the head.
+    radius: Nm,
+    /// From the focal plane up to the lowest place that the part may reach.
+    gap: Nm,
+}
+
+/// A piece of a way: a box about it, and the height of the head's lower end over its lowest place.
+struct Piece {
+    path: Box2<Turned>,
+    limit: Nm,
+}
+
+impl Piece {
+    /// The piece with this much more of everything.
+    fn grown(self, by: Nm) -> Self {
+        let Box2 { lo, hi, .. } = self.path;
+        let path = Box2 { lo: P2::new(lo.x - by.0, lo.y - by.0), hi: P2::new(hi.x + by.0, hi.y + by.0) };
+        Self { path, limit: self.limit - by }
+    }
+}
+
+impl Way {
+    /// Place `i` of those that divide the way into [`PIECES`].
+    fn place(&self, i: u32) -> [f64; 3] {
+        let t = f64::from(i.min(PIECES)) / f64::from(PIECES);
+        [0, 1, 2].map(|k| self.ends[0][k] + t * (self.ends[1][k] - self.ends[0][k]))
+    }
+
+    /// From one of these places to another.
+    fn piece(&self, from: u32, to: u32) -> Piece {
+        let (from, to) = (self.place(from), self.place(to));
+        let mut path = Box2::<Turned>::EMPTY;
+        for p in [from, to] {
+            path.add(P2::new(p[0].floor() as i64, p[1].floor() as i64));
+            path.add(P2::new(p[0].ceil() as i64, p[1].ceil() as i64));
+        }
+        Piece { path, limit: self.gap + Nm::floor(from[2].min(to[2])) }
+    }
+
+    /// How far a tile rises into the head along a piece; None where it lies beside the head.
+    fn over(&self, &(tile, top): &(Box2<Turned>, Nm), Piece { path, limit }: &Piece) -> Option<Nm> {
+        let over = top - *limit;
+        // What stands below the top of a tile, and still above the limit, lies beside it as the head sees it. As a
+        // head lies down that is ever farther away.
+        let down = over.max(Nm(0)).f64() / self.up.max(0.0);
+        let [dx, dy] = self.lean.map(|lean| (lean * down) as i64);
+        let r = self.radius.0;
+        let reaches = |lo: i64, hi: i64, d: i64, from: i64, to: i64| {
+            lo.saturating_add(d.min(0)).saturating_sub(1) <= to + r
+                && from - r <= hi.saturating_add(d.max(0)).saturating_add(1)
+        };
+        let is_near = reaches(tile.lo.x, tile.hi.x, dx, path.lo.x, path.hi.x)
+            && reaches(tile.lo.y, tile.hi.y, dy, path.lo.y, path.hi.y);
+        is_near.then_some(over)
+    }
+}
+
 impl Head<'_> {
     /// How much too near to the part the head comes on the straight way of the stage from `a` to `b`, its tilt kept;
     /// not above 0 where it keeps clear.
     pub fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
         let turn = self.machine.turn(tilt, self.origin);
-        let tiles: Vec<(Box2<Turned>, Nm)> = self.clearance.tiles.iter().map(|tile| turned(tile, &turn)).collect();
-        // Downwards along z of the part, as the head sees it.
-        let [x, y, z] = turn.rows();
-        let (lean, up) = ([-x[2], -y[2]], z[2]);
         let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
-        let at = |i: u32| {
-            let t = f64::from(i.min(PIECES)) / f64::from(PIECES);
-            [0, 1, 2].map(|k| ends[0][k] + t * (ends[1][k] - ends[0][k]))
-        };
-        let pieces = if a == b { 1 } else { PIECES };
-        let over = |i: u32| {
-            // A piece more on both sides, so that another division of the way finds nothing nearer.
-            let (from, to) = (at(i.saturating_sub(1)), at(i + 2));
-            let mut path = Box2::<Turned>::EMPTY;
-            for p in [from, to] {
-                path.add(P2::new(p[0].floor() as i64, p[1].floor() as i64));
-                path.add(P2::new(p[0].ceil() as i64, p[1].ceil() as i64));
+        let [x, y, z] = turn.rows();
+        let Clearance { radius, gap, .. } = *self.clearance;
+        let way = Way { ends, lean: [-x[2], -y[2]], up: z[2], radius, gap };
+        // A piece that holds the whole way, and what rounding of the places on it may do, is as near to every tile as
+        // any piece of it, or nearer. A tile that does not rise into the head there rises into it nowhere.
+        let whole = way.piece(0, PIECES).grown(Nm(1));
+        let mut clear = Nm::MIN;
+        let mut doubtful = Vec::new();
+        for tile in &self.clearance.tiles {
+            let tile = turned(tile, &turn);
+            match way.over(&tile, &whole) {
+                Some(over) if over > Nm(0) => doubtful.push(tile),
+                Some(over) => clear = clear.max(over),
+                None => {}
             }
-            let r = self.clearance.radius.0;
-            let limit = self.clearance.gap + Nm::floor(from[2].min(to[2]));
-            let near = |&(b, top): &(Box2<Turned>, Nm)| {
-                let over = top - limit;
-                // What stands below the top of a tile, and still above the limit, lies beside it as the head sees it.
-                // As a head lies down that is ever farther away.
-                let down = over.max(Nm(0)).f64() / up.max(0.0);
-                let [dx, dy] = [0, 1].map(|k| (lean[k] * down) as i64);
-                let reaches = |lo: i64, hi: i64, d: i64, from: i64, to: i64| {
-                    lo.saturating_add(d.min(0)).saturating_sub(1) <= to + r
-                        && from - r <= hi.saturating_add(d.max(0)).saturating_add(1)
-                };
-                let is_near = reaches(b.lo.x, b.hi.x, dx, path.lo.x, path.hi.x)
-                    && reaches(b.lo.y, b.hi.y, dy, path.lo.y, path.hi.y);
-                is_near.then_some(over)
-            };
-            tiles.iter().filter_map(near).max().unwrap_or(Nm::MIN)
+        }
+        if doubtful.is_empty() {
+            return clear;
+        }
+        let pieces = if a == b { 1 } else { PIECES };
+        let of_piece = |i: u32| {
+            // A piece more on both sides, so that another division of the way finds nothing nearer.
+            let piece = way.piece(i.saturating_sub(1), i + 2);
+            doubtful.iter().filter_map(|tile| way.over(tile, &piece)).max().unwrap_or(Nm::MIN)
         };
-        (0..pieces).map(over).max().unwrap_or(Nm::MIN)
+        (0..pieces).map(of_piece).max().unwrap_or(Nm::MIN)
     }
 
     /// How much too near it comes at most while its axes turn from one tilt to another, the stage at the command `z` and
