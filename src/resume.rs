@@ -243,7 +243,7 @@ impl Rest<'_> {
         let points = self.registration_points();
         let frames = self.frame_pen().map(|pen| (pen, points.as_slice()));
         let programs = Programs { emitted, formats: &formats, frames, whole: Some(whole.folder) };
-        programs.write(&mut filling, [Task::untold(), Task::untold()])?;
+        programs.write(&mut filling, [Task::silent(), Task::silent()])?;
         for FileFact { file, .. } in &whole.manifest.head.files {
             let shown: fn(&Self, &str) -> String = match file.as_str() {
                 VIEW => Self::view,
@@ -278,23 +278,23 @@ impl Rest<'_> {
     }
 
     fn sheet<'a>(&'a self, job_file: &'a str) -> Sheet<'a> {
-        let told = &self.whole.manifest;
-        let has_setups = told.setups.len() > 1 || told.setups.iter().any(|s| !s.registration.is_empty());
-        let second = told.passes.get(1).map_or([0.0; 2], |pass| [pass.lowered_mm, pass.turn_deg]);
+        let manifest = &self.whole.manifest;
+        let has_setups = manifest.setups.len() > 1 || manifest.setups.iter().any(|s| !s.registration.is_empty());
+        let second = manifest.passes.get(1).map_or([0.0; 2], |pass| [pass.lowered_mm, pass.turn_deg]);
         Sheet {
             job_file,
             surface: self.surface().unwrap_or_default(),
-            machine: &told.machine,
-            turn_deg: told.placement.turn_deg,
-            laid_deg: told.placement.laid_deg,
+            machine: &manifest.machine,
+            turn_deg: manifest.placement.turn_deg,
+            laid_deg: manifest.placement.laid_deg,
             per_pass: second,
             formats: self.whole.formats.iter().map(|t| t.format).collect(),
-            registration: has_setups.then(|| told.setups.iter().map(registered).collect()),
+            registration: has_setups.then(|| manifest.setups.iter().map(registered).collect()),
             checked: &self.checked,
-            depth_mm: told.focus.depth_range_mm,
+            depth_mm: manifest.focus.depth_range_mm,
             figures: self.figures.clone(),
-            summary: &told.summary,
-            frames: told.frames.as_ref().map(|frames| frames.pen.clone()),
+            summary: &manifest.summary,
+            frames: manifest.frames.as_ref().map(|frames| frames.pen.clone()),
             subset: Some(&self.subset),
         }
     }
@@ -308,7 +308,7 @@ impl Rest<'_> {
             true => String::new(),
             false => format!("<style>{}{{fill:#eee;stroke:#ccc}}</style>\n", gone.join(",")),
         };
-        let told = self.left();
+        let sentence = self.left();
         // A picture of a rest says what was left there.
         let lines = svg.lines().filter(|line| !line.ends_with("blocks are left</text>"));
         let whole = |line: &str| match line.strip_suffix(" blocks are left</title>").and_then(|l| l.rsplit_once(": ")) {
@@ -316,10 +316,10 @@ impl Rest<'_> {
             None => format!("{line}\n"),
         };
         let svg: String = lines.map(whole).collect();
-        let drawn = svg.replacen("</title>\n", &format!(": {told}</title>\n{style}"), 1);
+        let drawn = svg.replacen("</title>\n", &format!(": {sentence}</title>\n{style}"), 1);
         let end = drawn.rfind("</svg>").unwrap_or(drawn.len());
         let (before, after) = drawn.split_at(end);
-        format!("{before}{}{after}", caption(&svg, &told).unwrap_or_default())
+        format!("{before}{}{after}", caption(&svg, &sentence).unwrap_or_default())
     }
 
     /// The report of the whole job, which says first what is left of it.

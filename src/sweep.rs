@@ -88,7 +88,7 @@ pub fn prepared((path, text): (&Path, &str), overrides: &Overrides, settings: &[
 }
 
 impl Sweep {
-    /// That of a job with a row for every combination.
+    /// The sweep of a job, with a row for every combination.
     ///
     /// # Errors
     /// The first fault where no combination can be planned.

@@ -16,7 +16,7 @@ use terrace_report::job_folder::{self, Durability};
 /// What a unit says of itself when it has ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fragment {
-    /// Its number.
+    /// The number of the unit.
     pub unit: usize,
     /// The hash of what the job and its inputs were.
     pub hash: String,
@@ -29,7 +29,7 @@ pub struct Fragment {
 }
 
 impl Fragment {
-    /// That of a unit that was worked on here.
+    /// The fragment of a unit that was worked on here.
     pub fn new(unit: &Unit, done: Done, seconds: f64) -> Self {
         Self { unit: unit.id, hash: done.hash, host: host(), seconds, end: done.end }
     }
@@ -52,7 +52,7 @@ impl Fragment {
         fs::rename(&new, &whole).map_err(|e| unwritable("put the report in place", &whole, &e))
     }
 
-    /// Reads that of a unit; None where there is none, or none that is whole.
+    /// Reads the fragment of a unit; None where there is none, or none that is whole.
     pub fn read(reports: &Path, unit: usize) -> Option<Self> {
         serde_json::from_slice(&fs::read(file(reports, unit)).ok()?).ok()
     }

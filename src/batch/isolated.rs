@@ -1,9 +1,9 @@
 //! Units in a process of their own, with a limit of memory: where that process dies, its unit has failed and the
-//! others go on.
+//! others continue.
 //!
 //! The limit is one of address space (`ulimit -v` of the shell), the only one that every Unix enforces without rights
-//! and that the program itself knows beforehand ([`terrace_core::diag::memory`]). It counts what is reserved, not what is
-//! used, so glibc's allocator is given a single arena: every further one reserves 64 MB, and whether that fits under
+//! and that the program itself knows beforehand ([`terrace_core::diag::memory`]). It counts what is reserved, not what
+//! is used, so glibc's allocator is given a single arena: every further one reserves 64 MB, and whether that fits under
 //! the limit would depend on the timing of threads. Engines watch the memory of their own processes only.
 
 use std::io::{BufRead, BufReader, Read};
@@ -31,17 +31,17 @@ pub struct Isolation<'a> {
     pub durability: Durability,
 }
 
-/// Works on units one after another; `told` hears of each as it ends.
+/// Works on units one after another; `on_fragment` hears of each as it ends.
 ///
 /// # Errors
 /// `unit-process` where no process can be started.
-pub fn run(units: &[&Unit], how: &Isolation<'_>, told: &mut dyn FnMut(&Fragment)) -> Result<(), Error> {
+pub fn run(units: &[&Unit], how: &Isolation<'_>, on_fragment: &mut dyn FnMut(&Fragment)) -> Result<(), Error> {
     let mut left = units.to_vec();
     while !left.is_empty() {
         let ids: Vec<usize> = left.iter().map(|unit| unit.id).collect();
         let (status, said) = attempt(limited((how.command)(&ids), how.memory), &mut |fragment| {
             left.retain(|unit| unit.id != fragment.unit);
-            told(&fragment);
+            on_fragment(&fragment);
         })?;
         // The process ended before it said of its next unit how that ended.
         let Some(unit) = left.first().copied() else { break };
@@ -52,7 +52,7 @@ pub fn run(units: &[&Unit], how: &Isolation<'_>, told: &mut dyn FnMut(&Fragment)
         let done = Done { hash: unit.hash.clone(), end: End::failed(unit, &fault) };
         let fragment = Fragment::new(unit, done, 0.0);
         fragment.write(how.reports, how.durability)?;
-        told(&fragment);
+        on_fragment(&fragment);
         left.remove(0);
     }
     Ok(())

@@ -42,22 +42,22 @@ pub use work::{Settings, work};
 
 use work::End;
 
-/// Brings the folders of all units up to date, as many at a time as there are threads. `told` hears of every unit as
-/// it ends.
+/// Brings the folders of all units up to date, as many at a time as there are threads. `on_outcome` hears of every unit
+/// as it ends.
 ///
 /// # Panics
 /// On units of a sweep.
-pub fn run(units: &[Unit], settings: &Settings<'_>, told: &mut (dyn FnMut(&Outcome) + Send)) -> Report {
+pub fn run(units: &[Unit], settings: &Settings<'_>, on_outcome: &mut (dyn FnMut(&Outcome) + Send)) -> Report {
     // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
     // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
-    let (next, told) = (AtomicUsize::new(0), Mutex::new(told));
+    let (next, on_outcome) = (AtomicUsize::new(0), Mutex::new(on_outcome));
     let take = || {
         let mut done = Vec::new();
         while !settings.stop.load(Ordering::Relaxed) {
             let i = next.fetch_add(1, Ordering::Relaxed);
             let Some(unit) = units.get(i) else { break };
             let End::Job(outcome) = work(unit, settings).end else { unreachable!("units of a batch are jobs") };
-            told.lock().expect("no listener panics")(&outcome);
+            on_outcome.lock().expect("no listener panics")(&outcome);
             done.push((i, outcome));
         }
         done

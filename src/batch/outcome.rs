@@ -12,7 +12,7 @@ use terrace_core::duration::duration;
 use terrace_core::machine::LoadingWay;
 use terrace_plan::manifest::AnySummary;
 
-/// What the manifest of a job's folder tells of it.
+/// What the manifest of a job's folder says of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Figures {
     /// Number of stops; None of on-the-fly jobs.
@@ -48,11 +48,11 @@ impl From<&AnySummary> for Figures {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// It was compiled.
+    /// The unit was compiled.
     Compiled(Figures),
     /// Nothing had changed: the figures of the folder that is there.
     Unchanged(Figures),
-    /// It could not be compiled, and any older folder is unchanged; or its folder does not verify.
+    /// The unit could not be compiled, and any older folder is unchanged; or its folder does not verify.
     Failed(Fault),
     /// Nobody knows: it was given to an engine and left no report, or its folder is not here.
     Missing(Fault),
@@ -61,7 +61,7 @@ pub enum State {
 }
 
 impl State {
-    /// Its name in reports.
+    /// The state's name in reports.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Compiled(_) => "compiled",
@@ -102,7 +102,7 @@ impl State {
 pub struct Outcome {
     /// Job file.
     pub job: PathBuf,
-    /// Its folder.
+    /// The folder of the unit.
     pub folder: PathBuf,
     /// What became of it.
     pub state: State,
@@ -111,12 +111,12 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// That of a unit whose folder was not verified.
+    /// The outcome of a unit whose folder was not verified.
     pub(super) fn of(unit: &Unit, state: State) -> Self {
         Self { job: unit.job.clone(), folder: unit.folder().to_owned(), state, verified: false }
     }
 
-    /// As the report lists it. Keys that do not apply are null.
+    /// The outcome as the report lists it. Keys that do not apply are null.
     pub fn to_json(&self) -> Value {
         let mut v = json!({
             "job": self.job.display().to_string(),

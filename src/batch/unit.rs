@@ -23,7 +23,7 @@ const BYTES_A_SECOND: [(&str, f64); 2] = [("surface", 8e6), ("texture", 4e5)];
 /// One line of a file of units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
-    /// Its number, from 0, in the order of the list.
+    /// The number of the unit, from 0, in the order of the list.
     pub id: usize,
     /// Version of the program that planned it.
     pub terrace: String,
@@ -35,7 +35,7 @@ pub struct Unit {
     pub task: Task,
     /// What the command line set over its keys.
     pub overrides: Overrides,
-    /// Its input files but itself; empty where the job cannot be read.
+    /// The input files of the job but itself; empty where the job cannot be read.
     pub inputs: Vec<InputFact>,
     /// Of everything that the result depends on, hex.
     pub hash: String,
@@ -47,9 +47,9 @@ pub struct Unit {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {
-    /// Its folder is brought up to date.
+    /// The unit's folder is brought up to date.
     Compile(Compile),
-    /// It is planned with some combinations of settings.
+    /// The job is planned with some combinations of settings.
     Sweep(Combinations),
 }
 

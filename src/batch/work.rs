@@ -43,7 +43,7 @@ pub enum End {
 }
 
 impl End {
-    /// That of a unit that could not be worked on.
+    /// The end of a unit that could not be worked on.
     pub fn failed(unit: &Unit, fault: &Fault) -> Self {
         match &unit.task {
             Task::Compile(_) => Self::Job(Outcome::of(unit, State::Failed(fault.clone()))),

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 #[cfg(feature = "run")]
 use std::path::Path;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -16,7 +17,7 @@ use terrace_compare::compare::{SYSTEMS, System};
 use terrace_core::machine::PROFILES;
 use terrace_core::program::BlockId;
 use terrace_core::units::{Angle, Length};
-use terrace_input::job::{FileUnit, Mode, Objective, Setting};
+use terrace_input::job::{FileUnit, KnownKey, Mode, Objective, Setting, known_keys};
 #[cfg(feature = "compare")]
 use terrace_plan::on_the_fly::axes::following_error::Protection;
 
@@ -109,7 +110,8 @@ impl Colors {
         }
     }
 
-    /// What a command line asks for that is not parsed yet, and may not be well-formed: its own errors are coloured too.
+    /// What a command line asks for that is not parsed yet, and may not be well-formed: its own errors are coloured
+    /// too.
     fn typed(typed: &[std::ffi::OsString]) -> Self {
         let mut words = typed.iter().map(|word| word.to_string_lossy()).take_while(|word| word != "--");
         let mut found = Self::Auto;
@@ -218,8 +220,8 @@ pub enum Command {
         #[arg(long, value_name = "FOLDER")]
         inputs: Option<PathBuf>,
     },
-    /// Mark a job: move the stage from block to block and hand each to the laser; without --arm a dry run with the pilot
-    /// laser, or without laser.
+    /// Mark a job: move the stage from block to block and hand each to the laser; without --arm a dry run with the
+    /// pilot laser, or without laser.
     #[cfg(feature = "run")]
     Run(RunArgs),
     /// Draw only the layout (of the first pass, if there are several).
@@ -264,7 +266,8 @@ pub enum Command {
         /// the field; accumulated: eq. 5 of Cui et al., which does not keep it in the field; off: not limited).
         #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = one_of(&Protection::ALL, Protection::name))]
         protection: Protection,
-        /// The exact surface of the placed part, as a NURBS file (docs/cli.md, inspect): the system tool-servo needs it.
+        /// The exact surface of the placed part, as a NURBS file (docs/cli.md, inspect): the system tool-servo needs
+        /// it.
         #[arg(long, value_name = "FILE")]
         nurbs: Option<PathBuf>,
         /// Folder to write tables and pictures to.
@@ -277,7 +280,7 @@ pub enum Command {
         job: PathBuf,
         /// A key and its values: focus.pdof=0.05..0.3mm/12 (12 values, evenly spaced; 6 without /12), or
         /// partition.method=z-range,window. Several settings are combined.
-        #[arg(long, required = true, value_name = "KEY=VALUES")]
+        #[arg(long, required = true, value_name = "KEY=VALUES", value_parser = KnownSettings, hide_possible_values = true)]
         set: Vec<Setting>,
         /// Write the table as CSV to this file.
         #[arg(short, long, value_name = "FILE")]
@@ -323,8 +326,8 @@ pub enum Command {
         #[arg(long, value_name = "LENGTH", requires = "nurbs")]
         kernel: Option<Length>,
     },
-    /// Convert a STEP or IGES file into facets within a chord tolerance, and write them as PLY in mm. A job can name the
-    /// STEP or IGES file itself: its chord tolerance is then a tenth of focus.pdof.
+    /// Convert a STEP or IGES file into facets within a chord tolerance, and write them as PLY in mm. A job can name
+    /// the STEP or IGES file itself: its chord tolerance is then a tenth of focus.pdof.
     Import {
         /// STEP (.step, .stp) or IGES (.iges, .igs) file.
         file: PathBuf,
@@ -485,8 +488,8 @@ pub struct RunArgs {
     /// Fire the laser.
     #[arg(long)]
     pub arm: bool,
-    /// Show frames instead of marking, each until you press Enter: first the registration points, then the blocks of the
-    /// outline; or only the blocks named (B0133,B0200-B0210). With --arm the laser fires each once, with its pen.
+    /// Show frames instead of marking, each until you press Enter: first the registration points, then the blocks of
+    /// the outline; or only the blocks named (B0133,B0200-B0210). With --arm the laser fires each once, with its pen.
     #[arg(long, value_name = "BLOCKS", num_args = 0..=1, value_delimiter = ',', value_parser = crate::resume::range, conflicts_with_all = ["journal", "go_on"])]
     pub frames: Option<Vec<[BlockId; 2]>>,
     /// Folder that holds the job file and its inputs, where they have moved.
@@ -547,7 +550,7 @@ fn one_of<T: Copy + Send + Sync + 'static>(
         .map(move |typed| all.iter().copied().find(|&value| name(value) == typed).expect("one of the names"))
 }
 
-/// A name of a set that help and completions tell; another is refused by the command, which knows what is near.
+/// A name of a set that help and completions list; another is refused by the command, which knows what is near.
 #[derive(Clone)]
 struct Known(fn() -> Vec<&'static str>);
 
@@ -565,6 +568,35 @@ impl TypedValueParser for Known {
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
         Some(Box::new((self.0)().into_iter().map(PossibleValue::new)))
+    }
+}
+
+/// A setting of a job file; completions list all keys and the values that have names.
+#[derive(Clone)]
+struct KnownSettings;
+
+impl TypedValueParser for KnownSettings {
+    type Value = Setting;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &std::ffi::OsStr,
+    ) -> Result<Setting, clap::Error> {
+        let parse: fn(&str) -> Result<Setting, String> = str::parse;
+        parse.parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        static TYPED: LazyLock<Vec<String>> = LazyLock::new(|| {
+            let values = |KnownKey { key, names, takes_others }: KnownKey| {
+                let open = takes_others.then_some(String::new());
+                names.into_iter().chain(open).map(move |value| format!("{key}={value}"))
+            };
+            known_keys().into_iter().flat_map(values).collect()
+        });
+        Some(Box::new(TYPED.iter().map(|typed| PossibleValue::new(typed.as_str()))))
     }
 }
 

@@ -1,4 +1,5 @@
-//! `terrace batch`: which of its steps is to be done, lines as jobs end, the files that it writes beside job folders, and Ctrl-C.
+//! `terrace batch`: which of its steps is to be done, lines as jobs end, the files that it writes beside job folders,
+//! and Ctrl-C.
 
 use std::fs::File;
 use std::io::Write;
@@ -47,7 +48,7 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
     let view = show::Progress::new(args.quiet, list.len(), "jobs");
     let stop = stop_on_ctrl_c(&view, asked.fleet.engine.is_some());
     let mut ended = 0;
-    let mut told = |outcome: &Outcome| {
+    let mut on_outcome = |outcome: &Outcome| {
         ended += 1;
         view.job(outcome, [ended, list.len()]);
         log.iter_mut().for_each(|log| log.add(outcome));
@@ -59,9 +60,9 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
             let around = asked.output.clone().unwrap_or_default();
             let keep = asked.plan.as_deref();
             let carrier = Carrier { args, asked: &asked.fleet, around: &around, keep, stop: &stop, view: &view };
-            carrier::batch(&carrier, &list, &mut told)?
+            carrier::batch(&carrier, &list, &mut on_outcome)?
         }
-        None => batch::run(&list, &settings(args, &stop), &mut told),
+        None => batch::run(&list, &settings(args, &stop), &mut on_outcome),
     };
     view.finish();
     // Before the result is printed: where a file cannot be written, its error is the only JSON object.
@@ -98,7 +99,7 @@ struct Log {
     path: PathBuf,
     file: File,
     durability: Durability,
-    /// What the first failure to write was. The batch goes on: job folders matter more.
+    /// What the first failure to write was. The batch continues: job folders matter more.
     failed: Option<std::io::Error>,
 }
 

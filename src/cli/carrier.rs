@@ -37,7 +37,7 @@ pub(super) struct Carried {
 
 impl Carrier<'_> {
     /// Has units worked on; what is up to date is found here, and the engine is asked for the rest only.
-    pub(super) fn carry(&self, list: &[Unit], told: &mut dyn FnMut(&Fragment)) -> Result<Carried, Error> {
+    pub(super) fn carry(&self, list: &[Unit], on_fragment: &mut dyn FnMut(&Fragment)) -> Result<Carried, Error> {
         let own = self.keep.is_none().then(|| OwnFolder::inside(self.around)).transpose()?;
         let in_own = own.as_ref().map(|own| own.path.join("units.jsonl"));
         let file = in_own.or_else(|| self.keep.map(Path::to_owned)).unwrap_or_default();
@@ -50,7 +50,7 @@ impl Carrier<'_> {
                 Some(done) => {
                     let fragment = Fragment::new(unit, done, 0.0);
                     fragment.write(&reports, durability)?;
-                    told(&fragment);
+                    on_fragment(&fragment);
                 }
                 None => rest.push(unit),
             }
@@ -66,14 +66,14 @@ impl Carrier<'_> {
                 durability,
                 stop: self.stop,
             };
-            reasons = engine::run(&rest, &fleet, &mut |news| self.hear(&news, rest.len(), told))?;
+            reasons = engine::run(&rest, &fleet, &mut |news| self.hear(&news, rest.len(), on_fragment))?;
         }
         Ok(Carried { reports, reasons, _own: own })
     }
 
-    fn hear(&self, news: &News<'_>, count: usize, told: &mut dyn FnMut(&Fragment)) {
+    fn hear(&self, news: &News<'_>, count: usize, on_fragment: &mut dyn FnMut(&Fragment)) {
         match news {
-            News::Ended(fragment) => told(fragment),
+            News::Ended(fragment) => on_fragment(fragment),
             News::Said(text) => self.view.say(text),
             News::Submitted { .. } if self.args.quiet => {}
             News::Submitted { groups, workers, slots } => {
@@ -84,10 +84,14 @@ impl Carrier<'_> {
 }
 
 /// `batch --engine`: units to a file, their work to the engine, one report of it all.
-pub(super) fn batch(carrier: &Carrier<'_>, list: &[Unit], told: &mut dyn FnMut(&Outcome)) -> Result<Report, Error> {
+pub(super) fn batch(
+    carrier: &Carrier<'_>,
+    list: &[Unit],
+    on_outcome: &mut dyn FnMut(&Outcome),
+) -> Result<Report, Error> {
     let carried = carrier.carry(list, &mut |fragment| {
         if let End::Job(outcome) = &fragment.end {
-            told(outcome);
+            on_outcome(outcome);
         }
     })?;
     Ok(collect(list, &carried.reports, &carried.reasons))

@@ -14,7 +14,7 @@ use terrace_report::report::table::TERMINAL;
 pub(super) fn text(c: &Comparison) -> String {
     let verdict = Verdict::of(c).sentences.join("\n");
     let table = overview(c).text(TERMINAL);
-    let (galvo, loading) = (c.galvo.name(), c.loading.told_of_every());
+    let (galvo, loading) = (c.galvo.name(), c.loading.sentence_per_block());
     format!(
         "{verdict}\n\n{table}\ngalvo          {galvo}, in every row\nloading        of stepped rows: {loading}\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
     )
@@ -49,7 +49,7 @@ pub(super) fn json(c: &Comparison) -> Value {
     out
 }
 
-/// What tells a comparison's folder.
+/// What marks a comparison's folder.
 const PAGE: &str = "compare.html";
 /// What it holds: tables, charts, and what has both.
 const FILES: [(&[&str], &[&str]); 3] = [
@@ -84,7 +84,7 @@ fn is_ours(name: &Path) -> bool {
 /// Checks that `folder` holds nothing but a comparison.
 ///
 /// # Errors
-/// `output-not-a-comparison` where it is none, or holds something else too.
+/// `output-not-a-comparison` where it is not one, or holds something else too.
 pub(super) fn may_be_replaced(folder: &Path) -> Result<(), Error> {
     let refused = |text: &str, hint: &str| -> Result<(), Error> {
         let place = Place::file(folder.display().to_string());

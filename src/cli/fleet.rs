@@ -40,7 +40,7 @@ fn verified(folder: &Path) -> Result<(), Error> {
         })
         .collect();
     let d = Diag::limit("batch-verify", format!("the folder does not verify ({})", faults.join(", ")));
-    let hint = format!("terrace verify {0} tells where; remove the folder to compile the job again", folder.display());
+    let hint = format!("terrace verify {0} says where; remove the folder to compile the job again", folder.display());
     Err(d.at(Place::file(folder.display().to_string())).hint(hint).into())
 }
 
@@ -78,7 +78,7 @@ pub(super) fn work(args: &Args, file: &Path, chosen: &Chosen, memory: Option<u64
     let list = chosen.of(&all, file)?;
     let (reports, durability) = (units::reports(file), durability(args));
     let mut worst = 0;
-    let mut told = |fragment: &Fragment| -> Result<(), Error> {
+    let mut on_fragment = |fragment: &Fragment| -> Result<(), Error> {
         worst = worst.max(fragment.end.exit_code());
         print(&if args.json { line(fragment) } else { shown(fragment) })
     };
@@ -86,20 +86,20 @@ pub(super) fn work(args: &Args, file: &Path, chosen: &Chosen, memory: Option<u64
         let command = |ids: &[usize]| again(args, file, ids);
         let mut failed = Ok(());
         let how = Isolation { command: &command, memory, reports: &reports, durability };
-        isolated::run(&list, &how, &mut |fragment| failed = failed.clone().and(told(fragment)))?;
+        isolated::run(&list, &how, &mut |fragment| failed = failed.clone().and(on_fragment(fragment)))?;
         failed?;
     } else {
         let stop = AtomicBool::new(false);
         for unit in list {
             let begin = Instant::now();
             let done = work_on(unit, &settings(args, &stop));
-            told(&ended(unit, done, begin, (&reports, durability)))?;
+            on_fragment(&ended(unit, done, begin, (&reports, durability)))?;
         }
     }
     Ok(worst)
 }
 
-/// Writes the report of a unit; one that cannot be written tells why in place of what became of the unit.
+/// Writes the report of a unit; one that cannot be written says why in place of what became of the unit.
 fn ended(unit: &Unit, done: Done, begin: Instant, (reports, durability): (&Path, Durability)) -> Fragment {
     let fragment = Fragment::new(unit, done, begin.elapsed().as_secs_f64());
     match fragment.write(reports, durability) {

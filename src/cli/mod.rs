@@ -56,12 +56,23 @@ use terrace_report::job_folder::{self, Durability, Writing};
 /// Stack of a thread, bytes: as that of a program's first one.
 const STACK: usize = 8 << 20;
 
+/// Bash writes a space behind what it completed; a key of `--set` is followed by its value.
+const BASH_SETTINGS: &str = r#"
+_terrace_with_settings() {
+    _terrace "$@"
+    case "${COMPREPLY[0]-}" in
+        *=) compopt -o nospace 2>/dev/null || true ;;
+    esac
+}
+complete -F _terrace_with_settings -o bashdefault -o default terrace
+"#;
+
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
     let args = match Args::of(std::env::args_os()) {
         Ok(args) => args,
         Err(mut e) => {
-            // An option that a command does not have is no file name: no hint to pass it as one.
+            // An option that a command does not have is not a file name: no hint to pass it as one.
             e.remove(ContextKind::Suggested);
             let _ = e.print();
             // Help and version are not errors.
@@ -104,7 +115,7 @@ fn usage(e: &clap::Error) -> Diag {
     Diag::input("usage", one_line(what.trim_start_matches("error: "))).hint(one_line(rest))
 }
 
-/// The failure as JSON in place of the result. Where even that cannot be written, the exit code is left to tell.
+/// The failure as JSON in place of the result. Where even that cannot be written, the exit code alone says so.
 fn print_failure(e: &Error) {
     let _ = print(&show::json(&serde_json::json!(Failure::from(e))));
 }
@@ -114,7 +125,7 @@ fn fail(args: &Args, e: &Error) -> ExitCode {
         print_failure(e);
     }
     let (warnings, faults): (Vec<Diag>, Vec<Diag>) = e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
-    faults.iter().for_each(|d| tell(args, d));
+    faults.iter().for_each(|d| print_diag(args, d));
     warn(args, &warnings);
     ExitCode::from(e.exit_code())
 }
@@ -125,7 +136,7 @@ fn eprintln_all(text: &str) {
 }
 
 /// Writes a message to stderr, with colours where they are wanted.
-fn tell(args: &Args, d: &Diag) {
+fn print_diag(args: &Args, d: &Diag) {
     let color = args.color.on_stderr();
     let text = d.render(color);
     // Names in it were made harmless when it was rendered; colours must stay.
@@ -169,8 +180,8 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Verify { folder, inputs } => {
             named::job_folder(folder)?;
             let steps = Steps::new(args.quiet);
-            let told = steps.numbered(&terrace_verify::Phase::ALL, show::proving);
-            let proof = terrace_verify::verify_told(folder, inputs.as_deref(), &told)?;
+            let progress = steps.numbered(&terrace_verify::Phase::ALL, show::proving);
+            let proof = terrace_verify::verify_with_progress(folder, inputs.as_deref(), &progress)?;
             steps.done();
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
@@ -232,7 +243,8 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(*shell, &mut Args::described(), "terrace", &mut out);
-            print(&String::from_utf8_lossy(&out))?;
+            let of_bash = if *shell == clap_complete::Shell::Bash { BASH_SETTINGS } else { "" };
+            print(&(String::from_utf8_lossy(&out) + of_bash))?;
         }
         Command::Explain { code } => {
             let found = explain::find(code)?;
@@ -324,14 +336,14 @@ fn compile(
     let steps = Steps::new(args.quiet);
     let mut phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     phases.retain(|phase| writing.pictures || *phase != Phase::Draw);
-    let told = steps.numbered(&phases, show::phase);
-    let plan = plan_told(args, job, &steps, &mut |_| {}, &told)?;
+    let progress = steps.numbered(&phases, show::phase);
+    let plan = plan_with_progress(args, job, &steps, &mut |_| {}, &progress)?;
     let proof = Cell::new(None);
     let prove = |folder: &Path| {
         proof.set(if is_proved { Some(proved(folder)?) } else { None });
         Ok(proof.get().map(Proved::text))
     };
-    job_folder::write_proved(&plan, &target, writing, &told, &prove)?;
+    job_folder::write_proved(&plan, &target, writing, &progress, &prove)?;
     steps.done();
     warn(args, plan.warnings());
     if path == Path::new("-") {
@@ -344,14 +356,14 @@ fn compile(
 fn planned(args: &Args, job: Job, each: &mut dyn FnMut([[f64; 3]; 3])) -> Result<Plan, Error> {
     let steps = Steps::new(args.quiet);
     let phases = plan::phases(&job);
-    let plan = plan_told(args, job, &steps, each, &steps.numbered(&phases, show::phase))?;
+    let plan = plan_with_progress(args, job, &steps, each, &steps.numbered(&phases, show::phase))?;
     steps.done();
     warn(args, plan.warnings());
     Ok(plan)
 }
 
-/// Plans a job; what its inputs give cause to warn of is told before.
-fn plan_told(
+/// Plans a job; warnings of its inputs are printed first.
+fn plan_with_progress(
     args: &Args,
     job: Job,
     steps: &Steps,
@@ -365,15 +377,15 @@ fn plan_told(
 
 /// Writes warnings to stderr, each once.
 fn warn(args: &Args, warnings: &[Diag]) {
-    static TOLD: Mutex<Vec<Diag>> = Mutex::new(Vec::new());
+    static PRINTED: Mutex<Vec<Diag>> = Mutex::new(Vec::new());
     if args.quiet {
         return;
     }
-    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut printed = PRINTED.lock().unwrap_or_else(PoisonError::into_inner);
     for w in warnings {
-        if !told.contains(w) {
-            tell(args, w);
-            told.push(w.clone());
+        if !printed.contains(w) {
+            print_diag(args, w);
+            printed.push(w.clone());
         }
     }
 }

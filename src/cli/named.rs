@@ -13,7 +13,7 @@ const MANIFEST: &str = "manifest.json";
 /// Most folders that a hint names.
 const SHOWN: usize = 3;
 
-/// Refuses what is not a job folder where another one was most likely meant; what is wrong with a folder is told by
+/// Refuses what is not a job folder where another one was most likely meant; what is wrong with a folder is reported by
 /// the command that reads it.
 ///
 /// # Errors
@@ -109,25 +109,25 @@ mod tests {
             std::fs::write(at(name), "").expect("written");
         }
         assert!(job_folder(&at("hood.job")).is_ok());
-        let told = |name: &str| match job_folder(&at(name)) {
+        let refusal = |name: &str| match job_folder(&at(name)) {
             Ok(()) => String::new(),
             Err(e) => format!("{}|{}", e.diags()[0].message, e.diags()[0].hint)
                 .replace(&format!("{}/", at("").display().to_string().trim_end_matches('/')), ""),
         };
-        assert_eq!(told("hood.toml"), "this is a job file, not a job folder|did you mean hood.job or hood.fly.job?");
+        assert_eq!(refusal("hood.toml"), "this is a job file, not a job folder|did you mean hood.job or hood.fly.job?");
         assert_eq!(
-            told("door.toml"),
+            refusal("door.toml"),
             "this is a job file, not a job folder|make its folder first: terrace compile door.toml --verify"
         );
-        assert!(told("x.stl").starts_with("this is a file, not a job folder|name the folder"));
+        assert!(refusal("x.stl").starts_with("this is a file, not a job folder|name the folder"));
         assert_eq!(
-            told("hood.job/manifest.json"),
+            refusal("hood.job/manifest.json"),
             "this is the manifest of a folder, not a job folder|did you mean hood.job?"
         );
-        assert_eq!(told("parts"), "this is a folder, not a job folder|did you mean parts/door.job?");
-        assert_eq!(told("hood"), "there is no such job folder|did you mean hood.fly.job or hood.job?");
-        assert_eq!(told("hodo.job"), "there is no such job folder|did you mean hood.job?");
+        assert_eq!(refusal("parts"), "this is a folder, not a job folder|did you mean parts/door.job?");
+        assert_eq!(refusal("hood"), "there is no such job folder|did you mean hood.fly.job or hood.job?");
+        assert_eq!(refusal("hodo.job"), "there is no such job folder|did you mean hood.job?");
         // Nothing is known to be meant: the command says what is wrong.
-        assert_eq!(told("elsewhere.job"), "");
+        assert_eq!(refusal("elsewhere.job"), "");
     }
 }

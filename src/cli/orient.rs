@@ -70,8 +70,8 @@ fn estimated(args: &Args, job: &Job) -> Result<Vec<Orientation>, Error> {
     Ok(found)
 }
 
-/// The job with its part laid on a side, and its set-ups. Textures that lie beside the part then, since their places were
-/// chosen on the part as it lay, do not count.
+/// The job with its part laid on a side, and its set-ups. Textures that lie beside the part then, since their places
+/// were chosen on the part as it lay, do not count.
 fn on_its_side(args: &Args, job: &Job, laying: &Laying) -> Result<(Job, Vec<Orientation>), Error> {
     let laid = lay::laid(job, lay::angles(&laying.pose));
     match estimated(args, &laid) {
@@ -116,7 +116,7 @@ fn write(args: &Args, path: &Path, rotate: [Angle; 3]) -> Result<(), Error> {
     };
     let mut file: DocumentMut = text.parse().map_err(|e: toml_edit::TomlError| fault(&e))?;
     let placement = file.entry("placement").or_insert(Item::Table(Table::new()));
-    let Some(placement) = placement.as_table_like_mut() else { return Err(fault(&"placement is no table")) };
+    let Some(placement) = placement.as_table_like_mut() else { return Err(fault(&"placement is not a table")) };
     placement.remove("up");
     placement.remove("level");
     let angles: Array = rotate.iter().map(|angle| format!("{} deg", angle.as_deg())).collect();

@@ -18,13 +18,13 @@ const EVERY: Duration = Duration::from_secs(10);
 struct Step {
     text: String,
     begin: Instant,
-    /// The percent told last, and when; None where it is not known how far the step is.
+    /// The percent shown last, and when; None where it is not known how far the step is.
     done: Option<(u8, Instant)>,
 }
 
 impl Step {
     /// How far a step is, which begins if it is another one than before.
-    fn told(&mut self, text: &str, percent: u8) {
+    fn show(&mut self, text: &str, percent: u8) {
         let now = Instant::now();
         if self.text != text {
             (self.text, self.begin) = (text.to_owned(), now);
@@ -40,9 +40,9 @@ impl Step {
             None => format!("{text}, {spent}"),
             Some((percent @ (0 | 100..), _)) => format!("{text}  {percent} %, {spent}"),
             Some((percent, at)) => {
-                let [spent_so_far, told] = [now, *at].map(|time| time.duration_since(*begin));
+                let [spent_so_far, at_last_percent] = [now, *at].map(|time| time.duration_since(*begin));
                 // As fast as until the last percent, of which some time has passed again.
-                let as_before = told.mul_f64(100.0 / f64::from(*percent)).saturating_sub(spent_so_far);
+                let as_before = at_last_percent.mul_f64(100.0 / f64::from(*percent)).saturating_sub(spent_so_far);
                 // The next percent is not there yet, so the rest takes as long as this at least: a step that stands
                 // still has more and more left, and never nothing.
                 let next = f64::from(percent + 1);
@@ -97,11 +97,11 @@ impl Steps {
     }
 
     /// Says how far a step is, which begins if it is another one than before.
-    pub fn told(&self, text: &str, percent: u8) {
-        locked(&self.step).told(text, percent);
+    pub fn show(&self, text: &str, percent: u8) {
+        locked(&self.step).show(text, percent);
     }
 
-    /// Changes what is being done within a step that goes on.
+    /// Changes what is being done within a step that continues.
     #[cfg(feature = "compare")]
     pub fn rename(&self, text: impl Into<String>) {
         locked(&self.step).text = plain(text);
@@ -122,7 +122,7 @@ impl Steps {
         let step = Arc::clone(&self.step);
         move |phase, percent| {
             let number = phases.iter().position(|&p| p == phase).map_or(0, |i| i + 1);
-            locked(&step).told(&format!("step {number} of {}: {}", phases.len(), name(phase)), percent);
+            locked(&step).show(&format!("step {number} of {}: {}", phases.len(), name(phase)), percent);
         }
     }
 
@@ -175,7 +175,7 @@ mod tests {
         let step = |done| Step { text: text.clone(), begin, done };
         let at = |done, s| step(done).line(after(begin, s));
         assert_eq!(at(Some((45, after(begin, 12.0))), 12.0), format!("{text}  45 %, 12 s, 15 s left"));
-        // What has passed since the percent was told is not left any more, as long as the next one may come by then.
+        // What has passed since the percent was shown is not left any more, as long as the next one may come by then.
         assert_eq!(at(Some((45, after(begin, 12.0))), 12.2), format!("{text}  45 %, 12 s, 14 s left"));
         // It has not come: the rest takes 54 / 46 of the time so far at least.
         assert_eq!(at(Some((45, after(begin, 12.0))), 70.0), format!("{text}  45 %, 1 min 10 s, 1 min 22 s left"));
@@ -190,9 +190,9 @@ mod tests {
     fn a_step_begins_with_its_name() {
         let steps = Steps::new(true);
         let now = || locked(&steps.step).clone();
-        steps.told("reading", 0);
+        steps.show("reading", 0);
         let begin = now().begin;
-        steps.told("reading", 60);
+        steps.show("reading", 60);
         assert_eq!((now().begin, now().done.map(|d| d.0)), (begin, Some(60)));
         std::thread::sleep(Duration::from_millis(2));
         steps.numbered(&[1, 2], |_| "writing")(2, 0);

@@ -7,7 +7,7 @@ use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 use super::args::{Args, RunArgs};
-use super::{eprintln_all, named, print, show, tell};
+use super::{eprintln_all, named, print, print_diag, show};
 use crate::run::journal::Settled;
 use crate::run::laser::Beam;
 use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
@@ -17,11 +17,14 @@ use terrace_core::diag::{Diag, Error};
 pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     named::job_folder(asked.folder())?;
     let interrupt = Interrupt::default();
-    let told = interrupt.clone();
+    let interrupted = interrupt.clone();
     let heard = ctrlc::set_handler(move || {
-        told.request();
-        let text =
-            if told.is_abort() { "aborting" } else { "ending after this block; press Ctrl-C again to abort at once" };
+        interrupted.request();
+        let text = if interrupted.is_abort() {
+            "aborting"
+        } else {
+            "ending after this block; press Ctrl-C again to abort at once"
+        };
         eprintln_all(text);
     });
     if let Err(e) = heard {
@@ -35,7 +38,7 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     let outcome = outcome?;
     print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, &order) })?;
     let Some(stop) = &outcome.stop else { return Ok(0) };
-    stop.diags().iter().for_each(|d| tell(args, d));
+    stop.diags().iter().for_each(|d| print_diag(args, d));
     Ok(1)
 }
 
@@ -85,16 +88,16 @@ impl Terminal {
     /// Lines of stdin from now on; read by a thread, so that a wait for one can be ended.
     fn lines(&self) -> &Mutex<Receiver<String>> {
         self.lines.get_or_init(|| {
-            let (tell, told) = channel();
+            let (sender, lines) = channel();
             std::thread::spawn(move || {
                 for line in std::io::stdin().lock().lines() {
                     let Ok(line) = line else { return };
-                    if tell.send(line).is_err() {
+                    if sender.send(line).is_err() {
                         return;
                     }
                 }
             });
-            Mutex::new(told)
+            Mutex::new(lines)
         })
     }
 }

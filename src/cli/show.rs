@@ -130,7 +130,7 @@ fn blocks(s: &Summary) -> String {
 fn loading(s: &Summary) -> [String; 2] {
     let least = if s.loading.is_least() { " at least" } else { "" };
     [
-        format!("loading        {}", s.loading.told(s.blocks)),
+        format!("loading        {}", s.loading.sentence(s.blocks)),
         format!("in all         {}{least}; a person attends all of it", duration(s.loading.total_s)),
     ]
 }

@@ -54,7 +54,7 @@ fn planned(args: &Args, (job, choice): (&Path, &Choice), settings: &[Setting]) -
         if job == Path::new("-") { (Path::new(STDIN), job_from_stdin()?) } else { (job, read_file(job)?) };
     let steps = Steps::new(args.quiet);
     let count = sweep::combinations(settings)?;
-    let task = Task::new(|percent| steps.told(&format!("planning {count} settings"), percent)).of_steps(count);
+    let task = Task::new(|percent| steps.show(&format!("planning {count} settings"), percent)).of_steps(count);
     let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| task.step())?;
     drop(task);
     steps.done();

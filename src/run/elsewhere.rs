@@ -11,8 +11,8 @@ use super::Order;
 use super::journal;
 use terrace_core::diag::{Diag, Place};
 
-/// The journal of an order for the job of a manifest: the one that it names or the one beside its folder; where that has
-/// nothing of the job, the one with which the job was begun.
+/// The journal of an order for the job of a manifest: the one that it names or the one beside its folder; where that
+/// has nothing of the job, the one with which the job was begun.
 ///
 /// # Errors
 /// `run-journal-elsewhere` where the job was begun with other journals than this one, and which counts cannot be known.
@@ -29,7 +29,7 @@ pub(super) fn choose(order: &Order<'_>, manifest: &str) -> Result<PathBuf, Diag>
             let text = format!("this job was begun with another journal, in which {count} blocks are begun or done");
             let with = Order { journal: Some(other.as_path()), ..*order };
             let hint = format!(
-                "to go on with that part: {}; to mark another part: {}; where that part is gone, delete that journal",
+                "to continue with that part: {}; to mark another part: {}; where that part is gone, delete that journal",
                 with.command("--arm --go-on"),
                 order.command("--arm --again")
             );

@@ -1,10 +1,10 @@
 //! The journal of an armed run: JSON lines, each on the disk before the next thing happens.
 //!
 //! Its first line names the manifest, so it counts for one compiled job only, wherever the folder lies
-//! (`super::elsewhere`). A series of parts has one journal: another part begins with a line of its own. A block that has
-//! a `begin` and no `end` is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last line
-//! without its line feed was not written when its writer was killed, and nothing that follows it has happened: it is
-//! removed.
+//! (`super::elsewhere`). A series of parts has one journal: another part begins with a line of its own. A block that
+//! has a `begin` and no `end` is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last
+//! line without its line feed was not written when its writer was killed, and nothing that follows it has happened: it
+//! is removed.
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
@@ -28,7 +28,7 @@ const MAX_HEAD: u64 = 4096;
 /// What the user says of the blocks that a journal holds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Settled<'a> {
-    /// To go on after those that have ended.
+    /// To continue after those that have ended.
     pub go_on: bool,
     /// The block in doubt is to be marked again.
     pub redo: Option<&'a str>,
@@ -47,7 +47,7 @@ enum Event {
     Part { number: u32 },
     /// A block is about to be marked.
     Begin { block: String },
-    /// It is marked.
+    /// The block is marked.
     End { block: String },
     /// The block that ended last is in doubt again: something was being marked after it.
     Doubt { block: String },
@@ -100,11 +100,11 @@ impl Journal {
     /// # Errors
     /// Where another run holds it, it is of another job, or what it holds is not settled.
     pub(super) fn open(path: PathBuf, order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
-        // Whatever is no file, or larger than any journal, is not read.
+        // Whatever is not a file, or larger than any journal, is not read.
         if let Ok(found) = path.metadata()
             && !(found.is_file() && found.len() <= MAX_FILE)
         {
-            let text = "this is no journal: a regular file of at most 256 MB is wanted";
+            let text = "this is not a journal: a regular file of at most 256 MB is wanted";
             let d = Diag::input("run-journal", text).at(Place::file(path.display().to_string()));
             return Err(d.hint("name another file with --journal").into());
         }
@@ -241,7 +241,7 @@ impl Journal {
             None => {
                 let text = format!("{count} blocks are done by an earlier run, the last is {}", done[count - 1]);
                 let hint = format!(
-                    "no other block was begun: to go on with that part: {}; to mark another part: {}",
+                    "no other block was begun: to continue with that part: {}; to mark another part: {}",
                     order.command("--arm --go-on"),
                     order.command("--arm --again")
                 );
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn begun_journals_are_told_by_their_manifest() {
+    fn begun_journals_are_recognised_by_their_manifest() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("a.run.jsonl");
         let head = r#"{"time_s":1,"event":"run","terrace":"0","manifest":"ab","machine":"m","armed":true}"#;

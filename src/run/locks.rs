@@ -24,8 +24,8 @@ fn folder() -> PathBuf {
 /// Locks all that is named.
 ///
 /// # Errors
-/// `run-locked` where another run drives one of them; `run-lock` where that cannot be known: a run without a lock could be
-/// one of two.
+/// `run-locked` where another run drives one of them; `run-lock` where that cannot be known: a run without a lock could
+/// be one of two.
 pub(super) fn take(identities: &[String]) -> Result<Vec<File>, Diag> {
     take_in(&folder(), identities)
 }
@@ -147,7 +147,7 @@ mod tests {
         fs::write(&folder, "").expect("written");
         let e = take_in(&folder, &names(&["machine m"])).expect_err("no folder");
         assert!(e.code == "run-lock" && e.hint.contains(FOLDER), "{e}");
-        // Something that is no file has its name.
+        // Something that is not a file has its name.
         let folder = dir.path().join("locks");
         drop(take_in(&folder, &names(&["machine m"])).expect("free"));
         let file = fs::read_dir(&folder).expect("a folder").next().expect("a lock").expect("readable").path();

@@ -78,8 +78,8 @@ impl Interrupt {
             std::thread::sleep(left.min(SLICE));
         }
     }
-    /// Does what nothing can end in a thread of its own, and waits for it, or until the run is aborted: then it is left to
-    /// itself.
+    /// Does what nothing can end in a thread of its own, and waits for it, or until the run is aborted: then it is left
+    /// to itself.
     ///
     /// # Errors
     /// `run-aborted` then.
@@ -136,7 +136,7 @@ pub struct Progress<'a> {
     pub blocks: usize,
     /// The block that is begun.
     pub block: &'a str,
-    /// Its drawing or list, as a path inside the folder; None where the job has none.
+    /// The drawing or list, as a path inside the folder; None where the job has none.
     pub file: Option<&'a str>,
     /// Estimated time for it and all that follow.
     pub left: Duration,
@@ -164,7 +164,8 @@ pub struct Order<'a> {
 }
 
 impl Order<'_> {
-    /// The command line for the same job, machine and files, with these words at its end; a shell takes it as it stands.
+    /// The command line for the same job, machine and files, with these words at its end; a shell takes it as it
+    /// stands.
     pub fn command(&self, words: &str) -> String {
         let files = [("--inputs", self.inputs), ("--journal", self.journal), ("--log", self.log)];
         let files = files.iter().filter_map(|(name, path)| Some(format!(" {name} {}", shell_word((*path)?))));
@@ -344,7 +345,7 @@ fn certain(outcome: &Outcome, order: &Order<'_>) -> Diag {
         .hint(in_doubt(order, block)),
         None => {
             let words = if *finished > 0 { "--arm --go-on" } else { "--arm" };
-            let hint = format!("remove the cause, then go on: {}", order.command(words));
+            let hint = format!("remove the cause, then continue: {}", order.command(words));
             Diag::limit("run-stopped", format!("{done}; no other block was begun")).hint(hint)
         }
     }

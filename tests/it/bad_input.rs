@@ -270,7 +270,7 @@ fn malformed_surfaces_of_other_sources_give_the_expected_messages() {
     rows.retain(|(name, _)| ["3mf_", "tiff_", "ply_"].iter().any(|p| name.starts_with(p)) && bad.join(name).exists());
     let must_fail: Vec<_> = MUST_FAIL.iter().map(|(name, code)| (name, Refused(code, ".3mf"))).collect();
     rows.extend(must_fail.iter().map(|(name, want)| (format!("3mfc_MUSTFAIL_Chapter{name}.3mf"), want)));
-    // Names of metadata change no geometry, so what is wrong with them is told.
+    // Names of metadata change no geometry, so what is wrong with them is a warning.
     for name in ["a_MissingMetadataName", "b_DuplicatedMetadataName"] {
         rows.push((format!("3mfc_MUSTFAIL_Chapter3.4.1{name}.3mf"), &Compiled(&["3mf-metadata"])));
     }
@@ -318,8 +318,8 @@ fn paper_that_is_neither_a_colour_nor_a_lightness_is_refused() {
         ("101", "paper has the lightness 101.0"),
         ("nan", "paper has the lightness NaN"),
         ("\"black\"", "paper has the lightness 0.0"),
-        ("\"cream\"", "\"cream\" is no colour"),
-        ("\"layer:A\"", "\"layer:A\" is no colour"),
+        ("\"cream\"", "\"cream\" is not a colour"),
+        ("\"layer:A\"", "\"layer:A\" is not a colour"),
         ("true", "paper is a colour or a lightness"),
     ] {
         let (exit, text) = of(&format!("file = \"a.svg\"\npaper = {paper}"));
@@ -483,7 +483,7 @@ fn job_file_error_says_what_to_write() {
         (
             "pattern = \"hatch\"",
             "file = \"sample.svg\"\nmirror = \"z\"",
-            "\"z\" is no axis to mirror along",
+            "\"z\" is not an axis to mirror along",
             "or \"y\" (top and bottom)",
         ),
         (

@@ -72,8 +72,8 @@ fn the_terms_of_a_plane_are_those_of_their_formulae() {
     near(&depth["sum_um"], of_depth.iter().sum());
     near(&depth["rss_um"], of_depth.iter().map(|um| um * um).sum::<f64>().sqrt());
     // Every block has its own, and the job the worst of them.
-    let told = manifest(&out);
-    let blocks = told["blocks"].as_array().expect("blocks");
+    let printed = manifest(&out);
+    let blocks = printed["blocks"].as_array().expect("blocks");
     let sums = |key: &str| blocks.iter().map(|b| number(&b["errors_um"], key)).fold(0.0, f64::max);
     assert_eq!(sums("lateral_sum"), number(lateral, "sum_um"));
     let worst = blocks.iter().find(|b| b["id"] == depth["block"]).expect("the worst block");
@@ -83,7 +83,7 @@ fn the_terms_of_a_plane_are_those_of_their_formulae() {
     assert!(codes(&summary).contains(&"depth-budget".into()), "{summary}");
     // What the hint says is room enough, and no more than that.
     let hint = summary["warnings"].as_array().expect("a list").iter().find(|w| w["code"] == "depth-budget");
-    let hint = hint.expect("told")["help"].as_str().expect("a hint").to_owned();
+    let hint = hint.expect("a warning")["help"].as_str().expect("a hint").to_owned();
     let reserve = hint.split('"').nth(1).expect("a length").to_owned();
     assert_eq!(reserve, "17 um");
     let summary = compile(&at(&reserve), &out);
@@ -99,7 +99,7 @@ fn errors_as_large_as_pdof_have_no_reserve_to_suggest() {
     let placed = "[placement]\nresidual_z = \"0.1 mm\"\n";
     let summary = summary_of(&job(dir.path(), "", "", placed, "pdof = \"0.07 mm\""));
     let hint = summary["warnings"].as_array().expect("a list").iter().find(|w| w["code"] == "depth-budget");
-    let hint = hint.expect("told")["help"].to_string();
+    let hint = hint.expect("a warning")["help"].to_string();
     assert!(hint.contains("no focus.reserve can keep room"), "{hint}");
 }
 

@@ -174,9 +174,9 @@ fn results_go_to_stdout_and_messages_to_stderr() {
         &["batch", "."],
     ] {
         let o = run(dir.path(), args);
-        let told = err(&o);
-        let is_told = |line: &&str| args[0] != "batch" || !line.starts_with("unchanged  ");
-        assert_eq!((o.status.code(), told.lines().find(is_told)), (Some(0), None), "{args:?}");
+        let printed = err(&o);
+        let is_warned = |line: &&str| args[0] != "batch" || !line.starts_with("unchanged  ");
+        assert_eq!((o.status.code(), printed.lines().find(is_warned)), (Some(0), None), "{args:?}");
         assert!(!o.stdout.is_empty() && !out(&o).contains('\u{1b}'), "{args:?}");
     }
     let over = format!("{HATCH}\narea = [\"-2 mm\", \"0 mm\", \"8 mm\", \"8 mm\"]");
@@ -187,7 +187,7 @@ fn results_go_to_stdout_and_messages_to_stderr() {
     assert!(err(&loud).starts_with("warning[off-part]: ") && !out(&loud).contains("warning"), "{}", said(&loud));
     let quiet = run(dir.path(), &["check", "over.toml", "--quiet"]);
     assert_eq!((err(&quiet).as_str(), out(&quiet)), ("", out(&loud)));
-    // Quiet is for what is well: a fault is told.
+    // Quiet is for what is well: a fault is printed.
     refused(&run(dir.path(), &["check", "absent.toml", "-q"]), 2, "file-unreadable");
 }
 
@@ -283,7 +283,7 @@ fn with_json_an_error_is_one_object_on_stdout() {
     let codes: Vec<&Value> = found["errors"].as_array().expect("a list").iter().map(|e| &e["code"]).collect();
     assert_eq!(codes, ["pen-speed", "pen-power"]);
     assert!(found["errors"].as_array().expect("a list").iter().all(|e| e["line"].is_u64()), "{found}");
-    // What was typed, and a folder that is none.
+    // What was typed, and a folder that is not a job folder.
     assert_eq!(of(&["--json", "compile"])["errors"][0]["code"], "usage");
     let unknown = run(dir.path(), &["check", "-o", "x", "job.toml"]);
     assert!(unknown.status.code() == Some(2) && said(&unknown).contains("'-o'"), "{}", said(&unknown));

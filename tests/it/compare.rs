@@ -227,8 +227,8 @@ fn unknown_systems_are_named_with_the_known_ones() {
 /// Height over (x, y), mm.
 type Height = fn(f64, f64) -> f64;
 
-/// Ten small jobs: planes, domes, cylinders, saddles and slopes on machines of every kind, with blocks that a person loads, pens
-/// of several passes and rates of an hour; each with the systems that are asked for.
+/// Ten small jobs: planes, domes, cylinders, saddles and slopes on machines of every kind, with blocks that a person
+/// loads, pens of several passes and rates of an hour; each with the systems that are asked for.
 fn ten_jobs(dir: &Path) -> Vec<(PathBuf, &'static str)> {
     const STEPPED: &str = "flat,contour,z-range,window,zoom,tilt";
     const MOST: &str = "flat,contour,z-range,window,zoom,tilt,sync,sync-bands,7-axis-smooth";
@@ -293,8 +293,8 @@ fn fastest<'a>(found: &'a Value, seconds: &dyn Fn(&Value) -> f64) -> Option<&'a 
 /// How a row of the table of systems stands.
 fn standing_of<'a>(found: &'a Value, row: &Value) -> &'a str {
     let all = found["verdict"]["systems"].as_array().expect("a list");
-    let told = all.iter().find(|told| told["system"] == row["system"]).expect("every system");
-    told["standing"].as_str().expect("a standing")
+    let printed = all.iter().find(|printed| printed["system"] == row["system"]).expect("every system");
+    printed["standing"].as_str().expect("a standing")
 }
 
 /// The verdict of a comparison against its tables.
@@ -320,20 +320,21 @@ fn verdict_agrees(found: &Value, page: &str) {
             may_be_set.filter(|s| s["machine"] == found["machine"]).min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
         match nearest {
             Some(s) => {
-                let told = format!("Yours to set: {} takes {}", s["system"].as_str().expect("a name"), {
+                let printed = format!("Yours to set: {} takes {}", s["system"].as_str().expect("a name"), {
                     terrace_core::duration::duration(seconds(s))
                 });
-                assert!(answer.starts_with(&told) && answer.contains("limits.warn_incidence"), "{answer}");
+                assert!(answer.starts_with(&printed) && answer.contains("limits.warn_incidence"), "{answer}");
             }
             None => assert!(answer.starts_with("None of these systems keeps all limits"), "{answer}"),
         }
     }
     let of = |list: &'static str| found[list].as_array().expect("a table").iter();
-    for ((row, told), short) in of("systems").zip(verdict["systems"].as_array().expect("a list")).zip(of("overview")) {
-        assert!(told["system"] == row["system"] && short["system"] == row["system"]);
+    for ((row, printed), short) in of("systems").zip(verdict["systems"].as_array().expect("a list")).zip(of("overview"))
+    {
+        assert!(printed["system"] == row["system"] && short["system"] == row["system"]);
         let note = short["note"].as_str().expect("a note");
         if row["total_s"].is_null() {
-            assert!(told["standing"] == "does-not-apply" && note.starts_with("does not apply: "), "{told}");
+            assert!(printed["standing"] == "does-not-apply" && note.starts_with("does not apply: "), "{printed}");
             continue;
         }
         let keeps = number(row, "within_limits_percent") == 100.0 && row["beyond"].is_null();
@@ -349,19 +350,19 @@ fn verdict_agrees(found: &Value, page: &str) {
             (_, _, false) => "estimate-only",
             _ => "usable",
         };
-        assert_eq!(told["standing"], standing, "{row}");
+        assert_eq!(printed["standing"], standing, "{row}");
         assert_eq!(note.starts_with("not usable: "), !keeps && !is_yours, "{note}");
         assert_eq!(note.starts_with("yours to set: "), is_yours, "{note}");
         let name = row["system"].as_str().expect("a name");
         let is_struck = page.contains(&format!("<s>{name}</s>"));
         assert_eq!(is_struck, !keeps && !is_yours, "{name} is struck out where it must not be used");
         let ratio = best.map(|best| seconds(row) / seconds(best));
-        let said = told["times_the_recommended"].as_f64();
+        let said = printed["times_the_recommended"].as_f64();
         assert!(ratio.zip(said).is_none_or(|(a, b)| (a / b - 1.0).abs() < 1e-12) && ratio.is_some() == said.is_some());
         // Whatever the system, the job has one length of marks, or the row says what is missing.
         let (marked, whole) = (number(row, "marked_m"), number(found, "marked_m"));
-        let told = row["note"].as_str().is_some_and(|note| note.contains("mm less: "));
-        assert!(marked <= whole * (1.0 + 1e-9) && (marked > 0.999 * whole || told), "{name}: {marked} {whole}");
+        let printed = row["note"].as_str().is_some_and(|note| note.contains("mm less: "));
+        assert!(marked <= whole * (1.0 + 1e-9) && (marked > 0.999 * whole || printed), "{name}: {marked} {whole}");
     }
 }
 
@@ -572,7 +573,7 @@ fn a_key_of_the_job_that_makes_stepping_slower_is_named_with_the_time_without_it
         (&"contour".into(), &"partition.overlap".into(), &"8 mm".into())
     );
     assert!((number(cost, "time_s") - contour(&whole)).abs() < 1e-9, "{cost} {whole:#}");
-    let told = dear["verdict"]["sentences"].to_string();
-    assert!(told.contains("partition.overlap = \\\"8 mm\\\" of the job file, not the machine, costs "), "{told}");
+    let printed = dear["verdict"]["sentences"].to_string();
+    assert!(printed.contains("partition.overlap = \\\"8 mm\\\" of the job file, not the machine, costs "), "{printed}");
     assert_eq!(whole["key_costs"], Value::Array(Vec::new()));
 }

@@ -379,7 +379,7 @@ fn what_is_not_a_curve_or_not_read_is_refused_by_name() {
 }
 
 #[test]
-fn a_drawing_that_is_not_flat_is_told_and_a_flat_one_as_curves_is_too() {
+fn a_drawing_that_is_not_flat_is_reported_and_a_flat_one_as_curves_is_too() {
     let dir = folder();
     let part = part(dir.path(), 20.0, |_, _| 3.0);
     let curves = [vec![[2.0, 3.0, 0.0], [8.0, 3.0, 0.0]], vec![[2.0, 5.0, 0.0], [8.0, 5.0, 0.04]]];

@@ -32,7 +32,7 @@ struct Outcome {
     /// Any marks are right where there is a warning with one of these codes.
     warnings: &'static [&'static str],
     /// There must be one.
-    is_told: bool,
+    is_warned: bool,
 }
 
 /// Marked as Chromium shows it. Where that is nothing, `texture-empty` says so.
@@ -44,14 +44,14 @@ const SHOWN: Outcome = Outcome {
     refusals: &[],
     is_refused: false,
     warnings: &[],
-    is_told: false,
+    is_warned: false,
 };
 
 /// Not to be compared with a picture: it has a length.
 const MEASURED: Outcome = Outcome { is_shown: false, ..SHOWN };
 
 /// Browsers show less of it than the program that wrote it: there is a warning or a refusal.
-const TOLD: Outcome = Outcome { is_told: true, ..MEASURED };
+const WARNED: Outcome = Outcome { is_warned: true, ..MEASURED };
 
 /// A line over half of a page of 40 mm.
 const LINE_OF_20: Outcome = line(20.0);
@@ -75,7 +75,7 @@ impl Outcome {
         Self { refusals, ..self }
     }
 
-    const fn told(self, warnings: &'static [&'static str]) -> Self {
+    const fn with_warnings(self, warnings: &'static [&'static str]) -> Self {
         Self { warnings, ..self }
     }
 
@@ -130,7 +130,7 @@ const OUTCOMES: &[(&str, Outcome)] = &[
     ("svg/figma_p3_none_inherit.svg", SHOWN),
     ("svg/figma_p3_white.svg", SHOWN.mm(15984.0)),
     ("svg/fill_transparent_kw.svg", SHOWN),
-    ("svg/flowroot_text.svg", TOLD.told(&["svg-flow-text"])),
+    ("svg/flowroot_text.svg", WARNED.with_warnings(&["svg-flow-text"])),
     ("svg/gradient_no_stops.svg", SHOWN.or(&["svg-paint"])),
     ("svg/hairline_inkscape.svg", MEASURED.mm(120.0)),
     ("svg/hairline_inkscape_group.svg", MEASURED.mm(120.0)),
@@ -142,13 +142,13 @@ const OUTCOMES: &[(&str, Outcome)] = &[
     ("svg/matplotlib_like.svg", SHOWN),
     ("svg/mesh_and_hatch.svg", SHOWN.or(&["svg-paint"])),
     ("svg/mpl_symbol_overflow.svg", SHOWN),
-    ("svg/no_ns_inkscape_plain.svg", MEASURED.told(&["svg-namespace"]).mm(1996.0)),
+    ("svg/no_ns_inkscape_plain.svg", MEASURED.with_warnings(&["svg-namespace"]).mm(1996.0)),
     ("svg/path_after_z.svg", SHOWN),
     ("svg/path_numbers.svg", SHOWN),
     ("svg/pathlength_dash.svg", SHOWN),
     ("svg/prefix_ns.svg", SHOWN),
     ("svg/reqext_shape_outside_switch.svg", SHOWN.mm(1996.0)),
-    ("svg/smil.svg", SHOWN.or(&["svg-animation", "svg-effect"]).told(&["svg-animation"])),
+    ("svg/smil.svg", SHOWN.or(&["svg-animation", "svg-effect"]).with_warnings(&["svg-animation"])),
     ("svg/swatch_white_over_black.svg", SHOWN.mm(15984.0)),
     ("svg/syslang_outside_switch.svg", SHOWN.mm(1996.0)),
     ("svg/text_display_none.svg", SHOWN),
@@ -157,11 +157,11 @@ const OUTCOMES: &[(&str, Outcome)] = &[
     ("svg/transform_origin_attr.svg", SHOWN.or(TRANSFORM)),
     ("svg/transform_px_attr.svg", SHOWN.or(TRANSFORM)),
     ("svg/transform_syntax.svg", SHOWN),
-    ("svg/translucent_tints.svg", SHOWN.told(&["svg-opacity"])),
+    ("svg/translucent_tints.svg", SHOWN.with_warnings(&["svg-opacity"])),
     ("svg/unit_mix.svg", SHOWN),
     ("svg/vbox_aspect.svg", SHOWN),
     ("svg/white_FFFFFE.svg", SHOWN.mm(15984.0)),
-    ("svg/white_names.svg", SHOWN.told(&["texture-light"])),
+    ("svg/white_names.svg", SHOWN.with_warnings(&["texture-light"])),
     ("svg/white_translucent_over_black.svg", SHOWN.mm(17988.0)),
     ("svg/zero_length_caps.svg", SHOWN),
     ("svg2/a2_display_unknown.svg", SHOWN),
@@ -235,7 +235,7 @@ const OUTCOMES: &[(&str, Outcome)] = &[
     ("svg3/gz_named_svg.svg", SHOWN.like("svg3/miter_default.svg")),
     ("svg3/html_link.svg", SHOWN.or(&["svg-external"])),
     ("svg3/image_href_same_fragment.svg", SHOWN),
-    ("svg3/mesh_text_els.svg", TOLD.told(&["svg-flow-text"])),
+    ("svg3/mesh_text_els.svg", WARNED.with_warnings(&["svg-flow-text"])),
     ("svg3/miter_default.svg", SHOWN),
     ("svg3/nested_transform_attr_svg.svg", SHOWN.or(TRANSFORM)),
     ("svg3/nonscaling_mm.svg", SHOWN.or(&["svg-effect"])),
@@ -316,7 +316,7 @@ const OUTCOMES: &[(&str, Outcome)] = &[
     ("svg5/w0_href_both.svg", SHOWN),
     ("svg5/w1_id_case.svg", SHOWN),
     ("svg5/w2_dup_id.svg", SHOWN),
-    ("svg5/w3_id_encoded.svg", SHOWN.told(&["svg-use"])),
+    ("svg5/w3_id_encoded.svg", SHOWN.with_warnings(&["svg-use"])),
     ("sel/00.svg", SHOWN),
     ("sel/01.svg", SHOWN),
     ("sel/02.svg", SHOWN),
@@ -431,7 +431,7 @@ fn fault(file: &str, outcome: &Outcome, shown: Option<(&Ink, f64)>) -> Option<St
             let is_blank = shown.is_some_and(|(ink, _)| ink.is_blank());
             let allowed = |code: &String| {
                 outcome.refusals.contains(&code.as_str())
-                    || outcome.is_told && outcome.warnings.contains(&code.as_str())
+                    || outcome.is_warned && outcome.warnings.contains(&code.as_str())
             };
             let is_right = codes.iter().all(allowed) || is_blank && codes.iter().all(|code| code == "texture-empty");
             (!is_right).then(|| verdict.to_string())
@@ -440,7 +440,7 @@ fn fault(file: &str, outcome: &Outcome, shown: Option<(&Ink, f64)>) -> Option<St
         Verdict::Right(warnings) | Verdict::Wrong { warnings, .. } if is_any(warnings, outcome.warnings) => {
             wrong_length(file, outcome)
         }
-        Verdict::Right(_) if outcome.is_told => Some(format!("no warning: {verdict}")),
+        Verdict::Right(_) if outcome.is_warned => Some(format!("no warning: {verdict}")),
         Verdict::Right(_) => wrong_length(file, outcome),
         Verdict::Wrong { .. } => Some(verdict.to_string()),
     }

@@ -122,7 +122,7 @@ fn values_of_the_machine_file_are_refused_at_their_line_of_that_file() {
 }
 
 #[test]
-fn all_of_them_are_told_together() {
+fn all_of_them_are_reported_together() {
     let dir = folder();
     let formats = (FORMATS, "formats = [\"lmc\", \"rtc\"]");
     let section = ("# section = \"39 mm\"", "section = \"41 mm\"");
@@ -160,7 +160,7 @@ fn points_of_a_drawing_are_dots_that_are_refused_before_the_plan() {
     std::fs::write(dir.path().join("points.dxf"), points).expect("written");
     let job = Job::load(&dir.path().join("job.toml"), &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     // Reading alone finds it: nothing was planned.
-    let e = Inputs::load_each(&job, &mut |_| {}, terrace_core::progress::Task::untold()).expect_err("refused");
+    let e = Inputs::load_each(&job, &mut |_| {}, terrace_core::progress::Task::silent()).expect_err("refused");
     assert_eq!(e.diags()[0].code, "lightburn-dots", "{e}");
     assert!(e.diags()[0].render(false).contains("formats = [\"lightburn\"]"), "{e}");
 }

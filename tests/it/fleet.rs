@@ -155,7 +155,7 @@ fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
     let run = fleet.terrace(["batch", path(&jobs), "-o", path(&two), "--json"]).spawn().expect("it runs");
     let at_second = || two.join("s0.job").exists() && fleet.is_busy(0);
     until("the second unit is at work", Duration::from_secs(60), at_second);
-    // Ctrl-C at this program: the engine is told to begin nothing more.
+    // Ctrl-C at this program: the engine is asked to begin nothing more.
     assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts").success());
     let out = run.wait_with_output().expect("ended");
     let first = report(&out);
@@ -180,7 +180,7 @@ fn a_stopped_run_names_the_missing_units_and_the_next_one_does_them() {
 
 #[test]
 #[ignore = "slow: make test-all"]
-fn a_fleet_that_is_not_there_is_told_how_to_start_it() {
+fn a_scheduler_that_is_not_there_is_reported_with_the_command_that_starts_it() {
     let dir = folder();
     let jobs = dir.path().join("jobs");
     small_jobs(&jobs, 1);
@@ -436,7 +436,7 @@ fn two_thousand_small_units_are_grouped() {
     assert_eq!(done.status.code(), Some(0), "{}", said(&done));
     assert_eq!(report(&done)["compiled"], 2000);
     let text = said(&done);
-    let line = text.lines().find(|line| line.starts_with("2000 units in ")).expect("the groups are told");
+    let line = text.lines().find(|line| line.starts_with("2000 units in ")).expect("a line with the groups");
     let groups: usize = line.split(' ').nth(3).and_then(|n| n.parse().ok()).expect("a number");
     assert!((16..=200).contains(&groups), "{line}");
     (0..2000).step_by(97).for_each(|i| assert_whole(&out.join(format!("s{i}.job"))));

@@ -149,7 +149,7 @@ fn marks_of_the_article_take_as_long_in_every_upright_system() {
         std::fs::write(&path, text).expect("a writable folder");
         number(&summary_of(&path), "fragments")
     };
-    // Of bands each runs at a speed of its own, of which the slowest is told.
+    // Of bands each runs at a speed of its own, of which the slowest is stated.
     let systems = UPRIGHT[..5].join(",");
     let found = compared(&job(dir.path(), 8, hills, &machine, ""), &systems);
     let minutes = |row: &Value| number(row, "mark_s") * number(row, "speed_percent") / 100.0 / 60.0;

@@ -38,15 +38,15 @@ fn what_other_directions_would_save_is_about_what_they_do() {
         let found = planned(&job(dir.path(), height, "0 deg"));
         let HatchSaving { contour_s, turned } = HatchSaving::of(&found);
         let total = found.summary.time_s.total;
-        let along = contour_s.map(|told| ("contour".to_owned(), told));
-        let turned = turned.map(|(deg, told)| (format!("{deg} deg"), told));
-        for (direction, told) in along.into_iter().chain(turned) {
+        let along = contour_s.map(|printed| ("contour".to_owned(), printed));
+        let turned = turned.map(|(deg, printed)| (format!("{deg} deg"), printed));
+        for (direction, printed) in along.into_iter().chain(turned) {
             let [all, cuts] = saved(dir.path(), height, &found, &direction);
             println!(
-                "{name} {direction}: {told:.1} s told, {all:.1} s, {cuts:.1} s of it delays and jumps, of {total:.0} s"
+                "{name} {direction}: {printed:.1} s printed, {all:.1} s, {cuts:.1} s of it delays and jumps, of {total:.0} s"
             );
-            assert!(told > 0.03 * total);
-            assert!((told - cuts).abs() < 0.35 * cuts, "{name} {direction}: {told} {cuts}");
+            assert!(printed > 0.03 * total);
+            assert!((printed - cuts).abs() < 0.35 * cuts, "{name} {direction}: {printed} {cuts}");
         }
     }
 }

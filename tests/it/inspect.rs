@@ -25,7 +25,7 @@ fn inspect_describes_surfaces_drawings_jobs_and_folders() {
     assert_eq!((&stl["kind"], &stl["facets"]), (&"surface".into(), &1.into()));
     assert_eq!(stl["hi_mm"], serde_json::json!([2.0, 3.0, 1.0]));
     assert_eq!((&stl["steep_percent"], &stl["down_percent"]), (&0.0.into(), &0.0.into()));
-    // Without a unit nothing is said to be mm; 3 in is a part, 3 mm is none.
+    // Without a unit nothing is said to be mm; 3 in is a part, 3 mm is not.
     let stl = shown(&["a.stl"]);
     assert_eq!((&stl["hi"], &stl["hi_mm"]), (&serde_json::json!([2.0, 3.0, 1.0]), &Value::Null));
     assert_eq!((&stl["unit"], &stl["likely_unit"]), (&Value::Null, &"in".into()));
@@ -123,7 +123,8 @@ fn inspect_lists_what_a_texture_can_choose() {
             done(at, &["check", "only.toml"]);
         }
     }
-    // DXF: a wide polyline along its centre, in the unit that is given; what is refused whatever the job says is an error.
+    // DXF: a wide polyline along its centre, in the unit that is given; what is refused whatever the job says is an
+    // error.
     let dxf = shown(&["wide.dxf", "--unit", "cm"]);
     assert_eq!((&dxf["strokes"], &dxf["length_mm"]), (&1.into(), &50.0.into()));
     assert_eq!((&dxf["refused"][0]["code"], names(&dxf)[1].0.as_str()), (&"dxf-mesh".into(), "layer:Rim"));

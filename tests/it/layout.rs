@@ -225,12 +225,12 @@ fn assert_unmarked_is_red(mode: &str, reasons: usize) {
     let mut all = Vec::new();
     texts(tree.root(), false, &mut all);
     let words: Vec<&str> = all.iter().map(|t| t.words.as_str()).collect();
-    let told = words.join(" | ");
+    let printed = words.join(" | ");
     // 6,035 mm of texture: 71 lines of 85 mm.
     for (reason, share, x) in
         [("off the part", 14.0, "x 10 to 95"), ("over a hole", 7.4, "x 18 to 42"), ("too steep", 10.1, "x 70 to 80")]
     {
-        let at = words.iter().position(|w| *w == reason).unwrap_or_else(|| panic!("{mode}: {reason} in {told}"));
+        let at = words.iter().position(|w| *w == reason).unwrap_or_else(|| panic!("{mode}: {reason} in {printed}"));
         let of: String = words[at + 1..(at + 4).min(words.len())].join(" ");
         let stated = of.split('%').next().and_then(|w| w.trim().rsplit(' ').next()?.parse::<f64>().ok());
         assert!(stated.is_some_and(|v| (v - share).abs() < 0.5), "{mode}, {reason}: {of}");

@@ -74,7 +74,7 @@ const TRIED: [(&str, &str, &str); 62] = [
         "crates/input/src/texture/hpgl/tests.rs",
         "a_point_of_a_wide_pen_is_a_disc",
     ),
-    ("wedges are not read", "crates/input/src/texture/hpgl/tests.rs", "pens_fills_and_faults_are_told"),
+    ("wedges are not read", "crates/input/src/texture/hpgl/tests.rs", "pens_fills_and_faults_are_reported"),
     ("does not fill tiles", "tests/it/limits.rs", "contours_do_not_fill_tiles"),
     (
         "of blocks are not read",

@@ -14,7 +14,7 @@ fn run(dir: &Path, args: &[&str]) -> Output {
 }
 
 /// What is said of a command that fails with exit code 2: each message with its help.
-fn told(dir: &Path, args: &[&str]) -> Vec<[String; 2]> {
+fn refusals(dir: &Path, args: &[&str]) -> Vec<[String; 2]> {
     let out = run(dir, &[args, &["--json"]].concat());
     assert_eq!(out.status.code(), Some(2), "{args:?}: {}", said(&out));
     let failure: Value = serde_json::from_slice(&out.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&out)));
@@ -36,11 +36,11 @@ fn of_job(from: &str, to: &str) -> Vec<[String; 2]> {
     let dir = sample();
     assert!(SAMPLE_JOB.contains(from), "{from}");
     std::fs::write(dir.path().join("job.toml"), SAMPLE_JOB.replacen(from, to, 1)).expect("written");
-    told(dir.path(), &["check", "job.toml"])
+    refusals(dir.path(), &["check", "job.toml"])
 }
 
 #[test]
-fn single_tables_for_lists_and_lists_for_tables_are_told_with_what_to_write() {
+fn single_tables_for_lists_and_lists_for_tables_are_reported_with_what_to_write() {
     for (from, to, hint) in [
         ("[[texture]]", "[texture]", "write [[texture]]"),
         ("[[pen]]", "[pen]", "write [[pen]]"),
@@ -60,19 +60,19 @@ fn single_tables_for_lists_and_lists_for_tables_are_told_with_what_to_write() {
     std::fs::write(dir.path().join("job.toml"), job).expect("written");
     for (from, to, hint) in [("[lens]", "[[lens]]", "write [lens]"), ("[stage.x]", "[[stage.x]]", "write [stage.x]")] {
         std::fs::write(dir.path().join("m.toml"), machine.replacen(from, to, 1)).expect("written");
-        let found = told(dir.path(), &["check", "job.toml"]);
+        let found = refusals(dir.path(), &["check", "job.toml"]);
         assert!(matches!(&found[..], [[_, help]] if help == hint), "{to}: {found:?}");
     }
     // One axis alone cannot be a table of its own: the second has nothing to be added to.
     let one = machine.replacen("[[tilt.axes]]", "[tilt.axes]", 1);
     let second = one.find("[[tilt.axes]]").expect("a second axis");
     std::fs::write(dir.path().join("m.toml"), &one[..second]).expect("written");
-    let found = told(dir.path(), &["check", "job.toml"]);
+    let found = refusals(dir.path(), &["check", "job.toml"]);
     assert!(found.iter().any(|[_, help]| help == "write [[tilt.axes]]"), "{found:?}");
 }
 
 #[test]
-fn tables_that_are_missing_are_told_all_at_once() {
+fn tables_that_are_missing_are_reported_all_at_once() {
     let dir = sample();
     let without = |heads: &[&str]| {
         let mut keep = true;
@@ -87,7 +87,7 @@ fn tables_that_are_missing_are_told_all_at_once() {
             .map(|line| format!("{line}\n"))
             .collect();
         std::fs::write(dir.path().join("job.toml"), text).expect("written");
-        told(dir.path(), &["check", "job.toml"])
+        refusals(dir.path(), &["check", "job.toml"])
     };
     for (head, help) in [
         ("[[pen]]", "add a [[pen]] at the end of the file"),
@@ -147,7 +147,7 @@ fn typographic_quotes_are_named() {
 }
 
 #[test]
-fn files_of_other_encodings_are_told_with_line_and_remedy() {
+fn files_of_other_encodings_are_reported_with_line_and_remedy() {
     let dir = sample();
     let at = |name: &str| dir.path().join(name);
     let utf16 = |text: &str| -> Vec<u8> {
@@ -155,13 +155,13 @@ fn files_of_other_encodings_are_told_with_line_and_remedy() {
     };
     // Windows PowerShell 5 writes such files with `>`.
     std::fs::write(at("wide.toml"), utf16(SAMPLE_JOB)).expect("written");
-    let found = told(dir.path(), &["check", "wide.toml"]);
+    let found = refusals(dir.path(), &["check", "wide.toml"]);
     assert!(found[0][0].ends_with("not UTF-8 text: it is UTF-16") && found[0][1].contains("-o FILE"), "{found:?}");
     let machine = terrace_core::machine::PROFILES[0].1;
     let job = SAMPLE_JOB.replace("profile = \"xyz-galvo-40\"", "file = \"m.toml\"");
     std::fs::write(at("job.toml"), job).expect("written");
     std::fs::write(at("m.toml"), utf16(machine)).expect("written");
-    let found = told(dir.path(), &["check", "job.toml"]);
+    let found = refusals(dir.path(), &["check", "job.toml"]);
     assert!(found[0][0].starts_with("the machine file is not UTF-8 text: it is UTF-16"), "{found:?}");
     let latin: Vec<u8> = format!("# spot of 20 \u{b5}m\n{machine}").chars().map(|c| c as u32 as u8).collect();
     std::fs::write(at("m.toml"), latin).expect("written");
@@ -175,29 +175,29 @@ fn files_of_other_encodings_are_told_with_line_and_remedy() {
 }
 
 #[test]
-fn a_surface_or_folder_in_place_of_the_job_file_is_told_with_what_was_meant() {
+fn a_surface_or_folder_in_place_of_the_job_file_is_reported_with_what_was_meant() {
     let dir = sample();
     std::fs::create_dir(dir.path().join("sub")).expect("made");
     for command in ["check", "compile", "preview", "orient", "compare"] {
-        let found = told(dir.path(), &[command, "sample.stl"]);
+        let found = refusals(dir.path(), &[command, "sample.stl"]);
         assert_eq!(found, [["this is an STL file, not a job file", "did you mean job.toml?"]], "{command}");
-        let found = told(dir.path(), &[command, "sample.svg"]);
+        let found = refusals(dir.path(), &[command, "sample.svg"]);
         assert_eq!(found[0][0], "this is an SVG drawing, not a job file", "{command}");
-        let found = told(dir.path(), &[command, "."]);
+        let found = refusals(dir.path(), &[command, "."]);
         assert_eq!(found, [["this is a folder, not a job file", "did you mean job.toml?"]], "{command}");
-        assert!(told(dir.path(), &[command, "sub"])[0][1].starts_with("name a job file"), "{command}");
+        assert!(refusals(dir.path(), &[command, "sub"])[0][1].starts_with("name a job file"), "{command}");
     }
-    let found = told(dir.path(), &["sweep", "sample.stl", "--set", "focus.pdof=50um,70um"]);
+    let found = refusals(dir.path(), &["sweep", "sample.stl", "--set", "focus.pdof=50um,70um"]);
     assert_eq!(found[0][1], "did you mean job.toml?");
     let out = run(dir.path(), &["machines", "xyz-galvo-40", "-o", "mill.toml"]);
     assert!(out.status.success(), "{}", said(&out));
-    assert_eq!(told(dir.path(), &["check", "mill.toml"])[0][0], "this is a machine file, not a job file");
+    assert_eq!(refusals(dir.path(), &["check", "mill.toml"])[0][0], "this is a machine file, not a job file");
 }
 
 #[test]
-fn a_job_file_in_place_of_its_folder_is_told_with_the_folder() {
+fn a_job_file_in_place_of_its_folder_is_reported_with_the_folder() {
     let dir = sample();
-    let made = told(dir.path(), &["verify", "job.toml"]);
+    let made = refusals(dir.path(), &["verify", "job.toml"]);
     assert_eq!(
         made,
         [["this is a job file, not a job folder", "make its folder first: terrace compile job.toml --verify"]]
@@ -213,11 +213,11 @@ fn a_job_file_in_place_of_its_folder_is_told_with_the_folder() {
         &["verify", "job.jbo"],
         &["verify", "job.job/manifest.json"],
     ] {
-        let found = told(dir.path(), args);
+        let found = refusals(dir.path(), args);
         assert!(matches!(&found[..], [[_, help]] if help == "did you mean job.job?"), "{args:?}: {found:?}");
     }
     assert_eq!(
-        told(dir.path(), &["check", "job.job"])[0],
+        refusals(dir.path(), &["check", "job.job"])[0],
         ["this is a job folder, not a job file", "did you mean job.toml?"]
     );
 }
@@ -226,7 +226,7 @@ fn a_job_file_in_place_of_its_folder_is_told_with_the_folder() {
 fn a_run_file_that_is_missing_has_the_help_of_a_command_line() {
     let dir = sample();
     assert!(run(dir.path(), &["compile", "job.toml"]).status.success());
-    let found = told(dir.path(), &["run", "job.job", "--with", "shop.toml"]);
+    let found = refusals(dir.path(), &["run", "job.job", "--with", "shop.toml"]);
     assert!(!found[0][1].contains("job file") && found[0][1].contains("shop.toml"), "{found:?}");
     // What a job names is relative to it.
     let found = of_job("sample.stl", "part.stl");
@@ -234,11 +234,11 @@ fn a_run_file_that_is_missing_has_the_help_of_a_command_line() {
 }
 
 #[test]
-fn a_key_without_its_table_is_told_with_it() {
+fn a_key_without_its_table_is_reported_with_it() {
     let dir = sample();
-    let found = told(dir.path(), &["sweep", "job.toml", "--set", "pdof=50um,70um"]);
+    let found = refusals(dir.path(), &["sweep", "job.toml", "--set", "pdof=50um,70um"]);
     assert_eq!(found[0][1], "did you mean focus.pdof?");
-    let found = told(dir.path(), &["sweep", "job.toml", "--set", "pitch=50um,70um"]);
+    let found = refusals(dir.path(), &["sweep", "job.toml", "--set", "pitch=50um,70um"]);
     assert_eq!(found[0][1], "did you mean texture.0.pitch?");
 }
 
@@ -280,7 +280,7 @@ fn colours_on_a_terminal_follow_the_environment() {
         assert!(!seen(args, &[("TERM", "dumb")]), "{args}");
         assert!(seen(&format!("--color always {args}"), &[("NO_COLOR", "1")]), "{args}");
         assert!(!seen(&format!("--color never {args}"), &[]), "{args}");
-        assert!(seen(args, &[("NO_COLOR", "")]), "an empty NO_COLOR is none: {args}");
+        assert!(seen(args, &[("NO_COLOR", "")]), "an empty NO_COLOR counts as unset: {args}");
     }
 }
 
@@ -297,10 +297,10 @@ fn files_to_start_from_are_written_in_utf8_without_a_shell() {
         assert!(out.status.success(), "{args:?}: {}", said(&out));
         assert_eq!(std::fs::read(dir.path().join(name)).expect("a file"), printed.stdout, "{args:?}");
         // What lies there may be the machine of a shop.
-        let again = told(dir.path(), &[args, &["-o", name]].concat());
+        let again = refusals(dir.path(), &[args, &["-o", name]].concat());
         assert_eq!(again[0][0], "the file exists already", "{args:?}");
     }
-    assert!(told(dir.path(), &["machines", "-o", "x.toml"])[0][0].contains("needs the name"));
+    assert!(refusals(dir.path(), &["machines", "-o", "x.toml"])[0][0].contains("needs the name"));
 }
 
 #[test]
@@ -380,7 +380,7 @@ fn candidates_show_what_they_were_compared_by() {
 }
 
 #[test]
-fn keys_without_effect_are_told_once() {
+fn keys_without_effect_are_reported_once() {
     let dir = sample();
     let job = SAMPLE_JOB.replacen("pdof = \"0.07 mm\"", "pdof = \"0.07 mm\"\nfactor = 5", 1);
     std::fs::write(dir.path().join("job.toml"), job).expect("written");
@@ -450,11 +450,11 @@ fn pipes_in_place_of_files_are_refused_and_not_waited_for() {
         assert!(Command::new("mkfifo").arg(dir.path().join(name)).status().expect("mkfifo").success());
     };
     pipe("job.job/blocks/B0002.dxf");
-    let found = told(dir.path(), &["resume", "job.job", "--from", "B0002", "-o", "rest.job"]);
+    let found = refusals(dir.path(), &["resume", "job.job", "--from", "B0002", "-o", "rest.job"]);
     assert_eq!(found[0][0], "this is not a regular file");
     std::fs::remove_dir_all(dir.path().join("job.job")).expect("removed");
     pipe(".job.job.lock");
-    assert!(told(dir.path(), &["compile", "job.toml"])[0][0].starts_with("cannot lock the output"));
+    assert!(refusals(dir.path(), &["compile", "job.toml"])[0][0].starts_with("cannot lock the output"));
     std::fs::remove_file(dir.path().join(".job.job.lock")).expect("removed");
     // The claim of a batch is not needed to compile, and is not opened.
     pipe(".job.job.claim");

@@ -36,7 +36,8 @@ impl Active {
     }
 }
 
-/// Runs the interpreter once. It is killed (SIGBUS) at times where another one begins: all share the file of their tools.
+/// Runs the interpreter once. It is killed (SIGBUS) at times where another one begins: all share the file of their
+/// tools.
 fn run_interpreter(before: &str, program: &str) -> Output {
     let (venv, dir) = (readers(), folder());
     let path = dir.path().join("program.ngc");
@@ -164,7 +165,7 @@ fn stage_program_with_stops_goes_to_the_same_places_with_grbl_whatever_was_activ
         for entered in ["G92 X5 Y5", "G10 L2 P2 X-7 Y-7 Z-7\nG55", "G43.1 Z-10", "G43.1 Z-10\nG92 Z3\nG55"] {
             assert_eq!(places(entered), clean, "{name}: {entered}");
         }
-        // The simulator obeys what it is told: without the line that cancels it, it goes elsewhere.
+        // The simulator does what the program says: without the line that cancels it, it goes elsewhere.
         let damaged = program.replace("G92.1\n", "");
         let dir = folder();
         let simulator = Simulator::at(&dir.path().join("grbl.log"));

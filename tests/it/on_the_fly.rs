@@ -272,7 +272,7 @@ fn continuous_turntable_goes_round_as_often_as_a_stroke_does() {
     for (a, m) in absolute.iter().zip(modulo) {
         assert!((0.0..360.0).contains(m) && (a - m).rem_euclid(360.0).min((m - a).rem_euclid(360.0)) < 1e-6, "{a} {m}");
     }
-    // An angle beyond a turn is none that such a controller takes.
+    // Such a controller does not take an angle beyond a turn.
     let path = dir.path().join("made.job/fly.pmc");
     let text = std::fs::read_to_string(&path).expect("a program");
     let beyond = text.rfind(" C").map(|at| format!("{}{}", &text[..at], text[at..].replacen(" C", " C3", 1)));
@@ -398,7 +398,7 @@ fn marks_at_the_scanners_own_speeds_and_short_moves_keep_their_limits() {
 
 /// The spot slows down at corners with the laser on: the figures say so, and verify finds them again.
 #[test]
-fn marks_that_slow_down_are_told_with_their_energy_and_verify_holds_the_figures() {
+fn marks_that_slow_down_are_reported_with_their_energy_and_verify_holds_the_figures() {
     let dir = folder();
     write_stl(&dir.path().join("part.stl"), &mesh(4, [-6.0, -6.0, 6.0, 6.0], |_, _| 0.0));
     let path = job(dir.path(), "xyzac-galvo-10", "0.5 mm", "3000 mm/s", "2 mm", "");
@@ -429,14 +429,14 @@ fn marks_that_slow_down_are_told_with_their_energy_and_verify_holds_the_figures(
         let value = number(&manifest["summary"]["line_energy"], key);
         manifest["summary"]["line_energy"][key] = (value * factor + 1e-3).into();
         std::fs::write(&file, manifest.to_string()).expect("written");
-        let told = said(&terrace(&["verify", out.to_str().expect("text")]));
-        assert!(told.contains(&format!("line_energy.{key} is given as")), "{key}: {told}");
+        let printed = said(&terrace(&["verify", out.to_str().expect("text")]));
+        assert!(printed.contains(&format!("line_energy.{key} is given as")), "{key}: {printed}");
         std::fs::write(&file, kept).expect("written");
     }
 }
 
-/// With power that follows the speed of the spot every length of a line gets as much, in both programs; a power that does
-/// not follow is found.
+/// With power that follows the speed of the spot every length of a line gets as much, in both programs; a power that
+/// does not follow is found.
 #[test]
 fn power_that_follows_the_speed_is_written_for_both_controllers_and_held_by_verify() {
     let dir = folder();
@@ -468,8 +468,8 @@ fn power_that_follows_the_speed_is_written_for_both_controllers_and_held_by_veri
     ] {
         std::fs::write(out.join(name), text.replacen(&from, &to, 1)).expect("written");
     }
-    let told = said(&terrace(&["verify", out.to_str().expect("text")]));
-    assert!(told.contains("a mark does not have the power that its speed asks for"), "{told}");
+    let printed = said(&terrace(&["verify", out.to_str().expect("text")]));
+    assert!(printed.contains("a mark does not have the power that its speed asks for"), "{printed}");
     // A stepped job has no such thing.
     let stepped = terrace(&["check", &path]);
     assert!(said(&stepped).contains("error[emit-power]"), "{}", said(&stepped));

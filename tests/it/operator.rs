@@ -1,4 +1,4 @@
-//! Who loads the blocks: stated once, in the machine file, and told alike by every page of a job folder.
+//! Who loads the blocks: stated once, in the machine file, and shown alike on every page of a job folder.
 
 use std::path::{Path, PathBuf};
 
@@ -241,8 +241,8 @@ fn a_built_in_machine_assumes_terrace_run_and_every_page_says_so() {
         unused: "\"run\": stage.ngc, job.ovf.",
     };
     pages_follow(&out, &assumed);
-    let told = said(&terrace([Path::new("check"), &job]));
-    assert!(told.contains("(assumed: state operator.way in the machine file)\nin all "), "{told}");
+    let printed = said(&terrace([Path::new("check"), &job]));
+    assert!(printed.contains("(assumed: state operator.way in the machine file)\nin all "), "{printed}");
 }
 
 #[test]
@@ -288,14 +288,15 @@ fn a_way_that_formats_or_machine_do_not_serve_is_refused_at_its_line_before_plan
             text.surface = "file = \"absent.stl\"\nunit = \"mm\"".into();
         }
         let done = terrace([Path::new("check"), &text.write(dir.path(), "wave.toml")]);
-        let told = said(&done);
+        let printed = said(&done);
         match fault {
-            None => assert!(done.status.success(), "{operator} {formats}: {told}"),
+            None => assert!(done.status.success(), "{operator} {formats}: {printed}"),
             Some(fault) => {
-                assert_eq!(done.status.code(), Some(2), "{told}");
-                let place =
-                    told.contains("error[operator-way]") && told.contains("machine-") && told.contains("| way = ");
-                assert!(place && told.contains(fault), "{operator} {formats}: {told}");
+                assert_eq!(done.status.code(), Some(2), "{printed}");
+                let place = printed.contains("error[operator-way]")
+                    && printed.contains("machine-")
+                    && printed.contains("| way = ");
+                assert!(place && printed.contains(fault), "{operator} {formats}: {printed}");
             }
         }
     }
@@ -308,8 +309,11 @@ fn a_way_that_formats_or_machine_do_not_serve_is_refused_at_its_line_before_plan
         let mut text = wave(dir.path());
         text.machine = machine(dir.path(), profile, operator, &format!("[controller]\ndialect = {dialect:?}\n"));
         let done = terrace([Path::new("check"), &text.write(dir.path(), "wave.toml")]);
-        let told = said(&done);
-        assert!(told.contains(&format!("error[{code}]")) && told.contains(":") && !done.status.success(), "{told}");
+        let printed = said(&done);
+        assert!(
+            printed.contains(&format!("error[{code}]")) && printed.contains(":") && !done.status.success(),
+            "{printed}"
+        );
     }
 }
 
@@ -337,24 +341,24 @@ fn blocks_with_a_focus_shift_are_refused_where_the_handshake_would_start_them_ou
             ..JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"")
         };
         let done = terrace([Path::new("check"), &text.write(dir.path(), "dome.toml")]);
-        let told = said(&done);
-        assert_eq!(done.status.success(), kind != "error", "{operator} {formats}: {told}");
+        let printed = said(&done);
+        assert_eq!(done.status.success(), kind != "error", "{operator} {formats}: {printed}");
         for word in ["error", "warning"] {
-            let is_told = told.contains(&format!("{word}[focus-shift-lost]"));
-            assert_eq!(is_told, word == kind, "{operator} {formats}: {told}");
+            let is_warned = printed.contains(&format!("{word}[focus-shift-lost]"));
+            assert_eq!(is_warned, word == kind, "{operator} {formats}: {printed}");
         }
     }
 }
 
 #[test]
-fn light_burn_is_told_the_field_that_its_device_must_have() {
+fn the_run_sheet_states_the_field_that_the_device_of_lightburn_must_have() {
     let dir = folder();
     let stl = dir.path().join("plane.stl");
     write_stl(&stl, &mesh(4, [0.0, 0.0, 20.0, 20.0], |_, _| 0.0));
     let profile =
         machine_file("xyz-galvo-40").replacen("field = [\"40 mm\", \"40 mm\"]", "field = [\"70 mm\", \"50 mm\"]", 1);
     std::fs::write(dir.path().join("wide.toml"), profile).expect("a writable folder");
-    for (formats, is_told) in [("\"lightburn\", \"linuxcnc\"", true), ("\"dxf\", \"linuxcnc\"", false)] {
+    for (formats, is_warned) in [("\"lightburn\", \"linuxcnc\"", true), ("\"dxf\", \"linuxcnc\"", false)] {
         let text = JobText {
             machine: "file = \"wide.toml\"".into(),
             more: format!("[emit]\nformats = [{formats}]\n"),
@@ -364,8 +368,8 @@ fn light_burn_is_told_the_field_that_its_device_must_have() {
         compile(&text.write(dir.path(), "plane.toml"), &out);
         let sheet = std::fs::read_to_string(out.join("runsheet.txt")).expect("a run sheet");
         let line = "LightBurn: the working area of the device must be 70 x 50 mm";
-        assert_eq!(sheet.contains(line) && sheet.contains("about the point 35 25 mm"), is_told, "{sheet}");
-        if is_told {
+        assert_eq!(sheet.contains(line) && sheet.contains("about the point 35 25 mm"), is_warned, "{sheet}");
+        if is_warned {
             let block = std::fs::read_to_string(out.join("blocks/B0001.lbrn2")).expect("a project");
             assert!(block.contains("1 0 0 1 35.000000 25.000000"), "{block}");
         }

@@ -62,8 +62,8 @@ fn each_section_is_visited_once_where_z_moves_are_fast() {
     distinct.dedup();
     let moves = places.windows(2).filter(|w| w[0] != w[1]).count();
     assert_eq!(moves, distinct.len() - 1);
-    // Stops that share a place and a focal plane are no move; the stage comes from the centre of its travel, which may
-    // be over the first.
+    // Stops that share a place and a focal plane are not a move; the stage comes from the centre of its travel, which
+    // may be over the first.
     let at = |i: usize| (program.blocks[i].stop.centre, program.blocks[i].stop.focus);
     let rest = (1..places.len()).filter(|&i| places[i] == places[i - 1] && at(i) != at(i - 1)).count();
     let whole = distinct.len() as f64 * 3.7 + rest as f64 * 0.3;

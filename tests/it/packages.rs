@@ -24,8 +24,8 @@ fn fault(was: &str, name: &str, file: &Path, picture: &Result<Picture, String>, 
         }
         Err(e) => match load(file, Size::Mm([SIDE; 2]), SPOT, Marking::default()) {
             Ok((_, notes)) => {
-                let is_told = WITHOUT_A_NAMESPACE.iter().any(|known| name.ends_with(known));
-                let is_right = is_told && codes(&notes).contains("svg-namespace");
+                let is_warned = WITHOUT_A_NAMESPACE.iter().any(|known| name.ends_with(known));
+                let is_right = is_warned && codes(&notes).contains("svg-namespace");
                 return (!is_right).then(|| format!("is read, Chromium says: {e}"));
             }
             Err(e) => Verdict::Refused(codes(e.diags())),

@@ -17,8 +17,8 @@ fn mean(values: &[f64]) -> f64 {
     (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
 }
 
-/// Stops of a smooth hatch over one of the five surfaces, by contour as the article has it and by window, and their lower
-/// bound: the method with the fewest is kept.
+/// Stops of a smooth hatch over one of the five surfaces, by contour as the article has it and by window, and their
+/// lower bound: the method with the fewest is kept.
 fn fewest(dir: &Path, name: &str, cells: usize, pitch: &str) -> [f64; 3] {
     let z = FIVE.iter().find(|(n, _)| *n == name).expect("one of the five").1;
     let stl = dir.join("part.stl");
@@ -288,7 +288,7 @@ fn stops_for_90_000_whole_figures_stay_within_the_measured_figures() {
     }
 }
 
-/// Places along x at which the lines of a hatch are cut, from program.txt: ends that are no ends of lines.
+/// Places along x at which the lines of a hatch are cut, from program.txt: ends that are not ends of lines.
 fn cuts(folder: &Path, from: f64, to: f64) -> Vec<f64> {
     let text = std::fs::read_to_string(folder.join("program.txt")).expect("program.txt");
     let mut centre = 0.0;
@@ -377,8 +377,8 @@ fn seams_overlap_by_what_the_job_declares() {
         let words: Vec<f64> = text.split(' ').filter_map(|w| w.parse().ok()).collect();
         assert!(words[1] == cuts && words[0] <= 0.005 * cuts, "{text}");
         assert!(number(&summary, "stops") <= 1.1 * number(&butt, "stops"), "{method}");
-        // What is marked twice is not a seam of its own: that would double the length. Mergers, of which there are others
-        // with overlaps, take some of it away.
+        // What is marked twice is not a seam of its own: that would double the length. Mergers, of which there are
+        // others with overlaps, take some of it away.
         let lengths = [&butt, &summary].map(|s| number(s, "seam_mm") / number(s, "stops"));
         assert!((lengths[0] / lengths[1] - 1.0).abs() < 0.1, "{method}: {lengths:?}");
     }

@@ -1,5 +1,5 @@
-//! Where stops stand: marks about the axis, the part in the middle of the travel, moves that share coordinates, and what
-//! the summary tells of it.
+//! Where stops stand: marks about the axis, the part in the middle of the travel, moves that share coordinates, and
+//! what the summary tells of it.
 
 use std::path::Path;
 
@@ -116,7 +116,7 @@ fn settling_by_axis_counts_what_has_moved() {
         (number(&summary["time_s"], "settle"), number(&summary, "stops"), folder)
     };
     let (one, stops, _) = settle("settle = \"0.2 s\"");
-    // A stop over the place and in the focal plane of the one before is no move.
+    // A stop over the place and in the focal plane of the one before is not a move.
     assert!(one <= 0.2 * stops + 1e-6 && one > 0.195 * stops, "{one} for {stops} stops");
     let (two, stops, folder) = settle("settle = { xy = \"0.2 s\", z = \"0.06 s\" }");
     assert!(two > 0.06 * stops && two < 0.2 * stops, "{two} for {stops} stops");

@@ -127,7 +127,7 @@ fn patterns_over_the_part_are_not_held_to_the_limit_off_it_and_drawings_are_each
 }
 
 /// The codes of errors and warnings, and what is said.
-fn told(job: &Path) -> (Vec<String>, String) {
+fn printed(job: &Path) -> (Vec<String>, String) {
     let text = said(&check(job));
     let codes = text.lines().filter_map(|l| {
         let (kind, rest) = l.split_once('[')?;
@@ -137,7 +137,7 @@ fn told(job: &Path) -> (Vec<String>, String) {
 }
 
 #[test]
-fn drawings_and_curves_of_a_size_that_does_not_go_with_the_part_are_told_once_with_the_key_to_set() {
+fn drawings_and_curves_of_a_size_that_does_not_go_with_the_part_are_reported_once_with_the_key_to_set() {
     let dir = folder();
     let square = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"40mm\" height=\"40mm\" viewBox=\"0 0 40 40\">\
                   <path d=\"M1 1H39V39H1Z\" stroke=\"#000\" stroke-width=\".01\" fill=\"none\"/></svg>";
@@ -181,19 +181,19 @@ fn drawings_and_curves_of_a_size_that_does_not_go_with_the_part_are_told_once_wi
         let mut job = panel(dir.path());
         job.focus = "pdof = \"3 mm\"".into();
         job.textures = vec![texture.clone()];
-        let (codes, text) = told(&job.write(dir.path(), "job.toml"));
+        let (codes, text) = printed(&job.write(dir.path(), "job.toml"));
         let wanted: Vec<&str> = Some(code).filter(|c| !c.is_empty()).into_iter().collect();
         assert!(codes == wanted && text.contains(says), "{texture}: {codes:?}, not {wanted:?} and {says:?}: {text}");
     }
     // Most of it lies off the part: the refusal says why.
     let mut job = panel(dir.path());
     job.textures = vec!["file = \"square.svg\"\nscale = 10\norigin = [\"10 mm\", \"10 mm\"]".into()];
-    let (codes, text) = told(&job.write(dir.path(), "job.toml"));
+    let (codes, text) = printed(&job.write(dir.path(), "job.toml"));
     assert!(codes == ["off-part"] && text.contains("a factor of 25.4: set scale = 0.393701"), "{codes:?}: {text}");
 }
 
 #[test]
-fn months_of_work_and_marks_on_marks_are_told_with_their_texture() {
+fn months_of_work_and_marks_on_marks_are_reported_with_their_texture() {
     let dir = folder();
     let lines = |step: f64| (0..1000).map(|i| format!("M{} 1v.2", 1.0 + f64::from(i) * step)).collect::<String>();
     let drawing = |lines: &str| {
@@ -211,7 +211,7 @@ fn months_of_work_and_marks_on_marks_are_told_with_their_texture() {
         let changed = text.replace("1000 mm/s", speed);
         assert!(changed != text || speed == "1000 mm/s");
         std::fs::write(&path, changed + &format!("[passes]\ncount = {passes}\n")).expect("writable");
-        told(&path)
+        printed(&path)
     };
     // 200 mm under a spot of 0.02 mm on a box of 0.12 x 0.22 mm: 152 times.
     drawing(&lines(1e-4));
@@ -438,7 +438,7 @@ fn what_a_card_would_clip_and_what_is_no_number_is_refused_before_anything_is_wr
 }
 
 #[test]
-fn the_same_texture_twice_and_lines_that_a_drawing_repeats_are_told_with_their_length() {
+fn the_same_texture_twice_and_lines_that_a_drawing_repeats_are_reported_with_their_length() {
     let dir = folder();
     let path = |lines: &str| {
         format!(
@@ -457,24 +457,24 @@ fn the_same_texture_twice_and_lines_that_a_drawing_repeats_are_told_with_their_l
             .into();
         accepted(&job.write(dir.path(), "job.toml"))
     };
-    let told = |text: &str, code: &str| text.matches(&format!("warning[{code}]")).count();
+    let printed = |text: &str, code: &str| text.matches(&format!("warning[{code}]")).count();
     let (hatch, once) = ("pattern = \"hatch\"\npitch = \"0.5 mm\"", "file = \"once.svg\"");
     let crossed = "pattern = \"hatch\"\npitch = \"0.5 mm\"\ndirection = \"90 deg\"";
     let text = with(&[hatch, once, crossed, "file = \"once.svg\"\norigin = [\"20 mm\", \"0 mm\"]"]);
     assert_eq!(
-        [told(&text, "texture-twice"), told(&text, "lines-twice"), told(&text, "pen-no-power")],
+        [printed(&text, "texture-twice"), printed(&text, "lines-twice"), printed(&text, "pen-no-power")],
         [0; 3],
         "{text}"
     );
     let text = with(&[hatch, once, hatch]);
-    assert!(told(&text, "texture-twice") == 1 && text.contains("textures 1 and 3 have the same lines"), "{text}");
+    assert!(printed(&text, "texture-twice") == 1 && text.contains("textures 1 and 3 have the same lines"), "{text}");
     // 24 mm around the triangle and the line of 8 mm; another pen does not matter.
     let text = with(&[once, "file = \"once.svg\"\npen = \"other\"", once]);
     assert!(text.contains("textures 1 and 2 have the same lines or dots: 32.000 mm are marked by both"), "{text}");
-    assert!(text.contains("textures 1 and 3 have") && told(&text, "texture-twice") == 2, "{text}");
+    assert!(text.contains("textures 1 and 3 have") && printed(&text, "texture-twice") == 2, "{text}");
     let text = with(&["file = \"again.svg\""]);
     assert!(text.contains("texture 1 has lines or dots more than once: 14.000 mm are marked again"), "{text}");
     let text = with(&[hatch, "file = \"once.svg\"\npen = \"dark\""]);
     let wanted = "texture 2 is marked with pen \"dark\", which has no power";
-    assert!(told(&text, "pen-no-power") == 1 && text.contains(wanted), "{text}");
+    assert!(printed(&text, "pen-no-power") == 1 && text.contains(wanted), "{text}");
 }

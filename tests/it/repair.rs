@@ -1,4 +1,4 @@
-//! Meshes with faults: each kind is mended, told or refused by its rule, through the program.
+//! Meshes with faults: each kind is mended, reported or refused by its rule, through the program.
 
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ fn a_fin_is_refused_with_its_place_and_marked_where_that_is_declared() {
 }
 
 #[test]
-fn cracks_are_told_with_the_weld_that_closes_them() {
+fn cracks_are_reported_with_the_weld_that_closes_them() {
     let dir = folder();
     let path = dir.path().join("cracked.stl");
     let moved = |f: Facet| if f.iter().all(|p| p[0] >= 10.0) { f.map(|[x, y, z]| [x + 0.004, y, z]) } else { f };
@@ -150,8 +150,9 @@ fn faults_of_surfaces_of_other_sources_are_counted() {
     }
 }
 
-/// "5 holes, 10 % flipped, 1 um cracks, 400 duplicates, 200 degenerate + 100 collinear, a fin, 1 stray facet at z=5000". The
-/// collinear ones are off their lines by what f32 rounds; the fin is upright and shares no edge with the sheet.
+/// "5 holes, 10 % flipped, 1 um cracks, 400 duplicates, 200 degenerate + 100 collinear, a fin, 1 stray facet at
+/// z=5000". The collinear ones are off their lines by what f32 rounds; the fin is upright and shares no edge with the
+/// sheet.
 #[test]
 #[ignore = "needs ../shared: make test-all"]
 fn the_dirty_hood_compiles_with_every_fault_counted_and_verifies() {

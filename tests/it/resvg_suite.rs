@@ -36,7 +36,7 @@ enum Exception {
     Told(&'static str),
     /// Chromium's picture is less exact than that of resvg, which is asked instead; with the reason.
     Resvg(#[allow(dead_code, reason = "it is for the reader")] &'static str),
-    /// What else is seen is no part of a drawing; with the reason.
+    /// What else is seen is not a part of a drawing; with the reason.
     Aside(#[allow(dead_code, reason = "it is for the reader")] &'static str),
 }
 use Exception::{Aside, Resvg, Told};

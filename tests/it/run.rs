@@ -128,8 +128,8 @@ impl Bench {
         lines.map(|line| (word(&line, "event"), word(&line, "block"))).collect()
     }
 
-    /// Kills an armed run so many times, each within so many ms of its start, and lets it go on: every block is marked
-    /// once, but for those that were named as in doubt.
+    /// Kills an armed run so many times, each within so many ms of its start, and lets it continue: every block is
+    /// marked once, but for those that were named as in doubt.
     pub fn assert_survives_kills(&self, count: usize, longest_ms: usize) {
         let all = std::fs::read_dir(self.job.join("blocks")).expect("blocks").count();
         let mut random = Random::new(7);
@@ -523,7 +523,7 @@ fn jobs_that_may_not_be_run_are_refused() {
     assert_ended(&bench.run(&["--arm"]), 1, &["run-unverified", "terrace verify"]);
     assert!(shell.control().mdi.is_empty() && bench.journal().is_empty());
     std::fs::write(&drawing, &text).expect("written");
-    // The same while the run goes on: a block before it damages it.
+    // The same while the run continues: a block before it damages it.
     bench.run_file(
         &stage_of(&shell),
         &format!("driver = \"command\"\nformat = \"dxf\"\nmark = ['sh', '-c', 'echo >> {:?}']", drawing.display()),
@@ -731,7 +731,7 @@ fn parts_of_a_series_are_counted_and_each_is_marked_whole() {
     bench.shell_and_command(&shell);
     assert_ended(&bench.run(&["--arm", "--again"]), 0, &["2 of 2 done"]);
     assert_ended(&bench.run(&["--arm", "--again"]), 0, &["2 of 2 done, part 2"]);
-    // The third stops after its first block, and goes on.
+    // The third stops after its first block, and continues.
     let moves = shell.control().mdi.iter().filter(|line| line.starts_with("G21 G90 G53")).count();
     // Lift, to B0001, down, to B0002.
     shell.control().trip = Some((moves + 4, Trip::Error));

@@ -145,16 +145,16 @@ fn check_tells_that_it_did_not_look_at_the_facets_of_a_large_file() {
         squares(n).flat_map(halves).collect()
     };
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"5 mm\"").write(dir.path(), "job.toml");
-    for (n, is_told) in [(500, false), (501, true)] {
+    for (n, is_warned) in [(500, false), (501, true)] {
         write_stl(&stl, &facets(n));
         let out = crate::support::terrace(["check", job.to_str().expect("text"), "--json"]);
         assert!(out.status.success(), "{}", said(&out));
-        assert_eq!(String::from_utf8_lossy(&out.stdout).contains("surface-not-looked-at"), is_told, "{n}");
+        assert_eq!(String::from_utf8_lossy(&out.stdout).contains("surface-not-looked-at"), is_warned, "{n}");
     }
 }
 
 #[test]
-fn a_hole_that_shows_the_underside_is_told_by_check() {
+fn a_hole_that_shows_the_underside_is_reported_by_check() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").write(dir.path(), "job.toml");
@@ -163,12 +163,12 @@ fn a_hole_that_shows_the_underside_is_told_by_check() {
         let out = crate::support::terrace(["check", job.to_str().expect("text"), "--json"]);
         assert!(out.status.success(), "{}", said(&out));
         let summary: Value = serde_json::from_slice(&out.stdout).expect("JSON");
-        let told: Vec<&str> =
+        let printed: Vec<&str> =
             summary["warnings"].as_array().expect("a list").iter().flat_map(|w| w["code"].as_str()).collect();
         let text = String::from_utf8_lossy(&out.stderr).into_owned();
         ["surface-hole", "surface-away", "surface-upside-down"].map(|code| {
-            assert_eq!(told.contains(&code), text.contains(code), "{code}");
-            told.contains(&code)
+            assert_eq!(printed.contains(&code), text.contains(code), "{code}");
+            printed.contains(&code)
         })
     };
     // Seen from outside every facet runs counter-clockwise, as CAD programs write them.

@@ -89,14 +89,37 @@ fn completions_of_every_shell_know_the_values() {
         }
         // Elvish and PowerShell complete commands and options; fish the values of options too, but not of arguments.
         let values: &[&str] = match shell {
-            "bash" | "zsh" => &["on-the-fly", "saturate", "zoom", "xyz-galvo-40", "svg-text"],
-            "fish" => &["on-the-fly", "saturate", "zoom"],
+            "bash" | "zsh" => {
+                &["on-the-fly", "saturate", "zoom", "partition.method=window", "xyz-galvo-40", "svg-text"]
+            }
+            "fish" => &["on-the-fly", "saturate", "zoom", "partition.method=window"],
             _ => &[],
         };
         for value in values {
             assert!(script.contains(value), "{shell}: {value}");
         }
     }
+}
+
+/// The keys that bash completes behind `--set`.
+#[test]
+fn bash_completes_the_keys_of_a_setting() {
+    let dir = folder();
+    let script = done(dir.path(), &["completions", "bash"]);
+    std::fs::write(dir.path().join("terrace.bash"), script).expect("a script");
+    let completed = |typed: &str| {
+        let asked = format!(
+            "source terrace.bash; COMP_WORDS=(terrace sweep job.toml --set '{typed}'); COMP_CWORD=4; \
+             _terrace_with_settings terrace '{typed}' --set; echo \"${{COMPREPLY[@]}}\""
+        );
+        let o =
+            Command::new("bash").current_dir(dir.path()).args(["--norc", "-c", &asked]).output().expect("bash runs");
+        assert!(o.status.success() && o.stderr.is_empty(), "{}", String::from_utf8_lossy(&o.stderr));
+        String::from_utf8(o.stdout).expect("text").trim().to_owned()
+    };
+    assert_eq!(completed("focus.pd"), "focus.pdof=");
+    assert_eq!(completed("partition.obj"), "partition.objective=time partition.objective=stops");
+    assert_eq!(completed("texture.0.dp"), "texture.0.dpi=file texture.0.dpi=");
 }
 
 /// What each command says as JSON where it cannot do what it is asked to.
@@ -157,22 +180,22 @@ fn bulge(dir: &Path, pitch: &str, more: &str, mode: Option<Mode>) -> Job {
         .unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Holds that what was told goes through the phases in order, in each from 0 to 100 percent and never back.
-fn assert_rises<P: Copy + PartialEq + std::fmt::Debug>(told: Mutex<Vec<(P, u8)>>, phases: &[P]) {
-    let told = told.into_inner().expect("nothing broke");
-    let mut order: Vec<P> = told.iter().map(|t| t.0).collect();
+/// Holds that what was reported goes through the phases in order, in each from 0 to 100 percent and never back.
+fn assert_rises<P: Copy + PartialEq + std::fmt::Debug>(reported: Mutex<Vec<(P, u8)>>, phases: &[P]) {
+    let reported = reported.into_inner().expect("nothing broke");
+    let mut order: Vec<P> = reported.iter().map(|t| t.0).collect();
     order.dedup();
     assert_eq!(order, phases);
     for &phase in phases {
-        let percents: Vec<u8> = told.iter().filter(|t| t.0 == phase).map(|t| t.1).collect();
+        let percents: Vec<u8> = reported.iter().filter(|t| t.0 == phase).map(|t| t.1).collect();
         assert!(percents.windows(2).all(|w| w[0] < w[1]), "{phase:?}: {percents:?}");
         assert_eq!((percents[0], percents[percents.len() - 1]), (0, 100), "{phase:?}: {percents:?}");
     }
 }
 
-/// How many percents were told of a phase.
-fn steps_of<P: PartialEq>(told: &Mutex<Vec<(P, u8)>>, phase: &P) -> usize {
-    told.lock().expect("nothing broke").iter().filter(|t| t.0 == *phase).count()
+/// How many percents were reported of a phase.
+fn steps_of<P: PartialEq>(reported: &Mutex<Vec<(P, u8)>>, phase: &P) -> usize {
+    reported.lock().expect("nothing broke").iter().filter(|t| t.0 == *phase).count()
 }
 
 #[test]
@@ -181,22 +204,22 @@ fn percent_rises_from_0_to_100_in_every_phase_of_a_stepped_job_and_its_verificat
     let job = bulge(dir.path(), "0.5 mm", "[passes]\ncount = 3\nrotate = \"30 deg\"\n", None);
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     assert!(phases.contains(&Phase::Passes) && phases.contains(&Phase::Draw), "{phases:?}");
-    let told = Mutex::new(Vec::new());
-    let hear = |phase: Phase, percent: u8| told.lock().expect("nothing broke").push((phase, percent));
+    let reported = Mutex::new(Vec::new());
+    let hear = |phase: Phase, percent: u8| reported.lock().expect("nothing broke").push((phase, percent));
     let plan = plan::plan(job, &hear).unwrap_or_else(|e| panic!("{e}"));
     let target = dir.path().join("bulge.job");
     let unsynced = job_folder::Durability::Unsynced;
     job_folder::write_with(&plan, &target, unsynced, &hear).unwrap_or_else(|e| panic!("{e}"));
     for phase in [Phase::Footprint, Phase::Split, Phase::Order, Phase::Passes, Phase::Write] {
-        let steps = steps_of(&told, &phase);
+        let steps = steps_of(&reported, &phase);
         assert!(steps >= 10, "{phase:?} tells {steps} percents");
     }
-    assert_rises(told, &phases);
-    let told = Mutex::new(Vec::new());
-    let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
-    assert!(terrace_verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
-    assert!(steps_of(&told, &terrace_verify::Phase::Marks) >= 10);
-    assert_rises(told, &terrace_verify::Phase::ALL);
+    assert_rises(reported, &phases);
+    let reported = Mutex::new(Vec::new());
+    let hear = |phase, percent| reported.lock().expect("nothing broke").push((phase, percent));
+    assert!(terrace_verify::verify_with_progress(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
+    assert!(steps_of(&reported, &terrace_verify::Phase::Marks) >= 10);
+    assert_rises(reported, &terrace_verify::Phase::ALL);
 }
 
 #[test]
@@ -204,37 +227,37 @@ fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verif
     let dir = folder();
     let job = bulge(dir.path(), "10 mm", "", Some(Mode::OnTheFly));
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
-    let told = Mutex::new(Vec::new());
-    let hear = |phase: Phase, percent: u8| told.lock().expect("nothing broke").push((phase, percent));
+    let reported = Mutex::new(Vec::new());
+    let hear = |phase: Phase, percent: u8| reported.lock().expect("nothing broke").push((phase, percent));
     let plan = plan::plan(job, &hear).unwrap_or_else(|e| panic!("{e}"));
     let target = dir.path().join("bulge.fly.job");
     let unsynced = job_folder::Durability::Unsynced;
     job_folder::write_with(&plan, &target, unsynced, &hear).unwrap_or_else(|e| panic!("{e}"));
-    assert_rises(told, &phases);
-    let told = Mutex::new(Vec::new());
-    let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
-    assert!(terrace_verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
-    assert_rises(told, &terrace_verify::Phase::ALL);
+    assert_rises(reported, &phases);
+    let reported = Mutex::new(Vec::new());
+    let hear = |phase, percent| reported.lock().expect("nothing broke").push((phase, percent));
+    assert!(terrace_verify::verify_with_progress(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
+    assert_rises(reported, &terrace_verify::Phase::ALL);
 }
 
 #[test]
 fn orient_and_compare_tell_their_progress() {
     let dir = folder();
     let job = bulge(dir.path(), "10 mm", "", None);
-    let told = Mutex::new(Vec::new());
-    let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
+    let reported = Mutex::new(Vec::new());
+    let hear = |phase, percent| reported.lock().expect("nothing broke").push((phase, percent));
     plan::orient::orient(&job, &hear).unwrap_or_else(|e| panic!("{e}"));
-    assert_rises(told, &plan::orient::PHASES);
-    let (told, names) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
+    assert_rises(reported, &plan::orient::PHASES);
+    let (reported, names) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
     let progress = compare::Progress {
         begins: &|name| names.lock().expect("nothing broke").push(name),
-        percent: &|percent| told.lock().expect("nothing broke").push(((), percent)),
+        percent: &|percent| reported.lock().expect("nothing broke").push(((), percent)),
     };
     let asked: Vec<_> = compare::SYSTEMS.iter().copied().filter(|s| ["flat", "z-range"].contains(&s.name)).collect();
     let protection = terrace_plan::on_the_fly::axes::following_error::Protection::ALL[0];
     compare::compare(&job, &asked, protection, None, progress).unwrap_or_else(|e| panic!("{e}"));
-    assert!(steps_of(&told, &()) >= 10);
-    assert_rises(told, &[()]);
+    assert!(steps_of(&reported, &()) >= 10);
+    assert_rises(reported, &[()]);
     assert_eq!(names.into_inner().expect("nothing broke"), ["reading surface and texture", "flat", "z-range"]);
 }
 

@@ -280,7 +280,7 @@ fn what_is_not_marked_is_given_with_its_reason_share_and_place() {
     assert!((share - 100.0 * sum(&["steep"]) / number(&summary, "texture_mm")).abs() < 1e-9, "{share}");
     let lines = page.head["skipped_lines"]["lines"].as_u64().expect("lines") as usize;
     assert!(lines >= 37 + 8 + 37, "{lines} lines");
-    // A pattern over the part's box may leave the part: that is no fault, and its hole is one.
+    // A pattern over the part's box may leave the part: that is not a fault, and its hole is one.
     let mut text = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("z-range");
     text.machine = format!("file = {:?}", dir.path().join("machine.txt").display().to_string());
     std::fs::write(dir.path().join("machine.txt"), machine_file("xyz-galvo-40")).expect("a writable folder");

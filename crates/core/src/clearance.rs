@@ -65,7 +65,7 @@ impl Clearance {
         top.map_or(Nm::MIN, |t| t - self.gap)
     }
 
-    /// As [`Clearance::lowest_focus`] for a standstill over `at` of the part as turned.
+    /// The lowest focal plane of a standstill over `at` of the turned part at which the head keeps clear.
     pub fn lowest_focus_turned(&self, turn: &Turn, at: P2<Turned>) -> Nm {
         let near = |b: &Box2<Turned>| {
             let beyond = |v: i64, lo: i64, hi: i64| Nm((lo - v).max(v - hi).max(0));

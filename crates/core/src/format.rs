@@ -57,9 +57,9 @@ const ROWS: [Row; 10] = [
 ];
 
 impl Format {
-    /// Those of a stepped job that names none.
+    /// The formats of a stepped job that names none.
     pub const OF_STEPPED: [Self; 3] = [Self::Dxf, Self::Linuxcnc, Self::Ovf];
-    /// Those of an on-the-fly job that names none.
+    /// The formats of an on-the-fly job that names none.
     pub const OF_ON_THE_FLY: [Self; 2] = [Self::Linuxcnc, Self::Pmac];
 
     /// All, in the order in which files are written.
@@ -71,7 +71,7 @@ impl Format {
         ROWS.iter().find(|row| row.format == self).expect("every format has a row, as a test holds")
     }
 
-    /// Its name in job files and messages.
+    /// The format's name in job files and messages.
     pub fn name(self) -> &'static str {
         self.row().name
     }

@@ -1,8 +1,8 @@
 //! Work on all threads, a task for each index.
 //!
 //! Promises results in the order of the indices, whatever the number of threads. Loops go through one instance of
-//! rayon's parallel iterators ([`each`]), which takes its function by reference: an instance for every caller would make
-//! the program larger and slower to compile.
+//! rayon's parallel iterators ([`each`]), which takes its function by reference: an instance for every caller would
+//! make the program larger and slower to compile.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -34,7 +34,7 @@ pub fn map<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
     made.into_iter().filter_map(|one| one.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
 }
 
-/// What `of` makes of items that are its own, in their order; it is told their indices.
+/// What `of` makes of items that are its own, in their order; it is called with their indices.
 pub fn map_items<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + Sync) -> Vec<T> {
     let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     let made = map(items.len(), |i| locked(&items[i]).take().map(|item| of(i, item)));

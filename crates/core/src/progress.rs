@@ -2,8 +2,8 @@
 //!
 //! A [`Task`] is divided into smaller ones before work begins, each with its share of the whole, and the smallest
 //! count steps. Any thread may count: a step costs two atomic additions, so loops count chunks of work.
-//! What is counted is told to one function, from 0 to 100, rising, each percent once at most. Nothing that is computed
-//! depends on it.
+//! What is counted is reported to one function, from 0 to 100, rising, each percent once at most. Nothing that is
+//! computed depends on it.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,12 +11,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// What the whole is divided into: a share of it times a number of steps below 2^31 fits 64 bits.
 const WHOLE: u64 = 1 << 32;
 
-/// The whole, and who is told of it.
+/// The whole, and to whom it is reported.
 struct Whole<'a> {
     done: AtomicU64,
-    /// The percent that was told last.
-    told: Mutex<u8>,
-    tell: Box<dyn Fn(u8) + Send + Sync + 'a>,
+    /// The percent that was reported last.
+    reported: Mutex<u8>,
+    report: Box<dyn Fn(u8) + Send + Sync + 'a>,
 }
 
 impl Whole<'_> {
@@ -26,20 +26,20 @@ impl Whole<'_> {
         if percent(done) == percent(done - units) {
             return;
         }
-        // Held while it is told: of two threads none tells less than the one before.
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        if percent(done) > *told {
-            *told = percent(done);
-            (self.tell)(*told);
+        // Held while it is reported: of two threads none reports less than the one before.
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
+        if percent(done) > *reported {
+            *reported = percent(done);
+            (self.report)(*reported);
         }
     }
 }
 
-/// A task whose progress is told, or a part of one. When it is dropped it is done, whatever was counted.
+/// A task whose progress is reported, or a part of one. When it is dropped it is done, whatever was counted.
 pub struct Task<'a> {
-    /// None of a task that nobody is told of.
+    /// None of a task whose progress is not reported.
     whole: Option<Arc<Whole<'a>>>,
-    /// Its share of the whole.
+    /// The task's share of the whole.
     units: u64,
     /// The steps that it has, and those that are done.
     steps: u64,
@@ -47,15 +47,15 @@ pub struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    /// A whole task. `tell` is called with 0 at once, and with 100 when all of it is done.
-    pub fn new(tell: impl Fn(u8) + Send + Sync + 'a) -> Self {
-        tell(0);
-        let whole = Whole { done: AtomicU64::new(0), told: Mutex::new(0), tell: Box::new(tell) };
+    /// A whole task. `report` is called with 0 at once, and with 100 when all of it is done.
+    pub fn new(report: impl Fn(u8) + Send + Sync + 'a) -> Self {
+        report(0);
+        let whole = Whole { done: AtomicU64::new(0), reported: Mutex::new(0), report: Box::new(report) };
         Self { whole: Some(Arc::new(whole)), units: WHOLE, steps: 1, done: AtomicU64::new(0) }
     }
 
-    /// A task that nobody is told of.
-    pub fn untold() -> Self {
+    /// A task whose progress is not reported.
+    pub fn silent() -> Self {
         Self { whole: None, units: 0, steps: 1, done: AtomicU64::new(0) }
     }
 
@@ -126,21 +126,21 @@ mod tests {
     use super::*;
     use crate::parallel;
 
-    /// What a task tells while `work` is done on it.
-    fn told(work: impl FnOnce(Task<'_>)) -> Vec<u8> {
+    /// What a task reports while `work` is done on it.
+    fn reported(work: impl FnOnce(Task<'_>)) -> Vec<u8> {
         let heard = Mutex::new(Vec::new());
         work(Task::new(|percent| heard.lock().expect("one thread").push(percent)));
         heard.into_inner().expect("all have ended")
     }
 
     #[test]
-    fn steps_are_told_in_whole_percent() {
-        let four = told(|task| {
+    fn steps_are_reported_in_whole_percent() {
+        let four = reported(|task| {
             let task = task.of_steps(4);
             (0..4).for_each(|_| task.step());
         });
         assert_eq!(four, [0, 25, 50, 75, 100]);
-        let many = told(|task| {
+        let many = reported(|task| {
             let task = task.of_steps(100_000);
             (0..100_000).for_each(|_| task.step());
         });
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn parts_have_their_shares_whatever_their_order() {
-        let found = told(|task| {
+        let found = reported(|task| {
             let [a, b, c] = task.split([1, 2, 1]);
             drop(c);
             let inner = b.parts(2);
@@ -163,8 +163,8 @@ mod tests {
 
     #[test]
     fn a_task_that_ends_early_or_counts_too_much_is_done_once() {
-        assert_eq!(told(|task| drop(task)), [0, 100]);
-        let over = told(|task| {
+        assert_eq!(reported(|task| drop(task)), [0, 100]);
+        let over = reported(|task| {
             let [a, b] = task.split([1, 1]);
             let a = a.of_steps(2);
             (0..7).for_each(|_| a.step());
@@ -172,17 +172,17 @@ mod tests {
             drop(b.of_steps(0));
         });
         assert_eq!(over, [0, 25, 50, 100]);
-        assert_eq!(told(|task| drop(task.parts(0))), [0], "no part is left that could be done");
-        let untold = Task::untold().of_steps(3);
-        untold.step();
-        drop(untold.parts(3));
+        assert_eq!(reported(|task| drop(task.parts(0))), [0], "no part is left that could be done");
+        let silent = Task::silent().of_steps(3);
+        silent.step();
+        drop(silent.parts(3));
     }
 
     #[test]
     fn percents_rise_from_any_number_of_threads() {
         for threads in [1, 2, 7] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            let found = told(|task| {
+            let found = reported(|task| {
                 pool.install(|| {
                     let task = task.of_steps(5000);
                     parallel::each(5000, &|_| task.step());

@@ -349,7 +349,7 @@ impl Power {
             Self::Absolute(w) => w.as_w(),
         }
     }
-    /// Its share of the machine's full power, 0 to 1.
+    /// The share of the machine's full power, 0 to 1.
     pub fn share(self, max_power: Watts) -> f64 {
         self.as_w(max_power) / max_power.as_w()
     }
@@ -472,7 +472,7 @@ fn above_zero<E: de::Error, Q: Quantity>(q: Q) -> Result<Q, E> {
     if q.base() > 0.0 { Ok(q) } else { Err(E::custom(format!("must be greater than zero, such as {:?}", Q::EXAMPLE))) }
 }
 
-/// As [`positive`], for a field that may be absent.
+/// Reads a positive quantity from a field that may be absent.
 pub fn positive_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(d: D) -> Result<Option<Q>, D::Error> {
     // JSON writes what is absent as null.
     Option::<Q>::deserialize(d)?.map(above_zero).transpose()
@@ -484,7 +484,7 @@ pub fn non_negative<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(d
     if q.base() >= 0.0 { Ok(q) } else { Err(de::Error::custom("must not be negative")) }
 }
 
-/// As [`non_negative`], for a field that may be absent.
+/// Reads a quantity that is not negative from a field that may be absent.
 pub fn non_negative_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(
     d: D,
 ) -> Result<Option<Q>, D::Error> {

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 /// Every variant of an enum of plain, documented words, in their order in the schema: none can be forgotten here.
 ///
 /// # Panics
-/// Where the schema of the type is no list of words.
+/// Where the schema of the type is not a list of words.
 pub fn variants<T: JsonSchema + DeserializeOwned>() -> Vec<T> {
     let schema = schemars::schema_for!(T).to_value();
     let words = schema["oneOf"].as_array().expect("one entry a word").iter();

@@ -16,7 +16,7 @@
 //!
 //! # Composition
 //! Every term is a bound, not a standard deviation, and nothing is known of how they are distributed or depend on each
-//! other. So the sum alone is a bound, and it decides about warnings. The root of the sum of squares is told beside
+//! other. So the sum alone is a bound, and it decides about warnings. The root of the sum of squares is stated beside
 //! it: what is to be expected where the terms are independent of each other.
 //!
 //! # Limits
@@ -31,9 +31,9 @@ use terrace_core::program::{Block, BlockFigures, Program};
 use terrace_core::units::{Angle, Length};
 use terrace_input::job::{DepthRule, Job};
 
-/// Without a reserve, what errors may take beyond PDOF before it is told, as a share of half the range: PDOF is not
-/// measured more closely.
-const UNTOLD: f64 = 0.1;
+/// Without a reserve, what errors may take beyond PDOF before a warning says so, as a share of half the range: PDOF is
+/// not measured more closely.
+const TOLERATED: f64 = 0.1;
 
 /// What an error comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -117,7 +117,7 @@ pub struct Terms {
     pub block: Option<String>,
     /// The terms.
     pub terms: Vec<Term>,
-    /// Their sum, um.
+    /// The sum of the terms, um.
     pub sum_um: f64,
     /// The root of the sum of their squares, um.
     pub rss_um: f64,
@@ -133,11 +133,11 @@ impl Terms {
 
     /// The terms that are known, for reading: `stage 7.1, telecentricity 0.3`.
     pub fn known(&self) -> String {
-        let told = |t: &Term| {
+        let shown = |t: &Term| {
             let within = if t.cause == Cause::Relief { " within the defocus" } else { "" };
             t.um.map(|um| format!("{} {um:.1}{within}", t.cause.name()))
         };
-        self.terms.iter().filter_map(told).collect::<Vec<_>>().join(", ")
+        self.terms.iter().filter_map(shown).collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -197,9 +197,9 @@ impl Budget {
     pub fn warning(&self, job: &Job, machine: &Machine) -> Option<Diag> {
         let half_um = job.focus.rule.range(job.focus.pdof).f64() / 2e3;
         let increment_um = machine.increment_nm().f64() / 1e3;
-        let untold = if self.reserve_mm > 0.0 { increment_um } else { UNTOLD * half_um };
+        let tolerated = if self.reserve_mm > 0.0 { increment_um } else { TOLERATED * half_um };
         let Self { depth, depth_left_um: left, .. } = self;
-        if depth.sum_um <= left + untold {
+        if depth.sum_um <= left + tolerated {
             return None;
         }
         let place = depth.block.as_ref().map_or(String::new(), |block| format!(" of {block}"));
@@ -233,7 +233,7 @@ pub struct Stated<'a> {
 pub struct Relief {
     /// Largest distance from the part along z, um.
     pub off_um: f64,
-    /// Its largest slope, rad.
+    /// The largest slope, rad.
     pub slope_rad: f64,
 }
 

@@ -26,7 +26,7 @@ pub struct Band {
     pub focus: Nm,
     /// Lowest and highest height that it admits.
     pub z: [Nm; 2],
-    /// Its strokes, as a range of [`OrderedStrokes::strokes`].
+    /// The strokes of the band, as a range of [`OrderedStrokes::strokes`].
     pub strokes: Range<usize>,
 }
 
@@ -63,7 +63,7 @@ impl OrderedStrokes {
     }
 
     /// The same with every stroke as often in the list as its pen has passes: what marks on the fly marks a stroke
-    /// again before it goes on, as a controller does at a stop. `bands` go with their strokes.
+    /// again before it continues, as a controller does at a stop. `bands` go with their strokes.
     #[must_use]
     pub fn repeated(mut self, bands: &mut [Band]) -> Self {
         let once = |pen: &mut Pen| std::mem::replace(&mut pen.passes, 1) as usize;

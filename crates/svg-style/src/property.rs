@@ -311,8 +311,8 @@ impl Style {
         all.into_iter().chain(open.into_iter().flatten()).chain(dashes).any(|l| l.needs_font)
     }
 
-    /// Whether its strokes are lines without a width at any zoom: hairlines of Inkscape, or strokes that do not scale of
-    /// one pixel or less.
+    /// Whether its strokes are lines without a width at any zoom: hairlines of Inkscape, or strokes that do not scale
+    /// of one pixel or less.
     pub fn is_hairline(&self) -> bool {
         let width = self.stroke_width;
         let is_pixel = width.share == 0.0 && !width.is_physical && width.px > 0.0 && width.px <= 1.0;
@@ -717,7 +717,7 @@ fn size(reading: &Reading, css: &mut Parser<'_>) -> Result<Auto, Fault> {
 
 fn radius(reading: &Reading, css: &mut Parser<'_>) -> Result<Auto, Fault> {
     if reading.source == Source::Attribute {
-        // A length that is negative is not valid; what is no length at all is 0, as browsers have it.
+        // A length that is negative is not valid; what is not a length at all is 0, as browsers have it.
         let length = css.try_parse(|css| loose_length(reading, css)).unwrap_or_default();
         while css.next().is_ok() {}
         return not_negative(length).map(Some);

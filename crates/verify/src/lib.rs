@@ -74,14 +74,18 @@ impl<'a> Drawing<'a> {
 /// whose bytes are as when the job was compiled, yet cannot be read. Anything else that is wrong with
 /// the folder is a violation in the proof.
 pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
-    verify_told(folder, inputs_override, &|_, _| {})
+    verify_with_progress(folder, inputs_override, &|_, _| {})
 }
 
-/// [`verify`] that tells how far it is.
+/// [`verify`] that reports how far it is.
 ///
 /// # Errors
 /// As [`verify`].
-pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
+pub fn verify_with_progress(
+    folder: &Path,
+    inputs_override: Option<&Path>,
+    progress: Progress<'_>,
+) -> Result<Proof, Error> {
     if read::manifest::is_on_the_fly(folder) {
         return on_the_fly::verify(folder, inputs_override, progress);
     }

@@ -1,4 +1,4 @@
-//! The phases of a verification, and the callback that is told how far each is.
+//! The phases of a verification, and the callback to which progress is reported.
 
 use terrace_core::progress::Task;
 
@@ -22,7 +22,7 @@ impl Phase {
     /// All, in order. A folder whose inputs have changed goes through the first two alone.
     pub const ALL: [Self; 4] = [Self::Read, Self::Files, Self::Marks, Self::Coverage];
 
-    /// The phase as a task that tells of itself.
+    /// The phase as a task whose progress is reported.
     pub(super) fn task(self, progress: Progress<'_>) -> Task<'_> {
         Task::new(move |percent| progress(self, percent))
     }

@@ -97,7 +97,7 @@ pub struct Lengths {
 pub struct Input {
     /// `job`, `surface`, `texture` or `machine`.
     pub role: &'static str,
-    /// Its absolute path, or the built-in profile.
+    /// The absolute path of the file, or the built-in profile.
     pub place: String,
     /// Whether it lies somewhere else than beside the job folder, or below where that lies.
     pub is_elsewhere: bool,

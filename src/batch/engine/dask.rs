@@ -46,7 +46,7 @@ pub(super) struct Submission {
     pub(super) not: Vec<String>,
 }
 
-/// What the scheduler tells.
+/// What the scheduler reports.
 #[derive(Debug)]
 pub(super) enum Event {
     /// A task has ended, with what it printed.
@@ -57,9 +57,9 @@ pub(super) enum Event {
     Workers(usize),
     /// The scheduler is gone.
     SchedulerLost,
-    /// It is back, and has all tasks again.
+    /// The scheduler is back, and has all tasks again.
     SchedulerBack,
-    /// Nothing more will be told: why.
+    /// No more events follow: why.
     Closed(String),
 }
 

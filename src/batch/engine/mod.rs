@@ -1,10 +1,10 @@
 //! Units on other machines: groups of them are given to an engine, which starts a process for each.
 //!
 //! Consumes units and a file of them that every machine can read; promises that every unit has been worked on, or a
-//! reason why it was not. What becomes of units is told by their processes on standard output, through the engine, so
-//! reports are complete where the folders of the machines are not shared. The engine's own means do the rest: it gives
-//! the next group to the next free worker, the largest first, starts a group again whose worker died, on another worker
-//! too, and gives up after some tries.
+//! reason why it was not. What becomes of units is reported by their processes on standard output, through the engine,
+//! so reports are complete where the folders of the machines are not shared. The engine's own means do the rest: it
+//! gives the next group to the next free worker, the largest first, starts a group again whose worker died, on another
+//! worker too, and gives up after some tries.
 
 mod dask;
 
@@ -50,7 +50,7 @@ pub struct Fleet<'a> {
     pub stop: &'a AtomicBool,
 }
 
-/// What a fleet tells while it works.
+/// What a fleet reports while it works.
 pub enum News<'a> {
     /// So many groups were given to so many workers, which do so many at a time.
     Submitted {
@@ -80,12 +80,12 @@ struct Group<'a> {
 ///
 /// # Errors
 /// `engine-absent`, `engine-unreachable`, `engine-workers`; what the file system refuses.
-pub fn run(units: &[&Unit], fleet: &Fleet<'_>, told: &mut dyn FnMut(News<'_>)) -> Result<Reasons, Error> {
+pub fn run(units: &[&Unit], fleet: &Fleet<'_>, on_news: &mut dyn FnMut(News<'_>)) -> Result<Reasons, Error> {
     let mut session = Session::start(fleet.scheduler, PATIENCE_S)?;
     let slots = slots(&session, fleet)?;
     let list: Vec<Group<'_>> =
         groups(units, slots).into_iter().map(|units| Group { units, not: BTreeSet::new(), tries: 0 }).collect();
-    told(News::Submitted { groups: list.len(), workers: session.workers().len(), slots });
+    on_news(News::Submitted { groups: list.len(), workers: session.workers().len(), slots });
     let mut work = Work { fleet, open: BTreeMap::new(), given: 0, reasons: Reasons::new() };
     for group in list {
         work.submit(&mut session, group)?;
@@ -99,16 +99,16 @@ pub fn run(units: &[&Unit], fleet: &Fleet<'_>, told: &mut dyn FnMut(News<'_>)) -
             None => {}
             Some(Event::Ended { task, code, out, err, worker }) => {
                 if let Some(group) = work.open.remove(&task) {
-                    work.ended(&mut session, group, &worker, (code, &out, &err), told)?;
+                    work.ended(&mut session, group, &worker, (code, &out, &err), on_news)?;
                 }
             }
             Some(Event::Lost { task, why }) => work.lost(task, &why),
-            Some(Event::Workers(count)) => told(News::Said(format!("the engine has {count} workers now"))),
-            Some(Event::SchedulerLost) => told(News::Said(format!(
+            Some(Event::Workers(count)) => on_news(News::Said(format!("the engine has {count} workers now"))),
+            Some(Event::SchedulerLost) => on_news(News::Said(format!(
                 "the scheduler at {} is gone: waiting {PATIENCE_S} s for it and a worker to come back",
                 fleet.scheduler
             ))),
-            Some(Event::SchedulerBack) => told(News::Said("the scheduler is back: the rest was given to it".into())),
+            Some(Event::SchedulerBack) => on_news(News::Said("the scheduler is back: the rest was given to it".into())),
             Some(Event::Closed(why)) => {
                 work.give_up(&why);
                 break;
@@ -189,7 +189,7 @@ impl<'a> Work<'a, '_> {
         group: Group<'a>,
         worker: &str,
         (code, out, err): (i32, &str, &str),
-        told: &mut dyn FnMut(News<'_>),
+        on_news: &mut dyn FnMut(News<'_>),
     ) -> Result<(), Error> {
         let mut not = group.not;
         not.insert(worker.to_owned());
@@ -202,7 +202,7 @@ impl<'a> Work<'a, '_> {
                 Some(fragment) if has_other && could_not_write(fragment) => again.push(unit),
                 Some(fragment) => {
                     fragment.write(self.fleet.reports, self.fleet.durability)?;
-                    told(News::Ended(fragment));
+                    on_news(News::Ended(fragment));
                 }
                 None => {
                     let last = err.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
@@ -214,7 +214,7 @@ impl<'a> Work<'a, '_> {
         if again.is_empty() {
             return Ok(());
         }
-        told(News::Said(format!("{} units could not be written on {worker}: given to other workers", again.len())));
+        on_news(News::Said(format!("{} units could not be written on {worker}: given to other workers", again.len())));
         self.submit(session, Group { units: again, not, tries })
     }
 

@@ -105,8 +105,8 @@ fn folder(path: &Path) -> Result<Shown, Error> {
     let (figures, time_s, mark_mm) = match &found.summary {
         AnySummary::Stepped(s) => {
             let least = if s.loading.is_least() { " at least" } else { "" };
-            let (told, total) = (s.loading.told(s.blocks), duration(s.loading.total_s));
-            (format!("stops    {}\nloading  {told}\nin all   {total}{least}", s.stops), s.time_s.total, s.mark_mm)
+            let (loading, total) = (s.loading.sentence(s.blocks), duration(s.loading.total_s));
+            (format!("stops    {}\nloading  {loading}\nin all   {total}{least}", s.stops), s.time_s.total, s.mark_mm)
         }
         AnySummary::OnTheFly(s) => (format!("moves    {}", s.moves), s.time_s, s.mark_mm),
     };

@@ -16,8 +16,8 @@ use terrace_input::surface::{self, Content, Fault, FaultKind, MeshCheck};
 struct Facets {
     lo: [f64; 3],
     hi: [f64; 3],
-    /// Area of all facets; of those that face down, by their winding; of those that are steeper than [`STEEP`], whichever
-    /// way they face; of those that are steeper than [`UPRIGHT`].
+    /// Area of all facets; of those that face down, by their winding; of those that are steeper than [`STEEP`],
+    /// whichever way they face; of those that are steeper than [`UPRIGHT`].
     area: f64,
     down: f64,
     steep: f64,
@@ -96,7 +96,7 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
             let faults = match mesh.finish(path, NARROW_MM * narrow) {
                 Ok(faults) => faults,
                 Err(e) => {
-                    // Nothing would be marked: told, since the file itself can be read.
+                    // Nothing would be marked: reported, since the file itself can be read.
                     warnings.extend(e.diags().iter().map(|d| Diag { kind: DiagKind::Warning, ..d.clone() }));
                     Vec::new()
                 }
@@ -206,7 +206,7 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
     if unit.is_none() && is(&found, "surface-unit") {
         found = attempt(Some(1.0), None);
         if is(&found, "surface-size") {
-            // A map of land, whose place and size are no part's.
+            // A map of land, whose place and size are not part's.
             found = attempt(None, Some(ANY)).or(found);
         }
     }

@@ -36,7 +36,7 @@ impl Laser for Handshake {
         Ok(())
     }
 
-    /// The stage switches START off when it is halted; a card that was started goes on all the same.
+    /// The stage switches START off when it is halted; a card that was started continues all the same.
     fn off(&mut self) -> Result<(), Diag> {
         if !self.is_doubtful {
             return Ok(());

@@ -2,21 +2,21 @@
 //!
 //! LightBurn listens on port 19840 and answers to port 19841 of the sender: `OK`, `!` for a command that failed and for
 //! a STATUS while it marks, `?` for a command that it does not know. Each block is loaded (FORCELOAD), started (START)
-//! and polled (STATUS) until LightBurn is idle again. A block counts as marked where LightBurn was seen busy after START
-//! and idle after that; where it was never seen busy nobody can say whether it marked anything.
+//! and polled (STATUS) until LightBurn is idle again. A block counts as marked where LightBurn was seen busy after
+//! START and idle after that; where it was never seen busy nobody can say whether it marked anything.
 //!
 //! Answers do not name their command; they can come late, twice, or from somebody else. The rule, which holds for every
-//! driver over a link without order or identity: no single answer ends anything. `SURPLUS` of them may be others', beside
-//! those that are missing:
+//! driver over a link without order or identity: no single answer ends anything. `SURPLUS` of them may be others',
+//! beside those that are missing:
 //!
-//! - a state is believed when more answers in a row tell it, and the beginning of a block when more tell it in all;
+//! - a state is believed when more answers in a row say so, and the beginning of a block when more say so in all;
 //! - a load is believed when so many more commands were answered after it, all with `OK`, and then nothing else comes for
 //!   `SPREAD`: LightBurn answers in its order, so the answer that another was taken for is one of these;
 //! - a block has ended when LightBurn has said so `ENDED` times in a row over `SPREAD`, not before half of the estimate,
 //!   and then nothing else comes for as long again.
 //!
-//! START is never repeated; load and START are sent when no late answer can come any more. Where the stage is to leave, or
-//! a block to begin, and LightBurn is busy all the same, the block that had ended is in doubt again.
+//! START is never repeated; load and START are sent when no late answer can come any more. Where the stage is to leave,
+//! or a block to begin, and LightBurn is busy all the same, the block that had ended is in doubt again.
 //!
 //! LightBurn has no command that stops it: an abort leaves it marking, and the message says so.
 //!
@@ -130,7 +130,7 @@ impl Link {
                     }));
                 }
                 Ok(_) => {}
-                // Windows tells that nobody listens as a reset of the connection.
+                // Windows reports that nobody listens as a reset of the connection.
                 Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => return Ok(None),
                 Err(e) if matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionReset) => {}
                 Err(e) => return Err(broken(&e)),
@@ -236,7 +236,7 @@ impl LightBurn {
     fn state(&mut self, interrupt: &Interrupt) -> Result<Answer, Diag> {
         let Waits { answer, silence, agree, .. } = self.waits;
         let link = self.link()?;
-        // An answer that is late or another's tells a state of the past: of so many answers one must be a new one.
+        // An answer that is late or another's reports a state of the past: of so many answers one must be a new one.
         let (mut needed, mut seen, mut last) = (link.missing() + SURPLUS + 1, 0, None);
         let begin = Instant::now();
         let mut heard = begin;

@@ -17,9 +17,9 @@ use terrace_core::diag::Diag;
 /// A block as a laser is given it; the stage stands still at its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Work {
-    /// Its name, such as B0133.
+    /// The name of the block, such as B0133.
     pub block: String,
-    /// Its file in the format that the driver takes; None of a driver that takes none.
+    /// The file of the block in the format that the driver takes; None of a driver that takes none.
     pub file: Option<PathBuf>,
     /// What the zoom optic adds to the focal plane, nm; 0 without an optic.
     pub focus_shift: i64,
@@ -62,8 +62,8 @@ pub trait Laser {
     /// Where there is no answer, it is not ready, or the run is aborted.
     fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag>;
 
-    /// Takes a handle of the machine's lock: no other run begins while one is open. A driver whose marking goes on where
-    /// this program is killed lets what marks keep it open.
+    /// Takes a handle of the machine's lock: no other run begins while one is open. A driver whose marking continues
+    /// where this program is killed lets what marks keep it open.
     fn hold(&mut self, lock: File) {
         drop(lock);
     }
@@ -77,7 +77,7 @@ pub trait Laser {
         Ok(())
     }
 
-    /// Whether nothing is being marked; asked before the stage moves and before a block is begun where the driver was told
+    /// Whether nothing is being marked; asked before the stage moves and before a block is begun where the driver says
     /// so over a link whose answers can be others'. Where something is, the block that ended last may not have.
     ///
     /// # Errors

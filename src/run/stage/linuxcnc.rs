@@ -1,14 +1,15 @@
 //! LinuxCNC through its network shell, linuxcncrsh: lines of text over TCP.
 //!
-//! Moves are `G21 G90 G53 G0` in MDI, so they are positions of the machine; work offsets, which the stage programs would
-//! follow, must be zero. A move has ended when the commanded position is the target and the actual one is near it.
+//! Moves are `G21 G90 G53 G0` in MDI, so they are positions of the machine; work offsets, which the stage programs
+//! would follow, must be zero. A move has ended when the commanded position is the target and the actual one is near
+//! it.
 //!
 //! START is digital output 0, BUSY digital input 0. The control runs the whole exchange from its own queue, so START is
 //! cleared even where this program ends after it has filled the queue. An MDI command takes 0.1 s to be received: a
 //! dwell holds the queue until it is filled. A BUSY of 20 ms is missed at times all the same, one of 50 ms was not. A
 //! block has ended when BUSY is low once more after a time in which no contact bounces any more. What
-//! the exchange found is read from the F word, which no rapid uses: messages of the control are given to one of its user
-//! interfaces only, and that may be another.
+//! the exchange found is read from the F word, which no rapid uses: messages of the control are given to one of its
+//! user interfaces only, and that may be another.
 //!
 //! Found with LinuxCNC 2.9: `get ini` does not answer, so the server's name tells machines apart; digital outputs keep
 //! their state in an emergency stop.
@@ -69,7 +70,7 @@ pub struct LinuxCnc {
 }
 
 impl LinuxCnc {
-    /// As the run file says; connects later.
+    /// The driver as the run file describes it; it connects later.
     pub fn new(keys: &LinuxCncKeys) -> Self {
         let tolerance = keys.tolerance.and_then(|t| t.as_nm()).map_or(TOLERANCE, |nm| nm.0);
         let interrupt = Interrupt::default();
@@ -346,7 +347,7 @@ impl Stage for LinuxCnc {
         let target = target.ok_or_else(|| alarm(format!("linuxcncrsh has no axis for {to}")))?;
         let moved = self.mdi(&format!("G21 G90 G53 G0 {to}")).and_then(|()| self.arrive(&target, interrupt));
         if moved.is_err() {
-            // What matters is the fault; the end of the run halts again and tells.
+            // What matters is the fault; the end of the run halts again and says so.
             let _ = self.halt();
         }
         moved

@@ -16,7 +16,7 @@ use terrace_core::diag::Diag;
 pub struct Move(pub Vec<(char, i64)>);
 
 impl fmt::Display for Move {
-    /// As words of a program, with all six decimals: `X-1.000000 Y2.500000`.
+    /// The move as words of a program, with all six decimals: `X-1.000000 Y2.500000`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, &(letter, value)) in self.0.iter().enumerate() {
             let (space, sign) = (if i > 0 { " " } else { "" }, if value < 0 { "-" } else { "" });
@@ -39,7 +39,8 @@ pub trait Stage {
     /// the control says that it is, for the log.
     ///
     /// # Errors
-    /// Where there is no answer, the control is not ready or not the one that the run file names, or the run is aborted.
+    /// Where there is no answer, the control is not ready or not the one that the run file names, or the run is
+    /// aborted.
     fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag>;
 
     /// Moves, and returns when the stage stands at the target.
@@ -53,8 +54,8 @@ pub trait Stage {
         let _ = block;
     }
 
-    /// Makes sure that BUSY of the scan card is off, and that no START of before, such as that of a run which was killed,
-    /// still raises it. Nothing has moved yet.
+    /// Makes sure that BUSY of the scan card is off, and that no START of before, such as that of a run which was
+    /// killed, still raises it. Nothing has moved yet.
     ///
     /// # Errors
     /// Where it is on or rises. Controls without such an input refuse.

@@ -1,9 +1,9 @@
-//! What keys are, told once.
+//! One description of each key: schema, sample, tables of the documents.
 //!
 //! Keys are described once, at the fields that read them: `crates/input/src/job/file.rs` and
 //! `crates/input/src/job/texture/keys.rs` for the job file, `crates/core/src/machine` for the machine file,
-//! `src/run/settings.rs` for the run file. The schemas have that from there, and of the schemas are made the sample that
-//! `terrace init` writes (`crates/input/src/job/sample.toml`) and the tables of the documents (see `tables`).
+//! `src/run/settings.rs` for the run file. The schemas have that from there, and of the schemas are made the sample
+//! that `terrace init` writes (`crates/input/src/job/sample.toml`) and the tables of the documents (see `tables`).
 //! `KEYS=write` writes them again.
 
 mod schema;

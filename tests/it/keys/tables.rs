@@ -65,7 +65,7 @@ fn the_tables_of_the_documents_are_made_of_the_schemas() {
         let text = std::fs::read_to_string(&path).expect("a document");
         let file = Schema::parse(&schema).file();
         let with_keys = file.all().into_iter().filter(|table| !table.keys.is_empty());
-        // Tables with the same keys, such as those of the three axes, are told once, by the first.
+        // Tables with the same keys, such as those of the three axes, are listed once, with the first.
         let name = |table: &Table| if table.path.is_empty() { "the file itself".into() } else { table.path.clone() };
         let mut seen = Vec::new();
         let mut tables = BTreeMap::new();

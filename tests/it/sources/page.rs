@@ -100,7 +100,7 @@ const SETTINGS: [&str; 35] = [
 fn the_systems_of_the_page_are_those_of_the_table() {
     let systems = terrace_compare::compare::SYSTEMS.iter();
     let rows = systems.map(|system| vec![format!("`{}`", system.name), system.about.to_owned()]);
-    hold("systems", &table(&["name", "what it is"], rows.collect()));
+    hold("systems", &table(&["name", "system"], rows.collect()));
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn page_has_no_figures_of_runs_but_those_of_its_tables() {
     let figures = left.iter().enumerate().filter(|(_, w)| w.contains(|c: char| c.is_ascii_digit()));
     let figures: Vec<String> =
         figures.map(|(i, _)| left[i.saturating_sub(3)..(i + 3).min(left.len())].join(" ")).collect();
-    assert!(figures.is_empty(), "docs/compare.md: figures that are no settings, {figures:#?}");
+    assert!(figures.is_empty(), "docs/compare.md: figures that are not settings, {figures:#?}");
     // The blocks that show output are those that the documents' own test runs.
     for block in page.split("\n```text\n").collect::<Vec<_>>().split_last().expect("blocks").1 {
         assert!(block.lines().last().is_some_and(|l| l.starts_with("<!-- output: ")), "output without its command");

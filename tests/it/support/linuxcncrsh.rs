@@ -91,8 +91,8 @@ impl Shell {
         let queued = Arc::new(Condvar::new());
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("bound").to_string();
-        let (shared, told) = (Arc::clone(&control), Arc::clone(&queued));
-        std::thread::spawn(move || work(&shared, &told));
+        let (shared, printed) = (Arc::clone(&control), Arc::clone(&queued));
+        std::thread::spawn(move || work(&shared, &printed));
         let shared = Arc::clone(&control);
         std::thread::spawn(move || {
             for stream in listener.incoming().flatten() {

@@ -10,7 +10,7 @@ use terrace_plan::on_the_fly::xyzuv::{Peaks, ScannerLimits};
 /// What a decomposition makes of the path, as strong as field and focus allow.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
-    /// Its name.
+    /// The name of the filter.
     pub name: &'static str,
     /// Strength in plan and in height, ms; None where there is none to choose.
     pub strength_ms: Option<[f64; 2]>,

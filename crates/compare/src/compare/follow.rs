@@ -48,7 +48,7 @@ pub(super) struct Follower<'a> {
     path: Path,
     /// The path with no more nodes than turning axes need.
     thin: Path,
-    /// Its time at the pens' speeds, s.
+    /// The time of the path at the pens' speeds, s.
     process_s: f64,
     /// Length of its marks.
     mark_mm: f64,
@@ -83,7 +83,7 @@ impl<'a> Follower<'a> {
         BoxMm::of([lo.mm(), hi.mm()])
     }
 
-    /// The job's machine as one of seven axes; None where it is none.
+    /// The job's machine as one of seven axes; None where it has fewer.
     fn seven(&self) -> Option<KinematicModel<'_>> {
         KinematicModel::of(self.subject.machine, &self.whole.ordered.pens, self.whole.origin.mm())
     }
@@ -111,7 +111,7 @@ impl<'a> Follower<'a> {
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: BoxMm<3>| too_far(machine, ends).is_none();
         let Timed { turn, path, schedule, sync } =
-            quickest(&self.path, machine, pens, allowed, SAMPLES, &fits, Task::untold());
+            quickest(&self.path, machine, pens, allowed, SAMPLES, &fits, Task::silent());
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.nodes[0].at));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];

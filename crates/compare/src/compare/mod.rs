@@ -3,8 +3,8 @@
 //!
 //! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus and out
 //! of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as jobs are; the
-//! others are decomposed and timed by [`terrace_plan::on_the_fly`]. Where the job's machine lacks hardware that a system
-//! needs, it is taken from a built-in profile, and [`Hardware`] says so. [`Verdict`] tells which system to use.
+//! others are decomposed and timed by [`terrace_plan::on_the_fly`]. Where the job's machine lacks hardware that a
+//! system needs, it is taken from a built-in profile, and [`Hardware`] says so. [`Verdict`] says which system to use.
 //!
 //! The limits are the job's for all: focal offset up to half the depth range, beam angle up to
 //! `limits.warn_incidence`, the machine's field. Units: mm, s, deg, um as names say.
@@ -84,7 +84,7 @@ impl Split {
         [("stage", stage), ("settle", settle), ("zoom", zoom), ("mark", mark), ("jump", jump), ("delay", delay)]
     }
 
-    /// Their sum.
+    /// The sum of the parts.
     pub fn total(&self) -> f64 {
         self.parts().iter().map(|p| p.1).sum()
     }
@@ -141,7 +141,8 @@ pub enum Beyond {
 pub struct RestTimes {
     /// Where the spot rests.
     pub rests: Rests,
-    /// Whether the stage keeps in step with the spot, as the article's does; by a model that knows no jerk of the stage.
+    /// Whether the stage keeps in step with the spot, as the article's does; by a model that knows no jerk of the
+    /// stage.
     pub in_step: bool,
     /// Whole time, s; None where the model finds none.
     pub total_s: Option<f64>,
@@ -193,7 +194,7 @@ pub struct Figures {
     pub job_key: Option<String>,
     /// The limits that it does not keep: empty where it keeps all of them with all marks.
     pub beyond: Vec<Beyond>,
-    /// It runs slower than the pens do, and z is the axis that cannot go faster.
+    /// Whether the system runs slower than the pens do, and z is the axis that cannot go faster.
     pub is_held_by_z: bool,
     /// What a tool servo must do; of all other systems None.
     pub tool: Option<ToolFigures>,
@@ -213,7 +214,7 @@ impl Figures {
 pub struct Row {
     /// The name of the system.
     pub system: &'static str,
-    /// Its figures, or why it does not apply.
+    /// The figures of the system, or why it does not apply.
     pub figures: Result<Figures, Error>,
 }
 
@@ -264,7 +265,7 @@ pub struct KeyCost {
     pub system: &'static str,
     /// The key.
     pub key: &'static str,
-    /// Its value.
+    /// The value of the key.
     pub value: String,
     /// Time without it, loading included, s.
     pub time_s: f64,
@@ -275,7 +276,7 @@ pub struct KeyCost {
 pub struct Comparison {
     /// The job's name.
     pub job: String,
-    /// Its machine's name.
+    /// The name of the job's machine.
     pub machine: String,
     /// The limits of all systems.
     pub limits: Limits,
@@ -339,7 +340,7 @@ impl Subject<'_> {
     }
 }
 
-/// Who is told how far a comparison is.
+/// To whom the progress of a comparison is reported.
 #[derive(Clone, Copy)]
 pub struct Progress<'a> {
     /// Told of every system as it begins; several run at the same time.
@@ -364,7 +365,7 @@ pub fn compare(
 ) -> Result<Comparison, Error> {
     let [reading, ordering, measuring, replanning] = Task::new(progress.percent).split([2, 1, 16, 1]);
     (progress.begins)("reading surface and texture");
-    let mut inputs = Inputs::load_told(job, reading)?;
+    let mut inputs = Inputs::load_with_progress(job, reading)?;
     let loading = Loading::new(job, &inputs.machine, 0, 0.0);
     // The job is planned without its formats, from which the way follows where nobody states it.
     inputs.machine.operator.way = Some(loading.way);
@@ -449,8 +450,8 @@ fn key_costs(subject: &Subject<'_>, rows: &[Row], task: Task<'_>) -> Vec<KeyCost
 fn left_out(marked_mm: f64, whole_mm: f64) -> Option<String> {
     const SHOWN: f64 = 5.0;
     let left = whole_mm - marked_mm;
-    let is_told = left >= SHOWN || left >= 1e-3 * whole_mm;
-    is_told.then(|| format!("marks {left:.1} mm less: pieces too small to be marked"))
+    let is_shown = left >= SHOWN || left >= 1e-3 * whole_mm;
+    is_shown.then(|| format!("marks {left:.1} mm less: pieces too small to be marked"))
 }
 
 /// Runs the systems, each in its turn of the table; their figures and curves in the order of `systems`.
@@ -468,7 +469,7 @@ fn run(
         let mut curves = Curves::default();
         (progress.begins)(systems[i].name);
         let figures = match systems[i].run {
-            Run::Stepped(figures) => figures(subject, task.unwrap_or_else(Task::untold)),
+            Run::Stepped(figures) => figures(subject, task.unwrap_or_else(Task::silent)),
             // Done with the end of this.
             Run::OnTheFly(figures) => figures(follower, &mut curves),
         };

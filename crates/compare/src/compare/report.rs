@@ -425,7 +425,7 @@ fn limits(c: &Comparison) -> String {
         "Machine {}. Blocks of stepped systems: {}. Galvo of all systems: {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, displacement of \
          the spot {:.1} mm. Marks of {:.2} m, every pass of the pens counted.",
         c.machine,
-        c.loading.told_of_every(),
+        c.loading.sentence_per_block(),
         c.galvo.name(),
         c.limits.focus * 1000.0,
         c.limits.angle.to_degrees(),

@@ -18,11 +18,11 @@ use terrace_plan::plan::{Draft, SteppedPlan};
 /// Planes of focus so far apart, nm, that every field has one.
 const ONE_PLANE: Nm = Nm(2_000_000_000);
 
-/// What a plan tells of its three phases, 0 to 100 percent each.
+/// What a plan reports of its three phases, 0 to 100 percent each.
 const PERCENTS: usize = 3 * 101;
 
 /// Fields side by side, each focused on the middle of its marks. The program is not checked: the lens may come as
-/// near to the part as it must, the figures tell.
+/// near to the part as it must, the figures say.
 pub(super) fn flat(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut job = subject.job.plain(Method::ZRange);
     // The depth range would let the planes lie anywhere.

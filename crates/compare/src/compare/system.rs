@@ -43,11 +43,11 @@ pub(super) enum Kind {
 /// A way of marking a part.
 #[derive(Debug)]
 pub struct System {
-    /// Its name on the command line and in tables.
+    /// The name of the system on the command line and in tables.
     pub name: &'static str,
     /// What it is, as a phrase in Markdown.
     pub about: &'static str,
-    /// Of one kind, the verdict tells the fastest.
+    /// Of one kind, the verdict names the fastest.
     pub(super) kind: Kind,
     pub(super) run: Run,
     /// Systems of the lowest number begin first: what takes longest on one thread should not begin last.

@@ -1,10 +1,10 @@
 //! A fast tool servo that turns the surface itself, for reference: another process than all other systems.
 //!
 //! The part turns on a spindle whose axis is vertical and stands in the middle of the texture's box; the tool goes from
-//! the farthest mark to the axis on a spiral of even feed, and z follows the exact surface, a set-point in every control
-//! cycle (Brecher et al.). A mesh does not do: its facets have edges, over which the jerk has no bound. So the NURBS
-//! surface of the part is asked for, and held against the part's facets. Heights are those of algorithm II where its
-//! net is decoupled, else of algorithm III.
+//! the farthest mark to the axis on a spiral of even feed, and z follows the exact surface, a set-point in every
+//! control cycle (Brecher et al.). A mesh does not do: its facets have edges, over which the jerk has no bound. So the
+//! NURBS surface of the part is asked for, and held against the part's facets. Heights are those of algorithm II where
+//! its net is decoupled, else of algorithm III.
 //!
 //! Promised: the time of the one cut, and stroke, speed, acceleration and jerk of z, as differences of set-points,
 //! against what the drive makes. Units: mm, s.
@@ -20,7 +20,7 @@ use super::follow::Follower;
 use super::{Beyond, Figures, Split};
 use crate::nurbs::{Decoupled, Inversion, Method, Surface};
 use terrace_core::diag::{Diag, Error};
-use terrace_core::machine::ToolServo;
+use terrace_core::machine::{Machine, Oscillation, ToolServo};
 use terrace_core::motion::RestToRest;
 use terrace_core::parallel;
 use terrace_plan::on_the_fly::axes::following_error::{Axis, Servo};
@@ -35,9 +35,9 @@ const UNLIMITED: [f64; 2] = [1e9, 1e13];
 /// A figure, what is needed of it and what there is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Need {
-    /// Its name.
+    /// The name of the figure.
     pub figure: String,
-    /// Its unit.
+    /// The unit of the figure.
     pub unit: &'static str,
     /// What the cut needs, or what the figure is.
     pub needed: f64,
@@ -48,7 +48,7 @@ pub struct Need {
 /// What a tool servo must do.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ToolFigures {
-    /// Its figures, in the order of the table.
+    /// The figures, in the order of the table.
     pub needs: Vec<Need>,
 }
 
@@ -59,149 +59,41 @@ impl Figures {
     }
 }
 
-/// Peaks of a run of set-points.
-#[derive(Clone, Copy)]
-struct Peaks {
-    /// Least and largest height, mm.
-    z: [f64; 2],
-    /// Largest size of each difference: mm/s, mm/s², mm/s³.
-    rates: [f64; 3],
-    /// Largest following error, and the sum of all, mm.
-    following: [f64; 2],
-    /// Set-points that count, and how many of them keep the limits.
-    counts: [usize; 2],
-}
-
-/// The spiral.
-struct Spiral {
-    axis: [f64; 2],
-    radius: f64,
-    /// rad/s.
-    turns: f64,
-    /// mm/s.
-    feed: f64,
-    /// s.
-    cycle: f64,
-}
-
-impl Spiral {
-    /// Where the tool is at a set-point.
-    fn at(&self, i: usize) -> [f64; 2] {
-        let t = i as f64 * self.cycle;
-        let (radius, (sin, cos)) = ((self.radius - self.feed * t).max(0.0), (self.turns * t).sin_cos());
-        [self.axis[0] + radius * cos, self.axis[1] + radius * sin]
-    }
-}
-
 /// Turning the surface.
+///
+/// # Errors
+/// `compare-tool-servo` where the machine has no tool servo, no exact surface is named, or the spiral does not lie on
+/// it; `compare-nurbs` where the surface is not that of the part.
 pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let subject = follower.subject();
-    let Some(tool) = subject.machine.tool_servo.as_ref() else {
-        return Err(Diag::limit("compare-tool-servo", "the machine file states no tool servo")
-            .hint("add [tool_servo] to the machine file, or leave the system out with --systems")
-            .into());
-    };
-    let Some(surface) = subject.exact else {
-        return Err(Diag::limit(
-            "compare-tool-servo",
-            "the jerk of a tool needs the exact surface, and a mesh is none",
-        )
-        .hint("name the NURBS surface of the part with --nurbs FILE")
-        .into());
-    };
-    let decoupled = Decoupled::of(surface).ok();
+    let (tool, surface) = tool_and_surface(subject.machine, subject.exact)?;
     let inversion = Inversion::new(surface, Method::GaussNewton);
-    let (off, compared) = distance(follower, surface, &inversion)?;
-    let area = follower.texture();
-    let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
-    let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
-    let radius = marks.map(|node| (node.at[0] - axis[0]).hypot(node.at[1] - axis[1])).fold(0.0, f64::max);
-    let spiral =
-        Spiral { axis, radius, turns: tool.spindle.as_rad_s(), feed: tool.feed.as_mm_s(), cycle: tool.cycle.as_s() };
-    let time_s = radius / spiral.feed;
-    let revolution_s = std::f64::consts::TAU / spiral.turns;
-    let all = (time_s / spiral.cycle).floor() as usize + 1;
-    let revolution = ((revolution_s / spiral.cycle).round() as usize).max(4);
-    let [run, every] = looked_at(all, revolution);
-    let runs = all.div_ceil(run);
+    let fit = fit(follower, surface, &inversion)?;
+    let heights = Heights { decoupled: Decoupled::of(surface).ok(), inversion };
+    let cut = Cut::new(Spiral::over_marks(follower, tool));
     let servo = tool.servo.map(Servo::of).transpose()?;
-    let jerk = tool.jerk_mm_s3();
-    let limits = [
-        tool.speed.map_or(f64::INFINITY, |v| v.as_mm_s()),
-        tool.acceleration.map_or(f64::INFINITY, |a| a.as_mm_s2()),
-        jerk,
-    ];
-    // Each run, of a revolution where one is not too long, is looked at by itself; the one before it lets a servo settle.
-    let found = parallel::map(runs.div_ceil(every), |k| {
-        let first = k * every * run;
-        let settle = servo.map_or(0, |_| run.min(first));
-        let mut warm = inversion.clone();
-        let height = |xy: [f64; 2]| match &decoupled {
-            Some(decoupled) => decoupled.height(xy),
-            None => warm.next(xy).ok().map(|found| found.at[2]),
-        };
-        peaks(&spiral, first - settle, first..(first + run).min(all), servo, limits, height)
-    });
-    let whole = found.into_iter().reduce(joined).expect("a cut has set-points");
-    let [counted, kept] = whole.counts;
+    let drive = Drive::of(tool);
+    let peaks = cut.peaks(&heights, servo, drive.rates);
+    let [counted, kept] = peaks.counts;
     if counted == 0 {
         let text = "the spiral of the tool has no four set-points in a row on the part";
         return Err(Diag::limit("compare-tool-servo", text).hint("check tool_servo.cycle, feed and spindle").into());
     }
-    let stroke = whole.z[1] - whole.z[0];
-    let mut beyond = Vec::new();
-    let mut needs = Vec::new();
-    for (figure, unit, by, needed, limit) in [
-        ("stroke", "mm", 1.0, stroke, tool.stroke.as_mm()),
-        ("speed", "m/s", 1e3, whole.rates[0], limits[0]),
-        ("acceleration", "m/s2", 1e3, whole.rates[1], limits[1]),
-        ("jerk", "m/s3", 1e3, whole.rates[2], limits[2]),
-    ] {
-        let [needed, limit] = [needed, limit].map(|v| v / by);
-        if needed > limit {
-            beyond.push(Beyond::Drive(figure, unit, [needed, limit]));
-        }
-        needs.push(Need { figure: figure.into(), unit, needed, limit: limit.is_finite().then_some(limit) });
-    }
-    let mut figure = |name: &str, unit, needed| needs.push(Need { figure: name.into(), unit, needed, limit: None });
-    figure("set-points per second", "Hz", 1.0 / spiral.cycle);
-    figure("set-points", "", all as f64);
-    figure("set-points per revolution", "", revolution_s / spiral.cycle);
-    figure("way from set-point to set-point at the rim", "um", 1000.0 * radius * spiral.turns * spiral.cycle);
-    figure("feed per revolution", "um", 1000.0 * spiral.feed * revolution_s);
-    figure("cutting speed at the rim", "mm/s", radius * spiral.turns);
+    let (mut needs, beyond) = drive.needs(&peaks);
+    needs.extend(cut.figures());
     if servo.is_some() {
-        figure("worst following error", "um", 1000.0 * whole.following[0]);
-        figure("mean following error", "um", 1000.0 * whole.following[1] / counted as f64);
+        needs.push(figure("worst following error", "um", 1000.0 * peaks.following[0]));
+        needs.push(figure("mean following error", "um", 1000.0 * peaks.following[1] / counted as f64));
     }
     let full = full_stroke(tool);
-    figure("time of the full stroke", "ms", 1000.0 * full.total_s());
-    figure("top speed of the full stroke", "m/s", full.peak() / 1000.0);
-    let mut notes = vec![
-        format!("spiral of {radius:.1} mm about the middle of the texture"),
-        format!("at {compared} points of the marks the facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
-        format!("heights by algorithm {}", if decoupled.is_some() { "II" } else { "III" }),
-    ];
-    if every > 1 {
-        let of = if run < revolution { format!("stretches of {run} set-points") } else { "revolutions".into() };
-        notes.push(format!("1 of {every} {of} looked at"));
-    }
-    for oscillation in &tool.oscillations {
-        let [stroke, hz] = [oscillation.stroke.as_mm(), oscillation.frequency.as_khz() * 1000.0];
-        let name = format!("{} um at {hz} Hz", 1000.0 * stroke);
-        let needed = oscillation.jerk_mm_s3();
-        if needed > jerk {
-            notes.push(format!("the drive does not make {name}: {:.2} times its jerk", needed / jerk));
-        }
-        needs.push(Need {
-            figure: format!("jerk of {name}"),
-            unit: "m/s3",
-            needed: needed / 1000.0,
-            limit: Some(jerk / 1000.0),
-        });
-    }
+    needs.push(figure("time of the full stroke", "ms", 1000.0 * full.total_s()));
+    needs.push(figure("top speed of the full stroke", "m/s", full.peak() / 1000.0));
+    needs.extend(tool.oscillations.iter().map(|oscillation| jerk_of(oscillation, tool)));
+    let mut notes = vec![cut.spiral.note(), fit.note(), heights.note()];
+    notes.extend(cut.note());
+    notes.extend(tool.oscillations.iter().filter_map(|oscillation| beyond_the_drive(oscillation, tool)));
     Ok(Figures {
-        time: Split { mark: time_s, ..Split::default() },
+        time: Split { mark: cut.time_s, ..Split::default() },
         stops: 1,
         speed: 100.0,
         within: 100.0 * (kept as f64 / counted as f64),
@@ -210,6 +102,204 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         notes,
         ..Figures::default()
     })
+}
+
+/// What the system needs besides a job.
+fn tool_and_surface<'a>(
+    machine: &'a Machine,
+    exact: Option<&'a Surface>,
+) -> Result<(&'a ToolServo, &'a Surface), Error> {
+    let missing = |text: &str, hint: &str| Diag::limit("compare-tool-servo", text).hint(hint);
+    let tool = machine.tool_servo.as_ref().ok_or_else(|| {
+        let hint = "add [tool_servo] to the machine file, or leave the system out with --systems";
+        missing("the machine file states no tool servo", hint)
+    })?;
+    let surface = exact.ok_or_else(|| {
+        let hint = "name the NURBS surface of the part with --nurbs FILE";
+        missing("the jerk of a tool needs the exact surface, which a mesh is not", hint)
+    })?;
+    Ok((tool, surface))
+}
+
+/// The way of the tool over the part: from the farthest mark to the axis, at an even feed.
+struct Spiral {
+    /// Where the spindle's axis stands, mm.
+    axis: [f64; 2],
+    /// Distance of the farthest mark from the axis, mm.
+    radius: f64,
+    /// Speed of the spindle, rad/s.
+    spindle: f64,
+    /// Feed towards the axis, mm/s.
+    feed: f64,
+    /// Time from set-point to set-point, s.
+    cycle: f64,
+}
+
+impl Spiral {
+    /// The spiral about the middle of the texture's box.
+    fn over_marks(follower: &Follower<'_>, tool: &ToolServo) -> Self {
+        let area = follower.texture();
+        let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
+        let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
+        let radius = marks.map(|node| (node.at[0] - axis[0]).hypot(node.at[1] - axis[1])).fold(0.0, f64::max);
+        let [spindle, feed, cycle] = [tool.spindle.as_rad_s(), tool.feed.as_mm_s(), tool.cycle.as_s()];
+        Self { axis, radius, spindle, feed, cycle }
+    }
+
+    /// Where the tool is at a set-point, mm.
+    fn at(&self, i: usize) -> [f64; 2] {
+        let t = i as f64 * self.cycle;
+        let (radius, (sin, cos)) = ((self.radius - self.feed * t).max(0.0), (self.spindle * t).sin_cos());
+        [self.axis[0] + radius * cos, self.axis[1] + radius * sin]
+    }
+
+    fn revolution_s(&self) -> f64 {
+        std::f64::consts::TAU / self.spindle
+    }
+
+    fn note(&self) -> String {
+        format!("spiral of {:.1} mm about the middle of the texture", self.radius)
+    }
+}
+
+/// The one cut, and how much of it is looked at.
+struct Cut {
+    spiral: Spiral,
+    time_s: f64,
+    /// Set-points of the cut, and of a revolution.
+    set_points: usize,
+    revolution: usize,
+    /// Set-points of each run that is looked at: a revolution, where one is not too long.
+    run: usize,
+    /// Of so many runs one is looked at.
+    every: usize,
+}
+
+impl Cut {
+    fn new(spiral: Spiral) -> Self {
+        let time_s = spiral.radius / spiral.feed;
+        let set_points = (time_s / spiral.cycle).floor() as usize + 1;
+        let revolution = ((spiral.revolution_s() / spiral.cycle).round() as usize).max(4);
+        let [run, every] = looked_at(set_points, revolution);
+        Self { spiral, time_s, set_points, revolution, run, every }
+    }
+
+    /// The peaks of all runs that are looked at, each by itself, against limits of speed, acceleration and jerk.
+    fn peaks(&self, heights: &Heights<'_>, servo: Option<Servo>, limits: [f64; 3]) -> Peaks {
+        let runs = self.set_points.div_ceil(self.run);
+        let of_run = |k: usize| {
+            let first = k * self.every * self.run;
+            // The run before it lets a servo settle.
+            let settle = servo.map_or(0, |_| self.run.min(first));
+            let run = first..(first + self.run).min(self.set_points);
+            peaks(&self.spiral, first - settle, run, servo, limits, heights.along_a_way())
+        };
+        let found = parallel::map(runs.div_ceil(self.every), of_run);
+        found.into_iter().reduce(joined).expect("a cut has set-points")
+    }
+
+    /// The figures that follow from spindle, feed and cycle alone.
+    fn figures(&self) -> [Need; 6] {
+        let Spiral { radius, spindle, feed, cycle, .. } = self.spiral;
+        let revolution_s = self.spiral.revolution_s();
+        [
+            figure("set-points per second", "Hz", 1.0 / cycle),
+            figure("set-points", "", self.set_points as f64),
+            figure("set-points per revolution", "", revolution_s / cycle),
+            figure("way from set-point to set-point at the rim", "um", 1000.0 * radius * spindle * cycle),
+            figure("feed per revolution", "um", 1000.0 * feed * revolution_s),
+            figure("cutting speed at the rim", "mm/s", radius * spindle),
+        ]
+    }
+
+    /// How much is looked at; None where it is all.
+    fn note(&self) -> Option<String> {
+        let Self { run, every, .. } = *self;
+        let of = if run < self.revolution { format!("stretches of {run} set-points") } else { "revolutions".into() };
+        (every > 1).then(|| format!("1 of {every} {of} looked at"))
+    }
+}
+
+/// Heights of the exact surface.
+struct Heights<'a> {
+    /// By algorithm II, where the net is decoupled.
+    decoupled: Option<Decoupled<'a>>,
+    /// By algorithm III elsewhere.
+    inversion: Inversion<'a>,
+}
+
+impl Heights<'_> {
+    /// Heights at places that follow each other; None beside the surface.
+    fn along_a_way(&self) -> impl FnMut([f64; 2]) -> Option<f64> {
+        let mut inversion = self.inversion.clone();
+        move |xy| match &self.decoupled {
+            Some(decoupled) => decoupled.height(xy),
+            None => inversion.next(xy).ok().map(|found| found.at[2]),
+        }
+    }
+
+    fn note(&self) -> String {
+        format!("heights by algorithm {}", if self.decoupled.is_some() { "II" } else { "III" })
+    }
+}
+
+/// What the drive of the tool makes.
+struct Drive {
+    /// mm.
+    stroke: f64,
+    /// mm/s, mm/s², mm/s³.
+    rates: [f64; 3],
+}
+
+impl Drive {
+    fn of(tool: &ToolServo) -> Self {
+        let speed = tool.speed.map_or(f64::INFINITY, |v| v.as_mm_s());
+        let acceleration = tool.acceleration.map_or(f64::INFINITY, |a| a.as_mm_s2());
+        Self { stroke: tool.stroke.as_mm(), rates: [speed, acceleration, tool.jerk_mm_s3()] }
+    }
+
+    /// What the cut needs of it, and which of that it does not make.
+    fn needs(&self, peaks: &Peaks) -> (Vec<Need>, Vec<Beyond>) {
+        let [speed, acceleration, jerk] = [0, 1, 2].map(|k| [peaks.rates[k] / 1e3, self.rates[k] / 1e3]);
+        let rows = [
+            ("stroke", "mm", [peaks.z[1] - peaks.z[0], self.stroke]),
+            ("speed", "m/s", speed),
+            ("acceleration", "m/s2", acceleration),
+            ("jerk", "m/s3", jerk),
+        ];
+        let is_beyond = |[needed, limit]: [f64; 2]| needed > limit;
+        let beyond = rows.iter().filter(|row| is_beyond(row.2)).map(|&(name, unit, v)| Beyond::Drive(name, unit, v));
+        let needs = rows.iter().map(|&(name, unit, [needed, limit])| Need {
+            figure: name.into(),
+            unit,
+            needed,
+            limit: limit.is_finite().then_some(limit),
+        });
+        (needs.collect(), beyond.collect())
+    }
+}
+
+/// A figure that nothing limits.
+fn figure(name: &str, unit: &'static str, value: f64) -> Need {
+    Need { figure: name.into(), unit, needed: value, limit: None }
+}
+
+/// The name of an oscillation that the drive is held against.
+fn name_of(oscillation: &Oscillation) -> String {
+    let hz = oscillation.frequency.as_khz() * 1000.0;
+    format!("{} um at {hz} Hz", 1000.0 * oscillation.stroke.as_mm())
+}
+
+fn jerk_of(oscillation: &Oscillation, tool: &ToolServo) -> Need {
+    let [needed, limit] = [oscillation.jerk_mm_s3(), tool.jerk_mm_s3()].map(|jerk| jerk / 1000.0);
+    Need { figure: format!("jerk of {}", name_of(oscillation)), unit: "m/s3", needed, limit: Some(limit) }
+}
+
+/// That the drive does not make an oscillation, where it does not.
+fn beyond_the_drive(oscillation: &Oscillation, tool: &ToolServo) -> Option<String> {
+    let [needed, jerk] = [oscillation.jerk_mm_s3(), tool.jerk_mm_s3()];
+    let times = needed / jerk;
+    (needed > jerk).then(|| format!("the drive does not make {}: {times:.2} times its jerk", name_of(oscillation)))
 }
 
 /// Of how many set-points each run is that is looked at, and of how many runs one.
@@ -225,35 +315,63 @@ fn full_stroke(tool: &ToolServo) -> RestToRest {
     RestToRest::new(tool.stroke.as_mm(), speed, acceleration, Some(tool.jerk_mm_s3()))
 }
 
-/// How far the surface lies off the part at points of the marks at most, mm, and at how many of these.
+/// How well the exact surface is that of the part.
+struct Fit {
+    /// Largest distance of the surface from the part's facets along z, mm.
+    worst: f64,
+    /// Points of the marks at which it was measured.
+    points: usize,
+}
+
+impl Fit {
+    fn note(&self) -> String {
+        let Self { worst, points } = self;
+        format!("at {points} points of the marks the facets lie within {:.2} um of the NURBS surface", 1000.0 * worst)
+    }
+}
+
+/// Holds the exact surface against the part at points of the marks.
 ///
 /// # Errors
-/// `compare-tool-servo` where it is beyond the focal offset that is allowed, or the surface is not there at all.
-fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<(f64, usize), Error> {
+/// `compare-nurbs` where it lies farther off than the defocus that is allowed, or is not there at all.
+fn fit(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<Fit, Error> {
     let allowed = follower.subject().limits.focus;
     let refused = |text: String| {
         let hint = "give the NURBS surface of this part, in mm and in the frame of the placed part";
         Err(Diag::limit("compare-nurbs", text).hint(hint).into())
     };
     let nodes = &follower.path().nodes;
-    let (mut worst, mut compared) = (0.0f64, 0);
+    let mut fit = Fit { worst: 0.0, points: 0 };
     let mut inversion = inversion.clone();
     for node in nodes.iter().step_by(nodes.len().div_ceil(COMPARED).max(1)).filter(|node| node.pen.is_some()) {
         let [x, y, z] = node.at;
         let Ok(found) = inversion.next([x, y]) else {
             return refused(format!("the NURBS surface is not under the mark at {x:.3}, {y:.3} mm"));
         };
-        worst = worst.max((found.at[2] - z).abs());
-        compared += 1;
+        fit.worst = fit.worst.max((found.at[2] - z).abs());
+        fit.points += 1;
     }
-    if worst > allowed {
-        let [lo, hi] = surface.hull();
+    if fit.worst > allowed {
+        let ([lo, hi], worst) = (surface.hull(), fit.worst);
         return refused(format!(
             "the NURBS surface (z from {:.3} to {:.3} mm) lies up to {worst:.3} mm off the part, {allowed} mm allowed",
             lo[2], hi[2]
         ));
     }
-    Ok((worst, compared))
+    Ok(fit)
+}
+
+/// Peaks of a run of set-points.
+#[derive(Clone, Copy)]
+struct Peaks {
+    /// Least and largest height, mm.
+    z: [f64; 2],
+    /// Largest size of each difference: mm/s, mm/s², mm/s³.
+    rates: [f64; 3],
+    /// Largest following error, and the sum of all, mm.
+    following: [f64; 2],
+    /// Set-points that count, and how many of them keep the limits.
+    counts: [usize; 2],
 }
 
 /// Peaks of a run of set-points, of a servo that starts at rest at `settle`; `height` tells none where

@@ -2,7 +2,7 @@
 //!
 //! Consumes the rows of a comparison and nothing else; promises that what is recommended keeps every limit with every
 //! mark, runs on the job's own machine, and is the fastest of those that `compile` makes. The time that counts is that
-//! of [`Figures::counted_s`]. Of systems of one kind the sentences tell the fastest; all others are in the table.
+//! of [`Figures::counted_s`]. Of systems of one kind the sentences name the fastest; all others are in the table.
 
 use std::fmt;
 
@@ -18,7 +18,7 @@ use terrace_report::report::table::plain;
 const ALIKE: f64 = 1.05;
 /// Factors within this of 2 are a half or a double.
 const ROUND: f64 = 0.1;
-/// Differences of incidence that are told, deg.
+/// Least difference of incidence that is mentioned, deg.
 const TOLD_DEG: f64 = 0.5;
 
 /// The limit of the job from which on `compile` marks with a warning.
@@ -49,13 +49,13 @@ pub enum Standing {
 /// One system.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Assessed {
-    /// Its name.
+    /// The name of the system.
     pub system: &'static str,
     /// How it stands.
     pub standing: Standing,
     /// The time that counts, s.
     pub time_s: Option<f64>,
-    /// That time as a multiple of the recommended system's.
+    /// The system's time as a multiple of the recommended system's.
     pub times_the_recommended: Option<f64>,
     /// Why it is beyond the limits or does not apply.
     pub reasons: Vec<String>,
@@ -161,9 +161,9 @@ impl<'a> Rows<'a> {
         const GROUPS: [Kind; 7] =
             [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::HeadTilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes];
         for group in GROUPS {
-            let told = best.is_some_and(|best| best.kind == group);
+            let is_recommended = best.is_some_and(|best| best.kind == group);
             let fit = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());
-            if let Some(other) = fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !told) {
+            if let Some(other) = fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !is_recommended) {
                 out.push(said(other, best));
             }
         }
@@ -218,7 +218,7 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// That nothing can be recommended, and what comes nearest to it.
+    /// The sentences that say that nothing can be recommended, and what comes nearest to it.
     fn no_recommendation(&self) -> Vec<String> {
         let nearly = |t: &Timed<'_>| {
             let made = t.figures.hardware == Hardware::Own && t.figures.job_key.is_some();
@@ -245,9 +245,9 @@ impl<'a> Rows<'a> {
             let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
             (t.system, reasons.join("; "))
         });
-        let told: Vec<String> =
+        let parts: Vec<String> =
             by_reason(out).iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
-        (!told.is_empty()).then(|| format!("Beyond {WARN_KEY} alone, which is yours to set: {}.", told.join(", ")))
+        (!parts.is_empty()).then(|| format!("Beyond {WARN_KEY} alone, which is yours to set: {}.", parts.join(", ")))
     }
 
     /// Which systems must not be used, those of one reason together.
@@ -258,8 +258,8 @@ impl<'a> Rows<'a> {
             (t.system, reasons.join("; "))
         });
         let groups = by_reason(out);
-        let told: Vec<String> = groups.iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
-        (!told.is_empty()).then(|| format!("Beyond the limits: {}.", told.join(", ")))
+        let parts: Vec<String> = groups.iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
+        (!parts.is_empty()).then(|| format!("Beyond the limits: {}.", parts.join(", ")))
     }
 
     /// Which systems have no figures, those of one reason together.
@@ -268,11 +268,11 @@ impl<'a> Rows<'a> {
             let e = row.figures.as_ref().err()?;
             Some((row.system, e.diags().first().map_or_else(String::new, |d| d.message.clone())))
         });
-        let told = |(names, why): &(Vec<&str>, String)| {
+        let sentence = |(names, why): &(Vec<&str>, String)| {
             let verb = if names.len() > 1 { "do" } else { "does" };
             format!("{} {verb} not apply: {why}.", listed(names))
         };
-        by_reason(out).iter().map(told).collect()
+        by_reason(out).iter().map(sentence).collect()
     }
 }
 
@@ -292,7 +292,7 @@ fn kind(system: &str) -> Kind {
     SYSTEMS.iter().find(|s| s.name == system).map_or(Kind::Stepped, |s| s.kind)
 }
 
-/// What a system would win or lose against the best, and why where the figures tell.
+/// What a system would win or lose against the best, and why where the figures say so.
 fn said(other: Timed<'_>, best: Option<Timed<'_>>) -> String {
     let Timed { figures, .. } = other;
     let (what, is_many) = subject(other);
@@ -604,8 +604,8 @@ mod tests {
         assert!(first(&c).contains("by a person, 17.50 EUR, all"), "{}", first(&c));
         c.rows = comparison(rows([0.0, 0.0])).rows;
         c.loading.way = LoadingWay::Ovf;
-        let told = "Step by z-range: 1 min 40 s by a controller that reads job.ovf, 2.50 EUR, all in focus.";
-        assert_eq!(first(&c), told);
+        let wanted = "Step by z-range: 1 min 40 s by a controller that reads job.ovf, 2.50 EUR, all in focus.";
+        assert_eq!(first(&c), wanted);
     }
 
     #[test]
@@ -618,10 +618,10 @@ mod tests {
             cost("partition.overlap", 67.0),
             KeyCost { system: "window", ..cost("partition.zone", 1.0) },
         ];
-        let told = Verdict::of(&c).sentences;
+        let sentences = Verdict::of(&c).sentences;
         let wanted = "Of this time partition.section = \"8.2244 mm\" of the job file, not the machine, costs 26.1 s: without \
                       it z-range takes 41.9 s.";
-        assert_eq!(told[2..], [wanted.to_owned()]);
+        assert_eq!(sentences[2..], [wanted.to_owned()]);
     }
 
     #[test]
@@ -634,8 +634,8 @@ mod tests {
             ("7-axis", e("z is too short")),
         ]);
         let verdict = Verdict::of(&c);
-        let told = ["zoom and 7-axis do not apply: z is too short.", "tilt does not apply: A is too short."];
-        assert_eq!(verdict.sentences[2..], told);
+        let wanted = ["zoom and 7-axis do not apply: z is too short.", "tilt does not apply: A is too short."];
+        assert_eq!(verdict.sentences[2..], wanted);
         assert_eq!(verdict.note(2), "does not apply: A is too short");
     }
 
@@ -646,7 +646,7 @@ mod tests {
     }
 
     #[test]
-    fn ratios_are_told_in_words() {
+    fn ratios_are_reported_in_words() {
         let cases = [
             (0.05, "is 20 times faster"),
             (0.42, "is 2.4 times faster"),

@@ -10,7 +10,8 @@ const MOST: usize = MAX_DEGREE + 1;
 pub(super) struct Basis<T> {
     /// Number of the first that is not 0.
     pub first: usize,
-    /// That and the next, up to `degree` more: values, first and second derivatives as far as asked for, else 0.
+    /// The functions from `first` on, `degree` more at most: values, first and second derivatives as far as asked for,
+    /// else 0.
     pub values: [[T; MOST]; 3],
 }
 

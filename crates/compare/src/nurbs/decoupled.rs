@@ -26,7 +26,7 @@ impl<'a> Decoupled<'a> {
     /// Of a surface.
     ///
     /// # Errors
-    /// `nurbs-decoupled` where it is none, with the control point that is farthest off.
+    /// `nurbs-decoupled` where it is not one, with the control point that is farthest off.
     pub fn of(surface: &'a Surface) -> Result<Self, Error> {
         let refused = |text: String, hint: &str| Err(Diag::limit("nurbs-decoupled", text).hint(hint).into());
         const OTHERWISE: &str = "use algorithm III, which inverts any height map";

@@ -41,7 +41,7 @@ pub struct Examination {
     pub grid_error: Option<f64>,
     /// How many samples it reaches.
     pub grid_reaches: usize,
-    /// Its grid.
+    /// The grid of heights.
     pub grid: HeightGrid,
     /// Worst error of algorithm II, mm; or why the net is not decoupled.
     pub decoupled_error: Result<f64, Error>,

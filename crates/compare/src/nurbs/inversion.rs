@@ -1,9 +1,9 @@
 //! Algorithm III: the parameters at which the surface passes over (x, y), by iteration (Brecher et al., eq. 4 to 7).
 //!
-//! Minimised is half of |r|², r = S_xy(u, v) - (x, y), all products of x and y alone. Its second derivatives (eq. 6) hold
-//! S_u S_u + r S_uu and so on; Newton's method needs second derivatives of the surface, and far from the solution it may
-//! go to a saddle. Gauss-Newton leaves out what is multiplied by r. There are as many unknowns as equations, so its
-//! step solves S_u du + S_v dv = -r; it converges quadratically too, since r is 0 at the solution.
+//! Minimised is half of |r|², r = S_xy(u, v) - (x, y), all products of x and y alone. Its second derivatives (eq. 6)
+//! hold S_u S_u + r S_uu and so on; Newton's method needs second derivatives of the surface, and far from the solution
+//! it may go to a saddle. Gauss-Newton leaves out what is multiplied by r. There are as many unknowns as equations, so
+//! its step solves S_u du + S_v dv = -r; it converges quadratically too, since r is 0 at the solution.
 
 use super::{Counted, Scalar, Surface, counted};
 
@@ -27,7 +27,7 @@ pub struct Found<T> {
     pub steps: usize,
 }
 
-/// That none was found: the surface does not pass there, or the iteration went astray.
+/// No parameters were found: the surface does not pass there, or the iteration went astray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NotConverged {
     /// Steps that were made.
@@ -158,7 +158,7 @@ impl<'a> Inversion<'a> {
     }
 }
 
-/// A parameter in its range; at the lower end where it is no number.
+/// A parameter in its range; at the lower end where it is not a number.
 fn clamped<T: Scalar>(t: T, [lo, hi]: [f64; 2]) -> T {
     match t.value() {
         v if v >= hi => T::of(hi),

@@ -7,12 +7,12 @@
 //! - II: x and y are linear in the parameters ([`Decoupled`]); exact, for such nets alone;
 //! - III: inversion of S_xy(u, v) = (x, y) ([`Inversion`]); exact, for any surface that is a height map.
 //!
-//! Consumes a net, knots and weights ([`Surface::new`], or a file by [`Surface::load`]); promises points and derivatives
-//! to rounding. Units: mm. Frame: that of the file.
+//! Consumes a net, knots and weights ([`Surface::new`], or a file by [`Surface::load`]); promises points and
+//! derivatives to rounding. Units: mm. Frame: that of the file.
 //!
 //! # Source
-//! Brecher et al., online trajectory generation from NURBS surfaces for a fast tool servo, eq. 2 to 7 (`docs/references.md`);
-//! basis functions by L. Piegl, W. Tiller, The NURBS Book (1997), A2.2 and A4.4.
+//! Brecher et al., online trajectory generation from NURBS surfaces for a fast tool servo, eq. 2 to 7
+//! (`docs/references.md`); basis functions by L. Piegl, W. Tiller, The NURBS Book (1997), A2.2 and A4.4.
 
 mod basis;
 mod decoupled;
@@ -178,13 +178,13 @@ impl Surface {
         self.knots[axis][i + 1..=i + p].iter().sum::<f64>() / p as f64
     }
 
-    /// The point at (u, v). Beyond the range of the parameters the outermost pieces go on.
+    /// The point at (u, v). Beyond the range of the parameters the outermost pieces continue.
     pub fn point<T: Scalar>(&self, uv: [T; 2]) -> [T; 3] {
         self.derivatives::<T, 0>(uv)[0]
     }
 
-    /// The point at (u, v) and its partial derivatives up to `ORDER`, at most 2: S, S_u, S_v, S_uu, S_uv, S_vv; those of
-    /// higher orders are 0. (The NURBS Book, eq. 4.20.)
+    /// The point at (u, v) and its partial derivatives up to `ORDER`, at most 2: S, S_u, S_v, S_uu, S_uv, S_vv; those
+    /// of higher orders are 0. (The NURBS Book, eq. 4.20.)
     pub fn derivatives<T: Scalar, const ORDER: usize>(&self, uv: [T; 2]) -> [[T; 3]; 6] {
         let [along_u, along_v] = [0, 1].map(|k| Basis::of::<ORDER>(self.degree[k], &self.knots[k], uv[k]));
         let zero = T::of(0.0);

@@ -9,7 +9,7 @@ pub trait Scalar:
 {
     /// A constant.
     fn of(v: f64) -> Self;
-    /// Its value.
+    /// The value without its derivatives.
     fn value(self) -> f64;
     /// e to its power.
     fn exp(self) -> Self;

@@ -105,8 +105,8 @@ fn over_disc(a: Seen, b: Seen, radius: f64) -> impl Iterator<Item = Seen> {
     [from, to].into_iter().filter(move |_| from <= to).map(at)
 }
 
-/// Where the rim of the disc lies farthest uphill, if that is in the triangle; the middle of the disc where the triangle
-/// is level.
+/// Where the rim of the disc lies farthest uphill, if that is in the triangle; the middle of the disc where the
+/// triangle is level.
 fn uphill([p, q, r]: [Seen; 3], radius: f64) -> Option<Seen> {
     let [u, v]: [Seen; 2] = [q, r].map(|c| std::array::from_fn(|k| c[k] - p[k]));
     let area = u[0] * v[1] - u[1] * v[0];
@@ -134,7 +134,7 @@ pub struct Facets {
 }
 
 impl Facets {
-    /// Those of a surface that rise above `lowest`, nm.
+    /// The facets of a surface that rise above `lowest`, nm.
     pub fn above(lowest: f64, each: EachFacet<'_>) -> Self {
         let mut facets = Vec::new();
         each(&mut |corners| {

@@ -19,7 +19,7 @@ pub enum Severity {
 /// A diagnostic as data. Keys that do not apply are null.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Message {
-    /// Its code, such as `stl-truncated`.
+    /// The code of the message, such as `stl-truncated`.
     pub code: String,
     /// How serious it is.
     pub severity: Severity,
@@ -29,7 +29,7 @@ pub struct Message {
     pub line: Option<usize>,
     /// Column in the line, in characters, from 1.
     pub column: Option<usize>,
-    /// Where in the file or in the job, if that is no line: a facet, an element, a point of the part, a block.
+    /// Where in the file or in the job, if that is not a line: a facet, an element, a point of the part, a block.
     pub place: Option<String>,
     /// One sentence.
     pub message: String,

@@ -50,14 +50,14 @@ pub enum Place {
     Nowhere,
     /// A file as a whole, or one of its lines (counted from 1).
     File {
-        /// As the user named it.
+        /// The path as the user typed it.
         path: String,
         /// Counted from 1.
         line: Option<usize>,
     },
     /// A stretch of a text file that is shown with a caret.
     Text {
-        /// As the user named it.
+        /// The path as the user typed it.
         path: String,
         /// The whole text.
         source: Arc<str>,
@@ -66,14 +66,14 @@ pub enum Place {
     },
     /// A facet of a surface file, counted from 0 in file order.
     Facet {
-        /// As the user named it.
+        /// The path as the user typed it.
         path: String,
         /// Number of the facet.
         facet: usize,
     },
     /// An element of a drawing, by id or by its number.
     Element {
-        /// As the user named it.
+        /// The path as the user typed it.
         path: String,
         /// Id or number of the element.
         element: String,
@@ -219,8 +219,8 @@ pub fn is_active(c: char) -> bool {
     c.is_control() && !is_break || turns
 }
 
-/// A text without characters on which terminals act, or that turn the order of others: these are written `\u001b`, which
-/// JSON reads as the same.
+/// A text without characters on which terminals act, or that turn the order of others: these are written `\u001b`,
+/// which JSON reads as the same.
 pub fn escaped(text: &str) -> std::borrow::Cow<'_, str> {
     if !text.contains(is_active) {
         return text.into();
@@ -247,7 +247,7 @@ impl Error {
         assert!(!diags.is_empty(), "an error says at least one thing");
         Self(diags)
     }
-    /// Adds the warnings that came before the error; they are told after it.
+    /// Adds the warnings that came before the error; they are reported after it.
     #[must_use]
     pub fn after(mut self, warnings: Vec<Diag>) -> Self {
         self.0.extend(warnings);
@@ -322,7 +322,7 @@ fn near_names(path: &Path) -> Vec<String> {
     near.into_iter().take(3).map(|(_, name)| name).collect()
 }
 
-/// Parses a TOML text into `T`; every fault points at its value. `keys` tells where all keys are listed.
+/// Parses a TOML text into `T`; every fault points at its value. `keys` says where all keys are listed.
 ///
 /// # Errors
 /// `toml` with the place of the fault: syntax, unknown or missing keys, wrong units, values out of range.
@@ -352,10 +352,10 @@ pub fn from_table<T: DeserializeOwned>(
 }
 
 /// Makes `grbl = { port = "x" }` of the table `driver = "grbl", port = "x"` with the tag `driver`: as an enum is read
-/// without losing the places of its values. Leaves what is no table as it is.
+/// without losing the places of its values. Leaves what is not a table as it is.
 ///
 /// # Errors
-/// `toml` where the tag is missing, or is no text; its place is that of the tag, or else up to the caller.
+/// `toml` where the tag is missing, or is not text; its place is that of the tag, or else up to the caller.
 pub fn by_tag(value: &mut DeValue<'_>, tag: &str) -> Result<(), (Diag, Option<Range<usize>>)> {
     let DeValue::Table(table) = value else { return Ok(()) };
     let Some(word) = table.remove(tag) else {

@@ -10,7 +10,7 @@ use super::{Diag, Place, edits};
 /// A table that a kind of file may have.
 #[derive(Clone, Copy, Debug)]
 pub struct TableKey {
-    /// Its name with the tables around it, such as `surface.heightmap`.
+    /// The name of the table with the tables around it, such as `surface.heightmap`.
     pub name: &'static str,
     /// Whether it is a list: `[[pen]]`.
     pub is_list: bool,
@@ -19,12 +19,12 @@ pub struct TableKey {
 }
 
 impl TableKey {
-    /// Its heading.
+    /// The heading of the table.
     fn heading(&self) -> String {
         if self.is_list { format!("[[{}]]", self.name) } else { format!("[{}]", self.name) }
     }
 
-    /// Its place in a document: None where the table around it is not there, or is a list.
+    /// The place of the table in a document: None where the table around it is not there, or is a list.
     fn found<'a>(&self, root: &'a DeTable<'_>) -> Option<Option<&'a toml::Spanned<DeValue<'a>>>> {
         let (around, last) = self.name.rsplit_once('.').map_or((None, self.name), |(a, last)| (Some(a), last));
         let mut table = root;
@@ -45,7 +45,7 @@ pub fn table_faults(path: &Path, source: &Arc<str>, what: &str, tables: &[TableK
         let (heading, Some(found)) = (key.heading(), key.found(root.get_ref())) else { continue };
         let Some(value) = found else {
             let Some(hint) = key.needed else { continue };
-            // A slip of the name is told where it stands.
+            // A slip of the name is reported where it stands.
             let is_slip = |name: &str| {
                 edits(name, key.name) <= 2 && !tables.iter().any(|known| known.name.split('.').next() == Some(name))
             };
@@ -65,7 +65,7 @@ pub fn table_faults(path: &Path, source: &Arc<str>, what: &str, tables: &[TableK
         };
         let text = match (value.get_ref(), key.is_list) {
             (DeValue::Table(_), true) => format!("[{}] is a single table, and a {what} has a list of them", key.name),
-            // A list of numbers is no list of tables: what its key takes is told where it is read.
+            // A list of numbers is not a list of tables: what its key takes is said where it is read.
             (DeValue::Array(list), false) if list.iter().all(|v| matches!(v.get_ref(), DeValue::Table(_))) => {
                 format!("[[{}]] is a list, and a {what} has one such table", key.name)
             }

@@ -93,7 +93,7 @@ impl NotUtf8 {
     }
 }
 
-/// A word of a command as a shell is told it: quoted where it holds anything that a shell acts on.
+/// A word of a command as a shell reads it: quoted where it holds anything that a shell acts on.
 pub fn shell_word(text: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | ':' | '+' | ',' | '@' | '%');
     if cfg!(windows) {
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     /// What is said of bytes, and its line.
-    fn told(bytes: &[u8]) -> (String, Option<usize>) {
+    fn refusal(bytes: &[u8]) -> (String, Option<usize>) {
         let e = utf8(bytes.to_vec()).expect_err("not UTF-8");
         (e.to_string(), e.line)
     }
@@ -126,27 +126,27 @@ mod tests {
     }
 
     #[test]
-    fn utf16_and_utf32_are_told_by_mark_or_zeros() {
+    fn utf16_and_utf32_are_recognised_by_mark_or_zeros() {
         let text = "[surface]\nfile = \"a.stl\"\n";
         let [little, big]: [Vec<u8>; 2] = [
             text.encode_utf16().flat_map(u16::to_le_bytes).collect(),
             text.encode_utf16().flat_map(u16::to_be_bytes).collect(),
         ];
         for bytes in [[&[0xff, 0xfe], &little[..]].concat(), little, [&[0xfe, 0xff], &big[..]].concat(), big] {
-            assert_eq!(told(&bytes), ("not UTF-8 text: it is UTF-16".into(), None));
+            assert_eq!(refusal(&bytes), ("not UTF-8 text: it is UTF-16".into(), None));
         }
         let wide: Vec<u8> =
             std::iter::once('\u{feff}').chain(text.chars()).flat_map(|c| u32::from(c).to_le_bytes()).collect();
-        assert_eq!(told(&wide).0, "not UTF-8 text: it is UTF-32");
+        assert_eq!(refusal(&wide).0, "not UTF-8 text: it is UTF-32");
     }
 
     #[test]
-    fn latin1_is_told_with_its_line_and_character() {
-        let (text, line) = told(b"a = 1\nspot = \"20 \xb5m\"\nb = \"\xe4\"\n");
+    fn latin1_is_reported_with_its_line_and_character() {
+        let (text, line) = refusal(b"a = 1\nspot = \"20 \xb5m\"\nb = \"\xe4\"\n");
         assert_eq!(line, Some(2));
         assert!(text.ends_with("where byte 0xb5 is '\u{b5}'"), "{text}");
         // The quotes of Windows-1252.
-        assert!(told(b"a = \x93x\x94").0.ends_with("where byte 0x93 is a sign"));
+        assert!(refusal(b"a = \x93x\x94").0.ends_with("where byte 0x93 is a sign"));
     }
 
     #[test]
@@ -156,7 +156,7 @@ mod tests {
             b"solid\0\0\0\0\0\x01\xff\x80",
             b"\xff\xd8\xff\xe0\x10JFIF",
         ] {
-            assert_eq!(told(bytes).0, "not text", "{bytes:?}");
+            assert_eq!(refusal(bytes).0, "not text", "{bytes:?}");
         }
     }
 

@@ -38,7 +38,7 @@ impl BoxMm<2> {
     pub const fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Self {
         Self { lo: [x0, y0], hi: [x1, y1] }
     }
-    /// Its corners, counter-clockwise from the lower left, mm.
+    /// The corners of the box, counter-clockwise from the lower left, mm.
     pub const fn corners(&self) -> [[f64; 2]; 4] {
         let ([x0, y0], [x1, y1]) = (self.lo, self.hi);
         [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]

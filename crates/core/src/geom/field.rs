@@ -28,7 +28,7 @@ impl From<[i32; 2]> for FieldPoint {
     }
 }
 
-/// A point as the controller of the scanner is told it, nm: of the field, with axes swapped and mirrored.
+/// A point as the controller of the scanner gets it, nm: of the field, with axes swapped and mirrored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct ControllerPoint {
     /// x in nm.

@@ -44,17 +44,17 @@ impl Nm {
     pub fn ceil(nm: f64) -> Self {
         Self(nm.ceil() as i64)
     }
-    /// It in mm.
+    /// The length in mm.
     #[inline]
     pub fn mm(self) -> f64 {
         self.f64() / NM_PER_MM
     }
-    /// It in nm.
+    /// The length in nm.
     #[inline]
     pub const fn f64(self) -> f64 {
         self.0 as f64
     }
-    /// Its size without sign.
+    /// The length without its sign.
     #[inline]
     #[must_use]
     pub const fn abs(self) -> Self {
@@ -83,7 +83,7 @@ impl Nm {
     pub const fn saturating_sub(self, o: Self) -> Self {
         Self(self.0.saturating_sub(o.0))
     }
-    /// The next lower multiple of `step`, if it is none.
+    /// The next lower multiple of `step`; the length itself if it is one.
     #[inline]
     #[must_use]
     pub const fn down_to(self, step: Self) -> Self {

@@ -55,7 +55,7 @@ impl Pose {
         (self.0 * Vector3::from(p)).into()
     }
 
-    /// Its rotations about x, y and z, in the order of [`Pose::from_angles`], rad.
+    /// The rotations of the pose about x, y and z, in the order of [`Pose::from_angles`], rad.
     pub fn angles(&self) -> [f64; 3] {
         let m = &self.0;
         let y = (-m[(2, 0)]).clamp(-1.0, 1.0).asin();

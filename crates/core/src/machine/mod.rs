@@ -182,12 +182,12 @@ pub struct Servo {
     pub frequency: Frequency,
     /// Damping ratio; 1 is critical.
     pub damping: f64,
-    /// What of the command it is told in advance.
+    /// What of the command it knows in advance.
     #[serde(default)]
     pub feed_forward: FeedForward,
 }
 
-/// What of its command a servo is told in advance.
+/// What of its command a servo knows in advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema, Default)]
 #[serde(rename_all = "lowercase")]
 pub enum FeedForward {
@@ -412,7 +412,7 @@ pub struct Zoom {
     /// Wait after a move.
     #[serde(default, deserialize_with = "non_negative")]
     pub settle: Time,
-    /// How far the focal plane may lie from where the optic is told to set it; for the depth budget.
+    /// How far the focal plane may lie from where the optic is commanded to set it; for the depth budget.
     #[serde(default, deserialize_with = "positive_option")]
     pub accuracy: Option<Length>,
 }
@@ -446,7 +446,7 @@ pub enum LoadingWay {
 }
 
 impl LoadingWay {
-    /// Its name in machine files.
+    /// The way's name in machine files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Run => "run",
@@ -611,8 +611,8 @@ impl Machine {
         (to - from).abs().mm() / zoom.speed.as_mm_s() + zoom.settle.as_s()
     }
 
-    /// How commanded angles turn a part whose origin lies at `origin`, as the head sees it; not at all where the machine
-    /// has no tilt axes.
+    /// How commanded angles turn a part whose origin lies at `origin`, as the head sees it; not at all where the
+    /// machine has no tilt axes.
     pub fn turn(&self, tilt: TiltAngles, origin: Origin) -> Turn {
         self.tilt.as_ref().map_or_else(Turn::none, |table| table.turn(tilt, origin))
     }

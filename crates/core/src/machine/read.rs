@@ -114,6 +114,7 @@ impl Machine {
                 fault("machine-travel", &key, format!("{key} is beyond 4 m"), "check the unit");
             }
         }
+        /// Below any lens: most often a slip of the unit.
         const LEAST_FIELD: Nm = Nm(5_000);
         let usable = self.usable_field();
         if usable.iter().any(|&w| w < LEAST_FIELD) {

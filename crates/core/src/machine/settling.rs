@@ -28,7 +28,7 @@ pub struct AxisSettling {
 }
 
 impl Settling {
-    /// That of x and y, and that of z.
+    /// The settling time of x and y, and that of z.
     pub fn by_axis(self) -> [Time; 2] {
         match self {
             Self::Every(time) => [time; 2],

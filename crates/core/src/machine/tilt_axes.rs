@@ -76,7 +76,7 @@ const fn the_part() -> Carries {
 pub enum AxisTravel {
     /// Between a lowest and a highest angle.
     Ends([Angle; 2]),
-    /// As far as it is told, either way.
+    /// Any angle, either way.
     Endless(Endless),
 }
 

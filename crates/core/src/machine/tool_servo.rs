@@ -41,7 +41,7 @@ pub struct ToolServo {
     /// The linear motor whose voltage limits the jerk.
     #[serde(default)]
     pub drive: Option<Drive>,
-    /// How the tool follows its command, as a damped oscillator; without it no following error is told.
+    /// How the tool follows its command, as a damped oscillator; without it no following error is computed.
     #[schemars(extend("x-value" = "{ frequency = \"1000 Hz\", damping = 0.7 }"))]
     #[serde(default)]
     pub servo: Option<Servo>,
@@ -85,15 +85,15 @@ pub struct Oscillation {
 }
 
 impl Oscillation {
-    /// Its largest jerk, mm/s³: half the stroke times the cube of the angular frequency.
+    /// The largest jerk, mm/s³: half the stroke times the cube of the angular frequency.
     pub fn jerk_mm_s3(&self) -> f64 {
         self.stroke.as_mm() / 2.0 * (std::f64::consts::TAU * self.frequency.as_khz() * 1000.0).powi(3)
     }
 }
 
 impl Drive {
-    /// Jerk that the motor makes, mm/s³: the voltage changes the current by U / L a second, each ampere is a force of kT,
-    /// j = U / L * kT / m (Brecher et al.). Back EMF and resistance are left out.
+    /// Jerk that the motor makes, mm/s³: the voltage changes the current by U / L a second, each ampere is a force of
+    /// kT, j = U / L * kT / m (Brecher et al.). Back EMF and resistance are left out.
     pub fn jerk_mm_s3(&self) -> f64 {
         let newtons_per_s = self.voltage.as_v() / self.inductance.as_h() * self.force_constant.as_n_a();
         1000.0 * newtons_per_s / self.mass.as_kg()

@@ -7,19 +7,19 @@ impl Machine {
     /// Warnings about them, each with its key.
     pub fn unused(&self) -> Vec<Fault> {
         let mut out = Vec::new();
-        let mut tell = |key: String, why: &str, hint: &str| {
+        let mut report = |key: String, why: &str, hint: &str| {
             let text = format!("{key} has no effect: {why}");
             out.push((key, Diag::warning("key-unused", text).hint(hint)));
         };
         if self.scanner.jerk.is_some() && self.scanner.acceleration.is_none() {
             let why = "without scanner.acceleration the scanner is taken to be always at speed";
-            tell("scanner.jerk".into(), why, "state scanner.acceleration too, or leave it out");
+            report("scanner.jerk".into(), why, "state scanner.acceleration too, or leave it out");
         }
         let [x, y] = self.lens.field;
         if self.lens.shape == FieldShape::Circle && x != y {
             let side = if x > y { "first" } else { "second" };
             let why = format!("the larger, {side} size of a circle is not used: its diameter is the smaller one");
-            tell("lens.field".into(), &why, "state the diameter twice, or shape = \"rectangle\"");
+            report("lens.field".into(), &why, "state the diameter twice, or shape = \"rectangle\"");
         }
         for (i, axis) in self.tilt.iter().flat_map(|tilt| tilt.axes.iter().enumerate()) {
             let given = [
@@ -30,7 +30,11 @@ impl Machine {
             let is_whole = given[0].1 && given[1].1;
             if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given && !is_whole) {
                 let why = "the axis does not state both speed and acceleration, so nothing is marked while it turns";
-                tell(format!("tilt.axes.{i}.{key}"), why, "state speed and acceleration of both axes, or leave it out");
+                report(
+                    format!("tilt.axes.{i}.{key}"),
+                    why,
+                    "state speed and acceleration of both axes, or leave it out",
+                );
             }
         }
         out
@@ -51,17 +55,17 @@ mod tests {
     }
 
     #[test]
-    fn keys_that_need_another_one_are_told() {
-        let told = |name: &str, change: &dyn Fn(&mut Machine)| {
+    fn keys_that_need_another_one_are_reported() {
+        let codes = |name: &str, change: &dyn Fn(&mut Machine)| {
             let mut machine = Machine::built_in(name).expect("a profile");
             change(&mut machine);
             machine.unused().into_iter().map(|(key, d)| format!("{key} {}", d.code)).collect::<Vec<_>>()
         };
         let jerk = |m: &mut Machine| (m.scanner.acceleration, m.scanner.jerk) = (None, "1000 m/s3".parse().ok());
-        assert_eq!(told("xyz-galvo-40", &jerk), ["scanner.jerk key-unused"]);
+        assert_eq!(codes("xyz-galvo-40", &jerk), ["scanner.jerk key-unused"]);
         let round = |m: &mut Machine| (m.lens.shape, m.lens.field[1]) = (FieldShape::Circle, Length::mm(60.0));
-        assert_eq!(told("xyz-galvo-40", &round), ["lens.field key-unused"]);
+        assert_eq!(codes("xyz-galvo-40", &round), ["lens.field key-unused"]);
         let half = |m: &mut Machine| m.tilt.as_mut().expect("axes").axes[1].acceleration = None;
-        assert_eq!(told("xyzac-galvo-10", &half), ["tilt.axes.1.speed key-unused"]);
+        assert_eq!(codes("xyzac-galvo-10", &half), ["tilt.axes.1.speed key-unused"]);
     }
 }

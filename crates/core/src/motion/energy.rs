@@ -1,10 +1,10 @@
 //! Line energy: what the laser gives to each length of a line, from its power and the speed of the spot.
 //!
 //! Consumes strokes with the power and speed of their pens; promises the mean over the lines of a block, and the place
-//! where a line gets most. Where the spot goes from rest to rest the laser is on while it gains and loses speed, so that
-//! E(s) = P / v(s) rises at ends and corners; on the line at rest it is infinite, on the part it is spread over the
-//! spot. So the energy at a rest is that of the line within half a spot of it: P times the time for that way, over the
-//! way. Runs shorter than a spot count up to their middle. Units: J/m, mm, s, W.
+//! where a line gets most. Where the spot goes from rest to rest the laser is on while it gains and loses speed, so
+//! that E(s) = P / v(s) rises at ends and corners; on the line at rest it is infinite, on the part it is spread over
+//! the spot. So the energy at a rest is that of the line within half a spot of it: P times the time for that way, over
+//! the way. Runs shorter than a spot count up to their middle. Units: J/m, mm, s, W.
 
 use super::galvo::{GalvoModel, pieces, runs, way_mm};
 use crate::geom::{FieldPoint, NM_PER_MM};
@@ -35,7 +35,7 @@ pub enum Rest {
 /// A place where a line gets more than its pen's energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overshoot {
-    /// As a multiple of P / v of the pen.
+    /// The energy beyond the wanted one, as a multiple of P / v of the pen.
     pub share: f64,
     /// Where, field frame.
     pub at: FieldPoint,
@@ -43,7 +43,7 @@ pub struct Overshoot {
     pub rest: Rest,
 }
 
-/// Line energy of the marks of a block; dots are none.
+/// Line energy of the marks of a block, dots left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineEnergy {
     length: f64,

@@ -29,14 +29,14 @@ pub enum GalvoModel {
 /// A run of the spot between two places where it rests: a straight line or a curve of gentle turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Run {
-    /// Its length in the plane of the field, mm.
+    /// The length of the run in the plane of the field, mm.
     pub length: f64,
     /// The largest share of its way that is one axis's, from 1/sqrt 2 along a diagonal to 1 along an axis.
     pub share: f64,
 }
 
 impl Run {
-    /// The run that goes on by a straight step, mm.
+    /// The run that continues by a straight step, mm.
     pub fn then(self, [x, y]: [f64; 2]) -> Self {
         let step = x.hypot(y);
         if step == 0.0 {
@@ -58,7 +58,7 @@ pub struct DelaysS {
 }
 
 impl GalvoModel {
-    /// That of a machine: from rest to rest where it states the acceleration of its scanner.
+    /// The model of a machine: from rest to rest where it states the acceleration of its scanner.
     pub fn of(machine: &Machine) -> Self {
         machine.scanner.acceleration.map_or(Self::AtSpeed, |a| Self::RestToRest {
             acceleration: a.as_mm_s2(),
@@ -66,7 +66,7 @@ impl GalvoModel {
         })
     }
 
-    /// Its name in tables.
+    /// The model's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::AtSpeed => "at speed plus delays",
@@ -96,8 +96,8 @@ impl GalvoModel {
         }
     }
 
-    /// The delays that count: at speed all; from rest to rest that of jumps alone, in which the mirrors settle. What the
-    /// others stand for, the stop at ends and corners, is in the runs.
+    /// The delays that count: at speed all; from rest to rest that of jumps alone, in which the mirrors settle. What
+    /// the others stand for, the stop at ends and corners, is in the runs.
     pub fn delays(self, machine: &Machine) -> DelaysS {
         let [jump, mark, polygon] =
             [machine.delays.jump, machine.delays.mark, machine.delays.polygon].map(|t| t.as_s());
@@ -262,7 +262,7 @@ mod tests {
         assert!(each.iter().zip(want).all(|(t, want)| (t - want).abs() < 0.005), "{each:?}");
         assert!(close(1e3 * got.mark_s, each.iter().sum()));
         assert_eq!((got.jump_s, got.delay_s), (0.0, m.delays.jump.as_s()));
-        // A gentle turn is none, and neither is a point that stands there twice.
+        // A gentle turn is not a corner, and neither is a point that stands there twice.
         let curve = mm(&[[0.0; 2], [1.0, 0.0], [1.0, 0.0], [2.0, 0.2], [2.0, 5.0]]);
         let found: Vec<f64> = runs(&curve).map(|run| run.length).collect();
         assert!(found.len() == 2 && close(found[0], 1.0 + 1f64.hypot(0.2)) && close(found[1], 4.8), "{found:?}");

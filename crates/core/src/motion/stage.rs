@@ -30,7 +30,7 @@ pub fn stage_move(machine: &Machine, from: Commanded, to: Commanded, retract_z: 
     tilting_move(machine, from, to, retract_z, 0.0)
 }
 
-/// As [`stage_move`], the tilt axes taking `tilt_s` for their turn, which runs together with x and y.
+/// The move of [`stage_move`], the tilt axes taking `tilt_s` for their turn, which runs together with x and y.
 pub fn tilting_move(
     machine: &Machine,
     from: Commanded,

@@ -84,7 +84,7 @@ impl Slope {
     pub fn cos(&self) -> [f64; 2] {
         [self.mean(self.cos_length, self.cos_dots).map_or(self.least_cos, |cos| cos.min(1.0)), self.least_cos]
     }
-    /// That angle: of the mean cosine, and the largest.
+    /// Angles of incidence: that of the mean cosine, and the largest.
     pub fn incidence_deg(&self) -> [f64; 2] {
         self.cos().map(|c| c.acos().to_degrees())
     }

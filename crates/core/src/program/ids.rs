@@ -16,7 +16,7 @@ macro_rules! ids {
         pub struct $name(pub $of);
 
         impl $name {
-            /// Its place in a list.
+            /// The place of what it names in a list.
             #[inline]
             pub const fn index(self) -> usize {
                 self.0 as usize

@@ -72,7 +72,7 @@ pub struct Pen {
 /// One stop of the stage: its position and what it admits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
-    /// Its section.
+    /// The section that the stop marks.
     pub section: SectionId,
     /// Number of the level in the section's or part's list of levels, upwards.
     pub level: i32,
@@ -107,7 +107,7 @@ pub struct Block {
     pub z_lo: Nm,
     /// Highest height of a mark.
     pub z_hi: Nm,
-    /// Its strokes, as a range of [`Program::strokes`], in marking order.
+    /// The strokes of the block, as a range of [`Program::strokes`], in marking order.
     pub strokes: Range<usize>,
 }
 

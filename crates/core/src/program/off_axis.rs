@@ -9,7 +9,7 @@ use crate::parallel;
 /// Distances of marks from the optical axis in the field, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OffAxis {
-    /// That of the farthest mark.
+    /// The distance of the farthest mark.
     pub largest: f64,
     /// Within which 95 % of the marked length lie, each stroke counted once; 95 % of the dots where there are no lines.
     /// It is rounded up to a 512th of the largest.
@@ -72,8 +72,8 @@ impl Rings {
         self.dots.iter_mut().zip(&other.dots).for_each(|(sum, v)| *sum += v);
     }
 
-    /// A line from `a` to `b`, each ring as wide as `width`: between two of its circles lies the difference of what lies
-    /// within them.
+    /// A line from `a` to `b`, each ring as wide as `width`: between two of its circles lies the difference of what
+    /// lies within them.
     fn line(&mut self, a: FieldPoint, b: FieldPoint, width: f64) {
         let [(ax, ay), (bx, by)] = [a, b].map(|p| (f64::from(p.x), f64::from(p.y)));
         let (dx, dy) = (bx - ax, by - ay);

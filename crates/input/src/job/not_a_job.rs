@@ -55,7 +55,7 @@ pub(super) fn by_name(path: &Path) -> Option<Diag> {
     }
     let (what, keys) = kind(path)?;
     let name = path.file_name()?.to_string_lossy().into_owned();
-    // What is not there is told as such.
+    // What is not there is reported as such.
     let near = if path.is_file() { job_files(path.parent()?, Some(&name)) } else { return None };
     let inspect = format!("`terrace inspect {name}` says what it holds");
     let hint = match (mean(&near), &keys[..]) {
@@ -125,7 +125,7 @@ mod tests {
     use terrace_core::machine::PROFILES;
 
     #[test]
-    fn surfaces_drawings_and_folders_are_told_and_the_job_that_names_them_is_offered() {
+    fn surfaces_drawings_and_folders_are_reported_and_the_job_that_names_them_is_offered() {
         let dir = tempfile::tempdir().expect("a folder");
         let at = |name: &str| dir.path().join(name);
         let surfaces = surface::format::FORMATS.iter().flat_map(|format| format.extensions);
@@ -155,16 +155,16 @@ mod tests {
     }
 
     #[test]
-    fn machine_files_and_run_files_are_told() {
-        let told = |text: &str| match Job::parse(Path::new("a.toml"), text, &Overrides::default()) {
+    fn machine_files_and_run_files_are_reported() {
+        let message = |text: &str| match Job::parse(Path::new("a.toml"), text, &Overrides::default()) {
             Ok(_) => String::new(),
             Err(e) => e.diags()[0].message.clone(),
         };
         for (name, text) in PROFILES {
-            assert_eq!(told(text), "this is a machine file, not a job file", "{name}");
+            assert_eq!(message(text), "this is a machine file, not a job file", "{name}");
         }
         let run = "machine = \"a\"\n[stage]\ndriver = \"manual\"\n[laser]\ndriver = \"manual\"\n";
-        assert_eq!(told(run), "this is a run file, not a job file");
-        assert_eq!(told(SAMPLE_JOB), "");
+        assert_eq!(message(run), "this is a run file, not a job file");
+        assert_eq!(message(SAMPLE_JOB), "");
     }
 }

@@ -189,14 +189,14 @@ mod tests {
     }
 
     #[test]
-    fn lines_far_apart_are_told_where_they_fill_areas_and_of_textures_beyond_the_field() {
+    fn lines_far_apart_are_reported_where_they_fill_areas_and_of_textures_beyond_the_field() {
         let plain = SAMPLE_JOB
             .lines()
             .filter(|l| !l.starts_with("pitch") && !l.starts_with("direction") && !l.starts_with("area"))
             .map(|l| l.replace("pattern = \"hatch\"", "TEXTURE") + "\n")
             .collect::<String>();
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
-        for (texture, told) in [
+        for (texture, warns) in [
             ("file = \"a.svg\"\npitch = \"0.2 mm\"", false),
             ("file = \"a.svg\"\npitch = \"0.201 mm\"", true),
             ("file = \"a.svg\"\nfill = \"rings\"\npitch = \"1 mm\"", true),
@@ -217,7 +217,7 @@ mod tests {
                 .unwrap_or_else(|e| panic!("{texture}: {e}"));
             let found = job.plausible(&machine).unwrap_or_else(|e| panic!("{texture}: {e}"));
             let codes: Vec<_> = found.iter().map(|d| (d.code, d.kind)).collect();
-            assert_eq!(codes == [("pitch-large", Kind::Warning)], told, "{texture}: {codes:?}");
+            assert_eq!(codes == [("pitch-large", Kind::Warning)], warns, "{texture}: {codes:?}");
         }
     }
 

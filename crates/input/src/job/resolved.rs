@@ -33,7 +33,7 @@ pub struct Overrides {
 pub struct Job {
     /// The file, as named by the user.
     pub path: PathBuf,
-    /// Its text.
+    /// The text of the job file.
     pub source: Arc<str>,
     /// Random seed for cuts in a seam zone.
     pub seed: u64,
@@ -130,7 +130,7 @@ impl Placement {
 }
 
 impl Laid {
-    /// The rotation; None where it is none.
+    /// The rotation; None without one.
     pub fn pose(&self) -> Option<Pose> {
         match *self {
             Self::Rotated(angles) => Some(Pose::from_angles(angles.map(Angle::as_rad))),

@@ -32,7 +32,7 @@ impl fmt::Display for KeyValue {
 pub struct Keys(Table);
 
 impl Keys {
-    /// Those of a text; None where it is not TOML.
+    /// The keys of a text; None where it is not TOML.
     pub fn of(text: &str) -> Option<Self> {
         toml::from_str(text).ok().map(Self)
     }
@@ -56,7 +56,7 @@ impl Keys {
 pub struct Setting {
     /// The key with the tables around it: `focus.pdof`, `texture.0.pitch`.
     pub key: String,
-    /// Its values, as the job file would have them.
+    /// The values of the key, as the job file would have them.
     pub values: Vec<KeyValue>,
 }
 
@@ -128,7 +128,8 @@ fn set(keys: &mut Table, key: &str, value: Value) -> Result<(), String> {
             Value::Array(list) => {
                 let count = list.len();
                 let place = word.parse::<usize>().ok().and_then(|i| list.get_mut(i));
-                let place = place.ok_or_else(|| format!("{word:?} is none of its {count} entries, from 0"))?;
+                let place =
+                    place.ok_or_else(|| format!("{word:?} is not one of its {count} entries, which count from 0"))?;
                 if is_last {
                     *place = value;
                     return Ok(());
@@ -141,12 +142,29 @@ fn set(keys: &mut Table, key: &str, value: Value) -> Result<(), String> {
     Err("it ends in a table".into())
 }
 
-/// Keys of a job file that may have been meant by one that has no place: those of that last word, or those that differ
-/// from it by a character or two; of a list the first entry.
-pub fn near_keys(key: &str) -> Vec<String> {
+/// A key that a [`Setting`] can set, as the JSON schema of the job file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownKey {
+    /// The key with the tables around it; of a list the first entry: `focus.pdof`, `texture.0.pitch`.
+    pub key: String,
+    /// The values with a name: `z-range`, `auto`, `true`.
+    pub names: Vec<String>,
+    /// Whether it takes other values than those: numbers, lengths, paths.
+    pub takes_others: bool,
+}
+
+/// All keys of a job file that stand in a table.
+pub fn known_keys() -> Vec<KnownKey> {
     let schema: serde_json::Value = serde_json::from_str(&super::json_schema()).expect("a schema is JSON");
     let mut all = Vec::new();
     keys_of(&schema, &schema, "", &mut all);
+    all
+}
+
+/// Keys of a job file that may have been meant by one that has no place: those of that last word, or those that differ
+/// from it by a character or two; of a list the first entry.
+pub fn near_keys(key: &str) -> Vec<String> {
+    let mut all: Vec<String> = known_keys().into_iter().map(|known| known.key).collect();
     let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
     let typed = last(key);
     let distance = |known: &String| edits(key, known).min(edits(&typed, &last(known)));
@@ -158,8 +176,8 @@ pub fn near_keys(key: &str) -> Vec<String> {
     all
 }
 
-/// Appends the dotted names of all keys with values below `at`.
-fn keys_of(schema: &serde_json::Value, at: &serde_json::Value, around: &str, out: &mut Vec<String>) {
+/// Appends all keys with values below `at`, each once: what texture sources share has the values of all of them.
+fn keys_of(schema: &serde_json::Value, at: &serde_json::Value, around: &str, out: &mut Vec<KnownKey>) {
     let tables = tables_of(schema, at);
     if !tables.is_empty() {
         let dot = if around.is_empty() { "" } else { "." };
@@ -168,8 +186,34 @@ fn keys_of(schema: &serde_json::Value, at: &serde_json::Value, around: &str, out
         }
     } else if at["items"]["$ref"].is_string() && at["type"] == "array" && !around.contains('.') {
         keys_of(schema, &at["items"], &format!("{around}.0"), out);
-    } else if around.contains('.') && !out.iter().any(|key| key == around) {
-        out.push(around.to_owned());
+    } else if around.contains('.') {
+        let place = out.iter().position(|known| known.key == around).unwrap_or_else(|| {
+            out.push(KnownKey { key: around.to_owned(), names: Vec::new(), takes_others: false });
+            out.len() - 1
+        });
+        values_of(schema, at, &mut out[place]);
+    }
+}
+
+/// Adds the values that `at` allows.
+fn values_of(schema: &serde_json::Value, at: &serde_json::Value, known: &mut KnownKey) {
+    let mut named = |name: &str| {
+        if !known.names.iter().any(|other| other == name) {
+            known.names.push(name.to_owned());
+        }
+    };
+    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
+        values_of(schema, &schema["$defs"][name], known);
+    } else if let Some(name) = at["const"].as_str() {
+        named(name);
+    } else if let Some(names) = at["enum"].as_array() {
+        names.iter().filter_map(|name| name.as_str()).for_each(named);
+    } else if at["type"] == "boolean" {
+        ["true", "false"].into_iter().for_each(named);
+    } else if let Some(choices) = at["anyOf"].as_array().or_else(|| at["oneOf"].as_array()) {
+        choices.iter().for_each(|choice| values_of(schema, choice, known));
+    } else if at["type"] != "null" {
+        known.takes_others = true;
     }
 }
 
@@ -230,11 +274,9 @@ mod tests {
         assert!(near_keys("speed").contains(&"pen.0.speed".to_owned()));
         assert_eq!(near_keys("nonsense"), [""; 0]);
         // Every key that is offered can be set.
-        let mut all = Vec::new();
-        let schema: serde_json::Value = serde_json::from_str(&crate::job::json_schema()).expect("JSON");
-        keys_of(&schema, &schema, "", &mut all);
-        assert!(all.len() > 80 && all.iter().any(|key| key == "emit.formats"), "{all:?}");
-        for key in &all {
+        let all = known_keys();
+        assert!(all.len() > 80 && all.iter().any(|known| known.key == "emit.formats"), "{all:?}");
+        for KnownKey { key, .. } in &all {
             let mut keys = Table::new();
             for list in ["texture", "pen"] {
                 keys.insert(list.into(), Value::Array(vec![Value::Table(Table::new())]));
@@ -257,6 +299,22 @@ mod tests {
         );
         for key in ["pen.1.speed", "pen.x", "focus.pdof.deep", "mode"] {
             assert!(set(&mut keys, key, Value::Integer(7)).is_err(), "{key}");
+        }
+    }
+
+    #[test]
+    fn keys_are_known_with_the_values_that_have_names() {
+        let all = known_keys();
+        let known = |key: &str| all.iter().find(|known| known.key == key).unwrap_or_else(|| panic!("{key}"));
+        assert_eq!(known("partition.method").names, ["contour", "z-range", "window", "tilt", "auto"]);
+        assert!(!known("partition.method").takes_others);
+        assert!(known("focus.pdof").names.is_empty() && known("focus.pdof").takes_others);
+        // A name or a number.
+        assert_eq!(known("texture.0.dpi").names, ["file"]);
+        assert!(known("texture.0.dpi").takes_others);
+        for (i, one) in all.iter().enumerate() {
+            assert!(one.takes_others || !one.names.is_empty(), "{one:?} takes no value");
+            assert!(all[..i].iter().all(|other| other.key != one.key), "{} stands twice", one.key);
         }
     }
 }

@@ -127,7 +127,7 @@ mod tests {
     use crate::job::{Job, Overrides, SAMPLE_JOB};
 
     /// The warnings of the sample job with texts replaced.
-    fn told(changes: &[(&str, &str)]) -> Vec<String> {
+    fn messages(changes: &[(&str, &str)]) -> Vec<String> {
         let mut text = SAMPLE_JOB.to_owned();
         for (from, to) in changes {
             assert!(text.contains(from), "{from}");
@@ -139,9 +139,9 @@ mod tests {
     }
 
     #[test]
-    fn a_key_without_effect_beside_another_is_told_once_at_its_line() {
-        assert_eq!(told(&[]), [""; 0]);
-        let focus = |keys: &str| told(&[("pdof = \"0.07 mm\"", keys)]);
+    fn a_key_without_effect_beside_another_is_reported_once_at_its_line() {
+        assert_eq!(messages(&[]), [""; 0]);
+        let focus = |keys: &str| messages(&[("pdof = \"0.07 mm\"", keys)]);
         assert_eq!(
             focus("pdof = \"0.07 mm\"\nfactor = 5"),
             ["focus.factor has no effect beside focus.pdof, which is the depth of focus"]
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_passes_are_told() {
+    fn keys_of_passes_are_reported() {
         let with = |table: &str, keys: &str| {
             let text = SAMPLE_JOB.to_owned();
             // Tables that the sample has are extended, others are added.
@@ -170,12 +170,12 @@ mod tests {
         let rotated = with("passes", "rotate = \"60 deg\"\nshift = \"1 mm\"");
         assert_eq!(rotated, ["passes.rotate, passes.shift have no effect: the job has one pass"]);
         assert_eq!(with("passes", "count = 3\nrotate = \"60 deg\""), [""; 0]);
-        // A limit that is kept anyway is no mistake.
+        // A limit that is kept anyway is not a mistake.
         assert_eq!(with("limits", "max_off_part = \"5 %\""), [""; 0]);
     }
 
     #[test]
-    fn keys_of_the_other_kinds_of_surfaces_are_told() {
+    fn keys_of_the_other_kinds_of_surfaces_are_reported() {
         let with = |file: &str, keys: &str| {
             let text = SAMPLE_JOB.replacen("sample.stl", file, 1);
             let text = text.replacen("[surface]\n", &format!("[surface]\n{keys}\n"), 1);
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_areas_that_are_not_hatched_are_told() {
+    fn keys_of_areas_that_are_not_hatched_are_reported() {
         let changed = |keys: &str| {
             let lines = SAMPLE_JOB
                 .lines()

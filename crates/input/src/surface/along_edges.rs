@@ -1,8 +1,8 @@
 //! Segments that run along edges of facets: what is topmost beside them counts.
 //!
-//! Corners of a mesh and points of a segment are rounded to the grid, so an edge runs along a segment where it lies within
-//! [`ON_RIM`] of it for some length. There each facet counts on its own side of the edge, at the height of the edge, and
-//! [`super::topmost::Sheets::take`] decides between the two sides.
+//! Corners of a mesh and points of a segment are rounded to the grid, so an edge runs along a segment where it lies
+//! within [`ON_RIM`] of it for some length. There each facet counts on its own side of the edge, at the height of the
+//! edge, and [`super::topmost::Sheets::take`] decides between the two sides.
 
 use super::Surface;
 use super::mesh::{NONE, Vertex};
@@ -14,7 +14,7 @@ use terrace_core::geom::{P2, orient};
 const RUN: f64 = 100.0;
 
 impl Surface {
-    /// As [`Surface::walk`], for a segment that runs along edges: all facets under it are cut with it, and each counts on
+    /// Walks as [`Surface::walk`] does a segment that runs along edges: all facets under it are cut with it, each on
     /// its own side of an edge that lies within rounding of the segment.
     pub fn walk_along_edges(&self, a: P2, b: P2, cursor: &mut Cursor, out: &mut Vec<Span>) {
         out.clear();
@@ -36,8 +36,8 @@ impl Surface {
         self.close_on_rims(&line, cursor, out);
     }
 
-    /// Whether the segment from `a` to `b` runs along an edge of the facet under a span, so that what is marked depends on
-    /// what lies beside it: any edge of a facet that is too steep, and a rim.
+    /// Whether the segment from `a` to `b` runs along an edge of the facet under a span, so that what is marked depends
+    /// on what lies beside it: any edge of a facet that is too steep, and a rim.
     pub fn is_along_edge(&self, a: P2, b: P2, span: &Span, is_steep: bool) -> bool {
         let Some(f) = span.facet() else { return false };
         let mut edges = (0..3).filter(|&k| is_steep || self.twin(f * 3 + k as u32) == NONE).peekable();
@@ -96,7 +96,7 @@ impl Surface {
         if side != Side::Both && !runs.is_empty() {
             return;
         }
-        // A line that leaves an edge at a small angle goes on in the facet.
+        // A line that leaves an edge at a small angle continues in the facet.
         runs.sort_by(|(_, p), (_, q)| p[0].total_cmp(&q[0]));
         let mut t = span.t0;
         for [t0, t1] in runs.iter().map(|(_, run)| *run).chain([[span.t1; 2]]) {

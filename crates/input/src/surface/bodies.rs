@@ -1,8 +1,8 @@
 //! The bodies of a surface file: facets that hang together, their boxes, and whether each is closed.
 //!
-//! Consumes facets as the file has them, mm. Corners that are equal to the nanometre are one, as in the mesh. Promises one
-//! [`Body`] for each set of facets that share corners, the largest first. Needs about 100 bytes a facet; nothing of it is
-//! used to plan a job.
+//! Consumes facets as the file has them, mm. Corners that are equal to the nanometre are one, as in the mesh. Promises
+//! one [`Body`] for each set of facets that share corners, the largest first. Needs about 100 bytes a facet; nothing of
+//! it is used to plan a job.
 
 use std::collections::hash_map::Entry;
 
@@ -18,7 +18,7 @@ type Point = [f64; 3];
 pub struct Body {
     /// How many.
     pub facets: usize,
-    /// Their box, mm.
+    /// The box of the body's facets, mm.
     pub bounds: BoxMm<3>,
     /// Edges of one facet alone, and the middle of the first of them.
     pub open_edges: (usize, Option<Point>),
@@ -39,7 +39,7 @@ pub struct Bodies {
 /// What the areas of an open sheet, as vectors, add up to at least, as a share of its area.
 const OPEN: f64 = 0.3;
 
-/// Most bodies that are told one by one.
+/// Most bodies that are listed one by one.
 pub const MAX_TOLD: usize = 10;
 
 impl Bodies {
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_holes_and_what_lies_above_are_told() {
+    fn bodies_holes_and_what_lies_above_are_reported() {
         let plate = || block([0.0; 3], [40.0, 30.0, 10.0], 2);
         let (bodies, codes) = found(plate());
         assert_eq!((bodies.len(), bodies[0].facets, bodies[0].open_edges.0), (1, 12, 0));

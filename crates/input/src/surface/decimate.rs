@@ -1,8 +1,8 @@
 //! The surface in fewer triangles, for pictures.
 //!
-//! A mesh is divided into cubes, and the vertices of each cube become one, at their mean (Rossignac and Borrel 1993); of a
-//! height map every n-th row and column is kept. How far the vertices of the whole surface lie from the triangles that
-//! are left is measured, not estimated. Where the surface has few facets it stays as it is.
+//! A mesh is divided into cubes, and the vertices of each cube become one, at their mean (Rossignac and Borrel 1993);
+//! of a height map every n-th row and column is kept. How far the vertices of the whole surface lie from the triangles
+//! that are left is measured, not estimated. Where the surface has few facets it stays as it is.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -69,7 +69,8 @@ fn of_mesh(mesh: &Mesh, wanted: usize) -> Decimated {
     let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|&v| place(v)).collect();
     let of = |f: &[u32; 3]| f.map(|v| points[v as usize]);
     let all = mesh.facets.len() + mesh.upright.len();
-    // Of cubes as wide as this a plane of the part's area takes the triangles that are wanted; none fewer than there are.
+    // Of cubes as wide as this a plane of the part's area takes the triangles that are wanted; none fewer than there
+    // are.
     let size = if all <= wanted {
         0.0
     } else {
@@ -274,7 +275,7 @@ fn farthest_sample(
                 z_of(0, 0) + t * (z_of(0, 1) - z_of(0, 0)) + s * (z_of(1, 1) - z_of(0, 1))
             };
             let off = (z - flat).abs();
-            // NaN at and next to holes is no distance.
+            // NaN at and next to holes is not a distance.
             worst = if off > worst { off } else { worst };
         }
         worst

@@ -38,7 +38,7 @@ struct Top {
 pub struct Seen {
     /// Places over a facet that is no steeper than the limit.
     pub places: usize,
-    /// Those where that facet faces away.
+    /// The places where that facet faces away.
     pub away: usize,
     /// The first of these, mm.
     pub first: Option<Point>,

@@ -1,4 +1,4 @@
-//! Faults of a mesh: their kinds, what is said of each, and the rule by which it is mended, told or refused.
+//! Faults of a mesh: their kinds, what is said of each, and the rule by which it is mended, reported or refused.
 //!
 //! Consumes what `topology` counts, with the place of one of each kind. Promises one message per kind.
 //! `docs/job-file.md` has the table of the rules.

@@ -138,7 +138,7 @@ pub(super) fn unread(path: &Path) -> Diag {
 /// A surface file that is to be read.
 pub(super) struct SurfaceFile<'a> {
     pub(super) path: &'a Path,
-    /// Its format, in messages.
+    /// The name of the format in messages.
     pub(super) name: &'static str,
     pub(super) options: &'a Options,
     pub(super) notes: &'a mut Vec<Diag>,
@@ -155,7 +155,7 @@ impl<'a> SurfaceFile<'a> {
     fn stated_unit_mm(&self) -> Result<Option<f64>, Diag> {
         match self.options.unit_mm {
             Some(unit) if !(unit > 0.0 && unit.is_finite()) => Err(self
-                .refuse("surface-unit", format!("{}: {unit} mm is no unit", self.name))
+                .refuse("surface-unit", format!("{}: {unit} mm is not a unit", self.name))
                 .hint("correct unit in [surface]")),
             unit => Ok(unit),
         }

@@ -55,12 +55,12 @@ impl ImplicitMesh {
         self.samples.value(j * self.columns + i).is_some()
     }
 
-    /// Heights of all nodes that are no holes, nm.
+    /// Heights of all nodes that are not holes, nm.
     pub(crate) fn heights(&self) -> impl Iterator<Item = f64> + '_ {
         (0..self.samples.len()).filter_map(|i| self.samples.value(i)).map(|v| self.z_nm[0] + v * self.z_nm[1])
     }
 
-    /// Node (i, j), which is no hole.
+    /// Node (i, j), which is not a hole.
     pub(crate) fn node(&self, i: usize, j: usize) -> Vertex {
         let v = self.samples.value(j * self.columns + i).unwrap_or(f64::NAN);
         Vertex { x: self.line(i as i64) as i32, y: self.line(j as i64) as i32, z: self.z_nm[0] + v * self.z_nm[1] }

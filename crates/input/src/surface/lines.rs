@@ -169,11 +169,11 @@ pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
 /// Why a word is not a coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NoNumber {
-    /// It is nan, infinite, or beyond what a number can hold.
+    /// The text is nan, infinite, or beyond what a number can hold.
     NotFinite,
-    /// It has a decimal comma.
+    /// The text has a decimal comma.
     Comma,
-    /// It is something else.
+    /// The text is something else.
     Text,
 }
 
@@ -196,7 +196,7 @@ fn with_d(text: &str) -> Option<f64> {
     is_number.then(|| format!("{digits}e{exponent}").parse().ok())?
 }
 
-/// Whether a word is one by which programs write what is no number: `nan`, `-nan(ind)`, `-1.#IND`, `1.#QNAN`.
+/// Whether a word is one by which programs write what is not a number: `nan`, `-nan(ind)`, `-1.#IND`, `1.#QNAN`.
 pub(crate) fn is_nan(word: &[u8]) -> bool {
     let bare = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
     let is_named = bare.get(..3).is_some_and(|w| w.eq_ignore_ascii_case(b"nan"));

@@ -52,7 +52,7 @@ struct Corners {
     turn: [f64; 2],
     /// Box of all corners before the turn, mm.
     part_box_mm: BoxMm<2>,
-    /// Those that are not welded yet, three a facet.
+    /// The corners that are not welded yet, three a facet.
     waiting: Vec<Corner>,
 }
 

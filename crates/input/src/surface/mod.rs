@@ -227,8 +227,8 @@ enum Kind {
 
 impl Surface {
     /// Reads a surface file and prepares it. `turn_rad` turns the part about its z axis; a turned
-    /// height map becomes a mesh, an unturned one stays a grid. `each` is told each facet of a mesh, mm, as the file has
-    /// it.
+    /// height map becomes a mesh, an unturned one stays a grid. `each` is called with each facet of a mesh, mm, as the
+    /// file has it.
     ///
     /// # Errors
     /// Faults of the file; `surface-zero-area`, `surface-edge-on`, `surface-large`, `surface-non-manifold`.
@@ -296,7 +296,7 @@ impl Surface {
     /// As [`Surface::load`].
     pub fn load_mm(path: &Path) -> Result<Self, Error> {
         let options = Options { unit_mm: Some(1.0), ..Options::default() };
-        Self::load(path, &options, Joining::default(), 0.0, &mut Vec::new(), &mut |_| {}, Task::untold())
+        Self::load(path, &options, Joining::default(), 0.0, &mut Vec::new(), &mut |_| {}, Task::silent())
     }
 
     /// A surface of the given facets (mm), for tests and benches.
@@ -307,7 +307,7 @@ impl Surface {
         let joining = Joining { non_manifold: NonManifold::Topmost, ..Joining::default() };
         let mut welder = Welder::new([1.0, 0.0], joining);
         facets.into_iter().for_each(|f| welder.facet(f));
-        Self::from_welder(welder, "facets", notes, Task::untold())
+        Self::from_welder(welder, "facets", notes, Task::silent())
     }
 
     fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>, task: Task<'_>) -> Result<Self, Error> {
@@ -320,11 +320,11 @@ impl Surface {
         let [joining, _binning] = task.split([2, 1]);
         let (mesh, faults) = welder.finish(shown, notes)?;
         drop(joining);
-        let (wrong, told): (Vec<_>, Vec<_>) = faults
+        let (wrong, warnings): (Vec<_>, Vec<_>) = faults
             .iter()
             .map(|fault| fault.diag(Place::file(shown), rule))
             .partition(|d| d.kind != terrace_core::diag::Kind::Warning);
-        notes.extend(told);
+        notes.extend(warnings);
         if !wrong.is_empty() {
             return Err(Error::many(wrong));
         }

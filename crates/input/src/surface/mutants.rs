@@ -1,6 +1,6 @@
 //! Damaged copies of good files, for tests of readers: the same ones in every run.
 //!
-//! `TERRACE_MUTANTS_SECONDS` makes each test go on for so long, on damage that the usual run does not reach.
+//! `TERRACE_MUTANTS_SECONDS` makes each test continue for so long, on damage that the usual run does not reach.
 
 use std::time::{Duration, Instant};
 
@@ -70,10 +70,10 @@ fn peak_kb() -> u64 {
     peak.unwrap_or(0)
 }
 
-/// Computing time of this thread: a machine that is busy makes none of it. Where the system does not tell, the time.
+/// Computing time of this thread: a machine that is busy makes none of it. Where the system does not say, the time.
 fn computed(begun: Instant) -> Duration {
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let nanoseconds = told.split(' ').next().and_then(|word| word.parse().ok());
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanoseconds = text.split(' ').next().and_then(|word| word.parse().ok());
     nanoseconds.map_or_else(|| begun.elapsed(), Duration::from_nanos)
 }
 

@@ -1,9 +1,10 @@
 //! OBJ polygons.
 //!
-//! Consumes `v` and `f` lines; holds all vertices (24 bytes each). Faces go on at once; from the first one that names a
-//! vertex further down, they are held to the end of the file (8 bytes, and 4 a corner). Polygons become triangles by ear
-//! cutting on the plane of their Newell normal: every corner stays a corner. Materials, groups, normals and texture
-//! coordinates are passed over and no other file is opened; free-form surfaces are not read and a warning says so.
+//! Consumes `v` and `f` lines; holds all vertices (24 bytes each). Faces are passed on at once; from the first one that
+//! names a vertex further down, they are held to the end of the file (8 bytes, and 4 a corner). Polygons become
+//! triangles by ear cutting on the plane of their Newell normal: every corner stays a corner. Materials, groups,
+//! normals and texture coordinates are passed over and no other file is opened; free-form surfaces are not read and a
+//! warning says so.
 //!
 //! A backslash at the end of a line continues it only where the statement has numbers: comments, names and paths may
 //! end in one.
@@ -74,7 +75,7 @@ pub(crate) fn read(
     reader.finish(notes)
 }
 
-/// Reads a line, and those on which it goes on where its statement may, into `statement`; its first line's number.
+/// Reads a line, and those on which it continues where its statement may, into `statement`; its first line's number.
 fn next_statement(lines: &mut Lines, statement: &mut Vec<u8>) -> Result<Option<usize>, Error> {
     statement.clear();
     let mut first = None;

@@ -1,10 +1,11 @@
 //! PLY polygons: ASCII, and binary in either byte order.
 //!
 //! Consumes the header, then one element after the other through one buffer; holds all vertices (24 bytes each), faces
-//! go on at once, so they stand after the vertices that they name. Of a vertex x, y and z are read, whatever their type,
-//! of a face the list of its vertices, of a strip of triangles the same with -1 between strips. Polygons become
-//! triangles as in OBJ files. All other elements and properties are passed over, whatever their values; a warning names
-//! elements. Numbers of elements in the header are held against the length of the file before memory is asked for.
+//! are passed on at once, so they stand after the vertices that they name. Of a vertex x, y and z are read, whatever
+//! their type, of a face the list of its vertices, of a strip of triangles the same with -1 between strips. Polygons
+//! become triangles as in OBJ files. All other elements and properties are passed over, whatever their values; a
+//! warning names elements. Numbers of elements in the header are held against the length of the file before memory is
+//! asked for.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -135,7 +136,8 @@ pub(crate) fn read(
     facets.finish(notes)
 }
 
-/// Faces that are told: the first that crosses itself; the first with fewer than three corners, and how many there are.
+/// Faces that are reported: the first that crosses itself; the first with fewer than three corners, and how many there
+/// are.
 #[derive(Default)]
 struct OddFaces {
     crossed: Option<u64>,
@@ -242,8 +244,8 @@ impl<'a> Input<'a> {
         Ok(read > 0)
     }
 
-    /// Reads the header: how values are written, and which elements follow. Lines that are none of a header are told,
-    /// where they cannot be meant to declare something.
+    /// Reads the header: how values are written, and which elements follow. Lines that do not belong to a header are
+    /// reported, where they cannot be meant to declare something.
     fn header(&mut self, stated: &mut StatedUnit, notes: &mut Vec<Diag>) -> Result<(Encoding, Vec<Element>), Error> {
         let mut strays: Option<(Place, String, usize)> = None;
         // Some programs begin with an empty line.
@@ -272,7 +274,7 @@ impl<'a> Input<'a> {
                     let property = property(of, name);
                     let (Some(property), Some(element)) = (property, elements.last_mut()) else {
                         return Err(
-                            self.fault(Diag::input("ply-header", format!("\"{}\" is no property", shown(&line))))
+                            self.fault(Diag::input("ply-header", format!("\"{}\" is not a property", shown(&line))))
                         );
                     };
                     element.properties.push(property);
@@ -467,7 +469,7 @@ impl Reader<'_> {
     }
 
     /// Strips of triangles: each corner makes one with the two before it, which turns by turn lies the other way round.
-    /// -1 ends a strip. Triangles with a corner twice lead from one strip to the next and are none.
+    /// -1 ends a strip. Triangles with a corner twice lead from one strip to the next and are left out.
     fn strips(&mut self, element: &Element, vertices: &[[f64; 3]], facets: &mut Facets<'_>) -> Result<(), Error> {
         let corners = self.corners(element, "strips")?;
         for i in 0..element.count {
@@ -614,7 +616,7 @@ mod tests {
             (file("ascii", "uchar int", "0 0 0\n1 x 0\n"), "surface-number", "\"x\""),
             (file("ascii", "uchar int", "0 0 0\n1 0,5 0\n"), "surface-number", "decimal comma"),
             (file("ascii_2", "uchar int", body), "ply-header", ":2: \"format ascii_2 1.0\" is not known"),
-            (file("ascii", "float int", body), "ply-header", "is no property"),
+            (file("ascii", "float int", body), "ply-header", "is not a property"),
             (
                 file("ascii", "uchar int", body).replace("end_header", "end_head"),
                 "ply-header",

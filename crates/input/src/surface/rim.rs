@@ -20,7 +20,7 @@ impl Surface {
         // From the back: a filled gap becomes several spans, and those before it keep their numbers.
         for i in (0..out.len()).rev() {
             let Span { t0, t1, .. } = out[i];
-            // Most gaps lead far off the part: their middle tells.
+            // Most gaps lead far off the part: their middle decides.
             let is_on_rim = |t: f64| self.is_on_rim(line, t, cursor);
             if out[i].facet().is_some() || ![(t0 + t1) / 2.0, t1, t0].into_iter().all(is_on_rim) {
                 continue;
@@ -158,7 +158,7 @@ mod tests {
             welder.facet([corner(k, false), corner(next, false), corner(next, true)]);
             welder.facet([corner(k, false), corner(next, true), corner(k, true)]);
         }
-        Surface::from_welder(welder, "a box", &mut Vec::new(), Task::untold()).expect("a solid")
+        Surface::from_welder(welder, "a box", &mut Vec::new(), Task::silent()).expect("a solid")
     }
 
     /// The grid point nearest to a place of the box before its turn, mm.

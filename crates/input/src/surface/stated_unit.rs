@@ -66,7 +66,7 @@ impl StatedUnit {
         if (mm - taken).abs() <= 1e-6 * mm {
             return;
         }
-        // Headers of binary files go on in zeros.
+        // Headers of binary files continue in zeros.
         let printable = text.split(u8::is_ascii_control).next().unwrap_or_default();
         let said = shown(printable.trim_ascii());
         let text = format!("the file says \"{said}\", {mm} mm, but one unit of it is taken as {taken} mm");
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_first_contradiction_is_told() {
+    fn only_the_first_contradiction_is_reported() {
         let mut stated = StatedUnit::new(Unit::mm(1.0));
         stated.look(b"# units: mm", || Place::Nowhere);
         stated.look(b"# units: cm", || Place::Nowhere);
@@ -129,7 +129,7 @@ mod tests {
         let mut stated = StatedUnit::new(Unit::mm(1.0));
         stated.look(b"units feet", || Place::Nowhere);
         assert_eq!(
-            stated.note.expect("told").message,
+            stated.note.expect("a note").message,
             "the file says \"units feet\", 304.8 mm, but one unit of it is taken as 1 mm"
         );
     }

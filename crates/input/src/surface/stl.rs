@@ -3,7 +3,7 @@
 //! Consumes the file through one buffer of 2 MB (binary) or one line (ASCII); hands on each facet's
 //! corners, never its normal. A file is binary if its length is that of its facet count, whatever its
 //! header says: many binary files begin with "solid". Where it is not, it is text if it begins with
-//! "solid" and goes on as text, and else binary with a length that is wrong by little ([`Binary`]).
+//! "solid" and continues as text, and else binary with a length that is wrong by little ([`Binary`]).
 //! Attributes and solids' names are not kept; a unit that they name is held against that of the job.
 
 use std::fs::File;
@@ -20,7 +20,7 @@ use terrace_core::diag::{Diag, Error, Place, memory, unreadable};
 const HEADER: usize = 84;
 /// Bytes of a binary facet: normal, three corners, attribute.
 const FACET: usize = 50;
-/// Those of its attribute.
+/// Bytes of the attribute of a facet.
 const ATTRIBUTE: u64 = 2;
 /// Facets read at a time.
 const CHUNK: usize = 40_000;
@@ -84,7 +84,7 @@ struct Binary {
 }
 
 impl Binary {
-    /// The facets of a file that is no text, where their count can be relied on: that of the header where the length
+    /// The facets of a file that is not text, where their count can be relied on: that of the header where the length
     /// agrees, up to the last attribute and to bytes at the end that can be no facet; that of the length where the
     /// header has none.
     fn of(head: &[u8], length: u64, file: &mut File, path: &Path) -> Result<Self, Error> {
@@ -114,8 +114,8 @@ impl Binary {
         }
         let text = format!("the header promises {count} facets in {promised} bytes, but {follow} more bytes follow");
         if follow < FACET as u64 {
-            let d =
-                Diag::warning("stl-trailing", text).hint("a facet has 50 bytes, so these are none; they are not read");
+            let d = Diag::warning("stl-trailing", text)
+                .hint("a facet has 50 bytes, so these are not facets; they are not read");
             return Ok(Self { note: Some(d), ..whole(count.into()) });
         }
         let hint = "facets would be lost: export the surface again with the right count";
@@ -134,7 +134,7 @@ impl Binary {
             found = Self { facets: facets + 1, lacks, note: None };
         } else if !is_blank(file, length - rest, path)? {
             let text = format!(
-                "the header counts {count} facets, and {} bytes follow, which are no whole number of facets",
+                "the header counts {count} facets, and {} bytes follow, which are not a whole number of facets",
                 length - HEADER as u64
             );
             let d = Diag::input("stl-truncated", text).at(place(path));
@@ -463,7 +463,11 @@ mod tests {
         refused(&binary("", 1, &[ONE, ONE]), "stl-trailing", "50 more bytes");
         refused(&binary("", 0, &[]), "surface-empty", "no facets");
         refused(&[binary("", 0, &[]), vec![0; 300]].concat(), "surface-empty", "no facets");
-        refused(&[binary("", 0, &[ONE]), vec![1; 30]].concat(), "stl-truncated", "80 bytes follow, which are no whole");
+        refused(
+            &[binary("", 0, &[ONE]), vec![1; 30]].concat(),
+            "stl-truncated",
+            "80 bytes follow, which are not a whole",
+        );
         refused(&binary("", u32::MAX, &[ONE])[..120], "stl-truncated", "36 bytes follow");
         refused(&binary("", 1, &[ONE])[..131], "stl-truncated", "134 bytes, but the file has 131");
         refused(&[b'a'; 100], "surface-format", "text that does not begin with solid");

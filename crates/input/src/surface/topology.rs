@@ -422,7 +422,7 @@ mod tests {
         let mut notes = Vec::new();
         let mut welder = Welder::new([1.0, 0.0], JOINING);
         cracked(4e-3).into_iter().for_each(|f| welder.facet(f));
-        Surface::from_welder(welder, "a mesh", &mut notes, Task::untold()).expect("a surface");
+        Surface::from_welder(welder, "a mesh", &mut notes, Task::silent()).expect("a surface");
         assert_eq!((notes[0].code, notes[0].hint.as_str()), ("surface-cracks", "surface.weld = \"4 um\" closes them"));
         assert!(notes[0].message.contains("up to 0.00400 mm"), "{}", notes[0]);
         assert_eq!(faults(&cracked(4e-3), Joining { weld_mm: 4.1e-3, ..JOINING }), []);
@@ -465,7 +465,7 @@ mod tests {
             let mut notes = Vec::new();
             let mut welder = Welder::new([1.0, 0.0], Joining { non_manifold, ..JOINING });
             facets.iter().for_each(|&f| welder.facet(f));
-            (Surface::from_welder(welder, "a mesh", &mut notes, Task::untold()).map(|s| s.facet_count()), notes)
+            (Surface::from_welder(welder, "a mesh", &mut notes, Task::silent()).map(|s| s.facet_count()), notes)
         };
         let (refused, _) = load(NonManifold::Refuse);
         let e = refused.expect_err("a fin");

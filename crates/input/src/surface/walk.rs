@@ -77,7 +77,7 @@ impl Line {
         orient(self.a, self.b, v.p2())
     }
 
-    /// As [`Line::side`], zero also where `v` lies within [`ON_RIM`] of the line: both were rounded to
+    /// The side of [`Line::side`], zero also where `v` lies within [`ON_RIM`] of the line: both were rounded to
     /// the grid, so a stroke drawn along the border of a turned part lies on it to that.
     #[inline]
     fn side_snapped(&self, v: Vertex) -> f64 {
@@ -85,7 +85,7 @@ impl Line {
         if o.abs() * 2.0 * self.half_nm <= ON_RIM { 0.0 } else { o }
     }
 
-    /// As [`Line::side`], never zero.
+    /// The side of [`Line::side`], never zero.
     #[inline]
     fn side_shifted(&self, v: Vertex) -> f64 {
         let o = self.side(v);
@@ -124,7 +124,7 @@ struct Through {
 struct Stretch {
     /// Parameters of its ends.
     t: [f64; 2],
-    /// Its first and its last bin.
+    /// The first and the last bin of the stretch.
     bins: [usize; 2],
 }
 

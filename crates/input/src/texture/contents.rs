@@ -28,7 +28,7 @@ pub enum Contents {
 pub struct Shapes {
     /// The file says how large it is; else the page measures 100 mm x 100 mm.
     pub is_sized: bool,
-    /// Its lines and the contours of its areas, as far as they are seen.
+    /// The lines and the contours of the areas, as far as they are seen.
     pub outlines: Outlines,
     /// What `pens`, `only` and `except` can name, with the number of shapes that each name chooses.
     pub selectors: Vec<(Selector, usize)>,
@@ -81,7 +81,7 @@ pub struct InSpace {
     pub lo: [f64; 3],
     /// Greatest x, y and z.
     pub hi: [f64; 3],
-    /// As in [`Shapes::selectors`].
+    /// The selectors and how many curves each selects, as in [`Shapes::selectors`].
     pub selectors: Vec<(Selector, usize)>,
 }
 
@@ -90,21 +90,21 @@ impl Contents {
     /// Warnings go to `notes`.
     ///
     /// # Errors
-    /// Faults of the file; what a job could leave out is none.
+    /// Faults of the file; what a job could leave out is not a fault.
     pub fn read(path: &Path, unit_mm: Option<f64>, notes: &mut Vec<Diag>) -> Result<Self, Error> {
         let mut sources = Sources::default();
         if let Source::Bitmap(image) = sources.read(path)? {
             notes.extend(image.notes.iter().map(|d| d.clone().at(Place::file(path.display().to_string()))));
             return Ok(Self::Bitmap(Pixels::of(image)));
         }
-        let told = notes.len();
+        let before = notes.len();
         let strict = Shapes::read(&mut sources, path, unit_mm, false, notes);
         let Err(e) = strict else { return strict.map(Self::Drawing) };
-        let warned = notes.split_off(told);
+        let warned = notes.split_off(before);
         match Shapes::read(&mut sources, path, unit_mm, true, notes) {
             Ok(shapes) => {
-                // What is left out was told as the reason of the refusal.
-                notes.truncate(told);
+                // What is left out was given as the reason of the refusal.
+                notes.truncate(before);
                 notes.extend(warned);
                 Ok(Self::Drawing(Shapes { refused: e.diags().to_vec(), ..shapes }))
             }
@@ -138,11 +138,11 @@ impl Shapes {
             };
             sources.artwork(&request, &anywhere(), notes)
         };
-        let told = notes.len();
+        let before = notes.len();
         let (art, is_sized) = match artwork(Size::File, notes) {
             Ok(art) => (art, true),
             Err(e) if e.diags().iter().any(|d| d.code == "svg-size") => {
-                notes.truncate(told);
+                notes.truncate(before);
                 let art = artwork(Size::Mm([100.0; 2]), notes)?;
                 notes.retain(|w| w.code != "svg-stretched");
                 (art, false)

@@ -356,7 +356,7 @@ impl Drawing {
             pieces.clear();
             tiles.cut(line, i, j, &mut pieces);
             for (piece, points) in pieces.iter().enumerate() {
-                // What collapses to a point is no dot, and not marked.
+                // What collapses to a point is not a dot, and not marked.
                 let mut places = points.iter().map(|&p| tiles.placed.turn.nm(p));
                 let first = places.next();
                 if tiles.lines.get(line).len() > 1 && places.all(|p| Some(p) == first) {

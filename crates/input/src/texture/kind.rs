@@ -19,7 +19,7 @@ pub enum Kind {
         /// Direction of lines from +x, counter-clockwise.
         direction_rad: f64,
     },
-    /// Parallel lines along the level lines of the part, their direction told later.
+    /// Parallel lines along the level lines of the part, their direction set later.
     Contour {
         /// Distance of lines.
         pitch_mm: f64,

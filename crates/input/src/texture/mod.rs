@@ -6,7 +6,7 @@
 //! and stroke `i` is the same whenever and wherever it is asked for. Strokes of patterns and of tiles
 //! that lie wholly inside their area are computed from their index, so a texture of 10^8 points takes
 //! no memory. An area that is to be filled along contours ([`Contour`]) has a box and no strokes until
-//! [`Texture::fill`] is told the direction of its lines, cell by cell.
+//! [`Texture::fill`] is given the direction of its lines, cell by cell.
 //!
 //! All geometry is f64 in mm until one rounding per point: a pattern or a drawing is placed in the part
 //! frame, turned with the part about the frame's origin, and then rounded to the nanometre. Quarter
@@ -98,8 +98,8 @@ pub struct Request {
 }
 
 impl Request {
-    /// Whether the job says where it lies, so that what of it lies off the part may be a mistake. Patterns over the part's
-    /// box, and drawings that are repeated over it, lie where the part does.
+    /// Whether the job says where it lies, so that what of it lies off the part may be a mistake. Patterns over the
+    /// part's box, and drawings that are repeated over it, lie where the part does.
     pub fn is_placed(&self) -> bool {
         match self.kind {
             Kind::Drawing { tile, .. } => !tile || self.masks.inside.is_some() || self.area != Area::Part,
@@ -151,11 +151,11 @@ type FilesOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<FromFiles,
 /// One placed request.
 #[derive(Clone, Debug)]
 enum Placed {
-    /// Its strokes are known.
+    /// The strokes of the part are known.
     Figure(Arc<dyn Figure>),
     /// Space curves.
     Curves(Arc<Curves>),
-    /// Its strokes wait for, or follow from, the directions of its lines.
+    /// The strokes wait for, or follow from, the directions of the part's lines.
     Contour(Contour),
     /// A drawing some of whose strokes do.
     Areas(Box<ContourAreas>),
@@ -187,7 +187,7 @@ struct Part {
 }
 
 impl Part {
-    /// Its strokes.
+    /// The strokes of the part.
     fn figure(&self) -> &dyn Figure {
         match &self.masked {
             Some(masked) => masked.as_ref(),
@@ -220,7 +220,7 @@ pub struct Texture {
     len: u64,
     points: u64,
     bounds: Box2,
-    /// Those that areas were filled by.
+    /// The directions that areas were filled by.
     directions: Option<Directions>,
     spot_mm: f64,
 }
@@ -231,8 +231,9 @@ impl Texture {
     /// filled by lines half a spot apart unless the request says otherwise. Warnings go to `notes`.
     ///
     /// # Errors
-    /// Faults of drawings (`svg-…`, `dxf-…`, `bitmap-…`) and curves (`curve-…`), `texture-key`, `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
-    /// `texture-area`, `texture-pitch`, `texture-cell`, `texture-order`, `texture-tile`.
+    /// Faults of drawings (`svg-…`, `dxf-…`, `bitmap-…`) and curves (`curve-…`), `texture-key`, `texture-empty`,
+    /// `texture-far` (beyond 4 m), `texture-large`, `texture-area`, `texture-pitch`, `texture-cell`, `texture-order`,
+    /// `texture-tile`.
     pub fn load(
         requests: &[Request],
         part_box_mm: BoxMm<2>,
@@ -265,18 +266,18 @@ impl Texture {
     fn drawing(art: &Artwork, request: &Request, site: &place::Site, notes: &mut Vec<Diag>) -> Result<Placed, Error> {
         let Kind::Drawing { path, turn_rad, marking, .. } = &request.kind else { unreachable!("it is a drawing") };
         let file = Place::file(path.display().to_string());
-        let mut told = Vec::new();
-        let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut told)
+        let mut of_file = Vec::new();
+        let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut of_file)
             .map_err(|d| Error::from(d.at(file.clone())))?;
-        notes.extend(told.into_iter().map(|d| d.at(file.clone())));
+        notes.extend(of_file.into_iter().map(|d| d.at(file.clone())));
         if page.lines.len() == 0 && page.waits.is_empty() {
             return Err(nothing_marked(art, marking).at(file).into());
         }
         Drawing::place(page, request, site)
     }
 
-    /// The texture of another pass of the same job: its patterns are placed anew, its drawings and curves are shared, and no
-    /// file is read again.
+    /// The texture of another pass of the same job: its patterns are placed anew, its drawings and curves are shared,
+    /// and no file is read again.
     ///
     /// # Errors
     /// Those of patterns that [`Texture::load`] has.
@@ -366,8 +367,8 @@ impl Texture {
         Ok(())
     }
 
-    /// The boxes that are filled along contours, as they are before a border cuts their lines; and those in which areas of
-    /// drawings are.
+    /// The boxes that are filled along contours, as they are before a border cuts their lines; and those in which areas
+    /// of drawings are.
     pub fn contours(&self) -> impl Iterator<Item = &Contour> {
         self.parts.iter().flat_map(|p| match &p.placed {
             Placed::Contour(f) => std::slice::from_ref(f),

@@ -87,8 +87,8 @@ impl Align {
 /// Where a page lies, part frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Position {
-    /// With its lower left corner in that of the area; without an area where the coordinates of the drawing say, or with
-    /// its middle in that of the part's box where it has none.
+    /// With its lower left corner in that of the area; without an area where the coordinates of the drawing say, or
+    /// with its middle in that of the part's box where it has none.
     #[default]
     Usual,
     /// With its lower left corner here, mm.
@@ -98,7 +98,7 @@ pub enum Position {
 }
 
 impl Position {
-    /// That of a page with coordinates of its own, which count where nothing is said and no area is given.
+    /// The position of a page with coordinates of its own, which count where nothing is said and no area is given.
     pub(super) fn of_page(self, corner: Option<[f64; 2]>, has_area: bool) -> Self {
         match (self, corner) {
             (Self::Usual, Some(corner)) if !has_area => Self::Origin(corner),

@@ -102,7 +102,7 @@ pub(super) fn far() -> Diag {
         .hint("check units, size and origin of the texture")
 }
 
-/// As [`far`], for a drawing.
+/// The fault of [`far`], for a drawing.
 pub(super) fn far_in(path: &str) -> Diag {
     far().at(Place::file(path))
 }

@@ -5,7 +5,7 @@
 pub(super) struct Random(u64);
 
 impl Random {
-    /// Those of a seed and two numbers of a place.
+    /// The random numbers of a seed and two numbers of a place.
     pub(super) fn at(seed: u64, a: u64, b: u64) -> Self {
         let mut random = Self(seed);
         let first = random.next() ^ a;

@@ -9,14 +9,14 @@ use super::{Kind, Size};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::BoxMm;
 
-/// From this many times the part's size a drawing is told of: a slip of 25.4 makes it so large where it was to fill more
-/// than half of the part.
+/// From this many times the part's size a drawing is reported: a slip of 25.4 makes it so large where it was to fill
+/// more than half of the part.
 const LARGE: f64 = 12.7;
 
 /// From this many times the part's size the factor is named where the job is refused anyway.
 const DOUBTFUL: f64 = 5.0;
 
-/// Up to this share of the part's size a drawing is told of: a logo of 4 mm on a part of 4 m is larger.
+/// Up to this share of the part's size a drawing is reported: a logo of 4 mm on a part of 4 m is larger.
 const SMALL: f64 = 1e-3;
 
 /// A factor between units, and these units.
@@ -70,8 +70,8 @@ impl Slip {
         Some(Self { ratio, is_small, text, hint: hint(kind, beside.or_else(|| factor(ratio))) })
     }
 
-    /// Whether it is told where the job is not refused.
-    pub fn is_told(&self) -> bool {
+    /// Whether a warning says so where the job is not refused.
+    pub fn is_warned_of(&self) -> bool {
         self.is_small || self.ratio > LARGE
     }
 
@@ -115,8 +115,8 @@ fn factor(ratio: f64) -> Option<Factor> {
     FACTORS.into_iter().rev().find(|(f, _)| times * BEYOND >= *f).map(|(f, what)| (1.0 / f, what))
 }
 
-/// The same of curves that lie beside the part: they are in the frame of the surface file, so the factor that brings them
-/// onto the part is the slip. Of several it is the one that leaves them largest.
+/// The same of curves that lie beside the part: they are in the frame of the surface file, so the factor that brings
+/// them onto the part is the slip. Of several it is the one that leaves them largest.
 fn beside(seen: BoxMm<2>, part: BoxMm<2>) -> Option<Factor> {
     let reach = |f: f64| [0, 1].map(|k| [seen.lo[k] / f, seen.hi[k] / f]);
     if (0..2).all(|k| seen.lo[k] <= part.hi[k] && seen.hi[k] >= part.lo[k]) {

@@ -127,7 +127,7 @@ fn stretched(
     path: &Path,
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
-    let told = notes.len();
+    let before = notes.len();
     let mut art = load(1.0, notes)?;
     let size = |art: &Artwork| {
         let size = wanted.size(art.size, true).map_err(|d| Error::from(d.at(Place::file(path.display().to_string()))));
@@ -136,7 +136,7 @@ fn stretched(
     let grown = size(&art)?;
     let growth = (0..2).map(|k| grown[k] / art.size[k]).filter(|f| f.is_finite()).reduce(f64::max).unwrap_or(1.0);
     if growth > 1.0 || growth > 0.0 && growth < 1.0 && art.shapes.iter().any(|s| s.figure == Figure::Stroke) {
-        notes.truncate(told);
+        notes.truncate(before);
         art = load(growth, notes)?;
     }
     let size = size(&art)?;

@@ -1,8 +1,8 @@
 //! From the bytes of a drawing to text that is safe to parse.
 //!
-//! Understands UTF-8, UTF-16 with a byte order mark, declared Latin-1, and gzip (svgz). Refuses what would only cost time
-//! or memory further on: large files, bombs, endless nesting, and entities that hold markup, name other files or expand
-//! to more than [`MAX_EXPANDED`].
+//! Understands UTF-8, UTF-16 with a byte order mark, declared Latin-1, and gzip (svgz). Refuses what would only cost
+//! time or memory further on: large files, bombs, endless nesting, and entities that hold markup, name other files or
+//! expand to more than [`MAX_EXPANDED`].
 
 use std::collections::HashMap;
 use std::io::Read;
@@ -31,7 +31,7 @@ pub(super) fn is_xml(bytes: &[u8]) -> bool {
 /// The text of a drawing, checked.
 ///
 /// # Errors
-/// `svg-…` where it is no text, or not one that is safe to parse.
+/// `svg-…` where it is not text, or not one that is safe to parse.
 pub(super) fn text(mut bytes: Vec<u8>, path: &Path) -> Result<String, Error> {
     let place = Place::file(path.display().to_string());
     if bytes.starts_with(&[0x1f, 0x8b]) {

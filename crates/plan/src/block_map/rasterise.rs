@@ -12,7 +12,7 @@ use crate::ordered_strokes::{Band, OrderedStrokes};
 use terrace_core::geom::{FieldPoint, Grid, P3, Turn};
 use terrace_core::program::{Block, Program};
 
-/// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
+/// A block needs more than this length in a cell, nm: a corner that is clipped by rounding does not count.
 const LEAST_NM: f32 = 1.0;
 
 /// What a dot counts for, nm.

@@ -45,7 +45,7 @@ fn doubts(program: &Program, limits: &Limits<'_>) -> Vec<Doubt> {
     stops.chain(moves).collect()
 }
 
-/// Those of them in which a facet enters the head.
+/// The doubtful moves in which a facet enters the head.
 fn hits(doubts: &[Doubt], limits: &Limits<'_>) -> Vec<Hit> {
     if doubts.is_empty() {
         return Vec::new();
@@ -112,7 +112,7 @@ fn way(limits: &Limits<'_>, block: &Block, ends: [Commanded; 2]) -> Way {
     let turn = limits.machine.turn(tilt, origin);
     let ends = ends.map(|at| {
         let centre = limits.machine.field_centre(at, tilt, origin);
-        // Where a table turns the part, the stage is told of places of the part as turned.
+        // Where a table turns the part, the stage is commanded in places of the part as turned.
         if limits.machine.tilts_head() { turn.apply(centre).at } else { centre.at }
     });
     limits.clearance.way(turn, ends)
@@ -303,7 +303,8 @@ mod tests {
     fn what_the_boxes_alone_refuse_is_accepted() {
         let all = terrace_core::program::sample::program().0.blocks;
         let far = all.iter().map(|b| b.stop.centre).max_by_key(|c| c.x + c.y).expect("blocks");
-        // Beside the stop that lies farthest out: within the square around the lens of 110 mm, and in and out of the circle.
+        // Beside the stop that lies farthest out: within the square around the lens of 110 mm, and in and out of the
+        // circle.
         let at = |beyond: i64| {
             let corner = |more: i64| P2::new(far.x + beyond + more, far.y + beyond + more);
             faults_with(&[(Box2 { lo: corner(0), hi: corner(1_000) }, Nm(300_000_000))], [1, 1], |_, _| {})

@@ -8,9 +8,9 @@ use terrace_core::program::{Pen, Program, Stroke};
 /// What is known of a job.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// Its pens.
+    /// The pens of the program.
     pub pens: &'a [Pen],
-    /// Its machine.
+    /// The machine of the job.
     pub machine: &'a Machine,
     /// Whether it has dots.
     pub has_dots: bool,

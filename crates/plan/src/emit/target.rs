@@ -19,7 +19,7 @@ use terrace_core::program::{BlockFigures, BlockId, Program};
 pub struct Stepped<'a> {
     /// The program.
     pub checked: &'a Checked,
-    /// Its machine.
+    /// The machine of the job.
     pub machine: &'a Machine,
     /// The figures of every block; none where the strokes are frames.
     pub figures: &'a [BlockFigures],
@@ -51,7 +51,7 @@ pub enum Files {
 }
 
 impl Files {
-    /// Their name in messages: of files of single blocks by their ending.
+    /// The name of the files in messages: of files of single blocks by their ending.
     pub fn shown(self) -> String {
         match self {
             Self::Whole(name, _) => name.to_owned(),
@@ -63,11 +63,11 @@ impl Files {
 /// The file of an on-the-fly job.
 #[derive(Clone, Copy)]
 pub struct FlyFile {
-    /// Its name.
+    /// The name of the file.
     pub name: &'static str,
     /// The machines that it can be written for.
     pub kinds: &'static [Kind],
-    /// Its writer.
+    /// What writes the file.
     pub write: fn(&FlyChecked, &Machine) -> Vec<u8>,
     /// Usual servo period of its controller, s.
     pub servo_s: f64,
@@ -85,9 +85,9 @@ pub struct Target {
     pub known_faults: fn(&Known<'_>) -> Vec<KnownFault>,
     /// What else keeps a program of a stepped job from being written in it on a machine.
     pub faults: fn(&Program, &Machine) -> Vec<Diag>,
-    /// Whether a file of a stepped job tells which pen each stroke is marked with.
+    /// Whether a file of a stepped job says which pen each stroke is marked with.
     pub carries_pens: bool,
-    /// Whether it also tells speed, power, frequency and passes of that pen.
+    /// Whether it also says speed, power, frequency and passes of that pen.
     pub carries_settings: bool,
     /// Whether a file of a stepped job sets the zoom optic for each block.
     pub carries_focus_shift: bool,
@@ -108,7 +108,7 @@ impl Target {
         TARGETS.iter().find(|t| t.format == format).expect("every format has a row, as a test holds")
     }
 
-    /// Its name in job files and messages.
+    /// The target's name in job files and messages.
     pub fn name(&self) -> &'static str {
         self.format.name()
     }

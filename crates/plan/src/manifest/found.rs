@@ -32,7 +32,7 @@ pub enum AnySummary {
 }
 
 impl AnySummary {
-    /// As `compile --json` prints them.
+    /// The summary as `compile --json` prints it.
     pub fn to_json(&self) -> serde_json::Value {
         let value = match self {
             Self::Stepped(summary) => serde_json::to_value(summary),

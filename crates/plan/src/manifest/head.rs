@@ -17,7 +17,8 @@ const SCHEMA: u32 = 4;
 /// Largest manifest that is read: some 600 bytes for each of a million blocks.
 pub const MAX_FILE: u64 = 1 << 30;
 
-/// A path as manifests and run sheets have it: on Windows with `/` for its backslashes, which elsewhere belong to names.
+/// A path as manifests and run sheets have it: on Windows with `/` for its backslashes, which elsewhere belong to
+/// names.
 pub fn portable(path: &str) -> String {
     if cfg!(windows) { path.replace('\\', "/") } else { path.to_owned() }
 }
@@ -27,9 +28,9 @@ pub fn portable(path: &str) -> String {
 pub struct InputFact {
     /// What it is for: `surface`, `texture`, `machine`.
     pub role: String,
-    /// Its path, relative to the job file.
+    /// The path of the file, relative to the job file.
     pub file: String,
-    /// Its size.
+    /// The size of the file.
     pub bytes: u64,
     /// BLAKE3 of its bytes, hex.
     pub blake3: String,
@@ -38,9 +39,9 @@ pub struct InputFact {
 /// A file of the job folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileFact {
-    /// Its path inside the folder.
+    /// The path of the file inside the folder.
     pub file: String,
-    /// Its size.
+    /// The size of the file.
     pub bytes: u64,
     /// BLAKE3 of its bytes, hex.
     pub blake3: String,
@@ -49,7 +50,7 @@ pub struct FileFact {
 /// The job file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobRef {
-    /// Its path from inside the job folder.
+    /// The path of the job file from inside the job folder.
     pub file: String,
     /// BLAKE3 of its text, hex.
     pub blake3: String,
@@ -85,7 +86,7 @@ fn is_there<'a, D: serde::Deserializer<'a>>(value: D) -> Result<bool, D::Error> 
 }
 
 impl Head {
-    /// That of a job whose file lies at `file` as seen from its folder; files are still to come.
+    /// The head of a job whose file lies at `file` as seen from its folder; files are still to come.
     pub fn new(job: &Job, file: String, inputs: Vec<InputFact>) -> Self {
         let blake3 = blake3::hash(job.source.as_bytes()).to_hex().to_string();
         Self {
@@ -118,7 +119,7 @@ impl Head {
 /// A manifest with other facts of one of its files; everything else stays as it is.
 ///
 /// # Errors
-/// `manifest-reread` where it is none.
+/// `manifest-reread` where it is not one.
 pub fn with_file(manifest: &[u8], fact: &FileFact) -> Result<Vec<u8>, Error> {
     let broken = || Error::from(Diag::bug("manifest-reread", "a manifest that was just written cannot be read again"));
     let mut document: serde_json::Value = serde_json::from_slice(manifest).map_err(|_| broken())?;

@@ -81,12 +81,12 @@ impl Loading {
     }
 
     /// Who loads and starts so many blocks, with what of it is assumed in parentheses.
-    pub fn told(&self, blocks: usize) -> String {
+    pub fn sentence(&self, blocks: usize) -> String {
         self.with_assumption(&if blocks == 1 { "1 block".to_owned() } else { format!("{blocks} blocks") })
     }
 
     /// The same of the blocks of any job.
-    pub fn told_of_every(&self) -> String {
+    pub fn sentence_per_block(&self) -> String {
         self.with_assumption("every block")
     }
 
@@ -133,22 +133,22 @@ mod tests {
     }
 
     #[test]
-    fn what_is_assumed_is_told_with_its_key() {
+    fn what_is_assumed_is_reported_with_its_key() {
         let person = loading(LoadingWay::Person, 15.0, [true, true]);
-        let told = "a person loads and starts 29 blocks, 15 s each (assumed: state operator.way and operator.load in the \
+        let wanted = "a person loads and starts 29 blocks, 15 s each (assumed: state operator.way and operator.load in the \
                     machine file)";
-        assert_eq!(person.told(29), told);
+        assert_eq!(person.sentence(29), wanted);
         let run = loading(LoadingWay::Run, 0.0, [true, false]);
         assert!(
             run.is_least()
                 && run
-                    .told(1)
+                    .sentence(1)
                     .ends_with("1 block, which comes on top (assumed: state operator.way in the machine file)")
         );
         let stated = loading(LoadingWay::Run, 2.5, [false, false]);
         assert!(!stated.is_least());
-        assert_eq!(stated.told(3), "terrace run loads and starts 3 blocks, 2.5 s each");
-        assert_eq!(stated.told_of_every(), "terrace run loads and starts every block, 2.5 s each");
+        assert_eq!(stated.sentence(3), "terrace run loads and starts 3 blocks, 2.5 s each");
+        assert_eq!(stated.sentence_per_block(), "terrace run loads and starts every block, 2.5 s each");
         assert_eq!(stated.of_blocks(3, 10.0).total_s, 17.5);
     }
 }

@@ -59,13 +59,13 @@ pub struct Times {
 pub struct Candidate {
     /// Method.
     pub method: String,
-    /// Its stops.
+    /// Number of stops.
     pub stops: usize,
-    /// Its fragments.
+    /// Number of fragments.
     pub fragments: usize,
-    /// Its job time: that of the machine.
+    /// The job time of the machine.
     pub time_s: Times,
-    /// That time with the loading of its blocks, s: what `auto` minimises.
+    /// The job time with the loading of the blocks, s: what `auto` minimises.
     pub total_s: f64,
 }
 
@@ -87,11 +87,11 @@ pub struct Dots {
 pub struct SpaceCurves {
     /// How many there are.
     pub count: usize,
-    /// Their length seen along z, mm.
+    /// Length of the curves seen along z, mm.
     pub plan_mm: f64,
-    /// Their length on the surface, mm.
+    /// Length of the curves on the surface, mm.
     pub surface_mm: f64,
-    /// Their largest distance from the surface along z, um.
+    /// Largest distance of the curves from the surface along z, um.
     pub worst_distance_um: f64,
 }
 
@@ -182,15 +182,15 @@ impl Summary {
 /// Some blocks of a job, of which alone a folder holds files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Subset {
-    /// Their names, in machining order.
+    /// The names of the blocks, in machining order.
     pub blocks: Vec<String>,
     /// Standstills of the stage.
     pub stops: usize,
-    /// Their marks, every pass counted.
+    /// Length of the blocks' marks, every pass counted.
     pub mark_mm: f64,
-    /// Their time, as that of a job.
+    /// Time of the blocks, as that of a job.
     pub time_s: f64,
-    /// That time with the loading of its blocks, s.
+    /// Time of the blocks with their loading, s.
     pub total_s: f64,
 }
 
@@ -211,16 +211,16 @@ impl Frames {
     }
 }
 
-/// Everything that the manifest tells.
+/// Everything that the manifest says.
 #[derive(Clone)]
 pub struct Facts<'a> {
     /// Path from the job folder to the job file.
     pub job_file: &'a str,
     /// The job.
     pub job: &'a Job,
-    /// Its machine.
+    /// The machine of the job.
     pub machine: &'a Machine,
-    /// Its program.
+    /// The checked program.
     pub checked: &'a Checked,
     /// Of every pass its grid of sections, and the directions of what is filled along contours, if anything is.
     pub passes: Vec<(&'a Sections, Option<&'a Directions>)>,

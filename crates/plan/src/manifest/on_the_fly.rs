@@ -68,14 +68,14 @@ impl FlyLengths {
     }
 }
 
-/// Everything that the manifest of an on-the-fly job tells.
+/// Everything that the manifest of an on-the-fly job says.
 #[derive(Clone, Copy)]
 pub struct OnTheFlyFacts<'a> {
     /// The job.
     pub job: &'a Job,
-    /// Its machine.
+    /// The machine of the job.
     pub machine: &'a Machine,
-    /// Its program.
+    /// The program.
     pub program: &'a Program,
     /// What is not marked next to steps of the part.
     pub left_out: &'a [LeftOut],

@@ -72,7 +72,7 @@ impl<B: for<'a> Deserialize<'a>> Manifest<B> {
 }
 
 impl<B: Serialize> Manifest<B> {
-    /// Its text: JSON, keys in a fixed order, a line feed at the end.
+    /// The text of the manifest: JSON, keys in a fixed order, a line feed at the end.
     pub fn bytes(&self) -> Vec<u8> {
         text(self, 4096 + 700 * self.summary.blocks)
     }
@@ -173,7 +173,7 @@ pub struct PassEntry {
     pub turn_deg: f64,
     /// How far the surface was lowered before it.
     pub lowered_mm: f64,
-    /// Its grid.
+    /// The grid of sections.
     pub sections: Sections,
 }
 
@@ -236,7 +236,7 @@ pub struct Seams {
 /// A pen.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PenEntry {
-    /// Its name.
+    /// The name of the pen.
     pub name: String,
     /// Speed of its marks.
     pub speed_mm_s: f64,
@@ -278,15 +278,15 @@ impl Serialize for Blocks<'_> {
 /// A block.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct BlockEntry {
-    /// Its name.
+    /// The name of the block.
     pub id: String,
-    /// Its pass, from 1.
+    /// The pass, from 1.
     pub pass: u32,
-    /// Its set-up, from 1.
+    /// The set-up, from 1.
     pub setup: u32,
     /// Column and row of its section.
     pub section: [u32; 2],
-    /// Its level.
+    /// The level.
     pub level: i32,
     /// Centre of its field, turned part frame.
     pub centre_mm: [f64; 2],
@@ -306,7 +306,7 @@ pub struct BlockEntry {
     pub z_hi_mm: f64,
     /// Names of its pens.
     pub pens: Vec<String>,
-    /// Its files, by format.
+    /// The files of the block, by format.
     pub files: BTreeMap<String, String>,
     /// How many strokes it has.
     pub strokes: usize,
@@ -314,7 +314,7 @@ pub struct BlockEntry {
     pub mark_mm: f64,
     /// Length of its jumps.
     pub jump_mm: f64,
-    /// Its time, s.
+    /// The time of the block, s.
     pub time_s: f64,
     /// Incidence and what follows from it.
     #[serde(flatten)]

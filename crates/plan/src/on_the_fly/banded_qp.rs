@@ -150,7 +150,7 @@ pub fn minimise<const W: usize>(
             }
         }
         matrix.factor(1e-14);
-        // The predictor goes for the constraints themselves; how far it gets tells how central to stay.
+        // The predictor goes for the constraints themselves; how far it gets decides how central to stay.
         direction(rows, &mut sides, &gradient, &matrix, 0.0, &mut step);
         let (primal, dual) = reach(&sides, 1.0);
         let after: f64 = sides.iter().flatten().map(|s| s.product_after(primal, dual)).sum();

@@ -349,7 +349,7 @@ impl Finder<'_> {
 mod tests {
     use super::*;
 
-    /// A plate at z = 0 that ends at x = 1, over one at z = -0.05 that goes on to x = 2.
+    /// A plate at z = 0 that ends at x = 1, over one at z = -0.05 that continues to x = 2.
     fn ledge() -> Surface {
         let plate = |x0: f64, x1: f64, z: f64| {
             let [a, b, c, d] = [[x0, -1.0, z], [x1, -1.0, z], [x1, 1.0, z], [x0, 1.0, z]];
@@ -384,7 +384,7 @@ mod tests {
     #[test]
     fn beams_are_followed_along_the_path_of_their_mark() {
         let mut mark = Marked { nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]], at: 0 };
-        // There and back: the path goes on, though the first leg is as near.
+        // There and back: the path continues, though the first leg is as near.
         for (x, leg) in [(0.2, 0), (0.9, 0), (1.0, 0), (0.9, 1), (0.2, 1)] {
             let y = if leg == 0 { 0.0 } else { 1e-3 * (1.0 - x) };
             let beam = Beam { at: [x - 0.5, y, 0.75f64.sqrt()], up: [-0.5, 0.0, 0.75f64.sqrt()] };

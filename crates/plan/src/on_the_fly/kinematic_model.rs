@@ -1,7 +1,7 @@
 //! The machine of seven axes under a part: what its axes can do, and from where their angles are seen.
 //!
-//! Consumes a machine, the job's pens and where the part lies; promises the limits of all axes in the units and signs of
-//! their motion, and axis values over points of the part. Units: mm, s, rad.
+//! Consumes a machine, the job's pens and where the part lies; promises the limits of all axes in the units and signs
+//! of their motion, and axis values over points of the part. Units: mm, s, rad.
 
 use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::kinematics::{Axes, Branches, Pose};
@@ -35,9 +35,9 @@ pub struct KinematicModel<'a> {
 pub struct BeyondTravel {
     /// The axis.
     pub letter: Letter,
-    /// Its lowest and its highest command.
+    /// The lowest and the highest command of the axis.
     pub needed: [f64; 2],
-    /// Its travel.
+    /// The travel of the axis.
     pub travel: [f64; 2],
 }
 

@@ -3,8 +3,8 @@
 //! Consumes a path with the tools above it and the limits of U and V; promises when the spot would be where on the path
 //! if the stage kept up: its *own time*. Where the machine states the scanner's acceleration the spot goes from rest to
 //! rest between its stops, as fast as speed, acceleration and jerk of U and V and the pen allow; on a straight run that
-//! is the motion of [`GalvoModel`], on a curve what the curve leaves of it. Else it is always at speed, and waits as the
-//! machine's delays say. Units: mm, s.
+//! is the motion of [`GalvoModel`], on a curve what the curve leaves of it. Else it is always at speed, and waits as
+//! the machine's delays say. Units: mm, s.
 //!
 //! # Source
 //! Ma et al. (2025) stop the galvo at every point of the curve; here it need not where the path runs straight on.
@@ -36,6 +36,15 @@ impl Rests {
         };
         (0..=last).filter(|&i| i == 0 || i == last || rests(path.nodes[i].kind)).collect()
     }
+}
+
+/// Where the spot waits for a stage that is slower than it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waits {
+    /// Where it rests: between rests it is as fast as it can.
+    AtRests,
+    /// On its way: it is no faster than the stage can be from node to node.
+    OnTheWay,
 }
 
 /// When the spot is where on its path, in its own time.
@@ -79,9 +88,8 @@ impl SpotMotion {
 
     /// Under the limits of U and V, or at speed, with the stage at `axes` over each node.
     ///
-    /// Of run number i between `rests` the limits are taken as so many times smaller as `shares` says; none: the scanner
-    /// has all of them. Where it is `paced` the spot waits for the stage on its way rather than at its rests: it is no
-    /// faster than the stage can be from node to node.
+    /// Of run number i between `rests` the limits are taken as so many times smaller as `shares` says; none: the
+    /// scanner has all of them.
     ///
     /// # Errors
     /// Those of [`topp::time_optimal`], which are faults of the program.
@@ -91,71 +99,33 @@ impl SpotMotion {
         model: &KinematicModel<'_>,
         rests: &[usize],
         shares: &[f64],
-        paced: bool,
+        waits: Waits,
     ) -> Result<Self, Error> {
         let way = path.distances();
         let Some(limit) = model.spot else {
             let visits = Schedule::of(path, model.machine, model.pens, 0.0).visits;
             return Ok(Self { law: Law::Even, times: visits.iter().map(|v| [v.arrive, v.leave]).collect(), way });
         };
-        let mut positions = vec![0.0; 2];
-        let mut caps = Vec::with_capacity(path.len());
-        for (run, w) in rests.windows(2).enumerate() {
-            let (first, last) = (w[0], w[1]);
-            let share = shares.get(run).copied().unwrap_or(1.0);
-            // What U and V have to go between two nodes with the stage half-way between its poses at them.
-            let step = |i: usize, j: usize| {
-                let d = [0, 1, 2].map(|k| path.nodes[j].at[k] - path.nodes[i].at[k]);
-                let [a, c] = [0.5 * (axes[i].a + axes[j].a), 0.5 * (axes[i].c + axes[j].c)];
-                let [u, v, _] = machine_from_part(a, c, d);
-                [share * u, share * v]
-            };
-            let from = [positions[positions.len() - 2], positions[positions.len() - 1]];
-            let own = |i: usize| model.cap(path, &way, i);
-            let cap = |i: usize| if paced { own(i).min(stage_cap(model, &way, axes, i)) } else { own(i) };
-            let run: Vec<f64> = (first + 1..=last).map(cap).collect();
-            if is_straight(path, first, last) {
-                let (whole, length) = (step(first, last), way[last] - way[first]);
-                for at in &way[first + 1..=last] {
-                    let t = (at - way[first]) / length;
-                    positions.extend([0, 1].map(|k| from[k] + t * whole[k]));
-                }
-                let [least, most] = run.iter().fold([f64::INFINITY, 0.0f64], |[l, m], &c| [l.min(c), m.max(c)]);
-                if most < UNEVEN * least {
-                    // One speed for all of it, that of the same time.
-                    let time: f64 =
-                        run.iter().enumerate().map(|(k, c)| (way[first + k + 1] - way[first + k]) / c).sum();
-                    let slowest = (first + 1..=last).map(own).fold(length / time, f64::min);
-                    caps.resize(last, slowest);
-                } else {
-                    caps.extend(run);
-                }
-            } else {
-                let mut at = from;
-                for i in first + 1..=last {
-                    let d = step(i - 1, i);
-                    at = [at[0] + d[0], at[1] + d[1]];
-                    positions.extend(at);
-                }
-                caps.extend(run);
-            }
+        let mut course = Course::new(path, axes, model, &way, waits);
+        for (run, ends) in rests.windows(2).enumerate() {
+            course.add_run(ends[0], ends[1], shares.get(run).copied().unwrap_or(1.0));
         }
-        let all = topp::Path { positions: &positions, s: &way, caps: &caps, stops: rests };
+        let all = topp::Path { positions: &course.positions, s: &way, caps: &course.caps, stops: rests };
         let timed = topp::time_optimal(&all, &[limit; 2], &topp::Options { gain: 5e-3, ..topp::Options::default() })?;
         // Before a mark the mirrors settle, as after any jump.
         let settle = GalvoModel::of(model.machine).delays(model.machine).jump;
-        let mut later = 0.0;
-        let visit = |(i, t): (usize, f64)| {
-            let come = t + later;
+        let mut settled = 0.0;
+        let mut times = Vec::with_capacity(path.len());
+        for (i, t) in timed.node_times().enumerate() {
+            let arrives = t + settled;
             let begins = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).or(path.run_at(i + 1)).is_some();
-            later += if begins { settle } else { 0.0 };
-            [come, t + later]
-        };
-        let times = timed.node_times().enumerate().map(visit).collect();
+            settled += if begins { settle } else { 0.0 };
+            times.push([arrives, t + settled]);
+        }
         Ok(Self { law: Law::Profiled(timed), times, way })
     }
 
-    /// Its own time of the whole path.
+    /// The time of the whole path at the spot's own speed.
     pub fn total(&self) -> f64 {
         self.times.last().map_or(0.0, |t| t[1])
     }
@@ -188,7 +158,7 @@ impl SpotMotion {
         let i = self.node_at(time, hint);
         let [from, to] = [self.way[i], self.way[i + 1]];
         match &self.law {
-            // Rests are no part of the profile.
+            // Rests are not part of the profile.
             Law::Profiled(timed) if time > self.times[i][1] => {
                 timed.parameter_at(timed.node_time(i) + (time - self.times[i][1]), cell).clamp(from, to)
             }
@@ -197,6 +167,75 @@ impl SpotMotion {
                 let (begin, end) = (self.times[i][1], self.times[i + 1][0]);
                 from + ((time - begin) / (end - begin)).clamp(0.0, 1.0) * (to - from)
             }
+        }
+    }
+}
+
+/// What U and V go along a path, and how fast the spot may be on it.
+struct Course<'a> {
+    path: &'a Path,
+    axes: &'a [Axes],
+    model: &'a KinematicModel<'a>,
+    /// Way along the path to each node, mm.
+    way: &'a [f64],
+    waits: Waits,
+    /// U and V at each node so far, mm, one pair after another; from 0.
+    positions: Vec<f64>,
+    /// Largest speed to each node but the first, mm/s.
+    caps: Vec<f64>,
+}
+
+impl<'a> Course<'a> {
+    fn new(path: &'a Path, axes: &'a [Axes], model: &'a KinematicModel<'a>, way: &'a [f64], waits: Waits) -> Self {
+        Self { path, axes, model, way, waits, positions: vec![0.0; 2], caps: Vec::with_capacity(path.len()) }
+    }
+
+    /// Adds the nodes after `first` up to `last`, between which the spot does not rest.
+    fn add_run(&mut self, first: usize, last: usize, share: f64) {
+        let caps: Vec<f64> = (first + 1..=last).map(|i| self.cap(i)).collect();
+        if !is_straight(self.path, first, last) {
+            for i in first + 1..=last {
+                let [u, v] = self.step(i - 1, i, share);
+                let [.., from_u, from_v] = self.positions[..] else { unreachable!("it begins with a pair") };
+                self.positions.extend([from_u + u, from_v + v]);
+            }
+            self.caps.extend(caps);
+            return;
+        }
+        let [.., from_u, from_v] = self.positions[..] else { unreachable!("it begins with a pair") };
+        let ([u, v], length) = (self.step(first, last, share), self.way[last] - self.way[first]);
+        for at in &self.way[first + 1..=last] {
+            let t = (at - self.way[first]) / length;
+            self.positions.extend([from_u + t * u, from_v + t * v]);
+        }
+        let [least, most] = caps.iter().fold([f64::INFINITY, 0.0f64], |[l, m], &c| [l.min(c), m.max(c)]);
+        if most < UNEVEN * least {
+            // One speed for all of it, that of the same time.
+            let time: f64 =
+                caps.iter().enumerate().map(|(k, c)| (self.way[first + k + 1] - self.way[first + k]) / c).sum();
+            let own = (first + 1..=last).map(|i| self.model.cap(self.path, self.way, i));
+            self.caps.resize(last, own.fold(length / time, f64::min));
+        } else {
+            self.caps.extend(caps);
+        }
+    }
+
+    /// What U and V have to go from one node to another, of which they have a share, mm: with the stage half-way
+    /// between its poses at them.
+    fn step(&self, i: usize, j: usize, share: f64) -> [f64; 2] {
+        let (nodes, axes) = (&self.path.nodes, self.axes);
+        let d = [0, 1, 2].map(|k| nodes[j].at[k] - nodes[i].at[k]);
+        let [a, c] = [0.5 * (axes[i].a + axes[j].a), 0.5 * (axes[i].c + axes[j].c)];
+        let [u, v, _] = machine_from_part(a, c, d);
+        [share * u, share * v]
+    }
+
+    /// The largest speed of the spot to a node, mm/s.
+    fn cap(&self, i: usize) -> f64 {
+        let own = self.model.cap(self.path, self.way, i);
+        match self.waits {
+            Waits::AtRests => own,
+            Waits::OnTheWay => own.min(stage_cap(self.model, self.way, self.axes, i)),
         }
     }
 }

@@ -231,7 +231,7 @@ impl Legs {
         let samples = 2 * (window / 3.0 / step / 2.0) as usize + 1;
         let reach = 3 * (samples / 2);
         let (mut node, mut cell) = (first, 0);
-        // Before the leg's begin and after its end the spot goes on as it came: the averages keep both ends in place.
+        // Before the leg's begin and after its end the spot continues as it came: the averages keep both ends in place.
         let mut reached = |at: f64| {
             if at < begin {
                 2.0 * s0 - spot.way_at((2.0 * begin - at).min(end), &mut node, &mut cell)

@@ -25,9 +25,9 @@ const SERIOUS: usize = 3;
 /// What the scanner does at the ends of marks, with the laser off, while the stage turns; s at the pens' speeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Turnaround {
-    /// It runs on for so long, and as long towards the next mark.
+    /// The spot runs on for so long, and as long towards the next mark, s.
     Skywriting(f64),
-    /// It waits for so long at least.
+    /// The spot waits for so long at least, s.
     Dwell(f64),
 }
 
@@ -65,7 +65,7 @@ pub struct Timed {
 /// Decomposes a path with the turnarounds at its marks (skywriting, dwell or none) that make the whole quickest, from
 /// `most` samples on, and up to eight times as many where z needs them.
 ///
-/// `travels` tells whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
+/// `travels` says whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
 pub fn quickest(
     path: &Path,
     machine: &Machine,
@@ -76,70 +76,112 @@ pub fn quickest(
     task: Task<'_>,
 ) -> Timed {
     let [plainly, trying, whole] = task.split([2, 4, 2]);
-    let turned = |path: &Path, turn: Turnaround| {
-        let path =
-            if let Turnaround::Skywriting(run_s) = turn { path.with_skywriting(run_s, pens) } else { path.clone() };
-        let schedule = Schedule::of(&path, machine, pens, turn.wait_s()).lifted(&path, machine, allowed.focus);
-        (path, schedule)
-    };
-    let total = |schedule: &Schedule, sync: &Decomposition| {
-        let usable = sync.fits && travels(BoxMm::of(sync.stage.iter().copied()));
-        if usable { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
-    };
-    let plain = Turnaround::Dwell(0.0);
-    let (own, schedule) = turned(path, plain);
-    let sync = synchronise(&own, &schedule, machine, allowed, schedule.step_s(most));
-    let mut best = Timed { turn: plain, path: own, schedule, sync };
+    let marking = Marking { machine, pens, allowed, travels };
+    let plain = marking.without_turnaround(path, most);
     drop(plainly);
     // Where the pens' speeds are kept no turn can be a better one.
-    if best.sync.fits && best.sync.slower <= 1.0 {
-        return best;
+    if plain.sync.fits && plain.sync.slower <= 1.0 {
+        return plain;
     }
     // Turns are tried on the middle of the path, in steps as fine as it needs without them.
-    let step_s = best.sync.step_s / best.sync.slower;
-    let piece = path.middle(TRIED as f64 * step_s / best.schedule.total_s());
-    // A turnaround that cannot be among the best few, which are tried on the whole path, is given up early.
-    let time = |turn: Turnaround, tried: &[(f64, Turnaround)]| {
-        let (path, schedule) = turned(&piece, turn);
-        let mut times: Vec<f64> = tried.iter().map(|t| t.0).collect();
-        times.sort_by(f64::total_cmp);
-        let cutoff = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
-        if cutoff <= 1.0 {
-            return f64::INFINITY;
-        }
-        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s, cutoff))
-    };
-    // The scanner's own delays must fit into a run.
-    let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
-    let times = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
-    let mut tried: Vec<(f64, Turnaround)> = Vec::new();
-    let trying = trying.of_steps(2 * times().count() + 4);
-    for turn in times().map(Turnaround::Skywriting).chain(times().map(Turnaround::Dwell)) {
-        tried.push((time(turn, &tried), turn));
-        trying.step();
-    }
-    for share in [2.0, 1.4] {
-        let Some(&(_, middle)) = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        for turn in [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least) {
-            tried.push((time(turn, &tried), turn));
-            trying.step();
-        }
-    }
-    drop(trying);
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let whole = whole.of_steps(SERIOUS);
+    let step_s = plain.sync.step_s / plain.sync.slower;
+    let middle = path.middle(TRIED as f64 * step_s / plain.schedule.total_s());
+    let tried = marking.tried(&middle, step_s, trying);
     // What is best there may not be possible everywhere.
-    let before = total(&best.schedule, &best.sync);
-    for (_, turn) in tried.into_iter().filter(|t| t.0.is_finite()).take(SERIOUS) {
-        let (path, schedule) = turned(path, turn);
+    let whole = whole.of_steps(SERIOUS);
+    let before = marking.total_s(&plain.schedule, &plain.sync);
+    for Trial { turn, .. } in tried.into_iter().filter(|trial| trial.time_s.is_finite()).take(SERIOUS) {
+        let (path, schedule) = marking.turned(path, turn);
         let sync = decomposed(&path, &schedule, machine, allowed, step_s, f64::INFINITY);
-        if total(&schedule, &sync) < before {
-            best = Timed { turn, path, schedule, sync };
-            break;
+        if marking.total_s(&schedule, &sync) < before {
+            return Timed { turn, path, schedule, sync };
         }
         whole.step();
     }
-    best
+    plain
+}
+
+/// A turnaround and the time of the path with it, s; infinite where it is not possible or cannot be among the best.
+struct Trial {
+    time_s: f64,
+    turn: Turnaround,
+}
+
+/// By what paths are marked, whatever their turnarounds.
+struct Marking<'a> {
+    machine: &'a Machine,
+    pens: &'a [Pen],
+    allowed: ScannerLimits,
+    travels: &'a dyn Fn(BoxMm<3>) -> bool,
+}
+
+impl Marking<'_> {
+    /// A path with a turnaround at the ends of all marks, and when the beam is where on it.
+    fn turned(&self, path: &Path, turn: Turnaround) -> (Path, Schedule) {
+        let path = match turn {
+            Turnaround::Skywriting(run_s) => path.with_skywriting(run_s, self.pens),
+            Turnaround::Dwell(_) => path.clone(),
+        };
+        let schedule = Schedule::of(&path, self.machine, self.pens, turn.wait_s());
+        let schedule = schedule.lifted(&path, self.machine, self.allowed.focus);
+        (path, schedule)
+    }
+
+    /// The time of a motion, s; infinite where it is out of focus, or the stage does not travel so far.
+    fn total_s(&self, schedule: &Schedule, sync: &Decomposition) -> f64 {
+        let is_possible = sync.fits && (self.travels)(BoxMm::of(sync.stage.iter().copied()));
+        if is_possible { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
+    }
+
+    /// The path as it is: the spot turns at the very ends of marks.
+    fn without_turnaround(&self, path: &Path, most: usize) -> Timed {
+        let turn = Turnaround::Dwell(0.0);
+        let (path, schedule) = self.turned(path, turn);
+        let sync = synchronise(&path, &schedule, self.machine, self.allowed, schedule.step_s(most));
+        Timed { turn, path, schedule, sync }
+    }
+
+    /// Turnarounds of many lengths tried on a piece of the path, the quickest first: both kinds in steps of four, then
+    /// lengths about the best.
+    fn tried(&self, piece: &Path, step_s: f64, task: Task<'_>) -> Vec<Trial> {
+        // The scanner's own delays must fit into a run.
+        let delays = &self.machine.delays;
+        let least = delays.jump.as_s().max(delays.mark.as_s()).max(SHORTEST);
+        let lengths = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
+        let task = task.of_steps(2 * lengths().count() + 4);
+        let mut tried = Vec::new();
+        for turn in lengths().map(Turnaround::Skywriting).chain(lengths().map(Turnaround::Dwell)) {
+            self.try_turn(piece, step_s, turn, &mut tried);
+            task.step();
+        }
+        for share in [2.0, 1.4] {
+            let Some(&Trial { turn: best, .. }) = tried.iter().min_by(|a, b| a.time_s.total_cmp(&b.time_s)) else {
+                break;
+            };
+            for turn in [1.0 / share, share].map(|by| best.times(by)).into_iter().filter(|turn| turn.s() >= least) {
+                self.try_turn(piece, step_s, turn, &mut tried);
+                task.step();
+            }
+        }
+        tried.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        tried
+    }
+
+    /// Tries one more turnaround. It is given up early where it cannot be among the best few, which are tried on the
+    /// whole path.
+    fn try_turn(&self, piece: &Path, step_s: f64, turn: Turnaround, tried: &mut Vec<Trial>) {
+        let (path, schedule) = self.turned(piece, turn);
+        let mut times: Vec<f64> = tried.iter().map(|trial| trial.time_s).collect();
+        times.sort_by(f64::total_cmp);
+        let cutoff = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
+        let time_s = if cutoff <= 1.0 {
+            f64::INFINITY
+        } else {
+            let sync = decomposed(&path, &schedule, self.machine, self.allowed, step_s, cutoff);
+            self.total_s(&schedule, &sync)
+        };
+        tried.push(Trial { time_s, turn });
+    }
 }
 
 #[cfg(test)]
@@ -183,7 +225,7 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));
         let Timed { turn, path, schedule, sync } =
-            quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true, Task::untold());
+            quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true, Task::silent());
         assert!(turn.s() > 0.0 && sync.fits && sync.slower > 1.0, "{turn:?} {}", sync.slower);
         let limits = Peaks::limits(&machine);
         for (k, limit) in limits.iter().enumerate() {
@@ -214,10 +256,10 @@ mod tests {
         let (path, fast) = (lines(5, 200.0), pens(1000.0));
         let schedule = Schedule::of(&path, &machine, &fast, 0.0);
         let plain = synchronise(&path, &schedule, &machine, ROOM, schedule.step_s(100_000));
-        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true, Task::untold());
+        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true, Task::silent());
         assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
         // What lies within the field needs no stage: the pens' speed is kept.
-        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true, Task::untold());
+        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true, Task::silent());
         assert!(small.turn == Turnaround::Dwell(0.0) && small.sync.slower == 1.0, "{}", small.sync.slower);
     }
 
@@ -225,7 +267,7 @@ mod tests {
     fn path_of_a_single_mark_is_accepted() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         for length in [1e-6, 0.01, 300.0] {
-            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true, Task::untold());
+            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true, Task::silent());
             assert!(found.sync.slower.is_finite() && found.sync.stage.iter().flatten().all(|v| v.is_finite()));
         }
     }

@@ -1,12 +1,12 @@
 //! Seven axes on the fly: the stage of X, Y, Z, A and C follows a smoothed path with its normal, the scanner's
 //! U and V make up the difference.
 //!
-//! Consumes the beam's path over the part and the machine's limits; promises a motion of all seven axes that keeps focus,
-//! beam angle and field wherever it can be done, and the limits of all axes. The spot rests on the part where the path
-//! turns sharply ([`spot`](super::spot)); the stage does not: it goes through the spot's own time as a smooth path
-//! ([`stage_path`](super::stage_path)), at the pace of the spot or, where that is too fast for its axes, as fast as they
-//! can ([`topp`]). U and V are spot less stage at every instant. With five axes the scanner rests, so the stage stops at
-//! corners. Units: mm, s, rad.
+//! Consumes the beam's path over the part and the machine's limits; promises a motion of all seven axes that keeps
+//! focus, beam angle and field wherever it can be done, and the limits of all axes. The spot rests on the part where
+//! the path turns sharply ([`spot`](super::spot)); the stage does not: it goes through the spot's own time as a smooth
+//! path ([`stage_path`](super::stage_path)), at the pace of the spot or, where that is too fast for its axes, as fast
+//! as they can ([`topp`]). U and V are spot less stage at every instant. With five axes the scanner rests, so the stage
+//! stops at corners. Units: mm, s, rad.
 //!
 //! # Source
 //! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
@@ -20,7 +20,7 @@ use crate::on_the_fly::kinematic_model::{BeyondTravel, KinematicModel};
 use crate::on_the_fly::path::c_rewind::{Rewound, rewound};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, Path};
-use crate::on_the_fly::spot::{Rests, SpotMotion};
+use crate::on_the_fly::spot::{Rests, SpotMotion, Waits};
 use crate::on_the_fly::stage_path::{StagePath, deviations, listed};
 use crate::on_the_fly::topp::{self, State, Timed};
 use terrace_core::diag::{Diag, Error};
@@ -34,7 +34,7 @@ pub enum ToolPath {
     Filtered(Family),
     /// Smoothed by a Gaussian of this sigma, mm of path.
     Gaussian {
-        /// Its sigma.
+        /// The sigma of the Gaussian.
         sigma: f64,
     },
     /// Least acceleration of the axes within the limits.
@@ -70,9 +70,9 @@ pub struct TimedAxes {
 /// A path and its tools, not yet timed.
 #[derive(Clone, Debug)]
 pub struct Decomposed {
-    /// As in [`TimedAxes`].
+    /// How far the motion was held back, as [`TimedAxes::back_off`] says.
     pub back_off: BackOff,
-    /// As in [`TimedAxes`].
+    /// The strength of the filter, as [`TimedAxes::strength`] says.
     pub strength: Option<f64>,
     /// The path, with the nodes that C needs to turn back.
     pub path: Path,
@@ -126,9 +126,9 @@ pub fn decompose(
                 let times: Vec<f64> = spot.times().iter().map(|t| t[0]).collect();
                 seven_axes(&marks, &steps(&times), limits)
             };
-            let alone = SpotMotion::new(path, &follow(&marks, model.branches()), model, &rests, &[], false)?;
+            let alone = SpotMotion::new(path, &follow(&marks, model.branches()), model, &rests, &[], Waits::AtRests)?;
             let axes = over(&alone);
-            let paced = SpotMotion::new(path, &axes, model, &rests, &[], true)?;
+            let paced = SpotMotion::new(path, &axes, model, &rests, &[], Waits::OnTheWay)?;
             let is_slower = paced.total() > SLOWER * alone.total();
             (BackOff::new(), None, if is_slower { over(&paced) } else { axes })
         }
@@ -163,7 +163,7 @@ const FINE: f64 = 0.0125;
 const FINEST: usize = 4;
 
 impl Decomposed {
-    /// Its motion, the stage's time found on a grid `refine` times as fine.
+    /// The motion, the stage's time found on a grid `refine` times as fine.
     ///
     /// # Errors
     /// Those of [`topp::time_optimal`], which are faults of the program.
@@ -217,14 +217,14 @@ impl Decomposed {
         if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
     }
 
-    /// The scanner's time of the whole path, s, if the stage took nothing of its limits and were never too slow; and the
-    /// time with the stage in step with it, where one is found ([`in_step`](super::in_step)).
+    /// The scanner's time of the whole path, s, if the stage took nothing of its limits and were never too slow; and
+    /// the time with the stage in step with it, where one is found ([`in_step`](super::in_step)).
     ///
     /// # Errors
     /// As [`Decomposed::timed`].
     pub fn in_step_s(&self, model: &KinematicModel<'_>, rests: Rests) -> Result<(f64, Option<f64>), Error> {
         let nodes = rests.of(&self.path);
-        let spot = SpotMotion::new(&self.path, &self.axes, model, &nodes, &[], false)?;
+        let spot = SpotMotion::new(&self.path, &self.axes, model, &nodes, &[], Waits::AtRests)?;
         let times: Vec<f64> = nodes.windows(2).map(|w| spot.times()[w[1]][0] - spot.times()[w[0]][0]).collect();
         let positions: Vec<[f64; STAGE]> = nodes.iter().map(|&i| listed(&self.axes[i])).collect();
         Ok((spot.total(), in_step_s(&times, &positions, &model.limits)))
@@ -264,14 +264,14 @@ impl Decomposed {
             };
             WINDOWS.into_iter().find_map(evened).unwrap_or_else(through)
         };
-        let alone = SpotMotion::new(path, axes, model, &stops, &[], true)?;
+        let alone = SpotMotion::new(path, axes, model, &stops, &[], Waits::OnTheWay)?;
         if model.spot.is_none() {
             let stage = stage_of(&alone);
             return Ok((alone, stage));
         }
         // What the stage takes of the scanner's limits is known once it moves; the scanner then is a little slower.
         let shares = stage_of(&alone).shares(path, &alone, model, &stops);
-        let spot = SpotMotion::new(path, axes, model, &stops, &shares, true)?;
+        let spot = SpotMotion::new(path, axes, model, &stops, &shares, Waits::OnTheWay)?;
         let stage = stage_of(&spot);
         Ok((spot, stage))
     }
@@ -353,7 +353,7 @@ impl TimedAxes {
 /// What a decomposition makes of a path for seven axes, as strong as the limits allow.
 #[derive(Clone, Debug)]
 pub struct AxisFigures {
-    /// Its strength, mm of path; None where there is none to choose.
+    /// The strength of the filter, mm of path; None where there is none to choose.
     pub strength: Option<f64>,
     /// Worst deviations.
     pub worst: Deviation,
@@ -370,7 +370,7 @@ impl TimedAxes {
         marks.fold(Deviation::default(), |worst, (&d, _)| worst.max(d))
     }
 
-    /// Its figures for the table of decompositions.
+    /// The figures for the table of decompositions.
     pub fn axis_figures(&self, model: &KinematicModel<'_>) -> AxisFigures {
         let xyz: Vec<[f64; 3]> = self.axes.iter().map(|a| a.xyz).collect();
         let speed = model.pens.first().map_or(0.0, |pen| pen.speed.as_mm_s());

@@ -107,7 +107,7 @@ pub struct Decomposition {
     pub samples: [usize; 2],
     /// All marks are in focus; without, they are as near to it as the samples allow.
     pub fits: bool,
-    /// It is z that is too slow for more.
+    /// Whether it is z that is too slow for more.
     pub z_is_slowest: bool,
     /// How much slower than the pens ask for everything runs, 1 or more.
     pub slower: f64,
@@ -130,8 +130,8 @@ const BESIDE: f64 = 5e-6;
 /// Samples that averages in plan are looked for with.
 const COARSE: usize = 50_000;
 
-/// Shares a scheduled path out, in even steps of `step_s` or less: where marks turn sharply on a slope the average
-/// of z is so short that its samples must lie closer.
+/// Divides a scheduled path between stage and scanner, in even steps of `step_s` or less: where marks turn sharply on a
+/// slope the average of z is so short that its samples must lie closer.
 pub fn synchronise(
     path: &Path,
     schedule: &Schedule,
@@ -139,6 +139,7 @@ pub fn synchronise(
     allowed: ScannerLimits,
     step_s: f64,
 ) -> Decomposition {
+    /// With fewer samples in the window of z, its length changes in steps of a third and more.
     const ENOUGH: usize = 7;
     let mut best = decomposed(path, schedule, machine, allowed, step_s, f64::INFINITY);
     for finer in FINER {
@@ -153,8 +154,8 @@ pub fn synchronise(
     best
 }
 
-/// Shares a scheduled path out, in even steps of `step_s` or a little less. Gives up, and answers that nothing fits, if
-/// everything would have to run `cutoff` times slower or more.
+/// Divides a scheduled path between stage and scanner (Cui et al. eq. 1 to 3), in even steps of `step_s` or a little
+/// less. Gives up, and answers that nothing fits, if everything would have to run `cutoff` times slower or more.
 pub(super) fn decomposed(
     path: &Path,
     schedule: &Schedule,
@@ -163,67 +164,106 @@ pub(super) fn decomposed(
     step_s: f64,
     cutoff: f64,
 ) -> Decomposition {
-    let limits = Peaks::limits(machine);
-    let even = schedule.samples(path, step_s);
-    let nodes = Nodes::of(path, schedule, even.step_s);
-    let half = [allowed.half_field[0], allowed.half_field[1], allowed.focus];
-    // Eq. 1 to 3: the stage is a moving average of the path, the scanner the rest, which must stay in its field.
-    // The field is wide: its averages are looked for on fewer samples, and shortened where all of them say so.
-    let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
-    let every = (plan.len() / COARSE).max(1);
-    let few: Vec<[f64; 2]> = plan.iter().copied().step_by(every).collect();
-    let inside = |made: &[[f64; 2]], path: &[[f64; 2]], every: usize| {
-        made.iter().zip(path).all(|(m, p)| (0..2).all(|k| (p[k] - m[k]).abs() <= half[k]))
-            && nodes.all(false, |at, p| {
-                let m = between(made, at / every as f64);
-                (0..2).all(|k| (p[k] - m[k]).abs() <= half[k] * (1.0 + 1e-9))
-            })
-    };
-    let fits = |made: &[[f64; 2]]| inside(made, &few, every);
-    let limits_xy = [limits[0], limits[1]];
-    let search = Search { path: &few, step_s: even.step_s * every as f64, limits: limits_xy, enough: 1.0, fits };
-    let mut xy = search.run();
-    let coarse = xy.slower;
-    (xy.samples, xy.ramp) = ((xy.samples * every) | 1, (xy.ramp * every) | 1);
-    let fits = |c: &Choice| inside(&ramped(&plan, c.reach(), c.samples, c.ramp)[c.reach()..], &plan, 1);
-    while xy.samples > 1 && !fits(&xy) {
-        (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
-    }
-    // From here on `xy` fits on all samples and all nodes.
-    xy.slower = slowed(&ramped(&plan, xy.reach(), xy.samples, xy.ramp), even.step_s, &limits_xy);
-    // All samples may see sharper turns than few.
-    if xy.slower > 1.02 * coarse {
-        let fits = |made: &[[f64; 2]]| inside(made, &plan, 1);
-        let search = Search { path: &plan, step_s: even.step_s, limits: limits_xy, enough: coarse, fits };
-        xy = search.polished(xy);
-    }
+    let [x, y, z] = Peaks::limits(machine);
+    let beam = Beam::new(path, schedule, step_s);
+    let xy = xy_average(&beam, [x, y], allowed.half_field);
     if xy.slower >= cutoff {
         return Decomposition { slower: xy.slower, ..Decomposition::default() };
     }
-
-    let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();
-    let focused = |made: &[[f64; 1]]| {
-        (0..made.len()).all(|i| !even.on[i] || (height[i][0] - made[i][0]).abs() <= half[2])
-            && nodes.all(true, |at, p| (p[2] - between(made, at)[0]).abs() <= half[2] * (1.0 + 1e-9))
-    };
     // What x and y are slowed down to is slow enough for z.
-    let search = Search { path: &height, step_s: even.step_s, limits: [limits[2]], enough: xy.slower, fits: focused };
-    let z = search.run();
+    let focused = |stage: &[[f64; 1]]| beam.is_in_focus(stage, allowed.focus);
+    let search = Search { path: &beam.height, step_s: beam.step_s, limits: [z], enough: xy.slower, fits: focused };
+    let z_average = search.run();
     // Both rest at both ends for as long as the longer average reaches, so that they begin and end together.
-    let lead = xy.reach().max(z.reach());
-    let (stage_xy, stage_z) = (ramped(&plan, lead, xy.samples, xy.ramp), ramped(&height, lead, z.samples, z.ramp));
-    let slower = xy.slower.max(slowed(&stage_z, even.step_s, &[limits[2]]));
-    let step_s = even.step_s * slower;
+    let lead = xy.reach().max(z_average.reach());
+    let (stage_xy, stage_z) = (xy.of(&beam.plan, lead), z_average.of(&beam.height, lead));
+    let slower = xy.slower.max(slowed(&stage_z, beam.step_s, &[z]));
+    let step_s = beam.step_s * slower;
     Decomposition {
-        samples: [xy.samples, z.samples],
-        fits: z.slower.is_finite(),
+        samples: [xy.samples, z_average.samples],
+        fits: z_average.slower.is_finite(),
         z_is_slowest: slower > xy.slower,
         slower,
         lead_s: lead as f64 * step_s,
         stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
         step_s,
-        beam: held(&even.at, lead),
-        on: [vec![false; lead], even.on, vec![false; lead]].concat(),
+        beam: held(&beam.at, lead),
+        on: [vec![false; lead], beam.on, vec![false; lead]].concat(),
+    }
+}
+
+/// The shortest average of x and y with which the stage keeps up and the scanner stays in its field; where there is
+/// none, the one with which least has to be slowed down.
+fn xy_average(beam: &Beam<'_>, limits: [Peaks; 2], half_field: [f64; 2]) -> Choice {
+    // The field is wide, so the average is looked for on fewer samples first.
+    let every = (beam.plan.len() / COARSE).max(1);
+    let few: Vec<[f64; 2]> = beam.plan.iter().copied().step_by(every).collect();
+    let fits = |stage: &[[f64; 2]]| beam.is_in_field(stage, &few, every, half_field);
+    let coarse = Search { path: &few, step_s: beam.step_s * every as f64, limits, enough: 1.0, fits }.run();
+    let fine = Choice { samples: (coarse.samples * every) | 1, ramp: (coarse.ramp * every) | 1, ..coarse };
+    let mut xy = shortened_into_field(beam, fine, half_field);
+    xy.slower = slowed(&xy.of(&beam.plan, xy.reach()), beam.step_s, &limits);
+    // All samples may see sharper turns than few.
+    if xy.slower > 1.02 * coarse.slower {
+        let fits = |stage: &[[f64; 2]]| beam.is_in_field(stage, &beam.plan, 1, half_field);
+        let search = Search { path: &beam.plan, step_s: beam.step_s, limits, enough: coarse.slower, fits };
+        xy = search.polished(xy);
+    }
+    xy
+}
+
+/// The average shortened until the scanner stays in its field at all samples and all nodes: with one of a single
+/// sample the stage carries the beam itself.
+fn shortened_into_field(beam: &Beam<'_>, mut xy: Choice, half_field: [f64; 2]) -> Choice {
+    let fits = |c: &Choice| {
+        let stage = c.of(&beam.plan, c.reach());
+        beam.is_in_field(&stage[c.reach()..], &beam.plan, 1, half_field)
+    };
+    while xy.samples > 1 && !fits(&xy) {
+        (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
+    }
+    xy
+}
+
+/// Where the beam is along a scheduled path.
+struct Beam<'a> {
+    /// At even steps, mm; in plan and in height too.
+    at: Vec<[f64; 3]>,
+    plan: Vec<[f64; 2]>,
+    height: Vec<[f64; 1]>,
+    /// Whether it marks there.
+    on: Vec<bool>,
+    step_s: f64,
+    nodes: Nodes<'a>,
+}
+
+impl<'a> Beam<'a> {
+    fn new(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
+        let even = schedule.samples(path, step_s);
+        Self {
+            plan: even.at.iter().map(|p| [p[0], p[1]]).collect(),
+            height: even.at.iter().map(|p| [p[2]]).collect(),
+            nodes: Nodes::of(path, schedule, even.step_s),
+            at: even.at,
+            on: even.on,
+            step_s: even.step_s,
+        }
+    }
+
+    /// Whether what a stage leaves of x and y lies in the field, at the samples `path` of the plan, every `every`th of
+    /// all, and at all nodes.
+    fn is_in_field(&self, stage: &[[f64; 2]], path: &[[f64; 2]], every: usize, half: [f64; 2]) -> bool {
+        stage.iter().zip(path).all(|(m, p)| (0..2).all(|k| (p[k] - m[k]).abs() <= half[k]))
+            && self.nodes.all(false, |at, p| {
+                let m = between(stage, at / every as f64);
+                (0..2).all(|k| (p[k] - m[k]).abs() <= half[k] * (1.0 + 1e-9))
+            })
+    }
+
+    /// Whether what a stage leaves of z is in focus, at all samples and nodes of marks.
+    fn is_in_focus(&self, stage: &[[f64; 1]], focus: f64) -> bool {
+        (0..stage.len()).all(|i| !self.on[i] || (self.height[i][0] - stage[i][0]).abs() <= focus)
+            && self.nodes.all(true, |at, p| (p[2] - between(stage, at)[0]).abs() <= focus * (1.0 + 1e-9))
     }
 }
 
@@ -273,14 +313,6 @@ fn back_off(longest: usize) -> Vec<usize> {
     std::iter::successors(Some(1), next).collect()
 }
 
-/// A path that rests for `lead` samples at both ends, averaged, and twice more: a step of speed becomes a ramp of
-/// acceleration, and a step of place, as a quick jump is, one of speed. It begins and ends at rest where `lead` is
-/// [`Choice::reach`] or more.
-fn ramped<const N: usize>(path: &[[f64; N]], lead: usize, samples: usize, ramp: usize) -> Vec<[f64; N]> {
-    // Each average turns a step of one derivative into a ramp of it over its samples.
-    with_ramp(stage(&held(path, lead), Method::MovingAverage { samples }), ramp)
-}
-
 /// An average, averaged twice more.
 fn with_ramp<const N: usize>(once: Vec<[f64; N]>, ramp: usize) -> Vec<[f64; N]> {
     if ramp < 2 {
@@ -308,6 +340,14 @@ impl Choice {
     /// Samples to each side that a sample of the stage depends on.
     fn reach(&self) -> usize {
         self.samples / 2 + 2 * (self.ramp / 2)
+    }
+
+    /// A path that rests for `lead` samples at both ends, averaged, and twice more: a step of speed becomes a ramp of
+    /// acceleration, and a step of place, as a quick jump is, one of speed. It begins and ends at rest where `lead` is
+    /// [`Choice::reach`] or more.
+    fn of<const N: usize>(&self, path: &[[f64; N]], lead: usize) -> Vec<[f64; N]> {
+        // Each average turns a step of one derivative into a ramp of it over its samples.
+        with_ramp(stage(&held(path, lead), Method::MovingAverage { samples: self.samples }), self.ramp)
     }
 }
 
@@ -416,7 +456,7 @@ impl Decomposition {
         let mut until = |time: f64, pen: Option<PenId>, stroke: PieceId, motion: &mut Motion| {
             while sample < self.stage.len() && sample as f64 * self.step_s < time {
                 let now = sample as f64 * self.step_s;
-                // Beside a node a sample tells nothing.
+                // Beside a node a sample says nothing.
                 if time - now > BESIDE && now - motion.waypoints.last().map_or(f64::NEG_INFINITY, |w| w.time) > BESIDE {
                     push(motion, now, self.stage[sample], self.beam[sample], pen, stroke);
                 }

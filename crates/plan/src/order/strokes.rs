@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn closed_stroke_starts_at_the_vertex_nearest_the_beam() {
-        // A ring of 200 corners whose nearest to the field's centre is none of the outermost.
+        // A ring of 200 corners whose nearest to the field's centre is not one of the outermost.
         let corner = |i: i32| {
             let turn = f64::from(i % 200) / 200.0 * std::f64::consts::TAU;
             FieldPoint::new(9_000_000 + (2e6 * turn.cos()) as i32, 4_000_000 + (2e6 * turn.sin()) as i32)

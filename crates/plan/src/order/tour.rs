@@ -55,7 +55,7 @@ enum Step {
 /// What the path knows of an item.
 #[derive(Clone, Copy)]
 struct Item {
-    /// Its place.
+    /// The place of the item.
     place: u32,
     /// Whether it waits in the queue.
     queued: bool,

@@ -106,7 +106,7 @@ impl Stops {
         Self::placed(stops.into_iter().map(|stop| PlacedStop { stop, tilted: None }).collect(), window, depth)
     }
 
-    /// Those of a machine that tilts the part.
+    /// The stops of a machine that tilts the part.
     pub fn tilted(stops: Vec<(Stop, Tilted)>, window: [Nm; 2], depth: Nm) -> Self {
         let placed = |(stop, tilted)| PlacedStop { stop, tilted: Some(tilted) };
         Self::placed(stops.into_iter().map(placed).collect(), window, depth)
@@ -274,7 +274,9 @@ pub struct Fine {
 impl Fine {
     /// Cells along a window, unless the texture's box would need too many.
     const ALONG: i64 = 80;
+    /// The fewest cells along a window: it holds whole cells, so with fewer much of it could not be used.
     const FEWEST: i64 = 10;
+    /// Most cells of the texture's box, which take memory whether they hold marks or not.
     const MOST: i64 = 1 << 22;
     /// Windows are placed with 32-bit coordinates.
     const WIDEST: Nm = Nm(1 << 31);

@@ -264,9 +264,11 @@ impl Part {
 /// known, and the next place is where the highest of these planes is lowest (Kelley's method), until it is
 /// measured there to be as low.
 fn plane(points: &[P3]) -> [f64; 2] {
-    /// Steepest slope, and how exact the range is, nm.
+    /// Steepest slope that is looked at (63 deg), beyond the travel of usual tilt axes.
     const STEEP: f64 = 2.0;
+    /// How near to the least range the search ends, nm: far below any depth range.
     const EXACT: f64 = 20.0;
+    /// Cuts at most, for points on which the bounds come together slowly.
     const MOST: usize = 60;
     let Some(&o) = points.first() else { return [0.0; 2] };
     let local: Vec<[f64; 3]> = points.iter().map(|p| [p[0] - o[0], p[1] - o[1], p[2] - o[2]]).collect();
@@ -324,11 +326,12 @@ fn lowest(cuts: &[[f64; 3]], steep: f64) -> (f64, [f64; 2]) {
 
 /// The least value of a convex function on `-end..end` and where it is.
 fn golden(end: f64, f: impl Fn(f64) -> f64) -> (f64, f64) {
+    /// The golden section, (sqrt 5 - 1) / 2: of the two places of one interval, one is that of the next.
     const SHARE: f64 = 0.618_033_988_749_894_8;
     let (mut lo, mut hi) = (-end, end);
     let [mut x, mut y] = [hi - SHARE * (hi - lo), lo + SHARE * (hi - lo)];
     let [mut fx, mut fy] = [f(x), f(y)];
-    // 0.618^40 = 4e-9 of the first interval: below what a tilt axis can be told.
+    // 0.618^40 = 4e-9 of the first interval: finer than a tilt axis can be commanded.
     for _ in 0..40 {
         if fx <= fy {
             (hi, y, fy) = (y, x, fx);

@@ -25,7 +25,7 @@ pub(super) fn levels(heights: &[(f64, f64)], figures: &[(f64, f64)], lattice: &L
             }
             f += 1;
         }
-        // A height that reaches over the last level goes on in the next one, which must overlap it by twice the
+        // A height that reaches over the last level continues in the next one, which must overlap it by twice the
         // hysteresis; one that begins above it needs a level from its own begin.
         let height =
             heights.get(h).map(|&(lo, _)| if lo > end.f64() { lo } else { (end - lattice.hysteresis * 2).f64() });

@@ -21,7 +21,7 @@ use terrace_input::job::{Level, StopOrder, StrokeOrder};
 
 /// Stops in order, and how far their marks lie from their focal planes at most.
 pub(super) struct Assembly {
-    /// Their blocks, without strokes.
+    /// The blocks, without strokes.
     pub(super) blocks: Vec<Block>,
     /// The stop of every block, among those of the method.
     pub(super) ids: Vec<StopId>,
@@ -50,7 +50,7 @@ struct Placed {
 
 /// A position of the stage, from which one or more stops are marked.
 struct Position {
-    /// Their indices, by rising focal plane.
+    /// The indices of the stops there, by rising focal plane.
     members: Vec<usize>,
     /// Where the head stands, its focus the plane that the stage sets.
     stop: Stop,

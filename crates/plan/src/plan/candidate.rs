@@ -32,7 +32,7 @@ pub(super) struct Candidate {
     /// The cells of its set-ups.
     pub(super) used: Used,
     pub(super) times: Times,
-    /// Those of every block of the program.
+    /// The figures of every block of the program.
     pub(super) figures: Vec<BlockFigures>,
     pub(super) fragments: usize,
     pub(super) split: Fragments,
@@ -41,7 +41,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// As the summary lists it.
+    /// The candidate as the summary lists it.
     pub(super) fn listed(&self, job: &Job, machine: &Machine) -> manifest::Candidate {
         manifest::Candidate {
             method: self.method.name().into(),
@@ -52,7 +52,7 @@ impl Candidate {
         }
     }
 
-    /// Its time with the loading of its blocks, s.
+    /// The job time with the loading of the blocks, s.
     fn total_s(&self, job: &Job, machine: &Machine) -> f64 {
         self.times.total + load_s(job, machine) * self.program.blocks.len() as f64
     }

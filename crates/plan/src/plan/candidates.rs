@@ -64,7 +64,7 @@ pub(super) fn drop_worse<T, M: PartialOrd>(made: &mut Vec<(Method, T, Option<Dia
 }
 
 /// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method
-/// gives a sound program it is left out, and the user is told; where none does, the faults are the answer.
+/// gives a sound program it is left out, with a warning; where none does, the faults are the answer.
 pub(super) fn best_of<T>(
     candidates: impl Iterator<Item = (Method, T, Option<Diag>)>,
     measure: impl Fn(&T) -> (f64, f64),

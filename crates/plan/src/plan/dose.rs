@@ -23,7 +23,7 @@ pub(super) struct Pens {
 }
 
 impl Pens {
-    /// Those that the fragments need.
+    /// The pens that the fragments need.
     pub(super) fn new(dose: Option<Dose>, pens: &[Pen], parts: &[Fragments]) -> Self {
         let mut it = Self { dose, list: pens.to_vec(), own: pens.len(), made: Vec::new() };
         let Some(dose) = dose else { return it };
@@ -77,7 +77,7 @@ fn steps(dose: &Dose, cos: f64) -> Option<u32> {
     (!is_own && !is_wrong_way).then_some(k)
 }
 
-/// So many steps as a factor of at most six decimals, as its pen's name tells it.
+/// So many steps as a factor of at most six decimals, as its pen's name has it.
 fn factor(dose: &Dose, steps: u32) -> f64 {
     (f64::from(steps) * dose.step * 1e6).round() / 1e6
 }

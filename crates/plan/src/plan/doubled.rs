@@ -25,7 +25,7 @@ struct Line {
     ends: u64,
     /// Which texture has it, from 0.
     texture: u32,
-    /// Its length, nm; 0 of a dot.
+    /// The length of the line, nm; 0 of a dot.
     length: u32,
 }
 
@@ -47,7 +47,7 @@ impl Again {
     }
 }
 
-/// What should be told of the texture of a pass.
+/// Warnings about the texture of a pass.
 pub(super) fn warnings(job: &Job, texture: &Texture) -> Vec<Diag> {
     if texture.points_estimate() > MOST {
         return Vec::new();
@@ -128,10 +128,10 @@ pub(super) fn without_power(job: &Job, texture: &Texture, machine: &Machine) -> 
             found.push((open.swap_remove(at), texture.part_of(i)));
         }
     }
-    found.into_iter().map(|(pen, of)| told(job, pen, of)).collect()
+    found.into_iter().map(|(pen, of)| warning(job, pen, of)).collect()
 }
 
-fn told(job: &Job, pen: usize, texture: usize) -> Diag {
+fn warning(job: &Job, pen: usize, texture: usize) -> Diag {
     let name = &job.pens[pen].name;
     let text =
         format!("texture {} is marked with pen {name:?}, which has no power: nothing is marked by it", texture + 1);

@@ -62,7 +62,7 @@ impl Near {
         [0, 1].map(|k| at[k].div_euclid(self.size[k]))
     }
 
-    /// Those whose middle lies within a size of `at`, and some more.
+    /// The indices of the pieces whose middle lies within a size of `at`, and of some more.
     pub(super) fn of(&self, at: [i64; 3]) -> impl Iterator<Item = usize> {
         let ([column, row], depth) = (self.cell(at), self.size[2]);
         let cells = (-1..=1).flat_map(move |y| (-1..=1).map(move |x| [column + x, row + y]));

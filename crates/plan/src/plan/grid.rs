@@ -52,6 +52,7 @@ impl Layout {
         pass: PassId,
         laid: Option<Origin>,
     ) -> Result<Self, Error> {
+        /// 2000 x 2000 fields: beyond any part, and lists by section take memory whether a section holds marks or not.
         const MAX_SECTIONS: usize = 4_000_000;
         let step = machine.increment_nm();
         let field = machine.usable_field();
@@ -123,6 +124,7 @@ impl Grid {
     /// # Errors
     /// `stops-many`.
     pub(super) fn most_stops(&self, footprint: &Footprint) -> Result<(), Error> {
+        /// At a second a move, twelve days of moves alone.
         const MAX_STOPS: f64 = 1e6;
         let intervals = (0..self.sections.len()).flat_map(|i| footprint.of_section(i));
         let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / self.lattice.depth.f64()).sum();

@@ -10,7 +10,7 @@ use terrace_core::parallel;
 use terrace_core::program::PassId;
 use terrace_input::texture::{Kind, Request};
 
-/// A saving that is worth being told, as a share of the job's time.
+/// Least saving that `check` mentions, as a share of the job's time.
 const WORTH: f64 = 0.03;
 
 /// Turns of all hatches together that are looked at, deg.

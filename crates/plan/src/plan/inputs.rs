@@ -45,17 +45,18 @@ impl Inputs {
     /// carry, as nothing is to be written.
     ///
     /// # Errors
-    /// Faults of the files; `operator-way`; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
-    /// where the texture lies off the part; `curve-distance` where space curves lie off its surface.
+    /// Faults of the files; `operator-way`; pens that the machine cannot give; `pdof-large`, `pdof-small`,
+    /// `pitch-small`; `job-empty` where the texture lies off the part; `curve-distance` where space curves lie off its
+    /// surface.
     pub fn load(job: &Job) -> Result<Self, Error> {
-        Self::load_told(job, Task::untold())
+        Self::load_with_progress(job, Task::silent())
     }
 
-    /// [`Inputs::load`] that tells how far it is.
+    /// [`Inputs::load`] that reports how far it is.
     ///
     /// # Errors
     /// As [`Inputs::load`].
-    pub fn load_told(job: &Job, task: Task<'_>) -> Result<Self, Error> {
+    pub fn load_with_progress(job: &Job, task: Task<'_>) -> Result<Self, Error> {
         Self::loaded(job, Purpose::Measure, None, &mut |_| {}, task)
     }
 
@@ -74,7 +75,7 @@ impl Inputs {
     /// # Errors
     /// As [`Inputs::load_each`].
     pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
-        Self::loaded(job, Purpose::Write, other, &mut |_| {}, Task::untold())
+        Self::loaded(job, Purpose::Write, other, &mut |_| {}, Task::silent())
     }
 
     fn loaded(
@@ -101,7 +102,7 @@ impl Inputs {
         match job.plausible(&machine) {
             Ok(odd) => warnings.extend(odd),
             Err(e) => {
-                // A depth range that the optics make implausible is told once.
+                // A depth range that the optics make implausible is reported once.
                 faults.retain(|fault| fault.code != "depth-small");
                 let (odd, implausible): (Vec<Diag>, Vec<Diag>) =
                     e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);

@@ -1,10 +1,10 @@
 //! How a part is to be laid under the lens: the side that its facets face, seen from above, in the smallest box.
 //!
-//! Consumes the facets of a job's surface file in the file's frame; promises a rotation of it and what it was taken from.
-//! The winding of the facets is the one witness of the side of an open sheet: their areas, as vectors, add up to the
-//! direction that it faces. Those of a closed body add up to nothing; there the direction is taken from which the most
-//! area lies within the limit of incidence, and the user is asked where the side away from it shows nearly as much. What
-//! one part of a body hides from another is not looked into.
+//! Consumes the facets of a job's surface file in the file's frame; promises a rotation of it and what it was taken
+//! from. The winding of the facets is the one witness of the side of an open sheet: their areas, as vectors, add up to
+//! the direction that it faces. Those of a closed body add up to nothing; there the direction is taken from which the
+//! most area lies within the limit of incidence, and the user is asked where the side away from it shows nearly as
+//! much. What one part of a body hides from another is not looked into.
 
 use super::orient;
 use terrace_core::diag::{Diag, Error, Place};
@@ -64,7 +64,7 @@ pub enum Reason {
 }
 
 impl Reason {
-    /// Its name in JSON.
+    /// The reason's name in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Winding => "winding",
@@ -197,8 +197,8 @@ impl Seen {
         Err(Diag::input("orient-side", text).hint(hint))
     }
 
-    /// The turn about z with which the part has the smallest box in plan, its longer side along x; none where that saves
-    /// little.
+    /// The turn about z with which the part has the smallest box in plan, its longer side along x; none where that
+    /// saves little.
     fn smallest_box(&self, tilt: &Pose) -> Pose {
         let plan: Vec<[f64; 2]> = self.kept.iter().map(|(p, _)| tilt.apply(*p)).map(|[x, y, _]| [x, y]).collect();
         let sides = |deg: f64| {

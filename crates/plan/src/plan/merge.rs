@@ -38,7 +38,7 @@ pub(super) struct Costs<'a> {
 pub(super) enum Pairs {
     /// All that fit one box: the order of stops is searched again afterwards, and may make up for longer ways.
     All,
-    /// Those whose merger saves time in the tour as it is.
+    /// Pairs whose merger saves time in the tour as it is.
     Saving,
 }
 
@@ -70,7 +70,7 @@ struct Node {
     at: Commanded,
     focus_shift: Nm,
     retract: bool,
-    /// Its neighbours in the tour.
+    /// The stops before and after it in the tour.
     before: Option<usize>,
     after: Option<usize>,
     is_gone: bool,
@@ -139,8 +139,8 @@ pub(super) fn merged(cut: &Cut, made: &Candidate, costs: &Costs<'_>) -> Option<M
 }
 
 /// Blocks of a candidate that follow each other and have come to stand at one place, with one focal plane: one stop
-/// marks what they do. Where a mark was left out in or next to one of them they stay two: what is cut anew might not lie
-/// in the depth range of stops that have found their places. None where no blocks become one.
+/// marks what they do. Where a mark was left out in or next to one of them they stay two: what is cut anew might not
+/// lie in the depth range of stops that have found their places. None where no blocks become one.
 pub(super) fn at_one_place(cut: &Cut, made: &Candidate) -> Option<Merged> {
     if cut.stops.is_tilted() {
         return None;
@@ -317,7 +317,8 @@ impl<'a> Tour<'a> {
         new - old
     }
 
-    /// Time of a move of the stage or of the optic, s; from None the stage comes from its start, and nothing is moved to None.
+    /// Time of a move of the stage or of the optic, s; from None the stage comes from its start, and nothing is moved
+    /// to None.
     fn move_s(&self, from: Option<usize>, to: Option<usize>, at: impl Fn(usize) -> Commanded, retract: bool) -> f64 {
         let (machine, Some(to)) = (self.costs.machine, to) else { return 0.0 };
         let (start, shift) = from.map_or((self.costs.from, Nm(0)), |n| (at(n), self.nodes[n].focus_shift));

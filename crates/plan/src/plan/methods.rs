@@ -18,7 +18,7 @@ pub(super) struct MethodRow {
     pub(super) divide: fn(&Site<'_>, Task<'_>) -> Option<Stops>,
     /// Stops are upright boxes of one size: what the lower bound speaks of.
     pub(super) has_bound: bool,
-    /// Its levels are chosen so that figures stay whole where they can.
+    /// Whether the method chooses levels so that figures stay whole where they can.
     pub(super) keeps_figures: bool,
     /// Stops stand on a grid of sections, whose borders figures may lie across.
     pub(super) has_borders: bool,

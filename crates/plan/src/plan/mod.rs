@@ -86,7 +86,7 @@ impl Plan {
             Self::OnTheFly(plan) => &plan.job,
         }
     }
-    /// Its machine.
+    /// The machine of the job.
     pub fn machine(&self) -> &Machine {
         match self {
             Self::Stepped(plan) => &plan.machine,
@@ -100,7 +100,7 @@ impl Plan {
             Self::OnTheFly(_) => None,
         }
     }
-    /// Its figures.
+    /// The figures of the plan.
     pub fn summary(&self) -> AnySummary {
         match self {
             Self::Stepped(plan) => AnySummary::Stepped(Box::new(plan.summary.clone())),

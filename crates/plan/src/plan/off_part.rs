@@ -21,7 +21,7 @@ const CHUNK: usize = 4096;
 pub struct OffPart {
     /// Of every texture that the job places: its number from 1, and what was found.
     textures: Vec<(usize, Extent)>,
-    /// Those whose size does not go with the part, by their index.
+    /// The textures whose size does not go with the part, by their index.
     slips: Vec<(usize, Slip)>,
 }
 

@@ -73,7 +73,7 @@ const UNFOCUSED: &str = "widen focus.pdof, or compile a stepped job";
 pub struct OnTheFlyPlan {
     /// The job.
     pub job: Job,
-    /// Its machine.
+    /// The machine of the job.
     pub machine: Machine,
     /// The program.
     pub checked: Checked,
@@ -417,7 +417,7 @@ fn slower(job: &Job, slower: f64) -> Diag {
         .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
 }
 
-/// The energy over a spot, as a multiple of the pen's, from which marks are told to be uneven.
+/// The energy over a spot, as a multiple of the pen's, from which a warning says that marks are uneven.
 const UNEVEN: f64 = 2.0;
 
 /// Marks that get much more energy where the spot slows down with the laser on.
@@ -466,7 +466,7 @@ fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
         let step_s = longest_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
         for i in first..last {
             let ([come, go], stroke) = (times[i], path.nodes[i].stroke);
-            // The spot waits with the laser off, and the stage goes on.
+            // The spot waits with the laser off, and the stage continues.
             let count = ((go - come) / longest_s).ceil() as usize;
             for k in 1..=count {
                 let time = come + (go - come) * k as f64 / count as f64;

@@ -3,7 +3,8 @@
 //! Consumes a job; promises a table of set-ups: the part as placed, in one tilted fixture, and in two set-ups with a
 //! fixture angle each. Stops and times are estimates from sample points of the marks ([`crate::projection::Marks`]):
 //! sections of the usable field over the rotated part, in each the levels that its heights need, those within the range
-//! of a zoom optic at one stop, the moves timed by `terrace_core::motion`. Angles are searched on a coarse grid, then halved.
+//! of a zoom optic at one stop, the moves timed by `terrace_core::motion`. Angles are searched on a coarse grid, then
+//! halved.
 //!
 //! # Limits
 //! The points sampled are those that the lens sees of the part as placed. What a fixture angle hides or makes too steep
@@ -69,7 +70,7 @@ pub const PHASES: [Phase; 3] = [Phase::Read, Phase::Footprint, Phase::Lean];
 /// # Errors
 /// As [`super::plan`].
 pub fn orient(job: &Job, progress: Progress<'_>) -> Result<Vec<Orientation>, Error> {
-    let inputs = Inputs::load_told(job, Phase::Read.task(progress))?;
+    let inputs = Inputs::load_with_progress(job, Phase::Read.task(progress))?;
     let machine = &inputs.machine;
     let area = inputs.texture.bounds();
     let layout = Layout::new(job, machine, area, PassId(0), None)?;

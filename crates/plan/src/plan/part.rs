@@ -65,9 +65,9 @@ pub fn look_at(plan: &Plan, Facets { facets, are_too_many }: &Facets) -> Vec<Dia
     }
     let are_bodies = !surface::is_cloud(&job.surface_path());
     let mut out = if are_bodies { bodies::warnings(&found.finish(), &place) } else { Vec::new() };
-    let is_told = plan.warnings().iter().any(|d| d.code == "surface-upside-down");
+    let is_warned_of = plan.warnings().iter().any(|d| d.code == "surface-upside-down");
     let seen = facing.seen();
-    if let Some([x, y, z]) = seen.first.filter(|_| !is_told) {
+    if let Some([x, y, z]) = seen.first.filter(|_| !is_warned_of) {
         let text = format!(
             "{} of {} places looked at along the marks lie on facets that face away from the lens, as the underside of a \
              part does; one at ({:.3}, {:.3}, {z:.3})",

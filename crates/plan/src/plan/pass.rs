@@ -11,11 +11,11 @@ use terrace_input::texture::{Directions, Texture};
 /// One pass over the texture.
 #[derive(Debug)]
 pub struct Pass {
-    /// Its grid of sections.
+    /// The grid of sections.
     pub sections: Sections,
     /// Directions of what is filled along contours, by section; None where nothing is.
     pub directions: Option<Directions>,
-    /// Its strokes.
+    /// The strokes of the pass.
     pub strokes: Texture,
     /// Which of its blocks owns which place; numbered from its first.
     pub map: BlockMap,
@@ -23,6 +23,6 @@ pub struct Pass {
     pub texture: Box2,
     /// Why no partition of it has fewer stops than its lower bound; None where none is known.
     pub bound: Option<Certificate>,
-    /// Its blocks in the program.
+    /// The blocks of the pass in the program.
     pub blocks: Range<usize>,
 }

@@ -94,7 +94,7 @@ impl Shares {
         Self { marked: all, doubled }
     }
 
-    /// What should be told of a plan that takes so long.
+    /// The warning about a plan that takes so long.
     pub(super) fn warnings(&self, job: &Job, time_s: f64, machine: &Machine) -> Vec<Diag> {
         let odd = self.long(job, time_s).into_iter().chain(self.many(job, machine.lens.spot.as_mm()));
         odd.chain(self.doubled.iter().cloned()).collect()
@@ -180,7 +180,7 @@ pub(super) fn explained(e: &Error, texture: &Texture) -> Error {
 
 /// The sizes of drawings and curves that do not go with the part, where the job is not refused for where they lie.
 pub(super) fn odd_sizes(job: &Job, slips: &[(usize, Slip)]) -> impl Iterator<Item = Diag> {
-    slips.iter().filter(|(_, slip)| slip.is_told()).map(|(k, slip)| {
+    slips.iter().filter(|(_, slip)| slip.is_warned_of()).map(|(k, slip)| {
         let text = format!("texture {} {}", k + 1, slip.text);
         Diag::warning("texture-scale", text).at(job.place_of(&format!("texture.{k}"))).hint(slip.hint.clone())
     })

@@ -1,4 +1,4 @@
-//! The phases of a compilation, and the callback that is told how far each is.
+//! The phases of a compilation, and the callback to which progress is reported.
 
 use terrace_core::progress::Task;
 use terrace_input::job::{Job, Mode};
@@ -31,7 +31,7 @@ pub enum Phase {
 pub type Progress<'a> = &'a (dyn Fn(Phase, u8) + Sync);
 
 impl Phase {
-    /// The phase as a task that tells of itself.
+    /// The phase as a task whose progress is reported.
     pub fn task(self, progress: Progress<'_>) -> Task<'_> {
         Task::new(move |percent| progress(self, percent))
     }

@@ -58,7 +58,7 @@ impl Cells {
 }
 
 impl Setups {
-    /// Those of the job, for stops with these centres over a texture in `area`.
+    /// The set-ups of a job, for stops with these centres over a texture in `area`.
     pub(super) fn of(job: &Job, machine: &Machine, grid: &Grid, area: Box2, centres: &[P2<Turned>]) -> Self {
         let made = [0, 1].map(|k| {
             let at: Vec<Nm> = centres.iter().map(|c| Nm(if k == 0 { c.x } else { c.y })).collect();
@@ -132,7 +132,7 @@ fn moved(job: &Job, pitch: [Nm; 2], area: Box2, k: usize) -> Vec<Nm> {
 pub(super) struct Used(Vec<CellId>);
 
 impl Used {
-    /// Those of these cells.
+    /// The set-ups of these cells.
     pub(super) fn new(mut cells: Vec<CellId>) -> Self {
         cells.sort_unstable();
         cells.dedup();
@@ -154,7 +154,7 @@ impl Used {
         self.0.iter().copied()
     }
 
-    /// These cells and others.
+    /// The set-ups of these cells and of others.
     pub(super) fn union(&self, other: &Self) -> Self {
         Self::new(self.iter().chain(other.iter()).collect())
     }

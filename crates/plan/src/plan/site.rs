@@ -25,7 +25,7 @@ pub(super) struct Site<'a> {
 }
 
 impl Site<'_> {
-    /// Those of a method that divides the sections one by one.
+    /// The stops of a method that divides the sections one by one.
     pub(super) fn on_sections(&self, divide: fn(&Footprint, &Sections, [Nm; 2], &Lattice) -> Stops) -> Stops {
         let Grid { sections, window, lattice, .. } = self.grid;
         divide(self.footprint, sections, *window, lattice)
@@ -54,6 +54,7 @@ impl Site<'_> {
     /// hatches over the five surfaces of the tests they save up to 7 % of the job from 6 to 12 mm in a
     /// field of 40 mm, and lose everywhere at 5 mm.
     pub(super) fn windows_cannot_win(&self, grid: &Stops) -> bool {
+        /// 5 mm in a field of 40 mm, where free windows lost on all surfaces.
         const DENSE: f64 = 0.125;
         let [w, h] = self.grid.window.map(|Nm(w)| w);
         let spacing = self.sweep.texture.spacing_estimate();

@@ -2,7 +2,8 @@
 //!
 //! Each stretch of a curve between two points is followed over the surface as marks are. Its height and that of the
 //! surface are both linear along each piece, so the largest distance lies at the end of a piece: it is exact, not
-//! sampled. Distances are along z, as the focus sees them. What is not marked, off the part or too steep, is not compared.
+//! sampled. Distances are along z, as the focus sees them. What is not marked, off the part or too steep, is not
+//! compared.
 
 use crate::manifest::SpaceCurves;
 use crate::projection::Tracer;
@@ -22,7 +23,8 @@ const GRAIN: f64 = 3.0;
 /// Holds the space curves of a texture to the surface; None where it has none.
 ///
 /// # Errors
-/// `curve-distance`, for each texture of which a curve lies too far from the surface, unless the job asks for a warning.
+/// `curve-distance`, for each texture of which a curve lies too far from the surface, unless the job asks for a
+/// warning.
 pub(super) fn compare(
     job: &Job,
     surface: &Surface,
@@ -45,7 +47,7 @@ pub(super) fn compare(
         if found.beyond == 0 {
             continue;
         }
-        let (text, place, usual) = told(curves, &worst, found.beyond, request, job.placement.turn.as_rad());
+        let (text, place, usual) = message(curves, &worst, found.beyond, request, job.placement.turn.as_rad());
         let slip = texture.slips().find(|(of, _)| *of == k);
         let hint = slip.map_or(usual.to_owned(), |(_, slip)| slip.cause());
         match on_distance {
@@ -57,7 +59,7 @@ pub(super) fn compare(
 }
 
 /// What is said of curves that lie too far from the surface: text, place, hint.
-fn told(
+fn message(
     curves: &Curves,
     worst: &Worst,
     beyond: usize,

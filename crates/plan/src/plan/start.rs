@@ -30,7 +30,7 @@ pub(super) struct Laid {
 }
 
 impl Start {
-    /// That of the first pass: the stage at the centre of its travel, lifted.
+    /// The start of the first pass: the stage at the centre of its travel, lifted.
     pub(super) fn first(machine: &Machine) -> Self {
         let [x, y, _] = machine.axes().map(|(_, axis)| axis.middle().0);
         let from = Commanded([x, y, machine.retract_z().0]);

@@ -60,7 +60,7 @@ use terrace_input::texture::{Slip, Texture};
 pub struct SteppedPlan {
     /// The job.
     pub job: Job,
-    /// Its machine.
+    /// The machine of the job.
     pub machine: Machine,
     /// The program.
     pub checked: Checked,
@@ -215,11 +215,11 @@ impl<'a> Draft<'a> {
     pub fn program(&self) -> &Program {
         &self.best.program
     }
-    /// Its time.
+    /// The times of the program.
     pub fn times(&self) -> Times {
         self.best.times
     }
-    /// Its passes, at least one.
+    /// The passes, at least one.
     pub fn passes(&self) -> &[Pass] {
         &self.passes
     }

@@ -18,7 +18,7 @@ pub(super) struct Figures<'a> {
     pub(super) times: Times,
     pub(super) fragments: usize,
     pub(super) split: &'a Fragments,
-    /// Those of every block of the program.
+    /// The figures of every block of the program.
     pub(super) blocks: &'a [BlockFigures],
     /// Largest distance of a mark from its focal plane.
     pub(super) worst_defocus: Nm,

@@ -64,7 +64,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Bits of a slab's number and of a column's.
+    /// Bits of a slab's number and of a column's in a key of 64, of which the row has the rest.
     const SLAB: u32 = 24;
     const COLUMN: u32 = 20;
 

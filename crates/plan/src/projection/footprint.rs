@@ -110,7 +110,9 @@ impl Default for SlopeSpan {
 }
 
 impl SlopeSpan {
+    /// Steps up to a slope of 4 (76 deg), beyond which little is ever marked.
     const STEPS: usize = 256;
+    /// Steps of a slope of 1: less than a degree each.
     const PER_UNIT: f64 = 64.0;
 
     /// Adds a stretch that is `length` nm long and climbs `height` nm.
@@ -202,7 +204,7 @@ impl Footprint {
         let mut add = |p: Piece, cell: [i64; 2]| {
             turns.go(&p, ripple);
             match &mut run {
-                // A piece goes on the run where it begins within its heights; at a step between sheets it does not,
+                // A piece extends the run where it begins within its heights; at a step between sheets it does not,
                 // and the heights between the sheets stay out: no stop is spent on them.
                 Some((at, lo, hi)) if *at == cell && p.z0 <= *hi && p.z0 >= *lo => {
                     *lo = lo.min(p.z1);

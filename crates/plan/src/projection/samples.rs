@@ -41,7 +41,7 @@ pub struct Sampling {
     pub every: usize,
 }
 
-/// Heights and places this far from the origin and further are left out: boxes must be told in 32 bits.
+/// Heights and places this far from the origin and further are left out: boxes are held in 32 bits.
 const REACH: f64 = (1 << 30) as f64;
 
 /// Heights of rows that one piece is looked at for, at most: a cliff crosses any number of them.
@@ -179,6 +179,7 @@ impl<T> Default for Thinned<T> {
 }
 
 impl<T: Copy + Ord> Thinned<T> {
+    /// Keys that are kept, so that memory stays bounded whatever the texture.
     const MOST: usize = 1 << 20;
 
     #[inline]

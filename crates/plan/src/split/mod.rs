@@ -9,8 +9,9 @@
 //! points all round to one point is dropped. A dot is one fragment of one point, in the stop whose box holds it (of
 //! several the last of the list).
 //!
-//! A sliver is a fragment shorter than a given length that a cut between two stops made. Slivers next to a mark of their
-//! stroke may be left out: what is not marked then lies no farther from a mark than that length, and no stroke vanishes.
+//! A sliver is a fragment shorter than a given length that a cut between two stops made. Slivers next to a mark of
+//! their stroke may be left out: what is not marked then lies no farther from a mark than that length, and no stroke
+//! vanishes.
 //!
 //! Where an overlap is wanted, the fragment that continues after a cut begins that much before it, as far as
 //! its own stop admits the stroke there: no mark leaves what its stop admits. It reaches over at most half
@@ -117,7 +118,7 @@ pub struct Dots {
 }
 
 impl Dots {
-    /// Those that are marked.
+    /// The dots that are marked.
     pub fn marked(self) -> u64 {
         self.texture - self.off_part - self.steep
     }
@@ -152,7 +153,7 @@ pub struct Sliver {
     pub hi: [i64; 3],
     /// Stroke of the texture.
     pub source: StrokeId,
-    /// Its ends in the part frame, nm, at the mean of its heights.
+    /// The ends of the sliver in the part frame, nm, at the mean of its heights.
     pub ends: [[f64; 3]; 2],
     /// What it has for itself of the length that is skipped, mm, every pass counted.
     pub length_mm: f64,
@@ -183,7 +184,7 @@ pub struct Fragments {
     pub slivers: Vec<Sliver>,
     /// Cuts between two blocks that were to overlap.
     pub cuts: usize,
-    /// Those of them that do not in full.
+    /// The cuts whose blocks overlap by less than they were to.
     pub short: usize,
     /// Strokes in more than one fragment.
     pub strokes_cut: usize,
@@ -229,7 +230,7 @@ struct Segment {
     index: u32,
     a: P2,
     b: P2,
-    /// Its first piece and the end of its pieces.
+    /// The first piece and the end of the pieces.
     first: usize,
     end: usize,
 }

@@ -16,9 +16,9 @@ use terrace_core::program::{PenId, StopId, StrokeId, stroke_mm};
 
 /// Stops that took the place of others.
 pub struct Regroup<'a> {
-    /// Those that the fragments were cut for, upright.
+    /// The stops that the fragments were cut for, upright.
     pub old: &'a Stops,
-    /// Those that they go to.
+    /// The stops that they go to.
     pub new: &'a Stops,
     /// By old stop, the new one that admits all of its marks.
     pub ids: &'a [StopId],
@@ -139,8 +139,8 @@ impl Regroup<'_> {
         old.slivers[group.slivers.clone()].iter().any(|s| old.stops_at(s).any(|stop| self.is_changed(stop)))
     }
 
-    /// Gives the fragments of a stroke to their new stops. Answers by how much longer its marks become, mm: a cut that was
-    /// rounded to the grid lay off the line.
+    /// Gives the fragments of a stroke to their new stops. Answers by how much longer its marks become, mm: a cut that
+    /// was rounded to the grid lay off the line.
     fn give(
         &self,
         old: &Fragments,

@@ -50,7 +50,7 @@ impl Lock {
     fn of(path: &Path) -> Result<Self, Error> {
         let refused = |e: std::io::Error| failed("lock the output", path, &e);
         if is_no_file(path) {
-            let text = "cannot lock the output: something that is no regular file has the name of its lock";
+            let text = "cannot lock the output: something that is not a regular file has the name of its lock";
             let d = Diag::input("output-unwritable", text).at(place(path));
             return Err(d.hint("remove it, or name another folder with -o").into());
         }

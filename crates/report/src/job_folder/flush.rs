@@ -13,10 +13,10 @@ use terrace_core::parallel;
 /// Whether a command waits until what it wrote is on the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Durability {
-    /// It does: the result outlives a power failure.
+    /// The result outlives a power failure.
     #[default]
     Synced,
-    /// It does not: the result outlives the end of the process, however it ends.
+    /// The result outlives the end of the process, however it ends, and no power failure.
     Unsynced,
 }
 

@@ -70,7 +70,7 @@ pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
     write_with(plan, target, Durability::Synced, &|_, _| {})
 }
 
-/// [`write()`] that waits for the disk or does not, and tells how far it is.
+/// [`write()`] that waits for the disk or does not, and reports how far it is.
 ///
 /// # Errors
 /// As [`write()`].

@@ -65,7 +65,7 @@ impl<'a> Pictures<'a> {
 
     /// Writes them all.
     pub(super) fn write(&self, put: &mut Put<'_>, drawing: &Task<'_>) -> Result<(), Error> {
-        let mut told = |name: &str, text: &str| {
+        let mut write = |name: &str, text: &str| {
             put(name, text.as_bytes())?;
             drawing.step();
             Ok(())
@@ -81,25 +81,25 @@ impl<'a> Pictures<'a> {
                     [report::energy_svg(layout.job, &energy), report::report_html(&layout, &energy), self.view_html()]
                 };
                 let ([by_height, by_slope], [energy, report, view]) = parallel::both(layouts, others);
-                told("view.html", &view)?;
-                told("layout.svg", &by_height)?;
-                told("slope.svg", &by_slope)?;
-                told("energy.svg", &energy)?;
-                told("report.html", &report)?;
+                write("view.html", &view)?;
+                write("layout.svg", &by_height)?;
+                write("slope.svg", &by_slope)?;
+                write("energy.svg", &energy)?;
+                write("report.html", &report)?;
                 for (k, pass) in (0..).zip(&plan.passes).skip(1) {
                     let marks = Marks::of(&self.scene, pass.blocks.clone());
-                    told(&report::pass_file(k), &report::layout_svg(&self.stepped(plan, pass, &marks)))?;
+                    write(&report::pass_file(k), &report::layout_svg(&self.stepped(plan, pass, &marks)))?;
                 }
                 Ok(())
             }
             Of::OnTheFly(plan) => {
                 let marks = Marks::of(&self.scene, 0..self.scene.groups.len());
                 let layout = self.on_the_fly(plan, &marks);
-                told("view.html", &self.view_html())?;
-                told("layout.svg", &report::on_the_fly_svg(&layout))?;
+                write("view.html", &self.view_html())?;
+                write("layout.svg", &report::on_the_fly_svg(&layout))?;
                 let energy = report::EnergyMap::of_moves(&layout);
-                told("energy.svg", &report::energy_svg(layout.job, &energy))?;
-                told("report.html", &report::on_the_fly_html(&layout, &energy))
+                write("energy.svg", &report::energy_svg(layout.job, &energy))?;
+                write("report.html", &report::on_the_fly_html(&layout, &energy))
             }
         }
     }

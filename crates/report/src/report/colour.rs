@@ -72,7 +72,7 @@ pub(super) fn shaded(colour: Colour) -> Colour {
     colour.map(|c| (u16::from(c) * 9 / 10) as u8)
 }
 
-/// As light as marks and numbers need that lie on it.
+/// The colour made as light as marks and numbers need that lie on it.
 pub(super) fn light(colour: Colour) -> Colour {
     colour.map(|c| (255 - (255 - u16::from(c)) * 11 / 20) as u8)
 }

@@ -19,7 +19,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>, energy_map: &EnergyMap) -> Stri
         ("too small", s.lengths.skipped_small_mm),
         ("out of focus next to steps", s.lengths.skipped_focus_mm),
     ];
-    let told: Vec<String> = reasons
+    let parts: Vec<String> = reasons
         .into_iter()
         .filter(|(_, mm)| *mm > 0.0)
         .map(|(why, mm)| format!("{why} {} ({})", length_text(mm), shown_share(100.0 * mm / s.lengths.texture_mm)))
@@ -28,10 +28,10 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>, energy_map: &EnergyMap) -> Stri
     let lines = [
         job_report::NOT_VERIFIED.to_owned(),
         job_report::warnings_line(s.warnings.len()),
-        if told.is_empty() {
+        if parts.is_empty() {
             format!("All of the texture is marked: {texture}.")
         } else {
-            format!("Not marked of {texture}: {}.", told.join(", "))
+            format!("Not marked of {texture}: {}.", parts.join(", "))
         },
         format!("A person attends {}: one program marks all, without a stop.", duration(s.time_s)),
     ];

@@ -71,19 +71,19 @@ fn verdict(h: &mut String, job: &Layout<'_>) {
     let share = |mm: f64| shown_share(100.0 * mm / s.texture_mm);
     let reasons =
         [("off the part", s.skipped_off_part_mm), ("too steep", s.skipped_steep_mm), ("too small", s.skipped_small_mm)];
-    let told: Vec<String> = reasons
+    let parts: Vec<String> = reasons
         .into_iter()
         .filter(|(_, mm)| *mm > 0.0)
         .map(|(why, mm)| format!("{why} {} ({})", length_text(mm), share(mm)))
         .collect();
-    lines.push(if told.is_empty() {
+    lines.push(if parts.is_empty() {
         format!("All of the texture is marked: {}.", length_text(s.texture_mm))
     } else {
-        format!("Not marked of {}: {}.", length_text(s.texture_mm), told.join(", "))
+        format!("Not marked of {}: {}.", length_text(s.texture_mm), parts.join(", "))
     });
     let least = if s.loading.is_least() { "at least " } else { "" };
     let total = duration(s.loading.total_s);
-    lines.push(format!("A person attends {least}{total}: {}.", s.loading.told(s.blocks)));
+    lines.push(format!("A person attends {least}{total}: {}.", s.loading.sentence(s.blocks)));
     verdict_block(h, &lines);
 }
 
@@ -207,7 +207,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
         h,
         "<tr><td>with loading{}: {}</td><td>{}</td><td>{}</td><td></td></tr>\n</table></div>",
         if loading.is_least() { ", at least" } else { "" },
-        escape(&loading.told(job.summary.blocks)),
+        escape(&loading.sentence(job.summary.blocks)),
         plain(loading.total_s, 2),
         duration(loading.total_s)
     );

@@ -21,10 +21,10 @@ use terrace_core::geom::Nm;
 const LINE: f64 = 1.42;
 /// Between two cards of a column.
 const CARDS: f64 = 1.8;
-/// Rows of texture that is not marked, and pens, that are told at most.
+/// Rows of texture that is not marked, and pens, that are listed at most.
 const MOST_ROWS: usize = 5;
 
-/// What the legend tells of besides the job.
+/// What the legend shows besides the job.
 pub(super) struct Shown<'a> {
     pub silhouette: &'a Silhouette,
     pub shading: &'a Shading,
@@ -174,7 +174,7 @@ fn width_of(words: &str) -> f64 {
     words.chars().map(of).sum()
 }
 
-/// As much of a text as is no wider than `most` font sizes.
+/// The beginning of a text, as much of it as is no wider than `most` font sizes.
 fn fitted(words: &str, most: f64) -> String {
     let mut words = clean(words);
     if width_of(&words) > most {
@@ -383,7 +383,7 @@ fn ramp(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     let flat = range[0] == range[1];
     const PIECES: i64 = 48;
     let (top, bottom) = (c.y + 0.4 * u, c.y + 2.2 * u);
-    // Each piece goes on to the right end, so that no gap shows between two.
+    // Each piece continues to the right end, so that no gap shows between two.
     for k in 0..if flat { 1 } else { PIECES } {
         let fill = if flat { colour::of_height(0, [0, 0]) } else { colour::of_height(k, [0, PIECES - 1]) };
         let x = c.width * k as f64 / PIECES as f64;
@@ -482,7 +482,7 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
     let dash = |a: f64, b: f64| format!("{} {}", num(a * sheet.unit), num(b * sheet.unit));
     c.title("how to read it", "");
     let heights = if shown.shading.factor > 1.0 { format!(", z x {}", shown.shading.factor) } else { String::new() };
-    let beyond = if shown.silhouette.is_cut() { "; it goes on beyond the picture" } else { "" };
+    let beyond = if shown.silhouette.is_cut() { "; it extends beyond the picture" } else { "" };
     c.row(
         |u, y| vec![swatch(u, y, PART), line(u, y - 0.75 * u, OUTLINE, 0.16, "")],
         &format!("part, relief shaded{heights}{beyond}"),

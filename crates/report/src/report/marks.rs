@@ -43,7 +43,7 @@ pub struct Marks {
     pens: Vec<PenId>,
     /// Where they are, mm.
     area: BoxMm<2>,
-    /// Their length, mm.
+    /// The length of the marks, mm.
     length: f64,
     body: Body,
 }

@@ -140,7 +140,7 @@ struct Picture<'a> {
     texture: Box2,
     turn_rad: f64,
     scene: &'a Scene,
-    /// Those of [`Scene::groups`] that are drawn.
+    /// The part of [`Scene::groups`] that is drawn.
     groups: Range<usize>,
     relief: &'a Relief,
     marks: &'a Marks,

@@ -60,7 +60,7 @@ pub(super) struct Corner {
 pub(super) struct Ring {
     /// The block it belongs to.
     pub block: u32,
-    /// Its corners in [`Outlines::corners`].
+    /// The corners of the ring in [`Outlines::corners`].
     pub corners: Range<usize>,
 }
 

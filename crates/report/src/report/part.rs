@@ -56,12 +56,12 @@ impl Silhouette {
         Self { outlines: outline::trace(&cells), cut }
     }
 
-    /// Whether the part goes on beyond the relief.
+    /// Whether the part continues beyond the relief.
     pub(super) fn is_cut(&self) -> bool {
         self.cut.iter().flatten().any(Option::is_some)
     }
 
-    /// Its rings with few points, each one closed.
+    /// The rings with few points, each one closed.
     fn rings(&self) -> impl Iterator<Item = Vec<Half>> {
         self.outlines.rings.iter().map(|ring| {
             let mut points = Vec::new();
@@ -70,7 +70,7 @@ impl Silhouette {
         })
     }
 
-    /// Whether the line from `a` to `b` is no rim of the part.
+    /// Whether the line from `a` to `b` is not a rim of the part.
     fn is_along_cut(&self, a: Half, b: Half) -> bool {
         (0..2).any(|k| a[k] == b[k] && self.cut[k].contains(&Some(a[k])))
     }

@@ -19,7 +19,7 @@ const MOST: u32 = 20_000;
 /// A drawing of this module as usvg reads it, with its text as outlines; as it is where it is `width` px wide.
 ///
 /// # Errors
-/// `picture` where it is no drawing of ours.
+/// `picture` where it is not a drawing of ours.
 pub(super) fn tree(svg: &str, width: u32) -> Result<Tree, Error> {
     let mut fonts = fontdb::Database::new();
     for face in [dejavu::sans::regular(), dejavu::sans::bold()] {

@@ -42,7 +42,7 @@ pub struct Sheet<'a> {
     pub summary: &'a Summary,
     /// Name of the pen of the frames, where the folder has them.
     pub frames: Option<String>,
-    /// Those of the subset, where the folder does not hold the whole job.
+    /// The blocks of the subset, where the folder does not hold the whole job.
     pub subset: Option<&'a Subset>,
 }
 
@@ -209,7 +209,7 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     let blocks = sheet.subset.map_or(s.blocks, |subset| subset.blocks.len());
     let total_s = sheet.subset.map_or(s.loading.total_s, |subset| subset.total_s);
     let least = if s.loading.is_least() { " at least" } else { "" };
-    writeln!(out, "loading    {}", s.loading.told(blocks))?;
+    writeln!(out, "loading    {}", s.loading.sentence(blocks))?;
     writeln!(out, "in all     {}{least}; a person attends all of it", clock(total_s))?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;

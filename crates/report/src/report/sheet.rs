@@ -16,7 +16,7 @@ pub(super) const FONTS: &str = "Arial,\"Liberation Sans\",\"DejaVu Sans\",sans-s
 pub(super) struct Detail {
     /// How far a drawn border of a block may lie from the cells' border, in cells.
     pub tolerance: f64,
-    /// Whether tooltips tell everything.
+    /// Whether tooltips say everything.
     pub full: bool,
 }
 

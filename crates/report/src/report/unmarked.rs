@@ -1,4 +1,4 @@
-//! Texture that is not marked, on `layout.svg`: red where it may be taken for marked, grey where a pattern goes on
+//! Texture that is not marked, on `layout.svg`: red where it may be taken for marked, grey where a pattern continues
 //! beyond the part.
 
 use svg::Node;
@@ -22,7 +22,7 @@ pub(super) struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// Those in red, or those in grey.
+    /// The unmarked lines that are drawn in red, or those in grey.
     pub(super) fn of(job: &Picture<'a>, is_fault: bool) -> Self {
         let unmarked = &job.scene.unmarked;
         let of = |line: &&UnmarkedLine| unmarked.rows[line.row].reason.is_fault() == is_fault;
@@ -44,8 +44,8 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
     for is_fault in [false, true] {
         let found = Lines::of(job, is_fault);
         let (colour, width) = if is_fault { (FAULT, 0.22 * u) } else { (BEYOND, 0.08 * u) };
-        for (row, told) in job.scene.unmarked.rows.iter().enumerate() {
-            if told.reason.is_fault() != is_fault {
+        for (row, entry) in job.scene.unmarked.rows.iter().enumerate() {
+            if entry.reason.is_fault() != is_fault {
                 continue;
             }
             let mut d = String::new();
@@ -54,9 +54,9 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
             if d.is_empty() {
                 continue;
             }
-            let id = format!("unmarked-{}-{}", told.reason.name(), told.texture);
+            let id = format!("unmarked-{}-{}", entry.reason.name(), entry.texture);
             let look = [("id", id.as_str()), ("stroke", colour), ("stroke-width", &num(width)), ("d", &d)];
-            g.append(titled(el("path", &look), format!("not marked, {}", words(told).join(", "))));
+            g.append(titled(el("path", &look), format!("not marked, {}", words(entry).join(", "))));
         }
     }
     g

@@ -43,7 +43,8 @@ impl<'a> Beams<'a> {
     }
 
     /// Where the beam through `at`, nm, whose direction against the light is `up`, meets the part; the search begins at
-    /// `height` along it. None where it leaves the part. Newton's method on the facets: exact on the facet where it ends.
+    /// `height` along it. None where it leaves the part. Newton's method on the facets: exact on the facet where it
+    /// ends.
     pub(super) fn hit(&mut self, at: [f64; 3], up: [f64; 3], height: f64) -> Option<Hit> {
         let mut w = height;
         let mut hit = None;
@@ -52,7 +53,8 @@ impl<'a> Beams<'a> {
             let near = || [[0.0; 2], [RIM, 0.0], [-RIM, 0.0], [0.0, RIM], [0.0, -RIM]].into_iter();
             let Some((z, normal)) = near().find_map(|[x, y]| self.look(p[0] + x, p[1] + y)) else { break };
             let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
-            // A facet that looks away from the beam is met by none; the search goes on from the height under the place.
+            // A facet that looks away from the beam is met by none; the search continues from the height under the
+            // place.
             let step = if cos > 1e-3 { (z - p[2]) * normal[2] / cos } else { (z - p[2]) / up[2].max(1e-3) };
             w += step;
             hit = Some(Hit { height: w, cos });
@@ -63,8 +65,8 @@ impl<'a> Beams<'a> {
         hit
     }
 
-    /// Pieces of the segment from `a` to `b`: parameter, height, nm, and tangent of the slope at the begin and at the end
-    /// of each.
+    /// Pieces of the segment from `a` to `b`: parameter, height, nm, and tangent of the slope at the begin and at the
+    /// end of each.
     pub(super) fn along(&mut self, a: P2, b: P2, mut sink: impl FnMut([(f64, f64); 2], f64)) {
         self.tracer.segment(a, b, |piece| {
             if piece.skip.is_none() {

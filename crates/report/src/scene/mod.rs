@@ -1,5 +1,5 @@
-//! What the pictures of a job are made of, the same for stepped and on-the-fly jobs: every mark where it lies on the part,
-//! what is not marked and why, and how the part looks from the lens.
+//! What the pictures of a job are made of, the same for stepped and on-the-fly jobs: every mark where it lies on the
+//! part, what is not marked and why, and how the part looks from the lens.
 //!
 //! Consumes a plan. Promises lines within [`Thinned::within_um`] of the marks: a line of the program is straight in the
 //! plane of the lens, on the part it is bent where the surface bends. Equal input gives equal values, whatever the
@@ -53,7 +53,7 @@ pub struct Scene {
 pub struct Group {
     /// From its frame to the part frame.
     pub frame: Frame,
-    /// Its marks, as a range of [`Scene::marks`].
+    /// The marks of the group, as a range of [`Scene::marks`].
     pub marks: Range<usize>,
     /// When the stage begins to move here, when the first mark begins, when the last one ends, s.
     pub clock_s: [f64; 3],
@@ -107,7 +107,7 @@ impl Frame {
         Self { origin, axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
     }
 
-    /// That of a field whose centre lies at `centre`, nm, of a part that is turned.
+    /// The frame of a field whose centre lies at `centre`, nm, of a part that is turned.
     fn turned(turn: &Turn, centre: [f64; 3]) -> Self {
         let back = |p: [f64; 3]| turn.back(P3::<Turned>::new(p)).at;
         let origin = back(centre);

@@ -1,8 +1,8 @@
 //! What of the texture is not marked: where, how much, and why. In the first pass; the others have the same texture,
 //! turned or shifted.
 //!
-//! Lengths are of all of it. Of the lines at most [`MOST`] in every chunk of strokes are kept for pictures; how many are
-//! not is stated.
+//! Lengths are of all of it. Of the lines at most [`MOST`] in every chunk of strokes are kept for pictures; how many
+//! are not is stated.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ const MOST: usize = 1000;
 pub enum Reason {
     /// The job places it, and it lies off the part.
     OffPart,
-    /// It lies over a hole of the part.
+    /// The line lies over a hole of the part.
     Hole,
     /// The surface is steeper than the limit.
     Steep,
@@ -39,7 +39,7 @@ pub enum Reason {
 }
 
 impl Reason {
-    /// Its name in data.
+    /// The reason's name in data.
     pub fn name(self) -> &'static str {
         match self {
             Self::OffPart => "off-part",
@@ -102,7 +102,7 @@ pub struct UnmarkedRow {
 pub struct UnmarkedLine {
     /// Index of its row.
     pub row: usize,
-    /// Its points, mm; off the part at the height of the part next to it.
+    /// The points of the line, mm; off the part at the height of the part next to it.
     pub points: Vec<[f64; 3]>,
 }
 
@@ -420,7 +420,7 @@ impl Outside {
         }
         let [x, y] = [(0, p.x), (1, p.y)].map(|(axis, v)| self.grid.along(axis, v, 0) as usize);
         let i = y * self.grid.columns() + x;
-        // A point at the very rim may share its cell with the part: the cells around it tell.
+        // A point at the very rim may share its cell with the part: the cells around it decide.
         self.cells[i] || self.grid.around(i).any(|near| self.cells[near])
     }
 }

@@ -1,4 +1,4 @@
-//! What the page is told at once, as JSON: everything but marks, surface and blocks.
+//! What the page reads first, as JSON: everything but marks, surface and blocks.
 
 use serde::Serialize;
 

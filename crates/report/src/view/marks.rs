@@ -17,11 +17,11 @@ const FINEST: f64 = 2e-5;
 /// The step of incidence, deg.
 pub(super) const INCIDENCE_STEP: f64 = 0.25;
 
-/// What the page is told of a chunk before it is decoded.
+/// What the page knows of a chunk before it is decoded.
 #[derive(Debug, Serialize)]
 pub(super) struct ChunkHead {
     pub(super) name: String,
-    /// Its groups: the first, and one behind the last.
+    /// The groups of the chunk: the first, and one behind the last.
     first: usize,
     last: usize,
     marks: usize,

@@ -131,7 +131,7 @@ fn stepped_figures(s: &Summary) -> Vec<(&'static str, String)> {
     ];
     let least = if s.loading.is_least() { " at least" } else { "" };
     rows.insert(3, ("with loading", duration(s.loading.total_s) + least));
-    rows.insert(4, ("loading", s.loading.told(s.blocks)));
+    rows.insert(4, ("loading", s.loading.sentence(s.blocks)));
     if s.dots.texture > 0 {
         rows.push(("dots", format!("{} of {}", s.dots.marked, s.dots.texture)));
     }

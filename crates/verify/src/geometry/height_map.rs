@@ -27,7 +27,7 @@ impl Map {
         Some(Self { map, grid, turn: [cos, sin] })
     }
 
-    /// Box of all samples that are no holes, mm, unturned; None where all are holes.
+    /// Box of all samples that are not holes, mm, unturned; None where all are holes.
     pub(crate) fn box_mm(map: &Heightmap) -> Option<BoxMm<2>> {
         let mut nodes = [usize::MAX, usize::MAX, 0, 0];
         for row in 0..map.rows {

@@ -239,7 +239,7 @@ impl Facet {
         (lo < hi).then_some(([lo, hi], is_edge))
     }
 
-    /// Its corners in space.
+    /// The corners of the facet in space.
     fn solid(&self) -> [[f64; 3]; 3] {
         self.corners.map(|[x, y]| [x, y, self.z_at([x, y])])
     }

@@ -71,7 +71,7 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// Its length in nm.
+    /// The length of the piece, nm.
     pub(super) fn len(&self) -> f64 {
         self.d[1] - self.d[0]
     }
@@ -83,8 +83,8 @@ impl Piece {
         Self { d, sheet: self.sheet.map(|s| Sheet { z: if len > 0.0 { z(&s) } else { s.z }, ..s }), ..*self }
     }
 
-    /// Of what lies on both sides of an edge that which may be marked; else the higher, and of what meets in the edge the
-    /// less steep.
+    /// Of what lies on both sides of an edge that which may be marked; else the higher, and of what meets in the edge
+    /// the less steep.
     fn or(self, other: Self) -> Self {
         let (Some(a), Some(b)) = (self.sheet, other.sheet) else {
             return if self.sheet.is_some() { self } else { other };
@@ -291,7 +291,8 @@ impl Geometry {
     /// Calls `visit` with the pieces of `line` in order; returns how many crossings of facets were cut.
     ///
     /// A line along an edge shows neither side of it, but the border of both, and of a closed solid the underside as
-    /// well. It is judged by the two lines a [`HAIR`] beside it: what may be marked on one of them, else what is higher.
+    /// well. It is judged by the two lines a [`HAIR`] beside it: what may be marked on one of them, else what is
+    /// higher.
     pub(super) fn along(&self, line: &Line, scratch: &mut Scratch, mut visit: impl FnMut(Piece)) -> u64 {
         let cut = self.cut(line, scratch);
         if !scratch.is_along_edge {

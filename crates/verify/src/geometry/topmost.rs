@@ -61,6 +61,7 @@ pub(super) fn pieces(
 
 /// Nearly sorted already, since cells come in order; long lists of many sheets are not.
 fn sort(crossings: &mut [Crossing]) {
+    /// Up to about so many, insertion is quicker than a sort that does not know that they are nearly in order.
     const SHORT: usize = 24;
     if crossings.len() > SHORT {
         crossings.sort_unstable_by(|a, b| a.d[0].total_cmp(&b.d[0]).then(a.facet.cmp(&b.facet)));
@@ -89,7 +90,7 @@ fn upper(
     let mut at = from;
     while at < to {
         // The envelope is convex, so `top` only ever gets steeper along the line.
-        // Only a steeper one can overtake; the steepest of those that do so first goes on.
+        // Only a steeper one can overtake; the steepest of those that do so first continues.
         let mut overtaken: Option<(f64, &Crossing)> = None;
         for c in all().filter(|c| c.rise() > top.rise()) {
             let d = at + (top.z_at(at) - c.z_at(at)).max(0.0) / (c.rise() - top.rise());

@@ -157,7 +157,7 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
         let is_asked =
             |(format, target): (Format, OnTheFly)| target.file == entry.file && facts.formats.contains(&format);
         let is_known = OF_EVERY_JOB.contains(&entry.file.as_str()) || targets(&manifest.axes).any(is_asked);
-        hold(is_known, &format!("{} is listed, but is no file of this job", entry.file));
+        hold(is_known, &format!("{} is listed, but is not a file of this job", entry.file));
     }
     let full = facts.machine.laser.max_power;
     let pens = facts.pens.as_deref().unwrap_or_default();

@@ -204,8 +204,8 @@ impl CoverageChecker<'_> {
             if a == b {
                 continue;
             }
-            // Runs go on over corners of the stroke; a stretch that may not be marked ends one only if rounding cannot
-            // have made it.
+            // Runs continue over corners of the stroke; a stretch that may not be marked ends one only if rounding
+            // cannot have made it.
             let segment = Line::new(a, b);
             geometry.along(&segment.part([0.0, segment.len], side), scratch, |piece| {
                 let mm = if count { piece.len() / 1e6 } else { 0.0 };

@@ -14,7 +14,10 @@ use crate::read::on_the_fly::FlyProgram;
 use terrace_core::machine::Machine;
 use terrace_core::program::Pen;
 
+/// Sums of ways and times are rounded: so much more than a limit is let pass.
 const OVER: f64 = 1.0 + 1e-6;
+/// Least distance of the samples that accelerations and jerks are taken from, us: of nearer ones rounding to whole
+/// nanometres is the larger part.
 const APART_US: [i64; 2] = [5_000, 10_000];
 
 /// What one axis must keep, in mm or degrees.

@@ -1,9 +1,9 @@
 //! `position`, `focus`, `surface`: where the beam of every mark meets the part.
 //!
-//! A beam hits the part at the highest place of the surface file's own facets along it. Hit points are compared with the
-//! stroke of the texture that the mark names, in the drawing's plane: at both ends of every move, at
-//! places between them no farther apart than [`APART`], and at the stroke's corners between these. Upright
-//! beams are held along the whole line of a move, facet by facet; leaning ones at the same places.
+//! A beam hits the part at the highest place of the surface file's own facets along it. Hit points are compared with
+//! the stroke of the texture that the mark names, in the drawing's plane: at both ends of every move, at places between
+//! them no farther apart than [`APART`], and at the stroke's corners between these. Upright beams are held along the
+//! whole line of a move, facet by facet; leaning ones at the same places.
 
 use super::chain::{Beam, Chain};
 use super::track::{Stroke, Trace};
@@ -15,8 +15,8 @@ use crate::read::on_the_fly::{Commands, Step};
 const APART: f64 = 50_000.0;
 /// Largest distance of a mark from the texture, nm: 1 um, and the nanometre of every axis that takes part.
 pub(super) const STRAY: f64 = 1_002.0;
-/// A beam this far next to an edge may be on either side of it, nm: what marks may stray from rounding. Where corners are
-/// welded, that much more.
+/// A beam this far next to an edge may be on either side of it, nm: what marks may stray from rounding. Where corners
+/// are welded, that much more.
 const EDGE: f64 = 150.0;
 /// What the merging and rounding of samples may add to a focal offset, nm.
 const FOCUS: f64 = 100.0;
@@ -68,7 +68,7 @@ struct BeamHit {
     xy: [f64; 2],
     off: f64,
     lean: f64,
-    /// It comes to the part from the side, at a step or at the border, below the sheet that begins there.
+    /// Whether the beam comes to the part from the side, at a step or at the border, below the sheet that begins there.
     aside: bool,
     doubt: Doubt,
     /// How far beside it a beam meets the sheet that passes by it at a distance of 1.
@@ -101,8 +101,8 @@ impl Doubt {
 pub(super) struct Traced {
     /// All places on the stroke that it may be, the best first.
     pub(super) traces: Vec<Trace>,
-    /// How far it may lie from there where corners of facets are welded, nm: as far as leaning beams meet another height
-    /// beside it.
+    /// How far it may lie from there where corners of facets are welded, nm: as far as leaning beams meet another
+    /// height beside it.
     pub(super) loose: f64,
 }
 
@@ -230,8 +230,8 @@ impl<'a> MarkChecker<'a> {
                     bare += if piece.len() > 2.0 * edge { piece.len() } else { 0.0 };
                     return;
                 };
-                // Beside the line a stretch may lie on a facet of which the mark touches a corner: any place within EDGE
-                // along and across the mark counts, to one side at its ends and to both between them.
+                // Beside the line a stretch may lie on a facet of which the mark touches a corner: any place within
+                // EDGE along and across the mark counts, to one side at its ends and to both between them.
                 let is_end = piece.d[0] < 1.0 || piece.d[1] > line.len - 1.0;
                 let least = match side {
                     0.0 => line.len.min(1.0),

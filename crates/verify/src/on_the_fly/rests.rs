@@ -16,6 +16,7 @@ use terrace_core::program::Pen;
 const APART: f64 = 100.0;
 /// What the rounding of two samples may turn a step of that by, rad.
 const ROUNDED: f64 = 0.05;
+/// Sums of times are rounded: so much less than is needed is let pass.
 const OVER: f64 = 1.0 + 1e-6;
 
 /// A place of the spot, nm, with the times at which it comes within [`APART`] of it and leaves that, us.

@@ -26,7 +26,7 @@ pub(super) struct Trace {
     pub(super) from: f64,
     /// The place where it ends.
     pub(super) to: f64,
-    /// Its largest distance from the stroke.
+    /// The largest distance from the stroke.
     pub(super) worst: f64,
     /// Where that is.
     pub(super) at: [f64; 2],
@@ -47,7 +47,7 @@ impl Stroke {
         Self { points, along, closed }
     }
 
-    /// Its length.
+    /// The length of the stroke.
     pub(super) fn len(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)
     }
@@ -113,10 +113,10 @@ impl Stroke {
         best
     }
 
-    /// Follows the hit points of a mark; `limit` is how far it may stray, `loose` how far of this each hit point may lie
-    /// from where it is on the welded part. A stroke that crosses or meets itself is
-    /// tried from all its places near the first hit, both ways. The best first, then others that are within the
-    /// limit: a stroke that runs back over itself has more than one place for a mark.
+    /// Follows the hit points of a mark; `limit` is how far it may stray, `loose` how far of this each hit point may
+    /// lie from where it is on the welded part. A stroke that crosses or meets itself is tried from all its places near
+    /// the first hit, both ways. The best first, then others that are within the limit: a stroke that runs back over
+    /// itself has more than one place for a mark.
     pub(super) fn follow(&self, foot_points: &[[f64; 2]], limit: f64, loose: f64) -> Vec<Trace> {
         let Some(&first) = foot_points.first() else { return Vec::new() };
         let mut starts: Vec<(f64, f64)> = Vec::new();
@@ -136,7 +136,7 @@ impl Stroke {
             }
         }
         // Places next to each other are one start, the nearest of them. A mark that lies nowhere on the stroke is
-        // followed from the nearest place, so that the fault can be told with its distance.
+        // followed from the nearest place, so that the fault can be reported with its distance.
         if starts.is_empty() {
             starts.extend(nearest);
         }

@@ -1,4 +1,5 @@
-//! The comments of programs: a controller must not act on one, so only the sentences that terrace writes may stand there.
+//! The comments of programs: a controller must not act on one, so only the sentences that terrace writes may stand
+//! there.
 //!
 //! LinuxCNC acts on comments by their first word (`MSG`, `PRINT`, `LOGOPEN`, `PROBEOPEN`, `PY`, `ABORT`, ...), GRBL on
 //! single bytes wherever they stand (`!`, `~`, `?`, all that is no ASCII), both on a carriage return.
@@ -45,7 +46,7 @@ const ON_THE_FLY: [(&str, Kind); 12] = [
 /// What the figures of a sentence of an on-the-fly program are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// It has none.
+    /// A comment without a value.
     Words,
     /// Moves, marks, time in s.
     Size,
@@ -82,7 +83,8 @@ pub(super) struct Sentence {
 }
 
 impl Sentence {
-    /// Takes a comment that is no statement; what was before it and is no sentence of ours comes back with its line.
+    /// Takes a comment that is not a statement; what was before it and is not a sentence of ours comes back with its
+    /// line.
     pub(super) fn take(&mut self, comment: &str, line: usize) -> Option<(usize, String)> {
         if let Some(more) = comment.strip_prefix(FURTHER).filter(|_| !self.text.is_empty()) {
             self.text += more;
@@ -93,7 +95,7 @@ impl Sentence {
         before
     }
 
-    /// Ends it; what is no sentence of ours comes back with its line.
+    /// Ends it; what is not a sentence of ours comes back with its line.
     pub(super) fn end(&mut self) -> Option<(usize, String)> {
         let text = std::mem::take(&mut self.text);
         let is_known = text.is_empty() || STEPPED.iter().any(|sentence| fits(sentence, &text));

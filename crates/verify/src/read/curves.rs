@@ -1,7 +1,7 @@
 //! Space curves as their file has them, by a reader of the verifier's own.
 //!
-//! Consumes a CSV, or a DXF of lines, 3D polylines and level light polylines; answers with the curves in the order of the
-//! file, mm. A DXF with anything else that could be drawn, such as arcs, blocks or hidden layers, is not read.
+//! Consumes a CSV, or a DXF of lines, 3D polylines and level light polylines; answers with the curves in the order of
+//! the file, mm. A DXF with anything else that could be drawn, such as arcs, blocks or hidden layers, is not read.
 
 use std::path::Path;
 
@@ -109,7 +109,7 @@ impl Record<'_> {
         self.tags.iter().filter(move |t| t.0 == code).map(|t| t.1)
     }
 
-    /// The number of a group code, 0 where there is none; None where it is no number.
+    /// The number of a group code, 0 where there is none; None where it is not a number.
     fn number(&self, code: i32) -> Option<f64> {
         self.all(code).next().map_or(Some(0.0), |v| v.parse().ok())
     }

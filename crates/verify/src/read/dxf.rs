@@ -275,7 +275,7 @@ impl<'a> Pairs<'a> {
         if line.iter().all(|c| matches!(c, b' '..=b'~')) {
             Ok(line)
         } else {
-            Err(Fault::new(self.line, "holds bytes that are no printable ASCII"))
+            Err(Fault::new(self.line, "holds bytes that are not printable ASCII"))
         }
     }
 }

@@ -1,10 +1,10 @@
 //! What the verifier knows of a target format: the files that stand for it in a job folder, and the reader of those
 //! files.
 //!
-//! The variant that a row holds says what a file of that format tells, and so which rules are checked against it: the
-//! rules take [`Strokes`], statements, work planes or a [`FlyProgram`] and know nothing of formats. Adding a target is a
-//! reader next to this file and a row of [`FORMATS`]. The table is written apart from the one of the writers;
-//! a test compares the two.
+//! The variant that a row holds says what a file of that format says, and so which rules are checked against it: the
+//! rules take [`Strokes`], statements, work planes or a [`FlyProgram`] and know nothing of formats. Adding a target is
+//! a reader next to this file and a row of [`FORMATS`]. The table is written apart from the one of the writers; a test
+//! compares the two.
 
 use std::path::Path;
 
@@ -91,7 +91,7 @@ pub(crate) struct OnTheFly {
 /// One format.
 pub(crate) struct Row {
     pub(crate) format: Format,
-    /// Its name in job files and manifests.
+    /// The name of the format in job files and manifests.
     pub(crate) name: &'static str,
     pub(crate) stepped: Option<Stepped>,
     pub(crate) on_the_fly: Option<OnTheFly>,

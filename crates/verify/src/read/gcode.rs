@@ -42,7 +42,7 @@ pub(crate) enum Step {
     IfTimeout(u32),
     /// An `if` that asks whether a parameter is not 0, with its o-number: whether an offset is active.
     IfOffset(u32, u32),
-    /// Its end.
+    /// The end of a condition.
     EndIf(u32),
     /// M0: waits for the operator.
     Pause,
@@ -157,7 +157,7 @@ impl Reader {
         self.statements.push(Statement { line, step });
     }
 
-    /// A comment that is no sentence of ours.
+    /// A comment that is not a sentence of ours.
     fn unknown(&mut self, found: Option<(usize, String)>) {
         if let Some((line, text)) = found {
             self.statements.push(Statement { line, step: Step::Unknown(format!("({text})")) });
@@ -205,7 +205,7 @@ fn axis_values(text: &str) -> Option<[Option<i64>; 6]> {
     Some(to)
 }
 
-/// Offsets that a message tells of.
+/// Offsets that a message speaks of.
 const OFFSETS: [&str; 8] = [
     "G92 is active",
     "G54 is rotated",

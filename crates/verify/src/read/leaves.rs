@@ -38,7 +38,7 @@ const PROVED_OF_BOTH: [&str; 17] = [
     "summary.curves.*",
 ];
 
-/// Those that are not proved: how the job came to be, and what the user was told.
+/// The leaves that are not proved: how the job came to be, and what the user was warned of.
 const NOT_PROVED_OF_BOTH: [&str; 5] = ["terrace", "seed", "objective", "summary.budget.**", "summary.warnings.**"];
 
 /// Of a stepped job.

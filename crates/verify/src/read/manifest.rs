@@ -1,5 +1,5 @@
-//! Reader of `manifest.json`: what verification needs, in structs of its own; which other keys may stand there is told by
-//! `leaves`.
+//! Reader of `manifest.json`: what verification needs, in structs of its own; which other keys may stand there is
+//! stated by `leaves`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -151,7 +151,7 @@ pub(crate) struct FramesEntry {
 pub(crate) struct PenEntry {
     pub(crate) name: String,
     pub(crate) speed_mm_s: f64,
-    /// As the job file has it, percent or watts.
+    /// The power as the job file has it, percent or watts.
     pub(crate) power: String,
     pub(crate) power_w: f64,
     pub(crate) frequency_khz: f64,
@@ -179,7 +179,7 @@ pub(crate) struct BlockEntry {
     pub(crate) z_hi_mm: f64,
     /// Names of the pens that mark in it.
     pub(crate) pens: Vec<String>,
-    /// Its own files, by format.
+    /// The block's own files, by format.
     pub(crate) files: BTreeMap<String, String>,
     pub(crate) strokes: usize,
     pub(crate) mark_mm: f64,
@@ -300,7 +300,7 @@ impl Manifest {
     }
 }
 
-/// What every manifest tells first.
+/// What every manifest says first.
 #[derive(Deserialize)]
 struct Head {
     schema: u32,
@@ -342,7 +342,7 @@ pub(crate) fn read<M: DeserializeOwned>(folder: &Path, leaves: &Leaves) -> Resul
         return Err(broken(format!("the manifest has schema {}, expected {SCHEMA}", head.schema)).into());
     }
     if let Some(unknown) = leaves.unknown(&bytes).map_err(unreadable)? {
-        return Err(broken(format!("the manifest holds {unknown}, which is no key of a manifest")).into());
+        return Err(broken(format!("the manifest holds {unknown}, which is not a key of a manifest")).into());
     }
     Ok(serde_json::from_slice(&bytes).map_err(unreadable)?)
 }

@@ -138,12 +138,12 @@ pub(crate) struct BlockOf<'a> {
 
 /// A stroke in the file of a block.
 pub(crate) struct FileStroke<'a> {
-    /// Its pen, from 1; None where the file names none that the block can have.
+    /// The pen of the stroke, from 1; None where the file names none that the block can have.
     pub(crate) pen: Option<usize>,
-    /// Its points in the controller's coordinates, in the units of the format.
+    /// The points of the stroke in the controller's coordinates, in the units of the format.
     pub(crate) points: &'a [[i64; 2]],
-    /// The settings that it is marked with, in the format's own order and units, last the dwell of a dot; empty where the
-    /// file has none.
+    /// The settings that it is marked with, in the format's own order and units, last the dwell of a dot; empty where
+    /// the file has none.
     pub(crate) settings: &'a [i64],
 }
 

@@ -35,7 +35,7 @@ pub(crate) fn nm_from_decimal(text: &[u8]) -> Option<i64> {
     millionths(text).filter(|nm| nm.abs() <= MAX_NM.0)
 }
 
-/// A plain decimal in millionths; None where it is none, or finer.
+/// A plain decimal in millionths; None where it is not one, or finer.
 pub(crate) fn millionths(text: &[u8]) -> Option<i64> {
     let (negative, digits) = match text {
         [b'-', rest @ ..] => (true, rest),

@@ -1,8 +1,8 @@
 //! The area that shapes of an SVG drawing make, from what usvg answers.
 //!
 //! Consumes a [`Picture`] and which of its elements count. As masks are defined: a shape with a fill is the area of its
-//! fill, whatever its colour; the lines of all other shapes bound one area together by the rule evenodd, those whose ends
-//! meet within a tolerance as one. Promises on which side of its border a point lies, and how far from it. px.
+//! fill, whatever its colour; the lines of all other shapes bound one area together by the rule evenodd, those whose
+//! ends meet within a tolerance as one. Promises on which side of its border a point lies, and how far from it. px.
 
 use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
@@ -14,7 +14,7 @@ type Point = [f64; 2];
 /// An edge and the area that it bounds.
 type Edge = GeomWithData<Line<Point>, usize>;
 
-/// What an edge bounds that is no area but cuts others.
+/// What an edge bounds that is not an area but cuts others.
 const CUT: usize = usize::MAX;
 
 /// An area.

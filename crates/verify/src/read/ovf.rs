@@ -2,8 +2,8 @@
 //!
 //! Consumes the bytes of the file; promises that the parts lie gap-free as the format asks (offset,
 //! vector blocks, shell and look-up table of each work plane, then job shell and job table) and that
-//! every offset and count was checked, that each message holds its known fields and nothing else (written again it is the
-//! same bytes), and that distances and bounds are those of its points. Vector blocks are decoded one at a time.
+//! every offset and count was checked, that each message holds its known fields and nothing else (written again it is
+//! the same bytes), and that distances and bounds are those of its points. Vector blocks are decoded one at a time.
 
 use std::collections::BTreeMap;
 
@@ -191,7 +191,7 @@ struct VectorBlock {
     repeats: u64,
     #[prost(message, optional, tag = "100")]
     about: Option<VectorsAbout>,
-    /// That it structures a surface; all settings of that are at their defaults.
+    /// The block structures a surface; all settings of that are at their defaults.
     #[prost(message, optional, tag = "102")]
     structuring: Option<Empty>,
 }

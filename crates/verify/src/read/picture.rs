@@ -1,8 +1,8 @@
 //! What an SVG drawing shows at a point, by a reader of the verifier's own (usvg): the topmost element that covers it.
 //!
-//! Consumes the text of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32, and it
-//! approximates arcs ([`Picture::slack`]). Each element is known by its labels (`labels`). Text is not drawn; what is
-//! painted by a gradient and groups with a filter count as not being there.
+//! Consumes the text of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32, and
+//! it approximates arcs ([`Picture::slack`]). Each element is known by its labels (`labels`). Text is not drawn; what
+//! is painted by a gradient and groups with a filter count as not being there.
 
 use std::collections::HashMap;
 
@@ -76,7 +76,7 @@ pub(crate) struct Ink {
     pub(crate) colour: [u8; 3],
     /// Of its paint and of all groups around it: above 0, to 1.
     pub(crate) opacity: f32,
-    /// Its element among the labels.
+    /// The element of the ink among the labels.
     pub(crate) element: u32,
     /// Whether it is the area of a fill, and neither a mask nor a pattern shows a part of it.
     pub(crate) is_plain_fill: bool,
@@ -115,8 +115,8 @@ enum Of {
     },
 }
 
-/// The lines of a stroke and half its width, px. What lies beside its lines is of its area whatever the outline is: that
-/// of a stroke much thinner than its curves bend may lie off them.
+/// The lines of a stroke and half its width, px. What lies beside its lines is of its area whatever the outline is:
+/// that of a stroke much thinner than its curves bend may lie off them.
 struct Band {
     lines: Contours,
     half: f64,
@@ -178,8 +178,8 @@ impl Picture {
         Some(Self { size, labels, slack, unread: unread(&doc), root })
     }
 
-    /// What may be the topmost at a point of the elements that exist, the upper ones first: some of which it is not known,
-    /// and the first that does.
+    /// What may be the topmost at a point of the elements that exist, the upper ones first: some of which it is not
+    /// known, and the first that does.
     pub(crate) fn inks_at(&self, p: [f64; 2], exists: &dyn Fn(Ink) -> Known) -> Vec<Ink> {
         let mut found = Vec::new();
         self.root.find(p, &mut |ink| {
@@ -192,16 +192,16 @@ impl Picture {
         found
     }
 
-    /// The points of lines and of borders of areas that are nearest to one and not farther than `reach`, of each element
-    /// one, and of borders a little to both sides. What patterns show is left out.
+    /// The points of lines and of borders of areas that are nearest to one and not farther than `reach`, of each
+    /// element one, and of borders a little to both sides. What patterns show is left out.
     pub(crate) fn points_near(&self, p: [f64; 2], reach: f64) -> Vec<[f64; 2]> {
         let mut found = Vec::new();
         self.root.points_near(p, reach, &mut found);
         found
     }
 
-    /// Whether the contour of an area that `exists` passes not farther than `reach` from a point where nothing is shown:
-    /// two contours may lie on each other there, with nothing between them.
+    /// Whether the contour of an area that `exists` passes not farther than `reach` from a point where nothing is
+    /// shown: two contours may lie on each other there, with nothing between them.
     pub(crate) fn has_bare_contour(&self, p: [f64; 2], reach: f64, exists: &dyn Fn(Ink) -> bool) -> bool {
         !self.root.find(p, &mut |_| true) && self.root.has_contour(p, reach, exists)
     }
@@ -499,8 +499,8 @@ impl Band {
     }
 }
 
-/// The point of polylines that is nearest to one, if not farther than `reach`, and the direction there; not quite at the
-/// end of a side.
+/// The point of polylines that is nearest to one, if not farther than `reach`, and the direction there; not quite at
+/// the end of a side.
 fn nearest(lines: &[Vec<[f64; 2]>], p: [f64; 2], reach: f64) -> Option<([f64; 2], [f64; 2])> {
     let near = sides(lines).map(|[a, b]| (between(a, b, along(a, b, p).clamp(1e-6, 1.0 - 1e-6)), [a, b]));
     let near = near.filter(|(q, _)| distance(p, *q) <= reach);
@@ -529,7 +529,7 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 impl Ink {
-    /// As the paint of an area of an element, of this opacity.
+    /// The ink as the paint of an area of an element, of this opacity.
     fn within(self, opacity: f32, element: u32, of: &Of) -> Self {
         let is_plain_fill = self.is_plain_fill && matches!(of, Of::Fill);
         Self { opacity: self.opacity * opacity, element, is_plain_fill, ..self }
@@ -632,8 +632,8 @@ fn contours(path: &Path, map: Transform, fine: f64) -> Contours {
     out
 }
 
-/// In how many steps a curve from a point is followed: each lies an eighth of its square times the second derivative off
-/// the curve at most.
+/// In how many steps a curve from a point is followed: each lies an eighth of its square times the second derivative
+/// off the curve at most.
 fn steps(from: [f64; 2], controls: &[[f64; 2]], fine: f64) -> u32 {
     let points: Vec<[f64; 2]> = [from].iter().chain(controls).copied().collect();
     let bend = |w: &[[f64; 2]]| (w[0][0] - 2.0 * w[1][0] + w[2][0]).hypot(w[0][1] - 2.0 * w[1][1] + w[2][1]);

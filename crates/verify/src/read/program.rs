@@ -44,7 +44,7 @@ impl ProgramFile {
 /// Reads the file at `path`.
 pub(crate) fn read(path: &Path) -> Result<ProgramFile, Fault> {
     if !path.metadata().is_ok_and(|found| found.is_file()) {
-        return Err(Fault::new(0, "cannot be read: it is no regular file"));
+        return Err(Fault::new(0, "cannot be read: it is not a regular file"));
     }
     let file = File::open(path).map_err(|e| Fault::new(0, format!("cannot be read: {e}")))?;
     parse(BufReader::with_capacity(1 << 18, file))

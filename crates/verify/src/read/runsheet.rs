@@ -1,7 +1,7 @@
 //! Readers of the run sheets: the table of blocks of `runsheet.csv` and `runsheet.txt` by the names of its columns, and
 //! what the sheet says above it of the part's place and the pens.
 //!
-//! In the tables every line is known. Around them the sheet tells what to do, in sentences that are not read.
+//! In the tables every line is known. Around them the sheet says what to do, in sentences that are not read.
 
 use super::Fault;
 
@@ -46,7 +46,7 @@ pub(crate) struct SheetSetup {
     pub(crate) number: usize,
     pub(crate) count: usize,
     pub(crate) zero: Vec<f64>,
-    /// Its blocks as runs, such as `B0001 to B0004, B0009 to B0009`.
+    /// The blocks of the set-up as runs, such as `B0001 to B0004, B0009 to B0009`.
     pub(crate) blocks: String,
     pub(crate) points: Vec<[Vec<f64>; 2]>,
 }
@@ -231,7 +231,7 @@ pub(crate) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
                 out.lifts.push(lift.take());
             }
             // What a stage is moved by is known to the last word.
-            ("PENS" | "BLOCKS", [_, ..]) => return Err(fault("is no line of this table")),
+            ("PENS" | "BLOCKS", [_, ..]) => return Err(fault("is not a line of this table")),
             _ => {}
         }
     }

@@ -145,18 +145,18 @@ pub(crate) fn all_are_known(manifest: &Manifest, chosen: &[usize], facts: &JobFa
             rule.broken(
                 &entry.id,
                 "manifest.json",
-                format!("it names a file of {format:?}, which is no format of its drawings"),
+                format!("it names a file of {format:?}, which is not a format of its drawings"),
             );
         }
     }
     for entry in &manifest.files {
         rule.checked += 1;
-        // What leads out of the folder is told by `hash`.
+        // What leads out of the folder is reported by `hash`.
         if is_inside(&entry.file) && !known.contains(&entry.file) {
             rule.broken(
                 "",
                 &entry.file,
-                "is listed, but is no file of this job: whoever loads it marks what is not proved",
+                "is listed, but is not a file of this job: whoever loads it marks what is not proved",
             );
         }
     }

@@ -58,7 +58,7 @@ pub(crate) struct Pieces {
     /// Closed strokes that are marked in one piece, and the others.
     pub(super) figures_whole: usize,
     pub(super) figures_cut: usize,
-    /// Those of the first that may be the second, since less is left out than can be seen.
+    /// The closed figures of the first kind that may be of the second, since less is left out than can be seen.
     pub(super) doubtful_figures: usize,
     /// How far the division of what is skipped may be off, mm: ends of gaps, facets at the limit.
     pub(super) doubt_mm: f64,
@@ -139,7 +139,7 @@ struct Span {
     mark: u32,
 }
 
-/// How far a gap or a share between two ends of marks may be off, nm, where an end of the stroke is none.
+/// How far a gap or a share between two ends of marks may be off, nm, where an end of the stroke does not count as one.
 fn noise(a: Option<&Span>, b: Option<&Span>) -> f64 {
     let off = |span: Option<&Span>| span.map_or(0.0, |s| s.off);
     NOISE + off(a) + off(b)

@@ -1,9 +1,9 @@
 //! `curves`: space curves are those of their file, and the surface lies as near to them as the job asks.
 //!
-//! The file is read by the verifier's own reader (`read::curves`), and each stroke of the texture is held against one of
-//! its curves, in the order of the file, to a nanometre in plan. A DXF with entities that this reader does not know has
-//! its curves from the texture. Between its points a curve is straight; it is compared with the file's own facets along
-//! z, piece by piece, where they may be marked. Stretches along the beam are not compared.
+//! The file is read by the verifier's own reader (`read::curves`), and each stroke of the texture is held against one
+//! of its curves, in the order of the file, to a nanometre in plan. A DXF with entities that this reader does not know
+//! has its curves from the texture. Between its points a curve is straight; it is compared with the file's own facets
+//! along z, piece by piece, where they may be marked. Stretches along the beam are not compared.
 
 use crate::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
 use crate::proof::Rule;
@@ -92,7 +92,7 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule:
                         &next[0]
                     }
                     None => {
-                        // Those after it could be found among what is left, or not: one fault is told.
+                        // Those after it could be found among what is left, or not: one fault is reported.
                         rule.broken("", &element, "it is not a curve of its file");
                         break;
                     }
@@ -418,7 +418,7 @@ mod tests {
             let all: Vec<&str> = rule.violations.iter().map(|v| v.message.as_str()).collect();
             assert!(says.is_empty() || all.iter().any(|m| m.contains(says)), "{after}: {all:?}");
         }
-        // What the job allows by a warning is no violation.
+        // What the job allows by a warning is not a violation.
         let lifted = CURVES.replace("0.93", "0.99");
         assert_eq!(found(&lifted, "on_distance = \"warn\"", None)[0].violated, 0);
     }

@@ -32,7 +32,7 @@ pub(crate) struct Marks {
     pub(super) worst_tolerance: f64,
     /// Where the points of tilted blocks lie in the drawing.
     pub(crate) drawn: Drawn,
-    /// The slopes under the marks of each upright block, where what lies under them tells them.
+    /// The slopes under the marks of each upright block, where what lies under them gives them.
     pub(super) slopes: Vec<Option<Bounds>>,
 }
 

@@ -98,7 +98,7 @@ fn one(
                 let inks = picture.inks_at(px, &|ink| choice.exists(ink)).into_iter();
                 inks.filter(|&ink| choice.is_marked(ink))
             };
-            // Nearly all marks are right, and where they are the point itself tells.
+            // Nearly all marks are right, and where they are the point itself decides.
             if inks_at(px(p)).any(|ink| choice.may_have(ink, pen)) {
                 continue;
             }
@@ -204,8 +204,8 @@ impl<'a> Choice<'a> {
         both(only, not(any(&self.except, ink)))
     }
 
-    /// Whether it is there, marked or not: of what is left out by its colour, what has a colour of the page still hides;
-    /// and what has one and is translucent may hide nothing.
+    /// Whether it is there, marked or not: of what is left out by its colour, what has a colour of the page still
+    /// hides; and what has one and is translucent may hide nothing.
     fn exists(&self, ink: Ink) -> Known {
         let marked = self.marked(ink);
         if marked == Known::Yes || !is_page(self.paper, ink.colour) {
@@ -231,8 +231,8 @@ impl<'a> Choice<'a> {
         both(only, not(except))
     }
 
-    /// Whether it is chosen and not the page: of the colours of the page those that `only` or `pens` name, and those that
-    /// have a pen by their label.
+    /// Whether it is chosen and not the page: of the colours of the page those that `only` or `pens` name, and those
+    /// that have a pen by their label.
     fn marked(&self, ink: Ink) -> Known {
         let by_name = self.only.iter().any(|c| matches!(c, Chosen::Colour(colour) if **colour == ink.colour));
         let shown = match is_page(self.paper, ink.colour) && !by_name {

@@ -101,7 +101,7 @@ fn walk(folder: &Path, prefix: &str, depth: usize, listed: &BTreeSet<String>, ru
         let path = if prefix.is_empty() { name.into_owned() } else { format!("{prefix}/{name}") };
         if !is_text {
             // No name of a manifest is such a one, however it is shown.
-            rule.broken("", path, "is in the folder, but its name is no text");
+            rule.broken("", path, "is in the folder, but its name is not text");
         } else if entry.file_type().is_ok_and(|t| t.is_dir()) {
             walk(folder, &path, depth + 1, listed, rule);
         } else if path != manifest::NAME && !listed.contains(&path) {

@@ -23,8 +23,8 @@ const DWELL_ROUNDING: f64 = 1e-6;
 const LEAST_SETTLE: f64 = 0.05;
 const MILLISECOND: f64 = 1e-3;
 
-/// Waits for BUSY, s: before START, and for its rise. A longer one leaves the beam where it should not be; a shorter one
-/// ends the program although all is well.
+/// Waits for BUSY, s: before START, and for its rise. A longer one leaves the beam where it should not be; a shorter
+/// one ends the program although all is well.
 const BEFORE_START: f64 = 2.0;
 const FOR_RISE: f64 = 5.0;
 
@@ -205,7 +205,7 @@ impl<'a> Run<'a> {
         self.finish(ended);
     }
 
-    /// START at statement `i - 1`: BUSY rises, START falls, BUSY falls. Answers where it goes on.
+    /// START at statement `i - 1`: BUSY rises, START falls, BUSY falls. Answers where it continues.
     fn fire(&mut self, i: usize, line: usize) -> usize {
         if !self.settled {
             self.broken(line, "START comes without a dwell after the stage moved");
@@ -270,8 +270,8 @@ impl<'a> Run<'a> {
     }
 
     /// A branch from statement `i` on, which must end the program with the output off, whatever else is in it: `off` is
-    /// followed through it alone, since after `endif` the program goes on as if there had been none. Answers where that
-    /// is.
+    /// followed through it alone, since after `endif` the program continues as if there had been none. Answers where
+    /// that is.
     fn branch(&mut self, i: usize, label: u32, at: usize, what: &str) -> usize {
         let statements = &self.stage.statements;
         let (mut off, mut stops) = (self.off, false);

@@ -1,7 +1,7 @@
 //! `mask`: what `inside` and `outside` leave of a texture is marked, and nothing else.
 //!
-//! The drawing of the area is read by the verifier's own readers (`read::picture`, `read::outline`) and placed by its own
-//! arithmetic ([`Page`]). The strokes before they are cut are the texture's. Of these and of the pieces at most
+//! The drawing of the area is read by the verifier's own readers (`read::picture`, `read::outline`) and placed by its
+//! own arithmetic ([`Page`]). The strokes before they are cut are the texture's. Of these and of the pieces at most
 //! [`MAX_STROKES`] are looked at, evenly: at three places of each piece, which must not lie beyond the border, and at
 //! [`PLACES`] or more of each whole stroke, which must be marked where they lie within it.
 //!
@@ -110,7 +110,7 @@ impl<'a> Border<'a> {
         tolerance: f64,
         site: &Site,
     ) -> Result<Self, &'static str> {
-        let page = Page::new(&mask.drawing, &mask.area, site, picture.sides_mm()).ok_or("it is no drawing")?;
+        let page = Page::new(&mask.drawing, &mask.area, site, picture.sides_mm()).ok_or("it is not a drawing")?;
         let scale = [0, 1].map(|k| page.size[k] / picture.size[k]);
         let name = mask.name.as_deref();
         let is_meant = |l: &str| Some(l) == name || l.split_once(':').is_some_and(|(_, own)| Some(own) == name);
@@ -421,8 +421,8 @@ mod tests {
                 }
             };
             let rule = found(&keys, MASK, moved);
-            let is_told = |v: &crate::Violation| v.message.contains("beyond the border");
-            assert!(keys.contains("outside = {") || rule.violations.iter().any(is_told), "{keys}: {rule:?}");
+            let is_beyond = |v: &crate::Violation| v.message.contains("beyond the border");
+            assert!(keys.contains("outside = {") || rule.violations.iter().any(is_beyond), "{keys}: {rule:?}");
             assert!(rule.violated > 0, "{keys}");
             if !keys.contains("soft") {
                 let dropped = |_: &Texture, i: usize, out: &mut Vec<P2>| {
@@ -441,7 +441,7 @@ mod tests {
     fn a_sharp_border_is_no_soft_one() {
         let soft = format!("{}inside = \"m.svg#area\"\nsoft = \"2 mm\"", HATCH.replace("0.5", "0.1"));
         let other = |texture: &Texture, i: usize, out: &mut Vec<P2>| {
-            // Lines go on to where they were before they were cut.
+            // Lines continue to where they were before they were cut.
             let uncut = texture.uncut(0).expect("a mask");
             let whole = (0..uncut.len()).find(|&k| uncut.pieces(k).contains(&i)).expect("a stroke");
             uncut.stroke(whole, out);

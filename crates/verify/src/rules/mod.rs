@@ -78,9 +78,9 @@ pub(super) fn without_inputs(
 
 /// The stage programs of a folder.
 pub(super) struct Stages {
-    /// Those of the blocks.
+    /// The stage files of the blocks.
     blocks: Vec<stage::StageFile>,
-    /// Those of their frames, where it has frames.
+    /// The stage files of the blocks' frames, where the job has frames.
     frames: Option<frames::Frames>,
 }
 
@@ -119,7 +119,7 @@ fn part_place<F>(p: P2<F>) -> String {
     format!("part at ({x:.6}, {y:.6}) mm")
 }
 
-/// As [`part_place`], for a point in nm that lies between grid points.
+/// The name of a place as [`part_place`] writes it, for a point in nm that lies between grid points.
 fn part_place_nm([x, y]: [f64; 2]) -> String {
     format!("part at ({:.6}, {:.6}) mm", x / terrace_core::geom::NM_PER_MM, y / terrace_core::geom::NM_PER_MM)
 }

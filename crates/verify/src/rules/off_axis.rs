@@ -10,17 +10,17 @@ use terrace_core::program::Program;
 /// Distances and shares agree to this.
 const NEAR: f64 = 1e-9;
 
-/// What is told in steps of this share of the largest distance.
+/// Distances are stated in steps of this share of the largest one.
 const STEP: f64 = 1.0 / 512.0;
 
 /// What is wrong with the stated distances.
 pub(super) fn fault(stated: &OffAxis, program: &Program) -> Option<String> {
     let radius = |p: &FieldPoint| f64::from(p.x).hypot(f64::from(p.y)) / NM_PER_MM;
     let largest = program.points.iter().map(radius).fold(0.0, f64::max);
-    let OffAxis { largest: told, p95 } = *stated;
-    let is_near = (told - largest).abs() <= NEAR * largest.max(1.0); // never of a NaN
+    let OffAxis { largest: stated_largest, p95 } = *stated;
+    let is_near = (stated_largest - largest).abs() <= NEAR * largest.max(1.0); // never of a NaN
     if !is_near {
-        return Some(format!("off_axis_mm.largest is given as {told}, but is {largest}"));
+        return Some(format!("off_axis_mm.largest is given as {stated_largest}, but is {largest}"));
     }
     if largest == 0.0 {
         return (p95 != 0.0).then(|| format!("off_axis_mm.p95 is given as {p95}, but all marks lie on the axis"));
@@ -39,7 +39,8 @@ pub(super) fn fault(stated: &OffAxis, program: &Program) -> Option<String> {
     })
 }
 
-/// The share of the marked length that lies within a distance from the axis, mm; of the dots where nothing has a length.
+/// The share of the marked length that lies within a distance from the axis, mm; of the dots where nothing has a
+/// length.
 fn share_within(program: &Program, radius: f64) -> f64 {
     let (mut inside, mut all) = (0.0, 0.0);
     let (mut dots_inside, mut dots) = (0u64, 0u64);

@@ -41,7 +41,7 @@ fn around([w, h]: [f64; 2], rad: f64) -> [f64; 2] {
 }
 
 impl Page {
-    /// The page of a drawing in its area whose file gives it these sides, mm; None of what is no drawing.
+    /// The page of a drawing in its area whose file gives it these sides, mm; None of what is not a drawing.
     pub(super) fn new(kind: &Kind, area: &Area, site: &Site, sides: [f64; 2]) -> Option<Self> {
         let Kind::Drawing { size, position, turn_rad, tile, marking, .. } = kind else { return None };
         let limit = match area {
@@ -101,7 +101,8 @@ impl Page {
         self.tiles || (0..2).all(|k| (-slack..=self.size[k] + slack).contains(&at[k]))
     }
 
-    /// Where a point of the turned part, nm, lies in the plane of the page, from its lower left corner, as it is placed.
+    /// Where a point of the turned part, nm, lies in the plane of the page, from its lower left corner, as it is
+    /// placed.
     pub(super) fn on_plane(&self, p: [f64; 2]) -> [f64; 2] {
         let part = turned(p.map(|v| v / NM_PER_MM), -self.part_rad);
         turned([part[0] - self.origin[0], part[1] - self.origin[1]], -self.turn_rad)
@@ -163,7 +164,7 @@ impl Page {
         })
     }
 
-    /// The tiles within a limit on the part; of a page that is no tile itself.
+    /// The tiles within a limit on the part; of a page that is not a tile itself.
     pub(super) fn tiles(&self, limit: Option<BoxMm<2>>) -> Vec<[i64; 2]> {
         let BoxMm { lo, hi } = self.extent(limit);
         let [x, y] = [0, 1].map(|k| {

@@ -1,5 +1,5 @@
 //! `agreement` of the run sheets, which for a job of drawings alone are the program: their rows are the blocks in
-//! order, each with its place, drawing, pens, lengths and time, and lifts where a sheet tells them; above the rows
+//! order, each with its place, drawing, pens, lengths and time, and lifts where a sheet states them; above the rows
 //! stand the part's place and the pens. Numbers agree to the decimals that they are written with. One violation per
 //! block.
 
@@ -347,8 +347,8 @@ fn runs(file: &ProgramFile, setup: usize) -> String {
     out.iter().map(|[from, to]| format!("{from} to {to}")).collect::<Vec<_>>().join(", ")
 }
 
-/// The zero of the stage as an operator sets it: with LinuxCNC no offset is left, so it is the machine's; the other dialect
-/// runs in G54.
+/// The zero of the stage as an operator sets it: with LinuxCNC no offset is left, so it is the machine's; the other
+/// dialect runs in G54.
 fn stage_zero(manifest: &Manifest) -> String {
     let zeros = [
         ("stage.ngc", "; in stage.ngc that is the machine's zero"),
@@ -362,7 +362,7 @@ fn stage_zero(manifest: &Manifest) -> String {
     format!("X Y Z of the stage are from the zero of the table frame{held}")
 }
 
-/// How the sheet begins to tell who loads the blocks, and its time in all.
+/// How the sheet begins the sentence on who loads the blocks, and its time in all.
 fn loading(manifest: &Manifest) -> (String, String) {
     let loading = &manifest.summary.loading;
     let (blocks, total_s) = match &manifest.subset {

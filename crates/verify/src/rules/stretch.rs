@@ -79,7 +79,7 @@ pub(super) struct Parallel {
     pub(super) side: f64,
 }
 
-/// As [`confirmed`], where what is wrong depends on the place.
+/// The stretches of [`confirmed`], where what is wrong depends on the place.
 pub(super) fn confirmed_along(
     list: &[Stretch],
     geometry: &Geometry,

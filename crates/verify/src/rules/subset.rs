@@ -27,10 +27,10 @@ pub(super) fn chosen(manifest: &Manifest, file: &ProgramFile, rule: &mut Rule) -
     }
 }
 
-/// Calls `told` with these blocks alone.
-pub(super) fn with<R>(file: &mut ProgramFile, chosen: &[usize], told: impl FnOnce(&ProgramFile) -> R) -> R {
+/// Calls `look` with these blocks alone.
+pub(super) fn with<R>(file: &mut ProgramFile, chosen: &[usize], look: impl FnOnce(&ProgramFile) -> R) -> R {
     if chosen.len() == file.ids.len() {
-        return told(file);
+        return look(file);
     }
     let follows = |at: usize| at > 0 && chosen[at - 1] + 1 == chosen[at];
     let blocks = chosen.iter().enumerate().map(|(at, &i)| {
@@ -40,7 +40,7 @@ pub(super) fn with<R>(file: &mut ProgramFile, chosen: &[usize], told: impl FnOnc
     });
     let (blocks, ids) = (blocks.collect(), chosen.iter().map(|&i| file.ids[i].clone()).collect());
     let whole = (std::mem::replace(&mut file.program.blocks, blocks), std::mem::replace(&mut file.ids, ids));
-    let answer = told(file);
+    let answer = look(file);
     (file.program.blocks, file.ids) = whole;
     answer
 }

@@ -209,7 +209,7 @@ pub(super) fn load_s(way: LoadingWay, facts: &JobFacts) -> f64 {
     }
 }
 
-/// Holds who loads the blocks to what the machine file says, and what is told as assumed.
+/// Holds who loads the blocks to what the machine file says, and what is stated as assumed.
 fn loading(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
     let (stated, way) = (&manifest.summary.loading, way(facts));
     let operator = facts.machine.operator;

@@ -1,7 +1,7 @@
 //! A stroke of the texture as placed anew, and where a mark lies along it.
 //!
-//! Lengths along it are nm from its first point, without the passes of its pen. A claimed segment is only a hint: what a
-//! mark's points say decides.
+//! Lengths along it are nm from its first point, without the passes of its pen. A claimed segment is only a hint: what
+//! a mark's points say decides.
 
 use crate::Drawing;
 use crate::geometry::Line;
@@ -36,7 +36,7 @@ impl TextureStroke {
         (!self.points.is_empty()).then_some(pen)
     }
 
-    /// Its point where it is a dot.
+    /// The point of the stroke where it is a dot.
     pub(super) fn dot(&self) -> Option<P2> {
         if let [dot] = self.points[..] { Some(dot) } else { None }
     }
@@ -46,7 +46,7 @@ impl TextureStroke {
         self.points.first() == self.points.last()
     }
 
-    /// Its length, nm.
+    /// The length of the stroke, nm.
     pub(super) fn len(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)
     }
@@ -62,13 +62,13 @@ impl TextureStroke {
         (k, s - self.along[k])
     }
 
-    /// Its point at length `s`, nm.
+    /// The point of the stroke at length `s`, nm.
     pub(super) fn at(&self, s: f64) -> [f64; 2] {
         let (k, d) = self.locate(s);
         self.line(k).at(d)
     }
 
-    /// Its segment `k`.
+    /// Segment `k` of the stroke.
     pub(super) fn line(&self, k: usize) -> Line {
         let [a, b] = [self.points[k], self.points[k + 1]].map(|p| [p.x as f64, p.y as f64]);
         Line::new(a, b)
@@ -83,7 +83,7 @@ impl TextureStroke {
         self.fit_from(mark, segment).or_else(|why| otherwise().ok_or(why))
     }
 
-    /// As [`TextureStroke::fit`], for a mark that begins on `segment` itself and goes on in the stroke's direction.
+    /// The fit of [`TextureStroke::fit`] for a mark that begins on `segment` itself and runs in the stroke's direction.
     fn fit_from(&self, mark: &[P2], segment: usize) -> Result<[f64; 2], &'static str> {
         // Between its cut points a mark has the very vertices of its stroke, one after another.
         let inner = &mark[1..mark.len() - 1];
@@ -99,8 +99,8 @@ impl TextureStroke {
         if from < to { Ok([from, to]) } else { Err("it runs against the direction that it claims") }
     }
 
-    /// As [`TextureStroke::fit`] for a mark on a tilted part, whose points are known to `off` nm: they lie on the stroke
-    /// one after another, every vertex of the stroke among them.
+    /// The fit of [`TextureStroke::fit`] for a mark on a tilted part, whose points are known to `off` nm: they lie on
+    /// the stroke one after another, every vertex of the stroke among them.
     pub(super) fn fit_turned(&self, mark: &[P2], segment: usize, off: f64) -> Result<[f64; 2], &'static str> {
         if mark.len() < 2 {
             return Err("it is a dot, and the stroke a line");
@@ -124,7 +124,7 @@ impl TextureStroke {
         self.points.get(k).is_some_and(|&v| v.distance(p) <= off)
     }
 
-    /// As [`TextureStroke::fit_turned`], for a mark that begins on segment `k`.
+    /// The fit of [`TextureStroke::fit_turned`] for a mark that begins on segment `k`.
     fn fit_turned_from(&self, mark: &[P2], mut k: usize, off: f64) -> Result<[f64; 2], &'static str> {
         let from = self.beside(k, mark[0], off).ok_or("it does not begin on that segment")?;
         let mut at = from;

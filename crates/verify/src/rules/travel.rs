@@ -72,6 +72,7 @@ fn leans(machine: &Machine, block: &Block) -> bool {
 /// Where a turned head is not where its block lies. Its centre and its focal plane are whole nanometres there, so that
 /// the two may lie half a nanometre apart along each axis of the head.
 fn head_fault(machine: &Machine, block: &Block, origin: Origin) -> Option<String> {
+    /// Half a nanometre, and what f64 adds.
     const APART: f64 = 0.51;
     let axes = machine.tilt.as_ref().filter(|_| leans(machine, block))?;
     let head = HeadPose::of(machine, block.stage, block.stop.tilt, origin);

@@ -111,8 +111,8 @@ impl Turned {
                 continue;
             }
             let (mut unmatched, mut slope2, mut side) = (None, 0.0, 0.0);
-            // A mark along the top of a wall: the side on which it begins must be one from which it can go on, and what
-            // lies there is at a height of the block. Where no side fits, the line itself tells.
+            // A mark along the top of a wall: the side on which it begins must be one from which it can continue, and
+            // what lies there is at a height of the block. Where no side fits, the line itself decides.
             let all = self.sides();
             for begin in 0..=all.len() {
                 let (mut sides, mut within) = (all, heights);
@@ -197,8 +197,8 @@ impl Turned {
     }
 
     /// How far a point may be off that is found in the drawing from its place in the field, nm, where the beam meets
-    /// the part at the slope `slope2` and the height was taken `side` nm beside the mark. With the sine l of the tilt, the slope t against the beam and the slope s of
-    /// the drawing, of angles b and a:
+    /// the part at the slope `slope2` and the height was taken `side` nm beside the mark. With the sine l of the tilt,
+    /// the slope t against the beam and the slope s of the drawing, of angles b and a:
     ///
     /// - The point of the field was rounded: [`GRID`] sideways, and the geometry there is t times as much higher. So it
     ///   is, by t times `side`, where the height was taken.
@@ -226,15 +226,15 @@ impl Turned {
         [0.0, near, -near, far, -far]
     }
 
-    /// Pieces up to this, nm, do not tell on which sheet a point lies: rim and mark are each known to the grid, and the
+    /// Pieces up to this, nm, do not show on which sheet a point lies: rim and mark are each known to the grid, and the
     /// rim to welding, and the mark may cross the rim at 15 degrees.
     fn short(&self) -> f64 {
         4.0 * (2.5 + self.geometry.weld())
     }
 
     /// What lies under a line of the turned part. A line along the rim or the top of a wall may run next to it by as
-    /// much as a mark may run off its stroke: then the part next to it tells the heights. A mark goes on where it was,
-    /// at `after`, and stays `within` its block's heights. Answers too whether one of the sides fits.
+    /// much as a mark may run off its stroke: then the part next to it gives the heights. A mark continues where it
+    /// was, at `after`, and stays `within` its block's heights. Answers too whether one of the sides fits.
     fn under(
         &self,
         line: &Line,
@@ -245,8 +245,8 @@ impl Turned {
         pieces: &mut Vec<OnSheet>,
     ) -> (Under, bool) {
         let mut under = Under::default();
-        // The first side fits on which the mark lies on the part throughout, runs straight in the drawing, and goes on
-        // where it was. If none does, the last one tells what is wrong.
+        // The first side fits on which the mark lies on the part throughout, runs straight in the drawing, and
+        // continues where it was. If none does, the last one says what is wrong.
         for side in sides {
             let mut widest_gap = 0.0f64;
             pieces.clear();
@@ -263,7 +263,8 @@ impl Turned {
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
             let goes_on = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
-            // So far aside, a rim that the mark ends at is met as much earlier or later where it runs at 45 degrees to it.
+            // So far aside, a rim that the mark ends at is met as much earlier or later where it runs at 45 degrees to
+            // it.
             if widest_gap <= self.short() + side.abs() && under.aside.1 <= beside && goes_on {
                 return (under, true);
             }

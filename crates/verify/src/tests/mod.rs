@@ -60,7 +60,7 @@ fn says_nothing(before: &[u8], after: &[u8], at: usize) -> bool {
     };
     // The key of the six values of a pose, in packed bytes.
     const POSE: [u8; 2] = [0x62, 24];
-    // What single precision does not tell, as `rules::poses`: mm of a position, degrees of an angle.
+    // What single precision does not resolve, as `rules::poses`: mm of a position, degrees of an angle.
     let is_of_pose = |start: usize| {
         let value = |bytes: &[u8]| Some(f32::from_le_bytes(bytes.get(start..start + 4)?.try_into().ok()?));
         let index = (0..6).find(|i| start >= 4 * i + 2 && before[start - 4 * i - 2..].starts_with(&POSE));
@@ -213,7 +213,7 @@ fn once_reports_a_doubled_mark() {
 
 #[test]
 fn once_allows_overlaps_as_declared_and_no_others() {
-    // Line 0 goes on in block 1 from 20 mm; both may reach over that cut. Level 1 begins at 0.4 mm height there.
+    // Line 0 continues in block 1 from 20 mm; both may reach over that cut. Level 1 begins at 0.4 mm height there.
     let overlapping = |declared: f64, by: i64, change: &dyn Fn(&mut Made)| {
         let mut made = Made::new();
         made.facts.overlap_nm = declared;

@@ -125,8 +125,8 @@ fn altered(word: &[u8]) -> Vec<u8> {
     word
 }
 
-/// Whether a change of a word in this line is one on which nothing acts: names in comments, and the sentences around the
-/// tables of a run sheet.
+/// Whether a change of a word in this line is one on which nothing acts: names in comments, and the sentences around
+/// the tables of a run sheet.
 fn is_prose(name: &str, line: &str, part: &str) -> bool {
     let is_comment = match name {
         "fly.ngc" => line.starts_with('(') && !line.starts_with("(MARK"),
@@ -147,8 +147,8 @@ fn is_prose(name: &str, line: &str, part: &str) -> bool {
 }
 
 /// Whether a controller does the same with other words in a line: one more time what it did before, a longer dwell, the
-/// number of a line, a comment less, the output off or at rest once less where it is off and at rest already (`laser` looks
-/// whether it is), the last figure of a time.
+/// number of a line, a comment less, the output off or at rest once less where it is off and at rest already (`laser`
+/// looks whether it is), the last figure of a time.
 fn does_the_same(name: &str, line: &str, [old, new]: [&str; 2]) -> bool {
     let is_program = [".ngc", ".nc", ".pmc"].iter().any(|ending| name.ends_with(ending));
     let is_comment = |text: &str| text.starts_with('(') || text.starts_with("//");
@@ -246,11 +246,11 @@ fn changes(name: &str, bytes: &[u8]) -> Vec<(Range<usize>, Vec<u8>)> {
             out.push((at..at + line.len(), Vec::new()));
             out.push((at..at, line.as_bytes().to_vec()));
             for word in words(line.as_bytes()) {
-                let told = &line.as_bytes()[word.clone()];
+                let typed = &line.as_bytes()[word.clone()];
                 let place = at + word.start..at + word.end;
-                out.push((place.clone(), altered(told)));
+                out.push((place.clone(), altered(typed)));
                 out.push((place.clone(), Vec::new()));
-                out.push((place, [told, b" ", told].concat()));
+                out.push((place, [typed, b" ", typed].concat()));
             }
         }
         at += line.len();

@@ -11,15 +11,15 @@ use crate::run::laser::tests::Rest;
 struct Faults {
     /// Requests and answers are lost again and again, the first load among them.
     lossy: bool,
-    /// It answers nothing from this command on.
+    /// Nothing is answered from this command on.
     silent_from: Option<&'static str>,
-    /// It answers `!` to this command.
+    /// This command is answered with `!`.
     refuses: Option<&'static str>,
-    /// Its answer to this command is lost.
+    /// The answer to this command is lost.
     mute: Option<&'static str>,
     /// Every other answer to STATUS comes so late, after START.
     late_ms: u64,
-    /// It ignores START, though it says OK.
+    /// START is ignored, though the answer is OK.
     never_starts: bool,
 }
 
@@ -284,7 +284,7 @@ fn answers_come_to_their_own_port_and_from_any_port_of_the_host() {
 }
 
 #[test]
-fn lightburn_that_is_not_there_is_told_at_once() {
+fn lightburn_that_is_not_there_is_reported_at_once() {
     let responder = Responder::start(Faults { silent_from: Some("PING"), ..Faults::default() });
     assert_eq!(responder.driver(None).open(&Interrupt::default()).expect_err("silent").code, "lightburn-answer");
     let mut laser = LightBurn::new(Some("no host".into()), None, None, Some(0));
@@ -304,8 +304,8 @@ fn files_are_named_as_the_other_computer_sees_them() {
     assert!(Path::new(&here).is_absolute() && here.ends_with("B0001.lbrn2"), "{here}");
 }
 
-/// A LightBurn that answers each command as `answer` says, with what it is to send besides: texts, each so many ms later,
-/// from its own port or another's.
+/// A LightBurn that answers each command as `answer` says, with what it is to send besides: texts, each so many ms
+/// later, from its own port or another's.
 fn scripted(answer: impl Fn(&str) -> (&'static str, Vec<(u64, &'static str, bool)>) + Send + 'static) -> Responder {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let other = UdpSocket::bind("127.0.0.1:0").expect("a port");
@@ -428,7 +428,7 @@ fn lightburn_that_somebody_else_starts_is_not_free() {
 }
 
 #[test]
-fn answers_without_end_are_told() {
+fn answers_without_end_are_reported() {
     let number = std::sync::atomic::AtomicUsize::new(0);
     let mut laser = scripted(move |command| match command {
         "STATUS" if number.fetch_add(1, std::sync::atomic::Ordering::SeqCst).is_multiple_of(2) => ("!", vec![]),

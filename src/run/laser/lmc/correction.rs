@@ -28,7 +28,7 @@ pub(super) fn read(file: &Path) -> Result<Vec<[u16; 2]>, Diag> {
     };
     let values = values
         .filter(|v| v.len() >= 2 * POINTS)
-        .ok_or_else(|| fault("this is no field correction of 65 x 65 points"))?;
+        .ok_or_else(|| fault("this is not a field correction of 65 x 65 points"))?;
     let shifts: Option<Vec<u16>> = values[..2 * POINTS].iter().map(|v| shift(*v)).collect();
     shifts
         .map(|s| s.as_chunks().0.to_vec())

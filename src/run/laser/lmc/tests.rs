@@ -21,7 +21,7 @@ struct Card {
     not_ready: usize,
     /// Writes after which the connection fails.
     fails_after: Option<usize>,
-    /// It goes on when it is told to stop.
+    /// The card keeps marking when it is sent the command to stop.
     is_deaf: bool,
     packets: usize,
 }
@@ -229,7 +229,10 @@ fn a_list_that_does_not_end_and_an_abort_stop_the_card() {
         assert_eq!(e.code, "lmc-time");
         let e = lmc.stopped(e, "B0007");
         assert!(e.message.contains(certain) && e.message.contains("B0007 is marked, in part"), "{e}");
-        assert!(written(&card).iter().any(|packet| packet.starts_with("1f00")), "it was told to stop");
+        assert!(
+            written(&card).iter().any(|packet| packet.starts_with("1f00")),
+            "the card was sent the command to stop"
+        );
         assert_eq!(lmc.off().is_err(), is_deaf);
     }
     let (mut lmc, card) = driver(Card { length: usize::MAX, ..Card::default() }, LmcLaser::Fiber);
@@ -313,7 +316,7 @@ fn pilot_list_holds_nothing_of_the_laser_and_waits_as_long_as_it_takes() {
 }
 
 #[test]
-fn busy_card_is_not_taken_over_and_no_card_is_told() {
+fn busy_card_is_not_taken_over_and_no_card_is_reported() {
     let (mut lmc, card) = driver(Card { busy: 100, ..Card::default() }, LmcLaser::Fiber);
     assert_eq!(lmc.open(&Interrupt::default()).expect_err("busy").code, "lmc-busy");
     assert!(written(&card).len() == 1, "nothing but the request for its number");

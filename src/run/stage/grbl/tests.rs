@@ -221,7 +221,7 @@ fn abort_holds_and_keeps_the_position() {
 }
 
 #[test]
-fn a_broken_line_is_told_and_nothing_is_certain() {
+fn a_broken_line_is_reported_and_nothing_is_certain() {
     let simulator = Simulator::start(&["--fault", "hang-up@1"]);
     let mut grbl = simulator.opened();
     let e = go(&mut grbl, &[('X', 200_000_000)]).expect_err("hung up");

@@ -64,8 +64,8 @@ impl Schema {
     }
 }
 
-/// Sorts the keys of every `[[texture]]` of a job file, as [`TextureKeys`] reads them. Keys of another source are faults,
-/// and left out. Answers whether all textures have what they need.
+/// Sorts the keys of every `[[texture]]` of a job file, as [`TextureKeys`] reads them. Keys of another source are
+/// faults, and left out. Answers whether all textures have what they need.
 ///
 /// [`TextureKeys`]: super::keys::TextureKeys
 pub(in crate::job) fn sort(root: &mut DeTable<'_>, f: &mut Faults<'_>) -> bool {
@@ -118,7 +118,7 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
         "file" => Some(&SCHEMA.drawing),
         _ => Some(&SCHEMA.curves),
     };
-    // A pattern that is not known is told where it is read.
+    // A pattern that is not known is reported where it is read.
     let Some(source) = source else { return true };
     let own: Vec<&str> = source.keys.iter().map(String::as_str).filter(|key| *key != tag).collect();
     let specific =
@@ -128,7 +128,7 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
         let of_sources = || SCHEMA.sources().any(|other| other.keys.iter().any(|known| known == key));
         SOURCES.contains(&key) || SCHEMA.common.iter().any(|known| known == key) || of_sources()
     };
-    // A key that is misspelt is told as such, and not as missing.
+    // A key that is misspelt is reported as such, and not as missing.
     if table.keys().all(|key| is_known(key.get_ref())) {
         for key in &missing {
             let fault = Diag::input("texture-key", format!("{} needs {key}", source.name));
@@ -199,7 +199,7 @@ mod tests {
     }
 
     /// The same as one line a fault.
-    fn told(texture: &str) -> Vec<String> {
+    fn messages(texture: &str) -> Vec<String> {
         faults(texture).into_iter().map(|[place, text, _]| format!("{place}: {text}")).collect()
     }
 
@@ -215,18 +215,18 @@ mod tests {
             ("pattern = \"hatc\"\npitch = \"1 mm\"", "job.toml:2:11: unknown variant `hatc`, expected one of"),
             ("pattern = 3\npitch = \"1 mm\"", "job.toml:2:11: pattern is not a text"),
         ] {
-            let found = told(keys);
+            let found = messages(keys);
             assert!(found.len() == 1 && found[0].starts_with(wanted), "{keys}: {found:?}");
         }
         assert_eq!(
-            told("pattern = \"dots\"\npitch = \"1 mm\"\nlattice = \"hex\"\njitter = \"10 %\"\nseed = 4"),
+            messages("pattern = \"dots\"\npitch = \"1 mm\"\nlattice = \"hex\"\njitter = \"10 %\"\nseed = 4"),
             [""; 0]
         );
     }
 
     #[test]
     fn keys_are_held_to_the_source_all_at_once() {
-        let found = told("pattern = \"hilbert\"\nturn = \"0 deg\"\npitch = \"1 mm\"\npen = \"no\"\norder = 20");
+        let found = messages("pattern = \"hilbert\"\nturn = \"0 deg\"\npitch = \"1 mm\"\npen = \"no\"\norder = 20");
         let wanted = [
             "job.toml:3:8: turn does not apply to hilbert",
             "job.toml:4:9: pitch does not apply to hilbert",
@@ -239,10 +239,13 @@ mod tests {
         assert_eq!(texts, ["rings needs pitch", "rings needs inner"]);
         assert_eq!(missing[0][2], "keys specific to rings: pitch, cell, inner, lattice");
         assert_eq!(
-            told("file = \"a.svg\"\nmax_distance = \"1 mm\"")[0],
+            messages("file = \"a.svg\"\nmax_distance = \"1 mm\"")[0],
             "job.toml:3:16: max_distance does not apply to a drawing"
         );
-        assert_eq!(told("curves = \"a.csv\"\ncell = \"1 mm\"")[0], "job.toml:3:8: cell does not apply to space curves");
+        assert_eq!(
+            messages("curves = \"a.csv\"\ncell = \"1 mm\"")[0],
+            "job.toml:3:8: cell does not apply to space curves"
+        );
     }
 
     #[test]

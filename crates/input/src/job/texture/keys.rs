@@ -101,8 +101,8 @@ pub struct DrawingKeys {
     #[schemars(example = &"0.5 mm", extend("x-default" = "half the spot"))]
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
-    /// Direction of the lines that fill areas, from +x, counter-clockwise; "contour" turns them along the level lines of
-    /// every section.
+    /// Direction of the lines that fill areas, from +x, counter-clockwise; "contour" turns them along the level lines
+    /// of every section.
     #[serde(default)]
     pub direction: Direction,
     /// Width and height that the whole page gets. This, `fit` or, for bitmaps, `dpi` is required where the
@@ -399,10 +399,10 @@ fn mirror_axis<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Mirror>, D::Err
         Text(String),
     }
     const WRITE: &str = "write \"x\" (left and right are exchanged) or \"y\" (top and bottom)";
-    match Written::deserialize(d).map_err(|_| D::Error::custom(format!("mirror is no axis; {WRITE}")))? {
+    match Written::deserialize(d).map_err(|_| D::Error::custom(format!("mirror is not an axis; {WRITE}")))? {
         Written::Text(axis) if axis == "x" => Ok(Some(Mirror::X)),
         Written::Text(axis) if axis == "y" => Ok(Some(Mirror::Y)),
-        Written::Text(other) => Err(D::Error::custom(format!("{other:?} is no axis to mirror along; {WRITE}"))),
+        Written::Text(other) => Err(D::Error::custom(format!("{other:?} is not an axis to mirror along; {WRITE}"))),
         Written::Switch(true) => Err(D::Error::custom(format!("mirror = true does not say along which axis; {WRITE}"))),
         Written::Switch(false) => {
             Err(D::Error::custom(format!("mirror = false does not name an axis; leave it out, or {WRITE}")))

@@ -65,7 +65,7 @@ fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) ->
         MaskKeys::Placed(keys) => ((&**keys).into(), keys.turn, keys.mirror, keys.unit, Area::Unlimited),
     };
     let is_placed = matches!(mask, MaskKeys::Placed(_));
-    // Faults of the texture's own keys are told once, by itself.
+    // Faults of the texture's own keys are reported once, by itself.
     let (size, position) = if is_placed {
         page::resolve(page, &|name| texture.key(&format!("{key}.{name}")), f)
     } else {

@@ -66,7 +66,7 @@ impl Texture<'_> {
         }
     }
 
-    /// Its area, which may be empty.
+    /// The area of the texture, which may be empty.
     fn area_as_given(&self) -> texture::Area {
         match &self.keys.common.area {
             Some(AreaKeys::Named(AreaName::Part)) => texture::Area::Part,
@@ -229,7 +229,7 @@ impl Texture<'_> {
 
     /// Which colours are the page.
     fn paper(&self, keys: &DrawingKeys, f: &mut Faults<'_>) -> texture::Paper {
-        // What is darker than this is no paper, but a slip such as a share (0.98) or the colour of the marks.
+        // What is darker than this is not paper, but a slip such as a share (0.98) or the colour of the marks.
         const DARKEST: f64 = 50.0;
         let (paper, lightness) = match &keys.paper {
             None => return texture::Paper::default(),
@@ -237,7 +237,7 @@ impl Texture<'_> {
             Some(PaperKeys::Colour(name)) => match texture::Selector::parse(name) {
                 Some(texture::Selector::Colour(colour)) => (texture::Paper::Colour(colour), texture::lightness(colour)),
                 _ => {
-                    let fault = Diag::input("texture-key", format!("{name:?} is no colour"));
+                    let fault = Diag::input("texture-key", format!("{name:?} is not a colour"));
                     f.push(&self.key("paper"), fault.hint("write \"#fefefe\", or a lightness from 50 to 100"));
                     return texture::Paper::default();
                 }

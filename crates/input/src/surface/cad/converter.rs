@@ -184,7 +184,7 @@ fn listen(stdout: ChildStdout) -> Heard {
     }
 }
 
-/// The end of what the converter prints; all of it is taken, so that it can go on.
+/// The end of what the converter prints; all of it is taken, so that it can continue.
 fn last_words(mut stderr: ChildStderr) -> String {
     let (mut kept, mut chunk) = (Vec::new(), [0; 4096]);
     while let Ok(read @ 1..) = stderr.read(&mut chunk) {

@@ -1,8 +1,8 @@
 //! The records of an IGES file, as far as Open CASCADE relies on them.
 //!
 //! Consumes the file line by line. Promises records of 80 columns whose sections come in order and are numbered without
-//! a gap, a last record whose counts are those of the sections, numbers that are finite, and sizes that are those of the
-//! part: a scale of 1, and a unit whose flag and name agree. What the entities mean is left to the reader.
+//! a gap, a last record whose counts are those of the sections, numbers that are finite, and sizes that are those of
+//! the part: a scale of 1, and a unit whose flag and name agree. What the entities mean is left to the reader.
 
 use std::path::Path;
 
@@ -133,9 +133,9 @@ enum Unit {
     Agrees,
     /// There is neither.
     Absent,
-    /// It is clear what is meant, but one of the two is none of IGES.
+    /// The unit is clear, but one of the two ways to state it is not that of IGES.
     Odd(String),
-    /// It is not clear what is meant, or Open CASCADE takes it for something else.
+    /// The unit is not clear, or Open CASCADE takes it for another one.
     Unclear(String),
 }
 
@@ -148,12 +148,12 @@ fn compared(flag: &str, name: &str) -> Unit {
         (Some(BY_NAME) | None, _) if name.is_empty() && (is_unstated || number.is_some()) => Unit::Absent,
         (Some(BY_NAME), Some((mm, _))) if STANDARD.contains(&name) || *mm == 1.0 => Unit::Agrees,
         (None, Some(_)) if is_unstated && STANDARD.contains(&name) => {
-            Unit::Odd(format!("the flag of the unit is none of IGES ({both}): {name} is taken"))
+            Unit::Odd(format!("the flag of the unit is not one of IGES ({both}): {name} is taken"))
         }
-        (Some(BY_NAME) | None, _) => Unit::Unclear(format!("the unit is none of IGES ({both})")),
+        (Some(BY_NAME) | None, _) => Unit::Unclear(format!("the unit is not one of IGES ({both})")),
         (Some(_), None) if name.is_empty() => Unit::Agrees,
         (Some(n), None) => {
-            Unit::Odd(format!("the name of the unit is none of IGES ({both}): {} is taken", UNITS[n - 1].1[0]))
+            Unit::Odd(format!("the name of the unit is not one of IGES ({both}): {} is taken", UNITS[n - 1].1[0]))
         }
         (Some(n), Some(named)) if UNITS[n - 1].0 == named.0 => Unit::Agrees,
         (Some(n), Some(named)) => {

@@ -215,7 +215,7 @@ impl Scanner {
         if first && word == "END-ISO-10303-21" {
             self.ended = true;
         } else if let Some(id) = word.strip_prefix('#') {
-            let id = id.parse().map_err(|_| syntax(format!("{word:?} is no number of an instance")))?;
+            let id = id.parse().map_err(|_| syntax(format!("{word:?} is not a number of an instance")))?;
             each(self.line, if first { Instance::Defined(id) } else { Instance::Named(id) })?;
         } else if word.starts_with(|c: char| c.is_ascii_digit() || c == '+' || c == '-') && self.depth > 0 {
             let finite = word.parse::<f64>().map(f64::is_finite);
@@ -299,7 +299,7 @@ mod tests {
             ("#1=A(1));", "step-syntax", ":5", "not opened"),
             ("#1=A('a", "step-syntax", ":5", "begins at line 5"),
             ("#1=A(1);\nENDSEC;\n", "step-syntax", ":7", "cut short"),
-            ("#x=A(1);", "step-syntax", ":5", "no number"),
+            ("#x=A(1);", "step-syntax", ":5", "not a number"),
             (deep.as_str(), "step-syntax", ":5", "200 deep"),
         ] {
             let e = checked(data).expect_err(data);

@@ -94,8 +94,8 @@ pub(in crate::surface) fn read(
     }
 }
 
-/// Makes samples of this value holes. Values such as -3.402823e38 are the least of a float, and programs write them with
-/// more or fewer digits than in the header.
+/// Makes samples of this value holes. Values such as -3.402823e38 are the least of a float, and programs write them
+/// with more or fewer digits than in the header.
 fn add_holes(samples: &mut Samples, value: f64) {
     match samples {
         Samples::Double(values) if value.abs() > 1e30 => {
@@ -153,7 +153,7 @@ impl Header {
     fn size(&self) -> Result<[usize; 2], Diag> {
         let [columns, rows] = [self.need("ncols")?, self.need("nrows")?];
         if let Some(v) = [columns, rows].into_iter().find(|v| *v < 0.0 || v.fract() != 0.0) {
-            return Err(Diag::input("grid-header", format!("{v} is no number of columns or rows")).hint(AGAIN));
+            return Err(Diag::input("grid-header", format!("{v} is not a number of columns or rows")).hint(AGAIN));
         }
         check_size(columns as u64, rows as u64, MAX_SAMPLES)?;
         Ok([columns as usize, rows as usize])

@@ -3,8 +3,8 @@
 //! Consumes the first image of a TIFF or BigTIFF file: one band of 8, 16 or 32 bits with or without a sign, or of
 //! floats, in strips or tiles, plain or packed by Deflate, LZW or PackBits. Samples that are NaN or have the value of
 //! the tag GDAL_NODATA are holes. The size is checked before anything is allocated; samples take 2, 4 or 8 bytes each,
-//! twice that while types are changed. Scales and places that the file has (GeoTIFF) are not used, but cells that are not
-//! square by them are refused.
+//! twice that while types are changed. Scales and places that the file has (GeoTIFF) are not used, but cells that are
+//! not square by them are refused.
 
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -169,7 +169,7 @@ fn hole<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<Option<f64>, Diag> {
         Ok(v) => Ok(Some(v).filter(|v| !v.is_nan())),
         Err(_) if text.is_empty() => Ok(None),
         Err(_) => {
-            let text = format!("the tag GDAL_NODATA is \"{}\", which is no number", shown(text.as_bytes()));
+            let text = format!("the tag GDAL_NODATA is \"{}\", which is not a number", shown(text.as_bytes()));
             Err(Diag::input("tiff-damaged", text).hint("save the image again with a number, or without the tag"))
         }
     }

@@ -17,8 +17,8 @@ struct Held {
     first: Place,
 }
 
-/// Whether scanners and maps write this height, in whatever unit, where they measured nothing: -999 and more nines, with
-/// up to three decimals, and the least number of 16 bits.
+/// Whether scanners and maps write this height, in whatever unit, where they measured nothing: -999 and more nines,
+/// with up to three decimals, and the least number of 16 bits.
 fn may_be_no_data(z: f64) -> bool {
     let all_nines = |decimals: i32| {
         let whole = -z * 10f64.powi(decimals);
@@ -133,7 +133,7 @@ impl Cloud {
         }
     }
 
-    /// Decides what the rows `0 0 0` are: two or more are no points where the others lie elsewhere, and so are many.
+    /// Decides what the rows `0 0 0` are: two or more are not points where the others lie elsewhere, and so are many.
     fn end_zeros(&mut self, are_none: bool, notes: &mut Vec<Diag>) {
         let Some(place) = self.first_zero.clone() else { return };
         let (origin, box3) = (self.place([0.0; 3]), self.extent);
@@ -148,7 +148,7 @@ impl Cloud {
         (0..zeros).for_each(|_| self.put([0.0; 3], || place.clone()));
     }
 
-    /// The points; rows `0 0 0` are none where `zeros_are_none`.
+    /// The points; rows `0 0 0` are left out where `zeros_are_none`.
     pub(super) fn finish(
         mut self,
         path: &Path,

@@ -22,7 +22,7 @@ impl Separator {
         }
     }
 
-    /// That of a row `sep=;`, which tells a spreadsheet what parts the columns.
+    /// The separator that a row `sep=;` states for spreadsheets.
     pub(super) fn stated(line: &[u8]) -> Option<Self> {
         let line = unquoted(line);
         let (name, rest) = line.split_at_checked(4)?;

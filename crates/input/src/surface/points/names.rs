@@ -35,7 +35,7 @@ const SURVEYED: [&[&str]; 3] = [
     &["elev", "elevation", "height", "h", "alt", "altitude", "höhe", "hoehe", "u", "up"],
 ];
 
-/// Words for what is no coordinate in a length.
+/// Words for what is not a coordinate in a length.
 const OTHER: [&str; 20] = [
     "id",
     "ids",
@@ -62,11 +62,11 @@ const OTHER: [&str; 20] = [
 /// What a name says of its column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meaning {
-    /// It is the axis of this number.
+    /// The column is the axis of this number.
     Axis(usize),
-    /// It is the axis of this number in the words of surveyors.
+    /// The column is the axis of this number in the words of surveyors.
     Surveyed(usize),
-    /// It is a number of the point, or an angle.
+    /// The column is a number of the point, or an angle.
     Other,
     Unknown,
 }
@@ -112,7 +112,7 @@ fn meaning(word: &str) -> Meaning {
 #[derive(Debug)]
 pub(super) struct Named {
     pub xyz: [usize; 3],
-    /// What is to be told of the choice.
+    /// What is to be reported of the choice.
     pub note: Option<Diag>,
     /// mm in the unit that the names state.
     pub unit_mm: Option<f64>,

@@ -80,7 +80,7 @@ impl<'a> Rows<'a> {
         self.point(line, lines)
     }
 
-    /// Whether a row of one whole number tells how many rows follow: the first, and one behind those that were told.
+    /// Whether a row of one whole number states how many rows follow: the first, and one behind those that were stated.
     fn may_count(&self) -> bool {
         match &self.scan {
             Some(scan) => scan.head >= Scan::HEAD && scan.left == 0,
@@ -93,7 +93,7 @@ impl<'a> Rows<'a> {
             // The next scan of the file.
             *scan = Scan { columns: Some(n), ..Scan::default() };
         } else if self.layout.is_none() && self.count.first.is_some() && self.names.is_none() {
-            let columns = self.count.told;
+            let columns = self.count.stated;
             self.count = Count::default();
             self.scan = Some(Scan::default().with(columns, n)?);
         } else {
@@ -200,27 +200,27 @@ fn whole(line: &[u8]) -> Option<u64> {
     line.iter().all(u8::is_ascii_digit).then(|| std::str::from_utf8(line).ok()?.parse().ok())?
 }
 
-/// The number of points that the file tells, and how many there are.
+/// The number of points that the file states, and how many there are.
 #[derive(Default)]
 struct Count {
-    told: u64,
+    stated: u64,
     first: Option<Place>,
     rows: u64,
 }
 
 impl Count {
     fn add(&mut self, n: u64, place: Place) {
-        self.told = self.told.saturating_add(n);
+        self.stated = self.stated.saturating_add(n);
         self.first.get_or_insert(place);
     }
 
     fn is_complete(&self) -> bool {
-        self.first.is_some() && self.told == self.rows
+        self.first.is_some() && self.stated == self.rows
     }
 
     fn note(&self) -> Option<Diag> {
         let place = self.first.clone().filter(|_| !self.is_complete())?;
-        let text = format!("the file tells of {} points and has {}", self.told, self.rows);
+        let text = format!("the file states {} points and has {}", self.stated, self.rows);
         Some(Diag::warning("points-count", text).at(place).hint("the file may be cut short: export or copy it again"))
     }
 }
@@ -289,7 +289,7 @@ struct Ids {
 }
 
 impl Ids {
-    /// Takes the first columns of a row; false where its first does not go on counting.
+    /// Takes the first columns of a row; false where its first does not keep counting.
     fn goes_on<'a>(&mut self, mut columns: impl Iterator<Item = &'a [u8]>) -> bool {
         let Some(id) = columns.next().and_then(whole) else { return false };
         let is_first = self.first.is_none();
@@ -304,7 +304,8 @@ impl Ids {
         true
     }
 
-    /// Whether this cannot well be a coordinate: it goes on by one to the end, or alone of the columns has whole numbers.
+    /// Whether this cannot well be a coordinate: it continues by one to the end, or alone of the columns has whole
+    /// numbers.
     fn is_sure(&self) -> bool {
         self.rows >= 5 && (self.is_by_one || self.has_fractions)
     }

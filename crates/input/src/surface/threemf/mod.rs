@@ -4,8 +4,8 @@
 //! items and components are placed by their transforms, composed in f64; a mirror turns the winding of its facets. The
 //! unit is that of the file. Objects are held (24 bytes a vertex, 12 a triangle) and handed on once for each instance,
 //! in the order of items and components; instances and facets are counted first, so that a small file cannot stand for
-//! a huge one. Supports are left out with a warning, and so is what a slicer's project says is not the part ([`slicer`]);
-//! bodies that it subtracts from the part are refused. Transforms that make an object flat are refused.
+//! a huge one. Supports are left out with a warning, and so is what a slicer's project says is not the part
+//! ([`slicer`]); bodies that it subtracts from the part are refused. Transforms that make an object flat are refused.
 
 mod model;
 mod package;
@@ -304,8 +304,8 @@ fn instances(model: &mut Model) -> impl Iterator<Item = &mut Instance> {
     model.items.iter_mut().chain(model.objects.iter_mut().flat_map(|o| &mut o.components))
 }
 
-/// Gives components, or the object itself, the volumes that a slicer names by the ids of their objects. Volumes may share
-/// the mesh of one object; they come in the order of the components.
+/// Gives components, or the object itself, the volumes that a slicer names by the ids of their objects. Volumes may
+/// share the mesh of one object; they come in the order of the components.
 fn assign_parts(object: &mut Object, volumes: &[Volume]) -> Result<(), Diag> {
     let mut by_id = BTreeMap::<u32, Vec<&Volume>>::new();
     for volume in volumes {
@@ -328,7 +328,7 @@ fn assign_parts(object: &mut Object, volumes: &[Volume]) -> Result<(), Diag> {
     match lost.filter_map(|volume| volume.aside(object.id)).next() {
         None => Ok(()),
         Some(aside) => {
-            let text = format!("{} is none of the components of the object", aside.text);
+            let text = format!("{} is not one of the components of the object", aside.text);
             Err(Diag::input("3mf-volumes", text).hint(AGAIN))
         }
     }

@@ -295,7 +295,7 @@ impl Parser<'_> {
             "foot" => ("foot", 304.8),
             "meter" => ("meter", 1000.0),
             other => {
-                let text = format!("unit \"{}\" is none of 3MF", shown(other.as_bytes()));
+                let text = format!("unit \"{}\" is not one of 3MF", shown(other.as_bytes()));
                 let d = self.fault("surface-unit", text);
                 return Err(d.hint("a 3MF file is in micron, millimeter, centimeter, inch, foot or meter"));
             }
@@ -347,7 +347,7 @@ impl Parser<'_> {
                     }
                 }
                 if parent.is_none() {
-                    return Err(self.fault("3mf-xml", "this is no model of the core specification".into()));
+                    return Err(self.fault("3mf-xml", "this is not a model of the core specification".into()));
                 }
                 attributes(e, self.name, |_, _| Ok(()))
             }
@@ -407,7 +407,7 @@ impl Parser<'_> {
             let v = number(value.trim().as_bytes()).map_err(|_| {
                 self.fault(
                     "surface-number",
-                    format!("vertex {n}: {key} = \"{}\" is no number", shown(value.as_bytes())),
+                    format!("vertex {n}: {key} = \"{}\" is not a number", shown(value.as_bytes())),
                 )
             })?;
             p[axis] = Some(v);

@@ -119,7 +119,7 @@ impl<'a> Package<'a> {
     pub(super) fn named(&self, path: &str) -> Result<String, Diag> {
         let absolute = path.starts_with('/').then(|| resolve("", path)).flatten();
         absolute.filter(|name| self.index(name).is_some()).ok_or_else(|| {
-            let text = format!("path \"{}\" is no part of the archive", lines::shown(path.as_bytes()));
+            let text = format!("path \"{}\" is not a part of the archive", lines::shown(path.as_bytes()));
             self.fault("3mf-part", text)
         })
     }

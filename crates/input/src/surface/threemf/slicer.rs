@@ -1,8 +1,9 @@
 //! What slicers say of objects beside the model: which of their volumes are the part.
 //!
-//! Consumes `Metadata/Slic3r_PE_model.config` (PrusaSlicer and what derives from it: volumes are ranges of the triangles
-//! of an object) and `Metadata/model_settings.config` (Bambu Studio, OrcaSlicer: volumes are components of an object),
-//! element by element. Promises the volumes of each object of the first model. Settings of printing are passed over.
+//! Consumes `Metadata/Slic3r_PE_model.config` (PrusaSlicer and what derives from it: volumes are ranges of the
+//! triangles of an object) and `Metadata/model_settings.config` (Bambu Studio, OrcaSlicer: volumes are components of an
+//! object), element by element. Promises the volumes of each object of the first model. Settings of printing are passed
+//! over.
 
 use std::collections::BTreeMap;
 use std::io::BufRead;
@@ -73,7 +74,7 @@ impl Volume {
 pub(super) struct Aside {
     /// Whether it is to be cut out of the part.
     pub(super) is_negative: bool,
-    /// It in a message: its type, its name and its object.
+    /// The part in a message: its type, its name and its object.
     pub(super) text: String,
 }
 
@@ -165,7 +166,7 @@ impl Parser<'_> {
         let Some(volume) = self.found.get_mut(&object).and_then(|all| all.last_mut()) else { return };
         match key {
             "name" => volume.name = shown(value.as_bytes()),
-            // What one of them names as no part is none, whichever comes first.
+            // What one of them does not name as a part is not one, whichever comes first.
             "volume_type" if volume.role() == Role::Part => volume.kind = value,
             "modifier" if value == "1" && volume.role() == Role::Part => volume.kind = "modifier".into(),
             _ => {}
@@ -184,7 +185,7 @@ impl Parser<'_> {
         let value = values.get(key).map_or("", String::as_str);
         value
             .parse()
-            .map_err(|_| self.fault("3mf-volumes", format!("{key} = \"{}\" is no number", shown(value.as_bytes()))))
+            .map_err(|_| self.fault("3mf-volumes", format!("{key} = \"{}\" is not a number", shown(value.as_bytes()))))
     }
 }
 
@@ -227,7 +228,7 @@ mod tests {
     #[test]
     fn faults_of_settings_are_named() {
         for (text, code, say) in [
-            ("<config><object id=\"a\"/></config>", "3mf-volumes", "id = \"a\" is no number"),
+            ("<config><object id=\"a\"/></config>", "3mf-volumes", "id = \"a\" is not a number"),
             ("<config><object id=\"1\"><volume firstid=\"0\"/></object></config>", "3mf-volumes", "lastid = \"\""),
             ("<config><object id=\"1\">", "3mf-xml", "cut short"),
             ("<config><object id=1/></config>", "3mf-xml", "well-formed"),

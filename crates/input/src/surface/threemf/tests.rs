@@ -123,7 +123,7 @@ fn other_models_of_the_archive_are_found_by_their_path() {
     assert!(result.is_ok(), "{:?}", result.err());
     assert_eq!(got, [FACET]);
     for (bytes, code, say) in [
-        (parts(&item.replace("B.model", "C.model"), &other), "3mf-part", "\"/3D/Parts/C.model\" is no part"),
+        (parts(&item.replace("B.model", "C.model"), &other), "3mf-part", "\"/3D/Parts/C.model\" is not a part"),
         (parts(item, &other.replace("centimeter", "inch")), "surface-unit", "3D/Parts/B.model in inch"),
         (
             parts(
@@ -245,7 +245,7 @@ fn ranges_of_triangles_that_are_not_the_part_are_left_out() {
     }
     let (result, got, _) = project(&text, PRUSA, &ranges(7, &[(0, 0, &negative)]));
     assert!(result.is_ok() && got.len() == 3, "an object that is not there");
-    assert_refused(project(&text, PRUSA, "<object>"), "3mf-volumes", "id = \"\" is no number");
+    assert_refused(project(&text, PRUSA, "<object>"), "3mf-volumes", "id = \"\" is not a number");
     assert_refused(project(&text, PRUSA, "<object id=\"1\">"), "3mf-xml", "well-formed");
 }
 
@@ -286,7 +286,7 @@ fn components_that_are_not_the_part_are_left_out() {
     let shared = parts(&[(1, "normal_part"), (1, "modifier_part")]);
     assert_left_out(project(&text("model", &[1, 1], item), BAMBU, &shared), &[0], "modifier_part of object 3");
     let lost = parts(&[(1, "normal_part"), (9, "modifier_part")]);
-    assert_refused(project(&text("model", &[1], item), BAMBU, &lost), "3mf-volumes", "none of the components");
+    assert_refused(project(&text("model", &[1], item), BAMBU, &lost), "3mf-volumes", "not one of the components");
     // The object itself.
     let alone = "<object id=\"2\"><part id=\"2\" subtype=\"modifier_part\"/></object>";
     let items = "<item objectid=\"1\"/><item objectid=\"2\"/>";
@@ -398,7 +398,7 @@ fn faults_of_models_are_named() {
         (with("<build>", "<build xml:space=\"preserve\">"), "3mf-xml", "xml:space"),
         (with("</build>", "</build"), "3mf-xml", "well-formed"),
         (with("</build></model>", ""), "3mf-xml", "not closed"),
-        (with(CORE, "http://example.org/core"), "3mf-xml", "no model of the core"),
+        (with(CORE, "http://example.org/core"), "3mf-xml", "not a model of the core"),
         (with("<?xml version=\"1.0\"?>", "<?xml version=\"1.0\" encoding=\"UTF-16\"?>"), "3mf-xml", "UTF-16"),
         (with("<?xml version=\"1.0\"?>", "<!DOCTYPE model>"), "3mf-xml", "DTD"),
         (with("</resources>", &"<x>".repeat(400)), "3mf-xml", "deeper than 256"),

@@ -15,7 +15,7 @@ impl Transform {
         let mut count = 0;
         for word in text.split_ascii_whitespace() {
             let v = number(word.as_bytes());
-            let v = v.map_err(|_| format!("\"{}\" in a transform is no finite number", shown(word.as_bytes())))?;
+            let v = v.map_err(|_| format!("\"{}\" in a transform is not a finite number", shown(word.as_bytes())))?;
             if count < 12 {
                 rows[count / 3][count % 3] = v;
             }
@@ -88,7 +88,7 @@ mod tests {
             ("1 0 0 0 1 0 0 0 1 0 0", "this one has 11"),
             ("1 0 0 0 1 0 0 0 1 0 0 0 0", "this one has 13"),
             ("nan 0 0 0 1 0 0 0 1 0 0 0", "\"nan\" in a transform"),
-            ("1e999 0 0 0 1 0 0 0 1 0 0 0", "no finite number"),
+            ("1e999 0 0 0 1 0 0 0 1 0 0 0", "not a finite number"),
             ("1 0 0 0 1 0 0 0 0 0 0 0", "flat"),
             ("1 2 3 2 4 6 0 0 1 0 0 0", "flat"),
             ("1e300 0 0 0 1e300 0 0 0 1e300 0 0 0", "flat"),

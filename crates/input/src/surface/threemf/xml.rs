@@ -51,5 +51,5 @@ pub(super) fn check_declaration(event: &Event<'_>, name: &str) -> Result<(), Dia
 }
 
 pub(super) fn xml_fault(name: &str, e: &quick_xml::Error) -> Diag {
-    Diag::input("3mf-xml", format!("{name} is no well-formed XML: {e}")).hint(AGAIN)
+    Diag::input("3mf-xml", format!("{name} is not well-formed XML: {e}")).hint(AGAIN)
 }

@@ -115,7 +115,7 @@ impl Area {
         self.0.iter().flatten()
     }
 
-    /// Its size, mm².
+    /// The size of the area, mm².
     pub(super) fn size_mm2(&self) -> f64 {
         // Outer contours are anticlockwise and holes clockwise, so that their signs differ (shoelace formula).
         self.contours().flat_map(|c| edges(c)).map(|[a, b]| (a[0] * b[1] - b[0] * a[1]) / 2.0).sum()

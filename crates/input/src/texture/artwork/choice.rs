@@ -12,20 +12,20 @@ const MAX_LISTED: usize = 24;
 /// What a shape is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::texture) enum Class {
-    /// It does not exist.
+    /// The shape is left out, as if it was not drawn.
     Skip,
     /// Painted like the page: it hides, and is not marked.
     Page,
-    /// It is marked by this pen, or by that of the texture.
+    /// The shape is marked by this pen, or by that of the texture.
     Pen(Option<PenId>),
 }
 
 /// The class of each shape; `paper` says which colours are the page, None where there is none.
 ///
-/// Of shapes that `only` or `except` leave out by their colour, those in a colour of the page still hide what lies below:
-/// a drawing shows paper there, whichever of its colours are marked. All others that are left out do not exist, so that
-/// textures can divide the colours and layers of a drawing between them. What is left out by a label does not exist
-/// whatever its colour, like a layer that is switched off.
+/// Of shapes that `only` or `except` leave out by their colour, those in a colour of the page still hide what lies
+/// below: a drawing shows paper there, whichever of its colours are marked. All others that are left out do not exist,
+/// so that textures can divide the colours and layers of a drawing between them. What is left out by a label does not
+/// exist whatever its colour, like a layer that is switched off.
 ///
 /// # Errors
 /// `texture-pens` where a selector chooses nothing, or two give one shape different pens.

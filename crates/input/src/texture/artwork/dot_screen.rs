@@ -1,7 +1,7 @@
 //! Grey by dots: how many of the sites of a square grid are marked is the density of the picture.
 //!
-//! Sites lie (i + 1/2) pitch along and (k + 1/2) pitch across one direction, counted from the page's origin. The share q
-//! of them that is marked around a point of density D is q = D (pitch / spot)², at most 1: the marked sites times the
+//! Sites lie (i + 1/2) pitch along and (k + 1/2) pitch across one direction, counted from the page's origin. The share
+//! q of them that is marked around a point of density D is q = D (pitch / spot)², at most 1: the marked sites times the
 //! square of the spot are then D times the area, and black is every site at a pitch of a spot.
 //!
 //! - *halftone*: cells of n x n sites, n = period / pitch. Site (i, k) of a cell is marked where q is above
@@ -68,8 +68,8 @@ impl DotScreen {
         }
     }
 
-    /// Appends the dots of a picture on a page, each as a line of one point; answers with what is said where the cells of
-    /// a halftone beat with the picture.
+    /// Appends the dots of a picture on a page, each as a line of one point; answers with what is said where the cells
+    /// of a halftone beat with the picture.
     pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
         let [c, s] = self.direction;
         let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size];
@@ -134,15 +134,16 @@ impl DotScreen {
 /// Cells along a side of a window in which the dots of a halftone are compared with the picture.
 const WINDOW_CELLS: i64 = 4;
 
-/// How far the dots of a window may miss the picture's tone: half a dot of a cell, as a cell has whole dots, and a share.
+/// How far the dots of a window may miss the picture's tone: half a dot of a cell, as a cell has whole dots, and a
+/// share.
 const MAX_CELL_OFF: f64 = 0.5;
 const MAX_SHARE_OFF: f64 = 0.1;
 
-/// The share of the tone in windows that miss it from which on it is told.
+/// The share of the tone in windows that miss it from which on a warning says so.
 const BEAT_SHARE: f64 = 0.25;
 
-/// Dots of a halftone, and those that the picture asks for, window by window. Where the picture has a raster of its own,
-/// dark places fall on high thresholds here and on low ones there (moire).
+/// Dots of a halftone, and those that the picture asks for, window by window. Where the picture has a raster of its
+/// own, dark places fall on high thresholds here and on low ones there (moire).
 struct Tones {
     /// Sites along a side of a cell.
     side: usize,

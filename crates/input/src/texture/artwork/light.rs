@@ -8,17 +8,17 @@ use super::paper::is_light;
 use super::{Artwork, Colour, Figure, Marking, Paper, Selector, Shape};
 use terrace_core::diag::Diag;
 
-/// Opacity from which on a shape in the colour of the page hides what lies below it. Below it, more is seen of what lies
-/// below than of the shape.
+/// Opacity from which on a shape in the colour of the page hides what lies below it. Below it, more is seen of what
+/// lies below than of the shape.
 pub(super) const HIDES: f32 = 0.5;
 
 /// Most colours that a warning lists.
 const MAX_LISTED: usize = 6;
 
-/// What is told.
+/// What is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Issue {
-    /// It is marked, and may be meant as the page.
+    /// The shape is marked, and may be meant as the page.
     Light,
     /// In the colour of the page, and so translucent that it hides nothing.
     HidesNothing,
@@ -52,7 +52,7 @@ pub(super) fn warnings(
     out
 }
 
-/// What is told of a shape; `light` has the light colours that nothing names.
+/// What is reported of a shape; `light` has the light colours that nothing names.
 fn issue(shape: &Shape, class: Class, light: &BTreeSet<Colour>) -> Option<Issue> {
     match (class, shape.figure) {
         (_, Figure::Grey(_)) => None,
@@ -162,10 +162,10 @@ mod tests {
             for white in [0xff_ffff, 0xfe_fefe] {
                 let (area, notes) = marked(&squares(&[(10.0, 0, 1.0), (4.0, white, opacity)]), Marking::default());
                 assert_eq!(area, if hides { 84.0 } else { 100.0 }, "{opacity}");
-                let told: Vec<_> =
+                let codes: Vec<_> =
                     notes.iter().map(|d| (d.code, d.message.contains(says.unwrap_or_default()))).collect();
                 assert_eq!(
-                    told,
+                    codes,
                     says.map(|_| ("texture-translucent", true)).into_iter().collect::<Vec<_>>(),
                     "{notes:?}"
                 );
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn light_colours_that_are_marked_are_told_once_with_their_areas() {
+    fn light_colours_that_are_marked_are_reported_once_with_their_areas() {
         let drawn =
             squares(&[(12.0, 0xf5_f5f5, 1.0), (10.0, 0xff_ffe0, 1.0), (6.0, 0xff_ff00, 1.0), (2.0, 0xfe_fefe, 1.0)]);
         let (area, notes) = marked(&drawn, Marking::default());
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(warning.code, "texture-light");
         let list = "marked: #f5f5f5 on 144.00 mm2, #ffffe0 on 100.00 mm2 (2, first square 1)";
         assert!(warning.message.ends_with(list) && warning.hint.contains("paper = \"#f5f5f5\""), "{warning:?}");
-        // Each is told no more where it is the page, or is named.
+        // Each is no longer reported where it is the page, or is named.
         let (area, notes) = marked(&drawn, Marking { paper: Paper::Colour([0xf5; 3]), ..Marking::default() });
         assert!(area == 96.0 && notes[0].message.contains("marked: #ffffe0 on 100.00 mm2 (1,"), "{area} {notes:?}");
         let pens = select(&["#f5f5f5", "#ffffe0"]).into_iter().map(|s| (s, PenId(1))).collect();

@@ -82,7 +82,7 @@ pub enum Screen {
 }
 
 impl Screen {
-    /// Its name in job files.
+    /// The screen's name in job files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Threshold => "threshold",
@@ -148,9 +148,9 @@ impl Default for Tone {
 /// What chooses shapes of a drawing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selector {
-    /// Those of a colour, red, green, blue.
+    /// The shapes of a colour, red, green, blue.
     Colour([u8; 3]),
-    /// Those with a label, such as `layer:Grain`.
+    /// The shapes with a label, such as `layer:Grain`.
     Label(String),
 }
 
@@ -188,7 +188,8 @@ pub struct Marking {
     pub pitch_mm: Option<f64>,
     /// Direction of these lines in the part frame.
     pub direction_rad: f64,
-    /// Whether they follow the level lines of the part instead, and by which part of their distance they are moved then.
+    /// Whether they follow the level lines of the part instead, and by which part of their distance they are moved
+    /// then.
     pub along_contours: Option<f64>,
     /// Whether a second set of lines crosses the first at a right angle.
     pub cross: bool,
@@ -204,7 +205,7 @@ pub struct Marking {
     pub pens: Vec<(Selector, PenId)>,
     /// Where not empty, only these exist.
     pub only: Vec<Selector>,
-    /// These do not exist.
+    /// Selectors of the shapes that are left out.
     pub except: Vec<Selector>,
     /// Whether the labels of shapes are kept though nothing chooses by them.
     pub lists_labels: bool,
@@ -260,8 +261,8 @@ impl Marking {
         !self.names(colour) && self.paper.holds(colour)
     }
 
-    /// What is told of things that cannot be marked as they are drawn: an error, or, where the job leaves them out, a
-    /// warning that says what was `done` instead.
+    /// What is reported of things that cannot be marked as they are drawn: an error, or, where the job leaves them out,
+    /// a warning that says what was `done` instead.
     pub(in crate::texture) fn unmarkable(
         &self,
         code: &'static str,

@@ -33,7 +33,7 @@ const MAX_COVERED: usize = 100_000_000;
 pub(in crate::texture) struct Page {
     /// Width and height, mm.
     pub(in crate::texture) size: [f64; 2],
-    /// As [`Artwork::corner`].
+    /// The corner that [`Artwork::corner`] says.
     pub(in crate::texture) corner: Option<[f64; 2]>,
     /// In page mm.
     pub(in crate::texture) lines: Lines,
@@ -72,9 +72,9 @@ enum How {
     Outline,
     /// A picture by lines.
     Screen,
-    /// It hides what lies below, and is not marked.
+    /// The shape hides what lies below, and is not marked.
     Hide,
-    /// It does not exist.
+    /// The shape is left out, as if it was not drawn.
     Skip,
 }
 
@@ -83,7 +83,7 @@ struct Seen<'a> {
     shape: &'a Shape,
     how: How,
     pen: Option<PenId>,
-    /// Those of its polylines.
+    /// The box of the polylines.
     bounds: BoxMm<2>,
 }
 
@@ -296,7 +296,8 @@ type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
 /// How filled areas are marked.
 type Kind = (How, Option<PenId>);
 
-/// The areas by their boxes: filled ones by kind, so that those that are one need not be told apart in pairs, and others.
+/// The areas by their boxes: filled ones by kind, so that those that are one need not be told apart in pairs, and
+/// others.
 struct Index(Vec<(Option<Kind>, RTree<Entry>)>);
 
 impl Index {

@@ -65,7 +65,7 @@ pub(super) struct Artwork {
 pub(super) struct Labels {
     /// Index of the set of the element that holds it.
     pub(super) parent: Option<u32>,
-    /// Its own.
+    /// The labels of the shape itself.
     pub(super) own: Vec<String>,
 }
 
@@ -119,7 +119,7 @@ pub(super) struct Shape {
     /// From 0, not seen, to 1, opaque.
     pub(super) opacity: f32,
     pub(super) figure: Figure,
-    /// Its polylines among those of the artwork.
+    /// The polylines of the shape among those of the artwork.
     pub(super) lines: Range<usize>,
     /// Index of the area that it is cut at.
     pub(super) clip: Option<u32>,
@@ -148,8 +148,8 @@ pub(super) enum Figure {
 /// Which points the contours of an area hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// Those that the contours go round, one way more often than the other.
+    /// The places that the contours go round, one way more often than the other.
     NonZero,
-    /// Those that the contours go round an odd number of times.
+    /// The places that the contours go round an odd number of times.
     EvenOdd,
 }

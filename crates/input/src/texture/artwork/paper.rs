@@ -2,8 +2,8 @@
 //!
 //! A colour that the eye cannot tell from white paper is the page, as white is: drawing programs write paper as
 //! `#FEFEFE` (CorelDRAW) or as what a colour profile makes of white. Colours are judged as CIE L*a*b* of sRGB
-//! (IEC 61966-2-1) under D65, with the white of sRGB as reference: L* is the lightness, 0 to 100, and sqrt(a*² + b*²) the
-//! chroma, 0 for greys.
+//! (IEC 61966-2-1) under D65, with the white of sRGB as reference: L* is the lightness, 0 to 100, and sqrt(a*² + b*²)
+//! the chroma, 0 for greys.
 
 use super::{Colour, WHITE};
 
@@ -12,14 +12,15 @@ const LIGHTNESS: f64 = 98.0;
 
 /// How far from the neutral axis a colour of the page may lie, in the plane of a* and b*.
 ///
-/// With [`LIGHTNESS`] no such colour is farther than 2.3 from white (sqrt(2² + 1.1²) = 2.28), the difference that is just
-/// noticeable (Mahy, Van Eycken, Oosterlinck 1994). The bound is narrower than that of lightness because tints are seen
-/// sooner beside white than greys: CIEDE2000 divides differences of lightness by 1.7 there and multiplies those of red and
-/// green by 1.5. `#FFFFE0`, with L* 99.3, has a chroma of 15.7 and is visibly yellow.
+/// With [`LIGHTNESS`] no such colour is farther than 2.3 from white (sqrt(2² + 1.1²) = 2.28), the difference that is
+/// just noticeable (Mahy, Van Eycken, Oosterlinck 1994). The bound is narrower than that of lightness because tints are
+/// seen sooner beside white than greys: CIEDE2000 divides differences of lightness by 1.7 there and multiplies those of
+/// red and green by 1.5. `#FFFFE0`, with L* 99.3, has a chroma of 15.7 and is visibly yellow.
 const CHROMA: f64 = 1.1;
 
-/// L* of colours that are told when they are marked, and the largest chroma that makes them pale: a saturated yellow
-/// (L* 97, chroma 97) or cyan (91, 50) is not taken for paper, a grey of `#E3E3E3` or beige may be meant as paper.
+/// L* of colours that are reported when they are marked, and the largest chroma that makes them pale: a saturated
+/// yellow (L* 97, chroma 97) or cyan (91, 50) is not taken for paper, a grey of `#E3E3E3` or beige may be meant as
+/// paper.
 const LIGHT: f64 = 90.0;
 const PALE: f64 = 20.0;
 

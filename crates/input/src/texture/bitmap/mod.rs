@@ -1,15 +1,15 @@
 //! Bitmaps: the dark areas of a picture, or its grey by lines.
 //!
 //! Consumes PNG, TIFF, BMP or JPEG of 1 to 16 bits, told apart by their first bytes. Promises an [`Artwork`] of one
-//! shape on a page whose lower left corner is the origin, y up; row 0 of the file is at the top. A sample is a grey from
-//! 0 (black) to 1 (white): of colours their luma (0.299 R + 0.587 G + 0.114 B), of transparent pixels what is seen over
-//! white. Its density is 1 - sample^gamma, or sample^gamma where light is marked. Profiles and gamma of the file are not
-//! used. With a threshold the shape is the area that is darker ([`contour`]); with lines or dashes it is the picture
-//! itself, which `artwork` screens.
+//! shape on a page whose lower left corner is the origin, y up; row 0 of the file is at the top. A sample is a grey
+//! from 0 (black) to 1 (white): of colours their luma (0.299 R + 0.587 G + 0.114 B), of transparent pixels what is seen
+//! over white. Its density is 1 - sample^gamma, or sample^gamma where light is marked. Profiles and gamma of the file
+//! are not used. With a threshold the shape is the area that is darker ([`contour`]); with lines or dashes it is the
+//! picture itself, which `artwork` screens.
 //!
 //! A picture of at most two densities has pixels with sides, not samples of something smooth, so its areas follow the
-//! sides: they keep their size, thin lines stay as wide as drawn, and what was screened before keeps its tone. All other
-//! borders are interpolated between pixels.
+//! sides: they keep their size, thin lines stay as wide as drawn, and what was screened before keeps its tone. All
+//! other borders are interpolated between pixels.
 //!
 //! The resolution that a file states is used only where the job asks for it: programs write 72 or 96 dpi that nobody
 //! chose, and a part marked in the wrong size is lost.
@@ -99,9 +99,9 @@ pub(super) fn load(
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
     let file = Place::file(path.display().to_string());
-    let mut told = image.notes.clone();
-    let art = artwork(image, wanted, site, marking, &mut told).map_err(|d| Error::from(d.at(file.clone())))?;
-    notes.extend(told.into_iter().map(|d| d.at(file.clone())));
+    let mut of_file = image.notes.clone();
+    let art = artwork(image, wanted, site, marking, &mut of_file).map_err(|d| Error::from(d.at(file.clone())))?;
+    notes.extend(of_file.into_iter().map(|d| d.at(file.clone())));
     Ok(art)
 }
 

@@ -492,7 +492,7 @@ fn notes_on(bytes: &[u8], marking: Marking) -> Vec<Diag> {
 }
 
 #[test]
-fn a_threshold_that_loses_the_tone_of_a_screened_picture_is_told() {
+fn a_threshold_that_loses_the_tone_of_a_screened_picture_is_reported() {
     let threshold = |pitch_mm| Marking { pitch_mm, tone: Some(tone(Screen::Threshold)), ..Marking::default() };
     let board = screened(|x, y| (x + y) % 2 == 0);
     // Squares of 0.1 mm with an inset of 0.045 mm hold one line of 0.01 mm at most: 0.05 x 0.04 mm of 0.01 mm².
@@ -515,7 +515,7 @@ fn a_threshold_that_loses_the_tone_of_a_screened_picture_is_told() {
 }
 
 #[test]
-fn a_halftone_that_beats_with_the_raster_of_a_picture_is_told() {
+fn a_halftone_that_beats_with_the_raster_of_a_picture_is_reported() {
     let halftone = |period_mm| {
         let tone = Tone { period_mm: Some(period_mm), ..tone(Screen::Halftone) };
         Marking { pitch_mm: Some(SPOT), tone: Some(tone), ..Marking::default() }

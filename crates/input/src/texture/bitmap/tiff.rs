@@ -1,5 +1,5 @@
-//! TIFF: the first image; grey of 1 to 16 bits and colour of 8 or 16, in strips or tiles; plain, PackBits, LZW, Deflate,
-//! fax and JPEG. `tiff_tags` says which tags are used.
+//! TIFF: the first image; grey of 1 to 16 bits and colour of 8 or 16, in strips or tiles; plain, PackBits, LZW,
+//! Deflate, fax and JPEG. `tiff_tags` says which tags are used.
 
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -40,8 +40,8 @@ fn reader(bytes: &[u8]) -> Result<Reader<'_>, Diag> {
 }
 
 /// The file with the bits of each byte of its strips or tiles in reverse: TIFF 6.0 has FillOrder 2 turn the bits of the
-/// data as they are stored, so before they are decoded, whatever their compression. JPEG data have an order of their own
-/// and stay (as in libtiff).
+/// data as they are stored, so before they are decoded, whatever their compression. JPEG data have an order of their
+/// own and stay (as in libtiff).
 fn with_high_bit_first(bytes: &[u8], decoder: &mut Reader<'_>) -> Result<Vec<u8>, Diag> {
     let mut out = bytes.to_vec();
     if short(decoder, Tag::Compression)? == Some(JPEG) {
@@ -100,7 +100,7 @@ fn read(bytes: &[u8], mut decoder: Reader<'_>) -> Result<Image, Diag> {
                 let bytes: Vec<u8> = v.iter().flat_map(|v| v.to_be_bytes()).collect();
                 tile.push(&bytes, Form { bands, bits: 16 });
             }
-            _ => return Err(unread("a TIFF whose samples have a sign or are no whole numbers")),
+            _ => return Err(unread("a TIFF whose samples have a sign or are not whole numbers")),
         }
         let tile = tile.whole()?;
         let (x, y) = ((chunk % across * w) as usize, (chunk / across * h) as usize);

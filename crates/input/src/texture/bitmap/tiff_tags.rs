@@ -17,11 +17,11 @@ use terrace_core::diag::Diag;
 enum Use {
     /// This reader or its decoder uses it, or refuses the values that it cannot use.
     Used,
-    /// It does not change what is seen, or viewers do not use it; the constants below say why.
+    /// The tag does not change what is seen, or viewers do not use it; the constants below say why.
     Harmless,
-    /// It is refused unless all its values are among these.
+    /// The tag is refused unless all its values are among these.
     Only(&'static [f64]),
-    /// It is refused unless its pairs are 0 and the highest sample, or those of colour differences.
+    /// The tag is refused unless its pairs are 0 and the highest sample, or those of colour differences.
     FullRange,
 }
 
@@ -51,9 +51,9 @@ const PLACE: Use = Harmless;
 const COLOUR_MANAGEMENT: Use = Harmless;
 /// Of the colour alone: the luma is that of the file.
 const CHROMA: Use = Harmless;
-/// It belongs to a kind of TIFF, or to another tag, that is refused.
+/// The tag belongs to a kind of TIFF, or to another tag, that is refused.
 const OF_REFUSED: Use = Harmless;
-/// It points to data besides the image, or to unused bytes.
+/// The tag points to data besides the image, or to unused bytes.
 const OTHER_DATA: Use = Harmless;
 
 /// Numbers, names and uses, by number.
@@ -183,7 +183,8 @@ pub(super) fn check(decoder: &mut Reader<'_>, bits: u8) -> Result<(), Diag> {
     Ok(())
 }
 
-/// Whether black and white of each band are the lowest and the highest sample; of colour differences black is the middle.
+/// Whether black and white of each band are the lowest and the highest sample; of colour differences black is the
+/// middle.
 fn is_full_range(values: &[f64], bits: u8) -> bool {
     let most = 2f64.powi(i32::from(bits)) - 1.0;
     let middle = (most + 1.0) / 2.0;

@@ -2,7 +2,8 @@
 //!
 //! Columns are separated by commas, semicolons, tabs or blanks, one kind per file. One row of names may come first; it
 //! may name x, y, z and id in any order, and columns of other names are left out. A curve ends at an empty row or where
-//! the id changes. A `#` at the start of a row or after a blank begins a comment. Cost: the points, and a name for each curve.
+//! the id changes. A `#` at the start of a row or after a blank begins a comment. Cost: the points, and a name for each
+//! curve.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -27,8 +28,8 @@ pub(super) fn read(bytes: &[u8], path: &Path, unit_mm: f64, notes: &mut Vec<Diag
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text,
         Err(_) => {
-            let told = diag::utf8(bytes.to_vec()).map_or_else(|e| e.to_string(), |_| String::new());
-            let d = Diag::input("curve-format", format!("the file is {told}")).at(Place::file(file));
+            let described = diag::utf8(bytes.to_vec()).map_or_else(|e| e.to_string(), |_| String::new());
+            let d = Diag::input("curve-format", format!("the file is {described}")).at(Place::file(file));
             return Err(d.hint("write the curves as CSV with columns x, y, z in UTF-8, or as DXF").into());
         }
     };
@@ -79,7 +80,7 @@ struct Columns {
     /// Indices of x, y and z.
     xyz: [usize; 3],
     id: Option<usize>,
-    /// Whether the row that told them was one of names.
+    /// Whether the row that named them was one of names.
     is_named: bool,
 }
 
@@ -90,7 +91,7 @@ enum Separator {
 }
 
 impl Separator {
-    /// That of a row.
+    /// The separator of a row.
     fn of(row: &str) -> Self {
         [';', ',', '\t'].into_iter().find(|&c| row.contains(c)).map_or(Self::Blanks, Self::Char)
     }
@@ -336,14 +337,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_curve_is_told_and_other_columns_too() {
+    fn what_is_not_a_curve_is_reported_and_other_columns_too() {
         let (curves, notes) = read_text("id,x,y,z,nx\na,1,2,3,0\nb,0,0,1,0\nb,1.5,0,-2,0\nc,1,1,1,0\nc,1,1,2,0\n")
             .unwrap_or_else(|d| panic!("{d}"));
         assert_eq!(curves.len(), 1);
-        let told: Vec<_> = notes.iter().map(|d| (d.code, d.message.as_str())).collect();
-        assert_eq!(told[0], ("curve-columns", "columns other than id, x, y and z are not used: nx"));
-        assert_eq!(told[1].0, "curve-dot");
-        assert!(told[1].1.ends_with("(2, first curve a (line 2))"), "{}", told[1].1);
+        let described: Vec<_> = notes.iter().map(|d| (d.code, d.message.as_str())).collect();
+        assert_eq!(described[0], ("curve-columns", "columns other than id, x, y and z are not used: nx"));
+        assert_eq!(described[1].0, "curve-dot");
+        assert!(described[1].1.ends_with("(2, first curve a (line 2))"), "{}", described[1].1);
     }
 
     #[test]

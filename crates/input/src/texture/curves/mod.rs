@@ -1,9 +1,9 @@
 //! Space curves: polylines of x, y and z in the part frame, which lie on the surface.
 //!
-//! Consumes CSV and DXF files. Promises curves of which each has two places at least as seen from the lens, in the turned
-//! part frame: x and y on the nanometre grid, z in nm as f64, each with a name for messages. Curves stay where the file
-//! has them: in the frame of the surface file, not moved to the middle of the part and not scaled. As strokes of the
-//! texture they are what the lens sees of them; whether they lie on the surface is for the plan to find.
+//! Consumes CSV and DXF files. Promises curves of which each has two places at least as seen from the lens, in the
+//! turned part frame: x and y on the nanometre grid, z in nm as f64, each with a name for messages. Curves stay where
+//! the file has them: in the frame of the surface file, not moved to the middle of the part and not scaled. As strokes
+//! of the texture they are what the lens sees of them; whether they lie on the surface is for the plan to find.
 
 mod csv;
 
@@ -35,7 +35,7 @@ pub enum OnDistance {
 /// A point of a curve: x and y on the grid, z in nm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpacePoint {
-    /// As the lens sees it.
+    /// The place of the point as the lens sees it.
     pub at: P2,
     /// Height, nm.
     pub z: f64,

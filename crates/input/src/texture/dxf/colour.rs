@@ -5,14 +5,14 @@ use crate::texture::artwork::Colour;
 /// What the colour of an entity or layer is said to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Paint {
-    /// That of the layer.
+    /// The colour of the layer.
     Layer,
-    /// That of the insert of the block.
+    /// The colour of the insert of the block.
     Block,
     Colour(Colour),
 }
 
-/// That of 7, which is white on a black screen and black on paper.
+/// The colour of index 7, which is white on a black screen and black on paper.
 pub(super) const BLACK: Colour = [0; 3];
 
 impl Paint {

@@ -14,7 +14,7 @@ use super::tally::Issue;
 pub(super) enum LineType {
     Layer,
     Block,
-    /// Its number among those of the file.
+    /// The number of the line type among those of the file.
     Own(u32),
 }
 

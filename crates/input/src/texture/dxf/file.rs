@@ -128,7 +128,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<File, Fault> {
     while let Some(head) = next {
         list.clear();
         if head.bytes() == b"EOF" {
-            // What comes after it is no drawing.
+            // What comes after it is not a drawing.
             parser.file.has_end = true;
             break;
         }
@@ -222,7 +222,7 @@ impl Parser {
                 None => self.outside(r),
             },
             (Section::Entities, _) => return self.entity(r, Place::Model),
-            // Clips of blocks hang on inserts by way of dictionaries; that there are any is what can be told.
+            // Clips of blocks hang on inserts by way of dictionaries; that there are any is all that can be said.
             (Section::Objects, b"SPATIAL_FILTER") => self.count(Issue::Clip, r),
             (Section::Outside, _) => self.outside(r),
             _ => {}

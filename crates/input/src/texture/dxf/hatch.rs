@@ -73,7 +73,7 @@ impl Hatch {
         };
         let end = after(&[75, 76, 98, 450]);
         let mut paths = r.tags[start..end].split(|t| t.code == 92);
-        // What stands before the first path is no path.
+        // What stands before the first path is not a path.
         let mut at = start + paths.next().map_or(0, <[_]>::len);
         for tags in paths {
             let flags = r.tags[at].whole()?;

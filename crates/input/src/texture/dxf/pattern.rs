@@ -23,9 +23,9 @@ pub(super) struct Ruling<'a> {
 /// What came of a family.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Ruled {
-    /// Its lines have no direction or no distance.
+    /// Whether the lines have no direction or no distance.
     pub(super) is_faulty: bool,
-    /// It has dots, which are left out.
+    /// Whether the pattern has dots, which are left out.
     pub(super) has_dots: bool,
     /// How often its lines meet the boundary.
     pub(super) crossings: usize,
@@ -99,7 +99,7 @@ impl Ruling<'_> {
         if last - first >= MAX_POINTS as f64 {
             return Err(Stop::Full);
         }
-        // The dash that is being drawn: it may go on over the end of the period.
+        // The dash that is being drawn: it may continue over the end of the period.
         let mut open: Option<[f64; 2]> = None;
         for k in 0..=(last - first) as usize {
             let mut at = (first + k as f64) * period;
@@ -154,7 +154,7 @@ mod tests {
         assert!(lines.contains(&[[0.0, 0.5], [0.5, 0.5]]) && lines.contains(&[[0.25, 1.5], [0.75, 1.5]]), "shifted");
         ruling.dashes = &[0.5, -0.25, 0.25];
         let (_, lines) = drawn(&ruling, &[&SQUARE]);
-        assert!(lines.contains(&[[0.75, 0.5], [1.5, 0.5]]), "a dash goes on over the end of the period: {lines:?}");
+        assert!(lines.contains(&[[0.75, 0.5], [1.5, 0.5]]), "a dash continues over the end of the period: {lines:?}");
     }
 
     #[test]

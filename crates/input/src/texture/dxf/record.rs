@@ -36,7 +36,7 @@ impl<'a> Record<'a, '_> {
         Ok(Some([x, self.real(code + 10)?.unwrap_or(0.0), self.real(code + 20)?.unwrap_or(0.0)]))
     }
 
-    /// As [`Record::point`]; the origin where there is none.
+    /// The point of [`Record::point`]; the origin where there is none.
     pub(super) fn place(&self, code: i32) -> Result<Point, Fault> {
         Ok(self.point(code)?.unwrap_or_default())
     }

@@ -14,7 +14,7 @@ pub(super) struct Spline {
     /// Of the control points; empty where all are 1.
     pub(super) weights: Vec<f64>,
     pub(super) fit: Vec<Point>,
-    /// Whether it is said to be closed, but has fit points alone that do not close: how it goes on is not known.
+    /// Whether it is said to be closed, but has fit points alone that do not close: how it continues is not known.
     pub(super) is_open_loop: bool,
     /// Directions at both ends of a curve through fit points.
     pub(super) tangents: Option<[Point; 2]>,

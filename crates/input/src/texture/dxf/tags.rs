@@ -111,7 +111,7 @@ impl<'a> Tag<'a> {
             Value::Real(x) => x.to_string(),
             Value::Whole(i) => i.to_string(),
         };
-        let text = format!("group {} has the value {value}, which is no finite number", self.code);
+        let text = format!("group {} has the value {value}, which is not a finite number", self.code);
         self.at
             .fault("dxf-number", &text)
             .hint("numbers have a decimal point, not a comma; export the drawing again")

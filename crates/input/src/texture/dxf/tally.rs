@@ -6,7 +6,7 @@ use crate::texture::artwork::Marking;
 use crate::texture::artwork::Weight::{self, Refused, Told};
 use terrace_core::diag::{Diag, Place};
 
-/// Something that is told.
+/// Something that is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Issue {
     Text,

@@ -2,7 +2,7 @@
 
 use terrace_core::diag::Diag;
 
-/// Name and length in mm by the number in $INSUNITS; 0 is no unit.
+/// Name and length in mm by the number in $INSUNITS; 0 is not a unit.
 const UNITS: [(&str, f64); 25] = [
     ("none", 0.0),
     ("inch", 25.4),

@@ -34,9 +34,9 @@ const MAX_DEPTH: usize = 64;
 struct State {
     /// From its coordinates to mm.
     map: Map,
-    /// That of entities on layer 0.
+    /// The layer of entities on layer 0.
     layer: u32,
-    /// Those of entities that take them from their block.
+    /// Colour and dashes of entities that take them from their block.
     colour: Colour,
     is_dashed: bool,
     /// The number of the chain of blocks around it.
@@ -234,7 +234,7 @@ impl<'a> Walk<'a> {
             _ if !has_line(&entity.kind) => None,
             LineType::Own(own) => self.file.undefined_line_type(own),
             LineType::Layer => self.file.undefined_line_type(layer.line_type),
-            // That of the insert, which is told there.
+            // That of the insert, which is reported there.
             LineType::Block => None,
         }
     }

@@ -51,7 +51,7 @@ impl<'a> Plotter<'a> {
 
     pub(super) fn obey(&mut self, i: &Instruction) -> Result<(), Fault> {
         if i.values.iter().any(|v| !v.is_finite()) {
-            return Err(fault(i, "has a value that is no number"));
+            return Err(fault(i, "has a value that is not a number"));
         }
         self.at = i.at;
         let v = i.values.as_slice();
@@ -246,7 +246,8 @@ impl<'a> Plotter<'a> {
         });
     }
 
-    /// Moves the pen along an arc round `centre`, plotter units, over an angle in rad: a circle in the units of the plot.
+    /// Moves the pen along an arc round `centre`, plotter units, over an angle in rad: a circle in the units of the
+    /// plot.
     fn sweep(&mut self, centre: Point, by: f64) -> Result<(), Fault> {
         let factors = self.state.axes()?.map(|[factor, _]| factor);
         let d = [0, 1].map(|k| (self.state.at[k] - centre[k]) / factors[k]);
@@ -298,7 +299,7 @@ impl<'a> Plotter<'a> {
     fn rectangle(&mut self, to: Point, is_filled: bool) -> Result<(), Fault> {
         self.is_plot = true;
         self.end_stroke();
-        // What the pen draws from where it stands is no point.
+        // What the pen draws from where it stands is not a point.
         self.state.rests = false;
         let [a, b] = [self.state.at, to];
         let mut ring = Vec::new();

@@ -48,7 +48,7 @@ impl Polygon {
         self.0.iter().map(|ring| ring.points.len()).sum()
     }
 
-    /// Its rings, closed: what they enclose is filled whether the pen was down or not.
+    /// The rings of the polygon, closed: what they enclose is filled whether the pen was down or not.
     pub(super) fn contours(&self) -> Vec<Vec<Point>> {
         let closed = |ring: &Ring| {
             let mut points = ring.points.clone();

@@ -7,7 +7,7 @@ const ESC: u8 = 27;
 pub(super) struct Instruction {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
-    /// Its first byte, from 0.
+    /// The place of the instruction's first byte, from 0.
     pub(super) at: usize,
     /// The bytes of an encoded polyline.
     pub(super) code: Vec<u8>,
@@ -72,7 +72,7 @@ impl<'a> Instructions<'a> {
                     let len = rest.iter().enumerate().position(|ib| !is_number(ib)).unwrap_or(rest.len());
                     self.pos += len.max(1);
                     let text = std::str::from_utf8(&rest[..len]).unwrap_or_default();
-                    // What is no number stays one that every use refuses.
+                    // What is not a number stays one that every use refuses.
                     found.values.push(text.parse().unwrap_or(f64::NAN));
                 }
             }

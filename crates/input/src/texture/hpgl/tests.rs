@@ -61,7 +61,7 @@ fn curves_keep_the_tolerance_and_close() {
 }
 
 #[test]
-fn pens_fills_and_faults_are_told() {
+fn pens_fills_and_faults_are_reported() {
     let (art, notes) =
         loaded(b"SP2;PA0,0;PM0;PA40,0,40,40;PM1;PA10,0,10,10,20,10;PM2;FP;SP9;EA80,80;LBtext\x03XX1;LT2;PD9,9");
     let art = art.expect("read");

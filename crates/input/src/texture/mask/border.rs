@@ -99,7 +99,7 @@ impl Border {
         }
     }
 
-    /// The side of all of a small box, as far as the cells tell.
+    /// The side of all of a small box, as far as the cells say.
     fn side_of(&self, bounds: BoxMm<2>) -> Side {
         let cells = self.cutter.cells();
         if cells.is_far(bounds.lo, bounds.hi) {

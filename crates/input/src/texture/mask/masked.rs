@@ -1,4 +1,5 @@
-//! A figure of which a border leaves a part: which strokes are whole, which are cut, and the pieces of these on request.
+//! A figure of which a border leaves a part: which strokes are whole, which are cut, and the pieces of these on
+//! request.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -109,7 +110,7 @@ impl Masked {
     fn find(&self, first: u64, end: u64) -> Found {
         let mut found = Found::default();
         let mut scratch = Scratch::default();
-        // Where a run of whole strokes goes on.
+        // Where a run of whole strokes continues.
         let mut run = None;
         for base in first..end {
             let is_whole = self.cut(base, &mut scratch);

@@ -1,9 +1,9 @@
 //! Where a texture is marked: strokes of any kind, cut at the border of a drawing's area.
 //!
 //! Consumes what the job says of `inside` and `outside`, areas that [`outline`] finds in drawings, and strokes on the
-//! nanometre grid. Promises the pieces of every stroke on the side that is kept, in its direction and in the order of the
-//! strokes, computed on request: a cut is found in f64 and rounded once. With a soft border ([`soft`]) pieces end at
-//! random distances from it.
+//! nanometre grid. Promises the pieces of every stroke on the side that is kept, in its direction and in the order of
+//! the strokes, computed on request: a cut is found in f64 and rounded once. With a soft border ([`soft`]) pieces end
+//! at random distances from it.
 //!
 //! Limits: 16 million strokes that a border cuts; strokes that it does not touch take no memory.
 
@@ -79,7 +79,7 @@ impl Masks {
 }
 
 impl Mask {
-    /// Its area in the turned part frame, mm, where the texture lies at `site`.
+    /// The area of the mask in the turned part frame, mm, where the texture lies at `site`.
     fn shape(&self, site: &Site, sources: &mut Sources, notes: &mut Vec<Diag>) -> Result<Shape, Error> {
         let drawing = Request {
             kind: self.drawing.clone(),

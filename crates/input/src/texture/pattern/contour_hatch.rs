@@ -6,10 +6,11 @@
 //! line along the border of two cells belongs to the upper one. So lines fill every cell to its border
 //! and none reaches over it.
 //!
-//! A lattice continues from the cell below, or from the one on the left where its lines rather run upwards: in the middle
-//! of the border they share, lines of both are a pitch apart. Cells of one direction so share one lattice, and an even
-//! slope is hatched as if there were no cells; the first lies half a pitch inside the area's box, and a stated part of
-//! a pitch further. Where directions differ, lines end on the border, and next to it up to one pitch stays free.
+//! A lattice continues from the cell below, or from the one on the left where its lines rather run upwards: in the
+//! middle of the border they share, lines of both are a pitch apart. Cells of one direction so share one lattice, and
+//! an even slope is hatched as if there were no cells; the first lies half a pitch inside the area's box, and a stated
+//! part of a pitch further. Where directions differ, lines end on the border, and next to it up to one pitch stays
+//! free.
 //!
 //! Left out are lines in corners whose ends are less than 2 nm apart in x or in y: rounding could lay them
 //! along a border. Those are some nm long, and 12 um a hundredth of a degree off an axis. Strokes are counted cell by
@@ -24,7 +25,7 @@ use terrace_core::geom::{Box2, BoxMm, Grid, NM_PER_MM, P2, cos_sin};
 /// The direction of the lines in every cell of a grid, turned part frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Directions {
-    /// Its cells.
+    /// The cells of the grid.
     pub grid: Grid,
     /// From +x, counter-clockwise, in hundredths of a degree from 0 to 17999; row by row.
     pub hundredths: Vec<u16>,
@@ -34,7 +35,7 @@ impl Directions {
     /// Directions in half a turn.
     pub const COUNT: u16 = 18_000;
 
-    /// Those of a cross of lines: of its first set themselves, of its second at a right angle to them.
+    /// The directions of a cross of lines: of its first set themselves, of its second at a right angle to them.
     #[must_use]
     pub fn turned(&self, set: usize) -> Self {
         let by = if set == 0 { 0 } else { Self::COUNT / 2 };

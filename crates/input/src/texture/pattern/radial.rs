@@ -111,7 +111,7 @@ impl Piece {
 /// Turns with equally many pieces.
 #[derive(Clone, Copy, Debug)]
 struct Run {
-    /// Its first turn, and the one after its last.
+    /// The first turn of the run, and the one after its last.
     turns: [u64; 2],
     /// Pieces of each.
     pieces: u64,

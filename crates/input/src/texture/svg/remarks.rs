@@ -1,11 +1,11 @@
-//! What of the styles of a drawing is not read: told once for each kind, in the order in which it is met.
+//! What of the styles of a drawing is not read: reported once for each kind, in the order in which it is met.
 
 use svg_style::{Remark, Weight};
 
 use crate::texture::artwork::Marking;
 use terrace_core::diag::{Diag, Place};
 
-/// Most kinds that are told one by one.
+/// Most kinds that are listed one by one.
 const MAX_KINDS: usize = 12;
 
 /// Most kinds that are told apart.
@@ -82,7 +82,7 @@ impl Remarks {
     /// One message per kind: errors and warnings.
     pub(super) fn messages(self, path: &str, marking: &Marking) -> Vec<Diag> {
         let mut out = Vec::new();
-        let mut tell = |code, text: String, at: Place, hint: &str| {
+        let mut report = |code, text: String, at: Place, hint: &str| {
             out.push(marking.unmarkable(code, &text, "; they are left out", "", hint).at(at));
         };
         let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
@@ -90,15 +90,15 @@ impl Remarks {
             let of = if text.is_empty() { String::new() } else { format!(" in {text:?}") };
             if is_external {
                 let text = format!("style sheets are in other files, which are never opened: {what}");
-                tell("svg-external", text, at.place(path), "embed them in style elements");
+                report("svg-external", text, at.place(path), "embed them in style elements");
             } else {
                 let text = format!("styles are not read and may change what is seen: {what}{of} ({count})");
-                tell("svg-css", text, at.place(path), "write what is meant as plain values or attributes");
+                report("svg-css", text, at.place(path), "write what is meant as plain values or attributes");
             }
         }
         if rest > 0 {
             let text = format!("the styles hold {rest} more things that are not read");
-            tell("svg-css", text, Place::file(path), "export the drawing with presentation attributes");
+            report("svg-css", text, Place::file(path), "export the drawing with presentation attributes");
         }
         if let Some((count, text, at)) = self.ignored {
             let text = format!("styles are not valid and are ignored, as browsers do ({count}, first {text:?})");

@@ -23,8 +23,8 @@ const MAX_CUT_EDGES: usize = 1_000_000;
 /// Most references from pattern to pattern.
 const MAX_LINKS: usize = 32;
 
-/// Lightness (CIE L*) from which and down to which parts of a mask show all or nothing: no eye tells them from white and
-/// black.
+/// Lightness (CIE L*) from which and down to which parts of a mask show all or nothing: no eye tells them from white
+/// and black.
 const LIGHT: f64 = 98.0;
 const DARK: f64 = 2.0;
 
@@ -41,9 +41,9 @@ pub(super) enum Paint<'a, 'input> {
 enum Gradient {
     /// All of its stops are painted so.
     Plain(Coat),
-    /// Its stops differ.
+    /// The stops of the gradient differ.
     Mixed,
-    /// It is stretched to the box of a shape, which has no size: it is as if there was no gradient (SVG 2, 8.11).
+    /// The gradient is stretched to the box of a shape without a size: it is as if there was no gradient (SVG 2, 8.11).
     OfBoxWithoutSize,
 }
 
@@ -593,7 +593,7 @@ struct Tile {
     art: Aside,
     /// From the pattern's units to page mm.
     map: Map,
-    /// Its corner and size in the pattern's units.
+    /// Corner and size of the tile in the pattern's units.
     at: [f64; 2],
     size: [f64; 2],
 }

@@ -44,7 +44,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         self.stroke(node, tag, state, filled)
     }
 
-    /// Draws the area of a shape; answers with its polylines, and whether it has points that are none.
+    /// Draws the area of a shape; answers with its polylines, and whether it has points that are not numbers.
     fn fill(&mut self, node: Node<'a, 'input>, tag: &str, state: &State) -> Result<Option<Filled>, Box<Diag>> {
         if tag == "line" {
             return Ok(None);
@@ -212,7 +212,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         Some(Pen { width, cap, join, miter, dashes, offset: length(style.stroke_dashoffset) })
     }
 
-    /// Draws the subpaths of a shape as one figure; answers with what of them is none.
+    /// Draws the subpaths of a shape as one figure; answers with what of them is not drawn.
     pub(super) fn subpaths(
         &mut self,
         node: Node<'a, 'input>,
@@ -262,7 +262,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             return;
         }
         let (name, labels, clip) = (self.name(node), state.labels, state.clip);
-        // What is translucent in the colour of the page is told with the drawing as a whole.
+        // What is translucent in the colour of the page is reported with the drawing as a whole.
         if ink.opacity < 1.0 && !self.marking.is_page(ink.colour) {
             self.note(Issue::Translucent, node);
         }

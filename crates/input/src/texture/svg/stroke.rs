@@ -44,7 +44,8 @@ impl Curves {
         Self { path: BezPath::new(), start: [0.0; 2], at: [0.0; 2], tolerance }
     }
 
-    /// Takes out the subpaths that are drawn without going farther than `reach` from their first point; answers with these.
+    /// Takes out the subpaths that are drawn without going farther than `reach` from their first point; answers with
+    /// these.
     pub(super) fn take_dots(&mut self, reach: f64) -> Vec<Point> {
         let mut dots = Vec::new();
         let mut kept = BezPath::new();
@@ -107,8 +108,8 @@ impl Curves {
         self.path.extend(inner);
     }
 
-    /// What kurbo leaves out on the inner side of joins. There its outline goes from the side of one segment straight to
-    /// that of the next, which cuts off what a segment shorter than the width has; through the corner of the line it
+    /// What kurbo leaves out on the inner side of joins. There its outline goes from the side of one segment straight
+    /// to that of the next, which cuts off what a segment shorter than the width has; through the corner of the line it
     /// would not. The triangle of both sides and the corner makes that difference in how often the outline goes round a
     /// point, exactly.
     fn inner_joins(&self, pen: &Pen) -> BezPath {
@@ -174,7 +175,7 @@ impl Curves {
         }
     }
 
-    /// Path data may go on after it has been closed.
+    /// Path data may continue after it has been closed.
     fn begin(&mut self) {
         if matches!(self.path.elements().last(), None | Some(PathEl::ClosePath)) {
             self.path.move_to(At::from((self.at[0], self.at[1])));

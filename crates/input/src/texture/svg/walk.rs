@@ -36,9 +36,9 @@ const ANIMATIONS: [&str; 5] = ["animate", "set", "animateTransform", "animateMot
 pub(super) enum Purpose {
     /// To be marked.
     Mark,
-    /// As parts of a clip path: their areas.
+    /// Parts of a clip path: their areas.
     Clip,
-    /// As parts of a mask: all that they paint, lines as areas too.
+    /// Parts of a mask: all that they paint, lines as areas too.
     Mask,
     /// To find how far they reach.
     Bounds,
@@ -559,7 +559,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                 state.port = [view.w, view.h];
             }
             Ok(None) => {}
-            // Browsers go on as if it was not there.
+            // Browsers continue as if it was not there.
             Err(_) => self.note(Issue::Fault, node),
         }
         let first = self.art.shapes.len();

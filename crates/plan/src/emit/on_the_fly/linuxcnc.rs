@@ -14,7 +14,7 @@ use super::{At, Pieces, Powers, approach, clean, head, percent, push_time, settl
 use crate::on_the_fly::check::Checked;
 use terrace_core::machine::Machine;
 
-/// Its usual servo period, s.
+/// The usual servo period of LinuxCNC, s.
 pub const SERVO_S: f64 = 1e-3;
 
 /// The program for LinuxCNC.

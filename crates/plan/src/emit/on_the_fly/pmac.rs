@@ -15,7 +15,7 @@ use super::{At, BLEND_MM, Pieces, Powers, approach, clean, head, percent, push_t
 use crate::on_the_fly::check::{Checked, Figures};
 use terrace_core::machine::Machine;
 
-/// Its usual servo period, s (that of Ma et al. 2025).
+/// The usual servo period of a Power PMAC, s (that of Ma et al. 2025).
 pub const SERVO_S: f64 = 50e-6;
 
 /// Time over which moves are blended into each other, us.

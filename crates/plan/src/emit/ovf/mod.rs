@@ -4,13 +4,13 @@
 //! Positions of a work plane are the commanded axis values (mm); points are mm in controller coordinates
 //! from the optical axis. Both are single precision, as the format has it: 3.8 nm at 50 mm. Strokes keep
 //! their marking order: consecutive strokes of two points and one pen share a vector block of hatches,
-//! consecutive dots of one pen a point sequence; a longer stroke is a line sequence of its own. Pens are marking parameters with keys from 1; where a zoom optic shifts
-//! the focus, there is a set of them for every pen and shift.
+//! consecutive dots of one pen a point sequence; a longer stroke is a line sequence of its own. Pens are marking
+//! parameters with keys from 1; where a zoom optic shifts the focus, there is a set of them for every pen and shift.
 //!
 //! The format fixes no sign for what an axis moves, so `machine_type` says it: `x-part` is an axis that
 //! carries the part, `x-head` one that carries the head, `-reversed` one that counts against the frame. Where tilt axes
-//! carry the head it names them too (`a-head`), and `additional_axis_positions` holds the pose of the head as `poses.csv`
-//! has it: x, y, z in mm, then the turns about z, y and x in degrees.
+//! carry the head it names them too (`a-head`), and `additional_axis_positions` holds the pose of the head as
+//! `poses.csv` has it: x, y, z in mm, then the turns about z, y and x in degrees.
 
 mod message;
 
@@ -178,7 +178,7 @@ fn run_length(strokes: &[Stroke]) -> usize {
 /// The beam on its way through a work plane.
 struct Beam {
     at: FieldPoint,
-    /// As [`Program::mark_mm`] and [`Program::jump_mm`] of the whole block.
+    /// Lengths of the marks and jumps so far, mm: over the whole block [`Program::mark_mm`] and [`Program::jump_mm`].
     mark_mm: f64,
     jump_mm: f64,
 }

@@ -5,12 +5,12 @@
 //!
 //! # Model
 //! An axis answers its command as ωn² / (s² + 2 ζ ωn s + ωn²), or, where the speed of the command is fed forward, as
-//! (2 ζ ωn s + ωn²) / (s² + 2 ζ ωn s + ωn²): it is then behind by the acceleration over ωn² alone. [`Scanner`] is the error synthesis of Cui et al.
-//! (2021): the stage's following error is added to the scanner's command.
+//! (2 ζ ωn s + ωn²) / (s² + 2 ζ ωn s + ωn²): it is then behind by the acceleration over ωn² alone. [`Scanner`] is the
+//! error synthesis of Cui et al. (2021): the stage's following error is added to the scanner's command.
 //!
 //! # Limits
 //! One mass, one spring, one damper: no dead time, no saturation of drives, no coupling of axes. The scanner is
-//! told the stage's error without delay.
+//! given the stage's error without delay.
 
 use terrace_core::diag::{Diag, Error};
 use terrace_core::machine::{self, FeedForward, Machine};
@@ -62,7 +62,7 @@ impl Servo {
         Ok([&machine.stage.x, &machine.stage.y].map(|axis| servo.lag(axis.speed.as_mm_s())))
     }
 
-    /// As a machine file states it.
+    /// The servo loop as a machine file states it.
     ///
     /// # Errors
     /// As [`Servo::new`].
@@ -139,7 +139,7 @@ impl Axis {
 /// How the scanner command is limited while it compensates the stage's following error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Protection {
-    /// Its whole command is clipped to the field.
+    /// The whole command is clipped to the field.
     #[default]
     Saturate,
     /// The source's eq. 5 as we read it: the stage's error is fed only while its accumulated sum is within
@@ -167,7 +167,7 @@ impl Protection {
         }
     }
 
-    /// Those that can be asked for by name.
+    /// The ways that can be asked for by name.
     pub const ALL: [Self; 3] = [Self::Saturate, Self::ACCUMULATED, Self::Off];
 
     /// The name on the command line.
@@ -185,7 +185,7 @@ impl Protection {
 pub enum Sum {
     /// The stage's error with its sign.
     Signed,
-    /// Its size.
+    /// The size of the stage's error.
     Absolute,
     /// What is left of it on the part, with its sign.
     Residual,

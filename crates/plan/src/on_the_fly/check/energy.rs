@@ -1,10 +1,10 @@
 //! Line energy of the marks of an on-the-fly program: what the laser gives to each length of a line.
 //!
-//! Consumes, move by move, the way of the spot across its beam, its time, and the pen; promises the mean over the marks,
-//! how much of them runs at the speed of their pens, and where a line gets most. The power of a pen is constant, so where
-//! the spot slows down E(s) = P / v(s) rises. On the part it is spread over the spot: the energy at a place is that of
-//! the line over the length of a spot, P times the longest time for such a way; marks shorter than a spot count as they
-//! are. Where the power follows the speed, every length gets P / v of the pen. Units: mm, s, W, J/m.
+//! Consumes, move by move, the way of the spot across its beam, its time, and the pen; promises the mean over the
+//! marks, how much of them runs at the speed of their pens, and where a line gets most. The power of a pen is constant,
+//! so where the spot slows down E(s) = P / v(s) rises. On the part it is spread over the spot: the energy at a place is
+//! that of the line over the length of a spot, P times the longest time for such a way; marks shorter than a spot count
+//! as they are. Where the power follows the speed, every length gets P / v of the pen. Units: mm, s, W, J/m.
 
 use terrace_core::machine::Machine;
 use terrace_core::program::Pen;
@@ -55,7 +55,7 @@ impl<'a> Marks<'a> {
         self.piece.push(([0.0; 2], at));
     }
 
-    /// The piece goes on by `way` to `at` in `s`.
+    /// The piece continues by `way` to `at` in `s`.
     pub(super) fn go(&mut self, way: f64, s: f64, at: [f64; 2]) {
         let (Some(pen), Some(&([length, time], _))) = (self.pen, self.piece.last()) else { return };
         let speed = pen.speed.as_mm_s();

@@ -205,7 +205,7 @@ fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
 
 /// One axis whose motion has limits.
 struct Limited {
-    /// Its place among the axes.
+    /// The place of the axis among the axes.
     axis: usize,
     name: char,
     unit: &'static str,

@@ -111,7 +111,7 @@ fn turning_axes_have_limits_of_their_own() {
     // 163 and 15,791 times its size of speed and acceleration: limits are 11.5 and 1146 degrees.
     assert_eq!(turned(0.06, None), Vec::<&str>::new());
     assert_eq!(turned(0.08, None), ["fly-speed", "fly-acceleration"]);
-    // U goes on at 10 mm/s and back at 100 mm/s at once.
+    // U moves at 10 mm/s and back at 100 mm/s at once.
     assert_eq!(turned(0.06, Some("10000 mm/s2")), ["fly-acceleration"]);
     assert_eq!(turned(0.06, Some("100000 mm/s2")), Vec::<&str>::new());
 }

@@ -18,7 +18,7 @@ pub struct Trial<T> {
     pub strength: f64,
     /// What came of it.
     pub found: T,
-    /// It keeps all limits.
+    /// Whether the trial keeps all limits.
     pub holds: bool,
 }
 

@@ -121,7 +121,7 @@ pub fn rms_bend<const N: usize>(positions: &[[f64; N]], steps: &[f64]) -> f64 {
 }
 
 /// Steps shorter than this share of their mean count as that: nearer samples would make their factors enormous, and
-/// tell nothing.
+/// say nothing.
 const LEAST: f64 = 0.05;
 
 /// Factors of three neighbours in the divided second difference around each sample but the ends, times the root of

@@ -19,7 +19,7 @@ const SHORTEST: f64 = 1e-3;
 pub struct Rewound {
     /// The path.
     pub path: Path,
-    /// Its axes.
+    /// The axes at each node.
     pub axes: Vec<Axes>,
     /// Nodes between which C is rewound.
     pub rewinds: Vec<[usize; 2]>,
@@ -27,76 +27,98 @@ pub struct Rewound {
 
 /// The path with the nodes that turning back needs, and its axes.
 pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
-    let way = path.distances();
     // A mark goes with its run-ups.
     let marks = |i: usize| path.pen_at(i).or(path.run_at(i)).is_some();
-    // Invariant: all nodes before `at` are in `out`, with `turns.by` whole turns added to C at the last of them, which
+    let mut rewinding = Rewinding::new(path, axes, travel);
+    let mut turns = Revolutions { by: 0.0, fit: true };
+    let mut at = 0;
+    // Invariant: all nodes before `at` are made, with `turns.by` whole turns added to C at the last of them, which
     // ends a mark (or begins the path).
-    let mut out = (Path::default(), Vec::with_capacity(axes.len()));
-    let (mut turns, mut at) = (Revolutions { by: 0.0, fit: true }, 0);
-    let mut rewinds = Vec::new();
     while at < axes.len() {
         // From the end of a mark, or the path's start, to the start of the next.
         let begin = (at..axes.len()).find(|&i| marks(i + 1));
         let first = begin.unwrap_or(axes.len() - 1);
         let end = (first + 1..axes.len()).find(|&i| !marks(i)).unwrap_or(axes.len());
-        let next = if begin.is_some() { turns.next(&axes[first..end], travel) } else { turns };
-        let is_first = at == 0;
-        let from = if is_first { 0 } else { at - 1 };
-        let length = way[first] - way[from];
-        let next = if is_first || length >= SHORTEST { next } else { Revolutions { by: turns.by, ..next } };
-        if is_first {
+        let mut next = if begin.is_some() { turns.next(&axes[first..end], travel) } else { turns };
+        let from = at.saturating_sub(1);
+        if at == 0 {
+            // The path begins with the turns of its first mark.
             turns = next;
+            rewinding.keep(0, turns);
+        } else if rewinding.way[first] - rewinding.way[from] < SHORTEST {
+            // A rewind takes way: a mark that begins where the last one ended keeps its turns, whether they fit or not.
+            next.by = turns.by;
         }
-        // A rewind takes way: a mark that begins where the last one ended keeps its turns, whether they fit or not.
+        rewinding.jump([from, first], [turns, next]);
+        (first + 1..end).for_each(|k| rewinding.keep(k, next));
+        (turns, at) = (next, end);
+    }
+    rewinding.made
+}
+
+/// A path while nodes are added to its jumps.
+struct Rewinding<'a> {
+    path: &'a Path,
+    axes: &'a [Axes],
+    travel: [f64; 2],
+    /// Distance of each node along the path, mm.
+    way: Vec<f64>,
+    made: Rewound,
+}
+
+impl<'a> Rewinding<'a> {
+    fn new(path: &'a Path, axes: &'a [Axes], travel: [f64; 2]) -> Self {
+        let made = Rewound { path: Path::default(), axes: Vec::with_capacity(axes.len()), rewinds: Vec::new() };
+        Self { path, axes, travel, way: path.distances(), made }
+    }
+
+    /// Node `k` with so many turns added to C.
+    fn keep(&mut self, k: usize, turns: Revolutions) {
+        let axes = self.axes[k];
+        self.made.path.nodes.push(self.path.nodes[k]);
+        self.made.axes.push(Axes { c: axes.c + TAU * turns.by, ..axes });
+    }
+
+    /// The nodes after the first of a jump. C goes from one count of turns to the other evenly along it, and the tool
+    /// stays over its place, so the jump gets as many nodes as C's turn takes.
+    fn jump(&mut self, [from, to]: [usize; 2], [turns, next]: [Revolutions; 2]) {
         let change = next.by - turns.by;
-        if is_first {
-            put(&mut out, path, 0, path.nodes[0].at, axes[0], axes[0].c + TAU * turns.by);
-        }
-        let off = turns.fit && next.fit;
-        let left = out.1.len() - 1;
-        for k in from + 1..=first {
-            let edge = way[k] - way[k - 1];
+        let length = self.way[to] - self.way[from];
+        let begin = self.made.axes.len() - 1;
+        for k in from + 1..=to {
+            let edge = self.way[k] - self.way[k - 1];
             let pieces = ((change * TAU / STEP).abs() * edge / length.max(SHORTEST)).ceil().max(1.0) as usize;
             for j in 1..=pieces {
                 let t = j as f64 / pieces as f64;
-                // C goes from one count of turns to the other evenly over the jump; the tool stays over its place.
-                let share = if length > 0.0 { (way[k - 1] + t * edge - way[from]) / length } else { 1.0 };
-                let mut c = between(axes[k - 1].c, axes[k].c, t) + TAU * (turns.by + share * change);
-                if off && k < first {
-                    c = c.clamp(travel[0], travel[1]);
+                let share = if length > 0.0 { (self.way[k - 1] + t * edge - self.way[from]) / length } else { 1.0 };
+                let mut c = between(self.axes[k - 1].c, self.axes[k].c, t) + TAU * (turns.by + share * change);
+                // Between two marks within its travel C stays there too.
+                if turns.fit && next.fit && k < to {
+                    c = c.clamp(self.travel[0], self.travel[1]);
                 }
-                let spot = [0, 1, 2].map(|i| between(path.nodes[k - 1].at[i], path.nodes[k].at[i], t));
-                let [p, q] = [k - 1, k].map(|i| axes[i].tool().p);
-                let tool = [0, 1, 2].map(|i| between(p[i], q[i], t));
-                let a = between(axes[k - 1].a, axes[k].a, t);
-                put(&mut out, path, k, spot, Axes { xyz: machine_from_part(a, c, tool), a, c }, c);
-                if j < pieces
-                    && let Some(node) = out.0.nodes.last_mut()
-                {
-                    node.kind = NodeKind::Between;
-                }
+                self.divide(k, t, c);
             }
         }
         if change != 0.0 {
-            rewinds.push([left, out.1.len() - 1]);
+            self.made.rewinds.push([begin, self.made.axes.len() - 1]);
         }
-        for (k, axes) in axes.iter().enumerate().take(end).skip(first + 1) {
-            put(&mut out, path, k, path.nodes[k].at, *axes, axes.c + TAU * next.by);
-        }
-        (turns, at) = (next, end);
     }
-    Rewound { path: out.0, axes: out.1, rewinds }
+
+    /// A node at the share `t` of the way from node `k - 1` to node `k`, C at `c`.
+    fn divide(&mut self, k: usize, t: f64, c: f64) {
+        let (nodes, axes) = (&self.path.nodes, self.axes);
+        let at = [0, 1, 2].map(|i| between(nodes[k - 1].at[i], nodes[k].at[i], t));
+        let [p, q] = [k - 1, k].map(|i| axes[i].tool().p);
+        let tool = [0, 1, 2].map(|i| between(p[i], q[i], t));
+        let a = between(axes[k - 1].a, axes[k].a, t);
+        let kind = if t < 1.0 { NodeKind::Between } else { nodes[k].kind };
+        self.made.path.nodes.push(Node { at, kind, ..nodes[k] });
+        self.made.axes.push(Axes { xyz: machine_from_part(a, c, tool), a, c });
+    }
 }
 
 fn between(a: f64, b: f64, t: f64) -> f64 {
     if t >= 1.0 { b } else { a + t * (b - a) }
-}
-
-/// Adds a node like number `k` of `path` at `spot`.
-fn put(out: &mut (Path, Vec<Axes>), path: &Path, k: usize, spot: [f64; 3], axes: Axes, c: f64) {
-    out.0.nodes.push(Node { at: spot, ..path.nodes[k] });
-    out.1.push(Axes { c, ..axes });
 }
 
 /// Whole turns that are added to C, and whether its travel holds the mark with them.
@@ -107,7 +129,7 @@ struct Revolutions {
 }
 
 impl Revolutions {
-    /// Those of the next mark.
+    /// The revolutions of the next mark.
     fn next(self, axes: &[Axes], [lo, hi]: [f64; 2]) -> Self {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let needs = axes.iter().fold(none, |e, a| [e[0].min(a.c), e[1].max(a.c)]);
@@ -132,7 +154,7 @@ mod tests {
     use super::*;
     use terrace_core::program::{PenId, PieceId};
 
-    /// Rings about the pole with short jumps between them, all the same way round; C as it would go on.
+    /// Rings about the pole with short jumps between them, all the same way round; C as it would continue.
     fn rings(count: u32, jump: f64) -> (Path, Vec<Axes>) {
         let (mut path, mut axes) = (Path::default(), Vec::new());
         for ring in 0..count {

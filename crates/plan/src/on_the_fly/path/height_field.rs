@@ -41,7 +41,7 @@ pub struct HeightField {
     step: f64,
     count: [usize; 2],
     heights: Vec<f64>,
-    /// Steepest slope that is told.
+    /// Steepest slope that is reported.
     steepest: f64,
 }
 
@@ -147,7 +147,7 @@ fn weights(t: f64) -> [f64; 4] {
     [s * s * s / 6.0, (4.0 + 3.0 * t * t * (t - 2.0)) / 6.0, (4.0 + 3.0 * s * s * (s - 2.0)) / 6.0, t * t * t / 6.0]
 }
 
-/// Their derivatives.
+/// The derivatives of the four weights.
 fn slopes(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [-s * s / 2.0, t * (3.0 * t - 4.0) / 2.0, -s * (3.0 * s - 4.0) / 2.0, t * t / 2.0]

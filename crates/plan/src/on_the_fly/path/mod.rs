@@ -2,11 +2,11 @@
 //!
 //! Consumes the strokes and the part; promises nodes so close that straight lines between them stand for the path, with
 //! every vertex of a stroke among them. Units: mm; the frame is the part's. Under marks the height is the part's own,
-//! along jumps the height field's. Where rounding has put a mark off the part its height continues from the nearest that
-//! is known, as the height field does.
+//! along jumps the height field's. Where rounding has put a mark off the part its height continues from the nearest
+//! that is known, as the height field does.
 //!
-//! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which continue as the marks do, and one
-//! straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
+//! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which continue as the marks do, and
+//! one straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 pub mod c_rewind;
 pub mod follow;
@@ -53,7 +53,7 @@ pub struct Node {
 /// A path of marks and jumps; index 0 is where it begins.
 #[derive(Clone, Debug, Default)]
 pub struct Path {
-    /// Its nodes, in order.
+    /// The nodes, in order.
     pub nodes: Vec<Node>,
 }
 
@@ -317,8 +317,9 @@ impl Path {
         out
     }
 
-    /// The nearest node of the same mark after one, or before it, that tells the direction there.
+    /// The nearest node of the same mark after one, or before it, that shows the direction there.
     fn along(&self, i: usize, after: bool) -> usize {
+        /// So far from the node, mm, rounding to nanometres no longer turns the direction.
         const ENOUGH: f64 = 0.1;
         let next = |j: usize| {
             let (next, pen) = if after { (j + 1, self.pen_at(j + 1)) } else { (j.wrapping_sub(1), self.pen_at(j)) };
@@ -409,7 +410,9 @@ impl Path {
 /// Whether a mark that ends at `from` and one that begins at `to` lie on one line, nearer than the run-in and run-out
 /// both, `out` and `into`.
 fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> bool {
+    /// What two pieces of one line may differ by, in direction, rad, and in length of their runs, as a share.
     const STRAIGHT: f64 = 1e-3;
+    /// Height between them, mm, and slope beside that of the mark, up to which the part does not step there.
     const FLAT: f64 = 1e-3;
     const STEEPER: f64 = 0.2;
     let gap = [to[0] - from[0], to[1] - from[1]];
@@ -487,7 +490,7 @@ mod tests {
 
     #[test]
     fn skywriting_runs_are_collinear_with_their_mark() {
-        // Two lines there and back on a slope of 0.1, and a third that goes on where the second ends.
+        // Two lines there and back on a slope of 0.1, and a third that continues where the second ends.
         let path = path(&[
             &[[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [20.0, 0.0, 2.0]],
             &[[20.0, 1.0, 2.0], [0.0, 1.0, 0.0]],

@@ -1,10 +1,10 @@
 //! When the beam is where on its path, at the speeds of its pens: what scanner and stage divide between them.
 //!
-//! The spot moves by the machine's [`GalvoModel`], as in [`terrace_core::motion::marking`]: from rest to rest between corners
-//! and ends, no faster than its pen in marks and than the scanner in jumps; or always at these speeds, with waits at
-//! ends and corners as the machine's delays say. With skywriting a mark goes on into its run-out without a rest. A jump
-//! that is longer than half of the field is the stage's to carry: it runs no faster than the quickest pen, or the
-//! stage. Units: mm, s.
+//! The spot moves by the machine's [`GalvoModel`], as in [`terrace_core::motion::marking`]: from rest to rest between
+//! corners and ends, no faster than its pen in marks and than the scanner in jumps; or always at these speeds, with
+//! waits at ends and corners as the machine's delays say. With skywriting a mark continues into its run-out without a
+//! rest. A jump that is longer than half of the field is the stage's to carry: it runs no faster than the quickest pen,
+//! or the stage. Units: mm, s.
 //!
 //! [`Schedule::lifted`] gives z the time that it needs between marks on different heights. Moving averages of a motion
 //! keep the limits that it keeps, so that a step of the part does not slow the marks on either side of it.

@@ -125,7 +125,7 @@ pub struct Move {
 pub struct Marked {
     /// Index of its pen.
     pub pen: PenId,
-    /// Its time, s.
+    /// The time of the sample, s.
     pub s: f64,
     /// How far the beam moves across itself.
     pub way_mm: f64,
@@ -138,7 +138,7 @@ pub struct Marked {
 /// A program of moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
-    /// Its axes.
+    /// The axes of the program.
     pub kind: Kind,
     /// Laser settings.
     pub pens: Vec<Pen>,
@@ -155,7 +155,7 @@ impl Program {
     /// table frame; and how much slower the motion should run, 1 or more, where the spot is late by more than `LATE`.
     ///
     /// # Errors
-    /// `fly-axes` where the machine does not have the axes; `fly-motion` where the motion is none.
+    /// `fly-axes` where the machine does not have the axes; `fly-motion` where the motion is not one.
     pub fn of(
         motion: &Motion,
         strokes: &OrderedStrokes,
@@ -237,7 +237,7 @@ fn hold(program: &mut Program, frame: &Frame) {
         let way: f64 = (0..3).map(|k| ((m.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
         if way > 0.0 && way < CREEP * (m.us - us) as f64 {
             let held = frame.held(&m.to, &from);
-            // A mark must move; where only the stage did, it goes on creeping.
+            // A mark must move; where only the stage did, it keeps creeping.
             if m.mark.is_none() || held != from {
                 m.to = held;
             }

@@ -25,7 +25,7 @@ const ROUNDING: f64 = 1.0;
 /// A figure and when it is reached, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Peak {
-    /// Its size: mm or degrees, per s, s2 or s3.
+    /// The size of the peak: mm or degrees, per s, s2 or s3.
     pub size: f64,
     /// When.
     pub at_s: f64,

@@ -12,7 +12,7 @@ use terrace_core::geom::counting_sort;
 /// Rounds at most; a round has as many steps as there are boxes.
 const ROUNDS: usize = 16;
 /// Times that all pieces are handled, from which on no round begins. Of six surfaces five are done before; the sixth,
-/// on which every round goes on gaining half a percent, is left with 2 % more boxes in half the time.
+/// on which every round keeps gaining half a percent, is left with 2 % more boxes in half the time.
 const MOST_WORK: u64 = 256;
 /// Boxes taken out in one step.
 const TAKEN: std::ops::RangeInclusive<u32> = 3..=9;

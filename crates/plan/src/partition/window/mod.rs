@@ -3,7 +3,7 @@
 //! A first cover is the best of a few sweeps; then boxes are taken out and what they alone held is
 //! given to others, as long as that pays. All of it is combinatorial, on exact integers, and the same
 //! for the same pieces in any order. Nothing proves that the result is the fewest; how far it can be
-//! from that, the bound of `bound` tells.
+//! from that, the bound of `bound` shows.
 //!
 //! Cost: about a second for two million pieces and three times that where improving pays.
 

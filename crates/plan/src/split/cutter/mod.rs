@@ -43,7 +43,7 @@ struct Open {
     bend: Bend,
     /// How much of it the fragment before has marked too, nm.
     shared: f64,
-    /// What became of the fragment that it goes on from.
+    /// What became of the fragment that it continues from.
     from: Before,
 }
 
@@ -53,9 +53,9 @@ enum Before {
     /// There is none, or a gap between them.
     #[default]
     None,
-    /// It is marked; `spare` if it is a sliver that no mark before it adjoins, and how long it is, nm.
+    /// The piece before is marked; `spare` if it is a sliver that no mark before it adjoins, and how long it is, nm.
     Marked { spare: Option<f64> },
-    /// It was too short.
+    /// The piece before was too short to be marked.
     Skipped,
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Cutter<'a> {
     keep: Keep,
     out: Fragments,
     open: Option<Open>,
-    /// What became of the fragment that ended last, if the stroke goes on from there.
+    /// What became of the fragment that ended last, if the stroke continues from there.
     last: Before,
     /// Height of the surface at the end of the last stretch that was marked.
     z: f64,
@@ -268,7 +268,7 @@ impl<'a> Cutter<'a> {
         window_end.min(z_end).clamp(t, p.t1)
     }
 
-    /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
+    /// The exit of [`Cutter::exit`] for a turned part, on which a piece is straight in space.
     fn turned_exit(&self, stop: StopId, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
         // Every coordinate of the turned part is linear along the piece, and so are those of the drawing: each says
         // whether it is inside at t and where it leaves; the first to leave counts.
@@ -473,7 +473,8 @@ impl<'a> Cutter<'a> {
         let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.cos_length += length / (1.0 + slope2).sqrt();
-        // A piece no longer than the grid is only rounding of a cut: the mark touches that facet but does not lie on it.
+        // A piece no longer than the grid is only rounding of a cut: the mark touches that facet but does not lie on
+        // it.
         if length > 1.0 {
             open.slope2 = open.slope2.max(slope2);
         }
@@ -526,8 +527,8 @@ impl<'a> Cutter<'a> {
         // before has marked of it was counted there.
         let is_sliver = length < self.least.sliver;
         let adjoins = matches!(open.from, Before::Marked { .. });
-        // What it has for itself is less than the grid, as where a stroke ends where the stop before admits it no more: all
-        // of it would be marked twice.
+        // What it has for itself is less than the grid, as where a stroke ends where the stop before admits it no more:
+        // all of it would be marked twice.
         let is_shared = open.shared > 0.0 && length - open.shared < 1.0;
         if count < 2 || length < self.least.mark || is_sliver && adjoins || is_shared {
             self.leave_out(open.stop, open.first, open.z, length - open.shared);

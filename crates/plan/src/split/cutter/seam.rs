@@ -7,7 +7,7 @@ use terrace_core::program::{CHORD_NM, StopId, StrokeId};
 /// An overlap that lacks no more than this, nm, is there in full: its ends are rounded.
 const SHORT: f64 = 2.0;
 
-/// Shorter overlaps, nm, are none, unless a shorter one was asked for.
+/// Shorter overlaps, nm, do not count, unless a shorter one was asked for.
 const LEAST_OVERLAP: f64 = 1_000.0;
 
 /// Where strokes are cut between two stops that both admit a stretch of them.

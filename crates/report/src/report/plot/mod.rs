@@ -32,7 +32,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Its title.
+    /// The title of the plot.
     pub fn title(&self) -> &str {
         &self.title
     }
@@ -175,11 +175,11 @@ pub struct Bars {
 /// A bar of [`Bars`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// Its name.
+    /// The name of the bar.
     pub name: String,
-    /// Its parts in their order; one without parts is shown as "-".
+    /// The parts of the bar in their order; one without parts is shown as "-".
     pub parts: Vec<f64>,
-    /// It is drawn in grey, hatched: what it shows must not be used.
+    /// Whether the bar is drawn in grey, hatched: what it shows must not be used.
     pub is_hatched: bool,
 }
 

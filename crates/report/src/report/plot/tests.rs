@@ -42,7 +42,7 @@ fn texts(plot: &Plot) -> (Vec<Word>, f64) {
     (root.descendants().filter(|n| n.has_tag_name("text")).map(word).collect(), view[3])
 }
 
-/// That no text of a chart is cut or covered by another.
+/// Checks that no text of a chart is cut or covered by another.
 fn check(plot: &Plot) -> Vec<Word> {
     let (all, height) = texts(plot);
     for (k, a) in all.iter().enumerate() {

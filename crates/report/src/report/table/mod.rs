@@ -62,11 +62,11 @@ impl Column {
         Self { kind: Kind::Share, ..Self::text(name) }
     }
 
-    /// Its name, one line.
+    /// The name of the column, one line.
     pub fn name(&self) -> &str {
         &self.name
     }
-    /// Its unit as the head of the column shows it; empty where the cells say it themselves.
+    /// The unit as the head of the column shows it; empty where the cells say it themselves.
     pub fn unit(&self) -> &str {
         &self.unit
     }
@@ -79,7 +79,7 @@ impl Column {
         self.kind != Kind::Text
     }
 
-    /// Its key: words and unit in snake case.
+    /// The key of the column: words and unit in snake case.
     fn key(&self) -> String {
         let unit = match self.kind {
             Kind::Duration => "s",
@@ -230,11 +230,11 @@ impl Table {
         self.struck[row] && column + 1 < self.columns.len()
     }
 
-    /// Its title, one line.
+    /// The title of the table, one line.
     pub fn title(&self) -> &str {
         &self.title
     }
-    /// Its columns.
+    /// The columns of the table.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -242,7 +242,7 @@ impl Table {
     pub fn keys(&self) -> &[String] {
         &self.keys
     }
-    /// Its rows.
+    /// The rows of the table.
     pub fn rows(&self) -> &[Vec<Cell>] {
         &self.rows
     }
@@ -409,7 +409,7 @@ fn shown(cell: &Cell, kind: Kind) -> Cow<'_, str> {
     match kind {
         Kind::Duration => duration(value),
         Kind::Share => share(value),
-        // So long a number tells nothing.
+        // So long a number says nothing.
         Kind::Number(digits) if value.abs() >= 1e15 => format!("{value:.0$e}", usize::from(digits)),
         Kind::Number(digits) => plain(value, usize::from(digits)),
         Kind::Text | Kind::Count => value.to_string(),
@@ -433,8 +433,8 @@ pub fn plain(v: f64, decimals: usize) -> String {
     if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// A cell of CSV whose text may hold what parts cells, or begin with what a spreadsheet takes for a formula: such a text
-/// gets an apostrophe in front. Numbers stay as they are.
+/// A cell of CSV whose text may hold what parts cells, or begin with what a spreadsheet takes for a formula: such a
+/// text gets an apostrophe in front. Numbers stay as they are.
 pub(super) fn csv_cell(text: &str) -> String {
     let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
     let text = if is_formula { &format!("'{text}") } else { text };

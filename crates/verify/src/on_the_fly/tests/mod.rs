@@ -20,8 +20,8 @@ fn assert_only(code: &str, proof: &Proof) {
     assert!(!proof.ok);
 }
 
-/// What a sound job comes to, for the documents.
-fn told(name: &str, bench: &Bench, proof: &Proof) {
+/// Prints the figures of a sound job, for the documents.
+fn print_figures(name: &str, bench: &Bench, proof: &Proof) {
     let folder = bench.written(bench.checked());
     let size = |f: &str| std::fs::metadata(folder.join(f)).map_or(0, |m| m.len());
     let f = *bench.checked().figures();
@@ -49,7 +49,7 @@ fn told(name: &str, bench: &Bench, proof: &Proof) {
 fn five_axis_program_on_a_dome_verifies() {
     let bench = Bench::new(DOME);
     let proof = verify(&bench.written(bench.checked()), None).unwrap_or_else(|e| panic!("{e}"));
-    told("dome", &bench, &proof);
+    print_figures("dome", &bench, &proof);
     assert!(proof.ok, "{}", proof.to_text());
     // There are no space curves.
     assert!(proof.rules.iter().all(|r| r.checked > 0 || r.code == "curves"), "{}", proof.to_text());
@@ -63,7 +63,7 @@ fn five_axis_program_on_a_dome_verifies() {
 fn seven_axis_program_on_a_bowl_verifies() {
     let bench = Bench::new(BOWL);
     let proof = verify(&bench.written(bench.checked()), None).unwrap_or_else(|e| panic!("{e}"));
-    told("bowl", &bench, &proof);
+    print_figures("bowl", &bench, &proof);
     assert!(proof.ok, "{}", proof.to_text());
     assert!(proof.worst_position_um.is_some_and(|p| p < 0.2), "{}", proof.to_text());
     assert!(proof.worst_incidence_deg < 5.0, "the beam follows the normal");

@@ -33,7 +33,7 @@ pub(crate) struct LeftOut {
 pub(crate) struct PenEntry {
     pub(crate) name: String,
     pub(crate) speed_mm_s: f64,
-    /// As the job file has it, percent or watts.
+    /// The power as the job file has it, percent or watts.
     pub(crate) power: String,
     pub(crate) power_percent: f64,
     pub(crate) frequency_khz: f64,

@@ -128,7 +128,7 @@ impl Runner {
         if words.next() != Some("MARK") {
             match on_the_fly(text) {
                 Some((kind, figures)) => self.program.said.push((self.line, kind, figures)),
-                None => self.fault(format!("({text}) is no comment of an on-the-fly program")),
+                None => self.fault(format!("({text}) is not a comment of an on-the-fly program")),
             }
             return;
         }
@@ -142,7 +142,7 @@ impl Runner {
         self.claim = Some(Claim { stroke, pen, run: self.runs });
     }
 
-    /// The laser is off at once; a switch that waits for the next move goes on waiting.
+    /// The laser is off at once; a switch that waits for the next move keeps waiting.
     fn off(&mut self) {
         self.laser = Some(false);
     }

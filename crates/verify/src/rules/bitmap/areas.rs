@@ -13,7 +13,7 @@ pub(super) const MAX_PLACES: usize = 60_000;
 /// Most pixels that are looked at for them.
 const MAX_LOOKS: usize = 300_000_000;
 
-/// Most cells of the grid that tells where marks are.
+/// Most cells of the grid that says where marks are.
 const MAX_CELLS: f64 = 4e8;
 
 impl Look<'_> {

@@ -26,13 +26,20 @@ impl Look<'_> {
         rule: &mut Rule,
     ) -> Result<(), &'static str> {
         let pitch = self.marking.pitch_mm.unwrap_or(self.spot_mm);
-        let fits = pitch / grey.pixel[0].max(grey.pixel[1]);
-        let blocks = fits.min(grey.columns.max(grey.rows) as f64) as usize;
-        let joined = (fits >= 2.0).then(|| grey.joined(blocks));
+        let raster = Raster { screen: tone.screen, pitch, period: tone.period_mm.unwrap_or(PERIOD * pitch) / pitch };
+        // A screen takes the mean of the pixels within a pitch.
+        let pixels = pitch / grey.pixel[0].max(grey.pixel[1]);
+        let joined = (pixels >= 2.0).then(|| grey.joined(pixels.min(grey.columns.max(grey.rows) as f64) as usize));
         let grey = joined.as_ref().unwrap_or(grey);
-        let period = tone.period_mm.unwrap_or(PERIOD * pitch) / pitch;
-        let is_dashed = tone.screen == Screen::Dashes;
-        let reach = if is_dashed { period * pitch } else { 0.0 } + self.slack_mm;
+        self.marks_lie_where_it_is_dark(grey, marks, raster.reach_mm() + self.slack_mm, rule);
+        if is_cut {
+            return Err("tones are not compared where inside or outside cut them");
+        }
+        self.tones_are_those_of_the_bitmap(grey, marks, &raster, rule)
+    }
+
+    /// Holds places of the marks: nothing is marked beyond the page, or farther than `reach` mm from all that is dark.
+    fn marks_lie_where_it_is_dark(&self, grey: &Grey, marks: &Marks<'_>, reach: f64, rule: &mut Rule) {
         let mut points = Vec::new();
         for i in marks.some(MAX_MARKS) {
             (marks.drawing.stroke)(i, &mut points);
@@ -47,38 +54,28 @@ impl Look<'_> {
                 }
             }
         }
-        if is_cut {
-            return Err("tones are not compared where inside or outside cut them");
-        }
-        let cell = match tone.screen {
-            Screen::Lines | Screen::Noise | Screen::Diffusion => 16,
-            Screen::Dashes => (2.0 * period).ceil().max(4.0) as usize,
-            _ => period.round().clamp(1.0, MAX_SIDE) as usize,
-        };
-        let gain = if matches!(tone.screen, Screen::Lines | Screen::Dashes) {
-            pitch / self.spot_mm
-        } else {
-            (pitch / self.spot_mm).powi(2)
-        };
-        let screen = Windows { look: self, pitch, direction: self.marking.direction_rad - self.page.turn_rad };
-        let amounts = screen.amounts(marks, cell);
+    }
+
+    /// Holds what is marked in windows of two sizes to the lightest and the darkest pixel in or next to each.
+    fn tones_are_those_of_the_bitmap(
+        &self,
+        grey: &Grey,
+        marks: &Marks<'_>,
+        raster: &Raster,
+        rule: &mut Rule,
+    ) -> Result<(), &'static str> {
+        let direction = self.marking.direction_rad - self.page.turn_rad;
+        let windows = Windows { look: self, pitch: raster.pitch, direction };
+        let cell = raster.cell();
+        let amounts = windows.amounts(marks, cell);
+        let share = |density: f64| (density * raster.gain(self.spot_mm)).clamp(0.0, 1.0);
         let mut compared = 0;
         for times in [1, 4] {
             let n = cell * times;
-            let side = n as f64;
-            let off = match tone.screen {
-                Screen::Lines => side * (1.0 + side.log2() / 2.0),
-                Screen::Dashes => side * period / 4.0,
-                Screen::Diffusion => 1.25 * side,
-                Screen::Noise if n < NOISE_SIDE => 2.0 * side,
-                Screen::Noise => (n / NOISE_SIDE).pow(2) as f64 / 2.0,
-                _ => (times * times) as f64 / 2.0,
-            } + 1.0;
-            screen.each(n, if is_dashed { reach } else { 0.0 }, |tile, window, [lo, hi]| {
+            let (full, off) = ((n * n) as f64, raster.tolerance(n, times));
+            windows.each(n, raster.reach_mm(), |tile, window, [lo, hi]| {
                 let marked = amounts.of(tile, window, times as i64);
-                let full = side * side;
                 let [least, most] = grey.range(lo, hi);
-                let share = |d: f64| (d * gain).clamp(0.0, 1.0);
                 let [least, most] = [share(least - ROUNDING), share(most + ROUNDING)];
                 compared += 1;
                 rule.checked += 1;
@@ -95,6 +92,63 @@ impl Look<'_> {
             });
         }
         if compared == 0 { Err("it is too small for its tones to be compared") } else { Ok(()) }
+    }
+}
+
+/// A screen with its sizes.
+struct Raster {
+    screen: Screen,
+    /// Distance of its lines or dots, mm.
+    pitch: f64,
+    /// The period of dashes and halftone cells, in pitches.
+    period: f64,
+}
+
+impl Raster {
+    /// How far a mark may reach over white, mm: a dash lies anywhere in its period.
+    fn reach_mm(&self) -> f64 {
+        if self.screen == Screen::Dashes { self.period * self.pitch } else { 0.0 }
+    }
+
+    /// The side of the smallest windows, in pitches.
+    fn cell(&self) -> usize {
+        match self.screen {
+            // Small enough for a small picture; what these may be off is known at any side.
+            Screen::Lines | Screen::Noise | Screen::Diffusion => 16,
+            // Two periods: of one, both ends of a dash could lie outside.
+            Screen::Dashes => (2.0 * self.period).ceil().max(4.0) as usize,
+            // Half a dot in each cell holds for whole cells alone.
+            _ => self.period.round().clamp(1.0, MAX_SIDE) as usize,
+        }
+    }
+
+    /// The share that is marked of a density of 1: a line covers its spot across, a dot both ways.
+    fn gain(&self, spot_mm: f64) -> f64 {
+        let across = self.pitch / spot_mm;
+        if matches!(self.screen, Screen::Lines | Screen::Dashes) { across } else { across.powi(2) }
+    }
+
+    /// How far the marked amount in a window of `n` pitches, `times` cells, may be off at an even density, in pitches of
+    /// line or in dots; and one more, for marks on the window's border.
+    fn tolerance(&self, n: usize, times: usize) -> f64 {
+        let side = n as f64;
+        let off = match self.screen {
+            // The thresholds of n neighbouring lines are those of a van der Corput sequence, whose discrepancy is at
+            // most 1 + log2(n) / 2 lines; each is `side` long.
+            Screen::Lines => side * (1.0 + side.log2() / 2.0),
+            // On each line an eighth of a period at each of the two ends.
+            Screen::Dashes => side * self.period / 4.0,
+            // No error that is handed on is above half a dot; those handed over the borders of n rows and n columns
+            // come to 1.25 n.
+            Screen::Diffusion => 1.25 * side,
+            // A part of a mask: less is known than of a whole one, two dots in each row.
+            Screen::Noise if n < NOISE_SIDE => 2.0 * side,
+            // Each mask has every threshold once: half a dot.
+            Screen::Noise => (n / NOISE_SIDE).pow(2) as f64 / 2.0,
+            // Each cell has every threshold once: half a dot.
+            _ => (times * times) as f64 / 2.0,
+        };
+        off + 1.0
     }
 }
 

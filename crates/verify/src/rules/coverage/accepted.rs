@@ -1,9 +1,9 @@
 //! What a block accepts for certain: whether it would have marked a run that no mark covers.
 //!
-//! A block accepts the places inside its window whose heights lie in the interval that its stop admits, and which its beam
-//! reaches. Heights and borders are known to what rounding makes of them. The window of a stop is its section around its
-//! centre; where the stage stands still for several blocks (zoom optic, tilt table) the window is somewhere else, and what
-//! lies between the block's own marks is inside it, whatever it is.
+//! A block accepts the places inside its window whose heights lie in the interval that its stop admits, and which its
+//! beam reaches. Heights and borders are known to what rounding makes of them. The window of a stop is its section
+//! around its centre; where the stage stands still for several blocks (zoom optic, tilt table) the window is somewhere
+//! else, and what lies between the block's own marks is inside it, whatever it is.
 
 use super::{Cover, ROUNDED, Span};
 use crate::geometry::{Piece, Scratch, Sheet, Slope};
@@ -12,7 +12,7 @@ use crate::rules::turned::Turned;
 use terrace_core::geom::P3;
 use terrace_core::program::Block;
 
-/// How much of what follows a mark, nm, tells whether its block would have gone on.
+/// How much of what follows a mark, nm, decides whether its block would have continued.
 const SURE: f64 = 100.0;
 
 /// The box of places that a block accepts: x, y and z, nm, in the frame of the table where the block is tilted.
@@ -54,8 +54,8 @@ impl Accepted {
         Self { lo, hi, ..self }
     }
 
-    /// Which shares of the way from `a` to `b` lie inside, where the borders in plan are `plan` wider and those of height
-    /// `height`, nm.
+    /// Which shares of the way from `a` to `b` lie inside, where the borders in plan are `plan` wider and those of
+    /// height `height`, nm.
     fn share(&self, a: P3, b: P3, plan: f64, height: f64) -> Option<[f64; 2]> {
         let mut share = [0.0f64, 1.0f64];
         for k in 0..3 {
@@ -75,8 +75,8 @@ impl Accepted {
 }
 
 impl Cover<'_> {
-    /// Whether the block of the mark before a run would have gone on: for certain it accepts how the run begins, as far from
-    /// its border as `zone` says, in plan and in height.
+    /// Whether the block of the mark before a run would have gone on: for certain it accepts how the run begins, as far
+    /// from its border as `zone` says, in plan and in height.
     pub(super) fn would_go_on(&mut self, mark: &Span, run: &Run, zone: [f64; 2], scratch: &mut Scratch) -> bool {
         let Some(begin) = run.begin(SURE) else { return false };
         let reach = self.geometry.reach();
@@ -90,9 +90,9 @@ impl Cover<'_> {
         }
     }
 
-    /// Whether the block of the mark after a run would have begun with it: it may accept all of it, for certain does four
-    /// fifths, and no other block may accept all. Where another does, or more is in doubt, which stop had how the run
-    /// begins lies in the last figure of a border or of a height.
+    /// Whether the block of the mark after a run would have begun with it: it may accept all of it, for certain does
+    /// four fifths, and no other block may accept all. Where another does, or more is in doubt, which stop had how the
+    /// run begins lies in the last figure of a border or of a height.
     pub(super) fn would_have_begun(&mut self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
         let reach = self.geometry.reach();
         self.depth_holds && run.len > 2.0 * ROUNDED && {
@@ -224,8 +224,8 @@ impl Cover<'_> {
         }
     }
 
-    /// By how much wider an interval of heights is taken, nm. Rounding in the plane moves heights by as much as the slope,
-    /// and the lean of the beam, makes of it.
+    /// By how much wider an interval of heights is taken, nm. Rounding in the plane moves heights by as much as the
+    /// slope, and the lean of the beam, makes of it.
     fn height_slack(&self, sheet: &Sheet, lean: f64, known: Known) -> f64 {
         let tolerance = self.geometry.z_tolerance(sheet.slope2) + self.geometry.grain() * (sheet.slope2.sqrt() + lean);
         match known {
