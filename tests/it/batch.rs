@@ -132,6 +132,7 @@ pub(crate) fn assert_whole(folder: &Path) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn batch_of_twenty_reports_its_three_broken_jobs() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
@@ -212,6 +213,7 @@ fn batch_of_twenty_reports_its_three_broken_jobs() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn batch_bytes_do_not_depend_on_threads() {
     let dir = folder();
     let jobs = dir.path().join("jobs");

@@ -364,6 +364,7 @@ fn changed(file: &Path, dir: &Path, name: &str, changes: &[(&str, &str)]) -> Pat
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn what_a_step_file_hides_is_left_out_and_named() {
     let dir = folder();
     make_boxes(dir.path());
@@ -395,6 +396,7 @@ fn what_a_step_file_hides_is_left_out_and_named() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn entities_that_a_step_file_hides_are_found_whatever_names_them() {
     let (dir, assembly) = (folder(), fixture("cad/assembly.step"));
     let style = "#9001=STYLED_ITEM('',(#9002),#ITEM);#9002=PRESENTATION_STYLE_ASSIGNMENT((NULL_STYLE(.NULL.)));";
@@ -420,6 +422,7 @@ fn entities_that_a_step_file_hides_are_found_whatever_names_them() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn step_units_that_are_read_wrongly_are_refused_and_a_utf_8_mark_is_not() {
     let (dir, assembly) = (folder(), fixture("cad/assembly.step"));
     let metre = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) );";
@@ -475,6 +478,7 @@ fn with_head(iges: &str, from: &str, to: &str) -> String {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_head_of_an_iges_file_says_its_size_or_it_is_refused() {
     let dir = folder();
     make_boxes(dir.path());

@@ -31,6 +31,7 @@ fn saved(dir: &Path, height: Height, than: &SteppedPlan, direction: &str) -> [f6
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn what_other_directions_would_save_is_about_what_they_do() {
     let dir = folder();
     let surfaces: [(&str, Height); 3] = [("cyl", cyl), ("saddle", saddle), ("wave", wave)];

@@ -148,6 +148,7 @@ fn send<'a>(port: &Path, lines: impl Iterator<Item = &'a str>) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn stage_program_with_stops_goes_to_the_same_places_with_grbl_whatever_was_active() {
     let bench = Bench::framed();
     for name in ["stage_m0.nc", "frames/stage_m0-frame.nc"] {

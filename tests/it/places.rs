@@ -59,6 +59,7 @@ fn a_job_that_fits_one_field_is_marked_about_the_axis() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_part_lies_where_its_stops_are_in_the_middle_of_the_travel_unless_it_is_stated() {
     let dir = folder();
     let mut job = job(&dir, dome, 450.0, "7 mm");
@@ -89,6 +90,7 @@ fn the_part_lies_where_its_stops_are_in_the_middle_of_the_travel_unless_it_is_st
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn moves_share_coordinates_and_diagonals_save_more() {
     for height in [dome as Height, saddle, wing] {
         let dir = folder();

@@ -220,6 +220,7 @@ fn figures_that_lie_across_shaded_blocks_are_marked_in_full() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn auto_chooses_tilt_where_it_is_fastest_for_any_number_of_threads() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

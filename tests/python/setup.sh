@@ -1,8 +1,8 @@
 #!/bin/sh
 # Installs the foreign readers that the tests check the job folders with, below .venv in the root of the
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
-# unpacked without root; Dask, which carries fleets; with `all` also the packages that slow tests need
-# (requirements-all.txt), Chromium with the packages that drive it and icons (../browser/package.json), the drawings of
+# unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt, Dask among them),
+# Chromium with the packages that drive it and icons (../browser/package.json), the drawings of
 # Debian's inkscape, Slurm, and cargo-deny. Running it again costs nothing. Ends with an error if anything is missing.
 set -eu
 
