@@ -96,5 +96,7 @@ pub(crate) fn each(files: &[Vec<u8>], words: &[&str], mut read: impl FnMut(&[u8]
         }
         n += 1;
     }
-    assert!(peak_kb() - before < MOST_KB, "{} kB", peak_kb() - before);
+    // The system counts pages by processor and sums up now and then, so a peak can be a little lower than one before.
+    let more = peak_kb().saturating_sub(before);
+    assert!(more < MOST_KB, "{more} kB");
 }
