@@ -4,6 +4,8 @@
 //! rayon's parallel iterators ([`each`]), which takes its function by reference: an instance for every caller would
 //! make the program larger and slower to compile.
 
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
@@ -39,6 +41,27 @@ pub fn map_items<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + S
     let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     let made = map(items.len(), |i| locked(&items[i]).take().map(|item| of(i, item)));
     made.into_iter().flatten().collect()
+}
+
+/// Hands what `of` makes of items that are its own to `take`, in their order. They are begun in order too, so that
+/// little of what is made has to wait for its turn.
+pub fn in_order<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + Sync, take: impl FnMut(T) + Send) {
+    let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
+    let next = AtomicUsize::new(0);
+    // How many were taken, those that wait, and who takes them.
+    let taken = Mutex::new((0, BTreeMap::new(), take));
+    each(items.len(), &|_| {
+        let i = next.fetch_add(1, Relaxed);
+        let Some(item) = locked(&items[i]).take() else { return };
+        let one = of(i, item);
+        let mut guard = locked(&taken);
+        let (count, waiting, take) = &mut *guard;
+        waiting.insert(i, one);
+        while let Some(one) = waiting.remove(count) {
+            take(one);
+            *count += 1;
+        }
+    });
 }
 
 /// What two functions make, at the same time.
@@ -85,6 +108,17 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_made_is_taken_in_the_order_of_the_items() {
+        let mut taken = Vec::new();
+        let slow = |k: usize, item: String| {
+            std::thread::sleep(std::time::Duration::from_micros((k % 3) as u64 * 200));
+            (k, item)
+        };
+        in_order((0..100).map(|k| k.to_string()).collect(), slow, |one| taken.push(one));
+        assert_eq!(taken, (0..100).map(|k| (k, k.to_string())).collect::<Vec<_>>());
+    }
 
     #[test]
     fn results_are_in_order_on_any_number_of_threads() {

@@ -1,14 +1,14 @@
 //! From fragments to a program: focal planes set, stops ordered; then strokes ordered, and all laid out flat.
 
-use super::cut::{Cut, StopMarks, fragment};
+use super::cut::{Cut, OrderedFragment, StopMarks};
 use super::dose;
 use super::focal_plane::focal_plane;
 use super::lifts::Stage;
+use super::parts::fragment;
 use super::setups::{self, CellId, Setups, Used};
 use super::standstills::{Place, standstills};
 use crate::order;
 use crate::order::stops::HeightOrder;
-use crate::order::strokes::Visit;
 use crate::partition::{Lattice, Stops};
 use crate::split::Fragments;
 
@@ -128,32 +128,33 @@ pub(super) fn lay_out(
     let slopes = ids.iter().map(|&id| {
         let mut slope = Slope::default();
         for (_, measure, _) in cut.members.fragments(&cut.parts, id) {
-            slope.add(measure.length, measure.cos, measure.slope2, pens.gain(measure.cos));
+            let [length, cos, slope2] = [measure.length, measure.cos, measure.slope2].map(f64::from);
+            slope.add(length, cos, slope2, pens.gain(cos));
         }
         slope
     });
     let slopes = slopes.collect();
     pens.assign(&mut cut.parts);
-    cut.parts.iter_mut().for_each(|part| part.measures = Vec::new());
+    // What is not needed any more goes before the lists of the program come: here a job needs most memory.
     let Cut { stops, parts, members, .. } = cut;
+    let parts = parts.into_list();
     let task = task.of_steps(ids.len());
-    let orders: Vec<Vec<Visit>> = parallel::map(ids.len(), |i| {
-        let visits = members.ordered(&parts, ids[i], order);
+    let orders: Vec<Vec<OrderedFragment>> = parallel::map(ids.len(), |i| {
+        let fragments = members.ordered(&parts, ids[i], order);
         task.step();
-        visits
+        fragments
     });
+    drop(members);
     let mut program = Program { pens: pens.list, blocks, ..Program::default() };
-    program.strokes.reserve_exact(members.len());
+    program.strokes.reserve_exact(parts.iter().map(|p| p.list.len()).sum());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
-    for (i, (id, visits)) in ids.iter().zip(orders).enumerate() {
+    for (i, (id, fragments)) in ids.iter().zip(orders).enumerate() {
         let first = program.strokes.len();
-        let list = members.of(*id);
         let (from, at) = (stops.stops[id.index()].stop.centre, program.blocks[i].stop.centre);
         let by = [from.x - at.x, from.y - at.y].map(|v| v as i32);
         let in_field = |p: FieldPoint| FieldPoint::new(p.x + by[0], p.y + by[1]);
-        for visit in visits {
-            let fragment = (parts.as_slice(), list[visit.stroke as usize]);
-            append_stroke(&mut program.strokes, &mut program.points, fragment, visit, in_field);
+        for fragment in fragments {
+            append_stroke(&mut program.strokes, &mut program.points, (&parts, fragment), in_field);
         }
         program.blocks[i].strokes = first..program.strokes.len();
     }
@@ -170,11 +171,10 @@ fn moved(stop: &Stop, by: [i64; 3]) -> Stop {
 pub(super) fn append_stroke<P>(
     strokes: &mut Vec<Stroke>,
     list: &mut Vec<P>,
-    (parts, member): (&[Fragments], (u32, u32)),
-    visit: Visit,
+    (parts, ordered): (&[Fragments], OrderedFragment),
     place: impl Fn(FieldPoint) -> P,
 ) {
-    let Visit { start, reversed, .. } = visit;
+    let OrderedFragment { member, start, reversed } = ordered;
     let (f, points) = fragment(parts, member);
     let first = list.len();
     if reversed {

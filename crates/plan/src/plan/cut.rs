@@ -1,5 +1,6 @@
 //! The strokes of a pass cut between the stops of a method, and what each stop has of them.
 
+use super::parts::{Member, Parts, fragment};
 use super::split::join;
 use crate::order;
 use crate::order::strokes::{Path, Visit};
@@ -15,7 +16,7 @@ use terrace_input::job::StrokeOrder;
 /// Fragments, chunk by chunk of the texture, and the stops that they are cut for.
 pub(super) struct Cut {
     pub(super) stops: Stops,
-    pub(super) parts: Vec<Fragments>,
+    pub(super) parts: Parts,
     /// By stop.
     pub(super) members: Members,
     /// By stop.
@@ -23,8 +24,8 @@ pub(super) struct Cut {
 }
 
 impl Cut {
-    pub(super) fn new(stops: Stops, parts: Vec<Fragments>, machine: &Machine, pens: &[Pen]) -> Self {
-        let members = Members::new(&parts, stops.stops.len());
+    pub(super) fn new(stops: Stops, parts: Parts, machine: &Machine, pens: &[Pen]) -> Self {
+        let members = Members::new(parts.list(), stops.stops.len());
         let marks = parallel::map(stops.stops.len(), |i| {
             let stop = &stops.stops[i].stop;
             let mut marks = StopMarks::default();
@@ -45,7 +46,7 @@ impl Cut {
 
     /// What was too short to be marked.
     pub(super) fn slivers(&self) -> impl Iterator<Item = &Sliver> {
-        self.parts.iter().flat_map(|part| &part.slivers)
+        self.parts.list().iter().flat_map(|part| &part.slivers)
     }
 
     /// What stops mark, if `ids` are those that mark what the stops of the cut did, and what was left out.
@@ -55,7 +56,7 @@ impl Cut {
             sliver: Sliver { stop: id(sliver.stop), ..*sliver },
             beside: part.stops_beside(sliver).map(id).collect(),
         };
-        let left_out = self.parts.iter().flat_map(|part| part.slivers.iter().map(move |s| left_out(part, s)));
+        let left_out = self.parts.list().iter().flat_map(|part| part.slivers.iter().map(move |s| left_out(part, s)));
         Marks { of_stops, left_out: left_out.collect() }
     }
 
@@ -132,7 +133,7 @@ impl Heights {
         let [lo, hi] = measure.z.map(|z| z_lo + f64::from(z));
         self.lo = self.lo.min(lo);
         self.hi = self.hi.max(hi);
-        let length = measure.length;
+        let length = f64::from(measure.length);
         self.z_length += (z_lo + f64::from(measure.mean_z)) * length;
         self.length += length;
         if f.len == 1 {
@@ -167,7 +168,7 @@ impl Heights {
 }
 
 /// The fragments of every stop, in the order in which they were cut: chunk and index in it.
-pub(super) struct Members(Buckets<(u32, u32)>);
+pub(super) struct Members(Buckets<Member>);
 
 impl Members {
     pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
@@ -177,45 +178,49 @@ impl Members {
         Self(Buckets::new(stops, members))
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.0.items().len()
-    }
-
-    pub(super) fn of(&self, stop: StopId) -> &[(u32, u32)] {
+    pub(super) fn of(&self, stop: StopId) -> &[Member] {
         self.0.of(stop.index())
     }
 
     /// The fragments of a stop.
     pub(super) fn fragments<'a>(
         &'a self,
-        parts: &'a [Fragments],
+        parts: &'a Parts,
         stop: StopId,
     ) -> impl Iterator<Item = (&'a Fragment, &'a Measure, &'a [FieldPoint])> {
         self.of(stop).iter().map(|&m| {
-            let (f, points) = fragment(parts, m);
-            (f, &parts[m.0 as usize].measures[m.1 as usize], points)
+            let (f, points) = fragment(parts.list(), m);
+            (f, parts.measure(m), points)
         })
     }
 
-    /// The order in which the fragments of a stop are marked.
-    pub(super) fn ordered(&self, parts: &[Fragments], stop: StopId, order: StrokeOrder) -> Vec<Visit> {
+    /// The fragments of a stop in the order in which they are marked.
+    pub(super) fn ordered(&self, parts: &[Fragments], stop: StopId, order: StrokeOrder) -> Vec<OrderedFragment> {
         let members = self.of(stop);
-        let path = |&m: &(u32, u32)| {
+        let path = |&m: &Member| {
             let (f, points) = fragment(parts, m);
             Path { points, is_closed: f.is_figure }
         };
-        match order {
+        let visits = match order {
             StrokeOrder::Shortest => order::strokes::order(&members.iter().map(path).collect::<Vec<_>>()),
             StrokeOrder::Drawing => order::strokes::as_drawn(members.len()),
-        }
+        };
+        let ordered = |Visit { stroke, start, reversed }| {
+            let member = members[stroke as usize];
+            OrderedFragment { member, start, reversed }
+        };
+        visits.into_iter().map(ordered).collect()
     }
 }
 
-/// A fragment and its points.
-pub(super) fn fragment(parts: &[Fragments], (part, i): (u32, u32)) -> (&Fragment, &[FieldPoint]) {
-    let part = &parts[part as usize];
-    let f = &part.list[i as usize];
-    (f, &part.points[f.first as usize..(f.first + f.len) as usize])
+/// A fragment where its stop marks it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OrderedFragment {
+    pub(super) member: Member,
+    /// Vertex at which a closed stroke begins and ends; 0 for open ones.
+    pub(super) start: u32,
+    /// Whether it is marked against the direction of drawing.
+    pub(super) reversed: bool,
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::cut::Cut;
 use super::merge::Merged;
+use super::parts::Parts;
 use super::split::{Cuts, split};
 use super::stroke_chunks::Sweep;
 use crate::projection::Tracer;
@@ -30,8 +31,8 @@ pub(super) fn cut_again(
     if !cuts.may_regroup() {
         let parts = split(sweep, &[&stops], sections, pens, cuts, task);
         let Some(parts) = parts.ok().and_then(|mut parts| parts.pop()) else { return Err(Box::new(old)) };
-        let count = |parts: &[Fragments], of: fn(&Fragments) -> usize| parts.iter().map(of).sum::<usize>();
-        let small = |parts: &[Fragments]| parts.iter().map(|p| p.skipped.small).sum::<f64>();
+        let count = |parts: &Parts, of: fn(&Fragments) -> usize| parts.list().iter().map(of).sum::<usize>();
+        let small = |parts: &Parts| parts.list().iter().map(|p| p.skipped.small).sum::<f64>();
         let is_no_worse = small(&parts) <= small(&old.parts) + 1e-9
             && count(&parts, |p| p.figures_whole) >= count(&old.parts, |p| p.figures_whole)
             && count(&parts, |p| p.not_kept) <= count(&old.parts, |p| p.not_kept)
@@ -40,16 +41,18 @@ pub(super) fn cut_again(
     }
     let Sweep { surface, texture, max_slope } = sweep;
     let regroup = Regroup { old: &old.stops, new: &stops, ids: &ids, is_changed: &is_changed, may_cut };
-    let parts = std::mem::take(&mut old.parts);
+    let (parts, measures) = std::mem::take(&mut old.parts).apart();
     let task = task.of_steps(parts.len());
-    let parts = parallel::map_items(parts, |_, part| {
+    let regrouped = |k: usize, part: Fragments| {
         let splitter = Splitter::new(Tracer::new(surface, max_slope), &[&stops], cuts.least, cuts.keep, cuts.seam);
-        let part = regroup.apply(part, splitter, cuts.keep, &mut |source, points| {
+        let part = regroup.apply((&part, measures.of(k)), splitter, cuts.keep, &mut |source, points| {
             let pen = texture.stroke(source.0 as usize, points);
             (pen, pens[pen.index()].passes)
         });
         task.step();
         part
-    });
-    Ok(Cut::new(stops, parts, machine, pens))
+    };
+    let mut again = Parts::default();
+    parallel::in_order(parts, regrouped, |part| again.push(part));
+    Ok(Cut::new(stops, again, machine, pens))
 }

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::split::Fragments;
+use super::parts::Parts;
 use terrace_core::program::{Pen, PenId};
 use terrace_core::units::{Power, Speed, Time, Watts};
 use terrace_input::job::{Compensate, Dose};
@@ -24,26 +24,23 @@ pub(super) struct Pens {
 
 impl Pens {
     /// The pens that the fragments need.
-    pub(super) fn new(dose: Option<Dose>, pens: &[Pen], parts: &[Fragments]) -> Self {
+    pub(super) fn new(dose: Option<Dose>, pens: &[Pen], parts: &Parts) -> Self {
         let mut it = Self { dose, list: pens.to_vec(), own: pens.len(), made: Vec::new() };
         let Some(dose) = dose else { return it };
-        let fragments = parts.iter().flat_map(|part| part.list.iter().zip(&part.measures));
         let needed: BTreeSet<(PenId, u32)> =
-            fragments.filter_map(|(f, measure)| Some((f.pen, steps(&dose, measure.cos)?))).collect();
+            parts.fragments().filter_map(|(f, measure)| Some((f.pen, steps(&dose, measure.cos.into())?))).collect();
         it.list.extend(needed.iter().map(|&(pen, k)| made_of(&pens[pen.index()], &dose, factor(&dose, k))));
         it.made = needed.into_iter().collect();
         it
     }
 
     /// Gives every fragment its pen.
-    pub(super) fn assign(&self, parts: &mut [Fragments]) {
+    pub(super) fn assign(&self, parts: &mut Parts) {
         let Some(dose) = self.dose else { return };
-        for part in parts {
-            for (f, measure) in part.list.iter_mut().zip(&part.measures) {
-                let steps = steps(&dose, measure.cos);
-                let made = steps.and_then(|k| self.made.binary_search(&(f.pen, k)).ok());
-                f.pen = made.map_or(f.pen, |i| PenId((self.own + i) as u16));
-            }
+        for (f, measure) in parts.fragments_mut() {
+            let steps = steps(&dose, measure.cos.into());
+            let made = steps.and_then(|k| self.made.binary_search(&(f.pen, k)).ok());
+            f.pen = made.map_or(f.pen, |i| PenId((self.own + i) as u16));
         }
     }
 

@@ -151,7 +151,7 @@ pub(super) fn at_one_place(cut: &Cut, made: &Candidate) -> Option<Merged> {
     let mut ids: Vec<StopId> = cut.stops.ids().collect();
     let mut is_changed = vec![false; stops.len()];
     let mut is_beside = vec![false; stops.len()];
-    for part in &cut.parts {
+    for part in cut.parts.list() {
         part.slivers.iter().flat_map(|s| part.stops_at(s)).for_each(|stop| is_beside[stop.index()] = true);
     }
     let blocks = made.program.blocks.iter().zip(&made.ids);

@@ -36,6 +36,7 @@ mod on_the_fly;
 mod operator_way;
 pub mod orient;
 pub mod part;
+mod parts;
 mod pass;
 mod places;
 mod plausible;

@@ -1,7 +1,9 @@
 //! All strokes cut between the stops of every candidate, in one sweep, in chunks.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
+use super::parts::Parts;
 use super::stroke_chunks::{Sweep, chunks};
 use crate::partition::Stops;
 use crate::projection::{Keep, Tracer};
@@ -109,14 +111,14 @@ pub(super) fn split(
     pens: &[Pen],
     cuts: Cuts,
     task: Task<'_>,
-) -> Result<Vec<Vec<Fragments>>, Error> {
+) -> Result<Vec<Parts>, Error> {
     let Sweep { surface, texture, max_slope } = sweep;
     Estimate::of(texture, candidates, sections).hold(texture)?;
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let too_many = || fragment_count.load(Relaxed) > MAX_FRAGMENTS || point_count.load(Relaxed) > MAX_POINTS;
     let chunks = chunks(texture);
     let task = task.of_steps(chunks.len());
-    let made = parallel::map_items(chunks, |_, chunk| {
+    let made = |_, chunk: Range<usize>| {
         // Counted while it grows: what is too large must be refused before it fills the memory.
         if too_many() {
             return Err(too_large(texture));
@@ -128,8 +130,7 @@ pub(super) fn split(
             let pen = texture.stroke(i, &mut points);
             splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
         }
-        let mut parts: Vec<Fragments> = splitter.finish().collect();
-        parts.iter_mut().for_each(Fragments::shrink);
+        let parts: Vec<Fragments> = splitter.finish().collect();
         let grow = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
             count.fetch_add(parts.iter().map(of).sum(), Relaxed);
         };
@@ -137,14 +138,14 @@ pub(super) fn split(
         grow(&point_count, |p| p.points.len());
         task.step();
         if too_many() { Err(too_large(texture)) } else { Ok(parts) }
+    };
+    let mut by_candidate = Ok(candidates.iter().map(|_| Parts::default()).collect::<Vec<_>>());
+    parallel::in_order(chunks, made, |chunk| match (&mut by_candidate, chunk) {
+        (Ok(lists), Ok(chunk)) => lists.iter_mut().zip(chunk).for_each(|(parts, part)| parts.push(part)),
+        (_, Err(too_large)) => by_candidate = Err(too_large),
+        (Err(_), Ok(_)) => {}
     });
-    let chunks = made.into_iter().collect::<Result<Vec<_>, _>>()?;
-    // Collected in the order of the chunks, whatever thread made them.
-    let mut by_candidate: Vec<Vec<Fragments>> = candidates.iter().map(|_| Vec::with_capacity(chunks.len())).collect();
-    for chunk in chunks {
-        chunk.into_iter().zip(&mut by_candidate).for_each(|(part, parts)| parts.push(part));
-    }
-    Ok(by_candidate)
+    Ok(by_candidate?)
 }
 
 /// The program would not fit: said without a count, which would depend on the threads.

@@ -414,7 +414,7 @@ impl Ready {
     /// The candidate with the strokes of its stops, in order.
     fn laid_out(&self, on: &Given<'_>, cut: Cut, made: Candidate, ordering: Task<'_>) -> Candidate {
         let &Given { job, machine, .. } = on;
-        let fragments = cut.members.len();
+        let fragments = cut.parts.count();
         let pens = dose::Pens::new(job.dose, &job.pens, &cut.parts);
         let how = (pens, job.order.strokes);
         let (program, slopes, split) = assemble::lay_out((made.program.blocks, &made.ids), cut, how, ordering);

@@ -10,6 +10,7 @@ use super::early;
 use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
 use super::off_part::OffPart;
+use super::parts::Parts;
 use super::plausible::Shares;
 use super::progress::{Phase, Progress};
 use super::split::{Cuts, join, split};
@@ -96,7 +97,7 @@ pub fn in_order(
         .pop()
         .unwrap_or_default();
     let (ordered, bands) = in_bands(job, &stops, &parts, Phase::Order.task(progress));
-    let found = parts.into_iter().fold(Fragments::default(), join);
+    let found = parts.into_list().into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
     let off_part = if found.skipped.off_part > 0.0 || found.dots.off_part > 0 {
         OffPart::of(job, sweep)
@@ -134,23 +135,21 @@ impl Strokes {
 }
 
 /// The fragments in order, band by band.
-fn in_bands(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> (OrderedStrokes, Vec<Band>) {
-    let members = Members::new(parts, stops.stops.len());
+fn in_bands(job: &Job, stops: &Stops, parts: &Parts, task: Task<'_>) -> (OrderedStrokes, Vec<Band>) {
+    let members = Members::new(parts.list(), stops.stops.len());
     let mut ordered = OrderedStrokes { pens: job.pens.clone(), ..OrderedStrokes::default() };
     let mut bands = Vec::new();
     let task = task.of_steps(stops.stops.len());
     for (i, placed) in stops.stops.iter().enumerate() {
         let id = StopId(i as u32);
-        let list = members.of(id);
-        if list.is_empty() {
+        if members.of(id).is_empty() {
             continue;
         }
         let first = ordered.strokes.len();
         let stop = &placed.stop;
         let on_part = |p: FieldPoint| P2::new(stop.centre.x + i64::from(p.x), stop.centre.y + i64::from(p.y));
-        for visit in members.ordered(parts, id, job.order.strokes) {
-            let fragment = (parts, list[visit.stroke as usize]);
-            append_stroke(&mut ordered.strokes, &mut ordered.points, fragment, visit, on_part);
+        for fragment in members.ordered(parts.list(), id, job.order.strokes) {
+            append_stroke(&mut ordered.strokes, &mut ordered.points, (parts.list(), fragment), on_part);
         }
         let heights = members.fragments(parts, id).map(|(_, measure, _)| measure.z);
         let z = heights.fold([i32::MAX, i32::MIN], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);

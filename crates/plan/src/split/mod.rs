@@ -67,22 +67,25 @@ pub struct Measure {
     pub mean_z: f32,
     /// Length of the mark in the field before its ends were rounded, nm; 0 of a dot. On a tilted part that is another
     /// than the length in the plane of the drawing, and it is the one that takes time.
-    pub length: f64,
+    pub length: f32,
     /// Mean cosine of the slope over the length.
-    pub cos: f64,
+    pub cos: f32,
     /// Largest squared slope.
-    pub slope2: f64,
+    pub slope2: f32,
 }
 
 impl Measure {
     /// Of two fragments that become one, both over the same height.
     fn joined(self, other: Self) -> Self {
-        let length = self.length + other.length;
-        let mean = |a: f64, b: f64| if length > 0.0 { (a * self.length + b * other.length) / length } else { a };
+        let [mine, others] = [self.length, other.length].map(f64::from);
+        let length = mine + others;
+        let mean = |a: f32, b: f32| {
+            if length > 0.0 { ((f64::from(a) * mine + f64::from(b) * others) / length) as f32 } else { a }
+        };
         Self {
             z: [self.z[0].min(other.z[0]), self.z[1].max(other.z[1])],
-            mean_z: mean(self.mean_z.into(), other.mean_z.into()) as f32,
-            length,
+            mean_z: mean(self.mean_z, other.mean_z),
+            length: length as f32,
             cos: mean(self.cos, other.cos),
             slope2: self.slope2.max(other.slope2),
         }

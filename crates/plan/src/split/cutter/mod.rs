@@ -583,7 +583,13 @@ impl<'a> Cutter<'a> {
         self.worst_turned2 = self.worst_turned2.max(slope2);
         let z_lo = self.stops.stops[stop.index()].stop.z_lo.f64();
         let over = |z: f64| (z - z_lo).round() as i32;
-        Measure { z: z.map(over), mean_z: (mean_z - z_lo) as f32, length, cos, slope2 }
+        Measure {
+            z: z.map(over),
+            mean_z: (mean_z - z_lo) as f32,
+            length: length as f32,
+            cos: cos as f32,
+            slope2: slope2 as f32,
+        }
     }
 
     /// Takes back the points from `first` on: they would be too short a mark of `stop` between heights `z`, which has
