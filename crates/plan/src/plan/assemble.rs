@@ -128,8 +128,8 @@ pub(super) fn lay_out(
     let slopes = ids.iter().map(|&id| {
         let mut slope = Slope::default();
         for (_, measure, _) in cut.members.fragments(&cut.parts, id) {
-            let [length, cos, slope2] = [measure.length, measure.cos, measure.slope2].map(f64::from);
-            slope.add(length, cos, slope2, pens.gain(cos));
+            let [length, slope2] = [measure.length, measure.slope2].map(f64::from);
+            slope.add(length, measure.cos(), slope2, pens.gain(measure.cos()));
         }
         slope
     });

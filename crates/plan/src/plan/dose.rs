@@ -28,7 +28,7 @@ impl Pens {
         let mut it = Self { dose, list: pens.to_vec(), own: pens.len(), made: Vec::new() };
         let Some(dose) = dose else { return it };
         let needed: BTreeSet<(PenId, u32)> =
-            parts.fragments().filter_map(|(f, measure)| Some((f.pen, steps(&dose, measure.cos.into())?))).collect();
+            parts.fragments().filter_map(|(f, measure)| Some((f.pen, steps(&dose, measure.cos())?))).collect();
         it.list.extend(needed.iter().map(|&(pen, k)| made_of(&pens[pen.index()], &dose, factor(&dose, k))));
         it.made = needed.into_iter().collect();
         it
@@ -38,7 +38,7 @@ impl Pens {
     pub(super) fn assign(&self, parts: &mut Parts) {
         let Some(dose) = self.dose else { return };
         for (f, measure) in parts.fragments_mut() {
-            let steps = steps(&dose, measure.cos.into());
+            let steps = steps(&dose, measure.cos());
             let made = steps.and_then(|k| self.made.binary_search(&(f.pen, k)).ok());
             f.pen = made.map_or(f.pen, |i| PenId((self.own + i) as u16));
         }

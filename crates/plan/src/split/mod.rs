@@ -68,13 +68,18 @@ pub struct Measure {
     /// Length of the mark in the field before its ends were rounded, nm; 0 of a dot. On a tilted part that is another
     /// than the length in the plane of the drawing, and it is the one that takes time.
     pub length: f32,
-    /// Mean cosine of the slope over the length.
-    pub cos: f32,
+    /// One less the mean cosine of the slope over the length: single precision would not hold a cosine near one.
+    pub versine: f32,
     /// Largest squared slope.
     pub slope2: f32,
 }
 
 impl Measure {
+    /// Mean cosine of the slope over the length.
+    pub fn cos(&self) -> f64 {
+        1.0 - f64::from(self.versine)
+    }
+
     /// Of two fragments that become one, both over the same height.
     fn joined(self, other: Self) -> Self {
         let [mine, others] = [self.length, other.length].map(f64::from);
@@ -86,7 +91,7 @@ impl Measure {
             z: [self.z[0].min(other.z[0]), self.z[1].max(other.z[1])],
             mean_z: mean(self.mean_z, other.mean_z),
             length: length as f32,
-            cos: mean(self.cos, other.cos),
+            versine: mean(self.versine, other.versine),
             slope2: self.slope2.max(other.slope2),
         }
     }

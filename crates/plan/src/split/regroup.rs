@@ -331,7 +331,7 @@ mod tests {
         assert_eq!(shapes(&found), shapes(&wanted));
         for (a, b) in found.measures.iter().zip(&wanted.measures) {
             assert!((0..2).all(|k| (a.z[k] - b.z[k]).abs() <= 1) && (a.mean_z - b.mean_z).abs() < 1.0, "{a:?} {b:?}");
-            assert!((a.length - b.length).abs() < 2.0 && (a.cos - b.cos).abs() < 1e-6, "{a:?} {b:?}");
+            assert!((a.length - b.length).abs() < 2.0 && (a.versine - b.versine).abs() < 1e-9, "{a:?} {b:?}");
         }
         let counts = |f: &Fragments| (f.strokes_cut, f.figures_whole, f.figures_cut, f.not_kept, f.slivers.len());
         assert_eq!(counts(&found), counts(&wanted));

@@ -110,15 +110,15 @@ pub fn write_proved(
 
 /// For mutants of the verifier: the folder of a plan that was tampered with.
 #[cfg(any(test, feature = "test-support"))]
-pub fn write_stepped(plan: &SteppedPlan, target: &Path) -> Result<(), Error> {
-    let fill: &FillJob<'_> = &|filling, head| files::stepped(plan, head, filling, true, &|_, _| {});
+pub fn write_stepped(plan: &SteppedPlan, target: &Path, pictures: bool) -> Result<(), Error> {
+    let fill: &FillJob<'_> = &|filling, head| files::stepped(plan, head, filling, pictures, &|_, _| {});
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
-/// The same on the fly.
+/// The same on the fly, without pictures.
 #[cfg(any(test, feature = "test-support"))]
 pub fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
-    let fill: &FillJob<'_> = &|filling, head| files::on_the_fly(plan, head, filling, true, &|_, _| {});
+    let fill: &FillJob<'_> = &|filling, head| files::on_the_fly(plan, head, filling, false, &|_, _| {});
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 

@@ -587,7 +587,7 @@ impl<'a> Cutter<'a> {
             z: z.map(over),
             mean_z: (mean_z - z_lo) as f32,
             length: length as f32,
-            cos: cos as f32,
+            versine: (1.0 - cos) as f32,
             slope2: slope2 as f32,
         }
     }

@@ -69,13 +69,24 @@ fn seven_axis_program_on_a_bowl_verifies() {
     assert!(proof.worst_incidence_deg < 5.0, "the beam follows the normal");
 }
 
-#[test]
-fn every_leaf_of_a_manifest_is_proved_or_listed_as_not_proved() {
+/// One change of a leaf in `step` is tried.
+fn assert_leaves_are_proved(step: usize) {
     for sort in [DOME, BOWL] {
         let bench = Bench::new(sort);
-        let passed = unproved_leaves(&bench.written(bench.checked()), &ON_THE_FLY);
+        let passed = unproved_leaves(&bench.written(bench.checked()), &ON_THE_FLY, step);
         assert!(passed.is_empty(), "{passed:#?}");
     }
+}
+
+#[test]
+fn leaves_of_a_manifest_are_proved_one_in_five() {
+    assert_leaves_are_proved(5);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn every_leaf_of_a_manifest_is_proved_or_listed_as_not_proved() {
+    assert_leaves_are_proved(1);
 }
 
 #[test]

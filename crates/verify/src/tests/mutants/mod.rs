@@ -16,6 +16,7 @@ mod sheets;
 mod tilted;
 mod zoom;
 
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 use super::{alter_manifest, assert_only, broken, renew_hash};
@@ -25,6 +26,7 @@ use terrace_core::machine::Origin;
 use terrace_core::program::{Block, BlockFigures, PenId, Program, Stroke};
 use terrace_input::job::{Job, Overrides};
 use terrace_plan::check::Checked;
+use terrace_plan::manifest::MANIFEST;
 use terrace_plan::plan::{self, Plan, SteppedPlan};
 use terrace_report::job_folder;
 
@@ -33,6 +35,8 @@ use terrace_report::job_folder;
 struct Bench {
     dir: tempfile::TempDir,
     plan: Box<SteppedPlan>,
+    /// The folder of the plan as it is, written where a test needs it.
+    sound: OnceCell<PathBuf>,
 }
 
 impl Bench {
@@ -158,7 +162,7 @@ impl Bench {
             panic!("a stepped job")
         };
         assert!(plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
-        Self { dir, plan }
+        Self { dir, plan, sound: OnceCell::new() }
     }
 
     /// The same with lines along x, and more tables.
@@ -191,18 +195,27 @@ impl Bench {
         verified(&self.write())
     }
 
+    /// The folder, without pictures.
     fn write(&self) -> PathBuf {
-        let target = self.dir.path().join("job.job");
-        job_folder::write_stepped(&self.plan, &target).unwrap_or_else(|e| panic!("{e}"));
+        self.write_as("job.job", false)
+    }
+
+    fn write_as(&self, name: &str, pictures: bool) -> PathBuf {
+        let target = self.dir.path().join(name);
+        job_folder::write_stepped(&self.plan, &target, pictures).unwrap_or_else(|e| panic!("{e}"));
         target
     }
 
-    /// Writes the sound folder, changes one of its files, renews its hash, and verifies.
+    /// Changes a file of the sound folder, renews its hash, verifies, and takes the change back.
     fn damaged(&self, name: &str, change: impl FnOnce(&mut Vec<u8>)) -> Proof {
-        let target = self.write();
-        alter(&target, name, change);
-        renew_hash(&target, name);
-        verified(&target)
+        let folder = self.sound.get_or_init(|| self.write_as("sound.job", false));
+        let files = [folder.join(name), folder.join(MANIFEST)];
+        let before = files.each_ref().map(|path| std::fs::read(path).expect("a file of the folder"));
+        alter(folder, name, change);
+        renew_hash(folder, name);
+        let proof = verified(folder);
+        files.iter().zip(before).for_each(|(path, bytes)| std::fs::write(path, bytes).expect("a writable folder"));
+        proof
     }
 }
 
@@ -358,7 +371,7 @@ fn dose_reports_a_pen_of_another_slope() {
 #[test]
 fn compiled_job_verifies() {
     let bench = Bench::new();
-    let proof = verified(&bench.write());
+    let proof = verified(&bench.write_as("job.job", true));
     assert!(proof.ok, "{}", proof.to_text());
     // No texture of it is a drawing.
     assert!(
@@ -621,13 +634,13 @@ fn agreement_reports_one_format_that_differs() {
 #[test]
 fn hash_reports_a_changed_a_missing_and_an_added_file() {
     let bench = Bench::new();
-    let target = bench.write();
+    let target = bench.write_as("job.job", true);
     alter(&target, "layout.svg", |b| b.push(b' '));
     assert_only("hash", &verified(&target));
-    let target = bench.write();
+    let target = bench.write_as("job.job", true);
     std::fs::write(target.join("extra.txt"), "x").expect("a writable folder");
     assert_only("hash", &verified(&target));
-    let target = bench.write();
+    let target = bench.write_as("job.job", true);
     std::fs::remove_file(target.join("report.html")).expect("a file of ours");
     assert_only("hash", &verified(&target));
 }
