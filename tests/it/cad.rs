@@ -230,6 +230,7 @@ fn a_job_names_the_step_file_and_is_verified_from_the_cache() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 #[cfg(unix)]
 fn the_converter_is_found_in_the_user_s_folder_then_on_the_path_else_the_line_that_installs_it_is_given() {
     use std::os::unix::fs::PermissionsExt;

@@ -165,6 +165,7 @@ fn a_drawing_on_450_mm_of_a_hood_is_marked_in_every_way() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn compare_writes_tables_and_charts_to_a_folder_whatever_the_threads() {
     let dir = folder();
     let job = job_of(dir.path(), [24.0, 20.0]);
@@ -504,6 +505,7 @@ fn tool_servo_beyond_its_drive_is_named_with_the_figure_that_it_does_not_reach()
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn tool_servo_does_not_apply_without_a_tool_or_without_the_exact_surface_of_the_part() {
     let dir = folder();
     let standing = |job: &Path, args: &[&str]| {

@@ -316,6 +316,7 @@ fn large_job(jobs: &Path, name: &str) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_unit_that_exceeds_its_memory_fails_alone_and_leaves_nothing() {
     let dir = folder();
     let jobs = dir.path().join("jobs");

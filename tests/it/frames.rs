@@ -24,6 +24,7 @@ fn wave(dir: &Path, pen: &str, pilot: &str) -> PathBuf {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn frames_are_read_by_foreign_readers_and_kept_by_a_resumed_job() {
     let dir = folder();
     let whole = dir.path().join("wave.job");

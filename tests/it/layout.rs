@@ -274,6 +274,7 @@ fn assert_unmarked_is_red(mode: &str, reasons: usize) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_preview_is_written_as_its_name_says_and_is_the_same_each_time() {
     let dir = folder();
     let surface = dome(dir.path(), [3.0, 2.0], 0.05);

@@ -82,6 +82,7 @@ fn stops_on_a_hood(area: [f64; 4], machine: &str, sections: f64) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn lengths_balance_on_a_hood() {
     stops_on_a_hood([605.0, -25.0, 655.0, 25.0], &large_machine(), 4.0);
 }

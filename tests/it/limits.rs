@@ -418,6 +418,7 @@ fn only_c_turns_without_ends() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_zoom_optic_is_not_used_on_the_fly() {
     let moves = |profile: &str| {
         let few = ("pitch = \"0.5 mm\"", "pitch = \"5 mm\"");

@@ -151,6 +151,7 @@ fn impossible_passes_are_refused_with_place_and_hint() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn rotated_passes_with_tilt_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

@@ -55,6 +55,7 @@ fn drawings(folder: &Path, begin: &str) -> Vec<PathBuf> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn marks_are_what_a_renderer_shows() {
     let paths = drawings(&fixture("seen"), "");
     assert!(paths.len() >= 40, "{} drawings", paths.len());

@@ -134,6 +134,7 @@ fn one_length_is_marked_of_a_solid_in_whatever_order_and_winding_its_facets_are(
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn check_tells_that_it_did_not_look_at_the_facets_of_a_large_file() {
     let dir = folder();
     let stl = dir.path().join("part.stl");

@@ -241,6 +241,7 @@ fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verif
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn orient_and_compare_tell_their_progress() {
     let dir = folder();
     let job = bulge(dir.path(), "10 mm", "", None);
