@@ -379,6 +379,7 @@ fn warnings_are_printed_with_the_error() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 #[cfg(target_os = "linux")]
 fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
     const SIDE: u32 = 1100;

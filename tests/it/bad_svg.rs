@@ -105,6 +105,7 @@ fn malformed_drawings_give_the_expected_messages() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn hostile_drawings_are_refused_or_bounded() {
     let dir = folder();
     let head = r#"<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100" fill="none" stroke="black">"#;

@@ -30,6 +30,7 @@ fn compared(args: &[&str], job: &Path) -> Value {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn every_system_is_timed_and_keeps_what_it_promises() {
     let dir = folder();
     let job = job(dir.path());

@@ -53,6 +53,7 @@ fn what_other_directions_would_save_is_about_what_they_do() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn check_tells_what_another_direction_would_save_where_it_is_much() {
     let dir = folder();
     let lines = |direction: &str| -> Vec<String> {

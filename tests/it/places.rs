@@ -105,6 +105,7 @@ fn moves_share_coordinates_and_diagonals_save_more() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn settling_by_axis_counts_what_has_moved() {
     let dir = folder();
     let job = || job(&dir, dome, 200.0, "5 mm");

@@ -363,6 +363,7 @@ fn part_longer_than_travel_gets_hints_about_unit_and_set_ups() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 #[cfg(target_os = "linux")]
 fn strokes_beyond_the_limit_of_memory_are_refused_with_the_figure() {
     let dir = folder();

@@ -47,6 +47,7 @@ fn refused(dir: &Path, method: &'static str, more: &str) -> String {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn part_beyond_the_travel_is_marked_in_set_ups_and_verifies() {
     let dir = folder();
     let out = dir.path().join("job.job");

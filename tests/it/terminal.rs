@@ -223,6 +223,7 @@ fn percent_rises_from_0_to_100_in_every_phase_of_a_stepped_job_and_its_verificat
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verification() {
     let dir = folder();
     let job = bulge(dir.path(), "10 mm", "", Some(Mode::OnTheFly));
