@@ -5,6 +5,8 @@
 //! strokes and points lie block by block without gaps, which is how programs are made. It allocates by
 //! what the file holds, never by a number that the file states.
 
+use std::io::{self, Write};
+
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{FieldPoint, Nm, P2};
 use crate::machine::{Commanded, Origin, TiltAngles};
@@ -13,11 +15,15 @@ use crate::units::Time;
 
 const TITLE: &str = "terrace program 1";
 
-/// The text of a program on a part whose origin lies at one of `origins` (nm, table frame) in every set-up.
-pub fn write(program: &Program, origins: &[Origin]) -> Vec<u8> {
-    // Room for coordinates of up to eight digits, so that the buffer rarely grows.
-    let room = 1024 + program.blocks.len() * 160 + program.strokes.len() * 20 + program.points.len() * 20;
-    let mut out = Text { bytes: Vec::with_capacity(room), digits: itoa::Buffer::new() };
+/// Bytes that are gathered before they are written.
+const BUFFER: usize = 1 << 18;
+
+/// Writes the text of a program on a part whose origin lies at one of `origins` (nm, table frame) in every set-up.
+///
+/// # Errors
+/// Those of `to`.
+pub fn write(to: &mut dyn Write, program: &Program, origins: &[Origin]) -> io::Result<()> {
+    let mut out = Text { bytes: Vec::with_capacity(2 * BUFFER), digits: itoa::Buffer::new() };
     out.text(TITLE);
     for &origin in origins {
         out.text("\norigin");
@@ -46,13 +52,17 @@ pub fn write(program: &Program, origins: &[Origin]) -> Vec<u8> {
         out.block(BlockId::new(i), block);
         for stroke in program.strokes_of(block) {
             out.stroke(stroke, program.points_of(stroke));
+            if out.bytes.len() >= BUFFER {
+                to.write_all(&out.bytes)?;
+                out.bytes.clear();
+            }
         }
     }
     out.text("end\n");
-    out.bytes
+    to.write_all(&out.bytes)
 }
 
-/// The text as it grows.
+/// The text that is not yet written.
 struct Text {
     bytes: Vec<u8>,
     digits: itoa::Buffer,
@@ -332,6 +342,12 @@ mod tests {
     use super::*;
     use crate::program::sample;
 
+    fn text(program: &Program, origins: &[Origin]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        write(&mut bytes, program, origins).expect("a list takes every byte");
+        bytes
+    }
+
     #[test]
     fn what_was_written_reads_back_equal() {
         let (mut program, origin) = sample::program();
@@ -344,13 +360,13 @@ mod tests {
         (program.blocks[1].setup, program.blocks[2].setup) = (SetupId(1), SetupId(0));
         (program.blocks[0].focus_shift, program.blocks[1].focus_shift) = (Nm(-4_900_000), Nm(0));
         let origins = vec![origin, Origin([1, 2, 3])];
-        let text = write(&program, &origins);
+        let text = text(&program, &origins);
         assert_eq!(parse("program.txt", &text).expect("own text"), (program, origins));
     }
 
     #[test]
     fn an_empty_program_reads_back_equal() {
-        let text = write(&Program::default(), &[Origin([0, -1, 4_000_000_000])]);
+        let text = text(&Program::default(), &[Origin([0, -1, 4_000_000_000])]);
         assert_eq!(parse("p", &text).expect("own text"), (Program::default(), vec![Origin([0, -1, 4_000_000_000])]));
     }
 
@@ -361,7 +377,7 @@ mod tests {
         program.blocks[1].setup = SetupId(1);
         program.blocks[2].setup = SetupId(1);
         program.blocks[2].focus_shift = Nm(1_500);
-        let text = write(&program, &[origin, origin]);
+        let text = text(&program, &[origin, origin]);
         for end in 0..text.len() {
             assert!(parse("p", &text[..end]).is_err(), "cut at {end}");
         }

@@ -61,13 +61,28 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     if length > 0.0 { v.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
 }
 
+/// The vertices of a mesh, mm. They are computed where they are needed: a list of them would be as large as the mesh.
+#[derive(Clone, Copy)]
+struct Vertices<'a>(&'a Mesh);
+
+impl Vertices<'_> {
+    fn count(self) -> usize {
+        self.0.vertices.len()
+    }
+
+    fn at(self, index: usize) -> [f64; 3] {
+        let (Vertex { x, y, z }, origin) = (self.0.vertices[index], self.0.origin);
+        [origin.x as f64 + f64::from(x), origin.y as f64 + f64::from(y), z].map(|nm| nm / NM_PER_MM)
+    }
+
+    fn all(self) -> impl Iterator<Item = [f64; 3]> {
+        (0..self.count()).map(move |i| self.at(i))
+    }
+}
+
 fn of_mesh(mesh: &Mesh, wanted: usize) -> Decimated {
-    let place = |v: Vertex| {
-        let at = [mesh.origin.x as f64 + f64::from(v.x), mesh.origin.y as f64 + f64::from(v.y), v.z];
-        at.map(|c| c / NM_PER_MM)
-    };
-    let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|&v| place(v)).collect();
-    let of = |f: &[u32; 3]| f.map(|v| points[v as usize]);
+    let points = Vertices(mesh);
+    let of = |f: &[u32; 3]| f.map(|v| points.at(v as usize));
     let all = mesh.facets.len() + mesh.upright.len();
     // Of cubes as wide as this a plane of the part's area takes the triangles that are wanted; none fewer than there
     // are.
@@ -78,7 +93,7 @@ fn of_mesh(mesh: &Mesh, wanted: usize) -> Decimated {
             mesh.facets.iter().chain(&mesh.upright).map(|f| dot(area(of(f)), area(of(f))).sqrt() / 2.0).sum();
         (2.0 * whole / wanted as f64).sqrt()
     };
-    let Clusters { of_vertex, mut vertices, mut normals } = Clusters::new(&points, size);
+    let Clusters { of_vertex, mut vertices, mut normals } = Clusters::new(points, size);
     let mut triangles = Vec::new();
     let mut seen = FxHashSet::default();
     for (k, facet) in mesh.facets.iter().chain(&mesh.upright).enumerate() {
@@ -101,7 +116,7 @@ fn of_mesh(mesh: &Mesh, wanted: usize) -> Decimated {
     }
     normals.iter_mut().for_each(|n| *n = unit(*n));
     // Clusters of facets too small to leave a triangle are not drawn.
-    let within_mm = if size == 0.0 { 0.0 } else { farthest(&points, &of_vertex, &vertices, &triangles) };
+    let within_mm = if size == 0.0 { 0.0 } else { farthest(points, &of_vertex, &vertices, &triangles) };
     compact(&mut vertices, &mut normals, &mut triangles);
     Decimated { vertices, normals, triangles, of: all, within_mm }
 }
@@ -115,16 +130,16 @@ struct Clusters {
 
 impl Clusters {
     /// Cubes of a size, mm; 0 for every vertex by itself.
-    fn new(points: &[[f64; 3]], size: f64) -> Self {
+    fn new(points: Vertices<'_>, size: f64) -> Self {
         if size == 0.0 {
-            let of_vertex = (0..points.len() as u32).collect();
-            return Self { of_vertex, vertices: points.to_vec(), normals: vec![[0.0; 3]; points.len()] };
+            let of_vertex = (0..points.count() as u32).collect();
+            return Self { of_vertex, vertices: points.all().collect(), normals: vec![[0.0; 3]; points.count()] };
         }
         let mut known: FxHashMap<[i32; 3], u32> = FxHashMap::default();
         let (mut sums, mut counts): (Vec<[f64; 3]>, Vec<f64>) = (Vec::new(), Vec::new());
         let of_vertex = points
-            .iter()
-            .map(|&p| {
+            .all()
+            .map(|p| {
                 let cube = p.map(|c| (c / size).floor() as i32);
                 let i = *known.entry(cube).or_insert_with(|| {
                     sums.push([0.0; 3]);
@@ -144,18 +159,18 @@ impl Clusters {
 }
 
 /// The largest distance of a point from the triangles that meet in its cluster, or from that where none does.
-fn farthest(points: &[[f64; 3]], of_vertex: &[u32], vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> f64 {
+fn farthest(points: Vertices<'_>, of_vertex: &[u32], vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> f64 {
     let corners = || triangles.iter().enumerate().flat_map(|(t, c)| c.map(|v| (v as usize, t as u32)));
     let around = terrace_core::geom::Buckets::new(vertices.len(), corners());
-    let chunks = parallel::map(points.len().div_ceil(CHUNK), |k| {
-        let range = k * CHUNK..((k + 1) * CHUNK).min(points.len());
+    let chunks = parallel::map(points.count().div_ceil(CHUNK), |k| {
+        let range = k * CHUNK..((k + 1) * CHUNK).min(points.count());
         let far = range.map(|i| {
-            let cluster = of_vertex[i] as usize;
+            let (point, cluster) = (points.at(i), of_vertex[i] as usize);
             let near = around
                 .of(cluster)
                 .iter()
-                .map(|&t| distance2(points[i], triangles[t as usize].map(|v| vertices[v as usize])));
-            let d = minus(points[i], vertices[cluster]);
+                .map(|&t| distance2(point, triangles[t as usize].map(|v| vertices[v as usize])));
+            let d = minus(point, vertices[cluster]);
             near.fold(dot(d, d), f64::min)
         });
         far.fold(0.0, f64::max)

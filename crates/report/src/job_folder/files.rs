@@ -1,7 +1,9 @@
 //! The files of a job folder, by mode; the manifest is written last.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::Path;
+
 use terrace_plan::emit::Target;
 
 use super::pictures::{Pictures, file_name};
@@ -35,11 +37,44 @@ impl<'a> Filling<'a> {
         Ok(())
     }
 
+    /// Writes one file piece by piece, so that it is never whole in memory, and notes what was written.
+    fn stream(&mut self, name: &str, write: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
+        let path = self.folder.join(name);
+        let written = File::create(&path).and_then(|file| {
+            let mut to = Hashed { file, bytes: 0, hash: blake3::Hasher::new() };
+            write(&mut to)?;
+            Ok(to)
+        });
+        let Hashed { bytes, hash, .. } = written.map_err(|e| failed("write the file", &path, &e))?;
+        self.files.push(FileFact { file: name.into(), bytes, blake3: hash.finalize().to_hex().to_string() });
+        Ok(())
+    }
+
     /// The files that were written, by name.
     pub fn into_files(self) -> Vec<FileFact> {
         let mut files = self.files;
         files.sort_by(|a, b| a.file.cmp(&b.file));
         files
+    }
+}
+
+/// A file that is hashed while it is written.
+struct Hashed {
+    file: File,
+    bytes: u64,
+    hash: blake3::Hasher,
+}
+
+impl Write for Hashed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(bytes)?;
+        self.bytes += count as u64;
+        self.hash.update(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
     }
 }
 
@@ -96,7 +131,7 @@ pub(super) fn stepped(
     let [whole, formats, framed] = Phase::Write.task(progress).split([1, 6, 3]);
     let SteppedPlan { job, machine, checked, passes, summary, figures, .. } = plan;
     let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
-    filling.put("program.txt", &program::text::write(checked.program(), checked.origins()))?;
+    filling.stream("program.txt", &|to| program::text::write(to, checked.program(), checked.origins()))?;
     drop(whole);
     let block_file = emit::block_file(&job.formats);
     let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file, frames: None };

@@ -67,13 +67,15 @@ impl EnergyMap {
             }
         };
         let blocks = program.blocks.len();
-        let lists = parallel::map(LISTS, |k| {
+        let mut energy = vec![0.0; count[0] * count[1]];
+        let of_list = |k: usize, ()| {
             let mut energy = vec![0.0; count[0] * count[1]];
             (k * blocks / LISTS..(k + 1) * blocks / LISTS).for_each(|i| add(&mut energy, i));
             energy
+        };
+        parallel::in_order(vec![(); LISTS], of_list, |list: Vec<f64>| {
+            energy.iter_mut().zip(list).for_each(|(sum, e)| *sum += e);
         });
-        let sum = |cell: usize| lists.iter().map(|list| list[cell]).sum();
-        let energy: Vec<f64> = (0..count[0] * count[1]).map(sum).collect();
         Self::new("of surface", lo, cell, count, energy)
     }
 

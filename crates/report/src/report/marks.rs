@@ -73,7 +73,7 @@ impl Marks {
     /// The same, as lines of at most `most` bytes or as an image.
     fn within(scene: &Scene, groups: Range<usize>, most: usize) -> Self {
         let chunks = chunks(&scene.groups[groups]);
-        let found = parallel::map(chunks.len(), |i| look(scene, &chunks[i]));
+        let found = parallel::map(chunks.len(), |i| look(&chunks[i]));
         let mut all = Found { area: BoxMm::EMPTY, points: 0, length: 0.0, pens: Vec::new() };
         for one in found {
             if one.points > 0 {
@@ -88,7 +88,7 @@ impl Marks {
         let pens: Vec<PenId> = (0..all.pens.len()).filter(|&k| all.pens[k]).map(|k| PenId(k as u16)).collect();
         let area = if all.points == 0 { BoxMm::rectangle(0.0, 0.0, 1.0, 1.0) } else { all.area };
         let count = chunks.iter().map(|c| c.marks.len()).sum();
-        let drawing = Drawing { scene, chunks: &chunks, pens: &pens, area };
+        let drawing = Drawing { chunks: &chunks, pens: &pens, area };
         let lines = (all.points * LEAST_BYTES <= most).then(|| drawing.lines(most)).flatten();
         let body = lines.unwrap_or_else(|| drawing.image());
         Self { count, pens, area, length: all.length, body }
@@ -171,26 +171,22 @@ pub(super) fn grouped(n: usize) -> String {
 /// Some marks of a group.
 struct Chunk<'a> {
     group: &'a Group,
-    marks: Range<usize>,
+    marks: &'a [Mark],
 }
 
 fn chunks(groups: &[Group]) -> Vec<Chunk<'_>> {
-    let of = |group: &'_ Group| {
-        let (marks, end) = (group.marks.clone(), group.marks.end);
-        marks.step_by(CHUNK).map(move |k| k..(k + CHUNK).min(end))
-    };
-    groups.iter().flat_map(|group| of(group).map(move |marks| Chunk { group, marks })).collect()
+    groups.iter().flat_map(|group| group.marks.chunks(CHUNK).map(move |marks| Chunk { group, marks })).collect()
 }
 
-fn look(scene: &Scene, chunk: &Chunk<'_>) -> Found {
+fn look(chunk: &Chunk<'_>) -> Found {
     let mut found = Found { area: BoxMm::EMPTY, points: 0, length: 0.0, pens: Vec::new() };
-    for mark in &scene.marks[chunk.marks.clone()] {
+    for mark in chunk.marks {
         found.points += mark.len as usize;
         found.length += mark.length_mm;
         let pen = mark.pen.index();
         found.pens.resize(found.pens.len().max(pen + 1), false);
         found.pens[pen] = true;
-        for p in scene.points_of(mark) {
+        for p in chunk.group.points_of(mark) {
             let [x, y, _] = chunk.group.frame.part_from_group(p.at);
             found.area.add([x, y]);
         }
@@ -200,7 +196,6 @@ fn look(scene: &Scene, chunk: &Chunk<'_>) -> Found {
 
 /// Marks while they are drawn.
 struct Drawing<'a> {
-    scene: &'a Scene,
     chunks: &'a [Chunk<'a>],
     pens: &'a [PenId],
     area: BoxMm<2>,
@@ -256,11 +251,11 @@ impl Drawing<'_> {
             }
             d.push_str(digits.format(v));
         };
-        for mark in &self.scene.marks[chunk.marks.clone()] {
+        for mark in chunk.marks {
             let d = &mut out[self.colour_of(mark)];
             let mut last: Option<[i64; 2]> = None;
             let mut drawn = false;
-            for p in self.scene.points_of(mark) {
+            for p in chunk.group.points_of(mark) {
                 let [x, y, _] = chunk.group.frame.part_from_group(p.at);
                 let at = [x - self.area.lo[0], self.area.hi[1] - y].map(|v| (v / step).round() as i64);
                 match last {
@@ -321,13 +316,15 @@ impl Drawing<'_> {
                 *pixel = most as u8 * LEVELS + level as u8;
             }
         }
+        // As large as all else that a picture takes: gone before the image is packed.
+        drop(planes);
         Body::Image { address: image::of_indices(size, &palette, &pixels), size, pitch }
     }
 
     /// Adds what the marks of a chunk cover.
     fn cover(&self, chunk: &Chunk<'_>, planes: &mut [u16], size: [usize; 2], pitch: f64) {
         let area = size[0] * size[1];
-        for mark in &self.scene.marks[chunk.marks.clone()] {
+        for mark in chunk.marks {
             let k = self.colour_of(mark);
             let plane = &mut planes[k * area..(k + 1) * area];
             let mut deposit = |x: f64, y: f64, amount: f64| {
@@ -351,7 +348,7 @@ impl Drawing<'_> {
                 let [x, y, _] = chunk.group.frame.part_from_group(p.at);
                 [(x - self.area.lo[0]) / pitch + 1.0, (self.area.hi[1] - y) / pitch + 1.0]
             };
-            let points = self.scene.points_of(mark);
+            let points = chunk.group.points_of(mark);
             let mut from = place(&points[0]);
             if points.len() == 1 {
                 deposit(from[0], from[1], 1.0);
@@ -396,17 +393,15 @@ mod tests {
 
     /// Lines of one group, each with its pen, in mm.
     fn scene(lines: &[(u16, Vec<[f64; 2]>)]) -> Scene {
-        let mut scene = Scene::default();
+        let mut group = Group::new(Frame::upright([100.0, -50.0, 0.0]));
         for (pen, line) in lines {
-            let (first, len) = (scene.points.len() as u32, line.len() as u32);
+            let (first, len) = (group.points.len() as u32, line.len() as u32);
             let length_mm = line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
-            scene.marks.push(Mark { pen: PenId(*pen), length_mm, first, len });
+            group.marks.push(Mark { pen: PenId(*pen), length_mm, first, len });
             let at = |p: &[f64; 2]| [(p[0] * 1e6) as i32, (p[1] * 1e6) as i32, 0];
-            scene.points.extend(line.iter().map(|p| Point { at: at(p), ..Point::default() }));
+            group.points.extend(line.iter().map(|p| Point { at: at(p), ..Point::default() }));
         }
-        let frame = Frame::upright([100.0, -50.0, 0.0]);
-        scene.groups.push(Group { frame, marks: 0..scene.marks.len(), clock_s: [0.0; 3] });
-        scene
+        Scene { groups: vec![group], ..Scene::default() }
     }
 
     /// The image of marks, a pixel for each of its points, on white.

@@ -51,7 +51,7 @@ pub(super) fn unmarked(h: &mut String, unmarked: &Unmarked) {
 
 /// How much of the marks has which defocus and which incidence.
 pub(super) fn histograms(h: &mut String, scene: &Scene, pens: &[Pen]) {
-    if scene.marks.is_empty() {
+    if scene.mark_count() == 0 {
         return;
     }
     let passes: Vec<u32> = pens.iter().map(|pen| pen.passes).collect();

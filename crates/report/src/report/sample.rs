@@ -123,16 +123,15 @@ impl Sample {
         let program = self.checked.program();
         let mut scene = Scene::default();
         for block in &program.blocks {
-            let first = scene.marks.len();
+            let [x, y] = block.stop.centre.mm();
+            let mut group = Group::new(Frame::upright([x, y, block.stop.focus.mm()]));
             for stroke in program.strokes_of(block) {
                 let points = program.points_of(stroke);
-                let (from, length_mm) = (scene.points.len() as u32, stroke_mm(points));
-                scene.marks.push(Mark { pen: stroke.pen, length_mm, first: from, len: stroke.len });
-                scene.points.extend(points.iter().map(|p| Point { at: [p.x, p.y, 0], ..Point::default() }));
+                let (from, length_mm) = (group.points.len() as u32, stroke_mm(points));
+                group.marks.push(Mark { pen: stroke.pen, length_mm, first: from, len: stroke.len });
+                group.points.extend(points.iter().map(|p| Point { at: [p.x, p.y, 0], ..Point::default() }));
             }
-            let [x, y] = block.stop.centre.mm();
-            let frame = Frame::upright([x, y, block.stop.focus.mm()]);
-            scene.groups.push(Group { frame, marks: first..scene.marks.len(), clock_s: [0.0; 3] });
+            scene.groups.push(group);
         }
         self.marks = Marks::of(&scene, 0..scene.groups.len());
         self.scene = scene;

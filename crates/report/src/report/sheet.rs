@@ -82,7 +82,7 @@ impl Frame {
         let mut all = BoxMm::EMPTY;
         if turned {
             for group in job.groups() {
-                for p in job.scene.marks_of(group).iter().flat_map(|m| job.scene.points_of(m)) {
+                for p in &group.points {
                     let [x, y, _] = group.frame.part_from_group(p.at);
                     all.add(turn([x, y], -sin));
                 }

@@ -27,12 +27,12 @@ impl Histogram {
 
     /// Of a value that runs evenly from point to point; `passes` are those of the pens.
     fn of(scene: &Scene, passes: &[u32], value: impl Fn(&Point) -> f64) -> Self {
-        let most = scene.points.iter().map(&value).fold(0.0, f64::max);
+        let most = scene.points().map(&value).fold(0.0, f64::max);
         let range = [0.0, if most > 0.0 { most } else { 1.0 }];
         let mut bins = vec![0.0; BINS];
-        let has_lines = scene.marks.iter().any(|m| m.len > 1);
-        for mark in &scene.marks {
-            let points = scene.points_of(mark);
+        let marks = || scene.groups.iter().flat_map(|g| g.marks.iter().map(move |m| (m, g.points_of(m))));
+        let has_lines = marks().any(|(mark, _)| mark.len > 1);
+        for (mark, points) in marks() {
             let weight = f64::from(passes.get(mark.pen.index()).copied().unwrap_or(1));
             if let ([dot], false) = (points, has_lines) {
                 add(&mut bins, [value(dot); 2], weight, range[1]);

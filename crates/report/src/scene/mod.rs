@@ -34,12 +34,6 @@ use terrace_core::program::PenId;
 pub struct Scene {
     /// The groups in machining order: the blocks of a stepped job.
     pub groups: Vec<Group>,
-    /// All marks, group by group, in marking order.
-    pub marks: Vec<Mark>,
-    /// All points, mark by mark.
-    pub points: Vec<Point>,
-    /// When the beam is at each point, microseconds from the program's start; empty for stepped jobs.
-    pub times_us: Vec<i64>,
     /// The texture that is not marked, in the first pass.
     pub unmarked: Unmarked,
     /// How lines were made simpler.
@@ -48,13 +42,18 @@ pub struct Scene {
     pub motion: Option<Motion>,
 }
 
-/// Marks that share a frame.
+/// Marks that share a frame. Each group has lists of its own: they fit the gaps that planning leaves in memory, where
+/// one list of all points would not.
 #[derive(Clone, Debug)]
 pub struct Group {
     /// From its frame to the part frame.
     pub frame: Frame,
-    /// The marks of the group, as a range of [`Scene::marks`].
-    pub marks: Range<usize>,
+    /// The marks of the group in marking order.
+    pub marks: Vec<Mark>,
+    /// The points of the marks, mark by mark.
+    pub points: Vec<Point>,
+    /// When the beam is at each point, microseconds from the program's start; empty for stepped jobs.
+    pub times_us: Vec<i64>,
     /// When the stage begins to move here, when the first mark begins, when the last one ends, s.
     pub clock_s: [f64; 3],
 }
@@ -66,7 +65,7 @@ pub struct Mark {
     pub pen: PenId,
     /// Length in the field, once, mm; 0 of a dot.
     pub length_mm: f64,
-    /// First point in [`Scene::points`].
+    /// First point in [`Group::points`].
     pub first: u32,
     /// How many points; 1 of a dot.
     pub len: u32,
@@ -134,13 +133,32 @@ impl Frame {
 }
 
 impl Scene {
-    /// The marks of a group in marking order.
-    pub fn marks_of(&self, group: &Group) -> &[Mark] {
-        &self.marks[group.marks.clone()]
+    /// How many marks there are.
+    pub fn mark_count(&self) -> usize {
+        self.groups.iter().map(|g| g.marks.len()).sum()
+    }
+
+    /// All points, group by group.
+    pub fn points(&self) -> impl Iterator<Item = &Point> + Clone {
+        self.groups.iter().flat_map(|g| &g.points)
+    }
+}
+
+impl Group {
+    /// Without marks yet.
+    pub fn new(frame: Frame) -> Self {
+        Self { frame, marks: Vec::new(), points: Vec::new(), times_us: Vec::new(), clock_s: [0.0; 3] }
     }
 
     /// The points of a mark.
     pub fn points_of(&self, mark: &Mark) -> &[Point] {
-        &self.points[mark.first as usize..(mark.first + mark.len) as usize]
+        &self.points[mark.points()]
+    }
+}
+
+impl Mark {
+    /// The points of the mark, as a range of [`Group::points`].
+    pub fn points(&self) -> Range<usize> {
+        self.first as usize..(self.first + self.len) as usize
     }
 }

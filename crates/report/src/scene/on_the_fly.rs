@@ -103,34 +103,30 @@ impl Maker<'_> {
         let (mut keep, mut spans) = (Vec::new(), Vec::new());
         thin(&bare, self.limit, &mut keep, &mut spans);
         let scene = &mut *self.scene;
-        let full = scene.groups.last().is_none_or(|g| {
-            let first = scene.marks[g.marks.start].first as usize;
-            scene.points.len() - first >= GROUP || g.marks.len() >= GROUP_MARKS
-        });
+        let full = scene.groups.last().is_none_or(|g| g.points.len() >= GROUP || g.marks.len() >= GROUP_MARKS);
         if full {
             let origin = first.0.map(|v| v.round() / NM_PER_MM);
-            let (marks, clock) = (scene.marks.len(), first.2 as f64 / 1e6);
-            scene.groups.push(Group { frame: Frame::upright(origin), marks: marks..marks, clock_s: [clock; 3] });
+            let clock = first.2 as f64 / 1e6;
+            scene.groups.push(Group { clock_s: [clock; 3], ..Group::new(Frame::upright(origin)) });
         }
         let Some(group) = scene.groups.last_mut() else { return };
         let origin = group.frame.origin.map(|v| v * NM_PER_MM);
         let length_mm = bare.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>() / NM_PER_MM;
-        let (from, mut steepest) = (scene.points.len(), 0f32);
+        let (from, mut steepest) = (group.points.len(), 0f32);
         for (k, (at, point, us)) in line.iter().enumerate().rev() {
             steepest = steepest.max(point.incidence_deg);
             if keep[k] {
                 let at = [0, 1, 2].map(|i| (at[i] - origin[i]).round() as i32);
-                scene.points.push(Point { at, incidence_deg: steepest, ..*point });
-                scene.times_us.push(*us);
+                group.points.push(Point { at, incidence_deg: steepest, ..*point });
+                group.times_us.push(*us);
                 steepest = 0.0;
             }
         }
-        scene.points[from..].reverse();
-        scene.times_us[from..].reverse();
+        group.points[from..].reverse();
+        group.times_us[from..].reverse();
         scene.thinned.points += keep.iter().filter(|k| !**k).count();
-        let len = (scene.points.len() - from) as u32;
-        scene.marks.push(Mark { pen: mark.pen, length_mm, first: from as u32, len });
-        group.marks.end = scene.marks.len();
+        let len = (group.points.len() - from) as u32;
+        group.marks.push(Mark { pen: mark.pen, length_mm, first: from as u32, len });
         group.clock_s[2] = line.last().map_or(group.clock_s[2], |l| l.2 as f64 / 1e6);
         let (begun, others) = (group.clock_s[0], scene.groups.len());
         // The head is under way to a run from the end of the one before.

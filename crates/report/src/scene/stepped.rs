@@ -18,37 +18,30 @@ const OF_DEPTH: f64 = 0.02;
 /// Distance of the places at which the beam is followed along a mark on a tilted part, nm.
 const SPACING: f64 = 200_000.0;
 
-/// Blocks whose marks are made before they are put together: all of them at once would take twice the room.
-const AT_ONCE: usize = 256;
-
 /// The scene of a plan. `relief` tells holes from what lies outside the part.
 pub fn of_stepped(plan: &SteppedPlan, relief: &Relief) -> Scene {
     let program = plan.checked.program();
     let limit = (OF_SPOT * plan.machine.lens.spot.as_mm() * 1e6).min(OF_DEPTH * plan.depth.f64());
     let make = |block: &Block| {
         let mut maker = Maker::new(&plan.inputs.surface, Lies::of(block, plan), limit);
+        maker.marks.reserve_exact(block.strokes.len());
         for stroke in program.strokes_of(block) {
             maker.mark(stroke.pen, program.points_of(stroke));
         }
-        let Maker { lies, marks, points, left_out, .. } = maker;
-        (lies.frame, marks, points, left_out)
+        let Maker { lies, marks, mut points, left_out, .. } = maker;
+        points.shrink_to_fit();
+        (Group { marks, points, ..Group::new(lies.frame) }, left_out)
     };
     let mut scene = Scene {
         unmarked: unmarked::of_stepped(plan, relief),
         thinned: Thinned { within_um: limit / 1e3, points: 0 },
         ..Scene::default()
     };
-    scene.marks.reserve_exact(program.strokes.len());
-    let mut clocks = clock_of_program(&plan.machine, program).into_iter();
-    for blocks in program.blocks.chunks(AT_ONCE) {
-        let made = parallel::map(blocks.len(), |i| make(&blocks[i]));
-        for ((frame, marks, points, left_out), clock_s) in made.into_iter().zip(&mut clocks) {
-            let (first, before) = (scene.marks.len(), scene.points.len() as u32);
-            scene.marks.extend(marks.into_iter().map(|m| Mark { first: m.first + before, ..m }));
-            scene.points.extend(points);
-            scene.thinned.points += left_out;
-            scene.groups.push(Group { frame, marks: first..scene.marks.len(), clock_s });
-        }
+    let clocks = clock_of_program(&plan.machine, program);
+    let made = parallel::map(program.blocks.len(), |i| make(&program.blocks[i]));
+    for ((group, left_out), clock_s) in made.into_iter().zip(clocks) {
+        scene.thinned.points += left_out;
+        scene.groups.push(Group { clock_s, ..group });
     }
     scene
 }

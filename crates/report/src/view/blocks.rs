@@ -43,7 +43,7 @@ impl Columns {
     pub(super) fn on_the_fly(scene: &Scene) -> Self {
         let mut out = Self::of_groups(scene);
         let groups = &scene.groups;
-        let length = |g: &crate::scene::Group| scene.marks_of(g).iter().map(|m| m.length_mm).sum::<f64>();
+        let length = |g: &crate::scene::Group| g.marks.iter().map(|m| m.length_mm).sum::<f64>();
         out.put("id", (1..=groups.len()).map(|i| json!(i.to_string())));
         for name in ["pass", "setup"] {
             out.put(name, groups.iter().map(|_| json!(1)));
@@ -53,11 +53,11 @@ impl Columns {
         }
         out.put("centre", groups.iter().map(|g| json!([g.frame.origin[0], g.frame.origin[1]])));
         out.put("focus", groups.iter().map(|g| json!(g.frame.origin[2])));
-        out.put("z", groups.iter().map(|g| json!(heights(scene, g))));
+        out.put("z", groups.iter().map(|g| json!(heights(g))));
         out.put("mark_mm", groups.iter().map(|g| json!(length(g))));
         out.put("jump_mm", groups.iter().map(|_| Value::Null));
-        out.put("incidence", groups.iter().map(|g| json!(incidences(scene, g))));
-        out.put("pens", groups.iter().map(|g| json!(pens(scene, g))));
+        out.put("incidence", groups.iter().map(|g| json!(incidences(g))));
+        out.put("pens", groups.iter().map(|g| json!(pens(g))));
         out
     }
 
@@ -122,21 +122,20 @@ fn files(plan: &SteppedPlan, index: usize) -> Value {
 }
 
 /// Lowest and highest point of a group, part frame, mm.
-fn heights(scene: &Scene, group: &crate::scene::Group) -> [f64; 2] {
-    let all = scene.marks_of(group).iter().flat_map(|m| scene.points_of(m));
-    let z = all.map(|p| group.frame.part_from_group(p.at)[2]);
+fn heights(group: &crate::scene::Group) -> [f64; 2] {
+    let z = group.points.iter().map(|p| group.frame.part_from_group(p.at)[2]);
     z.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [lo.min(z), hi.max(z)])
 }
 
 /// Mean over the points and largest incidence of a group, deg.
-fn incidences(scene: &Scene, group: &crate::scene::Group) -> [f64; 2] {
-    let all = || scene.marks_of(group).iter().flat_map(|m| scene.points_of(m)).map(|p| f64::from(p.incidence_deg));
+fn incidences(group: &crate::scene::Group) -> [f64; 2] {
+    let all = || group.points.iter().map(|p| f64::from(p.incidence_deg));
     [all().sum::<f64>() / all().count().max(1) as f64, all().fold(0.0, f64::max)]
 }
 
 /// Indices of the pens of a group, rising.
-fn pens(scene: &Scene, group: &crate::scene::Group) -> Vec<u16> {
-    let mut all: Vec<u16> = scene.marks_of(group).iter().map(|m| m.pen.0).collect();
+fn pens(group: &crate::scene::Group) -> Vec<u16> {
+    let mut all: Vec<u16> = group.marks.iter().map(|m| m.pen.0).collect();
     all.sort_unstable();
     all.dedup();
     all

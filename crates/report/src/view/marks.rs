@@ -34,11 +34,10 @@ pub(super) struct ChunkHead {
 
 /// The groups of each chunk.
 pub(super) fn chunks(scene: &Scene) -> Vec<Range<usize>> {
-    let size = |g: &Group| scene.marks_of(g).iter().map(|m| m.len as usize).sum::<usize>();
     let mut out: Vec<Range<usize>> = Vec::new();
     let mut points = 0;
     for (i, group) in scene.groups.iter().enumerate() {
-        let more = size(group);
+        let more = group.points.len();
         match out.last_mut() {
             // Indices of groups within a chunk are 16 bits.
             Some(chunk) if points + more <= POINTS && chunk.len() < 60_000 => {
@@ -61,11 +60,11 @@ pub(super) fn chunk(
     groups: Range<usize>,
     defocus_step: Option<f64>,
 ) -> (ChunkHead, String) {
-    let mut lines: Vec<(u16, Mark)> = Vec::new();
+    let mut lines: Vec<(u16, &Group, Mark)> = Vec::new();
     for (k, group) in scene.groups[groups.clone()].iter().enumerate() {
-        lines.extend(scene.marks_of(group).iter().flat_map(parts).map(|mark| (k as u16, mark)));
+        lines.extend(group.marks.iter().flat_map(parts).map(|mark| (k as u16, group, mark)));
     }
-    let points = || lines.iter().flat_map(|(_, m)| scene.points_of(m));
+    let points = || lines.iter().flat_map(|(_, group, mark)| group.points_of(mark));
     let reach = |axes: Range<usize>| {
         points().flat_map(|p| p.at[axes.clone()].iter().copied()).map(i32::unsigned_abs).max().unwrap_or(0)
     };
@@ -77,22 +76,21 @@ pub(super) fn chunk(
     let mut data = Data::default();
     data.u32(lines.len() as u32);
     data.u32(count as u32);
-    data.u16_planes(lines.iter().map(|(k, _)| *k));
-    data.u8(lines.iter().map(|(_, m)| m.pen.0 as u8));
-    data.u16_planes(lines.iter().map(|(_, m)| m.len as u16));
+    data.u16_planes(lines.iter().map(|(k, ..)| *k));
+    data.u8(lines.iter().map(|(.., m)| m.pen.0 as u8));
+    data.u16_planes(lines.iter().map(|(.., m)| m.len as u16));
     for (axis, mm) in [xy_mm, xy_mm, z_mm].into_iter().enumerate() {
         data.u16_delta(stepped(axis, mm));
     }
     data.u8(points().map(|p| (f64::from(p.incidence_deg) / INCIDENCE_STEP).round().min(255.0) as u8));
     if let Some(um) = defocus_step {
         data.u16_delta(points().map(move |p: &Point| (f64::from(p.defocus_um) / um).round() as i16 as u16));
-        let times = lines.iter().flat_map(|(_, m)| &scene.times_us[m.first as usize..(m.first + m.len) as usize]);
+        let times = lines.iter().flat_map(|(_, group, mark)| &group.times_us[mark.points()]);
         data.u32_delta(times.map(|&us| us as u32));
     }
     let mut bounds = BoxMm::of([]);
     for group in &scene.groups[groups.clone()] {
-        let all = scene.marks_of(group).iter().flat_map(|m| scene.points_of(m));
-        all.for_each(|p| bounds.add(group.frame.part_from_group(p.at)));
+        group.points.iter().for_each(|p| bounds.add(group.frame.part_from_group(p.at)));
     }
     let name = format!("marks-{index}");
     let head = ChunkHead {

@@ -89,9 +89,7 @@ pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
 pub fn of_on_the_fly(plan: &OnTheFlyPlan, scene: &Scene, job: &str) -> String {
     let program = plan.checked.program();
     let s = &plan.summary;
-    let z = scene.groups.iter().flat_map(|g| {
-        scene.marks_of(g).iter().flat_map(move |m| scene.points_of(m)).map(|p| g.frame.part_from_group(p.at)[2])
-    });
+    let z = scene.groups.iter().flat_map(|g| g.points.iter().map(|p| g.frame.part_from_group(p.at)[2]));
     let subject = Subject {
         job,
         mode: Mode::OnTheFly,
@@ -173,7 +171,7 @@ struct Subject<'a> {
 
 impl Subject<'_> {
     fn page(&self, scene: &Scene) -> String {
-        let defocus = scene.points.iter().map(|p| f64::from(p.defocus_um));
+        let defocus = scene.points().map(|p| f64::from(p.defocus_um));
         let most = defocus.clone().fold(0.0, |most, d| f64::max(most, d.abs()));
         let defocus_step = (most / f64::from(i16::MAX)).max(1e-3);
         let fly_step = (self.mode == Mode::OnTheFly).then_some(defocus_step);
@@ -204,7 +202,7 @@ impl Subject<'_> {
             data.push(self.motion(motion));
             MotionHead { name: "motion", samples: motion.samples.len() }
         });
-        let incidence = scene.points.iter().map(|p| f64::from(p.incidence_deg));
+        let incidence = scene.points().map(|p| f64::from(p.incidence_deg));
         let head = Head {
             schema: SCHEMA,
             terrace: env!("CARGO_PKG_VERSION"),
@@ -239,7 +237,7 @@ impl Subject<'_> {
             },
             histograms: head::histograms(scene, self.pens),
             thinned: head::thinned(scene),
-            marks: scene.marks.len(),
+            marks: scene.mark_count(),
             mark_mm: self.mark_mm,
             warnings: self.warnings,
             figures: &self.figures,
