@@ -75,7 +75,8 @@ fn statement(words: &[(char, &str)], run: &mut Runner, modes: &mut Modes) -> Opt
         [('M', "62"), ('P', "0")] => run.waiting = Some(true),
         [('M', "63"), ('P', "0")] => run.waiting = Some(false),
         [('M', "65"), ('P', "0")] => run.off(),
-        [('M', "67" | "68"), ('E', "0"), ('Q', power)] => {
+        [('M', "68"), ('E', "0"), ('Q', "0")] => run.no_power(),
+        [('M', "67"), ('E', "0"), ('Q', power)] => {
             run.power = power.parse().ok().filter(|p: &f64| (0.0..=100.0).contains(p));
             run.power?;
         }

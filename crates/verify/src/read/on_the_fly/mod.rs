@@ -147,6 +147,14 @@ impl Runner {
         self.laser = Some(false);
     }
 
+    /// The power is 0 at once, which the next moves may not need while the laser is on.
+    fn no_power(&mut self) {
+        if self.laser != Some(false) || self.waiting.is_some() {
+            self.fault("the power is set at once with the laser not known to be off");
+        }
+        self.power = Some(0.0);
+    }
+
     /// A move that is not timed.
     fn rapid(&mut self, words: [Option<i64>; AXES]) {
         if self.laser != Some(false) || self.waiting.is_some() {
@@ -211,7 +219,7 @@ impl Runner {
             self.fault("the program does not end");
         }
         if self.laser != Some(false) || self.waiting.is_some() {
-            self.fault("the laser is not switched off immediately (M65) at the end");
+            self.fault("the laser is not switched off at once at the end");
         }
         self.program
     }

@@ -36,7 +36,7 @@ pub(crate) fn read(bytes: &[u8], letters: &str) -> Result<FlyProgram, Fault> {
     Ok(run.finish(modes.closed))
 }
 
-/// Does what a line asks for; None where it is not known.
+/// Does what a line asks for; None where it is not known. `==` acts with the next move, `=` at once.
 fn statement(line: &str, run: &mut Runner, modes: &mut Modes) -> Option<()> {
     if line == "open prog 1" && !modes.open {
         modes.open = true;
@@ -52,12 +52,16 @@ fn statement(line: &str, run: &mut Runner, modes: &mut Modes) -> Option<()> {
         "M1=0" => run.off(),
         "M1==0" => run.waiting = Some(false),
         "M1==1" => run.waiting = Some(true),
+        "M2=0" => run.no_power(),
         _ => {
-            if let Some(power) = line.strip_prefix("M2==").or_else(|| line.strip_prefix("M2=")) {
+            if let Some(power) = line.strip_prefix("M2==") {
                 run.power = Some(percent(power)?);
             } else if let Some(ms) = line.strip_prefix("dwell") {
                 run.rest(scaled(ms, 3)?, true);
             } else if let Some(rest) = line.strip_prefix("rapid") {
+                if !modes.absolute {
+                    run.fault("a move before abs");
+                }
                 (modes.linear, run.timed) = (false, false);
                 run.rapid(places(rest, modes)?);
             } else if let Some(times) = line.strip_prefix("linear TA") {
