@@ -61,8 +61,8 @@ fn hits(doubts: &[Doubt], limits: &Limits<'_>) -> Vec<Hit> {
     doubts.iter().filter_map(hit).collect()
 }
 
-/// The way of the head at a stop, if the boxes do not let it pass: it stands, or where it tilts, comes down along the
-/// beam from the end of travel.
+/// The way of the head at a stop, if the boxes do not let it pass: it stands there; a head that leans comes down along z
+/// from the end of travel.
 fn stop(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
     let (block, clearance) = (&program.blocks[i], limits.clearance);
     let (stop, origin) = (&block.stop, limits.origins[block.setup.index()]);
@@ -82,10 +82,15 @@ fn stop(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
 fn movement(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
     let block = &program.blocks[i];
     let before = &program.blocks[i.checked_sub(1)?];
-    if before.setup != block.setup || before.stop.tilt != block.stop.tilt || before.stop.centre == block.stop.centre {
+    let machine = limits.machine;
+    let leans = machine.tilts_head() && !block.stop.tilt.is_upright();
+    // Over one centre z alone moves, and is looked at where the head stands; under a head that leans another focal plane
+    // of that centre lies at another x and y.
+    let stays = before.stop.centre == block.stop.centre && !leans;
+    // Before a set-up the stage lifts. What the head needs while its tilt changes is [`swing`].
+    if before.setup != block.setup || before.stop.tilt != block.stop.tilt || stays {
         return None;
     }
-    let machine = limits.machine;
     let mut from = if block.retract { raised(before.stage, machine) } else { before.stage };
     if machine.stage.diagonal && !block.retract && machine.stage.z.sign() * (block.stage[2] - from[2]) < 0 {
         // On a diagonal the head is nowhere lower than at its lower end.
@@ -159,8 +164,9 @@ fn tilting(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     Some(refused(text, by.f64(), at, limits))
 }
 
-/// How much too near to the highest place of the part a head that tilts could come on its way to block `i`: before a
-/// set-up by way of upright, in which it goes to registration points.
+/// How much too near to the highest place of the part a head could come while its tilt changes on its way to block `i`;
+/// the least number where it does not change. Before a set-up it goes by way of upright, in which it visits registration
+/// points.
 fn swing(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
     let block = &program.blocks[i];
     let before = i.checked_sub(1).map(|i| &program.blocks[i]);
@@ -171,13 +177,15 @@ fn swing(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
     let (machine, clearance) = (limits.machine, limits.clearance);
     let origin: Origin = limits.origins[block.setup.index()];
     let head = Head { machine, origin, clearance };
-    let swing = |from, to| head.over_swing(from, to, machine.retract_z().0);
-    if before.is_none_or(|b| b.setup != block.setup) {
-        swing(from, TiltAngles::UPRIGHT).max(swing(TiltAngles::UPRIGHT, tilt))
-    } else if block.retract {
-        swing(from, tilt)
-    } else {
-        Nm::MIN
+    let lifted = machine.retract_z().0;
+    match before.filter(|before| before.setup == block.setup) {
+        // A way at one tilt is a movement.
+        Some(_) if from == tilt => Nm::MIN,
+        Some(before) => head.over_swing(from, tilt, if block.retract { lifted } else { before.stage[2] }),
+        None => {
+            let upright = TiltAngles::UPRIGHT;
+            head.over_swing(from, upright, lifted).max(head.over_swing(upright, tilt, lifted))
+        }
     }
 }
 
@@ -197,7 +205,7 @@ fn share(hits: &[&Hit], program: &Program) -> String {
     format!("{} of {} stops", hits.len(), program.blocks.len())
 }
 
-/// "it is 760 mm high at x = 140 mm, y = 140 mm, 39.1 mm too high".
+/// "at x = 140.000 mm, y = 140.000 mm it rises to z = 760.000 mm, 39.1 mm too high".
 fn too_high(by: f64, at: P3) -> String {
     let [x, y, z] = at.at.map(|v| v / NM_PER_MM);
     format!("at x = {x:.3} mm, y = {y:.3} mm it rises to z = {z:.3} mm, {} mm too high", Nm::round(by).mm())
@@ -275,6 +283,63 @@ mod tests {
         assert!(found(top, &program) > Nm(0));
         program.blocks[1].setup = SetupId(0);
         assert!(found(top, &program) < Nm(0));
+    }
+
+    #[test]
+    fn a_leaning_head_that_goes_to_another_plane_of_one_centre_is_a_movement() {
+        let (mut program, origin) = terrace_core::program::sample::program();
+        let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
+        // The part is far too high everywhere.
+        let place = Box2 { lo: P2::new(-900_000_000, -900_000_000), hi: P2::new(900_000_000, 900_000_000) };
+        let clearance = Clearance::new(&[(place, Nm(2_000_000_000))], &machine);
+        let limits = Limits {
+            machine: &machine,
+            origins: &[origin],
+            setups_needed: [1, 1],
+            depth: Nm(70_000),
+            max_slope: 2.0,
+            clearance: &clearance,
+            facets: &|_| (),
+        };
+        for (deg, is_movement) in [(0, false), (30, true)] {
+            let tilt = TiltAngles([0, deg * 1_000_000]);
+            for (block, plane) in program.blocks.iter_mut().zip([0, 5_000_000]) {
+                block.stop.tilt = tilt;
+                block.stop.centre = P2::new(0, 0).into();
+                block.stage = machine.stand(tilt, P2::new(0, 0), Nm(plane), origin).stage;
+            }
+            assert_eq!(movement(&program, &limits, 1).is_some(), is_movement, "{deg} deg");
+        }
+    }
+
+    #[test]
+    fn a_tilt_without_a_lift_is_judged_at_the_height_of_the_stop_before() {
+        let (mut program, origin) = terrace_core::program::sample::program();
+        let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
+        let tilts = [30, 40].map(|deg| TiltAngles([0, deg * 1_000_000]));
+        for (block, tilt) in program.blocks.iter_mut().zip(tilts) {
+            block.stop.tilt = tilt;
+            block.stage = machine.stand(tilt, P2::new(0, 0), Nm(0), origin).stage;
+        }
+        let place = Box2 { lo: P2::new(900_000_000, 0), hi: P2::new(900_000_001, 1) };
+        let clearance = Clearance::new(&[(place, Nm(0))], &machine);
+        let limits = Limits {
+            machine: &machine,
+            origins: &[origin],
+            setups_needed: [1, 1],
+            depth: Nm(70_000),
+            max_slope: 2.0,
+            clearance: &clearance,
+            facets: &|_| (),
+        };
+        program.blocks[1].retract = true;
+        let lifted = swing(&program, &limits, 1);
+        program.blocks[1].retract = false;
+        let below = machine.retract_z().0 - program.blocks[0].stage[2];
+        assert_eq!(swing(&program, &limits, 1), lifted + Nm(below * machine.stage.z.sign()));
+        // At one tilt nothing swings.
+        program.blocks[1].stop.tilt = tilts[0];
+        assert_eq!(swing(&program, &limits, 1), Nm::MIN);
     }
 
     #[test]
