@@ -48,7 +48,9 @@ pub struct Mix {
 
 impl PartialEq for Mix {
     fn eq(&self, other: &Self) -> bool {
-        self.colours == other.colours && self.second == other.second && self.alpha == other.alpha
+        self.colours == other.colours
+            && (self.space, self.hue) == (other.space, other.hue)
+            && (self.second, self.alpha) == (other.second, other.alpha)
     }
 }
 
@@ -221,7 +223,11 @@ fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
                 _ => return Err(Fault::unexpected_token()),
             })
         });
-        hue = way.unwrap_or(hue);
+        // Only spaces with a hue take a direction of it (CSS Color 4, 12.4).
+        hue = match way {
+            Ok(_) if !has_hue(space) => return Err(Fault::unexpected_token()),
+            way => way.unwrap_or(hue),
+        };
         css.expect_comma()?;
     }
     let part = |css: &mut Parser<'_>| {
@@ -275,6 +281,10 @@ fn space_of(name: &str) -> Option<ColorSpaceTag> {
         "xyz-d50" => ColorSpaceTag::XyzD50,
         _ => return None,
     })
+}
+
+fn has_hue(space: ColorSpaceTag) -> bool {
+    matches!(space, ColorSpaceTag::Hsl | ColorSpaceTag::Hwb | ColorSpaceTag::Lch | ColorSpaceTag::Oklch)
 }
 
 /// Components of colour functions, in which `calc()` may stand.

@@ -246,7 +246,7 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Quant
         "calc" | "-webkit-calc" => sum(reading, css).and_then(finite),
         "min" | "max" | "clamp" => {
             let all = css.parse_comma_separated(|css| sum(reading, css))?;
-            extreme(reading, name, &all)
+            extreme(reading, name, &all).and_then(finite)
         }
         _ if UNREAD_FUNCTIONS.contains(&name) => Err(reading.unknown(format!("{name}()"))),
         _ => Err(Fault::unexpected_token()),
@@ -255,9 +255,10 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Quant
 
 fn extreme(reading: &Reading, name: &str, all: &[Quantity]) -> Result<Quantity, Fault> {
     let compared: Option<Vec<(usize, f64)>> = all.iter().map(|q| q.comparable()).collect();
-    // A length of 0 has no unit of its own.
+    // A length of 0 has no unit of its own among lengths, whose kinds are below those of numbers and angles.
     let kind = |c: &[(usize, f64)]| c.iter().find(|(_, v)| *v != 0.0).or(c.first()).map(|c| c.0);
-    let compared = compared.filter(|c| c.iter().all(|&(k, v)| Some(k) == kind(c) || (v == 0.0 && k < 10)));
+    let compared =
+        compared.filter(|c| c.iter().all(|&(k, v)| Some(k) == kind(c) || (v == 0.0 && k < 10 && kind(c) < Some(10))));
     let Some(compared) = compared else {
         return Err(reading.unknown(format!("{name}() of different units")));
     };
