@@ -44,7 +44,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         self.stroke(node, tag, state, filled)
     }
 
-    /// Draws the area of a shape; answers with its polylines, and whether it has points that are not numbers.
+    /// Draws the area of a shape; returns its polylines, and whether it has points that are not numbers.
     fn fill(&mut self, node: Node<'a, 'input>, tag: &str, state: &State) -> Result<Option<Filled>, Box<Diag>> {
         if tag == "line" {
             return Ok(None);
@@ -180,11 +180,13 @@ impl<'a, 'input> Walk<'a, 'input> {
             return;
         }
         self.note(Issue::PathLength, node);
-        if stated == 0.0 {
+        let factor = curves.length() / stated;
+        // A length of 0, or next to it, makes the first dash longer than any path: a solid line. So is what is no
+        // number, which counts as 0 in browsers.
+        if !factor.is_finite() {
             pen.dashes.clear();
             return;
         }
-        let factor = curves.length() / stated;
         pen.dashes.iter_mut().for_each(|d| *d *= factor);
         pen.offset *= factor;
     }
@@ -212,7 +214,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         Some(Pen { width, cap, join, miter, dashes, offset: length(style.stroke_dashoffset) })
     }
 
-    /// Draws the subpaths of a shape as one figure; answers with what of them is not drawn.
+    /// Draws the subpaths of a shape as one figure; returns what of them is not drawn.
     pub(super) fn subpaths(
         &mut self,
         node: Node<'a, 'input>,
@@ -269,7 +271,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         self.art.shapes.push(Shape { name, labels, colour: ink.colour, opacity: ink.opacity, figure, lines, clip });
     }
 
-    /// Draws a shape; answers whether its description was faultless.
+    /// Draws a shape; returns whether its description was faultless.
     fn draw(&mut self, node: Node<'a, 'input>, tag: &str, state: &State, out: &mut impl Sink) -> bool {
         let text = |name: &str| node.attribute(name).unwrap_or_default();
         let style = &state.style;
