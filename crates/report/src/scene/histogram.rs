@@ -17,7 +17,7 @@ const BINS: usize = 40;
 impl Histogram {
     /// Of the defocus, um, without sign.
     pub fn of_defocus(scene: &Scene, passes: &[u32]) -> Self {
-        Self::of(scene, passes, |p| f64::from(p.defocus_um.abs()))
+        Self::of(scene, passes, |p| f64::from(p.defocus_um))
     }
 
     /// Of the incidence, deg.
@@ -25,9 +25,9 @@ impl Histogram {
         Self::of(scene, passes, |p| f64::from(p.incidence_deg))
     }
 
-    /// Of a value that runs evenly from point to point; `passes` are those of the pens.
+    /// Of the size of a value that is linear between points; `passes` are those of the pens.
     fn of(scene: &Scene, passes: &[u32], value: impl Fn(&Point) -> f64) -> Self {
-        let most = scene.points().map(&value).fold(0.0, f64::max);
+        let most = scene.points().map(|p| value(p).abs()).fold(0.0, f64::max);
         let range = [0.0, if most > 0.0 { most } else { 1.0 }];
         let mut bins = vec![0.0; BINS];
         let marks = || scene.groups.iter().flat_map(|g| g.marks.iter().map(move |m| (m, g.points_of(m))));
@@ -52,10 +52,18 @@ impl Histogram {
     }
 }
 
-/// Spreads a length over the bins from one value to another.
+/// Spreads a length over the bins of the sizes from one value to another.
 fn add(bins: &mut [f64], values: [f64; 2], length: f64, most: f64) {
+    let [from, to] = values;
+    if from * to < 0.0 {
+        // In between the size falls to 0.
+        let share = from.abs() / (from.abs() + to.abs());
+        add(bins, [from, 0.0], length * share, most);
+        add(bins, [0.0, to], length * (1.0 - share), most);
+        return;
+    }
     let last = bins.len() - 1;
-    let [a, b] = values.map(|v| (v / most).clamp(0.0, 1.0) * bins.len() as f64);
+    let [a, b] = values.map(|v| (v.abs() / most).clamp(0.0, 1.0) * bins.len() as f64);
     let (lo, hi) = (a.min(b), a.max(b));
     let (first, end) = ((lo as usize).min(last), (hi as usize).min(last));
     if first == end {
@@ -79,5 +87,9 @@ mod tests {
         add(&mut bins, [1.5, 1.5], 1.0, 4.0);
         add(&mut bins, [0.5, 2.5], 4.0, 4.0);
         assert_eq!(bins, [3.0, 5.0, 3.0, 2.0]);
+        // From one side of the focal plane to the other.
+        let mut bins = vec![0.0; 4];
+        add(&mut bins, [-4.0, 2.0], 6.0, 4.0);
+        assert_eq!(bins, [2.0, 2.0, 1.0, 1.0]);
     }
 }
