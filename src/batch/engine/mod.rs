@@ -118,22 +118,32 @@ pub fn run(units: &[&Unit], fleet: &Fleet<'_>, on_news: &mut dyn FnMut(News<'_>)
     Ok(work.reasons)
 }
 
-/// How many groups the workers do at a time.
+/// The most groups that the workers do at a time: the threads of all.
+///
+/// # Errors
+/// `engine-workers` where there is no worker, or none with the memory of a unit.
 fn slots(session: &Session, fleet: &Fleet<'_>) -> Result<usize, Error> {
     let slots: usize = session.workers().iter().map(|worker| worker.threads).sum();
     if slots == 0 {
         let d = Diag::limit("engine-workers", format!("the scheduler at {} has no worker", fleet.scheduler));
         return Err(d.hint(format!("start one on each machine: dask worker {}", fleet.scheduler)).into());
     }
-    let most = session.workers().iter().map(|worker| worker.memory).max().unwrap_or(0);
+    let limits: Vec<u64> = session.workers().iter().map(|worker| worker.memory).collect();
     match fleet.memory {
-        Some(wanted) if most > 0 && wanted > most => {
-            let text = format!("no worker has the {} MB of a unit; the largest has {} MB", wanted >> 20, most >> 20);
+        Some(wanted) if !has_room(wanted, &limits) => {
+            let largest = limits.iter().max().copied().unwrap_or_default();
+            let [wanted, largest] = [wanted, largest].map(|bytes| bytes as f64 / 1e6);
+            let text = format!("no worker has the {wanted:.0} MB of a unit; the largest has {largest:.0} MB");
             let hint = "ask for less with --memory, or start a worker with a larger --memory-limit";
             Err(Diag::limit("engine-workers", text).hint(hint).into())
         }
         _ => Ok(slots),
     }
+}
+
+/// Whether a worker with one of these limits of memory, bytes, can hold a unit; 0 is no limit.
+fn has_room(unit: u64, limits: &[u64]) -> bool {
+    limits.iter().any(|&limit| limit == 0 || limit >= unit)
 }
 
 /// What the engine has in work.
@@ -244,4 +254,15 @@ fn could_not_write(fragment: &Fragment) -> bool {
 
 fn unstartable(e: &std::io::Error) -> Error {
     Diag::input("unit-process", format!("cannot find the program or the working folder: {e}")).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_worker_without_a_limit_of_memory_holds_any_unit() {
+        assert!(has_room(8 << 30, &[0, 4 << 30]) && has_room(4 << 30, &[4 << 30]));
+        assert!(!has_room(8 << 30, &[4 << 30, 2 << 30]) && !has_room(1, &[]));
+    }
 }
