@@ -61,22 +61,22 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// The block of an entry; None where a position is beyond all travel.
-    fn of(entry: BlockEntry) -> Option<Self> {
-        let nm = |mm: f64| Nm::from_mm(mm).map(|nm| nm.0);
+    /// The block of an entry, without the file that the laser takes.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    fn from_entry(entry: BlockEntry) -> Result<Self, &'static str> {
+        let nm = |mm: f64| Nm::from_mm(mm).map(|nm| nm.0).ok_or("a position is beyond all travel");
         let [x, y, z] = entry.stage.map(nm);
-        let lift = match entry.lift_z_mm {
-            Some(mm) => Some(nm(mm)?),
-            None => None,
-        };
-        Some(Self {
+        let lift = entry.lift_z_mm.map(nm).transpose()?;
+        Ok(Self {
             id: entry.id,
             setup: entry.setup,
             stage: [x?, y?, z?],
             tilt: entry.tilt_deg.map(|deg| (deg * 1e6).round() as i64),
             lift,
             focus_shift: nm(entry.focus_shift_mm)?,
-            estimate: Duration::try_from_secs_f64(entry.time_s).ok()?,
+            estimate: Duration::try_from_secs_f64(entry.time_s).map_err(|_| "the time of a block is not a duration")?,
             file: None,
             files: entry.files,
         })
@@ -105,12 +105,12 @@ impl Folder {
         let count = manifest.blocks.len();
         let marks_s: f64 = manifest.blocks.iter().map(|b| b.time_s).sum();
         let between_s = ((manifest.summary.time_s.total - marks_s) / count.max(1) as f64).max(0.0);
-        let mut blocks = manifest.blocks.into_iter().map(Block::of).collect::<Option<Vec<Block>>>();
-        if let (Some(blocks), Some(subset)) = (&mut blocks, &manifest.subset) {
+        let blocks = manifest.blocks.into_iter().map(Block::from_entry).collect::<Result<Vec<Block>, _>>();
+        let mut blocks = blocks.map_err(|why| unreadable(why.into()))?;
+        if let Some(subset) = &manifest.subset {
             let held: BTreeSet<&String> = subset.blocks.iter().collect();
             blocks.retain(|b| held.contains(&b.id));
         }
-        let blocks = blocks.ok_or_else(|| unreadable("a position is beyond all travel".into()))?;
         let points = |setup: &SetupEntry| setup.registration.iter().map(RegistrationEntry::registered).collect();
         let registration: Option<Vec<Vec<Registered>>> = manifest.setups.iter().map(points).collect();
         let setups = manifest.setups.len();
