@@ -223,7 +223,7 @@ struct Rest<'a> {
 }
 
 impl Rest<'_> {
-    /// Fills the new folder; answers with its manifest.
+    /// Fills the new folder; returns its manifest.
     fn write(&self, mut filling: Filling<'_>, job_file: &str) -> Result<Vec<u8>, Error> {
         let Self { whole, checked, .. } = self;
         let copied = |name: &str| diag::read_file(&whole.folder.join(name), u64::MAX);

@@ -70,7 +70,7 @@ fn limited(command: Command, bytes: u64) -> Command {
     shell
 }
 
-/// Runs the command to its end; answers with its status and its last messages.
+/// Runs the command to its end; returns its status and its last messages.
 fn attempt(mut command: Command, heard: &mut dyn FnMut(Fragment)) -> Result<(ExitStatus, String), Error> {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let program = command.get_program().to_string_lossy().into_owned();

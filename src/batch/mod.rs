@@ -42,30 +42,32 @@ pub use work::{Settings, work};
 
 use work::End;
 
-/// Brings the folders of all units up to date, as many at a time as there are threads. `on_outcome` hears of every unit
-/// as it ends.
+/// Brings the folders of all units up to date, as many at a time as there are threads. `on_outcome` is called for
+/// every unit as it ends.
 ///
 /// # Panics
 /// On units of a sweep.
 pub fn run(units: &[Unit], settings: &Settings<'_>, on_outcome: &mut (dyn FnMut(&Outcome) + Send)) -> Report {
     // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
     // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
-    let (next, on_outcome) = (AtomicUsize::new(0), Mutex::new(on_outcome));
-    let take = || {
+    let (next_unit, on_outcome) = (AtomicUsize::new(0), Mutex::new(on_outcome));
+    let work_until_done = || {
         let mut done = Vec::new();
         while !settings.stop.load(Ordering::Relaxed) {
-            let i = next.fetch_add(1, Ordering::Relaxed);
+            // Only a counter: nothing is published through it.
+            let i = next_unit.fetch_add(1, Ordering::Relaxed);
             let Some(unit) = units.get(i) else { break };
             let End::Job(outcome) = work(unit, settings).end else { unreachable!("units of a batch are jobs") };
-            on_outcome.lock().expect("no listener panics")(&outcome);
+            on_outcome.lock().expect("on_outcome does not panic")(&outcome);
             done.push((i, outcome));
         }
         done
     };
     let mut outcomes: Vec<Outcome> = units.iter().map(|unit| Outcome::of(unit, State::Left)).collect();
     std::thread::scope(|scope| {
+        // As many as the pool has: each job that is worked on uses the pool too.
         let threads = rayon::current_num_threads().min(units.len());
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(take)).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work_until_done)).collect();
         for (i, outcome) in workers.into_iter().flat_map(|w| w.join().expect("panics of a job are caught")) {
             outcomes[i] = outcome;
         }

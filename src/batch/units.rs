@@ -85,6 +85,8 @@ pub fn write(units: &[Unit], file: &Path, durability: Durability) -> Result<(), 
         text.push_str(&line);
         text.push('\n');
     }
+    // Reports are named by the number of a unit alone: those of an older plan would be taken for reports of this one. They
+    // go first, so that a new file never has old reports.
     let reports = reports(file);
     if reports.is_dir() {
         fs::remove_dir_all(&reports).map_err(|e| unwritable("remove the reports of an older plan", &reports, &e))?;

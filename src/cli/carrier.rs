@@ -31,22 +31,23 @@ pub(super) struct Carrier<'a> {
 pub(super) struct Carried {
     pub(super) reports: PathBuf,
     pub(super) reasons: Reasons,
-    /// Goes when all is collected.
+    /// Keeps the folder until the reports are collected: dropping it removes the folder.
     _own: Option<OwnFolder>,
 }
 
 impl Carrier<'_> {
-    /// Has units worked on; what is up to date is found here, and the engine is asked for the rest only.
+    /// Has the engine work on units; those that are up to date are reported at once, and not sent to it.
     pub(super) fn carry(&self, list: &[Unit], on_fragment: &mut dyn FnMut(&Fragment)) -> Result<Carried, Error> {
         let own = self.keep.is_none().then(|| OwnFolder::inside(self.around)).transpose()?;
         let in_own = own.as_ref().map(|own| own.path.join("units.jsonl"));
         let file = in_own.or_else(|| self.keep.map(Path::to_owned)).unwrap_or_default();
         let (reports, durability) = (units::reports(&file), durability(self.args));
+        // First: it removes the reports of an older plan.
         units::write(list, &file, durability)?;
-        let known = parallel::map(list.len(), |i| up_to_date(&list[i]));
+        let done_already = parallel::map(list.len(), |i| up_to_date(&list[i]));
         let mut rest = Vec::new();
-        for (unit, known) in list.iter().zip(known) {
-            match known {
+        for (unit, done) in list.iter().zip(done_already) {
+            match done {
                 Some(done) => {
                     let fragment = Fragment::new(unit, done, 0.0);
                     fragment.write(&reports, durability)?;

@@ -67,7 +67,7 @@ _terrace_with_settings() {
 complete -F _terrace_with_settings -o bashdefault -o default terrace
 "#;
 
-/// Parses the command line, runs it, and answers with the exit code.
+/// Parses the command line, runs it, and returns the exit code.
 pub fn main() -> ExitCode {
     let args = match Args::of(std::env::args_os()) {
         Ok(args) => args,

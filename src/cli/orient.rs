@@ -38,7 +38,7 @@ pub(super) fn orient(args: &Args, path: &Path, side: Side, apply: bool) -> Resul
     };
     let turned = laying.filter(|laying| side != Side::Found || !laying.is_as_placed(job.placement.laid));
     let (laid, found) = match &turned {
-        Some(laying) => on_its_side(args, &job, laying)?,
+        Some(laying) => laid_and_estimated(args, &job, laying)?,
         None => (job.clone(), estimated(args, &job)?),
     };
     let Some(best) = best(&found) else { return Ok(()) };
@@ -70,15 +70,15 @@ fn estimated(args: &Args, job: &Job) -> Result<Vec<Orientation>, Error> {
     Ok(found)
 }
 
-/// The job with its part laid on a side, and its set-ups. Textures that lie beside the part then, since their places
-/// were chosen on the part as it lay, do not count.
-fn on_its_side(args: &Args, job: &Job, laying: &Laying) -> Result<(Job, Vec<Orientation>), Error> {
+/// The job with its part laid as `laying` says, and its set-ups. Where no texture meets the laid part, since their places
+/// were chosen on the part as it lay, one hatch over all of it stands in for them.
+fn laid_and_estimated(args: &Args, job: &Job, laying: &Laying) -> Result<(Job, Vec<Orientation>), Error> {
     let laid = lay::laid(job, lay::angles(&laying.pose));
     match estimated(args, &laid) {
         Err(e) if e.diags().iter().any(|d| d.code == "job-empty") => {
             let d = Diag::warning("orient-texture", "on the part as it is laid no texture would be marked")
                 .at(job.place_of("texture"))
-                .hint("give the places of textures anew: they are in the frame of the laid part");
+                .hint("place the textures again: their places are in the frame of the laid part");
             warn(args, &[d]);
             let pitch_mm =
                 job.machine()?.lens.field.map(|side| side.as_mm()).into_iter().fold(f64::INFINITY, f64::min) / 20.0;

@@ -269,6 +269,21 @@ fn drawings_lie_where_they_are_placed() {
 }
 
 #[test]
+fn dashes_in_units_of_a_path_length_next_to_nothing_are_a_solid_line() {
+    let strokes_of = |attribute: &str| {
+        let body = format!("<path d='M1 1h9' stroke='red' stroke-width='2' stroke-dasharray='1 2' {attribute}/>");
+        let (t, _) =
+            load(request(Sheet::new(&body).kind(None, 0.0, false), Area::Unlimited), PLATE, 0.0).expect("drawn");
+        strokes(&t).iter().map(|points| mm(points)).collect::<Vec<_>>()
+    };
+    let solid = strokes_of("pathLength='0'");
+    for length in ["1e-300", "5e-324"] {
+        assert_eq!(strokes_of(&format!("pathLength='{length}'")), solid, "{length}");
+    }
+    assert_ne!(strokes_of("pathLength='9'"), solid);
+}
+
+#[test]
 fn elements_that_are_not_marked_are_counted() {
     let sheet = Sheet::new(
         r##"<style>@import url(x.css); .no{display:none}</style><defs><path id="d" d="M1 1h5"/><linearGradient id="l"><stop/><stop stop-color="red"/></linearGradient></defs>

@@ -166,9 +166,11 @@ fn copy(
             Token::Function(name) if name.eq_ignore_ascii_case("var") => {
                 let put = css.parse_nested_block(|css| {
                     let name = css.expect_ident()?.clone();
+                    // Names of custom properties begin with two dashes.
                     if !name.starts_with("--") {
                         return Err(Fault::unexpected_token());
                     }
+                    // All that follows the first comma, further ones among it; it may be empty.
                     let fallback = css.try_parse(Parser::expect_comma).is_ok().then(|| {
                         let start = css.position();
                         while css.next_including_whitespace_and_comments().is_ok() {}
@@ -177,7 +179,7 @@ fn copy(
                     css.expect_exhausted()?;
                     replace(&name, fallback).ok_or_else(Fault::unexpected_token)
                 })?;
-                // What is put in does not join with its neighbours (CSS Variables 1, 3).
+                // What is substituted does not join with its neighbours (CSS Variables 1, 3).
                 out.push_str("/**/");
                 out.push_str(&put);
                 out.push_str("/**/");
@@ -188,6 +190,7 @@ fn copy(
             Token::CurlyBracketBlock => "}",
             _ => {
                 out.push_str(css.slice_from(start));
+                // Whoever called sees the length and refuses it.
                 if out.len() > MAX_VALUE {
                     return Ok(());
                 }

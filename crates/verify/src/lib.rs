@@ -44,7 +44,7 @@ use terrace_core::program::{PassId, PenId};
 use terrace_input::job::Mode;
 use terrace_input::texture::Texture;
 
-/// Writes the points of a stroke into the cleared buffer and answers with its pen.
+/// Writes the points of a stroke into the cleared buffer and returns its pen.
 type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> PenId + 'a;
 
 /// The texture strokes of one pass as placed anew, by number.

@@ -179,7 +179,8 @@ impl Link {
         self.hears_nothing(SPREAD, interrupt)
     }
 
-    /// Sends a command and waits for an answer; those that came before are dropped.
+    /// Sends a command once and returns the next answer, whatever request it belongs to; None where none comes within
+    /// `longest`. Answers that waited already are dropped.
     fn request(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
         for _ in 0..MOST_DROPPED {
             if self.receive(Duration::ZERO)?.is_none() {
@@ -392,7 +393,7 @@ impl LightBurn {
         path
     }
 
-    /// Starts what is loaded and waits for its end.
+    /// Starts the loaded block and waits until it has ended.
     fn start(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
         let Waits { answer, begin, .. } = self.waits;
         let block = &work.block;
@@ -401,17 +402,20 @@ impl LightBurn {
         if let Some(Answer::Other(text)) = &said {
             return Err(unknown("START", text));
         }
-        // Whether it has started is seen from its state, whatever it says.
+        // The answer may be lost or another's, so only the state counts. START is sent once: a second one would mark the
+        // block twice.
         if !self.begins(interrupt)? {
             if said == Some(Answer::No) {
-                let text = format!("LightBurn does not start: it says that block {block} is not marked");
+                let text = format!("LightBurn refused START: block {block} is not marked");
                 return Err(Diag::limit("lightburn-start", text).hint("is the laser connected and ready in LightBurn?"));
             }
             let text = format!(
                 "LightBurn was not seen marking within {} s after START: whether block {block} is marked is not certain",
                 begin.as_secs_f64()
             );
-            return Err(Diag::limit("lightburn-unseen", text).hint("look at the part; see the notes of operating.md"));
+            return Err(
+                Diag::limit("lightburn-unseen", text).hint("look at the part; see LightBurn in docs/operating.md")
+            );
         }
         if !self.ends(work, interrupt)? {
             let text = format!("LightBurn still marks block {block} after {} s", work.longest().as_secs());

@@ -31,7 +31,7 @@ pub const NICKEL_ALLOY: Material = Material { conductivity_w_m_k: 25.0, density_
 
 /// A beam that moves over the part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Source {
+pub struct Beam {
     /// Power, W.
     pub power_w: f64,
     /// Speed, m/s.
@@ -40,10 +40,12 @@ pub struct Source {
     pub radius_um: f64,
 }
 
-impl Source {
-    /// How much warmer the surface is on the line, `behind` m behind the beam's centre, if all power is absorbed, K.
-    pub fn rise(&self, material: &Material, behind: f64) -> f64 {
-        // With sqrt(tau) = s / sqrt(2 a) * tan(angle) the integrand is a bounded, smooth function of the angle.
+impl Beam {
+    /// Rise of the temperature, K, of the surface `behind_m` behind the beam's centre on its line, if all power is absorbed.
+    pub fn rise(&self, material: &Material, behind_m: f64) -> f64 {
+        // With sqrt(tau) = s / sqrt(2 a) * tan(angle), dtau / sqrt(tau) = 2 s / sqrt(2 a) / cos^2(angle) dangle and
+        // 2 a tau + s^2 = s^2 / cos^2(angle): their quotient is the constant 2 / (s sqrt(2 a)), and what is left of the
+        // integrand is bounded and smooth.
         const STEPS: u32 = 2000;
         let Material { conductivity_w_m_k: k, density_kg_m3: rho, heat_j_kg_k: c } = *material;
         let (a, s) = (k / (rho * c), self.radius_um * 1e-6 / 2.0);
@@ -52,7 +54,7 @@ impl Source {
             .map(|i| {
                 let root = s / (2.0 * a).sqrt() * ((f64::from(i) + 0.5) * step).tan();
                 let tau = root * root;
-                (-(self.speed_m_s * tau - behind).powi(2) / (4.0 * a * tau + 2.0 * s * s)).exp()
+                (-(self.speed_m_s * tau - behind_m).powi(2) / (4.0 * a * tau + 2.0 * s * s)).exp()
             })
             .sum();
         self.power_w / (PI * rho * c * (4.0 * PI * a).sqrt()) * sum * step * 2.0 / (s * (2.0 * a).sqrt())
@@ -97,11 +99,11 @@ const SPEED: f64 = 0.1;
 /// Which absorptivity explains the printed temperature, for radii of the beam, which is not published: any will do.
 pub fn fits() -> [Fit; 4] {
     [25.0, 50.0, 100.0, 200.0].map(|radius_um| {
-        let source = Source { power_w: POWER, speed_m_s: SPEED, radius_um };
-        let absorptivity = source.absorptivity(&NICKEL_ALLOY, PRINTED);
+        let beam = Beam { power_w: POWER, speed_m_s: SPEED, radius_um };
+        let absorptivity = beam.absorptivity(&NICKEL_ALLOY, PRINTED);
         // What is left of the first exposure adds to the second.
         let second_exposure_degc =
-            AFTER_S.map(|after| PRINTED + absorptivity * source.rise(&NICKEL_ALLOY, SPEED * after));
+            AFTER_S.map(|after| PRINTED + absorptivity * beam.rise(&NICKEL_ALLOY, SPEED * after));
         Fit { radius_um, absorptivity, second_exposure_degc }
     })
 }
@@ -124,13 +126,13 @@ mod tests {
     fn a_resting_beam_heats_as_the_closed_form_has_it() {
         // At rest the centre rises by A P / (w k sqrt(2 pi)), w the 1/e² radius.
         for radius_um in [10.0, 100.0] {
-            let source = Source { power_w: 3.0, speed_m_s: 1e-9, radius_um };
+            let beam = Beam { power_w: 3.0, speed_m_s: 1e-9, radius_um };
             let k = NICKEL_ALLOY.conductivity_w_m_k;
             let want = 3.0 / (radius_um * 1e-6 * k * (2.0 * PI).sqrt());
-            let got = source.rise(&NICKEL_ALLOY, 0.0);
+            let got = beam.rise(&NICKEL_ALLOY, 0.0);
             assert!((got / want - 1.0).abs() < 1e-3, "{got} {want}");
             // Moving it heats less, and most behind its centre.
-            let moving = Source { speed_m_s: 1.0, ..source };
+            let moving = Beam { speed_m_s: 1.0, ..beam };
             let peak = moving.peak(&NICKEL_ALLOY);
             assert!(peak < want && peak >= moving.rise(&NICKEL_ALLOY, 0.0) && peak > moving.rise(&NICKEL_ALLOY, -1e-5));
         }

@@ -37,9 +37,19 @@ pub struct NotConverged {
 }
 
 /// Distance to (x, y) at which a point is found, mm.
-const FOUND: f64 = 1e-9;
-/// Most steps.
-const STEPS: usize = 50;
+const FOUND_MM: f64 = 1e-9;
+/// Most steps, halved ones among them.
+const MAX_STEPS: usize = 50;
+
+/// Parameters that were tried.
+#[derive(Clone, Copy)]
+struct Trial<T> {
+    uv: [T; 2],
+    /// From there to what is tried next.
+    step: [T; 2],
+    /// Square of the distance to (x, y), mm².
+    distance2: T,
+}
 
 /// The inversion of a surface, with the last point found to start from.
 #[derive(Clone, Debug)]
@@ -97,25 +107,25 @@ impl<'a> Inversion<'a> {
         let range = self.surface.range();
         let inside = |uv: [T; 2]| [0, 1].map(|k| clamped(uv[k], range[k]));
         let mut uv = inside(from);
-        let mut before = (uv, [T::of(0.0); 2], T::of(f64::INFINITY));
+        let mut best = Trial { uv, step: [T::of(0.0); 2], distance2: T::of(f64::INFINITY) };
         let mut steps = 0;
         loop {
-            let (s, r, off) = self.look(uv, xy);
-            if off.value() <= FOUND * FOUND {
+            let (s, r, distance2) = self.look(uv, xy);
+            if distance2.value() <= FOUND_MM * FOUND_MM {
                 return Ok(Found { uv, at: s[0], steps });
             }
-            if steps == STEPS {
-                return Err(NotConverged { steps, off: off.value().sqrt() });
+            if steps == MAX_STEPS {
+                return Err(NotConverged { steps, off: distance2.value().sqrt() });
             }
             steps += 1;
-            let is_worse = self.method == Method::GaussNewton && off >= before.2;
-            before = if is_worse {
-                (before.0, before.1.map(|d| T::of(0.5) * d), before.2)
+            // Newton is here for comparison, and takes every step.
+            let is_worse = self.method == Method::GaussNewton && distance2 >= best.distance2;
+            best = if is_worse {
+                Trial { step: best.step.map(|d| T::of(0.5) * d), ..best }
             } else {
-                (uv, self.step(&s, r), off)
+                Trial { uv, step: self.step(&s, r), distance2 }
             };
-            let (at, step, _) = before;
-            uv = inside([at[0] + step[0], at[1] + step[1]]);
+            uv = inside([best.uv[0] + best.step[0], best.uv[1] + best.step[1]]);
         }
     }
 

@@ -8,8 +8,9 @@ use super::{Clearance, turned};
 use crate::geom::{Box2, NM_PER_MM, Nm, P2, P3, Turned};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 
-/// Pieces into which a way is cut, and steps of a tilt axis that are looked at.
+/// Pieces into which a way is cut.
 const PIECES: u32 = 64;
+/// Steps of a tilt axis that are looked at.
 const STEPS: u32 = 16;
 
 /// A head on its way over a part.
@@ -89,8 +90,8 @@ impl Way {
 }
 
 impl Head<'_> {
-    /// How much too near to the part the head comes on the straight way of the stage from `a` to `b`, its tilt kept;
-    /// not above 0 where it keeps clear.
+    /// How far the head comes too near to the part on the straight way of the stage from `a` to `b` at one tilt; 0 or less
+    /// where it keeps clear, the least number where no tile is near.
     pub fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
         let turn = self.machine.turn(tilt, self.origin);
         let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
@@ -105,7 +106,9 @@ impl Head<'_> {
         for tile in &self.clearance.tiles {
             let tile = turned(tile, &turn);
             match way.over(&tile, &whole) {
+                // It may touch, and is looked at piece by piece.
                 Some(over) if over > Nm(0) => doubtful.push(tile),
+                // It keeps clear even of the box about the whole way.
                 Some(over) => clear = clear.max(over),
                 None => {}
             }
@@ -122,8 +125,8 @@ impl Head<'_> {
         (0..pieces).map(of_piece).max().unwrap_or(Nm::MIN)
     }
 
-    /// How much too near it comes at most while its axes turn from one tilt to another, the stage at the command `z` and
-    /// anywhere in x and y.
+    /// How far the head comes too near, at most, to the highest place of the part while its axes turn from one tilt to
+    /// another, the stage at `z` (as commanded, nm) and anywhere in x and y. For axes that carry the head.
     pub fn over_swing(&self, from: TiltAngles, to: TiltAngles, z: i64) -> Nm {
         let Some(top) = self.clearance.tiles.iter().map(|t| t.1).max() else { return Nm::MIN };
         let Some(axes) = &self.machine.tilt else { return Nm::MIN };
@@ -139,6 +142,7 @@ impl Head<'_> {
         let angle = |k: usize, i: u32| from[k] + (to[k] - from[k]) * i64::from(i) / i64::from(STEPS);
         let steps = [0, 1].map(|k| if from[k] == to[k] { 0 } else { STEPS });
         let mut lowest = f64::INFINITY;
+        // The axes need not arrive together: all pairs of their angles may occur.
         for i in 0..=steps[0] {
             for j in 0..=steps[1] {
                 let up = self.machine.turn(TiltAngles([angle(0, i), angle(1, j)]), Origin::default());

@@ -48,7 +48,7 @@ impl<T: Copy + Default + Send> Buckets<T> {
                 counts[(row - band(n).start) * columns..][across].iter_mut().for_each(|n| *n += 1);
             });
         });
-        // The begin of every bucket now, and the end once its items are laid down.
+        // Now the start of every bucket; once its items are placed, its end.
         let mut sum = 0u32;
         for start in &mut starts {
             let count = std::mem::replace(start, sum);

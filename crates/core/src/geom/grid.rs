@@ -120,11 +120,12 @@ impl Grid {
         near(i / columns, rows).flat_map(move |row| beside.clone().map(move |column| row * columns + column))
     }
 
-    /// Calls `f` with every cell that the line from a to b touches, some nanometres around it included.
+    /// Calls `f` with every cell within a few nanometres of the line from a to b, row by row.
     pub fn under(&self, a: P2, b: P2, mut f: impl FnMut(usize)) {
         let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
         let dy = (b.y - a.y) as f64;
         let bounds = self.bounds();
+        // `along` puts what lies outside into the outermost cells: a line beside the grid goes here.
         let beyond = |lo: i64, hi: i64, from: i64, to: i64| hi + 3 < from || lo - 3 > to;
         if beyond(a.y, b.y, bounds.lo.y, bounds.hi.y) {
             return;
@@ -133,13 +134,12 @@ impl Grid {
             // The stretch of the line in this row, a nanometre more at both ends.
             let y0 = (self.line(1, row) - 1).clamp(a.y, b.y);
             let y1 = (self.line(1, row + 1) + 1).clamp(a.y, b.y);
-            let at =
-                |y: i64| if dy > 0.0 { a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy) } else { a.x as f64 };
+            let at = |y: i64| a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy);
             let (mut x0, mut x1) = if dy > 0.0 { (at(y0), at(y1)) } else { (a.x as f64, b.x as f64) };
             if x0 > x1 {
                 std::mem::swap(&mut x0, &mut x1);
             }
-            // Far more than f64 rounds by, which is below 1e-5 nm within 4 m.
+            // Two nanometres more; f64 rounds by less than 1e-5 nm within 4 m.
             let (x0, x1) = (x0.floor() as i64 - 2, x1.ceil() as i64 + 2);
             if beyond(x0, x1, bounds.lo.x, bounds.hi.x) {
                 continue;

@@ -1,25 +1,27 @@
-//! Keys of a machine file that have no effect because another one is missing, or stands beside them.
+//! Keys of a machine file that have no effect because another one is missing or overrides them.
 
 use super::{Fault, FieldShape, Machine};
 use crate::diag::Diag;
 
 impl Machine {
-    /// Warnings about them, each with its key.
+    /// A warning for every key that has no effect, with its path in the machine file.
     pub fn unused(&self) -> Vec<Fault> {
         let mut out = Vec::new();
-        let mut report = |key: String, why: &str, hint: &str| {
-            let text = format!("{key} has no effect: {why}");
-            out.push((key, Diag::warning("key-unused", text).hint(hint)));
-        };
+        let mut report =
+            |key: String, text: String, hint: &str| out.push((key, Diag::warning("key-unused", text).hint(hint)));
         if self.scanner.jerk.is_some() && self.scanner.acceleration.is_none() {
-            let why = "without scanner.acceleration the scanner is taken to be always at speed";
-            report("scanner.jerk".into(), why, "state scanner.acceleration too, or leave it out");
+            let text =
+                "scanner.jerk has no effect: without scanner.acceleration the scanner is taken to be always at speed";
+            report("scanner.jerk".into(), text.into(), "state scanner.acceleration too, or leave it out");
         }
         let [x, y] = self.lens.field;
         if self.lens.shape == FieldShape::Circle && x != y {
             let side = if x > y { "first" } else { "second" };
-            let why = format!("the larger, {side} size of a circle is not used: its diameter is the smaller one");
-            report("lens.field".into(), &why, "state the diameter twice, or shape = \"rectangle\"");
+            let text = format!(
+                "the {side} size of lens.field has no effect: it is the larger one, and a circle takes the smaller as its \
+                 diameter"
+            );
+            report("lens.field".into(), text, "state the diameter twice, or shape = \"rectangle\"");
         }
         for (i, axis) in self.tilt.iter().flat_map(|tilt| tilt.axes.iter().enumerate()) {
             let given = [
@@ -29,11 +31,15 @@ impl Machine {
             ];
             let is_whole = given[0].1 && given[1].1;
             if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given && !is_whole) {
-                let why = "the axis does not state both speed and acceleration, so nothing is marked while it turns";
+                let key = format!("tilt.axes.{i}.{key}");
+                let text = format!(
+                    "{key} has no effect: the axis does not state both speed and acceleration, so nothing is marked \
+                     while it turns"
+                );
                 report(
-                    format!("tilt.axes.{i}.{key}"),
-                    why,
-                    "state speed and acceleration of both axes, or leave it out",
+                    key,
+                    text,
+                    "state speed and acceleration of both axes, or leave out speed, acceleration and jerk",
                 );
             }
         }

@@ -35,8 +35,8 @@ pub enum Rest {
 /// A place where a line gets more than its pen's energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overshoot {
-    /// The energy beyond the wanted one, as a multiple of P / v of the pen.
-    pub share: f64,
+    /// Energy within half a spot of it over that at the pen's speed, P / v: 1 is what is wanted.
+    pub ratio: f64,
     /// Where, field frame.
     pub at: FieldPoint,
     /// What the spot does there.
@@ -53,7 +53,8 @@ pub struct LineEnergy {
 }
 
 impl LineEnergy {
-    /// Adds one pass of a stroke. Always at speed, nothing is known of ends and corners, and nothing is added.
+    /// Adds one pass of a stroke. Adds nothing for a dot, nor where the model keeps the spot always at speed: the energy at
+    /// ends and corners is then not known.
     pub fn add(&mut self, points: &[FieldPoint], beam: Beam) {
         let Some(&first) = points.first() else { return };
         // Way and time next to the last rest, before and after it.
@@ -64,24 +65,24 @@ impl LineEnergy {
             let total = motion.total_s();
             let way = (beam.spot / 2.0).min(run.length / 2.0);
             let near = [way, motion.time_at(way)];
-            self.meet(rest, [before[0] + near[0], before[1] + near[1]], beam.speed);
+            self.add_rest(rest, [before[0] + near[0], before[1] + near[1]], beam.speed);
             self.length += run.length;
             self.energy += beam.power * total;
             if motion.peak() >= beam.speed {
-                // Both ramps together take their time at the mean of half the speed.
+                // T = L / v + ramp_s, and both ramps together are v * ramp_s long: L - v * ramp_s = 2 L - v T is at speed.
                 self.at_speed += (2.0 * run.length - beam.speed * total).max(0.0);
             }
             (before, rest) = (near, (end, Rest::Corner));
         }
         if before[0] > 0.0 {
-            self.meet((rest.0, Rest::End), before, beam.speed);
+            self.add_rest((rest.0, Rest::End), before, beam.speed);
         }
     }
 
-    fn meet(&mut self, (at, rest): (FieldPoint, Rest), [way, time]: [f64; 2], speed: f64) {
-        let share = speed * time / way;
-        if self.worst.is_none_or(|worst| share > worst.share) {
-            self.worst = Some(Overshoot { share, at, rest });
+    fn add_rest(&mut self, (at, rest): (FieldPoint, Rest), [way, time]: [f64; 2], speed: f64) {
+        let ratio = speed * time / way;
+        if self.worst.is_none_or(|worst| ratio > worst.ratio) {
+            self.worst = Some(Overshoot { ratio, at, rest });
         }
     }
 
@@ -158,7 +159,7 @@ mod tests {
         assert!((one.mean_j_per_m().expect("a line") - 1.2 * total / 20e-3).abs() < 1e-9);
         let worst = one.worst().expect("a line");
         let share = 100.0 * from_rest(0.012_25) / 0.012_25;
-        assert!((worst.share - share).abs() < 1e-6 * share && worst.rest == Rest::End, "{worst:?} {share}");
+        assert!((worst.ratio - share).abs() < 1e-6 * share && worst.rest == Rest::End, "{worst:?} {share}");
         // Over the ramps the spot takes sqrt(v / j) twice each, at half of the speed in the mean.
         let ramps = 100.0 * 2.0 * (100.0f64 / 1e6).sqrt();
         assert!((one.share_at_speed().expect("a line") - (1.0 - ramps / 20.0)).abs() < 1e-9);
@@ -166,10 +167,10 @@ mod tests {
         let mut bent = LineEnergy::default();
         bent.add(&points(&[[0, 0], [20_000_000, 0], [20_000_000, 6_000], [0, 6_000]]), beam(100.0));
         let short = bent.worst().expect("a line");
-        assert!(short.share > worst.share && short.rest == Rest::Corner && short.at.x == 20_000_000, "{short:?}");
+        assert!(short.ratio > worst.ratio && short.rest == Rest::Corner && short.at.x == 20_000_000, "{short:?}");
         let mut quick = LineEnergy::default();
         quick.add(&points(&[[0, 0], [20_000_000, 0]]), beam(200.0));
-        assert!((quick.worst().expect("a line").share / worst.share - 2.0).abs() < 1e-6);
+        assert!((quick.worst().expect("a line").ratio / worst.ratio - 2.0).abs() < 1e-6);
     }
 
     #[test]

@@ -8,11 +8,13 @@ pub fn rest_to_rest(length: f64, speed: f64, acceleration: f64, jerk: Option<f64
 /// A motion from rest to rest: up to a peak speed, on at it, and down to rest as it came up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RestToRest {
+    /// mm.
     length: f64,
+    /// Peak speed, mm/s.
     peak: f64,
-    /// Peak acceleration on the ramps.
+    /// Peak acceleration on the ramps, mm/s².
     acceleration: f64,
-    /// Without a limit infinite.
+    /// mm/s³; infinite without a limit.
     jerk: f64,
     /// How long the acceleration rises to its peak, s; 0 without a limit of jerk.
     rise_s: f64,
@@ -37,12 +39,17 @@ impl RestToRest {
             let peak = speed.min((length * a).sqrt());
             return Self { length, peak, acceleration: a, jerk: f64::INFINITY, rise_s: 0.0, ramp_s: peak / a };
         };
-        // Both ramps together take peak * ramp_s of way: p (p/a + a/j), or 2 p sqrt(p/j) below the acceleration.
-        let slow = a / j;
-        let reaching = a / 2.0 * ((slow * slow + 4.0 * length / a).sqrt() - slow);
-        let peak = speed.min(if reaching >= a * slow { reaching } else { (length * length * j / 4.0).cbrt() });
-        if peak >= a * slow {
-            Self { length, peak, acceleration: a, jerk: j, rise_s: slow, ramp_s: peak / a + slow }
+        // Without a limit of speed nothing is marked at the peak p: length = p * ramp_s, which is p (p/a + a/j) where the
+        // ramps reach the acceleration and 2 p sqrt(p/j) where they do not. Solved for p:
+        let full_rise_s = a / j;
+        let peak_with_acceleration = a / 2.0 * ((full_rise_s * full_rise_s + 4.0 * length / a).sqrt() - full_rise_s);
+        // The lowest peak at which the ramps reach the acceleration.
+        let knee = a * full_rise_s;
+        let by_length =
+            if peak_with_acceleration >= knee { peak_with_acceleration } else { (length * length * j / 4.0).cbrt() };
+        let peak = speed.min(by_length);
+        if peak >= knee {
+            Self { length, peak, acceleration: a, jerk: j, rise_s: full_rise_s, ramp_s: peak / a + full_rise_s }
         } else {
             let rise_s = (peak / j).sqrt();
             Self { length, peak, acceleration: j * rise_s, jerk: j, rise_s, ramp_s: 2.0 * rise_s }

@@ -33,7 +33,7 @@ const MOST_PITCH: f64 = 10.0;
 const ALLOW: &str = "check its unit; set limits.implausible = \"allow\" to accept it";
 
 impl Job {
-    /// Holds depth of focus and hatch pitch to the machine's optics; answers with warnings about what is odd, and about
+    /// Holds depth of focus and hatch pitch to the machine's optics; returns warnings about what is odd, and about
     /// what they make implausible where the job allows that.
     ///
     /// # Errors

@@ -95,23 +95,25 @@ impl Job {
         if let Some(fault) = not_a_job::by_keys(path, &source) {
             return Err(fault.into());
         }
-        let faults = diag::table_faults(path, &source, "job file", &TABLES);
-        if !faults.is_empty() {
-            return Err(Error::many(faults));
+        // Missing tables, each with a hint. What is not TOML passes, and is reported when it is parsed.
+        let table_faults = diag::table_faults(path, &source, "job file", &TABLES);
+        if !table_faults.is_empty() {
+            return Err(Error::many(table_faults));
         }
         let shown = path.display().to_string();
         let mut table = diag::parse_toml(&shown, &source, KEYS)?;
         let mut faults = Faults::new(path, &source);
-        let is_whole = by_source::sort(table.get_mut(), &mut faults);
-        let faults = faults.list;
-        if !is_whole {
-            return Err(Error::many(faults));
+        // A texture that lacks what its source needs cannot be typed: that would be a second fault for the same slip.
+        let may_be_typed = by_source::split_keys(table.get_mut(), &mut faults);
+        let key_faults = faults.list;
+        if !may_be_typed {
+            return Err(Error::many(key_faults));
         }
         let file: JobFile = match diag::from_table(&shown, &source, table, KEYS) {
             Ok(file) => file,
-            Err(e) => return Err(Error::many(faults.into_iter().chain(e.diags().iter().cloned()).collect())),
+            Err(e) => return Err(Error::many([key_faults, e.diags().to_vec()].concat())),
         };
-        resolve(path, Arc::clone(&source), &file, overrides, faults)
+        resolve(path, Arc::clone(&source), &file, overrides, key_faults)
     }
 
     /// The place of a key of the job file, such as `partition.section`; the file where it is not given.

@@ -48,7 +48,7 @@ fn holds(format: Format, mode: Mode) -> bool {
     }
 }
 
-/// Resolves a job file; `found` are its faults so far.
+/// Resolves a job file; `texture_faults` are those of the keys of its textures.
 ///
 /// # Errors
 /// Every fault of the file, each with its place, in the order of the file's sections.
@@ -57,16 +57,17 @@ pub(super) fn resolve(
     source: Arc<str>,
     file: &JobFile,
     overrides: &Overrides,
-    found: Vec<Diag>,
+    texture_faults: Vec<Diag>,
 ) -> Result<Job, Error> {
     let mut faults = Faults::new(path, &source);
-    faults.list = found;
+    faults.list = texture_faults;
     let f = &mut faults;
     let mode = overrides.mode.unwrap_or(file.mode);
     let mut surface = surface_input(&file.surface, f);
     let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length).0)));
     let focus = focus(&file.focus, f);
-    errors_stated(file, f);
+    check_stated_errors(file, f);
+    // Only CAD files are tessellated, to a chord tolerance that follows from PDOF.
     let is_cad = surface::is_cad(&surface.file);
     surface.options.tessellation = is_cad.then(|| surface::Tessellation::of_pdof(focus.pdof.mm()));
     let pens = pens(&file.pen, f);
@@ -86,7 +87,10 @@ pub(super) fn resolve(
     }
     let machine = machine(&file.machine, f);
     if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
-        let text = "limits.max_incidence is not between 0 and 90 deg";
+        let text = format!(
+            "limits.max_incidence is {} deg: it must be at least 0 and below 90 deg",
+            file.limits.max_incidence.as_deg()
+        );
         f.push("limits.max_incidence", Diag::input("limits-incidence", text));
     }
     if !(0.0..=100.0).contains(&file.limits.max_off_part.as_percent()) {
@@ -98,6 +102,7 @@ pub(super) fn resolve(
     dose(file, f);
     let formats = formats(file, mode, f);
     let frames = frames(file, f);
+    // A file for on-the-fly jobs may be compiled stepped by --mode: then its emit.power is no fault.
     if mode == Mode::OnTheFly {
         on_the_fly(file, f);
     } else if file.mode == Mode::Stepped && file.emit.power == MarkPower::Speed {
@@ -106,7 +111,8 @@ pub(super) fn resolve(
     }
     unused::warn(file, mode, f);
     let Faults { list, warnings, .. } = faults;
-    let Some(machine) = machine.filter(|_| list.is_empty()) else { return Err(Error::many(list)) };
+    // A job without a machine has a fault already.
+    let (Some(machine), true) = (machine, list.is_empty()) else { return Err(Error::many(list)) };
     Ok(Job {
         path: path.to_owned(),
         seed: overrides.seed,
@@ -226,7 +232,7 @@ fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Laid> {
 }
 
 /// Errors that the file states for the budget: as far as those of a machine go.
-fn errors_stated(file: &JobFile, f: &mut Faults<'_>) {
+fn check_stated_errors(file: &JobFile, f: &mut Faults<'_>) {
     let stated = [
         ("surface.tessellation", file.surface.tessellation),
         ("placement.residual", file.placement.residual),
@@ -414,6 +420,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
             Some(n)
         }
     });
+    let far = keys.registration.iter().flatten().any(|length| length.as_nm().is_none());
     let points: Vec<P2> = keys
         .registration
         .iter()
@@ -422,7 +429,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
         .collect();
     let fault = if points.len() < 2 {
         Some("setups.registration has fewer than two points")
-    } else if (1..points.len()).any(|i| points[..i].contains(&points[i])) {
+    } else if !far && (1..points.len()).any(|i| points[..i].contains(&points[i])) {
         Some("two points of setups.registration are the same")
     } else {
         None
@@ -441,7 +448,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
     if file.partition.method == Method::Tilt {
         f.push(
             "partition.method",
-            Diag::input("setups-tilt", "a part in several set-ups cannot be tilted")
+            Diag::input("setups-tilt", "a job with [setups] cannot tilt the part")
                 .hint("use another partition.method, or leave [setups] out"),
         );
     }

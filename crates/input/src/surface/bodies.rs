@@ -1,4 +1,4 @@
-//! The bodies of a surface file: facets that hang together, their boxes, and whether each is closed.
+//! The bodies of a surface file: connected facets, their boxes, and whether each is closed.
 //!
 //! Consumes facets as the file has them, mm. Corners that are equal to the nanometre are one, as in the mesh. Promises
 //! one [`Body`] for each set of facets that share corners, the largest first. Needs about 100 bytes a facet; nothing of
@@ -13,7 +13,7 @@ use terrace_core::geom::{BoxMm, NM_PER_MM};
 
 type Point = [f64; 3];
 
-/// Facets that hang together.
+/// Facets that are connected by shared corners; two boxes that touch in one corner are one body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// How many.
@@ -22,7 +22,7 @@ pub struct Body {
     pub bounds: BoxMm<3>,
     /// Edges of one facet alone, and the middle of the first of them.
     pub open_edges: (usize, Option<Point>),
-    /// Whether it bounds a volume, though edges may be open: its facets face all ways.
+    /// Whether the normals of its facets nearly cancel, as those of a closed body do; edges may still be open.
     pub is_solid: bool,
 }
 
@@ -36,8 +36,9 @@ pub struct Bodies {
     facets: Vec<[u32; 3]>,
 }
 
-/// What the areas of an open sheet, as vectors, add up to at least, as a share of its area.
-const OPEN: f64 = 0.3;
+/// From this share of its area on, a sum of the area vectors of its facets is that of an open sheet; a closed body has 0,
+/// a cube without one face 0.2: it counts as solid, with a hole.
+const OPEN_SHEET_SHARE: f64 = 0.3;
 
 /// Most bodies that are listed one by one.
 pub const MAX_TOLD: usize = 10;
@@ -114,13 +115,15 @@ impl Bodies {
         let mut bodies: Vec<Body> = found
             .into_values()
             .map(|(body, sum, area)| {
-                let whole = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
-                Body { is_solid: whole < OPEN * area, ..body }
+                // Both are doubled: only their ratio counts.
+                let net = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
+                Body { is_solid: net < OPEN_SHEET_SHARE * area, ..body }
             })
             .collect();
         bodies.sort_by(|a, b| {
-            let place = |body: &Body| body.bounds.lo;
-            b.facets.cmp(&a.facets).then_with(|| place(a).partial_cmp(&place(b)).expect("finite corners"))
+            // In an order that is not that of the hash map.
+            let low_corner = |body: &Body| body.bounds.lo;
+            b.facets.cmp(&a.facets).then_with(|| low_corner(a).partial_cmp(&low_corner(b)).expect("finite corners"))
         });
         bodies
     }

@@ -43,7 +43,7 @@ impl Surface {
         })
     }
 
-    /// Writes what rims hold of a stretch of the line into `cursor.on_rim`; answers whether that is all of it.
+    /// Writes what rims hold of a stretch of the line into `cursor.on_rim`; returns whether that is all of it.
     fn along_rims(&self, line: &Line, [from, to]: [f64; 2], cursor: &mut Cursor) -> bool {
         self.facets_under(line, [from, to], &mut cursor.facets);
         let limit2 = cursor.limit2();

@@ -286,7 +286,7 @@ impl Bodies {
     }
 }
 
-/// Drops duplicates and upright facets; answers the twins of the others.
+/// Drops duplicates and upright facets; returns the twins of the others.
 fn compact(facets: &mut Vec<[u32; 3]>, states: &[u8], twins: Vec<u32>) -> Vec<u32> {
     let is_kept = |f: usize| states[f] & (UPRIGHT | DUPLICATE) == 0;
     if (0..facets.len()).all(is_kept) {

@@ -185,7 +185,7 @@ impl<'a> BinSteps<'a> {
 }
 
 impl Surface {
-    /// Walks the segment from `a` to `b` (part frame, a ≠ b) and writes its spans into `out`; answers whether a rim or
+    /// Walks the segment from `a` to `b` (part frame, a ≠ b) and writes its spans into `out`; returns whether a rim or
     /// another sheet may be near.
     pub fn walk(&self, a: P2, b: P2, cursor: &mut Cursor, out: &mut Vec<Span>) -> bool {
         out.clear();
@@ -305,7 +305,7 @@ impl Surface {
         best.map(|(_, f, h)| (f, h))
     }
 
-    /// From facet to facet along a stretch of simple bins; answers how far it came.
+    /// From facet to facet along a stretch of simple bins; returns how far it came.
     fn walk_free(&self, line: &Line, stretch: &Stretch, cursor: &mut Cursor, out: &mut Vec<Span>) -> f64 {
         let &Stretch { t: [mut t, t_to], bins: [first, last] } = stretch;
         let Some((mut f, h)) = self.start(line, t, first, cursor) else {

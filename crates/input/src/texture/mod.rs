@@ -296,7 +296,7 @@ impl Texture {
         })
     }
 
-    /// Places the requests; `files` answers with what they take from files.
+    /// Places the requests; `files` returns what they take from files.
     fn place(
         requests: &[Request],
         part_box_mm: BoxMm<2>,
@@ -464,7 +464,7 @@ impl Texture {
     }
 
     /// Writes the points of stroke `i` (at least two, neighbours differ; one of a dot) into `out`, which is cleared,
-    /// and answers with the index of its pen. A closed figure ends on the point it starts with.
+    /// and returns the index of its pen. A closed figure ends on the point it starts with.
     ///
     /// # Panics
     /// Where `i` is not below [`Texture::len`].

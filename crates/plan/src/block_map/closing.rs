@@ -5,40 +5,53 @@
 
 use terrace_core::geom::Grid;
 
-/// The widest gap that is closed, against that which three of four gaps do not exceed, in halves.
-const HALVES: usize = 3;
+/// Gaps are closed up to this many halves of the width that three of four gaps do not exceed.
+const REACH_HALVES: usize = 3;
 
-/// Whether each cell is drawn. The usual gap is the width that three of four do not exceed. Gaps are
-/// closed up to 1.5 times that, at most up to `widest` cells; where the usual gap is wider still, the
-/// texture is sparse, and gaps are closed up to `least`.
-pub(super) fn gaps(grid: &Grid, labels: &[u32], least: usize, widest: usize) -> Vec<bool> {
+/// Whether each cell is drawn: it is marked, or lies in a gap that is closed. The usual gap is the width that three of
+/// four do not exceed. Gaps are closed up to 1.5 times that, at most up to `widest` cells; where the usual gap is wider
+/// still, the texture is sparse, and gaps are closed up to `least`.
+pub(super) fn drawn_cells(grid: &Grid, labels: &[u32], least: usize, widest: usize) -> Vec<bool> {
     let mut shown: Vec<bool> = labels.iter().map(|&label| label != 0).collect();
     // The last count is that of all wider gaps.
     let mut widths = vec![0usize; widest + 2];
-    each(grid, &shown, |_, _, width| widths[width.min(widest + 1)] += 1);
+    each_gap(grid, &shown, |gap| widths[gap.width.min(widest + 1)] += 1);
     let total: usize = widths.iter().sum();
     let mut sum = 0;
-    let is_usual = |n: &usize| {
+    // Widths come in order, so their counts add up.
+    let reaches_third_quartile = |n: &usize| {
         sum += n;
         4 * sum >= 3 * total
     };
-    // The third quartile, not the mean: a few wide gaps between figures must not close the field.
-    let usual = widths.iter().position(is_usual).unwrap_or(0);
-    let reach = if usual > widest { least } else { (HALVES * usual / 2).min(widest) };
-    // Twice: what lies between dots is between the columns that the rows between them have become.
+    // Not the mean: a few wide gaps between figures must not widen the reach until these gaps are closed. 0 where there
+    // are no gaps.
+    let usual = widths.iter().position(reaches_third_quartile).unwrap_or(0);
+    let reach = if usual > widest { least } else { (REACH_HALVES * usual / 2).min(widest) };
+    // Twice: of a lattice of dots the first round fills the rows and columns through the dots, the second the squares
+    // between them.
     for _ in 0..2 {
         let before = shown.clone();
-        each(grid, &before, |first, step, width| {
-            if width <= reach {
-                (1..width).for_each(|k| shown[first + k * step] = true);
+        each_gap(grid, &before, |gap| {
+            if gap.width <= reach {
+                (1..gap.width).for_each(|k| shown[gap.before + k * gap.step] = true);
             }
         });
     }
     shown
 }
 
-/// Hands all gaps to `take`: the marked cell before it, the index's step from cell to cell, the width.
-fn each(grid: &Grid, marked: &[bool], mut take: impl FnMut(usize, usize, usize)) {
+/// A gap between two marked cells of a row or a column.
+struct Gap {
+    /// Index of the marked cell before it.
+    before: usize,
+    /// From the index of a cell to that of the next.
+    step: usize,
+    /// Cells from one marked cell to the other.
+    width: usize,
+}
+
+/// Hands all gaps to `take`.
+fn each_gap(grid: &Grid, marked: &[bool], mut take: impl FnMut(Gap)) {
     let [columns, rows] = [grid.columns(), grid.rows()];
     const NONE: usize = usize::MAX;
     // The last marked row of every column.
@@ -47,10 +60,10 @@ fn each(grid: &Grid, marked: &[bool], mut take: impl FnMut(usize, usize, usize))
         let mut left = NONE;
         for x in (0..columns).filter(|x| marked[y * columns + x]) {
             if left != NONE && x - left > 1 {
-                take(y * columns + left, 1, x - left);
+                take(Gap { before: y * columns + left, step: 1, width: x - left });
             }
             if below[x] != NONE && y - below[x] > 1 {
-                take(below[x] * columns + x, columns, y - below[x]);
+                take(Gap { before: below[x] * columns + x, step: columns, width: y - below[x] });
             }
             (left, below[x]) = (x, y);
         }

@@ -1,10 +1,13 @@
 //! What is measured on the labels: connected parts, and the length of borders.
 
+use std::ops::Range;
+
 use terrace_core::geom::Grid;
 
-/// Connected parts (8 neighbours) of cells with equal label.
-pub(super) fn parts(grid: &Grid, labels: &[u32]) -> usize {
-    // Runs of equal label in a row; those that touch are joined. Each joining of two parts makes one less.
+/// Number of connected components (8 neighbours) of cells of one label; cells of label 0, which no block owns, do not
+/// count.
+pub(super) fn count_components(grid: &Grid, labels: &[u32]) -> usize {
+    // Union-find over the runs of one label in each row: components = runs - unions of two components.
     let columns = grid.columns();
     let mut parent: Vec<u32> = Vec::new();
     let mut joined = 0;
@@ -13,25 +16,25 @@ pub(super) fn parts(grid: &Grid, labels: &[u32]) -> usize {
         let mut x = 0;
         let mut first = 0;
         for same in row.chunk_by(|a, b| a == b) {
-            let (run, label) = ([x, x + same.len()], same[0]);
+            let (columns_of, label) = (x..x + same.len(), same[0]);
             x += same.len();
             if label == 0 {
                 continue;
             }
             let id = parent.len() as u32;
             parent.push(id);
-            here.push(Run { run, label, id });
-            // Runs below that end before this one begins, corners included, are done with.
-            while below.get(first).is_some_and(|b| b.run[1] < run[0]) {
+            // Runs below that end before this one begins touch neither it nor a later one. Ends are exclusive: where they
+            // are equal the runs share a corner.
+            while below.get(first).is_some_and(|b| b.columns.end < columns_of.start) {
                 first += 1;
             }
-            let touching = below[first..].iter().take_while(|b| b.run[0] <= run[1]);
+            let touching = below[first..].iter().take_while(|b| b.columns.start <= columns_of.end);
             for b in touching.filter(|b| b.label == label) {
                 let (p, q) = (root(&mut parent, b.id), root(&mut parent, id));
                 joined += usize::from(p != q);
-                // Union-find over runs: parts = runs - joinings that met two parts.
                 parent[p.max(q) as usize] = p.min(q);
             }
+            here.push(Run { columns: columns_of, label, id });
         }
         std::mem::swap(&mut below, &mut here);
         here.clear();
@@ -39,13 +42,14 @@ pub(super) fn parts(grid: &Grid, labels: &[u32]) -> usize {
     parent.len() - joined
 }
 
-/// Cells of equal label side by side: from the first to before the last.
+/// Adjacent cells of one label in a row.
 struct Run {
-    run: [usize; 2],
+    columns: Range<usize>,
     label: u32,
     id: u32,
 }
 
+/// Root of the component of a run; halves the way to it.
 fn root(parent: &mut [u32], mut i: u32) -> u32 {
     while parent[i as usize] != i {
         parent[i as usize] = parent[parent[i as usize] as usize];

@@ -151,7 +151,7 @@ impl BlockMap {
         let marked = rasterise::marked_cells(marks, &grid);
         let [least, widest] =
             [SPARSE_GAP, field[0].min(field[1]) / WIDEST_GAP].map(|gap| (gap / grid.pitch[0]) as usize);
-        let shown = closing::gaps(&grid, &marked, least, widest);
+        let shown = closing::drawn_cells(&grid, &marked, least, widest);
         let dense = region_growing::dense(&grid, &marked);
         let heights = region_growing::Heights::under(surface, &grid, &dense);
         let may = |cell: usize, label: u32| {
@@ -168,7 +168,7 @@ impl BlockMap {
         }
         region_growing::grow(&grid, &mut labels, may);
         // Counted here: closing, which follows, is for the picture.
-        let sub_blocks = measure::parts(&grid, &labels) + without_cell(&labels, stops.len());
+        let sub_blocks = measure::count_components(&grid, &labels) + without_cell(&labels, stops.len());
         labels.iter_mut().zip(&marked).filter(|(label, _)| **label == 0).for_each(|(label, mark)| *label = *mark);
         region_growing::grow(&grid, &mut labels, |cell, _| shown[cell] && heights.at(cell).is_some());
         labels.iter_mut().zip(&shown).filter(|(_, shown)| !**shown).for_each(|(label, _)| *label = 0);

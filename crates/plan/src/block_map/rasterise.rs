@@ -12,7 +12,7 @@ use crate::ordered_strokes::{Band, OrderedStrokes};
 use terrace_core::geom::{FieldPoint, Grid, P3, Turn};
 use terrace_core::program::{Block, Program};
 
-/// A block needs more than this length in a cell, nm: a corner that is clipped by rounding does not count.
+/// Marks no longer than this in a cell, nm, do not claim it: rounding may clip its corner.
 const LEAST_NM: f32 = 1.0;
 
 /// What a dot counts for, nm.
@@ -21,23 +21,23 @@ const DOT_NM: f32 = 1000.0;
 /// Marks in groups, each of which a label stands for.
 pub(super) trait Marks {
     /// How many groups there are.
-    fn groups(&self) -> usize;
-    /// Hands on the points of every stroke of a group, nm on the part; a dot has one.
-    fn strokes_of(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]]));
+    fn group_count(&self) -> usize;
+    /// Calls `visit` with the points of every stroke of a group, nm on the part; a dot has one.
+    fn visit_strokes(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]]));
 }
 
-/// The marks of the blocks of a program, whose parts are turned as `turns` has it.
+/// The marks of the blocks of a program; by block how the part is turned, None where it is not.
 pub(super) struct BlockMarks<'a> {
     pub program: &'a Program,
     pub turns: &'a [Option<Turn>],
 }
 
 impl Marks for BlockMarks<'_> {
-    fn groups(&self) -> usize {
+    fn group_count(&self) -> usize {
         self.program.blocks.len()
     }
 
-    fn strokes_of(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
+    fn visit_strokes(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
         let (block, turn) = (&self.program.blocks[group], &self.turns[group]);
         let mut points = Vec::new();
         for stroke in self.program.strokes_of(block) {
@@ -55,11 +55,11 @@ pub(super) struct BandMarks<'a> {
 }
 
 impl Marks for BandMarks<'_> {
-    fn groups(&self) -> usize {
+    fn group_count(&self) -> usize {
         self.bands.len()
     }
 
-    fn strokes_of(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
+    fn visit_strokes(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
         let mut points = Vec::new();
         for stroke in &self.ordered.strokes[self.bands[group].strokes.clone()] {
             points.clear();
@@ -76,7 +76,7 @@ pub(super) fn marked_cells(marks: &dyn Marks, grid: &Grid) -> Vec<u32> {
     let mut longest = vec![LEAST_NM; grid.len()];
     // Lengths of the group at hand, over the rows that it touches.
     let (mut own, mut touched) = (Vec::<f32>::new(), Vec::<u32>::new());
-    for group in 0..marks.groups() {
+    for group in 0..marks.group_count() {
         let Some(rows) = rows_of(marks, group, grid) else { continue };
         let first = rows.start * grid.columns();
         own.resize(own.len().max(rows.len() * grid.columns()), 0.0);
@@ -87,7 +87,7 @@ pub(super) fn marked_cells(marks: &dyn Marks, grid: &Grid) -> Vec<u32> {
             }
             *own += length;
         };
-        marks.strokes_of(group, &mut |points| {
+        marks.visit_strokes(group, &mut |points| {
             if let [at] = points {
                 let cell = grid.along(1, at[1], 0) as usize * grid.columns() + grid.along(0, at[0], 0) as usize;
                 add(cell, DOT_NM);
@@ -121,7 +121,7 @@ fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
 /// The rows that hold a group's points.
 fn rows_of(marks: &dyn Marks, group: usize, grid: &Grid) -> Option<Range<usize>> {
     let (mut lo, mut hi) = (i64::MAX, i64::MIN);
-    marks.strokes_of(group, &mut |points| {
+    marks.visit_strokes(group, &mut |points| {
         points.iter().for_each(|p| (lo, hi) = (lo.min(p[1]), hi.max(p[1])));
     });
     if lo > hi {

@@ -159,7 +159,7 @@ fn connected_parts_equal_a_flood_fill() {
                 open.extend((0..labels.len()).filter(near).filter(|&j| labels[j] == labels[i]));
             }
         }
-        assert_eq!(measure::parts(&grid, &labels), count, "seed {seed}");
+        assert_eq!(measure::count_components(&grid, &labels), count, "seed {seed}");
     }
 }
 
@@ -229,7 +229,7 @@ fn gaps_are_closed_up_to_the_reach() {
     let mut labels = vec![0; grid.len()];
     let lines: Vec<usize> = (2..=18).step_by(4).chain([50]).collect();
     lines.iter().for_each(|y| labels[y * 40 + 5..y * 40 + 30].fill(1));
-    let shown = closing::gaps(&grid, &labels, 4, 20);
+    let shown = closing::drawn_cells(&grid, &labels, 4, 20);
     for (i, shown) in shown.iter().enumerate() {
         let (x, y) = (i % 40, i / 40);
         assert_eq!(*shown, (5..30).contains(&x) && ((2..=18).contains(&y) || y == 50), "{x} {y}");
@@ -237,7 +237,7 @@ fn gaps_are_closed_up_to_the_reach() {
     // Dots: between four of them too.
     labels.fill(0);
     (0..100).for_each(|k| labels[(5 + k / 10 * 4) * 40 + 2 + k % 10 * 3] = 1);
-    let shown = closing::gaps(&grid, &labels, 4, 20);
+    let shown = closing::drawn_cells(&grid, &labels, 4, 20);
     assert_eq!(shown.iter().filter(|s| **s).count(), 28 * 37);
     // Most gaps too wide: sparse figures are closed as far as they are small.
     labels.fill(0);
@@ -245,9 +245,9 @@ fn gaps_are_closed_up_to_the_reach() {
         labels[y * 40 + x] = 1;
         labels[y * 40 + x + 3] = 1;
     }
-    let shown = closing::gaps(&grid, &labels, 4, 20);
+    let shown = closing::drawn_cells(&grid, &labels, 4, 20);
     assert_eq!(shown.iter().filter(|s| **s).count(), 16);
-    assert!(closing::gaps(&grid, &vec![0; grid.len()], 4, 20).iter().all(|s| !s));
+    assert!(closing::drawn_cells(&grid, &vec![0; grid.len()], 4, 20).iter().all(|s| !s));
 }
 
 /// Two levels on a slope along x, 1 mm hatch along x, texture in the lower half only.

@@ -305,7 +305,7 @@ mod tests {
             let tilt = TiltAngles([0, deg * 1_000_000]);
             for (block, plane) in program.blocks.iter_mut().zip([0, 5_000_000]) {
                 block.stop.tilt = tilt;
-                block.stop.centre = P2::new(0, 0).into();
+                block.stop.centre = P2::new(0, 0);
                 block.stage = machine.stand(tilt, P2::new(0, 0), Nm(plane), origin).stage;
             }
             assert_eq!(movement(&program, &limits, 1).is_some(), is_movement, "{deg} deg");

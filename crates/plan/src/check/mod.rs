@@ -152,27 +152,27 @@ pub(crate) fn refused(mut faults: Vec<Diag>) -> Error {
     Error::many(faults)
 }
 
-/// A pen below this speed, mm/s, is a slip of units: a metre would take it a day.
+/// A pen below this speed, mm/s, is a slip of units: a metre takes it 28 hours.
 const SLOWEST_MM_S: f64 = 0.01;
 
-/// Pens that ask for more than scanner or laser can give, each with the key of a job file that says so.
+/// Pens that scanner or laser cannot follow, or whose speed must be a slip of units, each with its key in a job file.
 pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<(String, Diag)> {
     let mut faults = Vec::new();
     for (i, pen) in pens.iter().enumerate() {
-        let mut fault = |key: &str, fault: Diag| faults.push((format!("pen.{i}.{key}"), fault));
-        let (speed, most) = (pen.speed.as_mm_s(), machine.scanner.max_mark_speed.as_mm_s());
-        if speed > most {
-            let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {most} mm/s at most", pen.name);
-            fault("speed", Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
+        let mut report = |key: &str, fault: Diag| faults.push((format!("pen.{i}.{key}"), fault));
+        let (speed, max_speed) = (pen.speed.as_mm_s(), machine.scanner.max_mark_speed.as_mm_s());
+        if speed > max_speed {
+            let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {max_speed} mm/s at most", pen.name);
+            report("speed", Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
         }
         if speed < SLOWEST_MM_S {
             let text = format!("pen {:?} marks at {speed} mm/s, slower than {SLOWEST_MM_S} mm/s", pen.name);
-            fault("speed", Diag::limit("pen-speed", text).hint("check the unit of the pen's speed"));
+            report("speed", Diag::limit("pen-speed", text).hint("check the unit of the pen's speed"));
         }
-        let (power, most) = (pen.power.as_w(machine.laser.max_power), machine.laser.max_power.as_w());
-        if power > most {
-            let text = format!("pen {:?} asks for {power} W, the laser gives {most} W at most", pen.name);
-            fault("power", Diag::limit("pen-power", text).hint("see laser.max_power of the machine"));
+        let (power, max_power) = (pen.power.as_w(machine.laser.max_power), machine.laser.max_power.as_w());
+        if power > max_power {
+            let text = format!("pen {:?} asks for {power} W, the laser gives {max_power} W at most", pen.name);
+            report("power", Diag::limit("pen-power", text).hint("see laser.max_power of the machine"));
         }
     }
     faults

@@ -45,7 +45,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     let Stepped { checked, machine, figures, .. } = *job;
     let mut p = Writer::new(job, machine.controller.max_line, "M65 P0");
     if job.frames.is_some() {
-        return p.all_frames(LINUXCNC_ZERO, Writer::linuxcnc_modes);
+        return p.all_frames(LINUXCNC_ZERO, Writer::linuxcnc_preamble);
     }
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
@@ -55,7 +55,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.comment("BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off");
     p.comment("output off before every move and at the end, a wait that times out ends the program");
     p.comment("not a safety system: the laser needs its own interlock");
-    p.linuxcnc_modes();
+    p.linuxcnc_preamble();
     let wait_s = |i: usize| (2.0 * figures[i].time_s + 10.0).ceil();
     for i in 0..checked.program().blocks.len() {
         let id = checked.program().id(i);
@@ -87,15 +87,15 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
     let mut p = Writer::new(job, machine.controller.max_line.min(70), "M5");
     if job.frames.is_some() {
-        return p.all_frames(M0_ZERO, Writer::m0_modes);
+        return p.all_frames(M0_ZERO, Writer::m0_preamble);
     }
     p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
     p.comment(M0_ZERO);
     p.comment("at every M0 mark the block named, wait for its end, then press cycle start");
     p.comment("not a safety system: the laser needs its own interlock");
-    p.m0_modes();
-    p.stops = true;
+    p.m0_preamble();
+    p.operator_may_move = true;
     for i in 0..checked.program().blocks.len() {
         p.block(i);
         p.line(&format!("M0 (mark {})", checked.program().id(i)));
@@ -132,17 +132,20 @@ struct Writer<'a> {
     longest: usize,
     /// The line that switches the laser off at once.
     off: &'static str,
+    /// z of a lift, as commanded, nm.
     retract_z: i64,
-    /// Which axes were sent since the last dwell: x or y, z.
+    /// Which axes were sent since the last dwell: x, y or a tilt axis; z.
     sent: [bool; 2],
-    /// Position of the stage; None before the first move.
+    /// Where the stage stands, as commanded, nm; None where that is not known: before the first move, and after a stop at
+    /// which the operator may have moved it.
     at: Option<Commanded>,
-    /// Letters and positions of the tilt axes; empty where there is no tilt table.
+    /// Letters of the tilt axes; None where there are none.
     letters: Option<[char; 2]>,
+    /// Angles as commanded; None as for `at`.
     tilt: Option<TiltAngles>,
     has_zoom: bool,
-    /// Whether the operator may have moved the axes at the stop before each block.
-    stops: bool,
+    /// Whether the operator may move the axes at a stop before each block.
+    operator_may_move: bool,
 }
 
 impl<'a> Writer<'a> {
@@ -159,19 +162,21 @@ impl<'a> Writer<'a> {
             letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),
             tilt: None,
             has_zoom: machine.zoom.is_some(),
-            stops: false,
+            operator_may_move: false,
         }
     }
 
     /// Modes, output off, and the tests that end the program where an offset is active.
-    fn linuxcnc_modes(&mut self) {
+    fn linuxcnc_preamble(&mut self) {
         self.line("G21 G90 G94 G17 G40 G49 G80 G61.1 G54");
-        self.line("M65 P0");
+        self.line(self.off);
+        // A, B and C follow each other in the alphabet and in the parameters.
         let rotary = self.letters.into_iter().flatten().map(|letter| {
             let parameter = FIRST_ROTARY + (u32::from(letter) - u32::from('A'));
             (parameter, format!("G54 has an offset in {letter}"))
         });
         let all = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
+        // o-numbers are unique in a program: those before are of the blocks.
         let first = LABELS * self.job.checked.program().blocks.len() + 1;
         for (number, (parameter, what)) in (first..).zip(all.collect::<Vec<_>>()) {
             self.line(&format!("o{number} if [#{parameter} NE 0]"));
@@ -182,7 +187,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Modes, output off, and the offsets off: words that GRBL reads on lines of their own.
-    fn m0_modes(&mut self) {
+    fn m0_preamble(&mut self) {
         self.line("G21 G90 G94 G17 G40 G80 G54");
         self.line("G49");
         self.line("G92.1");
@@ -277,16 +282,16 @@ impl<'a> Writer<'a> {
             moves.push(vec![('Z', self.retract_z)]);
         }
         let [x, y, z] = block.stage.0;
-        let is_new = self.stops || self.tilt != Some(block.stop.tilt);
+        let is_new = self.operator_may_move || self.tilt != Some(block.stop.tilt);
         let tilt = self.letters.filter(|_| is_new).map(|letters| std::iter::zip(letters, block.stop.tilt.0));
         let mut across = Vec::new();
-        if tilt.is_some() || self.stops || self.at.is_none_or(|at| [at[0], at[1]] != [x, y]) {
+        if tilt.is_some() || self.operator_may_move || self.at.is_none_or(|at| [at[0], at[1]] != [x, y]) {
             across.extend([('X', x), ('Y', y)]);
         }
         // Degrees have six decimals as well.
         across.extend(tilt.into_iter().flatten());
         let from = if lifts { Some(self.retract_z) } else { self.at.map(|at| at[2]) };
-        let along = (self.stops || from != Some(z)).then_some(('Z', z));
+        let along = (self.operator_may_move || from != Some(z)).then_some(('Z', z));
         if !lifts && !self.is_lifted() && self.job.machine.stage.diagonal {
             across.extend(along);
             moves.push(across);

@@ -347,7 +347,7 @@ impl EnergyEntry {
         Some(Self {
             mean_j_per_m: energy.mean_j_per_m()?,
             length_at_speed_percent: 100.0 * energy.share_at_speed()?,
-            worst_share: worst.share,
+            worst_share: worst.ratio,
             worst_at_mm: at.mm(),
             worst_where: worst.rest,
         })

@@ -16,7 +16,7 @@ use terrace_core::machine::Machine;
 
 /// A stop of the tour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spot {
+pub struct TourStop {
     /// Where it stands.
     pub at: [i64; 3],
     /// Between which places it may stand along each axis; both lie on the lattice of `at`.
@@ -27,7 +27,7 @@ pub struct Spot {
     pub is_first: bool,
 }
 
-/// Whether a stop at a place, both given, can or must do something.
+/// A test of a stop at a place, or of two.
 type Rule<'a, T> = Option<&'a dyn Fn(T) -> bool>;
 
 /// A stop by its number, at a place.
@@ -35,7 +35,7 @@ pub type Placed = (usize, [i64; 3]);
 
 /// What the moves of the stage cost, and where it may stand.
 #[derive(Clone, Copy)]
-pub struct Ground<'a> {
+pub struct MoveRules<'a> {
     /// The machine.
     pub machine: &'a Machine,
     /// From where the stage comes to the first stop; None where that does not count.
@@ -46,37 +46,39 @@ pub struct Ground<'a> {
     pub is_clear: Rule<'a, Placed>,
 }
 
-/// Rounds of improvement at most, and the share of the time that a round must save for another one.
+/// Rounds of improvement at most.
 const ROUNDS: usize = 30;
-const LEAST_SHARE: f64 = 1e-5;
+
+/// A round must save this share of the time for another to follow.
+const MIN_SAVING: f64 = 1e-5;
 
 /// A gain below this, s, is rounding.
-const LEAST: f64 = 1e-9;
+const ROUNDING_S: f64 = 1e-9;
 
 /// How often the way to the best place of a run is halved where not all of it is free.
 const HALVINGS: usize = 12;
 
-/// Moves the stops of a tour inside their rooms. `step` is the increment of the stage. Answers with the time of their
+/// Moves the stops of a tour inside their rooms. `step` is the increment of the stage. Returns the time of their
 /// moves, s.
-pub fn slide(spots: &mut Vec<Spot>, ground: &Ground<'_>, step: i64) -> f64 {
-    let timer = MoveTimer::new(ground.machine);
-    let mut best = Tour { spots: spots.clone(), ground, timer: &timer, step };
+pub fn slide(stops: &mut Vec<TourStop>, rules: &MoveRules<'_>, step: i64) -> f64 {
+    let timer = MoveTimer::new(rules.machine);
+    let mut best = Tour { stops: stops.clone(), rules, timer: &timer, step };
     best.shorten();
-    let mut other = Tour { spots: std::mem::take(spots), ground, timer: &timer, step };
-    other.share();
+    let mut other = Tour { stops: std::mem::take(stops), rules, timer: &timer, step };
+    other.stand_together();
     other.shorten();
-    if other.time() < best.time() - LEAST {
+    if other.time() < best.time() - ROUNDING_S {
         best = other;
     }
     best.centre();
     let time = best.time();
-    *spots = best.spots;
+    *stops = best.stops;
     time
 }
 
 struct Tour<'a> {
-    spots: Vec<Spot>,
-    ground: &'a Ground<'a>,
+    stops: Vec<TourStop>,
+    rules: &'a MoveRules<'a>,
     timer: &'a MoveTimer,
     step: i64,
 }
@@ -84,14 +86,14 @@ struct Tour<'a> {
 impl Tour<'_> {
     /// Time of all moves, s.
     fn time(&self) -> f64 {
-        (0..self.spots.len()).map(|i| self.leg(i)).sum()
+        (0..self.stops.len()).map(|i| self.leg(i)).sum()
     }
 
     /// Time of the move to a stop, s; 0 behind the last.
     fn leg(&self, i: usize) -> f64 {
-        let Some(spot) = self.spots.get(i) else { return 0.0 };
+        let Some(stop) = self.stops.get(i) else { return 0.0 };
         match self.before(i) {
-            Some(from) => self.move_s(i.checked_sub(1).map(|n| (n, from)), from, (i, spot.at)),
+            Some(from) => self.move_s(i.checked_sub(1).map(|n| (n, from)), from, (i, stop.at)),
             None => 0.0,
         }
     }
@@ -99,18 +101,18 @@ impl Tour<'_> {
     /// From where the stage comes to a stop, where that counts.
     fn before(&self, i: usize) -> Option<[i64; 3]> {
         match i.checked_sub(1) {
-            None => self.ground.from,
-            Some(n) => (!self.spots[i].is_first).then(|| self.spots[n].at),
+            None => self.rules.from,
+            Some(n) => (!self.stops[i].is_first).then(|| self.stops[n].at),
         }
     }
 
     /// Where it goes from a stop.
     fn after(&self, i: usize) -> Option<[i64; 3]> {
-        self.spots.get(i + 1).filter(|next| !next.is_first).map(|next| next.at)
+        self.stops.get(i + 1).filter(|next| !next.is_first).map(|next| next.at)
     }
 
     fn move_s(&self, stop: Option<Placed>, from: [i64; 3], to: Placed) -> f64 {
-        let lifted = || self.ground.lifts.zip(stop).is_some_and(|(lifts, from)| lifts((from, to)));
+        let lifted = || self.rules.lifts.zip(stop).is_some_and(|(lifts, from)| lifts((from, to)));
         let [a, b] = [from, to.1].map(|at| at.map(|v| v as f64));
         if from[..2] != to.1[..2] && lifted() { self.timer.lifted(a, b) } else { self.timer.between(a, b) }
     }
@@ -118,29 +120,29 @@ impl Tour<'_> {
     /// Time of the moves to the stops `first` to `last` and from the last, s. Those inside count where a lift may
     /// depend on the place.
     fn around(&self, first: usize, last: usize) -> f64 {
-        if self.ground.lifts.is_none() && last > first {
+        if self.rules.lifts.is_none() && last > first {
             return self.leg(first) + self.leg(last + 1);
         }
         (first..=last + 1).map(|i| self.leg(i)).sum()
     }
 
     fn is_clear(&self, first: usize, last: usize) -> bool {
-        self.ground.is_clear.is_none_or(|is_clear| (first..=last).all(|i| is_clear((i, self.spots[i].at))))
+        self.rules.is_clear.is_none_or(|is_clear| (first..=last).all(|i| is_clear((i, self.stops[i].at))))
     }
 
     /// Places that save time, until nothing does.
     fn shorten(&mut self) {
         let mut time = self.time();
         for _ in 0..ROUNDS {
-            (0..self.spots.len()).for_each(|i| self.move_stop(i));
-            self.each_run([true, true, false], Self::share_out);
+            (0..self.stops.len()).for_each(|i| self.move_stop(i));
+            self.each_run([true, true, false], Self::split_between_neighbours);
             self.each_run([true, true, false], |tour, first, last| tour.move_run(first, last, &[0, 1]));
             for axis in 0..3 {
                 let shared = [0, 1, 2].map(|k| k == axis);
                 self.each_run(shared, |tour, first, last| tour.move_run(first, last, &[axis]));
             }
             let next = self.time();
-            if next > time * (1.0 - LEAST_SHARE) {
+            if next > time * (1.0 - MIN_SAVING) {
                 break;
             }
             time = next;
@@ -150,9 +152,9 @@ impl Tour<'_> {
     /// Calls `f` with the first and the last stop of every run in which all stops stand at one place along `shared`.
     fn each_run(&mut self, shared: [bool; 3], mut f: impl FnMut(&mut Self, usize, usize)) {
         let mut first = 0;
-        while first < self.spots.len() {
+        while first < self.stops.len() {
             let mut last = first;
-            while self.after(last).is_some_and(|next| (0..3).all(|k| !shared[k] || next[k] == self.spots[last].at[k])) {
+            while self.after(last).is_some_and(|next| (0..3).all(|k| !shared[k] || next[k] == self.stops[last].at[k])) {
                 last += 1;
             }
             f(self, first, last);
@@ -163,16 +165,16 @@ impl Tour<'_> {
     /// The room that all of these stops have along an axis; None where they share none.
     fn room(&self, first: usize, last: usize, axis: usize) -> Option<[i64; 2]> {
         let [mut lo, mut hi] = [i64::MIN, i64::MAX];
-        for spot in &self.spots[first..=last] {
-            (lo, hi) = (lo.max(spot.room[axis][0]), hi.min(spot.room[axis][1]));
+        for stop in &self.stops[first..=last] {
+            (lo, hi) = (lo.max(stop.room[axis][0]), hi.min(stop.room[axis][1]));
         }
         (lo <= hi).then_some([lo, hi])
     }
 
     /// Moves one stop to coordinates of its neighbours where that saves time.
     fn move_stop(&mut self, i: usize) {
-        let (spot, [before, after]) = (&self.spots[i], [self.before(i), self.after(i)]);
-        let (at, room) = (spot.at, spot.room);
+        let (stop, [before, after]) = (&self.stops[i], [self.before(i), self.after(i)]);
+        let (at, room) = (stop.at, stop.room);
         let near = |axis: usize| {
             let mut places = [at[axis]; 3];
             let mut count = 1;
@@ -192,14 +194,14 @@ impl Tour<'_> {
         let mut best = at;
         for (&x, &y) in xs[..nx].iter().flat_map(|x| ys[..ny].iter().map(move |y| (x, y))) {
             for &z in &zs[..nz] {
-                self.spots[i].at = [x, y, z];
+                self.stops[i].at = [x, y, z];
                 let time = self.around(i, i);
-                if time < least - LEAST && self.is_clear(i, i) {
-                    (least, best) = (time, self.spots[i].at);
+                if time < least - ROUNDING_S && self.is_clear(i, i) {
+                    (least, best) = (time, self.stops[i].at);
                 }
             }
         }
-        self.spots[i].at = best;
+        self.stops[i].at = best;
     }
 
     /// Moves a run along the axes that it shares to coordinates of its neighbours where that saves time.
@@ -207,7 +209,7 @@ impl Tour<'_> {
         if first == last {
             return;
         }
-        let old = self.spots[first].at;
+        let old = self.stops[first].at;
         let mut choices = [[old; 3]; 3];
         let mut counts = [1; 3];
         for &axis in axes {
@@ -231,7 +233,7 @@ impl Tour<'_> {
                     self.put(first, last, axes, to);
                     now = to;
                     let time = self.around(first, last);
-                    if time < least - LEAST && self.is_clear(first, last) {
+                    if time < least - ROUNDING_S && self.is_clear(first, last) {
                         (least, best) = (time, to);
                     }
                 }
@@ -243,18 +245,19 @@ impl Tour<'_> {
     }
 
     fn put(&mut self, first: usize, last: usize, axes: &[usize], to: [i64; 3]) {
-        for spot in &mut self.spots[first..=last] {
-            axes.iter().for_each(|&k| spot.at[k] = to[k]);
+        for stop in &mut self.stops[first..=last] {
+            axes.iter().for_each(|&k| stop.at[k] = to[k]);
         }
     }
 
-    /// Shares a run out between the ones before and behind it where these can take all of it.
-    fn share_out(&mut self, first: usize, last: usize) {
+    /// Splits a run between the places before and after it where its stops can all stand there and that saves time.
+    fn split_between_neighbours(&mut self, first: usize, last: usize) {
         let (Some(before), Some(after)) = (self.before(first), self.after(last)) else { return };
-        let takes = |spot: &Spot, at: [i64; 3]| (0..2).all(|k| spot.room[k][0] <= at[k] && at[k] <= spot.room[k][1]);
-        let run = &self.spots[first..=last];
-        let of_before = run.iter().take_while(|spot| takes(spot, before)).count();
-        let of_after = run.iter().rev().take_while(|spot| takes(spot, after)).count();
+        let takes =
+            |stop: &TourStop, at: [i64; 3]| (0..2).all(|k| stop.room[k][0] <= at[k] && at[k] <= stop.room[k][1]);
+        let run = &self.stops[first..=last];
+        let of_before = run.iter().take_while(|stop| takes(stop, before)).count();
+        let of_after = run.iter().rev().take_while(|stop| takes(stop, after)).count();
         if of_before + of_after < run.len() {
             return;
         }
@@ -266,23 +269,24 @@ impl Tour<'_> {
             let to = if i < border { before } else { after };
             self.put(i, i, &[0, 1], to);
         }
-        if time(self) >= long - LEAST || !self.is_clear(first, last) {
+        if time(self) >= long - ROUNDING_S || !self.is_clear(first, last) {
             self.put(first, last, &[0, 1], old);
         }
     }
 
-    /// Puts stops that can stand over one place there, in the order of the tour: so they change place as rarely as they
-    /// can. Each place is the one in their common room that is nearest to the one before.
-    fn share(&mut self) {
-        if self.ground.is_clear.is_some() {
+    /// Puts each longest run of stops whose rooms overlap in x and y on one place of that overlap, the nearest to the place
+    /// before: the fewest places that the order allows. z stays as it is.
+    fn stand_together(&mut self) {
+        // Whether the head keeps clear is not looked at here: where it may not, stops stay where they are.
+        if self.rules.is_clear.is_some() {
             return;
         }
         let mut first = 0;
         let mut before: Option<[i64; 3]> = None;
-        while first < self.spots.len() {
-            let mut room = self.spots[first].room;
+        while first < self.stops.len() {
+            let mut room = self.stops[first].room;
             let mut last = first;
-            while let Some(next) = self.spots.get(last + 1).filter(|next| !next.is_first) {
+            while let Some(next) = self.stops.get(last + 1).filter(|next| !next.is_first) {
                 let common = [0, 1].map(|k| [room[k][0].max(next.room[k][0]), room[k][1].min(next.room[k][1])]);
                 if common.iter().any(|[lo, hi]| lo > hi) {
                     break;
@@ -290,7 +294,7 @@ impl Tour<'_> {
                 room[..2].copy_from_slice(&common);
                 last += 1;
             }
-            let at = [0, 1, 2].map(|k| before.unwrap_or(self.spots[first].at)[k].clamp(room[k][0], room[k][1]));
+            let at = [0, 1, 2].map(|k| before.unwrap_or(self.stops[first].at)[k].clamp(room[k][0], room[k][1]));
             self.put(first, last, &[0, 1], at);
             (before, first) = (Some(at), last + 1);
         }
@@ -306,14 +310,14 @@ impl Tour<'_> {
 
     fn centre_run(&mut self, first: usize, last: usize, axis: usize) {
         let Some([lo, hi]) = self.room(first, last, axis) else { return };
-        let run = &self.spots[first..=last];
+        let run = &self.stops[first..=last];
         let ends = run.iter().flat_map(|s| s.marks[axis]);
         let (min, max) = ends.fold((i64::MAX, i64::MIN), |(a, b), v| (a.min(v), b.max(v)));
         let old = run[0].at;
         // On the lattice of the stop.
         let steps = (min.midpoint(max) - old[axis]).div_euclid(self.step);
         let wanted = (old[axis] + steps * self.step).clamp(lo, hi);
-        let most = self.around(first, last) + LEAST;
+        let most = self.around(first, last) + ROUNDING_S;
         let fits = |to: i64, tour: &mut Self| {
             let mut at = old;
             at[axis] = to;
@@ -347,13 +351,13 @@ mod tests {
     const STEP: i64 = 100;
     const MM: i64 = 1_000_000;
 
-    fn ground(machine: &Machine) -> Ground<'_> {
-        Ground { machine, from: None, lifts: None, is_clear: None }
+    fn rules(machine: &Machine) -> MoveRules<'_> {
+        MoveRules { machine, from: None, lifts: None, is_clear: None }
     }
 
     /// Stops of a grid of columns with rooms of random sizes, column by column.
-    fn columns(random: &mut Random, count: i64, levels: i64) -> Vec<Spot> {
-        let mut spots = Vec::new();
+    fn columns(random: &mut Random, count: i64, levels: i64) -> Vec<TourStop> {
+        let mut stops = Vec::new();
         for i in 0..count {
             for level in 0..levels {
                 let at = [i % 5 * 40 * MM, i / 5 * 40 * MM, level * 70_000];
@@ -368,16 +372,16 @@ mod tests {
                     let half = if k < 2 { 20 * MM } else { 35_000 };
                     [room[k][1] - half, room[k][0] + half].map(|v| v.clamp(room[k][0] - half, room[k][1] + half))
                 });
-                spots.push(Spot { at, room, marks, is_first: false });
+                stops.push(TourStop { at, room, marks, is_first: false });
             }
         }
-        spots
+        stops
     }
 
     /// Time by the model of motion.
-    fn exact_s(machine: &Machine, spots: &[Spot]) -> f64 {
-        let at = |s: &Spot| Commanded(s.at);
-        spots.windows(2).map(|w| motion::stage_move(machine, at(&w[0]), at(&w[1]), None).total_s()).sum()
+    fn exact_s(machine: &Machine, stops: &[TourStop]) -> f64 {
+        let at = |s: &TourStop| Commanded(s.at);
+        stops.windows(2).map(|w| motion::stage_move(machine, at(&w[0]), at(&w[1]), None).total_s()).sum()
     }
 
     #[test]
@@ -390,8 +394,8 @@ mod tests {
                 columns(&mut random, count, levels)
             };
             let mut after = before.clone();
-            let time = slide(&mut after, &ground(&machine), STEP);
-            let [old, new] = [&before, &after].map(|spots| exact_s(&machine, spots));
+            let time = slide(&mut after, &rules(&machine), STEP);
+            let [old, new] = [&before, &after].map(|stops| exact_s(&machine, stops));
             assert!((time - new).abs() <= 3e-4 * new + 1e-9, "{time} {new}");
             assert!(new <= old * (1.0 + 3e-4) + 1e-9, "{new} {old}");
             for (b, a) in before.iter().zip(&after) {
@@ -407,15 +411,15 @@ mod tests {
     #[test]
     fn stops_that_can_all_stand_over_one_place_stand_where_their_marks_lie_about_the_axis() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
-        let spot = |level: i64, from: i64, to: i64| {
+        let stop = |level: i64, from: i64, to: i64| {
             let at = [0, 0, level * 70_000];
             let room = [[to - 20 * MM, from + 20 * MM], [-5 * MM, 5 * MM], [at[2]; 2]];
-            Spot { at, room, marks: [[from, to], [-15 * MM, 15 * MM], [at[2]; 2]], is_first: false }
+            TourStop { at, room, marks: [[from, to], [-15 * MM, 15 * MM], [at[2]; 2]], is_first: false }
         };
         // Marks from 2 to 18 mm beside the axis in all, each level a part of it.
-        let mut spots = vec![spot(0, 2 * MM, 10 * MM), spot(1, 5 * MM, 18 * MM), spot(2, 3 * MM, 12 * MM)];
-        slide(&mut spots, &ground(&machine), STEP);
-        assert!(spots.iter().all(|s| s.at[..2] == [10 * MM, 0]), "{spots:?}");
+        let mut stops = vec![stop(0, 2 * MM, 10 * MM), stop(1, 5 * MM, 18 * MM), stop(2, 3 * MM, 12 * MM)];
+        slide(&mut stops, &rules(&machine), STEP);
+        assert!(stops.iter().all(|s| s.at[..2] == [10 * MM, 0]), "{stops:?}");
     }
 
     #[test]
@@ -423,23 +427,23 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (timer, mut random) = (MoveTimer::new(&machine), Random::new(12));
         for _ in 0..60 {
-            let spots = columns(&mut random, 6, 3);
-            let ground = ground(&machine);
-            let mut tour = Tour { spots: spots.clone(), ground: &ground, timer: &timer, step: STEP };
-            tour.share();
-            let runs = 1 + tour.spots.windows(2).filter(|w| w[0].at[..2] != w[1].at[..2]).count();
+            let stops = columns(&mut random, 6, 3);
+            let rules = rules(&machine);
+            let mut tour = Tour { stops: stops.clone(), rules: &rules, timer: &timer, step: STEP };
+            tour.stand_together();
+            let runs = 1 + tour.stops.windows(2).filter(|w| w[0].at[..2] != w[1].at[..2]).count();
             // The fewest runs up to every stop, whatever the runs before.
-            let mut fewest = vec![0; spots.len() + 1];
-            for end in 1..=spots.len() {
+            let mut fewest = vec![0; stops.len() + 1];
+            for end in 1..=stops.len() {
                 let shared = |begin: &usize| {
                     let room = |k: usize, end_: usize, pick: fn(i64, i64) -> i64| {
-                        spots[*begin..end].iter().map(|s| s.room[k][end_]).reduce(pick).expect("a stop")
+                        stops[*begin..end].iter().map(|s| s.room[k][end_]).reduce(pick).expect("a stop")
                     };
                     (0..2).all(|k| room(k, 0, i64::max) <= room(k, 1, i64::min))
                 };
                 fewest[end] = (0..end).filter(shared).map(|begin| fewest[begin] + 1).min().expect("a run of one");
             }
-            assert!(runs <= fewest[spots.len()], "{runs} {fewest:?}");
+            assert!(runs <= fewest[stops.len()], "{runs} {fewest:?}");
         }
     }
 
@@ -450,16 +454,16 @@ mod tests {
         let high = |v: i64| v > 30 * MM;
         let is_clear = |(_, at): Placed| !high(at[0]);
         let lifts = |(_, (_, b)): (Placed, Placed)| high(b[0]);
-        let ground = Ground { lifts: Some(&|(a, b)| lifts((a, b))), is_clear: Some(&is_clear), ..ground(&machine) };
-        let spot = |x: i64, room: [i64; 2]| Spot {
+        let rules = MoveRules { lifts: Some(&|(a, b)| lifts((a, b))), is_clear: Some(&is_clear), ..rules(&machine) };
+        let stop = |x: i64, room: [i64; 2]| TourStop {
             at: [x, 0, 0],
             room: [room, [0; 2], [0; 2]],
             marks: [room, [0; 2], [0; 2]],
             is_first: false,
         };
-        let mut spots =
-            vec![spot(0, [0, 40 * MM]), spot(20 * MM, [10 * MM, 40 * MM]), spot(40 * MM, [40 * MM, 40 * MM])];
-        slide(&mut spots, &ground, STEP);
-        assert!(spots[..2].iter().all(|s| !high(s.at[0])) && spots[0].at == spots[1].at, "{spots:?}");
+        let mut stops =
+            vec![stop(0, [0, 40 * MM]), stop(20 * MM, [10 * MM, 40 * MM]), stop(40 * MM, [40 * MM, 40 * MM])];
+        slide(&mut stops, &rules, STEP);
+        assert!(stops[..2].iter().all(|s| !high(s.at[0])) && stops[0].at == stops[1].at, "{stops:?}");
     }
 }

@@ -223,7 +223,7 @@ fn neighbours(
             let other = number as usize + 1;
             if other == endpoint { near.limit() } else { near.insert(d, other as u32) }
         });
-        columns.beside(endpoint, at, &far, &mut beside);
+        columns.nearest_in_others(endpoint, at, &far, &mut beside);
         let mut found = near.0.clone();
         found.extend(beside.0.iter().filter(|&&(_, p)| at[p as usize][..2] != at[endpoint][..2]));
         found.iter_mut().for_each(|f| f.0 = cost(endpoint as u32, f.1));
@@ -247,7 +247,7 @@ impl Nearest {
         if self.0.len() < NEIGHBOURS { f64::INFINITY } else { self.0[NEIGHBOURS - 1].0 }
     }
 
-    /// Inserts what lies nearer than the limit; answers with the new limit.
+    /// Inserts what lies nearer than the limit; returns the new limit.
     fn insert(&mut self, d: f64, endpoint: u32) -> f64 {
         let place = self.0.partition_point(|f| f.0 <= d);
         self.0.insert(place, (d, endpoint));
@@ -285,36 +285,37 @@ impl Columns {
         columns
     }
 
-    /// The nearest stops that are not over the place of an endpoint.
-    fn beside(&self, endpoint: usize, at: &[[f64; 3]], far: impl Fn([f64; 3]) -> f64, found: &mut Nearest) {
+    /// Leaves in `found` the nearest stops that have another x, y than an endpoint. `far` grows with the gap along every
+    /// axis: so the distance in the plane bounds that to every stop of a column, and within a column stops get farther
+    /// with their height.
+    fn nearest_in_others(&self, endpoint: usize, at: &[[f64; 3]], far: impl Fn([f64; 3]) -> f64, found: &mut Nearest) {
         found.0.clear();
-        let ([x, y, z], own) = (at[endpoint], self.of[endpoint]);
+        let ([x, y, z], own_column) = (at[endpoint], self.of[endpoint]);
         let in_plane = |[x, y]: [f64; 2]| far([x, y, 0.0]);
-        let near = (own != u32::MAX).then_some(own);
-        self.tree.around([x, y], near, f64::INFINITY, in_plane, |_, column| {
+        let hint = (own_column != u32::MAX).then_some(own_column);
+        self.tree.around([x, y], hint, f64::INFINITY, in_plane, |_, column| {
             let levels = &self.levels[column as usize];
-            if column == own || at[levels[0].1 as usize][..2] == [x, y] {
+            // The place from which the stage comes has no column, but may lie over one.
+            if column == own_column || at[levels[0].1 as usize][..2] == [x, y] {
                 return found.limit();
             }
-            let split = levels.partition_point(|level| level.0 < z);
-            let away = |&(_, p): &(f64, u32)| far([0, 1, 2].map(|k| (at[p as usize][k] - at[endpoint][k]).abs()));
-            // Up and down from the height of the endpoint, each until no stop lies nearer.
-            for level in &levels[split..] {
-                let d = away(level);
-                if d >= found.limit() {
-                    break;
-                }
-                found.insert(d, level.1);
-            }
-            for level in levels[..split].iter().rev() {
-                let d = away(level);
-                if d >= found.limit() {
-                    break;
-                }
-                found.insert(d, level.1);
-            }
+            let first_above = levels.partition_point(|level| level.0 < z);
+            let distance = |p: u32| far([0, 1, 2].map(|k| (at[p as usize][k] - at[endpoint][k]).abs()));
+            insert_until_farther(found, levels[first_above..].iter().map(|level| level.1), distance);
+            insert_until_farther(found, levels[..first_above].iter().rev().map(|level| level.1), distance);
             found.limit()
         });
+    }
+}
+
+/// Inserts stops, each farther than the one before, until none can be nearer than those that were found.
+fn insert_until_farther(found: &mut Nearest, stops: impl Iterator<Item = u32>, distance: impl Fn(u32) -> f64) {
+    for stop in stops {
+        let d = distance(stop);
+        if d >= found.limit() {
+            break;
+        }
+        found.insert(d, stop);
     }
 }
 
@@ -387,7 +388,7 @@ mod tests {
                 std::iter::once([0.0; 3]).chain(stops.iter().map(|p| p.0.map(|v| v as f64))).collect();
             let (columns, mut found) = (Columns::new(&at), Nearest::default());
             for endpoint in 0..at.len() {
-                columns.beside(endpoint, &at, far, &mut found);
+                columns.nearest_in_others(endpoint, &at, far, &mut found);
                 let others = (1..at.len()).filter(|&p| at[p][..2] != at[endpoint][..2]);
                 let gap = |p: usize| [0, 1, 2].map(|k| (at[p][k] - at[endpoint][k]).abs());
                 let mut all: Vec<f64> = others.map(|p| far(gap(p))).collect();

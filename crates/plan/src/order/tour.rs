@@ -16,7 +16,7 @@ const RUN: usize = 3;
 /// Moves in one improvement, for every item: a bound that is not reached in practice.
 const MOST_MOVES: usize = 50;
 
-/// Places around a random change.
+/// Places that a random change may touch.
 const PERTURBATION: usize = 50;
 
 /// Run `a..=b` goes between places `gap` and `gap + 1`, turned or not, and enters by `entry`.
@@ -31,9 +31,16 @@ struct Move {
 }
 
 impl Move {
-    /// Takes another move if it gains more: `gain` less what it costs, which is not asked for in vain.
+    /// Takes another move if it gains more: `gain` less its costs, which are found only where `gain` alone would do.
     #[inline]
-    fn try_move(&mut self, gain: f64, [a, b, gap]: [usize; 3], turned: bool, entry: u32, costs: impl Fn() -> f64) {
+    fn replace_if_better(
+        &mut self,
+        gain: f64,
+        [a, b, gap]: [usize; 3],
+        turned: bool,
+        entry: u32,
+        costs: impl Fn() -> f64,
+    ) {
         if gain > self.gain {
             let gain = gain - costs();
             if gain > self.gain {
@@ -129,7 +136,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
 
     /// Makes moves that gain until there are none, around all that is new or changed; whether there were any.
     pub(super) fn improve(&mut self) -> bool {
-        self.work(MOST_MOVES * self.seq.len()) > 0.0
+        self.apply_queued_moves(MOST_MOVES * self.seq.len()) > 0.0
     }
 
     fn mark_dirty(&mut self, at: usize) {
@@ -140,12 +147,14 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         }
     }
 
-    /// Works the queue off; answers with what was gained.
-    fn work(&mut self, most: usize) -> f64 {
+    /// Makes moves that gain around the items in the queue, `most` at most, until the queue is empty. Returns what they
+    /// gain together.
+    fn apply_queued_moves(&mut self, most: usize) -> f64 {
         let mut gained = 0.0;
         let mut moves = 0;
         while let Some(item) = self.queue.pop_front() {
             self.items[item as usize].queued = false;
+            // Around the same item again: its next best move may gain too.
             while moves < most
                 && let Some(best) = self.best_move(self.items[item as usize].place as usize)
             {
@@ -179,6 +188,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
         }
         self.found = found;
+        // Place 0 is the start, which no move takes: 0 stands for no move.
         (best.b > 0).then_some(best)
     }
 
@@ -206,7 +216,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         // followed them come.
         if leaves_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            best.try_move(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
+            best.replace_if_better(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
                 self.link(self.entry(lo + 1), self.entry(hi + 1))
             });
         }
@@ -216,9 +226,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let out = self.edges[i] - d;
         if j == i + 1 {
             let gain = out + self.edges[j];
-            return best.try_move(gain, [j, j, i], false, q, || self.link(exit, self.entry(j + 1)));
+            return best.replace_if_better(gain, [j, j, i], false, q, || self.link(exit, self.entry(j + 1)));
         }
-        best.try_move(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
+        best.replace_if_better(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(exit, self.entry(i + 1))
         });
         // A run that ends with i goes before or after j. A run that reaches j, or stands next to it already, does not
@@ -230,11 +240,11 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             if enters_by_q {
                 let gain = gain + self.edges[j - 1] - d;
-                best.try_move(gain, [a, i, j - 1], false, NONE, || self.link(self.exit(j - 1), self.entry(a)));
+                best.replace_if_better(gain, [a, i, j - 1], false, NONE, || self.link(self.exit(j - 1), self.entry(a)));
             }
             if leaves_by_q {
                 let gain = gain + self.edges[j] - d;
-                best.try_move(gain, [a, i, j], true, NONE, || self.link(self.entry(a), self.entry(j + 1)));
+                best.replace_if_better(gain, [a, i, j], true, NONE, || self.link(self.entry(a), self.entry(j + 1)));
             }
         }
     }
@@ -250,18 +260,22 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         // 2-opt, as in `after`: the edges before both places go.
         if enters_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            best.try_move(self.edges[lo - 1] + self.edges[hi - 1] - d, [lo, hi - 1, lo - 1], true, NONE, || {
-                self.link(self.exit(lo - 1), self.exit(hi - 1))
-            });
+            best.replace_if_better(
+                self.edges[lo - 1] + self.edges[hi - 1] - d,
+                [lo, hi - 1, lo - 1],
+                true,
+                NONE,
+                || self.link(self.exit(lo - 1), self.exit(hi - 1)),
+            );
         }
         // Item j comes before i.
         let entry = self.endpoints.other(q);
         let out = self.edges[i - 1] - d;
         if j == i - 1 {
             let gain = out + self.edges[j - 1];
-            return best.try_move(gain, [j, j, j - 1], false, entry, || self.link(self.exit(j - 1), entry));
+            return best.replace_if_better(gain, [j, j, j - 1], false, entry, || self.link(self.exit(j - 1), entry));
         }
-        best.try_move(self.edges[j - 1] + self.edges[j] + out, [j, j, i - 1], false, entry, || {
+        best.replace_if_better(self.edges[j - 1] + self.edges[j] + out, [j, j, i - 1], false, entry, || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(self.exit(i - 1), entry)
         });
         // A run that begins with i goes before or after j.
@@ -272,11 +286,11 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             if leaves_by_q {
                 let gain = gain + self.edges[j] - d;
-                best.try_move(gain, [i, b, j], false, NONE, || self.link(self.exit(b), self.entry(j + 1)));
+                best.replace_if_better(gain, [i, b, j], false, NONE, || self.link(self.exit(b), self.entry(j + 1)));
             }
             if enters_by_q {
                 let gain = gain + self.edges[j - 1] - d;
-                best.try_move(gain, [i, b, j - 1], true, NONE, || self.link(self.exit(j - 1), self.exit(b)));
+                best.replace_if_better(gain, [i, b, j - 1], true, NONE, || self.link(self.exit(j - 1), self.exit(b)));
             }
         }
     }
@@ -301,7 +315,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         }
     }
 
-    /// Lets place `at` be entered by another endpoint; answers with the endpoint before.
+    /// Lets place `at` be entered by another endpoint; returns the endpoint before.
     fn enter(&mut self, at: usize, endpoint: u32) -> u32 {
         let old = std::mem::replace(&mut self.seq[at], endpoint);
         self.measure(at - 1);
@@ -393,7 +407,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             let lost = self.swap(a, b, c);
             // Kept where the repair gains what the perturbation cost: paths of equal length count as better, so that
             // the search can drift over plateaus.
-            if self.work(MOST_MOVES * PERTURBATION) >= lost {
+            if self.apply_queued_moves(MOST_MOVES * PERTURBATION) >= lost {
                 continue;
             }
             for step in self.journal.take().into_iter().flatten().rev() {

@@ -32,17 +32,17 @@ pub struct TiltSite<'a> {
     pub lattice: Lattice,
 }
 
-/// Sections may be cut into this many parts along x and along y.
+/// Sections are divided into this many cells along x and along y.
 const PARTS: i64 = 4;
 
 /// Sections along an axis that are tried beyond the fewest.
-const MORE: i64 = 3;
+const EXTRA_SECTIONS: i64 = 3;
 
 /// How far the focal plane of a tilted head may lie from the middle of its level.
-const MET: Nm = Nm(2);
+const FOCUS_TOLERANCE: Nm = Nm(2);
 
 /// Allowance for marks between the sample points, nm.
-const UNSEEN: f64 = 20_000.0;
+const SAMPLING_ALLOWANCE_NM: f64 = 20_000.0;
 
 impl TiltSite<'_> {
     /// The grid in whose cells sample points are taken: some forty along a window.
@@ -58,7 +58,7 @@ impl TiltSite<'_> {
         let mut best: Option<(u64, TiltedFields)> = None;
         // A few sections more may need fewer levels: what is left of a surface off its best plane grows with the square
         // of the section.
-        for more in 0..=MORE {
+        for more in 0..=EXTRA_SECTIONS {
             let Some(grid) = self.grid(more) else { continue };
             let made = self.over(grid, samples);
             if best.as_ref().is_none_or(|b| made.0 < b.0) {
@@ -126,14 +126,16 @@ impl TiltSite<'_> {
         (stops, fields)
     }
 
-    /// The cheapest way to mark a part of a section: whole, or in halves.
+    /// The way with the fewest stops that was found to mark a rectangle of cells: as a whole, or in two halves along x or y,
+    /// each divided further.
     fn divide(&self, grid: &Sections, part: Part, points: &mut [P3]) -> (u64, Vec<(Part, TiltedField)>) {
         let (levels, field) = self.fit(part.area(grid), points);
         let mut best = (levels, vec![(part, field)]);
+        // Two halves that both hold points need a level each, so two levels are not beaten.
         for axis in (0..2).filter(|&k| levels > 2 && part.size[k] > 1) {
             let [low, high] = part.halves(axis);
             let border = grid.line(axis, high.at[axis]) as f64;
-            // Partitioned in place, stably: each half of the section sees its own stretch of the list.
+            // Partitioned in place, in the order the points had: each half gets its own slice.
             points.sort_by(|a, b| (a[axis] >= border).cmp(&(b[axis] >= border)));
             let (left, right) = points.split_at_mut(points.partition_point(|p| p[axis] < border));
             let (a, mut found) = self.divide(grid, low, left);
@@ -171,7 +173,7 @@ impl TiltSite<'_> {
         let up = turn.up();
         let anchor = turn.apply(points[0])[2];
         for [x, y] in [[area.lo.x, area.lo.y], [area.hi.x, area.lo.y], [area.lo.x, area.hi.y], [area.hi.x, area.hi.y]] {
-            for h in [lo - UNSEEN, hi + UNSEEN] {
+            for h in [lo - SAMPLING_ALLOWANCE_NM, hi + SAMPLING_ALLOWANCE_NM] {
                 let [dx, dy] = [x as f64 - points[0][0], y as f64 - points[0][1]];
                 let z = points[0][2] + (h - anchor - up[0] * dx - up[1] * dy) / up[2];
                 let p = turn.apply(P3::new([x as f64, y as f64, z]));
@@ -214,7 +216,7 @@ impl TiltSite<'_> {
     /// The stops: for every field the fewest levels that hold what lies in it.
     pub fn stops(&self, fields: &TiltedFields, held: &Turned, sections: &Sections) -> Stops {
         // A tilted head meets any height to a nanometre, and two are rounded.
-        let depth = (self.lattice.depth - MET * 2).max(Nm(2));
+        let depth = (self.lattice.depth - FOCUS_TOLERANCE * 2).max(Nm(2));
         let any = Lattice { step: Nm(1), depth, ..self.lattice };
         let mut stops = Vec::new();
         for (field, held) in fields.list.iter().zip(&held.0) {

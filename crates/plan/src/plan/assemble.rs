@@ -117,7 +117,7 @@ pub(super) fn assemble(
     Assembly { blocks, ids, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
 }
 
-/// Orders the strokes of blocks and lays them out; `ids` are the stops of the blocks. Answers with the slope under the
+/// Orders the strokes of blocks and lays them out; `ids` are the stops of the blocks. Returns the slope under the
 /// marks of every block, too.
 pub(super) fn lay_out(
     (blocks, ids): (Vec<Block>, &[StopId]),
@@ -220,8 +220,8 @@ impl Stage<'_> {
         found.into_iter().map(position).collect()
     }
 
-    /// The order in which the stops are marked: positions as the stage visits them, and at each the stops from the end
-    /// that is nearer to where the zoom optic is. Indices of position and stop.
+    /// The order in which the stops are marked, as indices of position and stop: positions in the order of the tour, at each
+    /// its stops by rising or falling focal plane, from the end that needs the smaller change of the zoom optic.
     fn sequence(&self, placed: &[Placed], positions: &[Position], used: &Used) -> Vec<(usize, usize)> {
         let mut out = Vec::with_capacity(placed.len());
         let mut focus_shift = self.start.focus_shift;
@@ -229,6 +229,7 @@ impl Stage<'_> {
             let Position { members, stop, .. } = &positions[at];
             let shift = |i: usize| placed[i].stop.focus - stop.focus;
             let [low, high] = [members[0], members[members.len() - 1]].map(shift);
+            // A tie goes upwards. Without a zoom optic a position has one stop, and both ways are the same.
             if (high - focus_shift).abs() < (low - focus_shift).abs() {
                 out.extend(members.iter().rev().map(|&i| (at, i)));
                 focus_shift = low;

@@ -11,7 +11,7 @@ use terrace_core::program::PassId;
 use terrace_input::texture::{Kind, Request};
 
 /// Least saving that `check` mentions, as a share of the job's time.
-const WORTH: f64 = 0.03;
+const LEAST_SHARE: f64 = 0.03;
 
 /// Turns of all hatches together that are looked at, deg.
 const STEP_DEG: u32 = 15;
@@ -28,20 +28,23 @@ pub struct HatchSaving {
 impl HatchSaving {
     /// Of a plan.
     pub fn of(plan: &SteppedPlan) -> Self {
-        Self::found(plan).unwrap_or_default()
+        Self::estimate(plan).unwrap_or_default()
     }
 
-    fn found(plan: &SteppedPlan) -> Option<Self> {
+    /// None where the job has no fragments or no hatched area, or where its areas cannot be filled along contours.
+    fn estimate(plan: &SteppedPlan) -> Option<Self> {
         let SteppedPlan { job, inputs, .. } = plan;
         let (fragments, times) = (plan.summary.fragments, plan.summary.time_s);
-        let section_of_pass = &plan.passes.first()?.sections;
+        let sections = &plan.passes.first()?.sections;
         let turn = job.placement.turn.as_rad();
-        // By area that is filled along contours: the direction of the hatch that it is in the job.
+        // An entry for each area of `texture.whole_contours`, in its order: the direction of its hatch, rad, frame of the
+        // turned part; None where the job fills it along contours itself.
         let mut directions: Vec<Option<f64>> = Vec::new();
         let along = |request: Request| {
             let kind = match request.kind {
                 Kind::Hatch { pitch_mm, direction_rad } => {
                     directions.push(Some(direction_rad + turn));
+                    // The estimate takes pitch and outline alone.
                     Kind::Contour { pitch_mm, phase: 0.0 }
                 }
                 kind => {
@@ -60,14 +63,14 @@ impl HatchSaving {
         let max_slope = job.limits.max_slope();
         // Of every section the fragments with the lines as they are, turned by each step, and along contours.
         let turns = 180 / STEP_DEG;
-        let counts = parallel::map(section_of_pass.len(), |i| {
+        let counts = parallel::map(sections.len(), |i| {
             let mut tracer = Tracer::new(&inputs.surface, max_slope);
             let mut all = Section::default();
             let mut turned = vec![0.0; turns as usize];
             for (area, direction) in texture.whole_contours().zip(&directions) {
                 let Some(direction) = direction else { continue };
                 let mut one = Section::default();
-                one.add(area, section_of_pass.area(i), depth, &mut tracer);
+                one.add(area, sections.area(i), depth, &mut tracer);
                 for (k, sum) in turned.iter_mut().enumerate() {
                     let (s, c) = (direction + (k as f64 * f64::from(STEP_DEG)).to_radians()).sin_cos();
                     *sum += one.fragments([c, s]);
@@ -77,14 +80,15 @@ impl HatchSaving {
             (turned, all.least())
         });
         let now: f64 = counts.iter().map(|(turned, _)| turned[0]).sum();
-        let each_s = (times.delay + times.jump) / fragments as f64 * f64::from(job.passes.count);
-        let worth = |count: f64| Some((now - count) * each_s).filter(|s| *s > WORTH * times.total);
+        // Fragments are counted in the first pass; every other pass is taken to save as many.
+        let s_per_fragment = (times.delay + times.jump) / fragments as f64 * f64::from(job.passes.count);
+        let saving_s = |count: f64| Some((now - count) * s_per_fragment).filter(|s| *s > LEAST_SHARE * times.total);
         let total = |k: u32| counts.iter().map(|(turned, _)| turned[k as usize]).sum::<f64>();
         let best = (1..turns).map(|k| (k, total(k))).min_by(|a, b| a.1.total_cmp(&b.1));
         let along_contours: f64 = counts.iter().map(|(_, least)| least).sum();
         Some(Self {
-            contour_s: worth(along_contours),
-            turned: best.and_then(|(k, count)| Some((k * STEP_DEG, worth(count)?))),
+            contour_s: saving_s(along_contours),
+            turned: best.and_then(|(k, count)| Some((k * STEP_DEG, saving_s(count)?))),
         })
     }
 }

@@ -17,7 +17,7 @@ use terrace_input::texture::{Area, Kind, Masks};
 type Point = [f64; 3];
 
 /// Share of the area that an open sheet shows in one direction, at least.
-const OPEN: f64 = 0.2;
+const OPEN_SHEET_SHARE: f64 = 0.2;
 
 /// Share of what the best side shows from which on the other one may be meant as well.
 const AS_GOOD: f64 = 0.8;
@@ -93,7 +93,7 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
     }
     let reason = match side {
         Side::Up(_) | Side::LieOn(_) => Reason::Asked,
-        Side::Found if norm(seen.sum) > OPEN * seen.area => Reason::Winding,
+        Side::Found if norm(seen.sum) > OPEN_SHEET_SHARE * seen.area => Reason::Winding,
         Side::Found => Reason::Area,
     };
     let up = match side {

@@ -2,7 +2,7 @@
 //!
 //! [`Inputs::load`] opens every input file once. [`plan`] then makes a [`SteppedPlan`] or an
 //! [`OnTheFlyPlan`] of them, by the job's mode. Both are chains of values: every function takes what it
-//! needs and answers with something new; `stepped` and `on_the_fly` alone know the order of the steps. The
+//! needs and returns something new; `stepped` and `on_the_fly` alone know the order of the steps. The
 //! files of this module use each other in one direction, without cycles.
 //!
 //! Threads are used in `stroke_chunks` and `split`: work is cut into chunks whose number does not depend on the

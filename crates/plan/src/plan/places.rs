@@ -15,7 +15,7 @@ use super::candidate::Candidate;
 use super::cut::{LeftOut, Marks};
 use super::extent::{Extent, Near};
 use super::lifts::Stage;
-use crate::order::slide::{self, Ground, Placed, Spot};
+use crate::order::slide::{self, MoveRules, Placed, TourStop};
 use crate::order::stops::{self, HeightOrder};
 use crate::split::Sliver;
 use terrace_core::geom::{Box2, Nm, P2};
@@ -66,8 +66,8 @@ struct Places {
     /// Where each stood.
     home: Vec<[i64; 3]>,
     /// In the order of the tour.
-    spots: Vec<Spot>,
-    /// Which standstill each spot is.
+    tour_stops: Vec<TourStop>,
+    /// Which standstill each of them is.
     order: Vec<usize>,
 }
 
@@ -84,16 +84,16 @@ impl Places {
         let extents: Vec<Extent> = made.ids.iter().map(|id| Extent::of(&marks.of_stops[id.index()])).collect();
         let limits = site.beside_slivers(made, marks, &extents);
         let mut setup = None;
-        let spot = |range: &Range<usize>| {
+        let tour_stop = |range: &Range<usize>| {
             let first = &program.blocks[range.start];
             let is_first = setup.replace(first.setup).is_some_and(|before| before != first.setup);
-            site.spot(&program.blocks[range.clone()], &extents[range.clone()], &limits[range.clone()], is_first)
+            site.tour_stop(&program.blocks[range.clone()], &extents[range.clone()], &limits[range.clone()], is_first)
         };
-        let mut spots: Vec<Spot> = blocks.iter().map(spot).collect();
-        site.within_travel(&mut spots);
+        let mut tour_stops: Vec<TourStop> = blocks.iter().map(tour_stop).collect();
+        site.within_travel(&mut tour_stops);
         let home = blocks.iter().map(|range| program.blocks[range.start].stage.0).collect();
         let order = (0..blocks.len()).collect();
-        Self { blocks, home, spots, order }
+        Self { blocks, home, tour_stops, order }
     }
 
     /// Slides the standstills, and looks for a better tour of the new places.
@@ -104,7 +104,7 @@ impl Places {
         let (starts, home): (Vec<&Block>, _) = (self.blocks.iter().map(|r| &blocks[r.start]).collect(), &self.home);
         let stop_at = |(n, at): Placed| site.stop_at(starts[n], at, home[n]);
         let origin = |n: usize| made.setups.origin(made.used.cell(starts[n].setup), made.origin);
-        let meets = site.meets(&starts, &self.spots);
+        let meets = site.meets(&starts, &self.tour_stops);
         let lifts = |order: &[usize], (a, b): (Placed, Placed)| {
             let [a, b] = [a, b].map(|(n, at)| (order[n], at));
             let stops = [a, b].map(stop_at);
@@ -115,46 +115,46 @@ impl Places {
             at == home[n] || site.stage.is_clear(&stop_at((n, at)))
         };
         let step = machine.increment_nm().0;
-        let slid = |spots: &mut Vec<Spot>, order: &[usize]| {
+        let slid = |tour_stops: &mut Vec<TourStop>, order: &[usize]| {
             let lifts = |legs| lifts(order, legs);
             let is_clear = |at| is_clear(order, at);
             let from = is_later.then_some(site.stage.start.from.0);
-            let ground = Ground {
+            let rules = MoveRules {
                 machine,
                 from,
                 lifts: meets.then_some(&lifts as &dyn Fn((Placed, Placed)) -> bool),
                 is_clear: meets.then_some(&is_clear as &dyn Fn(Placed) -> bool),
             };
-            slide::slide(spots, &ground, step)
+            slide::slide(tour_stops, &rules, step)
         };
-        let mut time = slid(&mut self.spots, &self.order);
+        let mut time = slid(&mut self.tour_stops, &self.order);
         let has_zoom = machine.most_focus_shift() > Nm(0);
         if has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
             return;
         }
         for _ in 0..TOURS {
-            let at: Vec<Commanded> = self.spots.iter().map(|s| Commanded(s.at)).collect();
+            let at: Vec<Commanded> = self.tour_stops.iter().map(|s| Commanded(s.at)).collect();
             let way = self.tour(&at, site, |a, b| meets && lifts(&self.order, ((a, at[a].0), (b, at[b].0))));
             let order: Vec<usize> = way.iter().map(|&i| self.order[i]).collect();
-            let mut spots: Vec<Spot> = way
+            let mut tour_stops: Vec<TourStop> = way
                 .iter()
                 .enumerate()
-                .map(|(i, &from)| Spot { is_first: self.spots[i].is_first, ..self.spots[from].clone() })
+                .map(|(i, &from)| TourStop { is_first: self.tour_stops[i].is_first, ..self.tour_stops[from].clone() })
                 .collect();
-            let next = slid(&mut spots, &order);
+            let next = slid(&mut tour_stops, &order);
             if next > time * (1.0 - LEAST_SHARE) {
                 break;
             }
-            (time, self.spots, self.order) = (next, spots, order);
+            (time, self.tour_stops, self.order) = (next, tour_stops, order);
         }
     }
 
-    /// Another tour of the spots, each set-up by itself.
+    /// Another tour of the stops, each set-up by itself.
     fn tour(&self, at: &[Commanded], site: &Site<'_>, lifts: impl Fn(usize, usize) -> bool + Sync) -> Vec<usize> {
         let mut way: Vec<usize> = Vec::with_capacity(at.len());
         let mut first = 0;
         while first < at.len() {
-            let more = self.spots[first + 1..].iter().take_while(|s| !s.is_first).count();
+            let more = self.tour_stops[first + 1..].iter().take_while(|s| !s.is_first).count();
             let range = first..first + 1 + more;
             let from = way.last().map_or(site.stage.start.from, |&last| {
                 Commanded([at[last][0], at[last][1], site.stage.machine.retract_z().0])
@@ -170,8 +170,8 @@ impl Places {
 
     /// Writes the places into the program, in the order of the tour.
     fn apply(self, made: &mut Candidate, site: &Site<'_>) {
-        let Self { blocks: ranges, home, spots, order } = self;
-        let moved = site.moved_part(&spots);
+        let Self { blocks: ranges, home, tour_stops, order } = self;
+        let moved = site.centring_shift(&tour_stops);
         let Origin(origin) = made.origin;
         made.origin = Origin([0, 1, 2].map(|k| origin[k] + site.sign(k) * moved[k]));
         let order_of_blocks: Vec<usize> = order.iter().flat_map(|&n| ranges[n].clone()).collect();
@@ -179,14 +179,14 @@ impl Places {
         made.ids = order_of_blocks.iter().map(|&i| made.ids[i]).collect();
         made.worst_defocus = Nm(0);
         let mut first = 0;
-        for (&n, spot) in order.iter().zip(&spots) {
+        for (&n, tour_stop) in order.iter().zip(&tour_stops) {
             let count = ranges[n].len();
-            let by = [0, 1, 2].map(|k| site.sign(k) * (spot.at[k] - home[n][k]));
+            let by = [0, 1, 2].map(|k| site.sign(k) * (tour_stop.at[k] - home[n][k]));
             for block in &mut made.program.blocks[first..first + count] {
                 let centre = block.stop.centre;
                 block.stop.centre = P2::new(centre.x + by[0], centre.y + by[1]);
                 block.stop.focus += Nm(by[2]);
-                block.stage = Commanded([0, 1, 2].map(|k| spot.at[k] + moved[k]));
+                block.stage = Commanded([0, 1, 2].map(|k| tour_stop.at[k] + moved[k]));
                 let off = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
                 made.worst_defocus = made.worst_defocus.max(off);
             }
@@ -210,12 +210,12 @@ impl Site<'_> {
     }
 
     /// A standstill and its room, `limits` those of its blocks along x and y.
-    fn spot(&self, blocks: &[Block], extents: &[Extent], limits: &[Free], is_first: bool) -> Spot {
+    fn tour_stop(&self, blocks: &[Block], extents: &[Extent], limits: &[Free], is_first: bool) -> TourStop {
         let (first, step) = (&blocks[0], self.stage.machine.increment_nm().0);
         let Commanded(at) = first.stage;
-        let mut spot = Spot { at, room: at.map(|v| [v; 2]), marks: at.map(|v| [v; 2]), is_first };
+        let mut tour_stop = TourStop { at, room: at.map(|v| [v; 2]), marks: at.map(|v| [v; 2]), is_first };
         if !first.stop.tilt.is_upright() {
-            return spot;
+            return tour_stop;
         }
         let all = extents[1..].iter().fold(extents[0], |all, one| all.union(one));
         let [w, h] = self.field();
@@ -230,10 +230,10 @@ impl Site<'_> {
             let free = [centre[axis] + half - all.hi[axis], all.lo[axis] + half - centre[axis]];
             let free = [0, 1].map(|end| free[end].min(limit(axis, end)).max(0) / step * step);
             let command = |place: i64| at[axis] + self.sign(axis) * (place - centre[axis]);
-            spot.room[axis] = sorted([command(centre[axis] - free[0]), command(centre[axis] + free[1])]);
-            spot.marks[axis] = sorted([command(all.lo[axis]), command(all.hi[axis])]);
+            tour_stop.room[axis] = sorted([command(centre[axis] - free[0]), command(centre[axis] + free[1])]);
+            tour_stop.marks[axis] = sorted([command(all.lo[axis]), command(all.hi[axis])]);
         }
-        spot
+        tour_stop
     }
 
     /// Whether focal planes may move.
@@ -279,23 +279,23 @@ impl Site<'_> {
     }
 
     /// Takes from the rooms what lies beyond the travel. A part that may lie anywhere lies where all can stand.
-    fn within_travel(&self, spots: &mut [Spot]) {
+    fn within_travel(&self, tour_stops: &mut [TourStop]) {
         let step = self.stage.machine.increment_nm().0;
         for axis in 0..3 {
             let [from, to] = self.travel(axis);
-            let lowest = spots.iter().map(|s| s.room[axis][1]).min().unwrap_or_default();
-            let highest = spots.iter().map(|s| s.room[axis][0]).max().unwrap_or_default();
+            let lowest = tour_stops.iter().map(|s| s.room[axis][1]).min().unwrap_or_default();
+            let highest = tour_stops.iter().map(|s| s.room[axis][0]).max().unwrap_or_default();
             // By how much the part can be moved so that every room reaches into the travel.
             let allowed = [up(from - lowest, step), down(to - highest, step)];
             let by =
                 if self.is_loose && axis < 2 && allowed[0] <= allowed[1] { 0.clamp(allowed[0], allowed[1]) } else { 0 };
-            for spot in spots.iter_mut() {
-                let at = spot.at[axis];
+            for tour_stop in tour_stops.iter_mut() {
+                let at = tour_stop.at[axis];
                 let room = [at + up(from - by - at, step), at + down(to - by - at, step)];
-                let room = [room[0].max(spot.room[axis][0]), room[1].min(spot.room[axis][1])];
+                let room = [room[0].max(tour_stop.room[axis][0]), room[1].min(tour_stop.room[axis][1])];
                 if room[0] <= room[1] {
-                    spot.room[axis] = room;
-                    spot.at[axis] = at.clamp(room[0], room[1]);
+                    tour_stop.room[axis] = room;
+                    tour_stop.at[axis] = at.clamp(room[0], room[1]);
                 }
             }
         }
@@ -306,9 +306,10 @@ impl Site<'_> {
         self.stage.machine.axes()[axis].1.travel_nm().map(|Nm(v)| v)
     }
 
-    /// By how much the part is moved so that the stops lie in the middle of the travel, as commanded.
-    fn moved_part(&self, spots: &[Spot]) -> [i64; 3] {
-        if !self.is_loose || spots.is_empty() {
+    /// By how much the part is moved so that the stops lie in the middle of the travel, in commands of x, y and z, nm; whole
+    /// increments.
+    fn centring_shift(&self, tour_stops: &[TourStop]) -> [i64; 3] {
+        if !self.is_loose || tour_stops.is_empty() {
             return [0; 3];
         }
         let step = self.stage.machine.increment_nm().0;
@@ -317,7 +318,7 @@ impl Site<'_> {
                 return 0;
             }
             let [from, to] = self.travel(axis);
-            let all = || spots.iter().map(|s| s.at[axis]);
+            let all = || tour_stops.iter().map(|s| s.at[axis]);
             let (lo, hi) = (all().min().unwrap_or_default(), all().max().unwrap_or_default());
             let allowed = [up(from - lo, step), down(to - hi, step)];
             let wanted = down(from.midpoint(to) - lo.midpoint(hi), step);
@@ -326,15 +327,15 @@ impl Site<'_> {
     }
 
     /// Whether the head may be too low anywhere in the rooms, so that it has to be asked for every place.
-    fn meets(&self, blocks: &[&Block], spots: &[Spot]) -> bool {
+    fn meets(&self, blocks: &[&Block], tour_stops: &[TourStop]) -> bool {
         if blocks.iter().any(|b| !b.stop.tilt.is_upright()) {
             return true;
         }
         let mut area = Box2::EMPTY;
         let mut lowest = Nm(i64::MAX);
-        for (block, spot) in blocks.iter().zip(spots) {
+        for (block, tour_stop) in blocks.iter().zip(tour_stops) {
             for end in 0..2 {
-                let at = [0, 1, 2].map(|k| spot.room[k][end]);
+                let at = [0, 1, 2].map(|k| tour_stop.room[k][end]);
                 let stop = self.stop_at(block, at, block.stage.0);
                 area.add(stop.centre);
                 lowest = lowest.min(stop.focus);

@@ -26,6 +26,7 @@ use super::job_time::{load_s, times};
 use super::lifts::Stage;
 use super::merge::{self, Pairs};
 use super::off_part::OffPart;
+use super::parts::Parts;
 use super::pass::Pass;
 use super::places;
 use super::plausible::{self, Shares};
@@ -139,66 +140,27 @@ impl<'a> Draft<'a> {
             || Ready::new(job, machine, inputs, inputs.texture.clone(), start, tracing),
         );
         let first = first?;
-        let methods = methods(job, machine)?;
-        let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective, dividing)?;
-        let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
-        let cuts = Cuts::new(job, machine, first.grid.keep);
-        let cutting = Phase::Split.task(progress);
-        let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts, cutting)?;
-        let [merging, ordering, mapping] = Phase::Order.task(progress).split([1, 4, 1]);
-        let [merging, ordering] = [merging, ordering].map(|task| task.parts(found.len()));
         let on = Given { job, machine, inputs, clearance: &clearance };
-        let (mut tried, mut warnings) = (Vec::new(), Vec::new());
-        let mut made = Vec::new();
-        let is_single = found.len() == 1;
-        let divided = found.into_iter().zip(parts).zip(merging).collect();
-        // A tour is searched on one thread; those of several methods side by side.
-        let arranged = parallel::map_items(divided, |_, (((method, stops), parts), task)| {
-            first.arranged(&on, method, Cut::new(stops, parts, machine, &job.pens), task)
-        });
-        for ((cut, stops), task) in arranged.into_iter().zip(ordering) {
-            let method = stops.method;
-            let one = first.laid_out(&on, cut, stops, task);
-            // A single method is checked in the end, with everything else.
-            let fault = if is_single { None } else { one.fault(machine, &first.grid, &clearance) };
-            if fault.is_none() {
-                tried.push(one.listed(job, machine));
-            }
-            made.push((method, one, fault));
-            drop_worse(&mut made, |made| made.measure(job, machine));
-        }
-        let mut best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
-        if is_single {
-            tried.clear();
-        }
+        let divided = first.divided(&on, dividing, progress)?;
+        let [merging, ordering, mapping] = Phase::Order.task(progress).split([1, 4, 1]);
+        let Chosen { mut best, compared, mut warnings } = first.choose(&on, divided, [merging, ordering])?;
         warnings.extend(warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split));
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
         let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
-        let program = &best.program;
-        let strokes_of = |i: usize, visit: &mut dyn FnMut(&Stroke, f64)| {
-            program.strokes_of(&program.blocks[i]).iter().for_each(|s| visit(s, stroke_mm(program.points_of(s))));
-        };
-        let blocks = program.blocks.partition_point(|b| b.pass == PassId(0));
-        let shares = Shares::of(job, &first.texture, (blocks, &strokes_of), inputs.part_box(job), machine);
+        let shares = first.shares(&on, &best);
         let slivers = best.split.slivers.clone();
         let grid = first.grid.clone();
         let blocks = 0..best.program.blocks.len();
         let mut passes = vec![first.pass(machine, inputs, &best, blocks)];
         drop(mapping);
-        let begin = Start::first(machine);
-        let tasks = (job.passes.count > 1).then(|| Phase::Passes.task(progress));
-        let tasks = tasks.map_or_else(Vec::new, |task| task.parts(job.passes.count as usize - 1));
-        for (number, task) in (1..job.passes.count).map(PassId).zip(tasks) {
-            let start = best.start_of(number, &begin, &job.passes);
-            passes.push(add_pass(&mut best, &on, start, task)?);
-        }
+        passes.extend(add_passes(&mut best, &on, progress)?);
         Ok(Self {
             job,
             machine,
             inputs: Arc::clone(inputs),
             origins: best.origins(),
             best,
-            tried,
+            tried: compared,
             passes,
             off_part,
             slivers,
@@ -298,6 +260,22 @@ impl<'a> Draft<'a> {
     }
 }
 
+/// Plans the passes after the first, and appends them to its program.
+fn add_passes(program: &mut Candidate, on: &Given<'_>, progress: Progress<'_>) -> Result<Vec<Pass>, Error> {
+    let &Given { job, machine, .. } = on;
+    if job.passes.count <= 1 {
+        return Ok(Vec::new());
+    }
+    let begin = Start::first(machine);
+    let tasks = Phase::Passes.task(progress).parts(job.passes.count as usize - 1);
+    let mut passes = Vec::new();
+    for (number, task) in (1..job.passes.count).map(PassId).zip(tasks) {
+        let start = program.start_of(number, &begin, &job.passes);
+        passes.push(add_pass(program, on, start, task)?);
+    }
+    Ok(passes)
+}
+
 /// Plans a further pass, divided as those before, and appends it to their program.
 fn add_pass(program: &mut Candidate, on: &Given<'_>, start: Start, task: Task<'_>) -> Result<Pass, Error> {
     let &Given { job, machine, inputs, .. } = on;
@@ -325,6 +303,22 @@ fn add_pass(program: &mut Candidate, on: &Given<'_>, start: Start, task: Task<'_
     let pass = ready.pass(machine, inputs, &next, blocks);
     program.append(next, lowered);
     Ok(pass)
+}
+
+/// The stops of a method, and the strokes cut between them.
+struct Divided {
+    method: Method,
+    stops: Stops,
+    parts: Parts,
+}
+
+/// The candidate of the first pass that was chosen.
+struct Chosen {
+    best: Candidate,
+    /// What it was compared with; empty where one method was asked for.
+    compared: Vec<manifest::Candidate>,
+    /// Methods that were left out.
+    warnings: Vec<Diag>,
 }
 
 /// A candidate some of whose stops are merged.
@@ -401,6 +395,61 @@ impl Ready {
             load_s: load_s(job, machine),
             pass: self.start.pass,
         }
+    }
+
+    /// The stops of every method that the job asks for and that can be used, and the strokes cut between them in one sweep.
+    fn divided(&self, on: &Given<'_>, dividing: Task<'_>, progress: Progress<'_>) -> Result<Vec<Divided>, Error> {
+        let &Given { job, machine, inputs, .. } = on;
+        let methods = methods(job, machine)?;
+        let found = stops(&self.site(job, machine, inputs), &methods, job.partition.objective, dividing)?;
+        let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
+        let cuts = Cuts::new(job, machine, self.grid.keep);
+        let cutting = Phase::Split.task(progress);
+        let parts = split(self.sweep(job, inputs), &candidates, &self.grid.sections, &job.pens, cuts, cutting)?;
+        let divided = found.into_iter().zip(parts);
+        Ok(divided.map(|((method, stops), parts)| Divided { method, stops, parts }).collect())
+    }
+
+    /// Orders, places and merges the stops of every method, orders their strokes, and keeps the best.
+    fn choose(
+        &self,
+        on: &Given<'_>,
+        divided: Vec<Divided>,
+        [merging, ordering]: [Task<'_>; 2],
+    ) -> Result<Chosen, Error> {
+        let &Given { job, machine, clearance, .. } = on;
+        let is_single = divided.len() == 1;
+        let [merging, ordering] = [merging, ordering].map(|task| task.parts(divided.len()));
+        let divided = divided.into_iter().zip(merging).collect();
+        // A tour is searched on one thread; those of several methods side by side.
+        let arranged = parallel::map_items(divided, |_, (Divided { method, stops, parts }, task)| {
+            self.arranged(on, method, Cut::new(stops, parts, machine, &job.pens), task)
+        });
+        let (mut compared, mut warnings, mut made) = (Vec::new(), Vec::new(), Vec::new());
+        for ((cut, stops), task) in arranged.into_iter().zip(ordering) {
+            let method = stops.method;
+            let one = self.laid_out(on, cut, stops, task);
+            // A single method is checked in the end, with everything else.
+            let fault = if is_single { None } else { one.fault(machine, &self.grid, clearance) };
+            if fault.is_none() && !is_single {
+                compared.push(one.listed(job, machine));
+            }
+            made.push((method, one, fault));
+            drop_worse(&mut made, |made| made.measure(job, machine));
+        }
+        let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
+        Ok(Chosen { best, compared, warnings })
+    }
+
+    /// What each texture has of the marks of the first pass.
+    fn shares(&self, on: &Given<'_>, best: &Candidate) -> Shares {
+        let &Given { job, machine, inputs, .. } = on;
+        let program = &best.program;
+        let strokes_of = |i: usize, visit: &mut dyn FnMut(&Stroke, f64)| {
+            program.strokes_of(&program.blocks[i]).iter().for_each(|s| visit(s, stroke_mm(program.points_of(s))));
+        };
+        let blocks = program.blocks.partition_point(|b| b.pass == PassId(0));
+        Shares::of(job, &self.texture, (blocks, &strokes_of), inputs.part_box(job), machine)
     }
 
     /// A candidate without strokes: its stops ordered, placed, and merged where that makes it better.

@@ -15,8 +15,12 @@ pub struct Heights {
     new: Vec<(f64, f64)>,
 }
 
+/// Intervals that are put aside before a join, beyond as many as are joined already: sorting is shared by as many
+/// additions.
+const SPARE: usize = 16;
+
 impl Heights {
-    /// Adds the interval between `a` and `b`.
+    /// Adds the heights between `a` and `b`, nm, in either order.
     pub fn add(&mut self, a: f64, b: f64) {
         let (lo, hi) = (a.min(b), a.max(b));
         let i = self.list.partition_point(|&(_, h)| h < lo);
@@ -30,7 +34,7 @@ impl Heights {
             }
             _ => self.new.push((lo, hi)),
         }
-        if self.new.len() > self.list.len() + 16 {
+        if self.new.len() > self.list.len() + SPARE {
             self.join();
         }
     }
@@ -139,14 +143,14 @@ impl SlopeSpan {
 
 /// Follows the height along one stroke from turn to turn.
 #[derive(Default)]
-struct Turns {
+struct HeightReversals {
     from: f64,
     at: f64,
     begun: bool,
 }
 
-impl Turns {
-    fn go(&mut self, p: &Piece, ripple: &mut Ripple) {
+impl HeightReversals {
+    fn follow(&mut self, p: &Piece, ripple: &mut Ripple) {
         if !self.begun || p.z0 != self.at {
             self.end(ripple);
             *self = Self { from: p.z0, at: p.z0, begun: true };
@@ -173,8 +177,9 @@ pub struct Footprint {
     sections: FxHashMap<u32, InSection>,
     ripple: Ripple,
     climb: SlopeSpan,
-    /// Strokes that were to stay whole, but for a place where nothing is marked, or a border of sections.
+    /// Strokes to be kept whole that have a place where nothing is marked.
     broken: usize,
+    /// Strokes to be kept whole that do not fit the window around the centre of one section.
     astride: usize,
 }
 
@@ -195,14 +200,14 @@ impl Footprint {
         // Pieces of one section that follow each other make one interval each time the section or
         // the sheet changes.
         let mut run: Option<([i64; 2], f64, f64)> = None;
-        let mut turns = Turns::default();
+        let mut turns = HeightReversals::default();
         let mut close = |run: &mut Option<([i64; 2], f64, f64)>| {
             if let Some((cell, lo, hi)) = run.take() {
                 sections.entry(index(cell)).or_default().heights.add(lo, hi);
             }
         };
         let mut add = |p: Piece, cell: [i64; 2]| {
-            turns.go(&p, ripple);
+            turns.follow(&p, ripple);
             match &mut run {
                 // A piece extends the run where it begins within its heights; at a step between sheets it does not,
                 // and the heights between the sheets stay out: no stop is spent on them.
@@ -248,7 +253,8 @@ impl Footprint {
         turns.end(ripple);
     }
 
-    /// Joins what another part of the texture found.
+    /// Adds the footprint of other strokes. Which strokes come together, and in which order, is chance: all here are sums of
+    /// integers, or lists that [`Footprint::joined`] sorts.
     pub fn merge(&mut self, other: Self) {
         for (section, mut theirs) in other.sections {
             match self.sections.entry(section) {

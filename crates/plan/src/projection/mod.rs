@@ -70,7 +70,7 @@ impl Piece {
     }
 }
 
-/// Where the surface looks under the pieces of a tracer.
+/// Surface normals under the pieces of a tracer.
 #[derive(Clone, Copy)]
 pub struct Normals<'a>(&'a Surface);
 
@@ -109,31 +109,29 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Where the surface under pieces looks.
+    /// The surface normals under its pieces.
     pub fn normals(&self) -> Normals<'a> {
         Normals(self.surface)
     }
 
-    /// Hands the pieces of the segment from `a` to `b` to `sink` in order. A segment without length has one piece, whose
-    /// two heights are equal.
+    /// Hands the pieces of the segment from `a` to `b` to `sink`, in order. A segment of length 0 is one piece with one
+    /// height.
     pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
         if a == b {
-            self.look_at(a);
+            self.trace_point(a);
         } else {
             self.walk(a, b);
         }
         for (span, &slope2) in self.spans.iter().zip(&self.slopes2) {
             let skip = match span.facet() {
                 None => Some(Skip::OffPart),
-                Some(_) => {
-                    if slope2 > self.max_slope2 {
-                        Some(Skip::Steep)
-                    } else {
-                        self.worst_slope2 = self.worst_slope2.max(slope2);
-                        None
-                    }
-                }
+                Some(_) if slope2 > self.max_slope2 => Some(Skip::Steep),
+                Some(_) => None,
             };
+            if skip.is_none() {
+                self.worst_slope2 = self.worst_slope2.max(slope2);
+            }
+            // Off the part it has no meaning.
             let facet = span.facet().unwrap_or_default();
             sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, facet });
         }
@@ -142,18 +140,18 @@ impl<'a> Tracer<'a> {
     /// Leaves the spans of a segment and their slopes. Where it runs along an edge, what lies beside it decides.
     fn walk(&mut self, a: P2, b: P2) {
         let is_compared = self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
-        self.measure();
+        self.update_slopes();
         let is_along_edge = |(span, &slope2): (&Span, &f64)| {
             let is_steep = slope2 > self.max_slope2;
             (is_steep || is_compared) && self.surface.is_along_edge(a, b, span, is_steep)
         };
         if self.spans.iter().zip(&self.slopes2).any(is_along_edge) {
             self.surface.walk_along_edges(a, b, &mut self.cursor, &mut self.spans);
-            self.measure();
+            self.update_slopes();
         }
     }
 
-    fn measure(&mut self) {
+    fn update_slopes(&mut self) {
         let slope2 = |span: &Span| span.facet().map_or(0.0, |f| self.surface.slope2(f));
         self.slopes2.clear();
         self.slopes2.extend(self.spans.iter().map(slope2));
@@ -161,8 +159,8 @@ impl<'a> Tracer<'a> {
 
     /// Leaves one span for the whole of a segment that is a point: what a walk away from it begins with. A point on the
     /// rim of the part is on the part, and one on the edge of a place that may be marked is marked.
-    fn look_at(&mut self, p: P2) {
-        /// Above what walks snap to rims, nm.
+    fn trace_point(&mut self, p: P2) {
+        /// Longer than the distance within which walks snap to rims, nm.
         const STEP: i64 = 16;
         let mut best: Option<(Span, f64)> = None;
         for (x, y) in [(STEP, 0), (-STEP, 0), (0, STEP), (0, -STEP)] {

@@ -276,7 +276,7 @@ impl<'a> Splitter<'a> {
             tracer.segment(a, b, |piece| run.pieces.push(piece));
             run.segments.push(Segment { index: i as u32, a, b, first, end: run.pieces.len() });
             if i == last || run.pieces.len() >= RUN {
-                cutters.iter_mut().for_each(|c| if a == b { c.dot(run) } else { c.run(run) });
+                cutters.iter_mut().for_each(|c| if a == b { c.dot(run) } else { c.cut_run(run) });
                 run.pieces.clear();
                 run.segments.clear();
             }

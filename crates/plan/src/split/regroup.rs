@@ -29,7 +29,7 @@ pub struct Regroup<'a> {
     pub may_cut: bool,
 }
 
-/// A stroke of the texture: fills its points, and answers with its pen and how often that marks it.
+/// A stroke of the texture: fills its points, and returns its pen and how often that marks it.
 type Strokes<'a> = &'a mut dyn FnMut(StrokeId, &mut Vec<P2>) -> (PenId, u32);
 
 /// The fragments and slivers of one stroke.
@@ -145,7 +145,7 @@ impl Regroup<'_> {
         old.slivers[group.slivers.clone()].iter().any(|s| old.stops_at(s).any(|stop| self.is_changed(stop)))
     }
 
-    /// Gives the fragments of a stroke to their new stops. Answers by how much longer its marks become, mm: a cut that
+    /// Gives the fragments of a stroke to their new stops. Returns by how much longer its marks become, mm: a cut that
     /// was rounded to the grid lay off the line.
     fn give(
         &self,

@@ -151,9 +151,8 @@ impl Target {
         Ok(())
     }
 
-    /// Refuses a target that is something else than a job folder, is one of another mode, or holds one of the
-    /// `inputs`.
-    pub(super) fn may_be_replaced(&self, mode: Mode, inputs: &[PathBuf]) -> Result<(), Error> {
+    /// Refuses a target that is there and is not a job folder, is one of another mode, or holds one of the `inputs`.
+    pub(super) fn refuse_unless_replaceable(&self, mode: Mode, inputs: &[PathBuf]) -> Result<(), Error> {
         if !is_there(&self.path) {
             return Ok(());
         }
@@ -168,6 +167,7 @@ impl Target {
             return Err(d.at(place(&self.path)).hint(hint).into());
         }
         for input in inputs {
+            // An input that is not there cannot be removed.
             if fs::canonicalize(input).is_ok_and(|real| real.starts_with(&self.path)) {
                 let text = format!("the output would replace the folder that holds the input {}", input.display());
                 let d = Diag::input("output-holds-input", text).at(place(&self.path));

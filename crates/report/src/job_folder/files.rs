@@ -82,14 +82,14 @@ fn make(path: &Path) -> Result<(), Error> {
     fs::create_dir(path).map_err(|e| failed("make the folder", path, &e))
 }
 
-/// Writes one file of a job folder; answers with what the manifest says of it.
+/// Writes one file of a job folder; returns what the manifest says of it.
 fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
     let path = folder.join(name);
     fs::write(&path, bytes).map_err(|e| failed("write the file", &path, &e))?;
     Ok(FileFact { file: name.into(), bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() })
 }
 
-/// Writes the files of a folder and answers with its manifest.
+/// Writes the files of a folder and returns its manifest.
 pub(super) type Fill<'a> = dyn Fn(Filling<'_>) -> Result<Vec<u8>, Error> + 'a;
 
 /// Fills the new folder of a job; its manifest is written last.
@@ -120,7 +120,7 @@ pub(super) fn tell_proof(folder: &Path, proved: &str) -> Result<(), Error> {
 /// The report of a folder.
 pub(super) const REPORT: &str = "report.html";
 
-/// Writes the files of a stepped job; answers with its manifest.
+/// Writes the files of a stepped job; returns its manifest.
 pub(super) fn stepped(
     plan: &SteppedPlan,
     head: &Head,
@@ -175,35 +175,37 @@ pub struct Programs<'a> {
 }
 
 impl Programs<'_> {
-    /// Writes them: the files of the marks, then those of the frames.
+    /// Writes the programs: those of the marks, then those of the frames.
     pub fn write(&self, filling: &mut Filling<'_>, [marked, framed]: [Task<'_>; 2]) -> Result<(), Error> {
         let Stepped { checked, machine, .. } = self.emitted;
-        self.files(filling, &self.emitted, &self.emitted, marked)?;
+        self.write_formats(filling, &self.emitted, &self.emitted, marked)?;
         let Some((pen, points)) = self.frames else { return Ok(()) };
         let of_blocks = emit::frames::frames(checked, pen, machine);
         let of_blocks = Stepped { checked: &of_blocks, figures: &[], frames: Some(points), ..self.emitted };
         // Where one file holds the job, it holds the frames of its outline.
         let of_outline = emit::frames::of_outline(checked, pen, machine);
-        self.files(filling, &Stepped { checked: &of_outline, ..of_blocks }, &of_blocks, framed)
+        self.write_formats(filling, &Stepped { checked: &of_outline, ..of_blocks }, &of_blocks, framed)
     }
 
-    /// The files of every format: of the whole job, or of single blocks.
-    fn files(
+    /// Writes the files of every format: `whole` to those with one file for the job, `by_block` to those with one for every
+    /// block. With frames they differ: one file holds the frames of the outline alone.
+    fn write_formats(
         &self,
         filling: &mut Filling<'_>,
-        job: &Stepped<'_>,
-        blocks: &Stepped<'_>,
+        whole: &Stepped<'_>,
+        by_block: &Stepped<'_>,
         task: Task<'_>,
     ) -> Result<(), Error> {
-        let is_framed = job.frames.is_some();
+        let is_framed = whole.frames.is_some();
         for (format, task) in self.formats.iter().zip(task.parts(self.formats.len())) {
             match Target::of(*format).stepped {
                 Some(Files::Whole(file, write)) if is_framed => {
                     make_inner(filling.folder, "frames")?;
-                    filling.put(&emit::frames::of_whole(file), &write(job))?;
+                    filling.put(&emit::frames::of_whole(file), &write(whole))?;
                 }
-                Some(Files::Whole(file, write)) => filling.put(file, &write(job))?,
-                Some(Files::Blocks(ending, write)) => self.blocks(filling, blocks, ending, write, task)?,
+                Some(Files::Whole(file, write)) => filling.put(file, &write(whole))?,
+                Some(Files::Blocks(ending, write)) => self.blocks(filling, by_block, ending, write, task)?,
+                // A format of on-the-fly jobs alone.
                 None => {}
             }
         }
@@ -255,7 +257,7 @@ fn make_inner(folder: &Path, name: &str) -> Result<(), Error> {
     if inner.exists() { Ok(()) } else { make(&inner) }
 }
 
-/// Writes the programs of an on-the-fly job; answers with its manifest.
+/// Writes the programs of an on-the-fly job; returns its manifest.
 pub(super) fn on_the_fly(
     plan: &OnTheFlyPlan,
     head: &Head,

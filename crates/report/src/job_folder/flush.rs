@@ -61,7 +61,7 @@ pub(super) fn flush_tree(folder: &Path, flush: &Flush<'_>) -> io::Result<()> {
     folders.iter().rev().try_for_each(|folder| flush(folder))
 }
 
-/// Makes a folder and those around it that are missing; answers with the folders whose lists of names have changed,
+/// Makes a folder and those around it that are missing; returns the folders whose lists of names have changed,
 /// the innermost first.
 pub(super) fn make_all(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());

@@ -49,7 +49,7 @@ fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
 pub fn prepare(target: &Path, mode: Mode) -> Result<(), Error> {
     let target = Target::find(target, MANIFEST)?;
     target.recover()?;
-    target.may_be_replaced(mode, &[])
+    target.refuse_unless_replaceable(mode, &[])
 }
 
 /// Finishes or undoes what a stopped run left next to `target`.
@@ -122,7 +122,7 @@ pub fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error>
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
-/// Writes the files of a job and answers with its manifest, which begins with the head given.
+/// Writes the files of a job folder and returns the bytes of its manifest, which begins with the head given.
 type FillJob<'a> = dyn Fn(Filling<'_>, &Head) -> Result<Vec<u8>, Error> + 'a;
 
 /// Lets `fill` make a job folder, has it proved, and puts it in the place of `target`.
@@ -134,12 +134,13 @@ fn write_job(
     prove: &Prove<'_>,
 ) -> Result<(), Error> {
     let target = Target::find(target, MANIFEST)?;
-    let allowed = || target.may_be_replaced(job.mode, &input_paths(job));
+    // Asked once the lock is held: until then another run may put a folder there.
+    let allowed = || target.refuse_unless_replaceable(job.mode, &input_paths(job));
     exchange(&target, durability.flush(), &allowed, &|new| {
         fs::create_dir(new).map_err(|e| failed("make the folder", new, &e))?;
         let head = files::head(job, &target.path)?;
         files::fill(new, &|filling| fill(filling, &head))?;
-        // Without pictures there is no report that could say so.
+        // Only a folder with pictures has a report that can say so.
         match prove(new)?.filter(|_| new.join(files::REPORT).exists()) {
             Some(proved) => files::tell_proof(new, &proved),
             None => Ok(()),
@@ -172,7 +173,7 @@ pub fn replace(
 /// As [`prepare`], and what `fill` says. An older folder is then unchanged.
 pub fn replace_stepped(target: &Path, durability: Durability, fill: &Fill<'_>) -> Result<(), Error> {
     let found = Target::find(target, MANIFEST)?;
-    let allowed = || found.may_be_replaced(Mode::Stepped, &[]);
+    let allowed = || found.refuse_unless_replaceable(Mode::Stepped, &[]);
     replace(target, MANIFEST, durability, &allowed, &|new| files::fill(new, fill))
 }
 
@@ -262,7 +263,7 @@ mod tests {
 
     use super::*;
 
-    /// Puts a folder with the files `sign` and `blocks/1` in the place of `target`; answers with what was flushed, in
+    /// Puts a folder with the files `sign` and `blocks/1` in the place of `target`; returns what was flushed, in
     /// order, each with whether the target held the new folder by then, and whether the old one was still there.
     fn flushed(target: &Path, text: &str) -> Vec<(PathBuf, bool, bool)> {
         let target = Target::find(target, "sign").expect("a place");

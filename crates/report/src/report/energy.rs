@@ -53,14 +53,14 @@ pub(super) fn section(h: &mut String, job: &Layout<'_>, map: &EnergyMap) {
         );
         return;
     }
-    worst.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
+    worst.sort_by(|a, b| b.1.ratio.total_cmp(&a.1.ratio));
     h.push_str(
         "<p>The spot rests at ends and corners of marks; the laser is on while it loses and gains speed. Worst: the \
          energy within half a spot of such a place, as a multiple of P / v of its pen. One pass of the pens.</p>\n\
          <div class=\"wide\"><table>\n<tr><th>block</th><th>mean, J/m</th><th>length at pen's speed</th><th>worst</th>\
          <th>at</th><th>x</th><th>y</th></tr>\n",
     );
-    for (i, Overshoot { share, at, rest }, mean, at_speed) in worst.into_iter().take(LISTED) {
+    for (i, Overshoot { ratio, at, rest }, mean, at_speed) in worst.into_iter().take(LISTED) {
         let centre = program.blocks[i].stop.centre;
         let [x, y] = [centre.x + i64::from(at.x), centre.y + i64::from(at.y)].map(|v| mm(Nm(v), 3));
         let place = match rest {
@@ -73,7 +73,7 @@ pub(super) fn section(h: &mut String, job: &Layout<'_>, map: &EnergyMap) {
             BlockId::new(i),
             plain(mean, 4),
             plain(100.0 * at_speed, 1),
-            plain(share, 2),
+            plain(ratio, 2),
         );
     }
     h.push_str("</table></div>\n");

@@ -20,15 +20,17 @@ pub(super) struct Spot {
     pub turn: i32,
 }
 
-/// Width of a digit and height of the box a number needs, per font size, air included.
+/// Width of a digit per font size, air included.
 const DIGIT: f64 = 0.66;
+/// Height of the box of a number per font size, air included.
 const TALL: f64 = 0.9;
 
-/// Pieces of a block that get a number at most, and how deep they must be against the deepest.
+/// Most pieces of a block that get a number.
 const NUMBERS: usize = 4;
+/// Least radius of such a piece, as a share of that of the block's deepest.
 const WORTH: f64 = 0.4;
 
-/// Spots for the numbers 1, 2, … of all blocks that have cells, sorted by block, a block's largest
+/// Spots for the numbers 1, 2, … of all blocks that have cells, sorted by block, a block's deepest
 /// piece first. No font is larger than `limit` cells.
 pub(super) fn place(grid: &PaddedMap, limit: f64) -> Vec<Spot> {
     let pieces = Pieces::of(grid);

@@ -130,7 +130,14 @@ impl Map {
             let slope2 = grad[0] * grad[0] + grad[1] * grad[1];
             let ([cos, sin], [gx, gy]) = (self.turn, grad);
             let grad = [cos * gx - sin * gy, sin * gx + cos * gy];
-            out.crossings.push(Crossing { d, z: d.map(at), slope2, grad, drawn2: slope2, facet: u32::from(upper) });
+            out.crossings.push(Crossing {
+                d,
+                z: d.map(at),
+                slope2,
+                grad,
+                unturned_slope2: slope2,
+                facet: u32::from(upper),
+            });
         }
     }
 }

@@ -16,8 +16,8 @@ struct Facet {
     corners: [[f64; 2]; 3],
     z0: f64,
     grad: [f64; 2],
-    /// Square of the slope in the frame of the drawing.
-    drawn2: f64,
+    /// Square of the slope of the part as it lies when it is not turned.
+    unturned_slope2: f64,
 }
 
 /// Cells of the grid hold about this many facets each.
@@ -29,19 +29,22 @@ const RIM: f64 = 1.0;
 /// Collects the facets of a file.
 pub(crate) struct MeshBuilder {
     facets: Vec<Facet>,
-    /// Corners of what stands upright, nm: it has no height of its own, but a turned part may show it.
+    /// Corners of facets too thin in plan view to have a height there, nm, upright ones among them: a turned part may show
+    /// them.
     walls: Vec<[[f64; 3]; 3]>,
     turn: [f64; 2],
     thinnest: f64,
     lo: [f64; 2],
     hi: [f64; 2],
+    /// Sum of width and height of the boxes of all facets, nm.
     extent: f64,
     /// Box of all corners in the file's own frame, mm.
     pub(crate) box_mm: BoxMm<2>,
 }
 
 impl MeshBuilder {
-    /// For a part turned by `turn_rad`; facets not wider than `thinnest_nm` are left out.
+    /// For a part turned by `turn_rad`; facets whose least altitude in plan view is at most `thinnest_nm` are kept as
+    /// walls.
     pub(crate) fn new(turn_rad: f64, thinnest_nm: f64) -> Self {
         let (sin, cos) = turn_rad.sin_cos();
         Self {
@@ -71,19 +74,21 @@ impl MeshBuilder {
         let [a, b, c] = corners;
         let [u, v] = [b, c].map(|p| [0, 1, 2].map(|k| p[k] - a[k]));
         let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let drawn2 = (normal[0].powi(2) + normal[1].powi(2)) / normal[2].powi(2);
-        self.add(corners.map(|p| turn.apply(P3::new(p)).at), Some(drawn2));
+        let unturned_slope2 = (normal[0].powi(2) + normal[1].powi(2)) / normal[2].powi(2);
+        self.add(corners.map(|p| turn.apply(P3::new(p)).at), Some(unturned_slope2));
     }
 
-    fn add(&mut self, solid: [[f64; 3]; 3], drawn2: Option<f64>) {
-        let corners = solid.map(|[x, y, _]| [x, y]);
+    /// Keeps a facet, corners in nm: by its plane, or as a wall where it is too thin in plan view to have one.
+    fn add(&mut self, corners_nm: [[f64; 3]; 3], unturned_slope2: Option<f64>) {
+        let corners = corners_nm.map(|[x, y, _]| [x, y]);
         if altitude(&corners) <= self.thinnest {
-            self.walls.push(solid);
+            self.walls.push(corners_nm);
             return;
         }
         let [a, b, c] = corners;
-        let [za, zb, zc] = solid.map(|p| p[2]);
+        let [za, zb, zc] = corners_nm.map(|p| p[2]);
         let (ux, uy, vx, vy) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
+        // Not zero: the altitude is above `thinnest`.
         let det = ux * vy - uy * vx;
         let grad = [((zb - za) * vy - (zc - za) * uy) / det, ((zc - za) * ux - (zb - za) * vx) / det];
         for k in 0..2 {
@@ -92,8 +97,8 @@ impl MeshBuilder {
             self.hi[k] = self.hi[k].max(hi);
             self.extent += hi - lo;
         }
-        let drawn2 = drawn2.unwrap_or(grad[0] * grad[0] + grad[1] * grad[1]);
-        self.facets.push(Facet { corners, z0: za, grad, drawn2 });
+        let unturned_slope2 = unturned_slope2.unwrap_or(grad[0] * grad[0] + grad[1] * grad[1]);
+        self.facets.push(Facet { corners, z0: za, grad, unturned_slope2 });
     }
 
     /// Sorts the facets into the grid.
@@ -116,7 +121,7 @@ impl MeshBuilder {
             }
         }
         sort_by_cell(&mut facets, &grid);
-        Mesh { walls, ..Mesh::enter(facets, grid) }
+        Mesh { walls, ..Mesh::with_cell_lists(facets, grid) }
     }
 }
 
@@ -254,41 +259,44 @@ impl Facet {
 pub(crate) struct Mesh {
     facets: Vec<Facet>,
     grid: Grid,
-    /// Where the list of each cell begins; one more at the end.
+    /// Start of the list of each cell in `listed`; the last entry is its length.
     first: Vec<u32>,
+    /// Indices of facets, cell by cell.
     listed: Vec<u32>,
     walls: Vec<[[f64; 3]; 3]>,
 }
 
 impl Mesh {
-    /// Every thread fills the lists of a band of rows, in the order of the facets.
-    fn enter(facets: Vec<Facet>, grid: Grid) -> Self {
+    /// Lists for every cell the facets that touch it, in ascending order. Every thread fills the lists of a band of rows.
+    fn with_cell_lists(facets: Vec<Facet>, grid: Grid) -> Self {
         let [columns, rows] = grid.count;
-        let in_band = rows.div_ceil(parallel::threads()).max(1);
-        let band = |n: usize| n * in_band..(n + 1) * in_band;
+        let rows_per_band = rows.div_ceil(parallel::threads()).max(1);
+        let band = |n: usize| n * rows_per_band..(n + 1) * rows_per_band;
+        // First the number of facets in each cell, then the end of its list, in the end its start.
         let mut first = vec![0u32; columns * rows + 1];
-        parallel::map_items(first[..columns * rows].chunks_mut(in_band * columns).collect(), |n, counts| {
+        parallel::map_items(first[..columns * rows].chunks_mut(rows_per_band * columns).collect(), |n, counts| {
             for f in &facets {
                 f.rows(&grid, band(n), |row, touched| {
                     counts[(row - band(n).start) * columns..][touched].iter_mut().for_each(|n| *n += 1);
                 });
             }
         });
-        // Ends of the lists now, made starts by filling each list from its back.
+        // Filling each list from its back moves its end to its start.
         let mut sum = 0;
-        for n in &mut first {
-            sum += *n;
-            *n = sum;
+        for count in &mut first {
+            sum += *count;
+            *count = sum;
         }
         let mut listed = vec![0u32; sum as usize];
         let (mut lists, mut rest, mut start) = (Vec::new(), &mut listed[..], 0);
-        for ends in first[..columns * rows].chunks_mut(in_band * columns) {
+        for ends in first[..columns * rows].chunks_mut(rows_per_band * columns) {
             let end = ends.last().map_or(start, |end| *end);
             let (own, after) = rest.split_at_mut((end - start) as usize);
             lists.push((ends, own, start));
             (rest, start) = (after, end);
         }
         parallel::map_items(lists, |n, (slots, own, start)| {
+            // Backwards, so that the lists ascend.
             for (i, f) in facets.iter().enumerate().rev() {
                 f.rows(&grid, band(n), |row, touched| {
                     for slot in &mut slots[(row - band(n).start) * columns..][touched] {
@@ -371,7 +379,14 @@ impl Mesh {
                     *is_along_edge |= is_edge;
                     let z = d.map(|d| facet.z_at(line.at(d)));
                     let slope2 = facet.grad[0] * facet.grad[0] + facet.grad[1] * facet.grad[1];
-                    crossings.push(Crossing { d, z, slope2, grad: facet.grad, drawn2: facet.drawn2, facet: i });
+                    crossings.push(Crossing {
+                        d,
+                        z,
+                        slope2,
+                        grad: facet.grad,
+                        unturned_slope2: facet.unturned_slope2,
+                        facet: i,
+                    });
                 }
             }
         });

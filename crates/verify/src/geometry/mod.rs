@@ -134,7 +134,7 @@ struct Crossing {
     slope2: f64,
     grad: [f64; 2],
     /// Square of the slope in the frame of the drawing, where the part is turned; else the same.
-    drawn2: f64,
+    unturned_slope2: f64,
     facet: u32,
 }
 
@@ -379,7 +379,7 @@ impl Geometry {
 
     /// Judges a facet's slope; near the limit by how far the rounding of its vertices may turn it.
     fn slope(&self, c: &Crossing) -> Slope {
-        let steepest2 = c.slope2.max(c.drawn2);
+        let steepest2 = c.slope2.max(c.unturned_slope2);
         if steepest2 < 0.25 * self.limit2 {
             return Slope::Gentle;
         }

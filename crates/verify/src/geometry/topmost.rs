@@ -42,7 +42,7 @@ pub(super) fn pieces(
         let end = active.iter().map(|&i| crossings[i as usize].d[1]).fold(f64::INFINITY, f64::min);
         let to = crossings.get(next).map_or(end, |c| c.d[0].min(end));
         if to > at {
-            upper(crossings, active, [at, to], &mut visit);
+            visit_upper_envelope(crossings, active, [at, to], &mut visit);
             at = to;
         }
         active.retain(|&i| crossings[i as usize].d[1] > at);
@@ -76,25 +76,31 @@ fn sort(crossings: &mut [Crossing]) {
     }
 }
 
-/// The upper envelope of the active crossings on a stretch that all of them span.
-fn upper(
+/// Visits the pieces of the upper envelope of the active crossings between two places of the line, nm: where a piece
+/// begins and ends, its crossing, and the heights there. All active crossings span that stretch.
+fn visit_upper_envelope(
     crossings: &[Crossing],
     active: &[u32],
     [from, to]: [f64; 2],
     visit: &mut impl FnMut([f64; 2], Option<(&Crossing, [f64; 2])>),
 ) {
     let all = || active.iter().map(|&i| &crossings[i as usize]);
-    let key = |c: &Crossing| (c.z_at(from), c.rise());
+    // Of equally high ones the steeper is on top right after `from`.
+    let height_then_rise = |c: &Crossing| (c.z_at(from), c.rise());
     let higher = |a: (f64, f64), b: (f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).is_ge();
-    let Some(mut top) = all().reduce(|a, b| if higher(key(a), key(b)) { a } else { b }) else { return };
+    let Some(mut top) = all().reduce(|a, b| if higher(height_then_rise(a), height_then_rise(b)) { a } else { b })
+    else {
+        return;
+    };
     let mut at = from;
     while at < to {
         // The envelope is convex, so `top` only ever gets steeper along the line.
-        // Only a steeper one can overtake; the steepest of those that do so first continues.
+        // Only a steeper one can overtake; where several do so at one place, the steepest continues.
         let mut overtaken: Option<(f64, &Crossing)> = None;
         for c in all().filter(|c| c.rise() > top.rise()) {
+            // By rounding `c` may lie above `top` already: then it overtakes here.
             let d = at + (top.z_at(at) - c.z_at(at)).max(0.0) / (c.rise() - top.rise());
-            if overtaken.is_none_or(|(o, by)| d < o || (d == o && c.rise() > by.rise())) {
+            if overtaken.is_none_or(|(nearest, by)| d < nearest || (d == nearest && c.rise() > by.rise())) {
                 overtaken = Some((d, c));
             }
         }

@@ -13,6 +13,12 @@ pub(super) struct Beam {
     pub(super) up: [f64; 3],
 }
 
+/// Places of axes among commands.
+const A: usize = 3;
+const C: usize = 4;
+const U: usize = 5;
+const V: usize = 6;
+
 impl Beam {
     /// How far apart two beams meet their focal planes, nm.
     pub(super) fn distance(&self, to: &Self) -> f64 {
@@ -69,32 +75,33 @@ impl Chain {
         Some(Self { stage, origin: origin.map(|v| v as f64), turns, swap: s.swap_xy, mirror: [s.mirror_x, s.mirror_y] })
     }
 
-    /// Whether beams lean.
+    /// Whether the part may be tilted under the beam.
     pub(super) fn leans(&self) -> bool {
         self.turns.is_some()
     }
 
-    /// The point of the field under a sample.
+    /// Where the scanner points at these commands, nm, field frame.
     pub(super) fn field(&self, to: &Commands<f64>) -> [f64; 2] {
-        let u = if self.mirror[0] { -to[5] } else { to[5] };
-        let v = if self.mirror[1] { -to[6] } else { to[6] };
+        let u = if self.mirror[0] { -to[U] } else { to[U] };
+        let v = if self.mirror[1] { -to[V] } else { to[V] };
         if self.swap { [v, u] } else { [u, v] }
     }
 
-    /// The beam of a sample.
+    /// The beam at these commands: its place in the focal plane, nm, and its direction, part frame.
     pub(super) fn beam(&self, to: &Commands<f64>) -> Beam {
         let [u, v] = self.field(to);
-        let table = [self.stage[0] * to[0] + u, self.stage[1] * to[1] + v, self.stage[2] * to[2]];
+        // Table frame, nm.
+        let spot = [self.stage[0] * to[0] + u, self.stage[1] * to[1] + v, self.stage[2] * to[2]];
         let Some(turns) = &self.turns else {
-            return Beam { at: [0, 1, 2].map(|k| table[k] - self.origin[k]), up: [0.0, 0.0, 1.0] };
+            return Beam { at: [0, 1, 2].map(|k| spot[k] - self.origin[k]), up: [0.0, 0.0, 1.0] };
         };
-        let [a, c] = [turns.rad[0] * to[3], turns.rad[1] * to[4]];
-        // The table turned the part by C about z, then by A about x: back the other way round.
-        let back = |[x, y, z]: [f64; 3]| {
+        let [a, c] = [turns.rad[0] * to[A], turns.rad[1] * to[C]];
+        // The table turns the part by C about z, then by A about x; undone in reverse order.
+        let untilted = |[x, y, z]: [f64; 3]| {
             let (y, z) = (a.cos() * y + a.sin() * z, a.cos() * z - a.sin() * y);
             [c.cos() * x + c.sin() * y, c.cos() * y - c.sin() * x, z]
         };
-        let p = back([0, 1, 2].map(|k| table[k] - turns.pivot[k]));
-        Beam { at: [0, 1, 2].map(|k| p[k] + turns.pivot[k] - self.origin[k]), up: back([0.0, 0.0, 1.0]) }
+        let p = untilted([0, 1, 2].map(|k| spot[k] - turns.pivot[k]));
+        Beam { at: [0, 1, 2].map(|k| p[k] + turns.pivot[k] - self.origin[k]), up: untilted([0.0, 0.0, 1.0]) }
     }
 }

@@ -1,6 +1,6 @@
 //! Space curves as their file has them, by a reader of the verifier's own.
 //!
-//! Consumes a CSV, or a DXF of lines, 3D polylines and level light polylines; answers with the curves in the order of
+//! Consumes a CSV, or a DXF of lines, 3D polylines and level light polylines; returns the curves in the order of
 //! the file, mm. A DXF with anything else that could be drawn, such as arcs, blocks or hidden layers, is not read.
 
 use std::path::Path;

@@ -49,7 +49,7 @@ struct Head<'p, 'a> {
 }
 
 impl Head<'_, '_> {
-    /// Reads it, and answers with the layers.
+    /// Reads it, and returns the layers.
     fn layers(mut self, id: &str) -> Result<Vec<TableLayer>, Fault> {
         self.expect(&[(0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC")])?;
         self.expect(&[(0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LTYPE"), (70, "1")])?;

@@ -190,11 +190,12 @@ impl Leaves {
     }
 }
 
-/// What may stand at one place.
+/// What may be at one place of a manifest.
 #[derive(Default)]
 struct Node {
     is_leaf: bool,
-    is_all: bool,
+    /// Whether all below is known (`**`).
+    allows_all: bool,
     keys: BTreeMap<&'static str, Self>,
     items: Option<Box<Self>>,
 }
@@ -205,7 +206,7 @@ impl Node {
         for key in pattern.split('.') {
             let name = key.trim_end_matches("[]");
             if name == "**" {
-                return node.is_all = true;
+                return node.allows_all = true;
             }
             node = node.keys.entry(name).or_default();
             for _ in 0..(key.len() - name.len()) / 2 {
@@ -216,11 +217,11 @@ impl Node {
     }
 
     fn key(&self, name: &str) -> Option<&Self> {
-        self.keys.get(name).or_else(|| self.keys.get("*")).or_else(|| self.is_all.then_some(self))
+        self.keys.get(name).or_else(|| self.keys.get("*")).or_else(|| self.allows_all.then_some(self))
     }
 
     fn item(&self) -> Option<&Self> {
-        self.items.as_deref().or_else(|| self.is_all.then_some(self))
+        self.items.as_deref().or_else(|| self.allows_all.then_some(self))
     }
 }
 
@@ -251,14 +252,15 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn hold(self, is_known: impl FnOnce(&Node) -> bool) {
+    /// Notes the path of the first value that is not known.
+    fn note_unless(self, is_known: impl FnOnce(&Node) -> bool) {
         if self.unknown.is_none() && !self.node.is_some_and(is_known) {
             *self.unknown = Some(self.path.to_string());
         }
     }
 
     fn leaf(self) {
-        self.hold(|node| node.is_leaf || node.is_all);
+        self.note_unless(|node| node.is_leaf || node.allows_all);
     }
 }
 
@@ -304,7 +306,7 @@ impl<'de> Visitor<'de> for Walk<'_> {
 
     /// A value that is left out, of whatever kind it would be.
     fn visit_unit<E: Error>(self) -> Result<(), E> {
-        self.hold(|_| true);
+        self.note_unless(|_| true);
         Ok(())
     }
 
@@ -318,24 +320,24 @@ impl<'de> Visitor<'de> for Walk<'_> {
         {
             i += 1;
         }
-        Walk { node, path, unknown }.hold(|node| node.items.is_some() || node.is_all);
+        Walk { node, path, unknown }.note_unless(|node| node.items.is_some() || node.allows_all);
         Ok(())
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<(), A::Error> {
         let Self { node, path, unknown } = self;
-        let mut names = BTreeSet::new();
+        let mut seen = BTreeSet::new();
         while let Some(name) = entries.next_key::<String>()? {
             let below = node.and_then(|node| node.key(&name));
             let path = Path::Key(path, &name);
             entries.next_value_seed(Walk { node: below, path: &path, unknown: &mut *unknown })?;
-            // Of two values one reader takes the first, another the last.
-            if names.contains(&name) {
-                return Err(A::Error::custom(format!("{path} stands there twice")));
+            // JSON readers disagree on a repeated key: some take its first value, others its last.
+            if seen.contains(&name) {
+                return Err(A::Error::custom(format!("{path} is there twice")));
             }
-            names.insert(name);
+            seen.insert(name);
         }
-        Walk { node, path, unknown }.hold(|node| !node.keys.is_empty() || node.is_all);
+        Walk { node, path, unknown }.note_unless(|node| !node.keys.is_empty() || node.allows_all);
         Ok(())
     }
 }
@@ -366,6 +368,6 @@ mod tests {
         }
         assert!(STEPPED.unknown(b"{").is_err());
         let twice = STEPPED.unknown(br#"{"blocks": [{"files": {"dxf": "a", "csv": "b", "dxf": "c"}}]}"#);
-        assert!(twice.is_err_and(|e| e.to_string().contains("blocks[0].files.dxf stands there twice")));
+        assert!(twice.is_err_and(|e| e.to_string().contains("blocks[0].files.dxf is there twice")));
     }
 }

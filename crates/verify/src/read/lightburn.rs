@@ -140,7 +140,7 @@ fn setting(node: &Node<'_, '_>, id: &str) -> Result<(i64, Layer), String> {
     Ok((index, [decimal("maxPower")?, decimal("speed")?, whole("frequency")?, whole("numPasses")?]))
 }
 
-/// Vertices of a shape, and where each of its strokes ends among them; answers with the middle of the field.
+/// Vertices of a shape, and where each of its strokes ends among them; returns the middle of the field.
 fn shape(node: &Node<'_, '_>, points: &mut Vec<[i64; 2]>, ends: &mut Vec<usize>) -> Result<[i64; 2], &'static str> {
     if node.attribute("Type") != Some("Path") || node.attributes().len() != 2 {
         return Err("the shape is not a path on a layer, and nothing else");

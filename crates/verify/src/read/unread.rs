@@ -1,6 +1,6 @@
 //! What usvg does not read of a drawing, though viewers do: the proof names it, since what it changes is not checked.
 //!
-//! Consumes the drawing's XML; answers with sentences for the proof. Looked for are values and properties in attributes,
+//! Consumes the drawing's XML; returns sentences for the proof. Looked for are values and properties in attributes,
 //! in `style` attributes and in style sheets, by their text.
 
 use roxmltree::{Document, Node};

@@ -316,7 +316,7 @@ impl Cover<'_> {
         }
     }
 
-    /// Answers how far the gap (or, below 0, the share) between two marks may be off, nm. On a tilted part that may
+    /// Returns how far the gap (or, below 0, the share) between two marks may be off, nm. On a tilted part that may
     /// be counted as skipped or as an overlap although it is too small to be found here, and the other way round.
     fn joint(&mut self, gap: f64, passes: f64, beside: [Option<&Span>; 2]) -> f64 {
         let noise = noise(beside[0], beside[1]);
@@ -380,7 +380,7 @@ impl Cover<'_> {
         self.source.broken(&self.file.ids[block], place, format!("mark of stroke {}: {why}", stroke.source.0));
     }
 
-    /// Fills [`Cover::mark`] and answers with the mark's block.
+    /// Fills [`Cover::mark`] and returns the mark's block.
     fn load(&mut self, i: u32, stroke: &Stroke) -> usize {
         let program = &self.file.program;
         let block = program.blocks.partition_point(|b| b.strokes.end <= i as usize);

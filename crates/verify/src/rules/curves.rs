@@ -56,7 +56,7 @@ enum Aside {
     Followed,
 }
 
-/// Holds all curves to their files and to the surface; answers with what they came to, if there are any.
+/// Holds all curves to their files and to the surface; returns what they came to, if there are any.
 fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule: &mut Rule) -> Option<Found> {
     let mut found: Option<Found> = None;
     for (k, of_texture) in texture.curves() {

@@ -41,9 +41,9 @@ fn read(path: &Path) -> Result<Content, &'static str> {
         DrawingFormat::Bitmap => {
             decode_bitmap(&bytes, path).map(Content::Bitmap).map_err(|_| "the bitmap cannot be decoded")
         }
-        DrawingFormat::Dxf | DrawingFormat::Plot => Err("only uncompressed SVG drawings are read"),
+        DrawingFormat::Dxf | DrawingFormat::Plot => Err("DXF and HPGL drawings are not read by the verifier"),
         DrawingFormat::Svg => {
-            let text = String::from_utf8(bytes).map_err(|_| "only uncompressed SVG drawings in UTF-8 are read")?;
+            let text = String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text; compressed SVG is not read")?;
             Picture::read(&text).map(Content::Picture).ok_or(
                 "usvg cannot read it, cannot in bounded time, or would read its selectors otherwise than browsers do",
             )

@@ -29,7 +29,7 @@ struct Area {
     pitch: f64,
 }
 
-/// Lays the lines that the manifest speaks of and holds the rule; answers whether they could be laid.
+/// Lays the lines that the manifest speaks of and holds the rule; returns whether they could be laid.
 pub(crate) fn check(
     manifest: &Manifest,
     facts: &JobFacts,
@@ -224,7 +224,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Ends the last section, and looks into those without a line; answers with the places of the first lines of
+    /// Ends the last section, and looks into those without a line; returns the places of the first lines of
     /// sections, across, seen from their centres.
     fn finish(mut self) -> Vec<Option<f64>> {
         self.end_section();
@@ -254,7 +254,7 @@ impl Run {
         across(self.direction, p, centre)
     }
 
-    /// Takes the next line of the section; answers with what is wrong with it.
+    /// Takes the next line of the section; returns what is wrong with it.
     fn add(&mut self, a: P2, b: P2, centre: P2, pitch: f64) -> Option<&'static str> {
         let [pa, pb] = [a, b].map(|p| [p.x as f64, p.y as f64]);
         let (oa, ob) = (self.across(pa, centre), self.across(pb, centre));

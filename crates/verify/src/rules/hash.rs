@@ -13,7 +13,7 @@ use crate::read::manifest::{self, FileEntry, Listed};
 /// Folders inside the job folder are looked into this deep; terrace writes one level.
 const DEEPEST: usize = 8;
 
-/// Holds the rule; answers whether job file and inputs are unchanged.
+/// Holds the rule; returns whether job file and inputs are unchanged.
 pub(crate) fn check(folder: &Path, manifest: &Listed<'_>, inputs: &Inputs, rule: &mut Rule) -> bool {
     rule.ran = true;
     let mut listed = BTreeSet::new();

@@ -118,7 +118,7 @@ impl<'a> Run<'a> {
         self.part = Part::Moves;
     }
 
-    /// The stop at which the part is moved; answers whether it is one.
+    /// The stop at which the part is moved; returns whether it is one.
     fn is_moved(&mut self, line: usize) -> bool {
         if self.part != Part::Moves {
             return false;
@@ -205,7 +205,7 @@ impl<'a> Run<'a> {
         self.finish(ended);
     }
 
-    /// START at statement `i - 1`: BUSY rises, START falls, BUSY falls. Answers where it continues.
+    /// START at statement `i - 1`: BUSY rises, START falls, BUSY falls. Returns where it continues.
     fn fire(&mut self, i: usize, line: usize) -> usize {
         if !self.settled {
             self.broken(line, "START comes without a dwell after the stage moved");
@@ -270,7 +270,7 @@ impl<'a> Run<'a> {
     }
 
     /// A branch from statement `i` on, which must end the program with the output off, whatever else is in it: `off` is
-    /// followed through it alone, since after `endif` the program continues as if there had been none. Answers where
+    /// followed through it alone, since after `endif` the program continues as if there had been none. Returns where
     /// that is.
     fn branch(&mut self, i: usize, label: u32, at: usize, what: &str) -> usize {
         let statements = &self.stage.statements;

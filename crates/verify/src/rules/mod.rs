@@ -45,7 +45,7 @@ use terrace_core::geom::P2;
 use terrace_core::machine::Commanded;
 use terrace_core::program::{Block, Program};
 
-/// The rules that need the folder alone; answers with the stage programs that could be read.
+/// The rules that need the folder alone; returns the stage programs that could be read.
 pub(super) fn without_inputs(
     folder: &Path,
     manifest: &Manifest,

@@ -23,7 +23,7 @@ pub(super) struct TextureStroke {
 }
 
 impl TextureStroke {
-    /// Places stroke `number` of the drawing, and answers with its pen; None where it has no points.
+    /// Places stroke `number` of the drawing, and returns its pen; None where it has no points.
     pub(super) fn place(&mut self, drawing: &Drawing<'_>, number: usize) -> Option<PenId> {
         let pen = (drawing.stroke)(number, &mut self.points);
         self.along.clear();

@@ -58,7 +58,7 @@ fn is_refused(folder: &Path) -> bool {
     crate::verify(folder, None).map_or(true, |proof| !proof.ok)
 }
 
-/// Changes, removes and adds leaves of the manifest of a sound folder, one in `step` of them; answers with the changes
+/// Changes, removes and adds leaves of the manifest of a sound folder, one in `step` of them; returns the changes
 /// that pass, though they are not listed as not proved.
 pub(crate) fn unproved_leaves(folder: &Path, known: &Leaves, step: usize) -> BTreeSet<String> {
     let path = folder.join(MANIFEST);
@@ -194,7 +194,7 @@ fn line_of(text: &str, at: usize) -> String {
     text[start..].lines().next().unwrap_or_default().to_owned()
 }
 
-/// Changes the files of a sound folder but pictures and pages, every `step`th place of each; answers with the changes
+/// Changes the files of a sound folder but pictures and pages, every `step`th place of each; returns the changes
 /// that pass.
 pub(crate) fn unproved_words(folder: &Path, step: usize) -> BTreeSet<String> {
     let sound = std::fs::read(folder.join(MANIFEST)).expect("a manifest");

@@ -65,10 +65,10 @@ impl Schema {
 }
 
 /// Sorts the keys of every `[[texture]]` of a job file, as [`TextureKeys`] reads them. Keys of another source are
-/// faults, and left out. Answers whether all textures have what they need.
+/// faults, and left out. Returns whether all textures have what they need.
 ///
 /// [`TextureKeys`]: super::keys::TextureKeys
-pub(in crate::job) fn sort(root: &mut DeTable<'_>, f: &mut Faults<'_>) -> bool {
+pub(in crate::job) fn split_keys(root: &mut DeTable<'_>, f: &mut Faults<'_>) -> bool {
     let Some(DeValue::Array(list)) = root.get_mut("texture").map(Spanned::get_mut) else { return true };
     let mut is_whole = true;
     for (i, entry) in list.iter_mut().enumerate() {
@@ -111,7 +111,7 @@ fn source(i: usize, table: &DeTable<'_>, f: &mut Faults<'_>) -> Option<&'static 
     }
 }
 
-/// Takes out the keys that are not of the source, and answers whether those that it needs are there.
+/// Takes out the keys that are not of the source, and returns whether those that it needs are there.
 fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'_>) -> bool {
     let source = match tag {
         "pattern" => SCHEMA.patterns.iter().find(|source| table["pattern"].get_ref().as_str() == Some(&source.name)),

@@ -54,7 +54,7 @@ enum End {
     Fault(Diag),
 }
 
-/// Converts a file, and answers with the bytes of the mesh.
+/// Converts a file, and returns the bytes of the mesh.
 pub(super) fn run(path: &Path, format: &str, fine: Tessellation) -> Result<Vec<u8>, Diag> {
     let limits = Limits::from_environment()?;
     let mut tried = Vec::new();

@@ -15,7 +15,7 @@ use quick_xml::name::{Namespace, ResolveResult};
 use super::super::lines::{number, shown};
 use super::slicer::{Aside, Volume};
 use super::transform::Transform;
-use super::xml::{attributes, check_declaration, text_of, xml_fault};
+use super::xml::{attributes, refuse_dtd_and_encoding, text_of, xml_fault};
 use terrace_core::diag::Diag;
 
 /// Deepest nesting of elements; models have eight.
@@ -235,7 +235,7 @@ pub(super) fn read(input: &mut dyn BufRead, name: &str) -> Result<Model, Diag> {
             }
             Event::Text(text) => parser.text(&text),
             Event::Eof => break,
-            event => check_declaration(&event, name)?,
+            event => refuse_dtd_and_encoding(&event, name)?,
         }
     }
     if !parser.stack.is_empty() || !has_model {

@@ -14,7 +14,7 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use super::super::lines::{self, place};
-use super::xml::{attributes, check_declaration, text_of, xml_fault};
+use super::xml::{attributes, refuse_dtd_and_encoding, text_of, xml_fault};
 use terrace_core::diag::{Diag, Error, memory, unreadable};
 
 /// Most bytes that one byte of the archive may stand for. Models reach 20; a stream of one byte repeated reaches 1032.
@@ -199,7 +199,7 @@ fn relationships(input: &mut dyn BufRead, name: &str) -> Result<Vec<Relationship
                 found.push(Relationship { kind, target, is_external: mode.is_some_and(|m| m == "External") });
             }
             Event::Eof => return Ok(found),
-            event => check_declaration(&event, name)?,
+            event => refuse_dtd_and_encoding(&event, name)?,
         }
     }
 }

@@ -12,7 +12,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use super::super::lines::shown;
-use super::xml::{attributes, check_declaration, text_of, xml_fault};
+use super::xml::{attributes, refuse_dtd_and_encoding, text_of, xml_fault};
 use terrace_core::diag::Diag;
 
 /// Most bytes of a part with settings.
@@ -110,7 +110,7 @@ pub(super) fn read(input: &mut dyn BufRead, name: &str) -> Result<Volumes, Diag>
                 return Err(parser.fault("3mf-xml", "an element is not closed: the part is cut short".into()));
             }
             Event::Eof => return Ok(parser.found),
-            event => check_declaration(&event, name)?,
+            event => refuse_dtd_and_encoding(&event, name)?,
         }
     }
 }

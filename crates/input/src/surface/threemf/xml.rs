@@ -31,8 +31,8 @@ pub(super) fn text_of(value: &str, name: &str) -> Result<String, Diag> {
     Ok(text.trim().to_owned())
 }
 
-/// Refuses document types, and encodings that are not read.
-pub(super) fn check_declaration(event: &Event<'_>, name: &str) -> Result<(), Diag> {
+/// Refuses a document type and every encoding but UTF-8; other events pass. `name` is that of the part of the package.
+pub(super) fn refuse_dtd_and_encoding(event: &Event<'_>, name: &str) -> Result<(), Diag> {
     match event {
         Event::DocType(_) => {
             Err(Diag::input("3mf-xml", format!("{name}: a document type (DTD) is not allowed in 3MF"))
@@ -40,10 +40,11 @@ pub(super) fn check_declaration(event: &Event<'_>, name: &str) -> Result<(), Dia
         }
         Event::Decl(decl) => match decl.encoding() {
             Some(Ok(encoding)) if !encoding.eq_ignore_ascii_case("utf-8") => {
-                let text = format!("{name}: the encoding {} is not read", shown(encoding.as_bytes()));
+                let text = format!("{name}: encoding {} is not supported", shown(encoding.as_bytes()));
                 Err(Diag::input("3mf-xml", text).hint("save it as UTF-8"))
             }
             Some(Err(e)) => Err(xml_fault(name, &e.into())),
+            // UTF-8 is stated, or nothing is, which means UTF-8.
             _ => Ok(()),
         },
         _ => Ok(()),

@@ -68,7 +68,7 @@ impl DotScreen {
         }
     }
 
-    /// Appends the dots of a picture on a page, each as a line of one point; answers with what is said where the cells
+    /// Appends the dots of a picture on a page, each as a line of one point; returns what is said where the cells
     /// of a halftone beat with the picture.
     pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
         let [c, s] = self.direction;

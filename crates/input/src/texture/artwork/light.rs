@@ -26,7 +26,7 @@ enum Issue {
     HidesAll,
 }
 
-/// The warnings of a drawing whose shapes have these classes; `area` answers with the area of a shape by its number.
+/// The warnings of a drawing whose shapes have these classes; `area` returns the area of a shape by its number.
 pub(super) fn warnings(
     art: &Artwork,
     marking: &Marking,

@@ -477,7 +477,7 @@ impl Raster {
         }
     }
 
-    /// Appends the lines or dots of a picture; answers with what is said of its tone.
+    /// Appends the lines or dots of a picture; returns what is said of its tone.
     fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
         match self {
             Self::Lines(screen) => screen.mark(grey, size, out).map(|()| None),

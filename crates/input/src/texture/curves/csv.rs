@@ -96,7 +96,7 @@ impl Separator {
         [';', ',', '\t'].into_iter().find(|&c| row.contains(c)).map_or(Self::Blanks, Self::Char)
     }
 
-    /// Calls `f` with the index and the text of each field; answers with their number.
+    /// Calls `f` with the index and the text of each field; returns their number.
     fn fields<'a>(self, row: &'a str, mut f: impl FnMut(usize, &'a str)) -> usize {
         let mut count = 0;
         let mut field = |text: &'a str| {

@@ -205,7 +205,7 @@ impl Parser {
             _ => {}
         }
         match (self.section, r.kind) {
-            (Section::Tables, b"LAYER") => return self.layer(r),
+            (Section::Tables, b"LAYER") => return self.layer_row(r),
             (Section::Tables, b"LTYPE") => {
                 let name = r.tag(2).map(Tag::text).unwrap_or_default();
                 let number = self.file.line_type(&name);
@@ -240,15 +240,20 @@ impl Parser {
         Ok(())
     }
 
-    fn layer(&mut self, r: &Record<'_, '_>) -> Result<(), Fault> {
+    /// A row of the LAYER table.
+    fn layer_row(&mut self, r: &Record<'_, '_>) -> Result<(), Fault> {
         const FROZEN: i64 = 1;
+        /// Black or white, against the background.
+        const DEFAULT_COLOUR: i64 = 7;
         let number = self.file.layer(&r.tag(2).map(Tag::text).unwrap_or_default());
-        let index = r.whole(62)?.unwrap_or(7);
+        let index = r.whole(62)?.unwrap_or(DEFAULT_COLOUR);
         let line_type = r.tag(6).map(|t| self.file.line_type(&t.text()));
         let layer = &mut self.file.layers.list[number as usize];
         layer.is_frozen = r.has(70, FROZEN)?;
+        // A negative number of its colour switches a layer off.
         layer.is_off = index < 0;
         layer.is_plotted = r.whole(290)? != Some(0);
+        // A true colour goes before the colour of a number.
         layer.paint = match r.whole(420)? {
             Some(rgb) => Paint::of_rgb(rgb),
             None => Paint::of_index(index.saturating_abs()),

@@ -151,7 +151,7 @@ impl<'a> Outline<'a> {
         }
     }
 
-    /// A line or arc to the next vertex of a polyline; answers whether the bulge could be drawn as it is.
+    /// A line or arc to the next vertex of a polyline; returns whether the bulge could be drawn as it is.
     pub(super) fn bulge_to(&mut self, p: Point, bulge: f64) -> bool {
         if bulge == 0.0 || p == self.at {
             self.line_to(p);

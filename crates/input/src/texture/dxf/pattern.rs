@@ -75,7 +75,7 @@ impl Ruling<'_> {
         Ok(ruled)
     }
 
-    /// Appends the dashes of line s from t0 to t1; answers whether dots were left out.
+    /// Appends the dashes of line s from t0 to t1; returns whether dots were left out.
     fn dash(&self, s: f64, [t0, t1]: [f64; 2], out: &mut Lines) -> Result<bool, Stop> {
         let scale = self.direction[0].hypot(self.direction[1]);
         let mut put = |from: f64, to: f64| {

@@ -545,7 +545,7 @@ fn without(rings: &Lines, holes: &Lines) -> Result<Lines, TooMany> {
     Ok(out)
 }
 
-/// The closed lines of a boundary path, in mm; answers whether all its edges could be drawn.
+/// The closed lines of a boundary path, in mm; returns whether all its edges could be drawn.
 fn rings_of(path: &Path, map: Map, tolerance: f64, rings: &mut Lines) -> Result<bool, Stop> {
     let mut edges = Lines::default();
     let mut is_sound = true;

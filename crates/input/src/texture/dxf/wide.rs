@@ -77,7 +77,7 @@ fn left([x, y, _]: Point) -> Point {
     [-y, x, 0.0]
 }
 
-/// Draws the area of all segments with a width; answers whether it is that of AutoCAD for certain.
+/// Draws the area of all segments with a width; returns whether it is that of AutoCAD for certain.
 pub(super) fn areas(line: &Polyline, out: &mut Outline<'_>) -> bool {
     let segments = segments(line);
     let mut is_certain = true;

@@ -49,16 +49,16 @@ struct Entry {
     pieces: u32,
 }
 
-/// What was found in a range of strokes.
+/// What the border leaves of a range of strokes.
 #[derive(Default)]
-struct Found {
+struct RangeLeft {
     list: Vec<Entry>,
     len: u64,
     points: u64,
     bounds: Option<Box2>,
 }
 
-/// Scratch space of a stroke that is cut.
+/// Buffers reused from stroke to stroke.
 #[derive(Default)]
 struct Scratch {
     points: Vec<P2>,
@@ -90,7 +90,7 @@ impl Masked {
             let tasks = (to - from).div_ceil(chunk) as usize;
             let found = parallel::map(tasks, |k| {
                 let first = from + k as u64 * chunk;
-                masked.find(first, (first + chunk).min(to))
+                masked.cut_range(first, (first + chunk).min(to))
             });
             for found in found {
                 if masked.len + found.len > MAX_STROKES || masked.list.len() + found.list.len() > MAX_LISTED {
@@ -107,29 +107,26 @@ impl Masked {
         Ok(masked)
     }
 
-    fn find(&self, first: u64, end: u64) -> Found {
-        let mut found = Found::default();
+    /// What the border leaves of strokes `first..end` of the figure; indices count from the first that is left.
+    fn cut_range(&self, first: u64, end: u64) -> RangeLeft {
+        let mut found = RangeLeft::default();
         let mut scratch = Scratch::default();
-        // Where a run of whole strokes continues.
-        let mut run = None;
+        // The stroke that would continue the run of untouched strokes.
+        let mut run_next = None;
         for base in first..end {
             let is_whole = self.cut(base, &mut scratch);
             let pieces = scratch.pieces.len();
             if pieces == 0 {
+                // Nothing is left of it: the next untouched stroke begins a new run.
                 continue;
             }
-            let entry = |pieces| Entry { start: found.len as u32, base: base as u32, pieces };
-            if is_whole {
-                if run != Some(base) {
-                    let entry = entry(0);
-                    found.list.push(entry);
-                }
-                run = Some(base + 1);
-            } else {
-                let entry = entry(pieces as u32);
-                found.list.push(entry);
-                run = None;
+            let (start, stroke) = (found.len as u32, base as u32);
+            if !is_whole {
+                found.list.push(Entry { start, base: stroke, pieces: pieces as u32 });
+            } else if run_next != Some(base) {
+                found.list.push(Entry { start, base: stroke, pieces: 0 });
             }
+            run_next = is_whole.then_some(base + 1);
             found.len += pieces as u64;
             found.points += scratch.pieces.points.len() as u64;
             let mut bounds = found.bounds.unwrap_or(Box2::EMPTY);
@@ -139,7 +136,7 @@ impl Masked {
         found
     }
 
-    /// Cuts a stroke of the figure; answers whether it is left as it is.
+    /// Cuts a stroke of the figure; returns whether it is left as it is.
     fn cut(&self, base: u64, scratch: &mut Scratch) -> bool {
         let Scratch { points, line, pieces, hard } = scratch;
         points.clear();

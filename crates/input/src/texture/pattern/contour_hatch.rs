@@ -223,7 +223,7 @@ impl Contour {
         shifted(at, if dot(before.normal(), normal) < 0.0 { off } else { -off })
     }
 
-    /// Finds the first line of a cell and answers with the number of its lines.
+    /// Finds the first line of a cell and returns the number of its lines.
     fn count(&self, lattice: &mut Lattice) -> Result<u64, Error> {
         let Some([lo, hi]) = span(self.outline(lattice.cell).into_iter().map(|p| lattice.height(p))) else {
             return Ok(0);

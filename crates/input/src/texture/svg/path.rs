@@ -11,7 +11,7 @@ enum Last {
     Quad([f64; 2]),
 }
 
-/// Draws path data up to its end or its first fault; answers whether it was faultless.
+/// Draws path data up to its end or its first fault; returns whether it was faultless.
 pub(super) fn path(data: &str, out: &mut impl Sink) -> bool {
     let mut last = Last::Other;
     for segment in PathParser::from(data) {
@@ -78,7 +78,7 @@ fn is_finite(segment: &PathSegment) -> bool {
     }
 }
 
-/// Draws the points of a polyline or polygon; answers whether they were faultless.
+/// Draws the points of a polyline or polygon; returns whether they were faultless.
 pub(super) fn points(list: &str, close: bool, out: &mut impl Sink) -> bool {
     let mut numbers = NumberListParser::from(list);
     let (mut first, mut whole) = (true, true);

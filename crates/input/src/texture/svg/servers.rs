@@ -170,7 +170,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         Some(chain)
     }
 
-    /// Cuts what `state` holds at a clip path or mask; answers whether something of the element may be drawn.
+    /// Cuts what `state` holds at a clip path or mask; returns whether something of the element may be drawn.
     pub(super) fn cut(
         &mut self,
         node: Node<'a, 'input>,
@@ -537,7 +537,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(out)
     }
 
-    /// Scales the state to the box of an element where an attribute says so; answers whether that has a size.
+    /// Scales the state to the box of an element where an attribute says so; returns whether that has a size.
     fn scaled_to_box(
         &mut self,
         server: Node<'a, 'input>,

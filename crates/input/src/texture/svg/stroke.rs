@@ -44,7 +44,7 @@ impl Curves {
         Self { path: BezPath::new(), start: [0.0; 2], at: [0.0; 2], tolerance }
     }
 
-    /// Takes out the subpaths that are drawn without going farther than `reach` from their first point; answers with
+    /// Takes out the subpaths that are drawn without going farther than `reach` from their first point; returns
     /// these.
     pub(super) fn take_dots(&mut self, reach: f64) -> Vec<Point> {
         let mut dots = Vec::new();
@@ -78,7 +78,7 @@ impl Curves {
         self.path.perimeter(self.tolerance)
     }
 
-    /// Cuts the subpaths into dashes; answers how long those are that have no length.
+    /// Cuts the subpaths into dashes; returns how long those are that have no length.
     pub(super) fn dash(&mut self, pen: &Pen) -> Result<f64, TooMany> {
         let period: f64 = pen.dashes.iter().sum();
         if self.path.perimeter(self.tolerance) / period * pen.dashes.len() as f64 > MAX_DASHES {

@@ -299,7 +299,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
     }
 
-    /// Applies the transform of an element; answers whether anything is left of it.
+    /// Applies the transform of an element; returns whether anything is left of it.
     pub(super) fn moved(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
         if self.boxed == Some(node.id()) || !state.style.has_transform() {
             return Ok(true);
@@ -338,7 +338,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         (map.enlarges() - self.pixel_mm).abs() <= tiny && x.abs() <= tiny && (y - self.page.hi[1]).abs() <= tiny
     }
 
-    /// Cuts an element at its clip path and mask; answers whether something of it may be drawn.
+    /// Cuts an element at its clip path and mask; returns whether something of it may be drawn.
     pub(super) fn shows_through(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
         if self.purpose == Purpose::Bounds {
             return Ok(true);
@@ -427,7 +427,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         })
     }
 
-    /// Notes what of a shape's looks is not marked; answers whether the rest can be.
+    /// Notes what of a shape's looks is not marked; returns whether the rest can be.
     fn judge(&mut self, node: Node<'a, 'input>, state: &State) -> bool {
         let style = &state.style;
         if self.purpose == Purpose::Clip {
@@ -457,7 +457,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         has_corners && [&style.marker_start, &style.marker_mid, &style.marker_end].into_iter().any(is_marker)
     }
 
-    /// Gives strokes the width that they have on the screen whatever the transforms; answers whether that can be drawn.
+    /// Gives strokes the width that they have on the screen whatever the transforms; returns whether that can be drawn.
     fn unscaled(&mut self, node: Node<'a, 'input>, state: &mut State) -> bool {
         if !state.map.is_similar() {
             self.note(Issue::Effect, node);
@@ -593,7 +593,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(())
     }
 
-    /// Notes an area that shapes are cut at, within an outer one; answers with its index.
+    /// Notes an area that shapes are cut at, within an outer one; returns its index.
     pub(super) fn clip(&mut self, outer: Option<u32>, area: Area, node: Node<'a, 'input>) -> Result<u32, Box<Diag>> {
         let area = match outer {
             None => Ok(area),

@@ -37,7 +37,7 @@ impl<'a> At<'a> {
         Self { to: program.start, kind: program.kind, machine }
     }
 
-    /// Appends a word, after a blank, for each of these axes that moves to `to`; answers whether any does.
+    /// Appends a word, after a blank, for each of these axes that moves to `to`; returns whether any does.
     fn words(&mut self, out: &mut Vec<u8>, to: &AxisCommands) -> bool {
         let mut moves = false;
         for &k in self.kind.axes() {

@@ -77,7 +77,7 @@ fn room(program: &Program) -> usize {
     8 * points.len() + 90 * strokes.iter().filter(|s| s.len != 2).count() + 500 * blocks.len()
 }
 
-/// Appends one work plane with its vector blocks and its table; answers with the extent of its points.
+/// Appends one work plane with its vector blocks and its table; returns the extent of its points.
 fn work_plane(
     file: &mut File,
     checked: &Checked,

@@ -47,7 +47,7 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
             rewinding.keep(0, turns);
         } else if rewinding.way[first] - rewinding.way[from] < SHORTEST {
             // A rewind takes way: a mark that begins where the last one ended keeps its turns, whether they fit or not.
-            next.by = turns.by;
+            next = Revolutions { by: turns.by, fit: next.fit && next.by == turns.by };
         }
         rewinding.jump([from, first], [turns, next]);
         (first + 1..end).for_each(|k| rewinding.keep(k, next));

@@ -267,10 +267,15 @@ fn is_sound(motion: &Motion, strokes: &OrderedStrokes) -> Result<(), Error> {
 
 /// A sample that is due at a time of the motion, s, on the way to a node from `from` to `to`.
 struct Due {
+    /// Node of the motion at which the way ends.
     i: usize,
+    /// Time in the motion, s.
     at: f64,
+    /// Whether this is the node itself, not a place before it.
     is_node: bool,
+    /// The spot at the beginning of the way, part frame, mm.
     from: [f64; 3],
+    /// The spot at its end.
     to: [f64; 3],
 }
 
@@ -302,7 +307,7 @@ impl Default for Delay {
 
 impl Delay {
     /// The spot is late by `by` at a sample that was due at `due`.
-    fn is(&mut self, by: f64, due: f64, marks: bool) {
+    fn record(&mut self, by: f64, due: f64, marks: bool) {
         self.by = by.max(0.0);
         // Half a microsecond is the rounding of a time.
         if by <= 0.5 {
@@ -387,26 +392,28 @@ impl Maker<'_> {
             // A sample needs a time of its own; what waits for one is caught up by the next.
             let us = ((due + delay).round() as i64).max(last.us + least);
             let time = start + (us as f64 - delay) * 1e-6;
-            let (spot, by_time) = self.end(node, time);
+            let (spot, keeps_pace) = self.end(node, time);
             let to = self.commanded(us, spot)?;
             if us - last.us >= self.needed(&last.to, &to, mark) {
-                self.delay.is(if by_time { delay } else { us as f64 - due }, due, mark.is_some());
+                self.delay.record(if keeps_pace { delay } else { us as f64 - due }, due, mark.is_some());
                 return Ok(Move { us, to, mark });
             }
         }
         let spot = if node.is_node { node.to } else { self.end(node, node.at).0 };
         let mut us = last.us + least;
         // The stage moves on meanwhile, and the scanner has to compensate for that too.
-        for round in 0.. {
+        let mut round = 0;
+        loop {
             let to = self.commanded(us, spot)?;
             let needed = last.us + self.needed(&last.to, &to, mark);
+            // After all rounds the move stays too fast, and the check of the program refuses it.
             if needed <= us || round == ROUNDS {
-                self.delay.is(us as f64 - due, due, mark.is_some());
+                self.delay.record(us as f64 - due, due, mark.is_some());
                 return Ok(Move { us, to, mark });
             }
             us = needed;
+            round += 1;
         }
-        Err(Diag::bug("fly-motion", "a sample has no time").into())
     }
 
     /// The least time of a move, us.
@@ -441,7 +448,7 @@ impl Maker<'_> {
         let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];
         let cut = norm(off) * norm(cross) / (norm(way) * norm(on));
-        // Never of a NaN: where the spot rests.
+        // Not of NaN, which a spot at rest gives: then it is at the node.
         if cut < CUT { (spot, true) } else { (at, false) }
     }
 

@@ -62,7 +62,7 @@ impl<const N: usize> Window<N> {
         Self { apart, us: std::array::from_fn(|i| (i as i64 + 1 - N as i64) * apart), at: [start; N] }
     }
 
-    /// Takes a sample if it lies far enough from the last; answers whether it did.
+    /// Takes a sample if it lies far enough from the last; returns whether it did.
     fn takes(&mut self, us: i64, at: &AxisCommands) -> bool {
         if us - self.us[N - 1] < self.apart {
             return false;

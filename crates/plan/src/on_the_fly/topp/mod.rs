@@ -195,7 +195,8 @@ pub fn time_optimal(path: &Path, limits: &[Limit], options: &Options) -> Result<
     let mut rest = &mut bends[..];
     let mut parts = Vec::with_capacity(stops.len());
     for w in stops.windows(2) {
-        // The bend at a stop is zero from both sides, so the left run may own it.
+        // The second derivative is 0 at both ends of a run. A run owns those of its nodes but the last, which is the
+        // first of the next run.
         let (part, tail) = rest.split_at_mut((w[1] - w[0]) * axes);
         parts.push((w[0], w[1], part));
         rest = tail;
@@ -351,9 +352,9 @@ impl Timed {
     /// `hint` is the cell of the last call, and becomes that of this one: rising times cost no search.
     pub fn at(&self, time: f64, hint: &mut usize, state: &mut State) {
         let (i, t) = cell(&self.time, time, hint);
-        let (x, rate, gain) = self.along(i, t - self.time[i]);
+        let (x, rate, s_acceleration) = self.along(i, t - self.time[i]);
         (state.s, state.rate) = (self.s[i] + x, rate);
-        self.state_at(self.segment[i] as usize, gain, state);
+        self.state_at(self.segment[i] as usize, s_acceleration, state);
     }
 
     /// The parameter at `time`, as [`Timed::at`] has it.
@@ -396,8 +397,9 @@ impl Timed {
         (x, v0 + u * (2.0 * c2 + 3.0 * u * c3), (2.0 * c2 + 6.0 * u * c3) / d)
     }
 
-    /// Axes from the spline at `state.s` and `state.rate`, which changes by `gain` per s.
-    fn state_at(&self, segment: usize, gain: f64, state: &mut State) {
+    /// Position, velocity and acceleration of every axis in a segment, by the chain rule, from `state.s` (mm), `state.rate`
+    /// (ds/dt) and `s_acceleration` (d2s/dt2, mm/s2).
+    fn state_at(&self, segment: usize, s_acceleration: f64, state: &mut State) {
         let k = self.axes;
         for list in [&mut state.position, &mut state.velocity, &mut state.acceleration] {
             list.resize(k, 0.0);
@@ -406,11 +408,11 @@ impl Timed {
         let (from, to) = (segment * k, (segment + 1) * k);
         for a in 0..k {
             let ends = [self.positions[from + a], self.positions[to + a]];
-            let bends = [self.bends[from + a], self.bends.get(to + a).copied().unwrap_or(0.0)];
+            let bends = [self.bends[from + a], self.bends[to + a]];
             let [q, d1, d2] = spline::segment(ends, bends, s1 - s0, state.s - s0);
             state.position[a] = q;
             state.velocity[a] = d1 * state.rate;
-            state.acceleration[a] = d2 * state.rate * state.rate + d1 * gain;
+            state.acceleration[a] = d2 * state.rate * state.rate + d1 * s_acceleration;
         }
     }
 }

@@ -34,7 +34,7 @@ impl Certificate {
         sum.div_ceil(u64::from(self.whole.max(1))) as usize
     }
 
-    /// Looks at every box that can matter and answers whether none holds more than one whole.
+    /// Looks at every box that can matter and returns whether none holds more than one whole.
     ///
     /// A box that holds some pieces can be pushed up, and then along x and y, until a lower end of a
     /// piece that it holds stops it: such boxes are enough. Where the number of pieces in reach of one
@@ -53,7 +53,7 @@ impl Certificate {
             let others = upwards[n..].iter().take_while(|(p, _)| p.lo[2] <= top);
             above.extend(others.filter(|(p, _)| fit(lowest, p, self.size)));
             // Pieces as low as this one that come before it have been looked at together with it.
-            heaviest(lowest, &above, self.size, &[0, 1]) <= u64::from(self.whole)
+            heaviest_box_with(lowest, &above, self.size, &[0, 1]) <= u64::from(self.whole)
         })
     }
 }
@@ -81,33 +81,35 @@ pub fn lower_bound_whole(figures: &[Item], size: [i32; 3]) -> Certificate {
     independent_set::certify(figures.to_vec(), size)
 }
 
-/// Do the two fit one box of `size`? Pieces of which any two fit one box all fit one box.
+/// Whether a box of `size` holds both. Pieces that fit pairwise fit together: along each axis they are intervals.
 fn fit(a: &Item, b: &Item, size: [i32; 3]) -> bool {
     (0..3).all(|k| i64::from(a.hi[k].max(b.hi[k])) - i64::from(a.lo[k].min(b.lo[k])) <= i64::from(size[k]))
 }
 
-/// The most weight of `near` in a box of `size` that holds `piece`, when the box is shifted along
-/// `axes` only. Every one of `near` fits with `piece`.
-fn heaviest(piece: &Item, near: &[(Item, u32)], size: [i32; 3], axes: &[usize]) -> u64 {
-    let all = near.iter().map(|n| u64::from(n.1)).sum();
-    let Some((&k, axes)) = axes.split_first() else { return all };
+/// Largest total weight of `pieces` in one box of `size` that also holds `piece`. The box moves along `axes` only: what
+/// it does not hold along the others is not among `pieces`. Each of these fits a box together with `piece`.
+fn heaviest_box_with(piece: &Item, pieces: &[(Item, u32)], size: [i32; 3], axes: &[usize]) -> u64 {
+    let all = pieces.iter().map(|n| u64::from(n.1)).sum();
+    let Some((&k, rest)) = axes.split_first() else { return all };
     let mut best = 0;
-    // A box can be pushed up along the axis until the lower end of a piece in it stops it, without losing a piece:
-    // only those starts matter, and axis after axis they are tried on what the box still holds.
-    let mut starts: Vec<i32> = near.iter().map(|(p, _)| p.lo[k].min(piece.lo[k])).collect();
+    // A box that moves up until the lower end of a piece inside is its lower border loses no piece: only lower ends are
+    // tried as starts. One above that of `piece` would lose it.
+    let mut starts: Vec<i32> = pieces.iter().map(|(p, _)| p.lo[k].min(piece.lo[k])).collect();
     starts.sort_unstable();
     starts.dedup();
-    let mut inside: Vec<(Item, u32)> = Vec::with_capacity(near.len());
+    let mut inside: Vec<(Item, u32)> = Vec::with_capacity(pieces.len());
     for start in starts {
         let end = i64::from(start) + i64::from(size[k]);
         if end < i64::from(piece.hi[k]) {
+            // It does not hold `piece`.
             continue;
         }
         inside.clear();
-        inside.extend(near.iter().filter(|(p, _)| p.lo[k] >= start && i64::from(p.hi[k]) <= end));
+        inside.extend(pieces.iter().filter(|(p, _)| p.lo[k] >= start && i64::from(p.hi[k]) <= end));
         let sum: u64 = inside.iter().map(|n| u64::from(n.1)).sum();
+        // The other axes leave no more of it than this.
         if sum > best {
-            best = best.max(heaviest(piece, &inside, size, axes));
+            best = best.max(heaviest_box_with(piece, &inside, size, rest));
         }
         if best == all {
             break;

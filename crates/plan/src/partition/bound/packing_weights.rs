@@ -1,7 +1,7 @@
 //! Pieces with weights, and how much weight more a piece can take.
 
 use super::super::box_index::{Item, cell_of, grid_over};
-use super::{Certificate, fit, heaviest};
+use super::{Certificate, fit, heaviest_box_with};
 use terrace_core::geom::Grid;
 
 /// Bins along an axis at most.
@@ -69,7 +69,7 @@ impl PackingWeights {
         });
         // The constraint of the packing: no box holds more than one whole. Only boxes that hold the piece change by
         // it, so what the heaviest of them lacks can be added.
-        let load = heaviest(piece, &near, self.size, &[2, 0, 1]);
+        let load = heaviest_box_with(piece, &near, self.size, &[2, 0, 1]);
         self.near = near;
         self.whole - (load as u32).min(self.whole)
     }

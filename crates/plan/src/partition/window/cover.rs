@@ -130,7 +130,7 @@ impl<'a> Cover<'a> {
         }
     }
 
-    /// Moves box b; the pieces that no box holds any more are added to `bare`. Answers how many
+    /// Moves box b; the pieces that no box holds any more are added to `bare`. Returns how many
     /// pieces that no box held it holds now.
     pub(super) fn shift(&mut self, b: u32, corner: [i32; 3], bare: &mut Vec<u32>) -> usize {
         let mut list = std::mem::take(&mut self.spare);

@@ -19,7 +19,7 @@ use cover::Cover;
 use strips::Strip;
 
 /// Boxes of `size` (nm: window x, window y, depth range), lower corners at multiples of `step` (nm)
-/// along every axis, that hold every item. Answers the lower corners, upwards.
+/// along every axis, that hold every item. Returns the lower corners, upwards.
 ///
 /// # Panics
 /// Where no box at a multiple of `step` holds an item: the caller has cut it.
@@ -64,7 +64,7 @@ fn bands(index: &Index, upwards: &[u32], size: [i32; 3]) -> Vec<[i32; 3]> {
     let mut strip = Strip::new(index.items(), size);
     let below = |n: i32| size[2] / OFFSETS * n;
     let best = (0..OFFSETS).min_by_key(|&n| strips::sweep(index, upwards, size, below(n), 1, &mut strip).len());
-    strips::sweep(index, upwards, size, below(best.unwrap_or(0)), strips::WAYS.len(), &mut strip)
+    strips::sweep(index, upwards, size, below(best.unwrap_or(0)), strips::DIRECTIONS.len(), &mut strip)
 }
 
 #[cfg(test)]

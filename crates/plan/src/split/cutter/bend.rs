@@ -20,7 +20,7 @@ impl Bend {
         Self { from, at: None, along: [0.0; 2], open: [0.0; 2] }
     }
 
-    /// Goes on to `to`; answers the place at which a point must be set, if one must.
+    /// Goes on to `to`; returns the place at which a point must be set, if one must.
     pub(super) fn go(&mut self, to: [f64; 2]) -> Option<[f64; 2]> {
         let corner = self.at.filter(|_| !self.reaches(to));
         if let Some(corner) = corner {

@@ -59,6 +59,17 @@ enum Before {
     Skipped,
 }
 
+/// Where the open fragment is to be cut.
+#[derive(Clone, Copy)]
+struct PlannedCut {
+    /// Index of the piece in its run.
+    piece: usize,
+    /// Share of its segment.
+    t: f64,
+    /// The stop that continues.
+    next: StopId,
+}
+
 /// Cuts strokes between the stops of one candidate.
 pub(super) struct Cutter<'a> {
     normals: Normals<'a>,
@@ -81,8 +92,8 @@ pub(super) struct Cutter<'a> {
     /// Stops that admit a point; scratch space.
     admitting: Vec<StopId>,
     seam: Seam,
-    /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
-    cut: Option<(usize, f64, StopId)>,
+    /// Where the open fragment is to be cut although its stop would continue.
+    cut: Option<PlannedCut>,
     /// Largest squared slope under a mark as its stop sees it.
     worst_turned2: f64,
 }
@@ -169,56 +180,56 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    pub(super) fn run(&mut self, run: &Run) {
+    /// Cuts one run of traced segments: marks every piece in the stop that continues, and changes stops where one ends, at
+    /// a planned cut, or after a place that is not marked.
+    pub(super) fn cut_run(&mut self, run: &Run) {
+        // A planned cut names a piece of its run.
+        self.cut = None;
         for (k, s) in run.segments.iter().enumerate() {
-            // A cut is planned within the run, by the number of a piece.
-            if k == 0 {
-                self.cut = None;
-            }
             // The stop of the open fragment, and where on the segment its window ends.
-            let mut stop = self.open.as_ref().map(|o| (o.stop, self.window_end(o.stop, s)));
+            let mut carried = self.open.as_ref().map(|o| (o.stop, self.window_end(o.stop, s)));
             let mut bridges = 0;
             for i in s.first..s.end {
                 let p = &run.pieces[i];
                 if let Some(skip) = p.skip {
                     self.skip(skip, s, p.t0);
-                    stop = None;
+                    carried = None;
                     continue;
                 }
                 if self.unmarked.is_some() {
                     self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
                 }
-                // Invariant: what lies before t is marked or counted. `stop` is the stop that continues with where
-                // its window ends on this segment; None where one must be chosen. A turn of the loop either moves t
-                // on, or finds that the stop of the piece before does not admit this one and leaves the choice to
-                // the next turn.
+                // Invariant: what lies before t is marked or counted. `carried` is the stop that continues, and where
+                // its window ends on this segment; None where one must be chosen. Each iteration moves t on, or finds
+                // that the stop of the piece before does not admit this one and leaves the choice to the next.
                 let mut t = p.t0;
                 while t < p.t1 {
-                    let chosen = stop.is_none();
-                    let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
-                    let mut exit = self.exit(at, end, s, p, t);
-                    if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
-                        exit = exit.min(cut.max(t));
+                    let is_chosen = carried.is_none();
+                    let (stop, end) = carried.take().unwrap_or_else(|| self.go_on(run, k, i, t));
+                    let mut exit = self.exit(stop, end, s, p, t);
+                    if let Some(cut) = self.cut.filter(|cut| cut.piece == i) {
+                        exit = exit.min(cut.t.max(t));
                     }
-                    if chosen && exit <= t {
-                        // Rounding left a gap between two stops: bridged by a nanometre. A gap that continues is a
-                        // fault of the method: the mark stays in one stop, so that the check says so.
+                    if is_chosen && exit <= t {
+                        // Not even the stop that was just chosen goes beyond t: rounding left a gap between two stops,
+                        // which is bridged by a nanometre. A gap that continues is a fault of the method: the mark
+                        // stays in this stop, and the check of the program reports it.
                         bridges += 1;
                         exit = if bridges > BRIDGES { p.t1 } else { (t + 1.0 / s.a.distance(s.b)).min(p.t1) };
                     } else {
                         bridges = 0;
                     }
                     if exit > t {
-                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at) {
-                            self.share(at, run, i, t);
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != stop) {
+                            self.share(stop, run, i, t);
                         }
-                        self.mark(at, s, [t, exit], p);
+                        self.mark(stop, s, [t, exit], p);
                         t = exit;
                     }
-                    // A stop that reached the end of the piece continues unasked: it was chosen as the one that the
+                    // A stop that reached the end of the piece is carried over: it was chosen as the one that the
                     // stroke leaves last.
                     if exit >= p.t1 {
-                        stop = Some((at, end));
+                        carried = Some((stop, end));
                     }
                 }
             }
@@ -322,7 +333,7 @@ impl<'a> Cutter<'a> {
     /// The stop that continues after `t` on piece `i` of segment `k`, and where its window ends; plans the
     /// place of the next cut if that is free.
     fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
-        let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
+        let planned = self.cut.take().filter(|cut| cut.piece == i && cut.t <= t).map(|cut| cut.next);
         let (s, p) = (&run.segments[k], &run.pieces[i]);
         let ends = planned.map(|next| (next, self.window_end(next, s)));
         let (stop, end) =
@@ -403,19 +414,18 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Counts what was not marked up to `to`, as one stretch along the segment: its facets may be smaller
-    /// than the grid to which their borders would be rounded.
+    /// Counts the stretch without marks that ends at `to` as a whole, not facet by facet: facets can be smaller than the
+    /// nanometre grid to which their borders would be rounded.
     fn end_unmarked(&mut self, to: P2, [a, b]: [P2; 2]) {
         let Some((skip, from)) = self.unmarked.take() else { return };
-        // The length along the segment, not between the rounded ends: sums of many short stretches must come out as
-        // the length of the stroke.
-        let dot = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
-        let length = self.passes * dot.max(0.0) / a.distance(b) / NM_PER_MM;
+        // Measured along the segment, not between the rounded ends, so that many short stretches sum to its length.
+        let along = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
+        let length_mm = self.passes * along.max(0.0) / a.distance(b) / NM_PER_MM;
         match skip {
-            Skip::OffPart => self.out.skipped.off_part += length,
+            Skip::OffPart => self.out.skipped.off_part += length_mm,
             Skip::Steep => {
-                self.out.skipped.steep += length;
-                if length > 0.0 {
+                self.out.skipped.steep += length_mm;
+                if length_mm > 0.0 {
                     self.out.steep_at.get_or_insert(from);
                 }
             }
@@ -514,7 +524,7 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
+    /// Ends the open fragment at `end`; returns whether it is long enough to be marked.
     fn close(&mut self, end: P2) -> bool {
         let Some(open) = self.open.take() else { return false };
         let p = self.local(open.stop, end, self.z);
@@ -565,7 +575,7 @@ impl<'a> Cutter<'a> {
     }
 
     /// Leaves out the sliver before the fragment that begins at point `first` and shares `shared` with it; `length` is
-    /// that of the sliver. Answers where the fragment begins then.
+    /// that of the sliver. Returns where the fragment begins then.
     fn drop_before(&mut self, first: usize, length: f64, shared: f64) -> usize {
         let (Some(sliver), Some(measure)) = (self.out.list.pop(), self.out.measures.pop()) else { return first };
         self.out.mark_mm -= self.passes * length / NM_PER_MM;

@@ -1,6 +1,6 @@
 //! Seams: where a stroke is cut although its stop would continue, and what two stops both mark.
 
-use super::{Cutter, EPS, Run};
+use super::{Cutter, EPS, PlannedCut, Run};
 use terrace_core::geom::Turn;
 use terrace_core::program::{CHORD_NM, StopId, StrokeId};
 
@@ -36,7 +36,7 @@ impl Seam {
 impl Cutter<'_> {
     /// A random place to leave `stop`, which continues from `t` on piece `i` of segment `k`: in the zone before
     /// the place where it must be left, as far as the stop that follows admits it too.
-    pub(super) fn plan(&mut self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, StopId)> {
+    pub(super) fn plan(&mut self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> Option<PlannedCut> {
         // Where the stop must be left, and the stop that follows there: the cut may lie anywhere before as long as
         // both admit the stroke.
         let (j, exit) = self.left(stop, run, k, i, t);
@@ -54,11 +54,11 @@ impl Cutter<'_> {
         back *= whole / self.seam.zone;
         let ((piece, at), _) = self.admitted_before(next, run, (j, exit), (i, t), back);
         let begin = piece == i && (at - t) * run.segments[k].a.distance(run.segments[k].b) < 2.0;
-        (!begin).then_some((piece, at, next))
+        (!begin).then_some(PlannedCut { piece, t: at, next })
     }
 
     /// Goes back from one place of a stroke to another as long as `stop` admits it, at most `most` nm;
-    /// answers where that ends and how far it is.
+    /// returns where that ends and how far it is.
     pub(super) fn admitted_before(
         &self,
         stop: StopId,

@@ -126,7 +126,7 @@ impl Planned {
     }
 }
 
-/// Writes the job of a sort with its surface, and answers with its path.
+/// Writes the job of a sort with its surface, and returns its path.
 fn write_job(sort: &Sort, dir: &Path) -> PathBuf {
     std::fs::write(dir.join("part.stl"), stl(sort)).expect("write");
     let text = format!(
@@ -166,7 +166,7 @@ impl Bench {
         Checked::new(self.program.clone(), &self.machine, false).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Writes a program into a folder and answers with its path.
+    /// Writes a program into a folder and returns its path.
     pub(super) fn written(&self, checked: Checked) -> PathBuf {
         self.stating(checked, self.lengths)
     }

@@ -303,6 +303,13 @@ fn laser_reports_programs_that_could_fire_outside_marks() {
     assert!(broken(&proof).contains(&"laser"), "{}", proof.to_text());
     let proof = bench.damaged("fly.pmc", |t| t.replacen(" TS0", " TS0.5", 1));
     assert!(broken(&proof).contains(&"laser"), "{}", proof.to_text());
+    // A rapid before abs would be one by so much; a power set at once would change during a mark.
+    let late = |t: &str| t.replacen("\nabs\n", "\n", 1).replacen("\nlinear TA", "\nabs\nlinear TA", 1);
+    assert_only("laser", &bench.damaged("fly.pmc", late));
+    for (name, synchronised, at_once) in [("fly.pmc", "\nM2==", "\nM2="), ("fly.ngc", "\nM67 E0 Q", "\nM68 E0 Q")] {
+        let proof = bench.damaged(name, |t| t.replacen(synchronised, at_once, 1));
+        assert!(broken(&proof).contains(&"laser"), "{name}: {}", proof.to_text());
+    }
 }
 
 #[test]
