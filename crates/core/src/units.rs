@@ -295,28 +295,28 @@ impl Frequency {
 
 impl Voltage {
     /// The voltage in V.
-    pub const fn as_v(self) -> f64 {
+    pub(crate) const fn as_v(self) -> f64 {
         self.0
     }
 }
 
 impl Inductance {
     /// The inductance in H.
-    pub const fn as_h(self) -> f64 {
+    pub(crate) const fn as_h(self) -> f64 {
         self.0 * 1e-3
     }
 }
 
 impl ForceConstant {
     /// The force constant in N/A.
-    pub const fn as_n_a(self) -> f64 {
+    pub(crate) const fn as_n_a(self) -> f64 {
         self.0
     }
 }
 
 impl Mass {
     /// The mass in kg.
-    pub const fn as_kg(self) -> f64 {
+    pub(crate) const fn as_kg(self) -> f64 {
         self.0
     }
 }
@@ -416,7 +416,7 @@ fn article(what: &str) -> String {
 }
 
 /// Splits "12.5 mm" into its number and its unit. Refuses what is not finite, and decimal commas.
-pub fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64, &'a str), String> {
+pub(crate) fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64, &'a str), String> {
     let text = text.trim();
     let end = text
         .char_indices()

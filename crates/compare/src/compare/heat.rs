@@ -17,7 +17,7 @@ const BEFORE: f64 = 20.0;
 
 /// A material, with properties that do not change with temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Material {
+pub(crate) struct Material {
     /// Thermal conductivity, W/(m K).
     pub conductivity_w_m_k: f64,
     /// Density, kg/m³.
@@ -27,7 +27,8 @@ pub struct Material {
 }
 
 /// A nickel alloy, the material of Cui et al. (2021), by the properties of handbooks.
-pub const NICKEL_ALLOY: Material = Material { conductivity_w_m_k: 25.0, density_kg_m3: 8190.0, heat_j_kg_k: 600.0 };
+pub(crate) const NICKEL_ALLOY: Material =
+    Material { conductivity_w_m_k: 25.0, density_kg_m3: 8190.0, heat_j_kg_k: 600.0 };
 
 /// A beam that moves over the part.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +90,7 @@ pub struct Fit {
 }
 
 /// Times between two exposures, s.
-pub const AFTER_S: [f64; 3] = [0.01, 0.1, 1.0];
+pub(crate) const AFTER_S: [f64; 3] = [0.01, 0.1, 1.0];
 
 /// Temperature that Cui et al. (2021) print for a first exposure, degC, and the power and speed of their beam.
 pub const PRINTED: f64 = 2002.0;

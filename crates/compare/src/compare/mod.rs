@@ -204,7 +204,7 @@ pub struct Figures {
 
 impl Figures {
     /// Time of the machine and of loading the blocks, one after the other, s: a person attends all of it.
-    pub fn counted_s(&self) -> f64 {
+    pub(crate) fn counted_s(&self) -> f64 {
         self.time.total() + self.load_s.unwrap_or(0.0)
     }
 }
@@ -303,7 +303,7 @@ pub struct Comparison {
 impl Comparison {
     /// What a system costs, where the machine file states rates and the system runs on that machine, whatever is added
     /// to it.
-    pub fn cost_of(&self, figures: &Figures) -> Option<f64> {
+    pub(crate) fn cost_of(&self, figures: &Figures) -> Option<f64> {
         let cost = self.cost.filter(|_| !matches!(figures.hardware, Hardware::Other(_)))?;
         Some(cost.of(figures.counted_s()))
     }

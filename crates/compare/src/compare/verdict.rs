@@ -278,7 +278,7 @@ impl<'a> Rows<'a> {
 
 impl Figures {
     /// All limits are kept by all marks and by the motion.
-    pub fn keeps_limits(&self) -> bool {
+    pub(crate) fn keeps_limits(&self) -> bool {
         self.beyond.is_empty() && self.within >= 100.0
     }
 

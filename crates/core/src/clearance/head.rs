@@ -92,7 +92,7 @@ impl Way {
 impl Head<'_> {
     /// How far the head comes too near to the part on the straight way of the stage from `a` to `b` at one tilt; 0 or less
     /// where it keeps clear, the least number where no tile is near.
-    pub fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
+    pub(crate) fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
         let turn = self.machine.turn(tilt, self.origin);
         let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
         let [x, y, z] = turn.rows();

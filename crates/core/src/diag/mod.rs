@@ -326,7 +326,7 @@ fn near_names(path: &Path) -> Vec<String> {
 ///
 /// # Errors
 /// `toml` with the place of the fault: syntax, unknown or missing keys, wrong units, values out of range.
-pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str) -> Result<T, Error> {
+pub(crate) fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str) -> Result<T, Error> {
     from_table(path, source, parse_toml(path, source, keys)?, keys)
 }
 

@@ -26,7 +26,7 @@ impl<T: Copy + Default> Buckets<T> {
 }
 
 /// Hands the items of a range of rows to a function: the row, the columns in it, the item.
-pub type ItemsOfRows<'a, T> = dyn Fn(Range<usize>, &mut dyn FnMut(usize, Range<usize>, T)) + Sync + 'a;
+pub(crate) type ItemsOfRows<'a, T> = dyn Fn(Range<usize>, &mut dyn FnMut(usize, Range<usize>, T)) + Sync + 'a;
 
 /// Cells from which on more than one thread sorts items into them.
 const FOR_THREADS: usize = 1 << 16;

@@ -67,7 +67,7 @@ impl RestToRest {
     }
 
     /// Way on each ramp, mm.
-    pub fn ramp_mm(&self) -> f64 {
+    pub(crate) fn ramp_mm(&self) -> f64 {
         0.5 * self.peak * self.ramp_s
     }
 

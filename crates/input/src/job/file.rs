@@ -20,7 +20,7 @@ use terrace_core::units::{
 /// The keys of a job file.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct JobFile {
+pub(crate) struct JobFile {
     /// How the part is marked; written above all tables.
     #[serde(default)]
     pub mode: Mode,
@@ -84,7 +84,7 @@ impl Mode {
 /// `[surface]`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SurfaceKeys {
+pub(crate) struct SurfaceKeys {
     /// Meshes: `.stl`, `.obj`, `.ply`, `.3mf`. CAD: `.step`, `.stp`, `.iges`, `.igs`. Height maps: `.png`, `.tif`,
     /// `.tiff`. Points or an ESRI grid: `.xyz`, `.csv`, `.asc`, `.txt`, `.pts`, `.ptx`.
     #[schemars(example = &"part.stl", extend("x-value" = "path"))]
@@ -138,7 +138,7 @@ pub enum NonManifold {
 /// `[surface.heightmap]`: samples are nodes, row 0 is the top (+y).
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct HeightmapKeys {
+pub(crate) struct HeightmapKeys {
     /// Distance between neighbouring samples, in x and in y.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -162,7 +162,7 @@ pub struct HeightmapKeys {
 /// `[placement]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PlacementKeys {
+pub(crate) struct PlacementKeys {
     /// Position of the turned part's origin in the table frame.
     #[schemars(example = ["300 mm", "200 mm", "-80 mm"], extend("x-default" = "the middle of the stops at the centre of travel; with tilted stops or set-ups, the centre of the texture"))]
     #[serde(default)]
@@ -221,7 +221,7 @@ pub enum DepthRule {
 /// `[focus]`: give `pdof`, or `dof` and `factor`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct FocusKeys {
+pub(crate) struct FocusKeys {
     /// Processing depth of focus: height range in which your process gives the wanted result.
     #[schemars(extend("x-default" = "this or `dof`"))]
     #[serde(default)]
@@ -275,7 +275,7 @@ pub enum StrokeOrder {
 /// `[order]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct OrderKeys {
+pub(crate) struct OrderKeys {
     /// Order of the stops: least time of stage moves, or focal planes that only rise, or only fall.
     #[serde(default)]
     pub stops: StopOrder,
@@ -287,7 +287,7 @@ pub struct OrderKeys {
 /// `[passes]`: how many times the whole texture is marked, each time with its own stops.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PassesKeys {
+pub(crate) struct PassesKeys {
     /// Number of passes.
     #[schemars(example = 3, extend("x-value" = "1 to 100"))]
     #[serde(default = "once")]
@@ -316,7 +316,7 @@ impl Default for PassesKeys {
 /// `[setups]`: a part beyond the stage travel is moved on the table and marked from several places.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SetupsKeys {
+pub(crate) struct SetupsKeys {
     /// Number of columns of set-ups along x; "auto" chooses the smallest number for which all stops are within travel.
     #[schemars(extend("x-value" = "1 to 100 or \"auto\""))]
     #[serde(default)]
@@ -415,7 +415,7 @@ pub enum Implausible {
 /// `[limits]`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct LimitsKeys {
+pub(crate) struct LimitsKeys {
     /// Marks on a slope above this cause a warning.
     #[serde(default = "default_warn_incidence")]
     pub warn_incidence: Angle,
@@ -463,7 +463,7 @@ impl Default for LimitsKeys {
 /// `[machine]`: a built-in profile or a file.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct MachineKeys {
+pub(crate) struct MachineKeys {
     /// A built-in profile; `terrace machines` lists them.
     #[schemars(example = &"xyz-galvo-40", extend("x-value" = "name", "x-default" = "this or `file`"))]
     #[serde(default)]
@@ -477,7 +477,7 @@ pub struct MachineKeys {
 /// `[[pen]]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PenKeys {
+pub(crate) struct PenKeys {
     /// What textures call it.
     #[schemars(example = &"fill", extend("x-value" = "letters, digits, - and _"))]
     pub name: String,
@@ -515,7 +515,7 @@ fn once() -> u32 {
 /// `[emit]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct EmitKeys {
+pub(crate) struct EmitKeys {
     /// What is written in addition to the manifest, the program text, the pictures and the run sheets.
     #[schemars(example = ["dxf", "linuxcnc", "ovf"], extend("x-default" = "stepped: [\"dxf\", \"linuxcnc\", \"ovf\"]; on the fly: [\"linuxcnc\", \"pmac\"]"))]
     #[serde(default)]

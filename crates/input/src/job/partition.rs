@@ -11,7 +11,7 @@ use terrace_core::units::{Length, non_negative, non_negative_option, positive_op
 /// `[partition]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PartitionKeys {
+pub(crate) struct PartitionKeys {
     /// How stops are chosen, see below.
     #[serde(default)]
     pub method: Method,

@@ -162,11 +162,6 @@ impl Focus {
     pub fn half_depth_mm(&self) -> f64 {
         self.depth.mm() / 2.0
     }
-
-    /// How far errors may take marks that far on, mm: what the reserve leaves to either side.
-    pub fn half_reserve_mm(&self) -> f64 {
-        self.rule.range(self.reserve).mm() / 2.0
-    }
 }
 
 impl super::DepthRule {

@@ -103,7 +103,7 @@ impl Bins {
 
     /// Appends the facets of bin `b` that may lie under the line from `from` to `to`, which may reach
     /// beyond the bin.
-    pub fn facets_under(&self, b: usize, from: P2, to: P2, out: &mut Vec<u32>) {
+    pub(crate) fn facets_under(&self, b: usize, from: P2, to: P2, out: &mut Vec<u32>) {
         let Some(Fine { grid, facets }) = self.fine.get(&(b as u32)) else {
             return out.extend_from_slice(self.facets(b));
         };

@@ -131,7 +131,7 @@ impl Bodies {
 
 impl Body {
     /// Whether it lies above another: over some of it in plan, and higher.
-    pub fn is_above(&self, other: &Self) -> bool {
+    pub(crate) fn is_above(&self, other: &Self) -> bool {
         let (a, b) = (&self.bounds, &other.bounds);
         let over = (0..2).all(|k| a.lo[k] < b.hi[k] && b.lo[k] < a.hi[k]);
         over && a.hi[2] > b.hi[2] && a.lo[2] >= (b.lo[2] + b.hi[2]) / 2.0

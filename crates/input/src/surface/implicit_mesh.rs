@@ -12,7 +12,7 @@ use terrace_core::geom::{NM_PER_MM, P2};
 
 /// A height map on the nanometre grid, local coordinates: part frame less [`ImplicitMesh::origin`].
 #[derive(Debug)]
-pub struct ImplicitMesh {
+pub(crate) struct ImplicitMesh {
     pub(crate) origin: P2,
     pub(crate) columns: usize,
     pub(crate) rows: usize,

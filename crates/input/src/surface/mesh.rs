@@ -236,7 +236,7 @@ impl Welder {
 
     /// Takes the facets that `read` hands to its sink, and returns what `read` answers. Corners are welded on a
     /// thread of their own where there are several: reading a file and welding take about as long.
-    pub fn fed_by<T>(self, read: impl FnOnce(&mut dyn FnMut([[f64; 3]; 3])) -> T) -> (Self, T) {
+    pub(crate) fn fed_by<T>(self, read: impl FnOnce(&mut dyn FnMut([[f64; 3]; 3])) -> T) -> (Self, T) {
         if parallel::threads() == 1 {
             let mut welder = self;
             let out = read(&mut |facet| welder.facet(facet));

@@ -10,7 +10,7 @@ use terrace_core::units::{Angle, quantity_from_text};
 
 /// Direction of a hatch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Direction {
+pub(crate) enum Direction {
     /// From +x, counter-clockwise.
     Angle(Angle),
     /// `"contour"`: in every section that of the level lines.

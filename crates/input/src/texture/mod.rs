@@ -78,7 +78,7 @@ pub enum Area {
 }
 
 /// What is said of a drawing whose name shows that it is not read, such as `panel.dxf`.
-pub fn foreign_drawing(path: &std::path::Path) -> Option<Diag> {
+pub(crate) fn foreign_drawing(path: &std::path::Path) -> Option<Diag> {
     foreign::name(path)
 }
 

@@ -103,7 +103,7 @@ const NEAR: f64 = 0.995;
 /// `measure` adds its gradient and its matrix of second derivatives at a point to cleared ones. The
 /// answer keeps every row; its measure is within `tolerance` × (1 + Σ |gradient · x|) of the least. Where the
 /// start does not keep the rows strictly, or numbers fail, it is the best that was reached.
-pub fn minimise<const W: usize>(
+pub(crate) fn minimise<const W: usize>(
     start: Vec<f64>,
     width: usize,
     rows: &[Row<W>],

@@ -36,7 +36,7 @@ pub struct Limits {
 
 /// A place where a mark does not keep its limits.
 #[derive(Clone, Copy, Debug)]
-pub struct Miss {
+pub(crate) struct Miss {
     /// In plan.
     pub at: [f64; 2],
     /// Where its beam meets the part.
@@ -45,7 +45,7 @@ pub struct Miss {
 
 /// Focal offset and incidence of the marks of a program on the part.
 #[derive(Clone, Debug, Default)]
-pub struct FocusOnPart {
+pub(crate) struct FocusOnPart {
     /// Largest focal offset.
     pub focus: f64,
     /// Largest angle.
@@ -154,7 +154,7 @@ struct Finder<'a> {
 ///
 /// # Errors
 /// Those of a machine that does not have the program's axes.
-pub fn focus_on_part(
+pub(crate) fn focus_on_part(
     program: &Program,
     machine: &Machine,
     surface: &Surface,

@@ -89,13 +89,13 @@ impl<'a> KinematicModel<'a> {
     }
 
     /// Poses of the part seen from the pivot.
-    pub fn all_from_pivot(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
+    pub(crate) fn all_from_pivot(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
         poses.iter_mut().for_each(|pose| pose.p = self.from_pivot(pose.p));
         poses
     }
 
     /// The branches that a path may take: the quickest.
-    pub fn branches(&self) -> Branches {
+    pub(crate) fn branches(&self) -> Branches {
         Branches::Quickest { a: self.limits[3].speed, c: self.limits[4].speed }
     }
 

@@ -141,7 +141,7 @@ impl SpotMotion {
     }
 
     /// The node that it leaves at or before a time, from 0 to the last but one; `hint` is that of the last call.
-    pub fn node_at(&self, time: f64, hint: &mut usize) -> usize {
+    pub(crate) fn node_at(&self, time: f64, hint: &mut usize) -> usize {
         let last = self.times.len() - 2;
         let begins = |i: usize| self.times[i][0] <= time;
         if !begins(*hint) || *hint < last && begins(*hint + 2) {

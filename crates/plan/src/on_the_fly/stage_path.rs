@@ -24,7 +24,7 @@ const MOST: f64 = 400_000.0;
 
 /// Stage axes over a rising parameter, a natural cubic spline between stops.
 #[derive(Clone, Debug, Default)]
-pub struct StagePath {
+pub(crate) struct StagePath {
     /// The parameter at the nodes.
     pub at: Vec<f64>,
     /// Positions, [`STAGE`] a node.
@@ -47,12 +47,12 @@ impl StagePath {
     }
 
     /// Over the spot's own time through all tools, at rest at `stops`.
-    pub fn through_stops(spot: &SpotMotion, axes: &[Axes], stops: Vec<usize>) -> Self {
+    pub(crate) fn through_stops(spot: &SpotMotion, axes: &[Axes], stops: Vec<usize>) -> Self {
         Self::new(spot.times().iter().map(|t| t[0]).collect(), axes.iter().flat_map(listed).collect(), stops)
     }
 
     /// Over the spot's own time through the tool of every node of the path, but for nodes that are all but at one time.
-    pub fn through_nodes(spot: &SpotMotion, axes: &[Axes], rewinds: &[[usize; 2]]) -> Self {
+    pub(crate) fn through_nodes(spot: &SpotMotion, axes: &[Axes], rewinds: &[[usize; 2]]) -> Self {
         let mut out = Legs::default();
         for Leg { first, last, .. } in legs(axes.len(), rewinds) {
             out.by_nodes(spot, axes, first, last);
@@ -96,7 +96,7 @@ impl StagePath {
     }
 
     /// The stage as the spot comes to each node of its path.
-    pub fn at_nodes(&self, spot: &SpotMotion) -> Vec<Axes> {
+    pub(crate) fn at_nodes(&self, spot: &SpotMotion) -> Vec<Axes> {
         let mut hint = 0;
         spot.times().iter().map(|t| self.axes(t[0], &mut hint)).collect()
     }

@@ -198,7 +198,7 @@ impl Decomposed {
     ///
     /// # Errors
     /// `travel`, with the travel that would be needed.
-    pub fn within_travel(&self, model: &KinematicModel<'_>) -> Result<(), Error> {
+    pub(crate) fn within_travel(&self, model: &KinematicModel<'_>) -> Result<(), Error> {
         let fault = |BeyondTravel { letter, needed: [least, most], travel: [lo, hi] }| {
             let text = format!(
                 "{} would have to turn from {least:.2} to {most:.2} deg, {:.2} deg in all; its travel is {lo} to {hi} deg",
@@ -319,7 +319,7 @@ impl Reader<'_> {
     }
 
     /// The axes at a time, s, at which the spot is at a node.
-    pub fn at_node(&mut self, node: usize, time: f64) -> Instant {
+    pub(crate) fn at_node(&mut self, node: usize, time: f64) -> Instant {
         self.made.stage.at(time, &mut self.hint, &mut self.state);
         self.instant(node, self.made.path.nodes[node].at)
     }

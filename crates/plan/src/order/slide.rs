@@ -16,7 +16,7 @@ use terrace_core::machine::Machine;
 
 /// A stop of the tour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TourStop {
+pub(crate) struct TourStop {
     /// Where it stands.
     pub at: [i64; 3],
     /// Between which places it may stand along each axis; both lie on the lattice of `at`.
@@ -35,7 +35,7 @@ pub type Placed = (usize, [i64; 3]);
 
 /// What the moves of the stage cost, and where it may stand.
 #[derive(Clone, Copy)]
-pub struct MoveRules<'a> {
+pub(crate) struct MoveRules<'a> {
     /// The machine.
     pub machine: &'a Machine,
     /// From where the stage comes to the first stop; None where that does not count.
@@ -60,7 +60,7 @@ const HALVINGS: usize = 12;
 
 /// Moves the stops of a tour inside their rooms. `step` is the increment of the stage. Returns the time of their
 /// moves, s.
-pub fn slide(stops: &mut Vec<TourStop>, rules: &MoveRules<'_>, step: i64) -> f64 {
+pub(crate) fn slide(stops: &mut Vec<TourStop>, rules: &MoveRules<'_>, step: i64) -> f64 {
     let timer = MoveTimer::new(rules.machine);
     let mut best = Tour { stops: stops.clone(), rules, timer: &timer, step };
     best.shorten();

@@ -41,7 +41,7 @@ impl Lattice {
     /// With levels that overlap, so that a height that swings about a border need not change the stop
     /// each time. Rounded to the lattice; at most a quarter of the depth range.
     #[must_use]
-    pub fn with_hysteresis(mut self, nm: f64) -> Self {
+    pub(crate) fn with_hysteresis(mut self, nm: f64) -> Self {
         let most = self.depth / 4 / self.step;
         self.hysteresis = self.step * ((nm / self.step.f64()).round() as i64).min(most);
         self
@@ -152,7 +152,7 @@ impl Stops {
 
     /// Whether the machine tilts the part.
     #[inline]
-    pub fn is_tilted(&self) -> bool {
+    pub(crate) fn is_tilted(&self) -> bool {
         self.stops.first().is_some_and(|s| s.tilted.is_some())
     }
 

@@ -17,7 +17,7 @@ use terrace_core::machine::{Machine, Origin, TiltAngles};
 use terrace_core::program::{SectionId, Sections, Stop};
 
 /// What tilted stops are made for.
-pub struct TiltSite<'a> {
+pub(crate) struct TiltSite<'a> {
     /// A machine with tilt axes.
     pub machine: &'a Machine,
     /// Position of the part in the table frame.
@@ -209,7 +209,7 @@ impl TiltSite<'_> {
     }
 
     /// Makes a field upright: what its tilt cannot do is done without.
-    pub fn set_upright(&self, field: &mut TiltedField) {
+    pub(crate) fn set_upright(&self, field: &mut TiltedField) {
         *field = self.upright(field.area);
     }
 

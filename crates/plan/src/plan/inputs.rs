@@ -189,7 +189,7 @@ impl Inputs {
     ///
     /// # Errors
     /// Those of patterns, which the turn from pass to pass can cause.
-    pub fn texture_of_pass(&self, job: &Job, pass: PassId) -> Result<Texture, Error> {
+    pub(crate) fn texture_of_pass(&self, job: &Job, pass: PassId) -> Result<Texture, Error> {
         if pass == PassId(0) {
             return Ok(self.texture.clone());
         }

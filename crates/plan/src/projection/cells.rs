@@ -122,7 +122,7 @@ impl Cells {
     }
 
     /// The whole figures, sorted.
-    pub fn take_figures(&mut self) -> Vec<Figure> {
+    pub(crate) fn take_figures(&mut self) -> Vec<Figure> {
         self.figures.sort_unstable();
         std::mem::take(&mut self.figures)
     }

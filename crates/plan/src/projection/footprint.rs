@@ -62,7 +62,7 @@ impl Heights {
     }
 
     /// The intervals, upwards; joined.
-    pub fn intervals(&self) -> &[(f64, f64)] {
+    pub(crate) fn intervals(&self) -> &[(f64, f64)] {
         debug_assert!(self.new.is_empty());
         &self.list
     }
@@ -298,7 +298,7 @@ impl Footprint {
     /// The footprint with the lowest interval of every section reaching `by` nm further down, so that levels begin
     /// there.
     #[must_use]
-    pub fn deepened(mut self, by: f64) -> Self {
+    pub(crate) fn deepened(mut self, by: f64) -> Self {
         for lowest in self.sections.values_mut().filter_map(|s| s.heights.list.first_mut()) {
             lowest.0 -= by;
         }
@@ -306,12 +306,12 @@ impl Footprint {
     }
 
     /// The intervals of a section, upwards; strokes that are to stay whole are not among them.
-    pub fn of_section(&self, section: usize) -> &[(f64, f64)] {
+    pub(crate) fn of_section(&self, section: usize) -> &[(f64, f64)] {
         self.sections.get(&(section as u32)).map_or(&[], |s| s.heights.intervals())
     }
 
     /// Lowest and highest mark of the strokes that are to stay whole in a section, by the lowest.
-    pub fn figures_of(&self, section: usize) -> &[(f64, f64)] {
+    pub(crate) fn figures_of(&self, section: usize) -> &[(f64, f64)] {
         self.sections.get(&(section as u32)).map_or(&[], |s| &s.figures)
     }
 
@@ -322,7 +322,7 @@ impl Footprint {
 
     /// Strokes that were to stay whole: those that a rim or a steep place breaks, those that lie across a
     /// border of sections.
-    pub fn not_whole(&self) -> [usize; 2] {
+    pub(crate) fn not_whole(&self) -> [usize; 2] {
         [self.broken, self.astride]
     }
 
@@ -341,7 +341,7 @@ impl Footprint {
     /// The hysteresis that keeps the surface's roughness from shredding strokes, nm: nine tenths of the mean
     /// of the small rises and falls, where these are a quarter of all or more (fewer cut strokes by less
     /// than a third, and stops cost more); else 0. White noise of deviation s gives 1.6 s.
-    pub fn roughness(&self) -> f64 {
+    pub(crate) fn roughness(&self) -> f64 {
         let Ripple { count, sum, all } = self.ripple;
         if count == 0 || sum * 4 < all { 0.0 } else { 0.9 * sum as f64 / count as f64 }
     }

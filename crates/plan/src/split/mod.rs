@@ -210,7 +210,7 @@ pub struct Fragments {
 
 impl Fragments {
     /// Gives back the memory that lists keep to grow.
-    pub fn shrink(&mut self) {
+    pub(crate) fn shrink(&mut self) {
         self.list.shrink_to_fit();
         self.measures.shrink_to_fit();
         self.points.shrink_to_fit();

@@ -195,12 +195,12 @@ impl Regroup<'_> {
 
 impl Fragments {
     /// The stop that a sliver was left out in, and those of the fragments beside it on its stroke.
-    pub fn stops_at<'a>(&'a self, sliver: &'a super::Sliver) -> impl Iterator<Item = StopId> + 'a {
+    pub(crate) fn stops_at<'a>(&'a self, sliver: &'a super::Sliver) -> impl Iterator<Item = StopId> + 'a {
         self.stops_beside(sliver).chain([sliver.stop])
     }
 
     /// The stops of the fragments before and after a sliver on its stroke.
-    pub fn stops_beside<'a>(&'a self, sliver: &super::Sliver) -> impl Iterator<Item = StopId> + use<'a> {
+    pub(crate) fn stops_beside<'a>(&'a self, sliver: &super::Sliver) -> impl Iterator<Item = StopId> + use<'a> {
         let (after, source) = (sliver.after as usize, sliver.source);
         let beside = &self.list[after.saturating_sub(1)..(after + 1).min(self.list.len())];
         beside.iter().filter(move |f| f.source == source).map(|f| f.stop)

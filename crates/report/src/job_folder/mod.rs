@@ -88,7 +88,7 @@ pub struct Writing {
 }
 
 /// What was proved of a new folder, for its report; None where nothing was to be proved.
-pub type Prove<'a> = dyn Fn(&Path) -> Result<Option<String>, Error> + 'a;
+pub(crate) type Prove<'a> = dyn Fn(&Path) -> Result<Option<String>, Error> + 'a;
 
 /// [`write_with`] that has the new folder proved before it takes the place of `target`; its report says so.
 ///

@@ -80,7 +80,7 @@ impl EnergyMap {
     }
 
     /// Of the moves of an on-the-fly program, whose spot has the speed of each: by area as the lens sees it.
-    pub fn of_moves(job: &OnTheFlyLayout<'_>) -> Self {
+    pub(crate) fn of_moves(job: &OnTheFlyLayout<'_>) -> Self {
         let (lo, size) = (job.texture.lo.mm(), job.texture.size().map(|v| v.mm()));
         let cell = (size[0].max(size[1]) / CELLS).max(job.machine.lens.spot.as_mm());
         let count = size.map(|v| ((v / cell).ceil() as usize).max(1));

@@ -273,7 +273,7 @@ pub fn drawn(checked: &Checked, machine: &Machine) -> Vec<Block> {
 }
 
 /// Name of the drawing of a pass after the first, `k` from 1.
-pub fn pass_file(k: u32) -> String {
+pub(crate) fn pass_file(k: u32) -> String {
     format!("layout-pass{}.svg", k + 1)
 }
 

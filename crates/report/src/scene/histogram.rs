@@ -16,12 +16,12 @@ const BINS: usize = 40;
 
 impl Histogram {
     /// Of the defocus, um, without sign.
-    pub fn of_defocus(scene: &Scene, passes: &[u32]) -> Self {
+    pub(crate) fn of_defocus(scene: &Scene, passes: &[u32]) -> Self {
         Self::of(scene, passes, |p| f64::from(p.defocus_um))
     }
 
     /// Of the incidence, deg.
-    pub fn of_incidence(scene: &Scene, passes: &[u32]) -> Self {
+    pub(crate) fn of_incidence(scene: &Scene, passes: &[u32]) -> Self {
         Self::of(scene, passes, |p| f64::from(p.incidence_deg))
     }
 

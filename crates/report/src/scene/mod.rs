@@ -126,7 +126,7 @@ impl Frame {
     }
 
     /// A point of the frame in the part, mm.
-    pub fn part_from_group(&self, at: [i32; 3]) -> [f64; 3] {
+    pub(crate) fn part_from_group(&self, at: [i32; 3]) -> [f64; 3] {
         let p = at.map(|v| f64::from(v) / NM_PER_MM);
         [0, 1, 2].map(|i| self.origin[i] + (0..3).map(|k| self.axes[k][i] * p[k]).sum::<f64>())
     }
@@ -134,7 +134,7 @@ impl Frame {
 
 impl Scene {
     /// How many marks there are.
-    pub fn mark_count(&self) -> usize {
+    pub(crate) fn mark_count(&self) -> usize {
         self.groups.iter().map(|g| g.marks.len()).sum()
     }
 

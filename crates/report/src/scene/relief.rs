@@ -45,7 +45,7 @@ impl Relief {
     }
 
     /// Lowest and highest, mm; None without part.
-    pub fn range_mm(&self) -> Option<[f32; 2]> {
+    pub(crate) fn range_mm(&self) -> Option<[f32; 2]> {
         let on = || self.z_mm.iter().copied().filter(|z| !z.is_nan());
         on().reduce(f32::min).zip(on().reduce(f32::max)).map(|(lo, hi)| [lo, hi])
     }

@@ -64,7 +64,7 @@ impl Reason {
     }
 
     /// Whether it is drawn in red: what the user may take for marked.
-    pub fn is_fault(self) -> bool {
+    pub(crate) fn is_fault(self) -> bool {
         self != Self::Beyond
     }
 }

@@ -16,7 +16,7 @@ use terrace_core::units::{Angle, Length, Share, positive, positive_option};
 /// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
-pub enum AreaKeys {
+pub(crate) enum AreaKeys {
     /// `"part"`.
     Named(AreaName),
     /// Lower left and upper right corner.
@@ -26,7 +26,7 @@ pub enum AreaKeys {
 /// Areas with a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum AreaName {
+pub(crate) enum AreaName {
     /// The part's box seen from the lens.
     Part,
 }
@@ -35,7 +35,7 @@ pub enum AreaName {
 /// `[[texture]]`: a pattern, a drawing or space curves, where it lies, and its pen.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct TextureKeys {
+pub(crate) struct TextureKeys {
     /// What is marked.
     #[schemars(flatten)]
     pub source: SourceKeys,
@@ -48,7 +48,7 @@ pub struct TextureKeys {
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[schemars(untagged)]
-pub enum SourceKeys {
+pub(crate) enum SourceKeys {
     /// A generated pattern.
     Pattern(PatternKeys),
     /// A drawing or a bitmap.
@@ -59,7 +59,7 @@ pub enum SourceKeys {
 
 /// The keys that every texture takes.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct CommonKeys {
+pub(crate) struct CommonKeys {
     /// Where the texture lies; "part" is the box of the surface file in plan. Drawings are cut at it.
     #[schemars(example = ["-30 mm", "-25 mm", "30 mm", "25 mm"], extend("x-value" = "\"part\" or [x0, y0, x1, y1] as lengths", "x-default" = "patterns: \"part\"; drawings: no limit"))]
     #[serde(default)]
@@ -93,7 +93,7 @@ pub struct CommonKeys {
 /// The keys of drawings and bitmaps.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[schemars(title = "drawings")]
-pub struct DrawingKeys {
+pub(crate) struct DrawingKeys {
     /// A drawing (`.svg`, `.svgz`, `.dxf`, `.plt`, `.hpgl`) or a [bitmap](#bitmaps): PNG, TIFF, BMP or JPEG.
     #[schemars(example = &"drawing.svg", extend("x-value" = "path", "x-default" = "see `pattern`"))]
     pub file: PathBuf,
@@ -214,7 +214,7 @@ pub struct DrawingKeys {
 /// The keys of space curves.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[schemars(title = "curves")]
-pub struct CurvesKeys {
+pub(crate) struct CurvesKeys {
     /// [Space curves](#space-curves) on the surface, in the frame of its file: `.csv` (`.txt`, `.xyz`) or `.dxf`.
     #[schemars(example = &"curves.csv", extend("x-value" = "path", "x-default" = "see `pattern`"))]
     pub curves: PathBuf,
@@ -253,7 +253,7 @@ pub struct CurvesKeys {
 /// The area of a drawing: its file, with `#` and the id, layer, class or block that makes the area; or a table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
-pub enum MaskKeys {
+pub(crate) enum MaskKeys {
     /// Placed as a drawing with the keys of the texture.
     Named(String),
     /// Placed by keys of its own.
@@ -263,7 +263,7 @@ pub enum MaskKeys {
 /// The area of a drawing, and where that lies; the keys are those of a drawing.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PlacedMaskKeys {
+pub(crate) struct PlacedMaskKeys {
     /// The drawing, relative to the job file, with `#` and the id, layer, class or block that makes the area.
     pub file: String,
     /// Width and height that the whole page gets.
@@ -293,11 +293,6 @@ pub struct PlacedMaskKeys {
 }
 
 impl TextureKeys {
-    /// Whether it lies in a rectangle of its own.
-    pub fn has_rectangle(&self) -> bool {
-        matches!(self.common.area, Some(AreaKeys::Rectangle(_)))
-    }
-
     /// The files that it names.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
         let CommonKeys { inside, outside, .. } = &self.common;
@@ -316,7 +311,7 @@ impl TextureKeys {
     }
 
     /// Whether its lines run along contours.
-    pub fn runs_along_contours(&self) -> bool {
+    pub(crate) fn runs_along_contours(&self) -> bool {
         match &self.source {
             SourceKeys::Pattern(PatternKeys::Hatch(keys)) => keys.direction == Direction::Contour,
             SourceKeys::File(keys) => keys.direction == Direction::Contour,
@@ -354,7 +349,7 @@ impl MaskKeys {
 /// Colours of the page.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged, expecting = "paper is a colour or a lightness; write \"#fefefe\", or a number from 50 to 100")]
-pub enum PaperKeys {
+pub(crate) enum PaperKeys {
     /// CIE L* from which on greys are the page.
     Lightness(f64),
     /// The darkest colour of the page.
@@ -364,7 +359,7 @@ pub enum PaperKeys {
 /// Resolution of a bitmap: a number, or `"file"`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
-pub enum DpiKeys {
+pub(crate) enum DpiKeys {
     /// Pixels in an inch.
     Number(f64),
     /// From the file.
@@ -374,7 +369,7 @@ pub enum DpiKeys {
 /// Resolutions with a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum DpiName {
+pub(crate) enum DpiName {
     /// What the file states.
     File,
 }
@@ -382,7 +377,7 @@ pub enum DpiName {
 /// What is done with elements of a drawing that cannot be reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum OnUnsupported {
+pub(crate) enum OnUnsupported {
     /// The job is refused.
     #[default]
     Error,

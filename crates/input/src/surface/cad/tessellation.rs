@@ -11,7 +11,7 @@ pub struct Tessellation {
 
 impl Tessellation {
     /// For a job: facets may use a tenth of the processing depth of focus.
-    pub fn of_pdof(pdof_mm: f64) -> Self {
+    pub(crate) fn of_pdof(pdof_mm: f64) -> Self {
         Self::within(pdof_mm / 10.0)
     }
 

@@ -9,7 +9,7 @@ use terrace_core::units::{Length, positive};
 
 /// Square loops on a lattice (FSS cells).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct SquaresKeys {
+pub(crate) struct SquaresKeys {
     /// Distance between centres.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -35,7 +35,7 @@ impl Keys for SquaresKeys {
 
 /// Circles on a lattice (FSS cells).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct CirclesKeys {
+pub(crate) struct CirclesKeys {
     /// Distance between centres.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -61,7 +61,7 @@ impl Keys for CirclesKeys {
 
 /// Hexagonal loops on a lattice (FSS cells).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct HexagonsKeys {
+pub(crate) struct HexagonsKeys {
     /// Distance between centres.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -87,7 +87,7 @@ impl Keys for HexagonsKeys {
 
 /// Outlines of crosses on a lattice (FSS cells).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct CrossesKeys {
+pub(crate) struct CrossesKeys {
     /// Distance between centres.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -117,7 +117,7 @@ impl Keys for CrossesKeys {
 
 /// Outlines of Jerusalem crosses on a lattice (FSS cells).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct JerusalemKeys {
+pub(crate) struct JerusalemKeys {
     /// Distance between centres.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -155,7 +155,7 @@ impl Keys for JerusalemKeys {
 
 /// Pairs of circles about one centre on a lattice (FSS cells).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct RingsKeys {
+pub(crate) struct RingsKeys {
     /// Distance between centres.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]

@@ -27,7 +27,7 @@ use terrace_core::units::{Length, Share, positive};
 
 /// Dots on a lattice.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct DotsKeys {
+pub(crate) struct DotsKeys {
     /// Distance between sites.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -43,7 +43,7 @@ pub struct DotsKeys {
 
 impl DotsKeys {
     /// Whether its dots lie at random places.
-    pub fn is_random(&self) -> bool {
+    pub(crate) fn is_random(&self) -> bool {
         self.jitter.is_some_and(|jitter| jitter.as_percent() > 0.0)
     }
 }
@@ -63,7 +63,7 @@ impl Keys for DotsKeys {
 
 /// Dots at random that keep a distance.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct PoissonKeys {
+pub(crate) struct PoissonKeys {
     /// Least distance between dots.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]

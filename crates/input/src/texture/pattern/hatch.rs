@@ -22,7 +22,7 @@ use crate::texture::kind::Kind;
 
 /// Parallel lines.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct HatchKeys {
+pub(crate) struct HatchKeys {
     /// Distance between lines.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -45,7 +45,7 @@ impl Keys for HatchKeys {
 
 /// Parallel grooves of several lines each.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct RibletsKeys {
+pub(crate) struct RibletsKeys {
     /// Distance between grooves.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]

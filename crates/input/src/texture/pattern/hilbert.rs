@@ -15,7 +15,7 @@ use terrace_core::geom::{Box2, BoxMm, P2};
 
 /// One Hilbert curve.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct HilbertKeys {
+pub(crate) struct HilbertKeys {
     /// A curve of 4^order points.
     #[schemars(example = 8, extend("x-value" = "1 to 13"))]
     pub order: u32,

@@ -23,7 +23,7 @@ use terrace_core::units::{Length, positive};
 
 /// The walls of a hexagonal tiling.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct HoneycombKeys {
+pub(crate) struct HoneycombKeys {
     /// Distance between the centres of tiles.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]

@@ -41,7 +41,7 @@ const MAX_STROKE_POINTS: u64 = 1 << 26;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[schemars(tag = "pattern", extend("x-default" = "this, `file` or `curves`"))]
-pub enum PatternKeys {
+pub(crate) enum PatternKeys {
     /// Parallel lines.
     Hatch(HatchKeys),
     /// One Hilbert curve.
@@ -143,7 +143,7 @@ impl Kind {
     /// None on a hexagonal lattice: its rows are another distance apart than its cells, and a line along y that passes
     /// between the tiles of one row halves those of the next, so that no pitch of sections keeps cells wider than half
     /// a pitch off their borders. Windows that reach over the border of their section keep such cells whole.
-    pub fn figure_pitch_mm(&self) -> Option<f64> {
+    pub(crate) fn figure_pitch_mm(&self) -> Option<f64> {
         match self {
             Self::Cells { pitch_mm, lattice: Lattice::Square, .. } => Some(*pitch_mm),
             _ => None,
@@ -151,7 +151,7 @@ impl Kind {
     }
 
     /// Distance of neighbouring lines of patterns of lines, mm, with the key that states it.
-    pub fn line_pitch_mm(&self) -> Option<(f64, &'static str)> {
+    pub(crate) fn line_pitch_mm(&self) -> Option<(f64, &'static str)> {
         match self {
             Self::Hatch { pitch_mm, .. }
             | Self::Contour { pitch_mm, .. }
@@ -163,7 +163,7 @@ impl Kind {
     }
 
     /// Distance of the lines of patterns of lines, of riblets that of the grooves, mm.
-    pub fn texture_pitch_mm(&self) -> Option<f64> {
+    pub(crate) fn texture_pitch_mm(&self) -> Option<f64> {
         match self {
             Self::Riblets { pitch_mm, .. } => Some(*pitch_mm),
             _ => self.line_pitch_mm().map(|(pitch, _)| pitch),
@@ -183,7 +183,7 @@ impl Kind {
     }
 
     /// Distance of the lines that fill areas of a drawing or a bitmap, mm, where the job states it.
-    pub fn fill_pitch_mm(&self) -> Option<f64> {
+    pub(crate) fn fill_pitch_mm(&self) -> Option<f64> {
         let Self::Drawing { marking, .. } = self else { return None };
         let is_area = marking.tone.is_none_or(|tone| tone.screen == Screen::Threshold);
         let is_filled =

@@ -26,7 +26,7 @@ use terrace_core::units::{Length, positive};
 
 /// Circles about one centre.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct ConcentricKeys {
+pub(crate) struct ConcentricKeys {
     /// Distance between circles.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]
@@ -45,7 +45,7 @@ impl Keys for ConcentricKeys {
 
 /// An Archimedean spiral.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-pub struct SpiralKeys {
+pub(crate) struct SpiralKeys {
     /// Distance between turns.
     #[schemars(example = &"0.5 mm")]
     #[serde(deserialize_with = "positive")]

@@ -20,7 +20,7 @@ use terrace_core::machine::Machine;
 use terrace_core::program::PenId;
 
 /// How far a controller that blends moves may round a corner of a mark, mm.
-pub const BLEND_MM: f64 = 2e-4;
+pub(crate) const BLEND_MM: f64 = 2e-4;
 
 /// Letters of all axes of a sample.
 const LETTERS: [u8; AXES] = *b"XYZACUV";

@@ -157,7 +157,7 @@ pub enum Protection {
 impl Protection {
     /// Eq. 5 as it is printed, with the sign of the error, and a limit of it (e_lim) that trips within seconds of an
     /// error of some millimetres.
-    pub const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
+    pub(crate) const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
 
     /// The same with the limit that a machine states.
     pub fn on(self, machine: &Machine) -> Self {

@@ -63,7 +63,7 @@ pub enum Branch {
 const UPRIGHT: f64 = 1e-12;
 
 /// A and C for a normal; C is `held` where the normal is upright.
-pub fn turn_for(n: [f64; 3], branch: Branch, held: f64) -> (f64, f64) {
+pub(crate) fn turn_for(n: [f64; 3], branch: Branch, held: f64) -> (f64, f64) {
     let [i, j, k] = n;
     let tilt = i.hypot(j);
     // acos k, without its loss of digits near k = 1.
@@ -78,14 +78,14 @@ pub fn turn_for(n: [f64; 3], branch: Branch, held: f64) -> (f64, f64) {
 }
 
 /// Part to machine frame at A, C.
-pub fn machine_from_part(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn machine_from_part(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
     let (right, back) = (x * cc + y * sc, y * cc - x * sc);
     [right, back * ca - z * sa, back * sa + z * ca]
 }
 
 /// Machine to part frame at A, C.
-pub fn part_from_machine(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn part_from_machine(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
     let (back, up) = (y * ca + z * sa, z * ca - y * sa);
     [x * cc - back * sc, x * sc + back * cc, up]

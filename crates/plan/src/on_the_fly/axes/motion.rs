@@ -6,7 +6,7 @@ use terrace_core::program::{PenId, PieceId};
 pub const AXES: usize = 7;
 
 /// Axes of the stage, the first of them.
-pub const STAGE: usize = 5;
+pub(crate) const STAGE: usize = 5;
 
 /// Where all axes are at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -16,7 +16,7 @@ const STEP: f64 = 0.08;
 const SHORTEST: f64 = 1e-3;
 
 /// A path with the nodes that turning back needs.
-pub struct Rewound {
+pub(crate) struct Rewound {
     /// The path.
     pub path: Path,
     /// The axes at each node.
@@ -26,7 +26,7 @@ pub struct Rewound {
 }
 
 /// The path with the nodes that turning back needs, and its axes.
-pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
+pub(crate) fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
     // A mark goes with its run-ups.
     let marks = |i: usize| path.pen_at(i).or(path.run_at(i)).is_some();
     let mut rewinding = Rewinding::new(path, axes, travel);

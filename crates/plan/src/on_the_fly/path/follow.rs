@@ -41,7 +41,7 @@ pub struct Follow<'a> {
 
 impl Follow<'_> {
     /// Marks everything, with even nodes.
-    pub const EVENLY: Follow<'static> = Follow { near: f64::INFINITY, holds: &|_, _| true, without: &[] };
+    pub(crate) const EVENLY: Follow<'static> = Follow { near: f64::INFINITY, holds: &|_, _| true, without: &[] };
 }
 
 /// What lies under a stretch of a segment: one facet, or none where rounding has put the mark off the part.

@@ -96,12 +96,12 @@ impl HeightField {
 
     /// The same with slopes of at most `steepest`: steeper ones are those of a smeared cliff, on which nothing is
     /// marked and no axis should lean.
-    pub fn no_steeper_than(self, steepest: f64) -> Self {
+    pub(crate) fn no_steeper_than(self, steepest: f64) -> Self {
         Self { steepest, ..self }
     }
 
     /// Largest angle between its normal and the vertical at a node of the grid, rad.
-    pub fn steepest_lean(&self) -> f64 {
+    pub(crate) fn steepest_lean(&self) -> f64 {
         let [columns, rows] = self.count;
         let slope = |row: usize| {
             let at = |i: usize| [self.origin[0] + i as f64 * self.step, self.origin[1] + row as f64 * self.step];

@@ -191,7 +191,7 @@ impl Path {
     }
 
     /// Pen whose speed that stretch keeps with the laser off, if it runs out of a mark or into one.
-    pub fn run_at(&self, i: usize) -> Option<PenId> {
+    pub(crate) fn run_at(&self, i: usize) -> Option<PenId> {
         self.nodes.get(i)?.run
     }
 
@@ -230,7 +230,7 @@ impl Path {
     /// The same marks with run-ins and run-outs of `time_s` at the pen's speed, straight on at every end and straight
     /// towards every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one
     /// line that leave no room for that the path runs on. Of no time, the path as it is.
-    pub fn with_skywriting(&self, time_s: f64, pens: &[Pen]) -> Self {
+    pub(crate) fn with_skywriting(&self, time_s: f64, pens: &[Pen]) -> Self {
         self.with_runs(&pens.iter().map(|pen| time_s * pen.speed.as_mm_s()).collect::<Vec<_>>())
     }
 

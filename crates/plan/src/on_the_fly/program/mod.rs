@@ -34,11 +34,11 @@ use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Pen, PenId, PieceId, StrokeId};
 
 /// How far a move may bow off its line in the part where axes turn, nm.
-pub const BOW: f64 = 20.0;
+pub(crate) const BOW: f64 = 20.0;
 /// How far a linear axis may be from a sample that was left out, nm.
 pub const NEAR: i64 = 5;
 /// The same of a turning axis, millionths of a degree.
-pub const NEAR_TURN: i64 = 2;
+pub(crate) const NEAR_TURN: i64 = 2;
 /// The stage stops where it would move slower than this, nm/us: 0.12 mm/min.
 const CREEP: f64 = 2e-3;
 /// How far a corner of the motion may be cut because times are rounded, mm.

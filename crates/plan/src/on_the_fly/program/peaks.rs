@@ -16,9 +16,9 @@ use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::{AxisCommands, Program};
 
 /// Least time between samples of which accelerations are taken, us.
-pub const APART_A: i64 = 5_000;
+pub(crate) const APART_A: i64 = 5_000;
 /// Least time between samples of which jerks are taken, us.
-pub const APART_J: i64 = 10_000;
+pub(crate) const APART_J: i64 = 10_000;
 /// What rounding may put on a sample, nm or millionths of a degree.
 const ROUNDING: f64 = 1.0;
 

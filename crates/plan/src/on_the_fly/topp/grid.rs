@@ -68,7 +68,7 @@ impl Grid {
         self.x[cell + 1] - self.x[cell]
     }
 
-    pub fn has_jerk(&self) -> bool {
+    pub(crate) fn has_jerk(&self) -> bool {
         self.ramp.iter().any(|&r| r > 0.0)
     }
 
@@ -105,7 +105,7 @@ impl Grid {
     ///
     /// Where s accelerates evenly it is quadratic over the cell: kept at start, middle and end alone, a limit may be
     /// exceeded by a quarter in between.
-    pub fn accelerations(&self, cell: usize, axis: usize) -> impl Iterator<Item = [f64; 2]> {
+    pub(crate) fn accelerations(&self, cell: usize, axis: usize) -> impl Iterator<Item = [f64; 2]> {
         let thirds = [0, 1, 2].map(|third| self.acceleration(cell, third, axis));
         let [p, q, r] = thirds;
         let quarter = |p: [f64; 2], r: [f64; 2]| [0, 1].map(|k| (3.0 * p[k] + 6.0 * q[k] - r[k]) / 8.0);

@@ -333,17 +333,18 @@ impl Timed {
     }
 
     /// Times at the path's nodes, increasing, s.
-    pub fn node_times(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
+    pub(crate) fn node_times(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
         self.at_node.iter().map(|&i| self.time[i as usize])
     }
 
     /// The time at a node of the path, s.
-    pub fn node_time(&self, node: usize) -> f64 {
+    pub(crate) fn node_time(&self, node: usize) -> f64 {
         self.time[self.at_node[node] as usize]
     }
 
     /// ds/dt at the path's nodes, mm/s.
-    pub fn node_rates(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
+    #[cfg(test)]
+    fn node_rates(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
         self.at_node.iter().map(|&i| self.rate[i as usize])
     }
 
@@ -358,7 +359,7 @@ impl Timed {
     }
 
     /// The parameter at `time`, as [`Timed::at`] has it.
-    pub fn parameter_at(&self, time: f64, hint: &mut usize) -> f64 {
+    pub(crate) fn parameter_at(&self, time: f64, hint: &mut usize) -> f64 {
         let (i, t) = cell(&self.time, time, hint);
         self.s[i] + self.along(i, t - self.time[i]).0
     }

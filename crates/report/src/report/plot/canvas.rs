@@ -13,7 +13,7 @@ use crate::report::sheet::{FONTS, el, num, rectangle, text, titled};
 /// Air round the drawing.
 pub const MARGIN: f64 = 16.0;
 /// Sizes of text: most of it, labels of ticks, the title.
-pub const FONT: f64 = 13.0;
+pub(crate) const FONT: f64 = 13.0;
 pub const SMALL: f64 = 12.0;
 const TITLE: f64 = 17.0;
 /// From one line of text to the next.
@@ -24,7 +24,7 @@ const GRID: &str = "#e2e2e2";
 
 /// What stands before a name in the legend.
 #[derive(Clone, Copy, Debug)]
-pub enum Swatch {
+pub(crate) enum Swatch {
     Line(Style, Look),
     Fill(Colour),
 }
@@ -86,10 +86,8 @@ impl Canvas {
                     self.push(rectangle([x, y - 7.0, x + sign, y + 7.0], &[("fill", &hex(colour))]));
                 }
                 Swatch::Line(style, look) => {
-                    if look != Look::Marks {
-                        self.line(&[vec![[x, y], [x + sign, y]]], style);
-                    }
-                    if look != Look::Line {
+                    self.line(&[vec![[x, y], [x + sign, y]]], style);
+                    if look == Look::LineAndMarks {
                         self.marks([[x + sign / 2.0, y]].into_iter(), style);
                     }
                 }
@@ -178,7 +176,7 @@ impl Canvas {
     }
 
     /// The name of the axis below a frame; ends the part of the drawing that the frame is in.
-    pub fn x_title(&mut self, [left, _, right, bottom]: Rect, x: &Ruler) {
+    pub(crate) fn x_title(&mut self, [left, _, right, bottom]: Rect, x: &Ruler) {
         let half = ((left + right) / 2.0 - MARGIN).min(WIDTH - MARGIN - (left + right) / 2.0);
         self.words([(left + right) / 2.0, bottom + 34.0], FONT, "middle", &x.title, 2.0 * half);
         self.at = bottom + 46.0;

@@ -1,10 +1,10 @@
-//! Lines over an axis in one panel or several, and distributions.
+//! Lines over an axis in one panel or several.
 
 use svg::node::element::Element;
 
 use super::canvas::{Canvas, FONT, LINE, MARGIN, Rect, SMALL, Swatch, foot, side, tenth};
 use super::ticks::{Ends, Ruler, is_shown, range, with_air};
-use super::{Axis, Distribution, Limit, LineChart, Look, MARKS, Panel, Plot, Series, WIDTH, style, thin, words};
+use super::{Limit, LineChart, Look, MARKS, Panel, Plot, WIDTH, style, thin, words};
 use crate::report::colour::FIELD;
 use crate::report::sheet::el;
 
@@ -21,35 +21,8 @@ const LABEL: f64 = 230.0;
 impl LineChart {
     /// Draws it.
     pub fn draw(&self) -> Plot {
-        Drawing::of(self, None).draw()
+        Drawing::of(self).draw()
     }
-}
-
-impl Distribution {
-    /// Draws it.
-    pub fn draw(&self) -> Plot {
-        let series = self.series.iter().map(|(name, values)| Series::new(name, rising(values))).collect();
-        let panel = Panel { y: Axis::new(&self.of, "%"), series, limits: Vec::new() };
-        let (title, limits) = (self.title.clone(), self.limits.clone());
-        let chart = LineChart { title, x: self.x.clone(), panels: vec![panel], limits };
-        Drawing::of(&chart, Some([0.0, 100.0])).draw()
-    }
-}
-
-/// The steps of a distribution, in percent.
-fn rising(values: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut sorted: Vec<[f64; 2]> =
-        values.iter().copied().filter(|v| is_shown(v[0], false) && is_shown(v[1], true)).collect();
-    sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let total: f64 = sorted.iter().map(|v| v[1]).sum();
-    let mut below = 0.0;
-    let mut out = Vec::with_capacity(2 * sorted.len());
-    for [value, weight] in sorted {
-        out.push([value, 100.0 * below / total]);
-        below += weight;
-        out.push([value, 100.0 * (below / total).min(1.0)]);
-    }
-    out
 }
 
 /// A chart with all places known.
@@ -65,7 +38,7 @@ struct Drawing<'a> {
 }
 
 impl<'a> Drawing<'a> {
-    fn of(chart: &'a LineChart, fixed: Option<[f64; 2]>) -> Self {
+    fn of(chart: &'a LineChart) -> Self {
         let mut names: Vec<&str> = Vec::new();
         for series in chart.panels.iter().flat_map(|p| &p.series) {
             if !names.contains(&series.name.as_str()) {
@@ -78,7 +51,7 @@ impl<'a> Drawing<'a> {
             .panels
             .iter()
             .zip(&heights)
-            .map(|(p, &high)| Ruler::new(&p.y, fixed.or_else(|| y_range(chart, p)), Ends::AtTicks, side(high)))
+            .map(|(p, &high)| Ruler::new(&p.y, y_range(chart, p), Ends::AtTicks, side(high)))
             .collect();
         let left = ys.iter().map(|y| y.widest(SMALL)).fold(24.0, f64::max) + MARGIN + 8.0;
         let wide = |limit: &Limit, unit: &str| words::width(&label(limit, unit), SMALL).min(LABEL) + 18.0;
@@ -161,10 +134,8 @@ impl<'a> Drawing<'a> {
         self.across(canvas, panel, y, rect);
         for series in &panel.series {
             let k = self.names.iter().position(|n| *n == series.name).unwrap_or(0);
-            if series.look != Look::Marks {
-                canvas.line(&thin::columns(series.points.iter().map(at)), style(k));
-            }
-            if series.look == Look::Marks || (series.look == Look::LineAndMarks && series.points.len() <= MARKS) {
+            canvas.line(&thin::columns(series.points.iter().map(at)), style(k));
+            if series.look == Look::LineAndMarks && series.points.len() <= MARKS {
                 canvas.marks(series.points.iter().filter_map(at), style(k));
             }
         }

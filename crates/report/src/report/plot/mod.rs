@@ -1,4 +1,4 @@
-//! Charts: lines over an axis, stacked bars, paths in the plane, distributions.
+//! Charts: lines over an axis, stacked bars, paths in the plane.
 //!
 //! Consumes numbers with their names and units, whatever they measure; promises an SVG of a fixed width of [`WIDTH`]
 //! units whose text overlaps no other text and is nowhere cut, equal byte for byte for equal input. The legend is above
@@ -70,7 +70,6 @@ impl Axis {
 enum Look {
     Line,
     LineAndMarks,
-    Marks,
 }
 
 /// Named points. One that is not finite is a gap in the line. Series of one name share their look in the
@@ -90,10 +89,6 @@ impl Series {
     /// A line with a mark at every point, where there are at most [`MARKS`].
     pub fn marked(self) -> Self {
         Self { look: Look::LineAndMarks, ..self }
-    }
-    /// Marks alone.
-    pub fn marks_only(self) -> Self {
-        Self { look: Look::Marks, ..self }
     }
 }
 
@@ -141,21 +136,6 @@ pub struct LineChart {
     /// From the top down.
     pub panels: Vec<Panel>,
     /// Lines upwards through all panels.
-    pub limits: Vec<Limit>,
-}
-
-/// How large a share of the marks has at most a value: a line that rises to 100 %.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Distribution {
-    /// Title.
-    pub title: String,
-    /// The value.
-    pub x: Axis,
-    /// What is counted, for example "share of marked length".
-    pub of: String,
-    /// Names with values and their weights. What has no weight above 0 does not count.
-    pub series: Vec<(String, Vec<[f64; 2]>)>,
-    /// Values that are not to be passed.
     pub limits: Vec<Limit>,
 }
 

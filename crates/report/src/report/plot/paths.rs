@@ -29,14 +29,10 @@ impl Paths {
             let place = || [left + view.x.share(p[0]) * (right - left), bottom - view.y.share(p[1]) * view.high];
             is_point(p).then(place)
         };
-        let lines: Vec<Vec<Option<[f64; 2]>>> = self
-            .series
-            .iter()
-            .map(|s| if s.look == Look::Marks { Vec::new() } else { s.points.iter().map(at).collect() })
-            .collect();
+        let lines: Vec<Vec<Option<[f64; 2]>>> = self.series.iter().map(|s| s.points.iter().map(at).collect()).collect();
         for (k, (series, runs)) in self.series.iter().zip(thin::paths(&lines)).enumerate() {
             canvas.line(&runs, style(k));
-            if series.look == Look::Marks || (series.look == Look::LineAndMarks && series.points.len() <= MARKS) {
+            if series.look == Look::LineAndMarks && series.points.len() <= MARKS {
                 canvas.marks(series.points.iter().filter_map(at), style(k));
             }
         }

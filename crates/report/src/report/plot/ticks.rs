@@ -9,14 +9,14 @@ use crate::report::plain;
 
 /// A place on an axis; the finer ones of a logarithmic axis have no label.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tick {
+pub(crate) struct Tick {
     pub value: f64,
     pub label: String,
 }
 
 /// Where the labels of an axis stand.
 #[derive(Clone, Copy, Debug)]
-pub struct TickSpace {
+pub(crate) struct TickSpace {
     /// Length of the axis.
     pub length: f64,
     /// How far labels may reach beyond its two ends.
@@ -43,7 +43,7 @@ pub enum Ends {
 
 /// An axis with its labels.
 #[derive(Clone, Debug)]
-pub struct Ruler {
+pub(crate) struct Ruler {
     pub lo: f64,
     pub hi: f64,
     pub is_log: bool,
@@ -66,7 +66,7 @@ pub fn range(values: impl Iterator<Item = f64>, is_log: bool) -> Option<[f64; 2]
 }
 
 /// A range that ends a little beyond limits, so that none lies on the frame; not below 0 where it was not.
-pub fn with_air([lo, hi]: [f64; 2], limits: &[Limit], is_log: bool) -> [f64; 2] {
+pub(crate) fn with_air([lo, hi]: [f64; 2], limits: &[Limit], is_log: bool) -> [f64; 2] {
     let by = if is_log { (hi / lo).powf(0.04) } else { 0.04 * (hi - lo) };
     let least = if lo >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
     let around = |v: f64| if is_log { [v / by, v * by] } else { [(v - by).max(least), v + by] };
@@ -275,7 +275,7 @@ fn power(m: i32, exponent: i32) -> String {
 }
 
 /// A value in six digits at most, without zeros at its end.
-pub fn brief(v: f64) -> String {
+pub(crate) fn brief(v: f64) -> String {
     if v == 0.0 || !(1e-4..1e7).contains(&v.abs()) {
         return if v == 0.0 { "0".into() } else { format!("{v:.3e}") };
     }

@@ -4,7 +4,7 @@
 //! that charts name, rounded up by class of character; in Arial the same words are a tenth narrower.
 
 /// How much wider bold text is.
-pub const BOLD: f64 = 1.12;
+pub(crate) const BOLD: f64 = 1.12;
 
 /// Width of a text in a size of font.
 pub fn width(text: &str, font: f64) -> f64 {
@@ -12,7 +12,7 @@ pub fn width(text: &str, font: f64) -> f64 {
 }
 
 /// Width of a text in bold.
-pub fn bold_width(text: &str, font: f64) -> f64 {
+pub(crate) fn bold_width(text: &str, font: f64) -> f64 {
     BOLD * width(text, font)
 }
 
