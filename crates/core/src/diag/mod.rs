@@ -341,7 +341,7 @@ pub fn parse_toml<'a>(path: &str, source: &'a Arc<str>, keys: &str) -> Result<Sp
 /// What [`parse_toml`] made of `source`, or what was made of that, as `T`.
 ///
 /// # Errors
-/// As [`from_toml`].
+/// `toml` with the place of the fault: unknown or missing keys, wrong units, values out of range.
 pub fn from_table<T: DeserializeOwned>(
     path: &str,
     source: &Arc<str>,

@@ -1,7 +1,7 @@
 //! Banded convex quadratic programs: many unknowns in a row, each constraint and each term of the objective over a few
 //! neighbours.
 //!
-//! [`minimise`] is a primal-dual interior point method (Mehrotra's predictor and corrector, Nocedal and
+//! `minimise` is a primal-dual interior point method (Mehrotra's predictor and corrector, Nocedal and
 //! Wright, Numerical Optimization, ch. 14 and 16): because all terms are local its linear systems are narrow
 //! bands, so a step costs time in proportion to the length of the chain. It needs a start that keeps every
 //! constraint strictly, and every answer on the way keeps them too.

@@ -153,7 +153,7 @@ impl SpotMotion {
         *hint
     }
 
-    /// Way along the path at a time of its own; `hint` as for [`SpotMotion::node_at`], `cell` of its own.
+    /// Way along the path at a time of its own; `hint` as for `node_at`, `cell` of its own.
     pub fn way_at(&self, time: f64, hint: &mut usize, cell: &mut usize) -> f64 {
         let i = self.node_at(time, hint);
         let [from, to] = [self.way[i], self.way[i + 1]];

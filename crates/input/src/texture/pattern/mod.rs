@@ -1,6 +1,6 @@
 //! Generated patterns: every stroke is computed from its index in constant time, none is stored.
 //!
-//! A pattern is a file here, with its keys and its figure, and a variant of [`PatternKeys`] and of [`Kind`]; `place`
+//! A pattern is a file here, with its keys and its figure, and a variant of `PatternKeys` and of [`Kind`]; `place`
 //! builds the figure. Keys forbid no others: what stands beside them in the table is sorted out before
 //! they are read, and belongs to every texture. Areas are boxes in the part frame, mm, borders included.
 

@@ -5,7 +5,7 @@
 //! along jumps the height field's. Where rounding has put a mark off the part its height continues from the nearest
 //! that is known, as the height field does.
 //!
-//! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which continue as the marks do, and
+//! `Path::with_skywriting` puts run-ins and run-outs before and after the marks, which continue as the marks do, and
 //! one straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 pub mod c_rewind;

@@ -10,7 +10,7 @@
 //!
 //! # How far a mark lies from where the motion has it
 //! Between two nodes of the motion a mark is meant to run straight in the part. Where axes turn it bows: such
-//! a move is cut until it bows by at most [`BOW`]. Samples that lie within [`NEAR`] (turning axes: [`NEAR_TURN`])
+//! a move is cut until it bows by at most `BOW`. Samples that lie within `NEAR` (turning axes: `NEAR_TURN`)
 //! of the line between those around them, at their time, are left out; a corner may be cut by 1 nm. With the rounding
 //! of U and V that is at most BOW + sqrt 2 (2 NEAR + 1 nm) + 1 nm: 37 nm, and for every metre from the pivot 70 nm
 //! more, of two axes NEAR_TURN each.

@@ -4,7 +4,7 @@
 //! the motion that the samples stand for. *Speed*: of every move. *Acceleration* and *jerk*: divided
 //! differences of samples, 2 x[t0, t1, t2] and 6 x[t0, t1, t2, t3]; by the mean value theorem every smooth
 //! motion through these samples reaches at least that much between the first and the last of them. The samples
-//! taken are at least [`APART_A`] and [`APART_J`] apart, the next one of the program after that time each:
+//! taken are at least `APART_A` and `APART_J` apart, the next one of the program after that time each:
 //! closer ones would measure the nanometre of their rounding. Before its first and after its last sample a
 //! program rests. From each difference is taken what rounding of
 //! the samples to a nanometre (or millionth of a degree) may have put there.
