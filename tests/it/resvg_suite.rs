@@ -133,7 +133,14 @@ fn every_drawing_of_the_suite_is_marked_as_shown_or_refused() {
     let absent: Vec<&str> = known.filter(|known| !names.iter().any(|name| name == known)).collect();
     assert!(absent.is_empty(), "not in the suite: {absent:?}");
     assert!(names.len() >= 825, "{} drawings", names.len());
-    let verdicts = verdicts(&folder, &names);
+    let mut verdicts = verdicts(&folder, &names);
+    // Chromium now and then shows a page on a busy computer before it has taken its new size: what differs is rendered
+    // once more, by itself. A second picture does not agree with the marks by chance.
+    for (name, verdict) in names.iter().zip(&mut verdicts) {
+        if fault(name, verdict, &read_before).is_some() {
+            *verdict = self::verdicts(&folder, std::slice::from_ref(name)).remove(0);
+        }
+    }
     let count = |is_counted: fn(&Verdict) -> bool| verdicts.iter().flatten().filter(|v| is_counted(v)).count();
     println!(
         "{} right, {} different, {} refused",
