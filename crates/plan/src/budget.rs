@@ -104,7 +104,7 @@ impl Cause {
 /// One term of a budget.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Term {
-    /// What it comes from.
+    /// What the error comes from.
     pub cause: Cause,
     /// How large it is at most, um; None where that is not stated.
     pub um: Option<f64>,
@@ -176,15 +176,16 @@ impl Budget {
 
     /// The budget in three lines, for reading.
     pub fn lines(&self) -> [String; 3] {
-        let of = |t: &Terms| t.block.as_ref().map_or(String::new(), |block| format!(" in {block}"));
+        let in_block = |t: &Terms| t.block.as_ref().map_or(String::new(), |block| format!(" in {block}"));
         let known = |t: &Terms| Some(t.known()).filter(|k| !k.is_empty()).unwrap_or("nothing stated".into());
-        let (lateral, depth) = (&self.lateral, &self.depth);
+        let lateral = &self.lateral;
+        let depth = &self.depth;
         [
-            format!("{:.1} um{} ({})", lateral.sum_um, of(lateral), known(lateral)),
+            format!("{:.1} um{} ({})", lateral.sum_um, in_block(lateral), known(lateral)),
             format!(
                 "{:.1} um{}, {:.1} um left of PDOF ({})",
                 depth.sum_um,
-                of(depth),
+                in_block(depth),
                 self.depth_left_um,
                 known(depth)
             ),
@@ -221,7 +222,7 @@ impl Budget {
 }
 
 /// What machine, job and surface state of their errors, um and rad.
-pub struct Stated<'a> {
+pub struct StatedErrors<'a> {
     job: &'a Job,
     machine: &'a Machine,
     spacing: Option<f64>,
@@ -238,7 +239,7 @@ pub struct Relief {
 }
 
 /// What the terms of a block follow from.
-struct Seen {
+struct ErrorSources {
     /// Largest distance from the focal plane, um.
     defocus: f64,
     /// Cosine of the largest angle between beam and normal.
@@ -266,7 +267,7 @@ fn um(length: Option<Length>) -> Option<f64> {
     length.map(|l| l.as_mm() * 1e3)
 }
 
-impl<'a> Stated<'a> {
+impl<'a> StatedErrors<'a> {
     /// For a surface whose facets lie so far from exact ones, where its reader knows that.
     pub fn new(job: &'a Job, machine: &'a Machine, tessellation_mm: Option<f64>) -> Self {
         let spacings = job.textures.iter().filter_map(|t| t.kind.spacing_mm());
@@ -280,9 +281,11 @@ impl<'a> Stated<'a> {
 
     /// The errors of a block.
     pub fn of_block(&self, block: &Block, figures: &BlockFigures) -> Errors {
-        let (focus, cos, is_tilted) = (block.stop.focus, figures.slope.cos()[1], !block.stop.tilt.is_upright());
+        let focus = block.stop.focus;
+        let cos = figures.slope.cos()[1];
+        let is_tilted = !block.stop.tilt.is_upright();
         let tilt = || self.machine.turn(block.stop.tilt, Origin::default()).lean().asin();
-        self.at(&Seen {
+        self.errors(&ErrorSources {
             defocus: (block.z_hi - focus).max(focus - block.z_lo).f64() / 1e3,
             cos,
             cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(0.0) } else { cos },
@@ -308,10 +311,11 @@ impl<'a> Stated<'a> {
         worst
     }
 
-    /// Of an on-the-fly job whose marks are at most so far out of focus, um, and whose incidence is at most this, rad.
+    /// The budget of an on-the-fly job whose marks are at most so far out of focus, um, and whose incidence is at most
+    /// this, rad.
     pub fn on_the_fly(&self, defocus_um: f64, incidence_rad: f64, relief: Option<Relief>) -> Budget {
         let cos = incidence_rad.cos();
-        self.budget(self.at(&Seen {
+        self.budget(self.errors(&ErrorSources {
             defocus: defocus_um,
             cos,
             cos_in_plan: relief.map_or(cos, |r| r.slope_rad.cos()),
@@ -323,27 +327,32 @@ impl<'a> Stated<'a> {
 
     fn budget(&self, Errors { lateral, depth, left_um }: Errors) -> Budget {
         let focus = &self.job.focus;
-        let (pdof_mm, reserve_mm) = (focus.pdof.mm(), focus.reserve.mm());
+        let pdof_mm = focus.pdof.mm();
+        let reserve_mm = focus.reserve.mm();
         Budget { pdof_mm, reserve_mm, lateral, depth, depth_left_um: left_um }
     }
 
-    fn at(&self, seen: &Seen) -> Errors {
+    /// The errors that follow from these sources.
+    fn errors(&self, sources: &ErrorSources) -> Errors {
         let Self { job, machine, .. } = *self;
-        let (cos, tan) = (seen.cos, (1.0 - seen.cos * seen.cos).max(0.0).sqrt() / seen.cos);
+        let cos = sources.cos;
+        let tan = (1.0 - cos * cos).max(0.0).sqrt() / cos;
         // Nothing bounds what goes with 1 / cos at a right angle.
         let term = |cause, um: Option<f64>| Term { cause, um: um.filter(|um| um.is_finite()) };
         let [residual, residual_z] = job.placement.residual;
         let lens = &machine.lens;
-        let lean = lens.telecentricity.as_ref().map(|e| Angle::deg(e.largest_within(seen.off_axis)));
-        let field_residual = lens.field_residual.as_ref().map(|r| Length::mm(r.largest_within(seen.off_axis)));
+        let lean = lens.telecentricity.as_ref().map(|e| Angle::deg(e.largest_within(sources.off_axis)));
+        let field_residual = lens.field_residual.as_ref().map(|r| Length::mm(r.largest_within(sources.off_axis)));
+        // The stage may be off along x and y at once.
         let moved = [
             term(Cause::Stage, um(machine.stage.accuracy).map(|a| std::f64::consts::SQRT_2 * a)),
-            term(Cause::Telecentricity, lean.map(|e| seen.defocus * e.as_rad().tan())),
+            term(Cause::Telecentricity, lean.map(|e| sources.defocus * e.as_rad().tan())),
             term(Cause::FieldResidual, um(field_residual)),
             term(Cause::Registration, um(residual)),
         ];
+        // On a slope a mark that lies aside lies at another height.
         let climbed = moved.iter().filter_map(|t| t.um).reduce(|a, b| a + b).map(|l| l * tan);
-        let mut lateral = vec![term(Cause::Projection, self.spacing.map(|p| p * (1.0 / seen.cos_in_plan - 1.0)))];
+        let mut lateral = vec![term(Cause::Projection, self.spacing.map(|p| p * (1.0 / sources.cos_in_plan - 1.0)))];
         lateral.extend(moved);
         let mut depth = vec![
             term(Cause::Tessellation, self.tessellation.map(|t| t / cos)),
@@ -351,13 +360,13 @@ impl<'a> Stated<'a> {
         ];
         depth.extend(machine.zoom.as_ref().map(|zoom| term(Cause::Zoom, um(zoom.accuracy))));
         depth.extend([term(Cause::RegistrationZ, um(residual_z)), term(Cause::Slope, climbed)]);
-        if seen.is_tilted {
+        if sources.is_tilted {
             lateral.push(term(Cause::Tilt, None));
             depth.push(term(Cause::Tilt, None));
         }
-        depth.extend(seen.relief.map(|relief| term(Cause::Relief, Some(relief))));
+        depth.extend(sources.relief.map(|relief| term(Cause::Relief, Some(relief))));
         let half_um = job.focus.rule.range(job.focus.pdof).f64() / 2e3;
-        let left_um = (half_um - seen.defocus).max(0.0);
+        let left_um = (half_um - sources.defocus).max(0.0);
         Errors { lateral: Terms::new(lateral), depth: Terms::new(depth), left_um }
     }
 }
@@ -393,10 +402,11 @@ mod tests {
                     [[pen]]\nname = \"a\"\nspeed = \"1 m/s\"\npower = \"50 %\"\nfrequency = \"60 kHz\"\n";
         let job = Job::parse(Path::new("a.toml"), text, &Overrides::default()).expect("a job");
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
-        let stated = Stated::new(&job, &machine, Some(0.001));
+        let stated = StatedErrors::new(&job, &machine, Some(0.001));
         let at = |cos_in_plan| {
-            let seen = Seen { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None, off_axis: 0.0 };
-            stated.at(&seen)
+            let sources =
+                ErrorSources { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None, off_axis: 0.0 };
+            stated.errors(&sources)
         };
         let projection = |errors: &Errors| errors.lateral.terms.iter().find(|t| t.cause == Cause::Projection).copied();
         assert_eq!(projection(&at(0.5)).and_then(|t| t.um), Some(1000.0));

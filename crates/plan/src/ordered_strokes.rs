@@ -62,7 +62,7 @@ impl OrderedStrokes {
         self.strokes[strokes].iter().map(|s| length_mm(self.points_of(s)) * passes(s)).sum()
     }
 
-    /// The same with every stroke as often in the list as its pen has passes: what marks on the fly marks a stroke
+    /// These strokes, each as often in the list as its pen has passes: what marks on the fly marks a stroke
     /// again before it continues, as a controller does at a stop. `bands` go with their strokes.
     #[must_use]
     pub fn repeated(mut self, bands: &mut [Band]) -> Self {

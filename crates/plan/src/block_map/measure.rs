@@ -11,12 +11,15 @@ pub(super) fn count_components(grid: &Grid, labels: &[u32]) -> usize {
     let columns = grid.columns();
     let mut parent: Vec<u32> = Vec::new();
     let mut joined = 0;
-    let (mut below, mut here): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
+    // The runs of the row before and those of the row at hand.
+    let mut below: Vec<LabelRun> = Vec::new();
+    let mut here: Vec<LabelRun> = Vec::new();
     for row in labels.chunks_exact(columns) {
         let mut x = 0;
         let mut first = 0;
         for same in row.chunk_by(|a, b| a == b) {
-            let (columns_of, label) = (x..x + same.len(), same[0]);
+            let columns_of = x..x + same.len();
+            let label = same[0];
             x += same.len();
             if label == 0 {
                 continue;
@@ -34,7 +37,7 @@ pub(super) fn count_components(grid: &Grid, labels: &[u32]) -> usize {
                 joined += usize::from(p != q);
                 parent[p.max(q) as usize] = p.min(q);
             }
-            here.push(Run { columns: columns_of, label, id });
+            here.push(LabelRun { columns: columns_of, label, id });
         }
         std::mem::swap(&mut below, &mut here);
         here.clear();
@@ -43,7 +46,7 @@ pub(super) fn count_components(grid: &Grid, labels: &[u32]) -> usize {
 }
 
 /// Adjacent cells of one label in a row.
-struct Run {
+struct LabelRun {
     columns: Range<usize>,
     label: u32,
     id: u32,
@@ -82,16 +85,37 @@ const KNIGHT: f64 = 0.08787;
 /// as much too short along the eight directions as too long halfway between. A pair that two borders
 /// part is counted once.
 pub(super) fn seam_cells(grid: &Grid, labels: &[u32]) -> f64 {
+    PAIRS.iter().map(|&(pair, weight)| weight * parted_pairs(grid, labels, pair) as f64).sum()
+}
+
+/// How many pairs of cells, the second `dx` columns and `dy` rows from the first, have two labels.
+fn parted_pairs(grid: &Grid, labels: &[u32], [dx, dy]: [isize; 2]) -> usize {
     let columns = grid.columns();
-    let count = |[dx, dy]: [isize; 2]| -> usize {
-        let (from, to) = (0.max(-dx) as usize, 0.max(dx) as usize);
-        let width = columns.saturating_sub(from + to);
-        let parted = |a: &[u32], b: &[u32]| {
-            let pairs = a[from.min(columns)..][..width].iter().zip(&b[to.min(columns)..][..width]);
-            pairs.fold(0u32, |n, (&a, &b)| n.wrapping_add(u32::from((a != b) & (a != 0) & (b != 0)))) as usize
-        };
-        let above = labels.chunks_exact(columns).skip(dy as usize);
-        labels.chunks_exact(columns).zip(above).map(|(row, above)| parted(row, above)).sum()
+    // Columns of the first and of the second cells of the pairs that lie in the grid.
+    let from = 0.max(-dx) as usize;
+    let to = 0.max(dx) as usize;
+    let width = columns.saturating_sub(from + to);
+    let parted_in_rows = |a: &[u32], b: &[u32]| {
+        let pairs = a[from.min(columns)..][..width].iter().zip(&b[to.min(columns)..][..width]);
+        pairs.fold(0u32, |n, (&a, &b)| n.wrapping_add(u32::from((a != b) & (a != 0) & (b != 0)))) as usize
     };
-    PAIRS.iter().map(|&(pair, weight)| weight * count(pair) as f64).sum()
+    let above = labels.chunks_exact(columns).skip(dy as usize);
+    labels.chunks_exact(columns).zip(above).map(|(row, above)| parted_in_rows(row, above)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrace_core::geom::{Nm, P2};
+
+    #[test]
+    fn pairs_are_parted_where_both_cells_have_labels_that_differ() {
+        let grid = Grid { origin: P2::new(0, 0), pitch: [Nm(1); 2], count: [4, 2] };
+        let labels = [1, 1, 2, 0, 1, 2, 2, 0];
+        assert_eq!(parted_pairs(&grid, &labels, [1, 0]), 2, "one in each row");
+        assert_eq!(parted_pairs(&grid, &labels, [0, 1]), 1);
+        assert_eq!(parted_pairs(&grid, &labels, [1, 1]), 2);
+        assert_eq!(parted_pairs(&grid, &labels, [-1, 1]), 0);
+        assert_eq!(parted_pairs(&grid, &labels, [5, 1]), 0, "wider than the grid");
+    }
 }

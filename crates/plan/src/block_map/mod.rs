@@ -33,7 +33,7 @@ mod region_growing;
 mod tests;
 
 use crate::ordered_strokes::{Band, OrderedStrokes};
-use rasterise::{BandMarks, BlockMarks, Marks};
+use rasterise::{BandMarks, BlockMarks, MarkGroups};
 use terrace_core::geom::{Box2, Grid, Nm, P2, P3, Turn, Turned};
 use terrace_core::program::{Block, Program, Sections};
 use terrace_input::surface::Surface;
@@ -71,27 +71,32 @@ fn section(program: &Program, block: &Block, sections: &Sections) -> Option<Box2
     let mut marks = Box2::<Turned>::EMPTY;
     let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
     points.for_each(|p| marks.add(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y))));
-    let cell = |column: i64, row: i64| {
-        let is_there =
-            (0..i64::from(sections.count[0])).contains(&column) && (0..i64::from(sections.count[1])).contains(&row);
-        let [w, h] = sections.pitch.map(|Nm(v)| v);
-        let centre = P2::new(sections.origin.x + column * w + w / 2, sections.origin.y + row * h + h / 2);
-        is_there.then(|| Box2::around(Turn::upright(centre), sections.pitch.map(|w| w / 2)))
-    };
-    let over = |x: i64, y: i64| {
-        let at = |v: i64, k: usize, origin: i64| (v - origin).div_euclid(sections.pitch[k].0);
-        cell(at(x, 0, sections.origin.x), at(y, 1, sections.origin.y))
-    };
     if marks.is_empty() {
-        return over(c.x, c.y).filter(|s| [s.lo.x.midpoint(s.hi.x), s.lo.y.midpoint(s.hi.y)] == [c.x, c.y]);
+        return section_over(sections, c.x, c.y)
+            .filter(|s| [s.lo.x.midpoint(s.hi.x), s.lo.y.midpoint(s.hi.y)] == [c.x, c.y]);
     }
-    let holds = |s: &Box2<Turned>| {
-        let [w, h] = sections.pitch.map(|Nm(v)| v / BEYOND);
+    let [w, h] = sections.pitch.map(|Nm(v)| v / BEYOND);
+    let holds_marks = |s: &Box2<Turned>| {
         s.lo.x - w <= marks.lo.x && marks.hi.x <= s.hi.x + w && s.lo.y - h <= marks.lo.y && marks.hi.y <= s.hi.y + h
     };
-    let [column, row] = block.stop.section.0.map(i64::from);
-    let middle = over(marks.lo.x.midpoint(marks.hi.x), marks.lo.y.midpoint(marks.hi.y));
-    [cell(column, row), middle].into_iter().flatten().find(holds)
+    let own = section_at(sections, block.stop.section.0.map(i64::from));
+    let over_middle = section_over(sections, marks.lo.x.midpoint(marks.hi.x), marks.lo.y.midpoint(marks.hi.y));
+    [own, over_middle].into_iter().flatten().find(holds_marks)
+}
+
+/// The section in a column and a row, if there is one.
+fn section_at(sections: &Sections, [column, row]: [i64; 2]) -> Option<Box2<Turned>> {
+    let [columns, rows] = sections.count.map(i64::from);
+    let is_there = (0..columns).contains(&column) && (0..rows).contains(&row);
+    let [w, h] = sections.pitch.map(|Nm(v)| v);
+    let centre = P2::new(sections.origin.x + column * w + w / 2, sections.origin.y + row * h + h / 2);
+    is_there.then(|| Box2::around(Turn::upright(centre), sections.pitch.map(|w| w / 2)))
+}
+
+/// The section that holds a place, if there is one.
+fn section_over(sections: &Sections, x: i64, y: i64) -> Option<Box2<Turned>> {
+    let [w, h] = sections.pitch.map(|Nm(v)| v);
+    section_at(sections, [(x - sections.origin.x).div_euclid(w), (y - sections.origin.y).div_euclid(h)])
 }
 
 /// What a block's stop admits.
@@ -146,15 +151,15 @@ impl BlockMap {
 
     /// The map of marks, each group of which has the stop at the same place of the list; gaps are closed in proportion
     /// to `field`.
-    fn of(marks: &dyn Marks, stops: &[Accepts], field: [Nm; 2], surface: &Surface, area: Box2) -> Self {
+    fn of(marks: &dyn MarkGroups, stops: &[Accepts], field: [Nm; 2], surface: &Surface, area: Box2) -> Self {
         let grid = raster(area, CELL);
         let marked = rasterise::marked_cells(marks, &grid);
         let [least, widest] =
             [SPARSE_GAP, field[0].min(field[1]) / WIDEST_GAP].map(|gap| (gap / grid.pitch[0]) as usize);
         let shown = closing::drawn_cells(&grid, &marked, least, widest);
         let dense = region_growing::dense(&grid, &marked);
-        let heights = region_growing::Heights::under(surface, &grid, &dense);
-        let may = |cell: usize, label: u32| {
+        let heights = region_growing::CellHeights::under(surface, &grid, &dense);
+        let may_have = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];
             heights.at(cell).is_some_and(|z| stop.admits(grid.centre(cell), z))
         };
@@ -163,10 +168,10 @@ impl BlockMap {
         let mut labels = marked.clone();
         for (y, row) in labels.chunks_exact_mut(grid.columns()).enumerate().filter(|(y, _)| !dense[*y]) {
             let first = y * grid.columns();
-            let dropped = row.iter_mut().enumerate().filter(|(x, label)| **label != 0 && !may(first + x, **label));
+            let dropped = row.iter_mut().enumerate().filter(|(x, label)| **label != 0 && !may_have(first + x, **label));
             dropped.for_each(|(_, label)| *label = 0);
         }
-        region_growing::grow(&grid, &mut labels, may);
+        region_growing::grow(&grid, &mut labels, may_have);
         // Counted here: closing, which follows, is for the picture.
         let sub_blocks = measure::count_components(&grid, &labels) + without_cell(&labels, stops.len());
         labels.iter_mut().zip(&marked).filter(|(label, _)| **label == 0).for_each(|(label, mark)| *label = *mark);

@@ -19,7 +19,7 @@ const LEAST_NM: f32 = 1.0;
 const DOT_NM: f32 = 1000.0;
 
 /// Marks in groups, each of which a label stands for.
-pub(super) trait Marks {
+pub(super) trait MarkGroups {
     /// How many groups there are.
     fn group_count(&self) -> usize;
     /// Calls `visit` with the points of every stroke of a group, nm on the part; a dot has one.
@@ -32,13 +32,14 @@ pub(super) struct BlockMarks<'a> {
     pub turns: &'a [Option<Turn>],
 }
 
-impl Marks for BlockMarks<'_> {
+impl MarkGroups for BlockMarks<'_> {
     fn group_count(&self) -> usize {
         self.program.blocks.len()
     }
 
     fn visit_strokes(&self, group: usize, visit: &mut dyn FnMut(&[[i64; 2]])) {
-        let (block, turn) = (&self.program.blocks[group], &self.turns[group]);
+        let block = &self.program.blocks[group];
+        let turn = &self.turns[group];
         let mut points = Vec::new();
         for stroke in self.program.strokes_of(block) {
             points.clear();
@@ -54,7 +55,7 @@ pub(super) struct BandMarks<'a> {
     pub bands: &'a [Band],
 }
 
-impl Marks for BandMarks<'_> {
+impl MarkGroups for BandMarks<'_> {
     fn group_count(&self) -> usize {
         self.bands.len()
     }
@@ -71,40 +72,65 @@ impl Marks for BandMarks<'_> {
 
 /// Index of the group with the longest marks plus 1 for every cell, 0 where there are none; among
 /// equals the first.
-pub(super) fn marked_cells(marks: &dyn Marks, grid: &Grid) -> Vec<u32> {
+pub(super) fn marked_cells(marks: &dyn MarkGroups, grid: &Grid) -> Vec<u32> {
     let mut labels = vec![0u32; grid.len()];
     let mut longest = vec![LEAST_NM; grid.len()];
-    // Lengths of the group at hand, over the rows that it touches.
-    let (mut own, mut touched) = (Vec::<f32>::new(), Vec::<u32>::new());
+    let mut lengths = GroupLengths::default();
     for group in 0..marks.group_count() {
         let Some(rows) = rows_of(marks, group, grid) else { continue };
-        let first = rows.start * grid.columns();
-        own.resize(own.len().max(rows.len() * grid.columns()), 0.0);
-        let mut add = |cell: usize, length: f32| {
-            let own = &mut own[cell - first];
-            if *own == 0.0 {
-                touched.push(cell as u32);
-            }
-            *own += length;
-        };
+        lengths.begin(rows, grid.columns());
         marks.visit_strokes(group, &mut |points| {
             if let [at] = points {
                 let cell = grid.along(1, at[1], 0) as usize * grid.columns() + grid.along(0, at[0], 0) as usize;
-                add(cell, DOT_NM);
+                lengths.add(cell, DOT_NM);
             }
             for ends in points.windows(2) {
-                pass(ends[0], ends[1], grid, |cell, length| add(cell, length as f32));
+                pass(ends[0], ends[1], grid, |cell, length| lengths.add(cell, length as f32));
             }
         });
-        for cell in touched.drain(..).map(|cell| cell as usize) {
-            let length = std::mem::take(&mut own[cell - first]);
+        lengths.take_each(|cell, length| {
             // More than the groups before have: among equals the first keeps the cell.
             if length > longest[cell] {
                 (longest[cell], labels[cell]) = (length, group as u32 + 1);
             }
-        }
+        });
     }
     labels
+}
+
+/// The lengths of the marks of one group in each cell, over the rows that it touches.
+#[derive(Default)]
+struct GroupLengths {
+    /// By cell, from the first of these rows on; all 0 between two groups.
+    by_cell: Vec<f32>,
+    /// The first cell of these rows.
+    first: usize,
+    /// The cells that have a length.
+    touched: Vec<u32>,
+}
+
+impl GroupLengths {
+    /// Begins with a group that touches these rows.
+    fn begin(&mut self, rows: Range<usize>, columns: usize) {
+        self.first = rows.start * columns;
+        self.by_cell.resize(self.by_cell.len().max(rows.len() * columns), 0.0);
+    }
+
+    #[inline]
+    fn add(&mut self, cell: usize, length: f32) {
+        let sum = &mut self.by_cell[cell - self.first];
+        if *sum == 0.0 {
+            self.touched.push(cell as u32);
+        }
+        *sum += length;
+    }
+
+    /// Hands on the cells with their lengths, and forgets them.
+    fn take_each(&mut self, mut visit: impl FnMut(usize, f32)) {
+        for cell in self.touched.drain(..).map(|cell| cell as usize) {
+            visit(cell, std::mem::take(&mut self.by_cell[cell - self.first]));
+        }
+    }
 }
 
 /// A point of a block on the part, nm; of a turned part where the beam meets the focal plane, which is next to
@@ -119,7 +145,7 @@ fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
 }
 
 /// The rows that hold a group's points.
-fn rows_of(marks: &dyn Marks, group: usize, grid: &Grid) -> Option<Range<usize>> {
+fn rows_of(marks: &dyn MarkGroups, group: usize, grid: &Grid) -> Option<Range<usize>> {
     let (mut lo, mut hi) = (i64::MAX, i64::MIN);
     marks.visit_strokes(group, &mut |points| {
         points.iter().for_each(|p| (lo, hi) = (lo.min(p[1]), hi.max(p[1])));

@@ -9,13 +9,13 @@ use terrace_core::parallel;
 use terrace_input::surface::{Cursor, Surface};
 
 /// Heights of the surface at the centres of the cells of some rows.
-pub(super) struct Heights(Vec<i32>);
+pub(super) struct CellHeights(Vec<i32>);
 
 /// Heights are held in steps of 4 nm: far below any level, and 8 m fit 32 bits.
 const STEP_NM: f64 = 4.0;
 const NONE: i32 = i32::MIN;
 
-impl Heights {
+impl CellHeights {
     /// Walks the surface along the rows that are not `dense`.
     pub(super) fn under(surface: &Surface, grid: &Grid, dense: &[bool]) -> Self {
         let columns = grid.columns();
@@ -24,7 +24,8 @@ impl Heights {
             if dense[row] {
                 return;
             }
-            let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
+            let mut cursor = Cursor::default();
+            let mut spans = Vec::new();
             let b = grid.centre((row + 1) * columns - 1);
             let a = P2::new(grid.origin.x, b.y);
             surface.walk(a, b, &mut cursor, &mut spans);
@@ -64,7 +65,8 @@ pub(super) fn dense(grid: &Grid, marked: &[u32]) -> Vec<bool> {
 /// Gives cells without label that of a neighbour, as long as there is one that may have the cell:
 /// `may(cell, label)`.
 pub(super) fn grow(grid: &Grid, labels: &mut [u32], may: impl Fn(usize, u32) -> bool) {
-    let (mut front, mut next) = (rim(grid, labels), Vec::new());
+    let mut front = rim(grid, labels);
+    let mut next = Vec::new();
     while !front.is_empty() {
         // Breadth first: the cells of the front are equally many steps away from marks. Sides before corners, since
         // a step over a corner is longer. A cell is given once and never changed.

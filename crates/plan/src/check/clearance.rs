@@ -14,34 +14,49 @@ use terrace_core::program::{Block, BlockId, Program};
 /// Blocks that a message names.
 const NAMED: usize = 3;
 
+/// When the head takes a way.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum When {
+    /// At a stop.
+    AtStop,
+    /// On its way to one.
+    OnTheWay,
+}
+
 /// A way of the head, and the block that it stands at or goes to.
 struct Doubt {
     block: usize,
-    is_move: bool,
+    when: When,
     way: Way,
 }
 
-/// Where a block's head enters the part, and whether it goes there.
+/// Where a block's head enters the part.
 struct Hit {
     block: usize,
-    is_move: bool,
+    when: When,
     entered: Entered,
 }
 
 /// The faults of a program: at most one at stops, one on the way to them, and one of tilting.
 pub(super) fn broken(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
     let hits = hits(&doubts(program, limits), limits);
-    let of = |is_move: bool| hits.iter().filter(|hit| hit.is_move == is_move).collect::<Vec<_>>();
-    let found = [at_stops(&of(false), program, limits), on_ways(&of(true), program, limits), tilting(program, limits)];
-    found.into_iter().flatten().collect()
+    let hits_when = |when: When| hits.iter().filter(|hit| hit.when == when).collect::<Vec<_>>();
+    let at_stops = at_stops(&hits_when(When::AtStop), program, limits);
+    let on_ways = on_ways(&hits_when(When::OnTheWay), program, limits);
+    [at_stops, on_ways, tilting(program, limits)].into_iter().flatten().collect()
 }
 
 /// What the boxes do not let pass.
 fn doubts(program: &Program, limits: &Limits<'_>) -> Vec<Doubt> {
-    let all = 0..program.blocks.len();
-    let stops =
-        all.clone().filter_map(|block| Some(Doubt { block, is_move: false, way: stop(program, limits, block)? }));
-    let moves = all.filter_map(|block| Some(Doubt { block, is_move: true, way: movement(program, limits, block)? }));
+    let blocks = 0..program.blocks.len();
+    let stops = blocks.clone().filter_map(|block| {
+        let way = stop(program, limits, block)?;
+        Some(Doubt { block, when: When::AtStop, way })
+    });
+    let moves = blocks.filter_map(|block| {
+        let way = movement(program, limits, block)?;
+        Some(Doubt { block, when: When::OnTheWay, way })
+    });
     stops.chain(moves).collect()
 }
 
@@ -50,13 +65,14 @@ fn hits(doubts: &[Doubt], limits: &Limits<'_>) -> Vec<Hit> {
     if doubts.is_empty() {
         return Vec::new();
     }
+    // Facets below all ways enter no head; where the part is turned their heights are no guide.
     let is_level = doubts.iter().all(|d| d.way.turn.rows() == Turn::none().rows());
     let ends = doubts.iter().flat_map(|d| d.way.ends);
     let lowest = ends.filter(|_| is_level).map(|end| end[2]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
     let facets = Facets::above(lowest, limits.facets);
     let hit = |d: &Doubt| {
         let entered = facets.entered(&d.way).filter(|e| Nm::round(e.by) > Nm(0))?;
-        Some(Hit { block: d.block, is_move: d.is_move, entered })
+        Some(Hit { block: d.block, when: d.when, entered })
     };
     doubts.iter().filter_map(hit).collect()
 }
@@ -64,8 +80,10 @@ fn hits(doubts: &[Doubt], limits: &Limits<'_>) -> Vec<Hit> {
 /// The way of the head at a stop, if the boxes do not let it pass: it stands there; a head that leans comes down along z
 /// from the end of travel.
 fn stop(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
-    let (block, clearance) = (&program.blocks[i], limits.clearance);
-    let (stop, origin) = (&block.stop, limits.origins[block.setup.index()]);
+    let block = &program.blocks[i];
+    let clearance = limits.clearance;
+    let stop = &block.stop;
+    let origin = limits.origins[block.setup.index()];
     let lowest = if stop.tilt.is_upright() {
         clearance.lowest_focus(stop.centre, stop.centre)
     } else {
@@ -106,14 +124,15 @@ fn movement(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
     (!is_clear).then_some(way)
 }
 
-/// The same place at the end of travel above it.
+/// The place at the end of travel above a position.
 fn raised(at: Commanded, machine: &Machine) -> Commanded {
     Commanded([at[0], at[1], machine.retract_z().0])
 }
 
 /// The way between two positions of the stage, tilted as at a block.
 fn way(limits: &Limits<'_>, block: &Block, ends: [Commanded; 2]) -> Way {
-    let (tilt, origin) = (block.stop.tilt, limits.origins[block.setup.index()]);
+    let tilt = block.stop.tilt;
+    let origin = limits.origins[block.setup.index()];
     let turn = limits.machine.turn(tilt, origin);
     let ends = ends.map(|at| {
         let centre = limits.machine.field_centre(at, tilt, origin);
@@ -123,6 +142,7 @@ fn way(limits: &Limits<'_>, block: &Block, ends: [Commanded; 2]) -> Way {
     limits.clearance.way(turn, ends)
 }
 
+/// Stops at which the head would enter the part.
 fn at_stops(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     let Entered { by, at } = worst(hits)?;
     let text = format!(
@@ -134,6 +154,7 @@ fn at_stops(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Dia
     Some(refused(text, by, at, limits))
 }
 
+/// Stops on the way to which it would.
 fn on_ways(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     let Entered { by, at } = worst(hits)?;
     let text = format!(
@@ -148,14 +169,14 @@ fn on_ways(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag
 /// A head that would turn too near to the part: no facet is looked at, the highest place of the part counts wherever it
 /// lies.
 fn tilting(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
-    let found: Vec<(usize, Nm)> = (0..program.blocks.len()).map(|i| (i, swing(program, limits, i))).collect();
-    let found: Vec<(usize, Nm)> = found.into_iter().filter(|(_, by)| *by > Nm(0)).collect();
-    let (block, by) = *found.iter().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let swings = (0..program.blocks.len()).map(|i| (i, swing(program, limits, i)));
+    let too_near: Vec<(usize, Nm)> = swings.filter(|(_, by)| *by > Nm(0)).collect();
+    let (block, by) = *too_near.iter().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let at = highest(limits);
     let text = format!(
         "while the head tilts on its way to {} of {} stops its lower end could come too near to the part, by up to {} mm \
          on the way to {}: its highest place, at z = {:.3} mm, counts wherever it lies (a bound)",
-        found.len(),
+        too_near.len(),
         program.blocks.len(),
         by.mm(),
         BlockId::new(block),
@@ -174,7 +195,8 @@ fn swing(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
     if !limits.machine.tilts_head() || from.is_upright() && tilt.is_upright() {
         return Nm::MIN;
     }
-    let (machine, clearance) = (limits.machine, limits.clearance);
+    let machine = limits.machine;
+    let clearance = limits.clearance;
     let origin: Origin = limits.origins[block.setup.index()];
     let head = Head { machine, origin, clearance };
     let lifted = machine.retract_z().0;
@@ -196,6 +218,7 @@ fn highest(limits: &Limits<'_>) -> P3 {
     P3::new(top)
 }
 
+/// The deepest of some hits, the first of equal ones.
 fn worst(hits: &[&Hit]) -> Option<Entered> {
     hits.iter().map(|hit| hit.entered).reduce(|a, b| if b.by > a.by { b } else { a })
 }

@@ -19,24 +19,24 @@ struct Excess {
     by: i64,
 }
 
-/// Where `excess` of a block is above zero it breaks a limit; None where none does.
+/// The blocks whose excess over a limit is above zero; None where there are none.
 fn excess(program: &Program, excess: impl Fn(&Block) -> i64) -> Option<Excess> {
     worst(program.blocks.iter().map(excess))
 }
 
-/// The same of the excesses of all blocks.
+/// How many of the excesses of all blocks are above zero, and the worst of them, the first of equal ones.
 fn worst(excesses: impl Iterator<Item = i64>) -> Option<Excess> {
     let over = excesses.enumerate().filter(|(_, by)| *by > 0);
-    over.fold(None, |found, (i, by)| {
-        let Some(Excess { blocks, worst, by: most }) = found else { return Some(Excess { blocks: 1, worst: i, by }) };
+    over.fold(None, |sum, (i, by)| {
+        let Some(Excess { blocks, worst, by: most }) = sum else { return Some(Excess { blocks: 1, worst: i, by }) };
         let (worst, by) = if by > most { (i, by) } else { (worst, most) };
         Some(Excess { blocks: blocks + 1, worst, by })
     })
 }
 
 /// "3 of 40 stops".
-fn share(found: &Excess, program: &Program) -> String {
-    format!("{} of {} stops", found.blocks, program.blocks.len())
+fn share(excess: &Excess, program: &Program) -> String {
+    format!("{} of {} stops", excess.blocks, program.blocks.len())
 }
 
 /// The positions of an axis against its travel, nm or millionths of a degree.
@@ -54,21 +54,21 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// Of the positions of one axis.
+    /// The reach of the positions of one axis.
     pub(crate) fn of(positions: impl Iterator<Item = i64>, travel: [i64; 2]) -> Self {
-        let mut found = Self { ends: [i64::MAX, i64::MIN], travel, all: 0, beyond: [0; 2], worst: 0 };
+        let mut reach = Self { ends: [i64::MAX, i64::MIN], travel, all: 0, beyond: [0; 2], worst: 0 };
         let mut most = 0;
         for (i, at) in positions.enumerate() {
             let over = [travel[0] - at, at - travel[1]];
-            (0..2).for_each(|side| found.beyond[side] += usize::from(over[side] > 0));
-            found.ends = [found.ends[0].min(at), found.ends[1].max(at)];
-            found.all += 1;
+            (0..2).for_each(|side| reach.beyond[side] += usize::from(over[side] > 0));
+            reach.ends = [reach.ends[0].min(at), reach.ends[1].max(at)];
+            reach.all += 1;
             let over = over[0].max(over[1]);
             if over > most {
-                (most, found.worst) = (over, i);
+                (most, reach.worst) = (over, i);
             }
         }
-        found
+        reach
     }
 
     /// Whether all lie in the travel.
@@ -148,11 +148,11 @@ fn strokes(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     if limit == 0 {
         return None;
     }
-    let found = excess(program, |b| b.strokes.len() as i64 - limit as i64)?;
-    let most = program.blocks[found.worst].strokes.len();
-    let text = format!("{} have up to {most} strokes, but the controller takes {limit}", share(&found, program));
-    let hint = smaller_section(program, &program.blocks[found.worst], limit);
-    Some(Diag::limit("strokes", text).at(Place::Block(BlockId::new(found.worst).to_string())).hint(hint))
+    let excess = excess(program, |b| b.strokes.len() as i64 - limit as i64)?;
+    let most = program.blocks[excess.worst].strokes.len();
+    let text = format!("{} have up to {most} strokes, but the controller takes {limit}", share(&excess, program));
+    let hint = smaller_section(program, &program.blocks[excess.worst], limit);
+    Some(Diag::limit("strokes", text).at(Place::Block(BlockId::new(excess.worst).to_string())).hint(hint))
 }
 
 /// How large sections may be so that none has more than `limit` strokes. In a narrower one there are fewer in

@@ -67,6 +67,8 @@ impl Checked {
         if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
             faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass comes after a later one"));
         }
+        // Blocks of one pass and set-up that follow each other are one entry: another one with the same of both is a
+        // gap.
         let mut runs: Vec<(PassId, SetupId)> = program.blocks.iter().map(|b| (b.pass, b.setup)).collect();
         runs.dedup();
         runs.sort_unstable();
@@ -113,13 +115,14 @@ impl Checked {
 
 /// P1 to P6 over all blocks: each that is broken once, at the first block that does, with how often it is.
 fn broken_invariants(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
-    let mut found: Vec<(Diag, usize)> = Vec::new();
+    // The first fault of every rule, and how many more there are.
+    let mut by_rule: Vec<(Diag, usize)> = Vec::new();
     for (i, block) in program.blocks.iter().enumerate() {
         for fault in invariants(program, block, limits) {
             // A message begins with the number of its rule.
-            match found.iter_mut().find(|(first, _)| first.message[..2] == fault.message[..2]) {
+            match by_rule.iter_mut().find(|(first, _)| first.message[..2] == fault.message[..2]) {
                 Some((_, more)) => *more += 1,
-                None => found.push((fault.at(Place::Block(BlockId::new(i).to_string())), 0)),
+                None => by_rule.push((fault.at(Place::Block(BlockId::new(i).to_string())), 0)),
             }
         }
     }
@@ -129,7 +132,7 @@ fn broken_invariants(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
         }
         fault
     };
-    found.into_iter().map(counted).collect()
+    by_rule.into_iter().map(counted).collect()
 }
 
 /// The first of P1 to P6 that a program breaks, if it breaks any.
@@ -160,7 +163,8 @@ pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<(String, Diag)>
     let mut faults = Vec::new();
     for (i, pen) in pens.iter().enumerate() {
         let mut report = |key: &str, fault: Diag| faults.push((format!("pen.{i}.{key}"), fault));
-        let (speed, max_speed) = (pen.speed.as_mm_s(), machine.scanner.max_mark_speed.as_mm_s());
+        let speed = pen.speed.as_mm_s();
+        let max_speed = machine.scanner.max_mark_speed.as_mm_s();
         if speed > max_speed {
             let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {max_speed} mm/s at most", pen.name);
             report("speed", Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
@@ -169,7 +173,8 @@ pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<(String, Diag)>
             let text = format!("pen {:?} marks at {speed} mm/s, slower than {SLOWEST_MM_S} mm/s", pen.name);
             report("speed", Diag::limit("pen-speed", text).hint("check the unit of the pen's speed"));
         }
-        let (power, max_power) = (pen.power.as_w(machine.laser.max_power), machine.laser.max_power.as_w());
+        let power = pen.power.as_w(machine.laser.max_power);
+        let max_power = machine.laser.max_power.as_w();
         if power > max_power {
             let text = format!("pen {:?} asks for {power} W, the laser gives {max_power} W at most", pen.name);
             report("power", Diag::limit("pen-power", text).hint("see laser.max_power of the machine"));
@@ -180,7 +185,8 @@ pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<(String, Diag)>
 
 /// Whether blocks have the strokes one after another, and strokes the points.
 fn is_laid_out(program: &Program) -> bool {
-    let (mut stroke, mut point) = (0, 0);
+    let mut stroke = 0;
+    let mut point = 0;
     let blocks = program.blocks.iter().all(|b| {
         let follows = b.strokes.start == stroke && b.strokes.end >= stroke;
         stroke = b.strokes.end;
@@ -196,65 +202,84 @@ fn is_laid_out(program: &Program) -> bool {
 
 /// P1 to P6. What breaks here is our own fault, whatever the job says.
 fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
-    let mut faults = Vec::new();
-    let mut broken = |what: String| faults.push(Diag::bug("program-invariant", what));
+    let mut broken = Vec::new();
+    broken_strokes(program, block, limits.machine, &mut broken);
+    broken_heights(block, limits, &mut broken);
+    broken_place(block, limits, &mut broken);
+    broken.into_iter().map(|text| Diag::bug("program-invariant", text)).collect()
+}
+
+/// P1, P2 and P5: the strokes of a block, their points and their pens.
+fn broken_strokes(program: &Program, block: &Block, machine: &Machine, broken: &mut Vec<String>) {
     if block.strokes.is_empty() {
-        broken("P1: the block has no stroke".into());
+        broken.push("P1: the block has no stroke".into());
     }
     for stroke in program.strokes_of(block) {
         let points = program.points_of(stroke);
         if points.is_empty() || points.windows(2).any(|w| w[0] == w[1]) {
-            broken(format!("P1: a stroke of texture stroke {} has a segment without length", stroke.source.0));
+            broken.push(format!("P1: a stroke of texture stroke {} has a segment without length", stroke.source.0));
         }
-        if let Some(p) = points.iter().find(|&&p| !limits.machine.field_holds(p)) {
-            broken(format!("P2: {:?} nm lies outside of the usable field", [p.x, p.y]));
+        if let Some(p) = points.iter().find(|&&p| !machine.field_holds(p)) {
+            broken.push(format!("P2: {:?} nm lies outside of the usable field", [p.x, p.y]));
         }
         match program.pens.get(stroke.pen.index()) {
-            None => broken(format!("P5: there is no pen {}", stroke.pen.0)),
+            None => broken.push(format!("P5: there is no pen {}", stroke.pen.0)),
             Some(pen) if stroke.is_dot() && pen.dwell.is_none() => {
-                broken(format!("P1: a dot is marked with pen {}, which has no dwell", stroke.pen.0));
+                broken.push(format!("P1: a dot is marked with pen {}, which has no dwell", stroke.pen.0));
             }
             Some(_) => {}
         }
     }
+}
+
+/// P3 and P6: the heights of a block's marks against what its stop admits and against its focal plane.
+fn broken_heights(block: &Block, limits: &Limits<'_>, broken: &mut Vec<String>) {
+    let Block { stop, z_lo, z_hi, .. } = block;
+    let (z_lo, z_hi) = (*z_lo, *z_hi);
     // A cut point is rounded by up to a nanometre in the plane, which the slope turns into height.
     let slack = Nm(1) + Nm::ceil(limits.max_slope);
     // A place that rounding left between two stops goes to one that is 2 nm away at most.
-    let (stop, z, near) = (&block.stop, [block.z_lo, block.z_hi], slack + Nm(2));
-    if z[0] > z[1] || z[0] < stop.z_lo - near || z[1] > stop.z_hi + near {
-        broken(format!(
+    let near = slack + Nm(2);
+    if z_lo > z_hi || z_lo < stop.z_lo - near || z_hi > stop.z_hi + near {
+        broken.push(format!(
             "P3: marks between {} and {} nm lie outside of what their stop accepts, {} to {} nm",
-            z[0].0, z[1].0, stop.z_lo.0, stop.z_hi.0
+            z_lo.0, z_hi.0, stop.z_lo.0, stop.z_hi.0
         ));
     }
-    if block.z_hi - block.z_lo > limits.depth + slack {
-        broken(format!("P3: marks between {} and {} nm span more than {} nm", z[0].0, z[1].0, limits.depth.0));
+    if z_hi - z_lo > limits.depth + slack {
+        broken.push(format!("P3: marks between {} and {} nm span more than {} nm", z_lo.0, z_hi.0, limits.depth.0));
     }
     let step = limits.machine.increment_nm();
-    let off = (block.z_hi - stop.focus).max(stop.focus - block.z_lo);
-    if (stop.focus < block.z_lo - step || stop.focus > block.z_hi + step) && off > limits.depth / 2 {
-        broken(format!(
+    let defocus = (z_hi - stop.focus).max(stop.focus - z_lo);
+    if (stop.focus < z_lo - step || stop.focus > z_hi + step) && defocus > limits.depth / 2 {
+        broken.push(format!(
             "P6: the focal plane {} nm lies outside of the marks, {} to {} nm, and farther from them than half of {} nm",
-            block.stop.focus.0, z[0].0, z[1].0, limits.depth.0
+            stop.focus.0, z_lo.0, z_hi.0, limits.depth.0
         ));
     }
+}
+
+/// P4: whether optic, tilt axes and stage can take a block's commands, and whether these are those of its stop.
+fn broken_place(block: &Block, limits: &Limits<'_>, broken: &mut Vec<String>) {
+    let machine = limits.machine;
+    let stop = &block.stop;
     let origin = limits.origins[block.setup.index()];
-    if block.focus_shift.abs() > limits.machine.most_focus_shift() {
-        broken(format!("P4: the focus shift {} nm is beyond the range of the zoom optic", block.focus_shift.0));
+    if block.focus_shift.abs() > machine.most_focus_shift() {
+        broken.push(format!("P4: the focus shift {} nm is beyond the range of the zoom optic", block.focus_shift.0));
     }
-    let axes = limits.machine.tilt.as_ref().map(|t| &t.axes);
-    if !axes.map_or(block.stop.tilt.is_upright(), |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
-        broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt.0));
+    let axes = machine.tilt.as_ref().map(|t| &t.axes);
+    if !axes.map_or(stop.tilt.is_upright(), |axes| (0..2).all(|k| axes[k].takes(stop.tilt[k]))) {
+        broken.push(format!("P4: no tilt axes go to {:?} millionths of a degree", stop.tilt.0));
     }
-    let is_there = limits.machine.reaches(block.stage, stop.tilt, stop.centre, block.plane(), origin);
+    let step = machine.increment_nm();
+    let is_there = machine.reaches(block.stage, stop.tilt, stop.centre, block.plane(), origin);
     if !is_there || block.stage.0.iter().any(|v| v % step.0 != 0) {
-        let at = limits.machine.stand(stop.tilt, stop.centre, block.plane(), origin);
-        broken(format!(
+        let stand = machine.stand(stop.tilt, stop.centre, block.plane(), origin);
+        broken.push(format!(
             "P4: stage target {:?} nm is not where the block lies, {:?} nm, in steps of {} nm",
-            block.stage.0, at.stage.0, step.0
+            block.stage.0, stand.stage.0, step.0
         ));
     }
-    faults
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! never start a scan card, which would mark the block that it has loaded.
 
 use crate::check::Checked;
-use terrace_core::geom::{FieldPoint, NM_PER_MM, Nm, P3};
+use terrace_core::geom::{FieldPoint, NM_PER_MM, Nm, P3, Turn};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Block, BlockId, PenId, Program, Stroke, StrokeId};
 
@@ -33,7 +33,8 @@ pub fn frames(checked: &Checked, pen: PenId, machine: &Machine) -> Checked {
     for block in &program.blocks {
         let first = framed.points.len();
         framed.points.extend(rectangle(program, block, machine));
-        let (strokes, len) = (framed.strokes.len(), framed.points.len() - first);
+        let strokes = framed.strokes.len();
+        let len = framed.points.len() - first;
         framed.strokes.push(Stroke {
             source: StrokeId(0),
             segment: 0,
@@ -112,17 +113,20 @@ pub fn outline(checked: &Checked, machine: &Machine) -> Vec<usize> {
 /// How far out the marks of a block lie on the part in each direction, nm.
 fn farthest(program: &Program, block: &Block, machine: &Machine, origin: Origin) -> [i64; 8] {
     let turn = machine.turn(block.stop.tilt, origin);
-    let on_part = |p: &FieldPoint| {
-        let [x, y] = [block.stop.centre.x + i64::from(p.x), block.stop.centre.y + i64::from(p.y)];
-        if block.stop.tilt.is_upright() {
-            return [x, y];
-        }
-        let at = turn.back(P3::new([x, y, block.stop.focus.0].map(|v| v as f64)));
-        [at[0].round() as i64, at[1].round() as i64]
-    };
-    let points = program.strokes_of(block).iter().flat_map(|stroke| program.points_of(stroke)).map(on_part);
+    let points = program.strokes_of(block).iter().flat_map(|stroke| program.points_of(stroke));
+    let points = points.map(|p| on_part(block, &turn, p));
     points.fold([i64::MIN; 8], |far, [x, y]| {
         let here = DIRECTIONS.map(|[u, v]| u * x + v * y);
         std::array::from_fn(|k| far[k].max(here[k]))
     })
+}
+
+/// A point of a block on the part, nm; of a turned part where the beam meets the focal plane.
+fn on_part(block: &Block, turn: &Turn, p: &FieldPoint) -> [i64; 2] {
+    let [x, y] = [block.stop.centre.x + i64::from(p.x), block.stop.centre.y + i64::from(p.y)];
+    if block.stop.tilt.is_upright() {
+        return [x, y];
+    }
+    let at = turn.back(P3::new([x, y, block.stop.focus.0].map(|v| v as f64)));
+    [at[0].round() as i64, at[1].round() as i64]
 }

@@ -42,7 +42,7 @@ const MOST_LINES: u64 = 9_999_999;
 /// # Panics
 /// If a block has no figures.
 pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
-    let Stepped { checked, machine, figures, .. } = *job;
+    let Stepped { checked, machine, .. } = *job;
     let mut p = Writer::new(job, machine.controller.max_line, "M65 P0");
     if job.frames.is_some() {
         return p.all_frames(LINUXCNC_ZERO, Writer::linuxcnc_preamble);
@@ -56,25 +56,9 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.comment("output off before every move and at the end, a wait that times out ends the program");
     p.comment("not a safety system: the laser needs its own interlock");
     p.linuxcnc_preamble();
-    let wait_s = |i: usize| (2.0 * figures[i].time_s + 10.0).ceil();
     for i in 0..checked.program().blocks.len() {
-        let id = checked.program().id(i);
         p.block(i);
-        // A card that still marks, and a BUSY of the wrong polarity.
-        p.line("M66 P0 L4 Q2");
-        let number = LABELS * i;
-        p.stop_on_timeout(number + 1, &format!("BUSY before START, block {id}"));
-        p.line("M64 P0");
-        p.line("M66 P0 L3 Q5");
-        p.stop_on_timeout(number + 2, &format!("no BUSY, block {id}"));
-        p.line("M65 P0");
-        // Twice, a dwell apart: a contact that bounces while it closes is low for a moment.
-        let (until_idle, busy) = (format!("M66 P0 L4 Q{}", wait_s(i)), format!("still BUSY, block {id}"));
-        p.line(&until_idle);
-        p.stop_on_timeout(number + 3, &busy);
-        p.line(BOUNCE);
-        p.line(&until_idle);
-        p.stop_on_timeout(number + 4, &busy);
+        p.mark_by_card(i);
     }
     p.end();
     p.line("M2");
@@ -166,6 +150,28 @@ impl<'a> Writer<'a> {
         }
     }
 
+    /// Has the scan card mark block `i`, and waits for its end.
+    fn mark_by_card(&mut self, i: usize) {
+        let wait_s = (2.0 * self.job.figures[i].time_s + 10.0).ceil();
+        let id = self.job.checked.program().id(i);
+        let number = LABELS * i;
+        // A card that still marks, and a BUSY of the wrong polarity.
+        self.line("M66 P0 L4 Q2");
+        self.stop_on_timeout(number + 1, &format!("BUSY before START, block {id}"));
+        self.line("M64 P0");
+        self.line("M66 P0 L3 Q5");
+        self.stop_on_timeout(number + 2, &format!("no BUSY, block {id}"));
+        self.line("M65 P0");
+        // Twice, a dwell apart: a contact that bounces while it closes is low for a moment.
+        let until_idle = format!("M66 P0 L4 Q{wait_s}");
+        let busy = format!("still BUSY, block {id}");
+        self.line(&until_idle);
+        self.stop_on_timeout(number + 3, &busy);
+        self.line(BOUNCE);
+        self.line(&until_idle);
+        self.stop_on_timeout(number + 4, &busy);
+    }
+
     /// Modes, output off, and the tests that end the program where an offset is active.
     fn linuxcnc_preamble(&mut self) {
         self.line("G21 G90 G94 G17 G40 G49 G80 G61.1 G54");
@@ -175,10 +181,10 @@ impl<'a> Writer<'a> {
             let parameter = FIRST_ROTARY + (u32::from(letter) - u32::from('A'));
             (parameter, format!("G54 has an offset in {letter}"))
         });
-        let all = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
+        let offsets = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
         // o-numbers are unique in a program: those before are of the blocks.
         let first = LABELS * self.job.checked.program().blocks.len() + 1;
-        for (number, (parameter, what)) in (first..).zip(all.collect::<Vec<_>>()) {
+        for (number, (parameter, what)) in (first..).zip(offsets.collect::<Vec<_>>()) {
             self.line(&format!("o{number} if [#{parameter} NE 0]"));
             self.line(&format!("(MSG, {what})"));
             self.line("M2");
@@ -206,7 +212,8 @@ impl<'a> Writer<'a> {
     /// A comment, on as many lines as it needs; each begins with a word of ours.
     fn comment(&mut self, text: &str) {
         let clean = super::plain(text);
-        let (mut rest, mut begin) = (clean.trim(), "");
+        let mut rest = clean.trim();
+        let mut begin = "";
         while !rest.is_empty() {
             let room = self.longest - "()".len() - begin.len();
             let cut = if rest.len() <= room { rest.len() } else { rest[..room].rfind(' ').unwrap_or(room) };
@@ -308,13 +315,7 @@ impl<'a> Writer<'a> {
     fn entry(&mut self, moves: &[Vec<Word>], block: &Block) {
         // z goes down last: where it is to be stated, all others are before it.
         let moves_z = moves.iter().any(|words| words.last().is_some_and(|word| *word == ('Z', block.stage[2])));
-        let is_sent = |axis: char| {
-            if !moves_z {
-                return false;
-            }
-            let mut lines = moves.iter().filter(|words| words.iter().any(|word| word.0 == axis));
-            lines.any(|words| axis == 'Z' || words.iter().all(|word| word.0 != 'Z'))
-        };
+        let is_sent = |axis: char| moves_z && is_moved_apart_from_z(moves, axis);
         let [x, y, z] = block.stage.0;
         let missing = |words: &[Word]| words.iter().copied().filter(|word| !is_sent(word.0)).collect::<Vec<_>>();
         let across = missing(&[('X', x), ('Y', y)]);
@@ -417,6 +418,12 @@ impl<'a> Writer<'a> {
         self.lift();
         self.line(self.off);
     }
+}
+
+/// Whether lines move an axis other than together with z; for z whether they move it.
+fn is_moved_apart_from_z(moves: &[Vec<Word>], axis: char) -> bool {
+    let mut lines = moves.iter().filter(|words| words.iter().any(|word| word.0 == axis));
+    lines.any(|words| axis == 'Z' || words.iter().all(|word| word.0 != 'Z'))
 }
 
 #[cfg(test)]

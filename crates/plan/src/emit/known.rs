@@ -5,21 +5,21 @@ use terrace_core::diag::Diag;
 use terrace_core::machine::Machine;
 use terrace_core::program::{Pen, Program, Stroke};
 
-/// What is known of a job.
+/// The pens of a job on its machine, and what they mark.
 #[derive(Clone, Copy, Debug)]
-pub struct Known<'a> {
+pub struct JobPens<'a> {
     /// The pens of the program.
     pub pens: &'a [Pen],
     /// The machine of the job.
     pub machine: &'a Machine,
-    /// Whether it has dots.
+    /// Whether the job has dots.
     pub has_dots: bool,
     /// Number of the last pen that marks, from 1; 0 where none is known to mark.
     pub last_pen: usize,
 }
 
-impl<'a> Known<'a> {
-    /// What a program says of it.
+impl<'a> JobPens<'a> {
+    /// The pens of a program, and what they mark.
     pub(super) fn of_program(program: &'a Program, machine: &'a Machine) -> Self {
         Self {
             pens: &program.pens,

@@ -5,7 +5,7 @@
 //! LightBurn workspace is a corner of the field, so `XForm` moves the optical axis into its middle. Numbers are plain
 //! decimals.
 
-use super::known::{Key, Known, KnownFault};
+use super::known::{JobPens, Key, KnownFault};
 use crate::check::Checked;
 use terrace_core::diag::Diag;
 use terrace_core::geom::{ControllerPoint, NM_PER_MM, Nm};
@@ -46,8 +46,8 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
 }
 
 /// What of a job LightBurn cannot hold.
-pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
-    let Known { last_pen, has_dots, .. } = *known;
+pub(super) fn known_faults(job: &JobPens<'_>) -> Vec<KnownFault> {
+    let JobPens { last_pen, has_dots, .. } = *job;
     let mut faults = Vec::new();
     if last_pen > MOST_LAYERS {
         let text = format!("the job marks with pen {last_pen}, but a LightBurn project has {MOST_LAYERS} layers");
@@ -65,11 +65,14 @@ pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
 /// How many of the strokes, from the first on, go into one shape.
 fn run_length(strokes: &[Stroke]) -> usize {
     let mut vertices = 0;
-    let fits = |s: &&Stroke| {
-        vertices += s.len as usize;
-        s.pen == strokes[0].pen && vertices <= MOST_VERTICES
-    };
-    strokes.iter().take_while(fits).count().max(1)
+    for (i, stroke) in strokes.iter().enumerate() {
+        vertices += stroke.len as usize;
+        if stroke.pen != strokes[0].pen || vertices > MOST_VERTICES {
+            // One stroke cannot be divided, however long it is.
+            return i.max(1);
+        }
+    }
+    strokes.len()
 }
 
 fn cut_setting(out: &mut Vec<u8>, block: usize, layer: usize, pen: &Pen, machine: &Machine) {
@@ -172,7 +175,7 @@ mod tests {
     fn more_pens_than_layers_are_refused() {
         let (checked, machine) = sample();
         let mut program = checked.program().clone();
-        let faults = |program: &Program| known_faults(&Known::of_program(program, &machine));
+        let faults = |program: &Program| known_faults(&JobPens::of_program(program, &machine));
         assert!(faults(&program).is_empty());
         program.pens.resize(31, program.pens[0].clone());
         assert!(faults(&program).is_empty(), "pens that mark nothing need no layer");
@@ -185,7 +188,7 @@ mod tests {
         let (checked, machine) = sample();
         let mut program = checked.program().clone();
         program.strokes[0].len = 1;
-        let faults = known_faults(&Known::of_program(&program, &machine));
+        let faults = known_faults(&JobPens::of_program(&program, &machine));
         assert!(matches!(&faults[..], [(Key::Format, fault)] if fault.code == "lightburn-dots"), "{faults:?}");
     }
 

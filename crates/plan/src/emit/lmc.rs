@@ -9,7 +9,7 @@
 //! balor. Opening the laser, sending packets and waiting is left to whoever sends them.
 
 use super::cards;
-use super::known::{Key, Known, KnownFault};
+use super::known::{JobPens, Key, KnownFault};
 use crate::check::Checked;
 use terrace_core::diag::Diag;
 use terrace_core::geom::{ControllerPoint, FieldPoint, NM_PER_MM};
@@ -97,18 +97,18 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
 }
 
 /// What of pens and machine the card cannot take.
-pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
-    let machine = known.machine;
+pub(super) fn known_faults(job: &JobPens<'_>) -> Vec<KnownFault> {
+    let machine = job.machine;
     let Some(lmc) = machine.lmc else {
         let text = "emit.formats has \"lmc\", but the machine file has no [lmc]";
         let hint = "state lmc.units_per_mm of the card, such as 500, and lmc.laser";
         return vec![(Key::Format, Diag::input("emit-lmc", text).hint(hint))];
     };
     let mut faults = Vec::new();
-    for (i, pen) in known.pens.iter().enumerate() {
+    for (i, pen) in job.pens.iter().enumerate() {
         faults.extend(pen_fault(&lmc, pen).map(|(key, fault)| (Key::Pen(i, key), fault)));
     }
-    if let Some((i, text)) = cards::dwell_fault(known.pens) {
+    if let Some((i, text)) = cards::dwell_fault(job.pens) {
         faults.push((Key::Pen(i, "dwell"), Diag::limit("lmc-dwell", text).hint(cards::DWELL_HINT)));
     }
     if speed(&lmc, machine.scanner.jump_speed.as_mm_s()).is_none() {
@@ -203,7 +203,8 @@ fn settings(lmc: &Lmc, machine: &Machine, pen: &Pen) -> Vec<(u16, [u16; 2])> {
         [us.abs() as u16, if us < 0.0 { 0x8000 } else { 0 }]
     };
     let percent = 100.0 * pen.power.share(machine.laser.max_power);
-    let (khz, period) = (pen.frequency.as_khz(), [period(lmc, pen) as u16, 0]);
+    let khz = pen.frequency.as_khz();
+    let period = [period(lmc, pen) as u16, 0];
     let delays = &machine.delays;
     let [first, second] = match lmc.laser {
         LmcLaser::Fiber => [(MARK_CURRENT, [(percent * 4095.0 / 100.0).round() as u16, 0]), (Q_SWITCH_PERIOD, period)],

@@ -22,7 +22,7 @@ pub mod poses;
 pub mod rtc;
 mod target;
 
-pub use known::{Key, Known, KnownFault};
+pub use known::{JobPens, Key, KnownFault};
 pub use target::{Files, FlyFile, Stepped, Target, block_file, faults, known_faults};
 use target::{OF_BLOCKS, no_faults, no_known_faults};
 

@@ -27,7 +27,8 @@ pub(super) struct Pose {
 impl Pose {
     /// At a block of a part whose origin lies at `origin`.
     pub(super) fn of(machine: &Machine, block: &Block, origin: Origin) -> Self {
-        let (turn, centre) = (machine.turn(block.stop.tilt, origin), block.stop.centre);
+        let turn = machine.turn(block.stop.tilt, origin);
+        let centre = block.stop.centre;
         let at = turn.back(P3::new([centre.x, centre.y, block.plane().0].map(|v| v as f64))).at;
         let [x, y, z] = turn.rows();
         let turns = [x[1].atan2(x[0]), (-x[2]).atan2(x[0].hypot(x[1])), y[2].atan2(z[2])];

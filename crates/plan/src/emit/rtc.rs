@@ -9,7 +9,7 @@
 use std::io::Write;
 
 use super::cards;
-use super::known::{Key, Known, KnownFault};
+use super::known::{JobPens, Key, KnownFault};
 use crate::check::Checked;
 use terrace_core::diag::{Diag, Place};
 use terrace_core::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm};
@@ -92,8 +92,8 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
 }
 
 /// What of pens and machine the board cannot take.
-pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
-    let machine = known.machine;
+pub(super) fn known_faults(job: &JobPens<'_>) -> Vec<KnownFault> {
+    let machine = job.machine;
     let Some(rtc) = machine.rtc else {
         let text = "emit.formats has \"rtc\", but the machine file has no [rtc]";
         let hint = "state rtc.board, and rtc.bits_per_mm from the correction file";
@@ -102,7 +102,7 @@ pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
     let Counts { name, speeds, .. } = counts(rtc.board);
     let mut faults = Vec::new();
     let jump = (Key::Machine("scanner.jump_speed"), "scanner.jump_speed".to_owned(), machine.scanner.jump_speed);
-    let pens = known.pens.iter().enumerate();
+    let pens = job.pens.iter().enumerate();
     let pens = pens.map(|(i, pen)| (Key::Pen(i, "speed"), format!("pen {:?}", pen.name), pen.speed));
     for (key, what, speed) in std::iter::once(jump).chain(pens) {
         let bits = speed.as_mm_s() * rtc.bits_per_mm / 1000.0;
@@ -111,7 +111,7 @@ pub(super) fn known_faults(known: &Known<'_>) -> Vec<KnownFault> {
             faults.push((key, Diag::limit("rtc-speed", text).hint("check rtc.bits_per_mm")));
         }
     }
-    if let Some((i, text)) = cards::dwell_fault(known.pens) {
+    if let Some((i, text)) = cards::dwell_fault(job.pens) {
         faults.push((Key::Pen(i, "dwell"), Diag::limit("rtc-dwell", text).hint(cards::DWELL_HINT)));
     }
     faults

@@ -3,7 +3,7 @@
 //! A target is a writer next to this file, a row of [`TARGETS`], and a variant and a row of [`Format`]; its reader with
 //! the verifier's own row is in `verify::read`.
 
-use super::known::{Known, KnownFault};
+use super::known::{JobPens, KnownFault};
 use super::{TARGETS, frames};
 use crate::check::Checked;
 use crate::on_the_fly::check::Checked as FlyChecked;
@@ -82,7 +82,7 @@ pub struct Target {
     /// What it writes of an on-the-fly job; None where it cannot.
     pub on_the_fly: Option<FlyFile>,
     /// What keeps a stepped job from being written in it, as far as that is known before the job is planned.
-    pub known_faults: fn(&Known<'_>) -> Vec<KnownFault>,
+    pub known_faults: fn(&JobPens<'_>) -> Vec<KnownFault>,
     /// What else keeps a program of a stepped job from being written in it on a machine.
     pub faults: fn(&Program, &Machine) -> Vec<Diag>,
     /// Whether a file of a stepped job says which pen each stroke is marked with.
@@ -119,22 +119,22 @@ impl Target {
 /// # Errors
 /// What a controller would clip, drop or truncate, by format.
 pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Result<(), Error> {
-    let known = Known::of_program(program, machine);
-    let of = |f: &Format| {
-        let known = (Target::of(*f).known_faults)(&known).into_iter().map(|(_, fault)| fault);
-        known.chain((Target::of(*f).faults)(program, machine))
-    };
-    let faults: Vec<Diag> = formats.iter().flat_map(of).collect();
+    let pens = JobPens::of_program(program, machine);
+    let mut faults = Vec::new();
+    for target in formats.iter().map(|&format| Target::of(format)) {
+        faults.extend((target.known_faults)(&pens).into_iter().map(|(_, fault)| fault));
+        faults.extend((target.faults)(program, machine));
+    }
     if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
 }
 
 /// What is refused of a job before it is planned, by format.
-pub fn known_faults(formats: &[Format], known: &Known<'_>) -> Vec<(Format, KnownFault)> {
-    formats.iter().flat_map(|&f| (Target::of(f).known_faults)(known).into_iter().map(move |fault| (f, fault))).collect()
+pub fn known_faults(formats: &[Format], pens: &JobPens<'_>) -> Vec<(Format, KnownFault)> {
+    formats.iter().flat_map(|&f| (Target::of(f).known_faults)(pens).into_iter().map(move |fault| (f, fault))).collect()
 }
 
 /// Formats that take every job, as far as it is known before it is planned.
-pub(super) fn no_known_faults(_: &Known<'_>) -> Vec<KnownFault> {
+pub(super) fn no_known_faults(_: &JobPens<'_>) -> Vec<KnownFault> {
     Vec::new()
 }
 

@@ -48,7 +48,7 @@ impl Loading {
         }
     }
 
-    /// The same for some blocks of the job, which take the machine `machine_s`.
+    /// How some blocks of the job are loaded, which take the machine `machine_s`.
     #[must_use]
     pub fn of_blocks(&self, blocks: usize, machine_s: f64) -> Self {
         Self { total_s: machine_s + self.load_s * blocks as f64, ..*self }
@@ -85,7 +85,7 @@ impl Loading {
         self.with_assumption(&if blocks == 1 { "1 block".to_owned() } else { format!("{blocks} blocks") })
     }
 
-    /// The same of the blocks of any job.
+    /// Who loads and starts every block of a job, with what of it is assumed in parentheses.
     pub fn sentence_per_block(&self) -> String {
         self.with_assumption("every block")
     }

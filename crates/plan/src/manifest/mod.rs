@@ -4,16 +4,15 @@
 //! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
 //! depends on the clock, the computer or where the folder lies.
 
-mod found;
 mod head;
 mod load_time;
 mod on_the_fly;
+mod overview;
 mod registration;
 #[cfg(any(test, feature = "test-support"))]
 pub mod sample;
 mod stepped;
 
-pub use found::{AnySummary, Found, read};
 pub use head::{FileFact, Head, InputFact, JobRef, MANIFEST, with_file};
 pub use head::{MAX_FILE, portable};
 pub use load_time::Loading;
@@ -21,6 +20,7 @@ pub use on_the_fly::{
     AxisPeaks, Deviations, FlyAccuracy, FlyEnergy, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary,
     on_the_fly_manifest,
 };
+pub use overview::{AnySummary, ManifestOverview, read};
 pub use registration::{Registered, registered, registration};
 pub use stepped::{BlockEntry, Manifest, RegistrationEntry, SetupEntry, manifest};
 
@@ -204,7 +204,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Of a program, or of the blocks of one that a folder holds.
+    /// The frames of a program, or of the blocks of one that a folder holds.
     pub fn new(pen: &str, checked: &Checked, machine: &Machine) -> Self {
         let outline = emit::frames::outline(checked, machine);
         Self { pen: pen.into(), outline: outline.into_iter().map(|i| checked.program().id(i).to_string()).collect() }
@@ -222,7 +222,7 @@ pub struct Facts<'a> {
     pub machine: &'a Machine,
     /// The checked program.
     pub checked: &'a Checked,
-    /// Of every pass its grid of sections, and the directions of what is filled along contours, if anything is.
+    /// The grid of sections of every pass, and the directions of what is filled along contours, if anything is.
     pub passes: Vec<(&'a Sections, Option<&'a Directions>)>,
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,

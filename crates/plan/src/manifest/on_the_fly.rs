@@ -54,7 +54,8 @@ pub struct FlyLengths {
 }
 
 impl FlyLengths {
-    /// Of a texture of which `left_out` is left out besides what was skipped when it was followed over the part.
+    /// The lengths of a texture of which `left_out` is left out besides what was skipped when it was followed over the
+    /// part.
     pub fn new(texture_mm: f64, skipped: &Skipped, left_out: &[LeftOut]) -> Self {
         let skipped_focus_mm = left_out.iter().map(|l| l.to_mm - l.from_mm).sum();
         Self {

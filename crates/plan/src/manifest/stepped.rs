@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 
 use super::head::{bytes, parse, text};
 use super::{Facts, Frames, Head, Registered, Subset, Summary, lift_mm, registration};
-use crate::budget::Stated;
+use crate::budget::StatedErrors;
 use crate::emit::Files;
 use terrace_core::diag::Error;
 use terrace_core::geom::{Nm, P2, Turned};
@@ -54,18 +54,18 @@ pub struct Manifest<B = Vec<BlockEntry>> {
 }
 
 impl<B: for<'a> Deserialize<'a>> Manifest<B> {
-    /// Reads that of a job folder.
+    /// Reads the manifest of a job folder.
     ///
     /// # Errors
-    /// As [`Head::read`]; `manifest` where it is that of an on-the-fly job.
+    /// The errors of [`Head::read`]; `manifest` where it is that of an on-the-fly job.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         Self::parse(folder, &bytes(folder)?)
     }
 
-    /// Reads the bytes of that of a job folder.
+    /// Reads the bytes of the manifest of a job folder.
     ///
     /// # Errors
-    /// As [`Manifest::read`].
+    /// The errors of [`Manifest::read`].
     pub fn parse(folder: &Path, bytes: &[u8]) -> Result<Self, Error> {
         parse(folder, bytes)
     }
@@ -149,7 +149,7 @@ pub struct Sections {
     pub columns: u32,
     /// Sections in a column.
     pub rows: u32,
-    /// Of what is filled along contours, row by row; left out where nothing is.
+    /// Directions of what is filled along contours, row by row; left out where nothing is.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub direction_deg: Vec<f64>,
 }
@@ -214,14 +214,16 @@ impl RegistrationEntry {
 }
 
 fn setups(facts: &Facts<'_>) -> Vec<SetupEntry> {
-    let entry = |&origin: &Origin| SetupEntry {
-        origin_mm: origin.mm(),
-        registration: registration(facts.job, facts.machine, origin)
-            .into_iter()
-            .map(|r| RegistrationEntry { point_mm: r.point_mm, stage: r.at.map(Nm::mm) })
-            .collect(),
-    };
-    facts.checked.origins().iter().map(entry).collect()
+    facts.checked.origins().iter().map(|&origin| SetupEntry::new(facts, origin)).collect()
+}
+
+impl SetupEntry {
+    /// The set-up in which the part lies at `origin`.
+    fn new(facts: &Facts<'_>, origin: Origin) -> Self {
+        let points = registration(facts.job, facts.machine, origin).into_iter();
+        let registration = points.map(|r| RegistrationEntry { point_mm: r.point_mm, stage: r.at.map(Nm::mm) });
+        Self { origin_mm: origin.mm(), registration: registration.collect() }
+    }
 }
 
 /// How blocks meet.
@@ -270,7 +272,7 @@ struct Blocks<'a>(&'a Facts<'a>);
 
 impl Serialize for Blocks<'_> {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        let stated = Stated::new(self.0.job, self.0.machine, self.0.tessellation_mm);
+        let stated = StatedErrors::new(self.0.job, self.0.machine, self.0.tessellation_mm);
         s.collect_seq((0..self.0.checked.program().blocks.len()).map(|i| block_entry(self.0, &stated, i)))
     }
 }
@@ -342,7 +344,8 @@ pub struct EnergyEntry {
 
 impl EnergyEntry {
     fn of(energy: &LineEnergy, block: &program::Block) -> Option<Self> {
-        let (worst, centre) = (energy.worst()?, block.stop.centre);
+        let worst = energy.worst()?;
+        let centre = block.stop.centre;
         let at: P2<Turned> = P2::new(centre.x + i64::from(worst.at.x), centre.y + i64::from(worst.at.y));
         Some(Self {
             mean_j_per_m: energy.mean_j_per_m()?,
@@ -376,9 +379,10 @@ fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<String, String> {
     of_block.collect()
 }
 
-fn block_entry(facts: &Facts<'_>, stated: &Stated<'_>, index: usize) -> BlockEntry {
+fn block_entry(facts: &Facts<'_>, stated: &StatedErrors<'_>, index: usize) -> BlockEntry {
     let program = facts.checked.program();
-    let (block, figures) = (&program.blocks[index], &facts.figures[index]);
+    let block = &program.blocks[index];
+    let figures = &facts.figures[index];
     let Ok(Value::Object(errors_um)) = serde_json::to_value(stated.of_block(block, figures)) else {
         unreachable!("errors are a map of numbers")
     };

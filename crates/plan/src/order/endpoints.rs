@@ -72,7 +72,8 @@ pub(super) fn greedy<const D: usize>(
 ) -> Vec<u32> {
     let mut seq = Vec::with_capacity(endpoints.items());
     seq.push(0);
-    let (mut from, mut near) = (at(0), None);
+    let mut from = at(0);
+    let mut near = None;
     while seq.len() < endpoints.items() {
         let mut next = 0;
         tree.around(from, near, f64::INFINITY, &far, |d, number| {

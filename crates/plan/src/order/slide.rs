@@ -27,11 +27,14 @@ pub(crate) struct TourStop {
     pub is_first: bool,
 }
 
-/// A test of a stop at a place, or of two.
-type Rule<'a, T> = Option<&'a dyn Fn(T) -> bool>;
-
-/// A stop by its number, at a place.
-pub type Placed = (usize, [i64; 3]);
+/// A stop at a place where it does not stand yet, maybe.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StopAt {
+    /// Its place in the tour.
+    pub number: usize,
+    /// Where the stage stands, commanded, nm.
+    pub at: [i64; 3],
+}
 
 /// What the moves of the stage cost, and where it may stand.
 #[derive(Clone, Copy)]
@@ -41,9 +44,9 @@ pub(crate) struct MoveRules<'a> {
     /// From where the stage comes to the first stop; None where that does not count.
     pub from: Option<[i64; 3]>,
     /// Whether the stage must lift on its way; None where it never must.
-    pub lifts: Rule<'a, (Placed, Placed)>,
+    pub lifts: Option<&'a dyn Fn(StopAt, StopAt) -> bool>,
     /// Whether the head keeps clear of the part at a standstill; None where it always does.
-    pub is_clear: Rule<'a, Placed>,
+    pub is_clear: Option<&'a dyn Fn(StopAt) -> bool>,
 }
 
 /// Rounds of improvement at most.
@@ -64,11 +67,11 @@ pub(crate) fn slide(stops: &mut Vec<TourStop>, rules: &MoveRules<'_>, step: i64)
     let timer = MoveTimer::new(rules.machine);
     let mut best = Tour { stops: stops.clone(), rules, timer: &timer, step };
     best.shorten();
-    let mut other = Tour { stops: std::mem::take(stops), rules, timer: &timer, step };
-    other.stand_together();
-    other.shorten();
-    if other.time() < best.time() - ROUNDING_S {
-        best = other;
+    let mut together = Tour { stops: std::mem::take(stops), rules, timer: &timer, step };
+    together.stand_together();
+    together.shorten();
+    if together.time() < best.time() - ROUNDING_S {
+        best = together;
     }
     best.centre();
     let time = best.time();
@@ -76,6 +79,7 @@ pub(crate) fn slide(stops: &mut Vec<TourStop>, rules: &MoveRules<'_>, step: i64)
     time
 }
 
+/// A tour whose stops are moved.
 struct Tour<'a> {
     stops: Vec<TourStop>,
     rules: &'a MoveRules<'a>,
@@ -93,7 +97,7 @@ impl Tour<'_> {
     fn leg(&self, i: usize) -> f64 {
         let Some(stop) = self.stops.get(i) else { return 0.0 };
         match self.before(i) {
-            Some(from) => self.move_s(i.checked_sub(1).map(|n| (n, from)), from, (i, stop.at)),
+            Some(from) => self.move_s(i.checked_sub(1), from, StopAt { number: i, at: stop.at }),
             None => 0.0,
         }
     }
@@ -111,10 +115,15 @@ impl Tour<'_> {
         self.stops.get(i + 1).filter(|next| !next.is_first).map(|next| next.at)
     }
 
-    fn move_s(&self, stop: Option<Placed>, from: [i64; 3], to: Placed) -> f64 {
-        let lifted = || self.rules.lifts.zip(stop).is_some_and(|(lifts, from)| lifts((from, to)));
-        let [a, b] = [from, to.1].map(|at| at.map(|v| v as f64));
-        if from[..2] != to.1[..2] && lifted() { self.timer.lifted(a, b) } else { self.timer.between(a, b) }
+    /// Time of the move from `from`, where the stop with number `last` stands if there is one, to another stop, s.
+    fn move_s(&self, last: Option<usize>, from: [i64; 3], to: StopAt) -> f64 {
+        let is_lifted = || match (self.rules.lifts, last) {
+            (Some(lifts), Some(number)) => lifts(StopAt { number, at: from }, to),
+            _ => false,
+        };
+        let [a, b] = [from, to.at].map(|at| at.map(|v| v as f64));
+        // A move of z alone needs no lift.
+        if from[..2] != to.at[..2] && is_lifted() { self.timer.lifted(a, b) } else { self.timer.between(a, b) }
     }
 
     /// Time of the moves to the stops `first` to `last` and from the last, s. Those inside count where a lift may
@@ -126,8 +135,11 @@ impl Tour<'_> {
         (first..=last + 1).map(|i| self.leg(i)).sum()
     }
 
+    /// Whether the head keeps clear of the part at the stops `first` to `last`.
     fn is_clear(&self, first: usize, last: usize) -> bool {
-        self.rules.is_clear.is_none_or(|is_clear| (first..=last).all(|i| is_clear((i, self.stops[i].at))))
+        self.rules
+            .is_clear
+            .is_none_or(|is_clear| (first..=last).all(|i| is_clear(StopAt { number: i, at: self.stops[i].at })))
     }
 
     /// Places that save time, until nothing does.
@@ -173,31 +185,23 @@ impl Tour<'_> {
 
     /// Moves one stop to coordinates of its neighbours where that saves time.
     fn move_stop(&mut self, i: usize) {
-        let (stop, [before, after]) = (&self.stops[i], [self.before(i), self.after(i)]);
-        let (at, room) = (stop.at, stop.room);
-        let near = |axis: usize| {
-            let mut places = [at[axis]; 3];
-            let mut count = 1;
-            for v in [before, after].into_iter().flatten().map(|p| p[axis].clamp(room[axis][0], room[axis][1])) {
-                if !places[..count].contains(&v) {
-                    places[count] = v;
-                    count += 1;
-                }
-            }
-            (places, count)
-        };
-        let [(xs, nx), (ys, ny), (zs, nz)] = [0, 1, 2].map(near);
-        if nx * ny * nz == 1 {
+        let TourStop { at, room, .. } = self.stops[i];
+        let neighbours = [self.before(i), self.after(i)];
+        let [xs, ys, zs] =
+            [0, 1, 2].map(|k| Coordinates::new(at[k], neighbours.map(|place| place.map(|p| p[k])), room[k]));
+        if xs.count * ys.count * zs.count == 1 {
             return;
         }
         let mut least = self.around(i, i);
         let mut best = at;
-        for (&x, &y) in xs[..nx].iter().flat_map(|x| ys[..ny].iter().map(move |y| (x, y))) {
-            for &z in &zs[..nz] {
-                self.stops[i].at = [x, y, z];
-                let time = self.around(i, i);
-                if time < least - ROUNDING_S && self.is_clear(i, i) {
-                    (least, best) = (time, self.stops[i].at);
+        for &x in xs.list() {
+            for &y in ys.list() {
+                for &z in zs.list() {
+                    self.stops[i].at = [x, y, z];
+                    let time = self.around(i, i);
+                    if time < least - ROUNDING_S && self.is_clear(i, i) {
+                        (least, best) = (time, self.stops[i].at);
+                    }
                 }
             }
         }
@@ -206,35 +210,29 @@ impl Tour<'_> {
 
     /// Moves a run along the axes that it shares to coordinates of its neighbours where that saves time.
     fn move_run(&mut self, first: usize, last: usize, axes: &[usize]) {
+        // A single stop was moved along all axes.
         if first == last {
             return;
         }
         let old = self.stops[first].at;
-        let mut choices = [[old; 3]; 3];
-        let mut counts = [1; 3];
-        for &axis in axes {
-            let Some([lo, hi]) = self.room(first, last, axis) else { return };
-            for p in [self.before(first), self.after(last)].into_iter().flatten() {
-                let v = p[axis].clamp(lo, hi);
-                let known = choices[axis][..counts[axis]].iter().any(|c| c[axis] == v);
-                if !known {
-                    choices[axis][counts[axis]][axis] = v;
-                    counts[axis] += 1;
-                }
-            }
+        let neighbours = [self.before(first), self.after(last)];
+        let mut coordinates = old.map(Coordinates::only);
+        for &k in axes {
+            let Some(room) = self.room(first, last, k) else { return };
+            coordinates[k] = Coordinates::new(old[k], neighbours.map(|place| place.map(|p| p[k])), room);
         }
+        let [xs, ys, zs] = coordinates;
         let mut least = self.around(first, last);
         let mut best = old;
         let mut now = old;
-        for x in 0..counts[0] {
-            for y in 0..counts[1] {
-                for z in 0..counts[2] {
-                    let to = [choices[0][x][0], choices[1][y][1], choices[2][z][2]];
-                    self.put(first, last, axes, to);
-                    now = to;
+        for &x in xs.list() {
+            for &y in ys.list() {
+                for &z in zs.list() {
+                    now = [x, y, z];
+                    self.put(first, last, axes, now);
                     let time = self.around(first, last);
                     if time < least - ROUNDING_S && self.is_clear(first, last) {
-                        (least, best) = (time, to);
+                        (least, best) = (time, now);
                     }
                 }
             }
@@ -244,6 +242,7 @@ impl Tour<'_> {
         }
     }
 
+    /// Puts the stops `first` to `last` at `to` along some axes.
     fn put(&mut self, first: usize, last: usize, axes: &[usize], to: [i64; 3]) {
         for stop in &mut self.stops[first..=last] {
             axes.iter().for_each(|&k| stop.at[k] = to[k]);
@@ -253,23 +252,24 @@ impl Tour<'_> {
     /// Splits a run between the places before and after it where its stops can all stand there and that saves time.
     fn split_between_neighbours(&mut self, first: usize, last: usize) {
         let (Some(before), Some(after)) = (self.before(first), self.after(last)) else { return };
-        let takes =
+        let may_stand =
             |stop: &TourStop, at: [i64; 3]| (0..2).all(|k| stop.room[k][0] <= at[k] && at[k] <= stop.room[k][1]);
         let run = &self.stops[first..=last];
-        let of_before = run.iter().take_while(|stop| takes(stop, before)).count();
-        let of_after = run.iter().rev().take_while(|stop| takes(stop, after)).count();
-        if of_before + of_after < run.len() {
+        let at_before = run.iter().take_while(|stop| may_stand(stop, before)).count();
+        let at_after = run.iter().rev().take_while(|stop| may_stand(stop, after)).count();
+        if at_before + at_after < run.len() {
             return;
         }
-        let (old, from) = (run[0].at, run.len() - of_after);
+        let old = run[0].at;
         let time = |tour: &Self| (first..=last + 1).map(|i| tour.leg(i)).sum::<f64>();
-        let long = time(self);
-        let border = first + of_before.min(from.max(of_before));
+        let old_time = time(self);
+        // Of stops that may stand at either place, the place before has them.
+        let border = first + at_before;
         for i in first..=last {
             let to = if i < border { before } else { after };
             self.put(i, i, &[0, 1], to);
         }
-        if time(self) >= long - ROUNDING_S || !self.is_clear(first, last) {
+        if time(self) >= old_time - ROUNDING_S || !self.is_clear(first, last) {
             self.put(first, last, &[0, 1], old);
         }
     }
@@ -283,7 +283,9 @@ impl Tour<'_> {
         }
         let mut first = 0;
         let mut before: Option<[i64; 3]> = None;
+        // Invariant: the stops before `first` stand at the fewest places, the last of them at `before`.
         while first < self.stops.len() {
+            // The overlap of the rooms of the run so far.
             let mut room = self.stops[first].room;
             let mut last = first;
             while let Some(next) = self.stops.get(last + 1).filter(|next| !next.is_first) {
@@ -308,6 +310,8 @@ impl Tour<'_> {
         }
     }
 
+    /// Moves a run along an axis towards the middle of its marks: there, or as near as halving the way finds to cost no
+    /// time.
     fn centre_run(&mut self, first: usize, last: usize, axis: usize) {
         let Some([lo, hi]) = self.room(first, last, axis) else { return };
         let run = &self.stops[first..=last];
@@ -317,27 +321,63 @@ impl Tour<'_> {
         // On the lattice of the stop.
         let steps = (min.midpoint(max) - old[axis]).div_euclid(self.step);
         let wanted = (old[axis] + steps * self.step).clamp(lo, hi);
-        let most = self.around(first, last) + ROUNDING_S;
-        let fits = |to: i64, tour: &mut Self| {
+        let most_s = self.around(first, last) + ROUNDING_S;
+        let at_coordinate = |v: i64| {
             let mut at = old;
-            at[axis] = to;
-            tour.put(first, last, &[axis], at);
-            tour.around(first, last) <= most && tour.is_clear(first, last)
+            at[axis] = v;
+            at
         };
-        if wanted == old[axis] || fits(wanted, self) {
+        if wanted == old[axis] || self.put_if_no_longer(first, last, axis, at_coordinate(wanted), most_s) {
             return;
         }
-        let (mut good, mut bad) = (0i64, (wanted - old[axis]) / self.step);
+        // Invariant: `good` steps from the old place cost no time, `bad` steps do.
+        let mut good = 0i64;
+        let mut bad = (wanted - old[axis]) / self.step;
         for _ in 0..HALVINGS {
             let middle = good.midpoint(bad);
             if middle == good || middle == bad {
                 break;
             }
-            if fits(old[axis] + middle * self.step, self) { good = middle } else { bad = middle }
+            let at = at_coordinate(old[axis] + middle * self.step);
+            if self.put_if_no_longer(first, last, axis, at, most_s) { good = middle } else { bad = middle }
         }
-        let mut at = old;
-        at[axis] += good * self.step;
+        self.put(first, last, &[axis], at_coordinate(old[axis] + good * self.step));
+    }
+
+    /// Puts a run at `at` along an axis; returns whether its moves take `most_s` there at most and the head keeps
+    /// clear.
+    fn put_if_no_longer(&mut self, first: usize, last: usize, axis: usize, at: [i64; 3], most_s: f64) -> bool {
         self.put(first, last, &[axis], at);
+        self.around(first, last) <= most_s && self.is_clear(first, last)
+    }
+}
+
+/// The different coordinates along one axis that a stop or a run may take.
+#[derive(Clone, Copy)]
+struct Coordinates {
+    values: [i64; 3],
+    count: usize,
+}
+
+impl Coordinates {
+    fn only(v: i64) -> Self {
+        Self { values: [v; 3], count: 1 }
+    }
+
+    /// Its own, and those of its neighbours as near as `room` permits.
+    fn new(own: i64, neighbours: [Option<i64>; 2], [lo, hi]: [i64; 2]) -> Self {
+        let mut coordinates = Self::only(own);
+        for v in neighbours.into_iter().flatten().map(|v| v.clamp(lo, hi)) {
+            if !coordinates.list().contains(&v) {
+                coordinates.values[coordinates.count] = v;
+                coordinates.count += 1;
+            }
+        }
+        coordinates
+    }
+
+    fn list(&self) -> &[i64] {
+        &self.values[..self.count]
     }
 }
 
@@ -382,6 +422,16 @@ mod tests {
     fn exact_s(machine: &Machine, stops: &[TourStop]) -> f64 {
         let at = |s: &TourStop| Commanded(s.at);
         stops.windows(2).map(|w| motion::stage_move(machine, at(&w[0]), at(&w[1]), None).total_s()).sum()
+    }
+
+    #[test]
+    fn a_stop_may_take_its_own_coordinate_and_those_of_its_neighbours_within_its_room() {
+        let list = |neighbours| Coordinates::new(5, neighbours, [2, 8]).list().to_vec();
+        assert_eq!(list([None, None]), [5]);
+        assert_eq!(list([Some(3), Some(7)]), [5, 3, 7]);
+        assert_eq!(list([Some(-9), Some(99)]), [5, 2, 8], "as near as the room permits");
+        assert_eq!(list([Some(5), Some(3)]), [5, 3], "each once");
+        assert_eq!(list([Some(10), Some(8)]), [5, 8]);
     }
 
     #[test]
@@ -452,9 +502,9 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         // Beside x = 30 mm the part is high.
         let high = |v: i64| v > 30 * MM;
-        let is_clear = |(_, at): Placed| !high(at[0]);
-        let lifts = |(_, (_, b)): (Placed, Placed)| high(b[0]);
-        let rules = MoveRules { lifts: Some(&|(a, b)| lifts((a, b))), is_clear: Some(&is_clear), ..rules(&machine) };
+        let is_clear = |stop: StopAt| !high(stop.at[0]);
+        let lifts = |_: StopAt, to: StopAt| high(to.at[0]);
+        let rules = MoveRules { lifts: Some(&lifts), is_clear: Some(&is_clear), ..rules(&machine) };
         let stop = |x: i64, room: [i64; 2]| TourStop {
             at: [x, 0, 0],
             room: [room, [0; 2], [0; 2]],

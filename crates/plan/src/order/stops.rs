@@ -12,6 +12,8 @@
 //! mean. The result is judged by the true times. With levels in one direction only, the stops of one level
 //! are toured one level after another.
 
+use std::cmp::Ordering;
+
 use super::endpoints::{Endpoints, greedy};
 use super::kd_tree::Tree;
 use super::move_times::MoveTimer;
@@ -68,15 +70,15 @@ pub fn tour(stops: &[Commanded], stage: &Stage<'_>, climb: HeightOrder, effort: 
     if climb == HeightOrder::Free {
         return path(stops, stage, order, effort);
     }
-    let up = if climb == HeightOrder::Up { 1 } else { -1 };
-    let height = |i: usize| up * stage.machine.stage.z.sign() * stops[i][2];
+    let direction = if climb == HeightOrder::Up { 1 } else { -1 };
+    let height = |i: usize| direction * stage.machine.stage.z.sign() * stops[i][2];
     order.sort_by_key(|&i| height(i));
-    let mut out: Vec<usize> = Vec::with_capacity(stops.len());
+    let mut by_levels: Vec<usize> = Vec::with_capacity(stops.len());
     for level in order.chunk_by(|&a, &b| height(a) == height(b)) {
-        let from = out.last().map_or(stage.from, |&last| stops[last]);
-        out.extend(path(stops, &Stage { from, ..*stage }, level.to_vec(), effort));
+        let from = by_levels.last().map_or(stage.from, |&last| stops[last]);
+        by_levels.extend(path(stops, &Stage { from, ..*stage }, level.to_vec(), effort));
     }
-    out
+    by_levels
 }
 
 /// Time of the moves in an order, from where the stage comes from to the last stop, s.
@@ -100,35 +102,24 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     if some.len() < 2 {
         return some;
     }
-    // Item 0 is where the stage comes from; a stop is entered and left at one place, so it has one endpoint.
-    let mut endpoints = Endpoints::with_capacity(some.len() + 1, some.len() + 1);
-    (0..=some.len()).for_each(|_| endpoints.closed(1));
-    let at: Vec<[f64; 3]> =
-        std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.0.map(|v| v as f64)).collect();
+    let costs = PathCosts::new(stops, stage, &some);
+    let at = costs.at.as_slice();
+    // A stop is entered and left at one place, so it has one endpoint.
+    let mut endpoints = Endpoints::with_capacity(at.len(), at.len());
+    (0..at.len()).for_each(|_| endpoints.closed(1));
     let mut tree = Tree::new(at[1..].iter().copied());
-    let timer = MoveTimer::new(stage.machine);
-    let far = |gap: [f64; 3]| timer.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let of_endpoints =
-        |seq: &[u32]| seq[1..].iter().map(|&endpoint| some[endpoint as usize - 1]).collect::<Vec<usize>>();
     // 2-opt and Or-opt end in a local optimum: which one is decided by where they start, so the best of eleven
     // plain tours is taken.
-    let mut starts = strips(&at);
-    starts.push(greedy(&endpoints, &mut tree, |endpoint| at[endpoint as usize], far));
+    let mut starts = strips(at);
+    starts.push(greedy(&endpoints, &mut tree, |endpoint| at[endpoint as usize], |gap| costs.over(gap)));
     tree.fill();
-    let timed = |seq: &[u32]| time(stops, stage, &of_endpoints(seq));
-    let timed_starts = parallel::map_items(starts, |_, seq| (timed(&seq), seq));
+    let time_s = |seq: &[u32]| time(stops, stage, &costs.stops_of(seq));
+    let timed_starts = parallel::map_items(starts, |_, seq| (time_s(&seq), seq));
     let Some((start_s, start)) = timed_starts.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return some };
-
-    let both_ways = |a: u32, b: u32| {
-        let [from, to] = [a, b].map(|endpoint| at[endpoint as usize]);
-        let Some(lifts) = stage.lifts.filter(|_| a > 0 && b > 0) else { return timer.between(from, to) };
-        let [i, j] = [a, b].map(|endpoint| some[endpoint as usize - 1]);
-        let way = |is_lifted, from, to| if is_lifted { timer.lifted(from, to) } else { timer.between(from, to) };
-        0.5 * (way(lifts(i, j), from, to) + way(lifts(j, i), to, from))
-    };
-    let lists = neighbours(&tree, &at, far, both_ways);
+    let lists = neighbours(&tree, &costs);
     // A move changes the whole tour, but where that would be long.
     let longest = (100_000_000 / some.len()).max(1000);
+    let both_ways = |a: u32, b: u32| costs.both_ways(a, b);
     let mut tour = Tour::new(&endpoints, start.clone(), longest, LEAST, both_ways, |endpoint, limit, found| {
         found.clear();
         found.extend(lists[endpoint as usize].iter().take_while(|f| f.0 < limit));
@@ -136,27 +127,65 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     tour.improve();
     tour.perturb(effort * some.len().min(MOST_PERTURBATIONS), 1);
     let better = tour.into_seq();
-    of_endpoints(if timed(&better) < start_s { &better } else { &start })
+    costs.stops_of(if time_s(&better) < start_s { &better } else { &start })
+}
+
+/// What the moves of a path cost, between its endpoints: endpoint 0 is where the stage comes from, the others are
+/// stops.
+struct PathCosts<'a> {
+    stage: &'a Stage<'a>,
+    timer: MoveTimer,
+    /// The stop of every endpoint but the first.
+    some: &'a [usize],
+    /// Where each endpoint lies, commanded, nm.
+    at: Vec<[f64; 3]>,
+}
+
+impl<'a> PathCosts<'a> {
+    fn new(stops: &[Commanded], stage: &'a Stage<'a>, some: &'a [usize]) -> Self {
+        let endpoints = std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i]));
+        let at = endpoints.map(|p| p.0.map(|v| v as f64)).collect();
+        Self { stage, timer: MoveTimer::new(stage.machine), some, at }
+    }
+
+    /// Time of a move over a gap, s, and a little for its length: of stops at equal cost the nearer one counts.
+    #[inline]
+    fn over(&self, gap: [f64; 3]) -> f64 {
+        self.timer.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt()
+    }
+
+    /// Time of the move between two endpoints, s, the mean of both ways.
+    #[inline]
+    fn both_ways(&self, a: u32, b: u32) -> f64 {
+        let [from, to] = [a, b].map(|endpoint| self.at[endpoint as usize]);
+        // Endpoint 0 is no stop, for which a lift could be asked.
+        let Some(lifts) = self.stage.lifts.filter(|_| a > 0 && b > 0) else { return self.timer.between(from, to) };
+        let [i, j] = [a, b].map(|endpoint| self.some[endpoint as usize - 1]);
+        0.5 * (self.one_way(lifts(i, j), from, to) + self.one_way(lifts(j, i), to, from))
+    }
+
+    fn one_way(&self, is_lifted: bool, from: [f64; 3], to: [f64; 3]) -> f64 {
+        if is_lifted { self.timer.lifted(from, to) } else { self.timer.between(from, to) }
+    }
+
+    /// The stops of a sequence of endpoints, which begins with endpoint 0.
+    fn stops_of(&self, seq: &[u32]) -> Vec<usize> {
+        seq[1..].iter().map(|&endpoint| self.some[endpoint as usize - 1]).collect()
+    }
 }
 
 /// Serpentines over all but place 0, where they start: bands along x or y, in them column by column, each
 /// from the end that is nearer. Bands are as narrow as the distinct places, or hold several of them.
 fn strips(at: &[[f64; 3]]) -> Vec<Vec<u32>> {
-    let mut out = Vec::new();
+    let mut tours = Vec::new();
     for axis in [0, 1] {
         // Across the bands, along them, and up.
         let key = |endpoint: &u32| {
             let p = at[*endpoint as usize];
             [p[1 - axis], p[axis], p[2]]
         };
-        let by = |parts: [usize; 3]| {
-            move |a: &u32, b: &u32| {
-                let (a, b) = (key(a), key(b));
-                parts.into_iter().map(|k| a[k].total_cmp(&b[k])).find(|o| o.is_ne()).unwrap_or(a[0].total_cmp(&b[0]))
-            }
-        };
         let mut endpoints: Vec<u32> = (1..at.len() as u32).collect();
-        endpoints.sort_by(by([0, 1, 2]));
+        endpoints.sort_by(|a, b| compare(key(a), key(b), [0, 1, 2]));
         // Stops over one place are one column, which is climbed in one go.
         let columns = endpoints.chunk_by(|a, b| key(a)[..2] == key(b)[..2]).count() as f64;
         let span = |k: usize| {
@@ -166,10 +195,16 @@ fn strips(at: &[[f64; 3]]) -> Vec<Vec<u32>> {
         // Bands in which neighbours along and across are about as far apart.
         let even = (span(0) * span(1) / columns).sqrt();
         for width in [0.0, 0.5 * even, even, 1.5 * even, 2.0 * even] {
-            out.push(strip(&endpoints, width, key, by([1, 0, 2]), at[0][2]));
+            let along = |a: &u32, b: &u32| compare(key(a), key(b), [1, 0, 2]);
+            tours.push(strip(&endpoints, width, key, along, at[0][2]));
         }
     }
-    out
+    tours
+}
+
+/// Which of two places comes first by their coordinates in this order.
+fn compare(a: [f64; 3], b: [f64; 3], coordinates: [usize; 3]) -> Ordering {
+    coordinates.into_iter().map(|k| a[k].total_cmp(&b[k])).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
 }
 
 /// One serpentine through `endpoints`, which stand band by band; `along` sorts a band.
@@ -177,12 +212,13 @@ fn strip(
     endpoints: &[u32],
     width: f64,
     key: impl Fn(&u32) -> [f64; 3],
-    along: impl Fn(&u32, &u32) -> std::cmp::Ordering,
+    along: impl Fn(&u32, &u32) -> Ordering,
     mut z: f64,
 ) -> Vec<u32> {
     let mut seq = vec![0];
     let mut rest = endpoints;
     let mut forward = true;
+    // Invariant: `seq` has the endpoints before `rest`, and ends at height `z`.
     while let Some(first) = rest.first() {
         let end = key(first)[0] + width;
         let (band, more) = rest.split_at(rest.partition_point(|p| key(p)[0] <= end));
@@ -210,31 +246,35 @@ fn strip(
 
 /// The neighbours of every endpoint: the nearest stops, and the nearest that are not over the same place.
 /// With their costs, cheapest first.
-fn neighbours(
-    tree: &Tree<3>,
-    at: &[[f64; 3]],
-    far: impl Fn([f64; 3]) -> f64 + Sync,
-    cost: impl Fn(u32, u32) -> f64 + Sync,
-) -> Vec<Vec<(f64, u32)>> {
-    let columns = Columns::new(at);
-    let list = |endpoint: usize| {
-        let (mut near, mut beside) = (Nearest::default(), Nearest::default());
-        tree.around(at[endpoint], (endpoint as u32).checked_sub(1), f64::INFINITY, &far, |d, number| {
-            let other = number as usize + 1;
-            if other == endpoint { near.limit() } else { near.insert(d, other as u32) }
-        });
-        columns.nearest_in_others(endpoint, at, &far, &mut beside);
-        let mut found = near.0.clone();
-        found.extend(beside.0.iter().filter(|&&(_, p)| at[p as usize][..2] != at[endpoint][..2]));
-        found.iter_mut().for_each(|f| f.0 = cost(endpoint as u32, f.1));
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        found.dedup();
-        found
-    };
-    let parts = parallel::map(at.len().div_ceil(CHUNK), |part| {
-        (part * CHUNK..at.len().min((part + 1) * CHUNK)).map(list).collect::<Vec<_>>()
+fn neighbours(tree: &Tree<3>, costs: &PathCosts<'_>) -> Vec<Vec<(f64, u32)>> {
+    let count = costs.at.len();
+    let columns = Columns::new(&costs.at);
+    let chunks = parallel::map(count.div_ceil(CHUNK), |chunk| {
+        let endpoints = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
+        endpoints.map(|endpoint| neighbours_of(endpoint, tree, &columns, costs)).collect::<Vec<_>>()
     });
-    parts.into_iter().flatten().collect()
+    chunks.into_iter().flatten().collect()
+}
+
+/// The neighbours of an endpoint with their costs, cheapest first.
+fn neighbours_of(endpoint: usize, tree: &Tree<3>, columns: &Columns, costs: &PathCosts<'_>) -> Vec<(f64, u32)> {
+    let at = costs.at.as_slice();
+    let over = |gap| costs.over(gap);
+    let mut near = Nearest::default();
+    // The tree holds stops alone: its item 0 is endpoint 1.
+    tree.around(at[endpoint], (endpoint as u32).checked_sub(1), f64::INFINITY, over, |distance, item| {
+        let other = item as usize + 1;
+        if other == endpoint { near.limit() } else { near.insert(distance, other as u32) }
+    });
+    let mut beside = Nearest::default();
+    columns.nearest_in_others(endpoint, at, over, &mut beside);
+    let mut list = near.0;
+    list.extend(beside.0.iter().filter(|&&(_, p)| at[p as usize][..2] != at[endpoint][..2]));
+    list.iter_mut().for_each(|(cost, other)| *cost = costs.both_ways(endpoint as u32, *other));
+    list.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    // A stop may be among the nearest of both kinds.
+    list.dedup();
+    list
 }
 
 /// The nearest of what was found, [`NEIGHBOURS`] at most, by distance.
@@ -260,7 +300,7 @@ impl Nearest {
 /// looked for among the places.
 struct Columns {
     tree: Tree<2>,
-    /// Of every place the height and the endpoint of its stops, upwards.
+    /// The stops of every place, upwards: height and endpoint.
     levels: Vec<Vec<(f64, u32)>>,
     /// The place of every endpoint but the first, from which the stage comes.
     of: Vec<u32>,
@@ -271,7 +311,8 @@ impl Columns {
         let mut order: Vec<u32> = (1..at.len() as u32).collect();
         let key = |&p: &u32| at[p as usize];
         order.sort_by(|a, b| {
-            let (a_at, b_at) = (key(a), key(b));
+            let a_at = key(a);
+            let b_at = key(b);
             (0..3).map(|k| a_at[k].total_cmp(&b_at[k])).find(|o| o.is_ne()).unwrap_or(a.cmp(b))
         });
         let mut columns = Self { tree: Tree::new([].into_iter()), levels: Vec::new(), of: vec![u32::MAX; at.len()] };

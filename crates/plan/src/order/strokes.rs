@@ -52,8 +52,8 @@ pub fn as_drawn(strokes: usize) -> Vec<Visit> {
 
 /// The order in which strokes are marked, the beam starting in the centre of the field.
 pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
-    let known = Known::new(paths);
-    let Known { endpoints, places } = &known;
+    let strokes = StrokeEndpoints::new(paths);
+    let StrokeEndpoints { endpoints, places } = &strokes;
     let mut tree = Tree::new(places[1..].iter().map(|endpoint| endpoint.at));
     let seq = greedy(endpoints, &mut tree, |endpoint| places[endpoint as usize].at, square);
     tree.fill();
@@ -62,7 +62,7 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
         square([a[0] - b[0], a[1] - b[1]]).sqrt()
     };
     let mut tour = Tour::new(endpoints, seq, LONGEST, LEAST, cost, |endpoint, limit, found| {
-        nearer(&known, &tree, endpoint, limit, found);
+        nearer(&strokes, &tree, endpoint, limit, found);
     });
     tour.settle();
     // Moves change the order with the endpoints at hand, `settle` the endpoints in the order at hand: each opens ways
@@ -94,20 +94,21 @@ fn square([x, y]: [f64; 2]) -> f64 {
     x * x + y * y
 }
 
-/// What the search knows of the strokes: item 0 is the field's centre, stroke i is item i + 1.
-struct Known {
+/// The places at which strokes may be entered, as the search knows them: item 0 is the field's centre, stroke i is item
+/// i + 1.
+struct StrokeEndpoints {
     endpoints: Endpoints,
     /// Every endpoint of these.
-    places: Vec<Place>,
+    places: Vec<EndpointPlace>,
 }
 
 /// Where an endpoint is, nm, and which vertex of its stroke.
-struct Place {
+struct EndpointPlace {
     at: [f64; 2],
     vertex: u32,
 }
 
-impl Known {
+impl StrokeEndpoints {
     fn new(paths: &[Path<'_>]) -> Self {
         let size = |p: &Path<'_>| match p.points.len() {
             1 => 1,
@@ -115,30 +116,30 @@ impl Known {
             _ => 2,
         };
         let count = paths.iter().map(size).sum::<usize>() + 1;
-        let mut known =
+        let mut strokes =
             Self { endpoints: Endpoints::with_capacity(paths.len() + 1, count), places: Vec::with_capacity(count) };
-        known.add(0, FieldPoint::AXIS);
-        known.endpoints.closed(1);
+        strokes.add(0, FieldPoint::AXIS);
+        strokes.endpoints.closed(1);
         for path in paths {
             let last = path.points.len() - 1;
             if last == 0 {
-                known.add(0, path.points[0]);
-                known.endpoints.closed(1);
+                strokes.add(0, path.points[0]);
+                strokes.endpoints.closed(1);
             } else if path.is_closed {
-                let before = known.places.len();
-                corners(&path.points[..last], |i| known.add(i, path.points[i]));
-                known.endpoints.closed(known.places.len() - before);
+                let before = strokes.places.len();
+                corners(&path.points[..last], |i| strokes.add(i, path.points[i]));
+                strokes.endpoints.closed(strokes.places.len() - before);
             } else {
-                known.add(0, path.points[0]);
-                known.add(last, path.points[last]);
-                known.endpoints.open();
+                strokes.add(0, path.points[0]);
+                strokes.add(last, path.points[last]);
+                strokes.endpoints.open();
             }
         }
-        known
+        strokes
     }
 
     fn add(&mut self, vertex: usize, FieldPoint { x, y }: FieldPoint) {
-        self.places.push(Place { at: [f64::from(x), f64::from(y)], vertex: vertex as u32 });
+        self.places.push(EndpointPlace { at: [f64::from(x), f64::from(y)], vertex: vertex as u32 });
     }
 }
 
@@ -165,14 +166,14 @@ fn corners(points: &[FieldPoint], mut f: impl FnMut(usize)) {
 }
 
 /// The nearest endpoints of other strokes that are nearer than `limit`, nearest first.
-fn nearer(known: &Known, tree: &Tree<2>, endpoint: u32, limit: f64, found: &mut Vec<(f64, u32)>) {
+fn nearer(strokes: &StrokeEndpoints, tree: &Tree<2>, endpoint: u32, limit: f64, found: &mut Vec<(f64, u32)>) {
     found.clear();
-    let item = known.endpoints.item(endpoint);
+    let item = strokes.endpoints.item(endpoint);
     let mut limit = limit * limit;
     let start = endpoint.checked_sub(1);
-    tree.around(known.places[endpoint as usize].at, start, limit, square, |d, number| {
+    tree.around(strokes.places[endpoint as usize].at, start, limit, square, |d, number| {
         // Insertion into a list of at most NEIGHBOURS; once it is full, nothing farther than its last matters.
-        if known.endpoints.item(number + 1) != item {
+        if strokes.endpoints.item(number + 1) != item {
             let at = found.partition_point(|&(other, _)| other <= d);
             found.insert(at, (d, number + 1));
             if found.len() > NEIGHBOURS {

@@ -19,39 +19,62 @@ const MOST_MOVES: usize = 50;
 /// Places that a random change may touch.
 const PERTURBATION: usize = 50;
 
-/// Run `a..=b` goes between places `gap` and `gap + 1`, turned or not, and enters by `entry`.
+/// A run of items that goes to another place.
+#[derive(Clone, Copy)]
+struct RunMove {
+    /// First and last place of the run.
+    a: usize,
+    b: usize,
+    /// It goes between this place and the next.
+    gap: usize,
+    /// Whether it is reversed, each of its items turned.
+    is_turned: bool,
+    /// The endpoint by which its one item is entered then; [`NONE`] where that stays.
+    entry: u32,
+}
+
+impl RunMove {
+    /// The run `a..=b` as it is.
+    #[inline]
+    fn straight(a: usize, b: usize, gap: usize) -> Self {
+        Self { a, b, gap, is_turned: false, entry: NONE }
+    }
+
+    /// The run `a..=b` reversed.
+    #[inline]
+    fn turned(a: usize, b: usize, gap: usize) -> Self {
+        Self { a, b, gap, is_turned: true, entry: NONE }
+    }
+
+    /// The item at place `j`, entered by another endpoint.
+    #[inline]
+    fn entered_by(entry: u32, j: usize, gap: usize) -> Self {
+        Self { a: j, b: j, gap, is_turned: false, entry }
+    }
+}
+
+/// The best move so far, and what it gains.
 #[derive(Clone, Copy)]
 struct Move {
     gain: f64,
-    a: usize,
-    b: usize,
-    gap: usize,
-    turned: bool,
-    entry: u32,
+    run: RunMove,
 }
 
 impl Move {
     /// Takes another move if it gains more: `gain` less its costs, which are found only where `gain` alone would do.
     #[inline]
-    fn replace_if_better(
-        &mut self,
-        gain: f64,
-        [a, b, gap]: [usize; 3],
-        turned: bool,
-        entry: u32,
-        costs: impl Fn() -> f64,
-    ) {
+    fn replace_if_better(&mut self, gain: f64, run: RunMove, costs: impl Fn() -> f64) {
         if gain > self.gain {
             let gain = gain - costs();
             if gain > self.gain {
-                *self = Self { gain, a, b, gap, turned, entry };
+                *self = Self { gain, run };
             }
         }
     }
 }
 
 /// What was done to the sequence, so that it can be undone.
-enum Step {
+enum TourStep {
     Reverse(usize, usize),
     /// Places from..=to were rotated left by this many.
     Rotate(usize, usize, usize),
@@ -61,8 +84,8 @@ enum Step {
 
 /// What the path knows of an item.
 #[derive(Clone, Copy)]
-struct Item {
-    /// The place of the item.
+struct TourItem {
+    /// Where it stands on the path.
     place: u32,
     /// Whether it waits in the queue.
     queued: bool,
@@ -80,8 +103,8 @@ pub(super) struct Tour<'a, C, N> {
     /// Cost from every place to the next; nothing from the last. Not one list with `seq`: where n places are turned
     /// round, only the n - 1 edges between them are.
     edges: Vec<f64>,
-    /// Of every item.
-    items: Vec<Item>,
+    /// The place of every item.
+    items: Vec<TourItem>,
     /// Most places that one move changes.
     longest: usize,
     /// Gains up to this are rounding.
@@ -90,12 +113,12 @@ pub(super) struct Tour<'a, C, N> {
     queue: std::collections::VecDeque<u32>,
     found: Vec<(f64, u32)>,
     /// Kept only while random changes are tried.
-    journal: Option<Vec<Step>>,
+    journal: Option<Vec<TourStep>>,
 }
 
 impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a, C, N> {
     pub(super) fn new(endpoints: &'a Endpoints, seq: Vec<u32>, longest: usize, least: f64, cost: C, near: N) -> Self {
-        let mut items = vec![Item { place: 0, queued: true }; seq.len()];
+        let mut items = vec![TourItem { place: 0, queued: true }; seq.len()];
         seq.iter().zip(0..).for_each(|(&endpoint, at)| items[endpoints.item(endpoint)].place = at);
         let mut tour = Self {
             edges: vec![0.0; seq.len()],
@@ -139,6 +162,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         self.apply_queued_moves(MOST_MOVES * self.seq.len()) > 0.0
     }
 
+    /// Puts the item at a place into the queue.
     fn mark_dirty(&mut self, at: usize) {
         let Some(&endpoint) = self.seq.get(at) else { return };
         let item = self.endpoints.item(endpoint);
@@ -160,7 +184,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             {
                 gained += best.gain;
                 moves += 1;
-                self.apply(best);
+                self.apply(best.run);
             }
         }
         gained
@@ -169,14 +193,15 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// The best move that brings an endpoint of the item at place `i` to one that is nearer than what it is
     /// joined to.
     fn best_move(&mut self, i: usize) -> Option<Move> {
-        let mut best = Move { gain: self.least, a: 0, b: 0, gap: 0, turned: false, entry: NONE };
+        // Place 0 is the start, which no move takes: 0 stands for no move.
+        let mut best = Move { gain: self.least, run: RunMove::straight(0, 0, 0) };
         let mut found = std::mem::take(&mut self.found);
         let after = self.edges[i];
         if after > self.least {
             (self.near)(self.exit(i), after, &mut found);
             let runs = if found.is_empty() { [0.0; RUN] } else { self.runs(i, [1, 0]) };
             for &(d, q) in &found {
-                self.after(i, q, d, &runs, &mut best);
+                self.join_exit(i, q, d, &runs, &mut best);
             }
         }
         let before = if i == 0 { 0.0 } else { self.edges[i - 1] };
@@ -184,12 +209,11 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             (self.near)(self.entry(i), before, &mut found);
             let runs = if found.is_empty() { [0.0; RUN] } else { self.runs(i, [0, 1]) };
             for &(d, q) in &found {
-                self.before(i, q, d, &runs, &mut best);
+                self.join_entry(i, q, d, &runs, &mut best);
             }
         }
         self.found = found;
-        // Place 0 is the start, which no move takes: 0 stands for no move.
-        (best.b > 0).then_some(best)
+        (best.run.b > 0).then_some(best)
     }
 
     /// What taking out the runs of up to [`RUN`] items at place `i` gains that end or begin there.
@@ -206,7 +230,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
 
     /// Moves after which the exit of place `i` is joined to endpoint `q`, `d` away. `runs` is what taking out
     /// the runs that end with i gains.
-    fn after(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
+    fn join_exit(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.items[self.endpoints.item(q)].place as usize;
         if i.abs_diff(j) > self.longest {
             return;
@@ -216,7 +240,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         // followed them come.
         if leaves_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            best.replace_if_better(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
+            best.replace_if_better(self.edges[lo] + self.edges[hi] - d, RunMove::turned(lo + 1, hi, lo), || {
                 self.link(self.entry(lo + 1), self.entry(hi + 1))
             });
         }
@@ -226,9 +250,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let out = self.edges[i] - d;
         if j == i + 1 {
             let gain = out + self.edges[j];
-            return best.replace_if_better(gain, [j, j, i], false, q, || self.link(exit, self.entry(j + 1)));
+            return best.replace_if_better(gain, RunMove::entered_by(q, j, i), || self.link(exit, self.entry(j + 1)));
         }
-        best.replace_if_better(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
+        best.replace_if_better(self.edges[j - 1] + self.edges[j] + out, RunMove::entered_by(q, j, i), || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(exit, self.entry(i + 1))
         });
         // A run that ends with i goes before or after j. A run that reaches j, or stands next to it already, does not
@@ -240,31 +264,31 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             if enters_by_q {
                 let gain = gain + self.edges[j - 1] - d;
-                best.replace_if_better(gain, [a, i, j - 1], false, NONE, || self.link(self.exit(j - 1), self.entry(a)));
+                best.replace_if_better(gain, RunMove::straight(a, i, j - 1), || {
+                    self.link(self.exit(j - 1), self.entry(a))
+                });
             }
             if leaves_by_q {
                 let gain = gain + self.edges[j] - d;
-                best.replace_if_better(gain, [a, i, j], true, NONE, || self.link(self.entry(a), self.entry(j + 1)));
+                best.replace_if_better(gain, RunMove::turned(a, i, j), || self.link(self.entry(a), self.entry(j + 1)));
             }
         }
     }
 
     /// Moves after which the entry of place `i` is joined to endpoint `q`, `d` away. `runs` is what taking out the runs
     /// that begin with i gains.
-    fn before(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
+    fn join_entry(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.items[self.endpoints.item(q)].place as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
         let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
-        // 2-opt, as in `after`: the edges before both places go.
+        // 2-opt, as in `join_exit`: the edges before both places go.
         if enters_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
             best.replace_if_better(
                 self.edges[lo - 1] + self.edges[hi - 1] - d,
-                [lo, hi - 1, lo - 1],
-                true,
-                NONE,
+                RunMove::turned(lo, hi - 1, lo - 1),
                 || self.link(self.exit(lo - 1), self.exit(hi - 1)),
             );
         }
@@ -273,9 +297,10 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let out = self.edges[i - 1] - d;
         if j == i - 1 {
             let gain = out + self.edges[j - 1];
-            return best.replace_if_better(gain, [j, j, j - 1], false, entry, || self.link(self.exit(j - 1), entry));
+            return best
+                .replace_if_better(gain, RunMove::entered_by(entry, j, j - 1), || self.link(self.exit(j - 1), entry));
         }
-        best.replace_if_better(self.edges[j - 1] + self.edges[j] + out, [j, j, i - 1], false, entry, || {
+        best.replace_if_better(self.edges[j - 1] + self.edges[j] + out, RunMove::entered_by(entry, j, i - 1), || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(self.exit(i - 1), entry)
         });
         // A run that begins with i goes before or after j.
@@ -286,25 +311,27 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             if leaves_by_q {
                 let gain = gain + self.edges[j] - d;
-                best.replace_if_better(gain, [i, b, j], false, NONE, || self.link(self.exit(b), self.entry(j + 1)));
+                best.replace_if_better(gain, RunMove::straight(i, b, j), || self.link(self.exit(b), self.entry(j + 1)));
             }
             if enters_by_q {
                 let gain = gain + self.edges[j - 1] - d;
-                best.replace_if_better(gain, [i, b, j - 1], true, NONE, || self.link(self.exit(j - 1), self.exit(b)));
+                best.replace_if_better(gain, RunMove::turned(i, b, j - 1), || {
+                    self.link(self.exit(j - 1), self.exit(b))
+                });
             }
         }
     }
 
-    fn apply(&mut self, m: Move) {
+    fn apply(&mut self, m: RunMove) {
         // Only items at the ends of changed edges can have new moves that gain (don't-look bits, Bentley 1992).
         for at in [m.a - 1, m.a, m.b, m.b + 1, m.gap, m.gap + 1] {
             self.mark_dirty(at);
         }
         if m.entry != NONE {
             let old = self.enter(m.a, m.entry);
-            self.journal.iter_mut().for_each(|j| j.push(Step::Endpoint(m.a, old)));
+            self.journal.iter_mut().for_each(|j| j.push(TourStep::Endpoint(m.a, old)));
         }
-        if m.turned {
+        if m.is_turned {
             self.reverse(m.a, m.b);
         }
         // Taking the run out and laying it elsewhere is a rotation of all places between: no other place changes.
@@ -325,7 +352,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
 
     /// Reverses places `lo..=hi` and turns every item there.
     fn reverse(&mut self, lo: usize, hi: usize) {
-        self.journal.iter_mut().for_each(|j| j.push(Step::Reverse(lo, hi)));
+        self.journal.iter_mut().for_each(|j| j.push(TourStep::Reverse(lo, hi)));
         let Self { endpoints, seq, items, .. } = self;
         let run = &mut seq[lo..=hi];
         run.reverse();
@@ -338,8 +365,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         self.measure(hi);
     }
 
+    /// Rotates places `lo..=hi` left by so many.
     fn rotate(&mut self, lo: usize, hi: usize, by: usize) {
-        self.journal.iter_mut().for_each(|j| j.push(Step::Rotate(lo, hi, by)));
+        self.journal.iter_mut().for_each(|j| j.push(TourStep::Rotate(lo, hi, by)));
         self.seq[lo..=hi].rotate_left(by);
         let Self { endpoints, seq, items, .. } = self;
         seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&endpoint, at)| items[endpoints.item(endpoint)].place = at);
@@ -412,9 +440,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             for step in self.journal.take().into_iter().flatten().rev() {
                 match step {
-                    Step::Reverse(lo, hi) => self.reverse(lo, hi),
-                    Step::Rotate(lo, hi, by) => self.rotate(lo, hi, hi + 1 - lo - by),
-                    Step::Endpoint(at, endpoint) => {
+                    TourStep::Reverse(lo, hi) => self.reverse(lo, hi),
+                    TourStep::Rotate(lo, hi, by) => self.rotate(lo, hi, hi + 1 - lo - by),
+                    TourStep::Endpoint(at, endpoint) => {
                         self.enter(at, endpoint);
                     }
                 }

@@ -101,7 +101,8 @@ impl Index {
         for y in tiles(1) {
             for x in tiles(0) {
                 let tile = y * self.grid.columns() + x;
-                let (range, items) = (self.items.range(tile), self.items.of(tile));
+                let range = self.items.range(tile);
+                let items = self.items.of(tile);
                 let first = items.partition_point(|i| i.lo[2] < corner[2]);
                 for (item, n) in items[first..].iter().zip(range.start + first..) {
                     if item.lo[2] > corner[2] + size[2] {

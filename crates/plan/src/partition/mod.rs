@@ -14,7 +14,7 @@ pub mod window;
 mod zrange;
 
 use crate::projection::{Cells, Footprint, Slabs};
-use terrace_core::geom::{Box2, Buckets, Grid, Nm, P2, P3, Turn};
+use terrace_core::geom::{Box2, Buckets, Grid, Nm, P2, P3, Turn, Turned};
 use terrace_core::machine::TiltAngles;
 use terrace_core::program::{SectionId, Sections, Stop, StopId};
 
@@ -61,7 +61,7 @@ impl Lattice {
 
 /// How the part lies at a stop of a machine that tilts it.
 #[derive(Clone, Copy, Debug)]
-pub struct Tilted {
+pub struct StopTilt {
     /// The turn of the part: window and interval of the stop are those of the part so turned.
     pub turn: Turn,
     /// What the stop is kept to of the plane of the drawing, if it is.
@@ -74,7 +74,7 @@ pub struct PlacedStop {
     /// Stage position and what it admits.
     pub stop: Stop,
     /// None where the machine does not tilt the part: of all stops of a method or of none.
-    tilted: Option<Tilted>,
+    tilted: Option<StopTilt>,
 }
 
 impl PlacedStop {
@@ -107,7 +107,7 @@ impl Stops {
     }
 
     /// The stops of a machine that tilts the part.
-    pub fn tilted(stops: Vec<(Stop, Tilted)>, window: [Nm; 2], depth: Nm) -> Self {
+    pub fn tilted(stops: Vec<(Stop, StopTilt)>, window: [Nm; 2], depth: Nm) -> Self {
         let placed = |(stop, tilted)| PlacedStop { stop, tilted: Some(tilted) };
         Self::placed(stops.into_iter().map(placed).collect(), window, depth)
     }
@@ -306,6 +306,33 @@ impl Fine {
     }
 }
 
+/// The frame in which windows are searched: counted from the middle of all boxes, so that coordinates reach less far,
+/// some axes reversed.
+struct SearchFrame {
+    middle: [i64; 3],
+    flips: [bool; 3],
+}
+
+impl SearchFrame {
+    /// The box from `lo` to `hi` in this frame.
+    fn item(&self, lo: [i64; 3], hi: [i64; 3]) -> box_index::Item {
+        let from_middle = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - self.middle[k]) as i32);
+        let (mut lo, mut hi) = (from_middle(lo), from_middle(hi));
+        for k in (0..3).filter(|&k| self.flips[k]) {
+            (lo[k], hi[k]) = (-hi[k], -lo[k]);
+        }
+        box_index::Item { lo, hi }
+    }
+
+    /// The lower corner of a box of `size` that has its lower corner at `corner` in this frame.
+    fn corner(&self, corner: [i32; 3], size: [i32; 3]) -> [i64; 3] {
+        [0, 1, 2].map(|k| {
+            let lower = if self.flips[k] { -corner[k] - size[k] } else { corner[k] };
+            i64::from(lower) + self.middle[k]
+        })
+    }
+}
+
 /// Windows and levels placed freely. What a stop holds it admits as far as `overlap` nm around it. With other
 /// `flips` the search begins in another corner, and the borders of windows lie elsewhere.
 pub fn free(
@@ -317,7 +344,8 @@ pub fn free(
     overlap: Nm,
     flips: [bool; 3],
 ) -> Stops {
-    let (Fine { grid, slabs }, Nm(overlap)) = (fine, overlap);
+    let Fine { grid, slabs } = fine;
+    let Nm(overlap) = overlap;
     // Coordinates from the middle of the box reach less far.
     let pitch = grid.pitch.map(|Nm(pitch)| pitch);
     let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * pitch[k]);
@@ -327,50 +355,50 @@ pub fn free(
     let highest = list.clone().map(|[.., slab]| level(slab + 1)).chain(figures.iter().map(|f| f[1][2] - slabs.z0.0));
     let top = highest.max().unwrap_or(0);
     let middle = [middle[0], middle[1], top / 2 / lattice.step.0 * lattice.step.0];
-    let item = |lo: [i64; 3], hi: [i64; 3]| {
-        let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
-        let (mut lo, mut hi) = (near(lo), near(hi));
-        for k in (0..3).filter(|&k| flips[k]) {
-            (lo[k], hi[k]) = (-hi[k], -lo[k]);
-        }
-        box_index::Item { lo, hi }
-    };
+    let frame = SearchFrame { middle, flips };
     let zero = [grid.origin.x, grid.origin.y, slabs.z0.0];
     let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
     let items: Vec<box_index::Item> = list
         .map(|[column, row, slab]| {
             let [x, y] = [column * pitch[0], row * pitch[1]];
             let hi = [x + pitch[0] + overlap, y + pitch[1] + overlap, level(slab + 1) + slabs.hysteresis.0];
-            item([x - overlap, y - overlap, level(slab) - slabs.hysteresis.0], hi)
+            frame.item([x - overlap, y - overlap, level(slab) - slabs.hysteresis.0], hi)
         })
-        .chain(figures.iter().map(|&[lo, hi]| item(local(lo), local(hi))))
+        .chain(figures.iter().map(|&[lo, hi]| frame.item(local(lo), local(hi))))
         .collect();
     let [w, h] = window.map(|Nm(w)| w);
     let size = [w, h, lattice.depth.0].map(|v| v as i32);
-    let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step.0 as i32; 3])
-        .into_iter()
-        .map(|corner| {
-            let at = |k: usize| if flips[k] { -corner[k] - size[k] } else { corner[k] };
-            let [x, y, z] = [0, 1, 2].map(|k| i64::from(at(k)) + middle[k]);
-            let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
-            let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
-            let z_lo = slabs.z0 + Nm(z);
-            Stop {
-                section: SectionId(section),
-                level: 0,
-                tilt: TiltAngles::UPRIGHT,
-                centre,
-                focus: z_lo + lattice.depth / 2,
-                z_lo,
-                z_hi: z_lo + lattice.depth,
-            }
-        })
-        .collect();
+    let stop = |corner: [i32; 3]| {
+        let [x, y, z] = frame.corner(corner, size);
+        let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
+        free_stop(centre, slabs.z0 + Nm(z), sections, lattice)
+    };
+    let corners = window::cover(&items, size, [lattice.step.0 as i32; 3]);
+    let stops = numbered_by_section(corners.into_iter().map(stop).collect());
+    Stops::new(stops, window, lattice.depth)
+}
+
+/// The stop of a window around `centre` and a level from `z_lo` on. It belongs to the section that holds its centre.
+fn free_stop(centre: P2<Turned>, z_lo: Nm, sections: &Sections, lattice: &Lattice) -> Stop {
+    let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
+    Stop {
+        section: SectionId(section),
+        level: 0,
+        tilt: TiltAngles::UPRIGHT,
+        centre,
+        focus: z_lo + lattice.depth / 2,
+        z_lo,
+        z_hi: z_lo + lattice.depth,
+    }
+}
+
+/// Stops section by section, in each upwards and with levels that count from 0.
+fn numbered_by_section(mut stops: Vec<Stop>) -> Vec<Stop> {
     stops.sort_by_key(|s| ([s.section.0[1], s.section.0[0]], s.z_lo, s.centre.y, s.centre.x));
     for i in 1..stops.len() {
         stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
     }
-    Stops::new(stops, window, lattice.depth)
+    stops
 }
 
 #[cfg(test)]
@@ -378,6 +406,15 @@ mod tests {
     use super::*;
 
     const LATTICE: Lattice = Lattice { depth: Nm(70_000), step: Nm(100), offset: Nm(0), hysteresis: Nm(0) };
+
+    #[test]
+    fn a_box_returns_from_the_frame_of_the_search_to_where_it_was() {
+        for bits in 0..8 {
+            let frame = SearchFrame { middle: [50, -70, 3], flips: [1, 2, 4].map(|bit| bits & bit != 0) };
+            let item = frame.item([10, 20, 30], [14, 26, 31]);
+            assert_eq!(frame.corner(item.lo, [4, 6, 1]), [10, 20, 30]);
+        }
+    }
 
     #[test]
     fn contour_uses_every_level_that_a_mark_touches() {

@@ -10,9 +10,9 @@
 //! Planes are fitted to sample points of the marks ([`crate::projection::Marks`]); what the levels must hold is
 //! found from all marks afterwards. A section is a rectangle of the plane of the drawing.
 
-use super::{Lattice, Stops, Tilted, zrange};
-use crate::projection::{TiltedCell, TiltedField, TiltedFields, Turned};
-use terrace_core::geom::{Box2, Nm, P2, P3};
+use super::{Lattice, StopTilt, Stops, zrange};
+use crate::projection::{MarksByField, TiltedCell, TiltedField, TiltedFields};
+use terrace_core::geom::{Box2, Nm, P2, P3, Turn};
 use terrace_core::machine::{Machine, Origin, TiltAngles};
 use terrace_core::program::{SectionId, Sections, Stop};
 
@@ -72,7 +72,8 @@ impl TiltSite<'_> {
     /// size, of sections so much smaller than a window that their centres may be rounded to where the stage
     /// can stand.
     fn tight(&self) -> Sections {
-        let (size, step) = (self.area.size(), self.lattice.step);
+        let size = self.area.size();
+        let step = self.lattice.step;
         let pitch = self.window.map(|w| ((w - step) / PARTS).max(Nm(1)));
         let count = [0, 1].map(|k| ((size[k] / (pitch[k] * PARTS) + 1) * PARTS) as u32);
         Sections { origin: self.area.lo, pitch, count }
@@ -80,7 +81,8 @@ impl TiltSite<'_> {
 
     /// The grid of parts of sections, with `more` sections along each axis than needed.
     fn grid(&self, more: i64) -> Option<Sections> {
-        let (size, step) = (self.area.size(), self.lattice.step);
+        let size = self.area.size();
+        let step = self.lattice.step;
         let count =
             [0, 1].map(|k| (size[k].0 as u64).div_ceil(self.window[k].0 as u64) as i64 + more).map(|c| c.max(1));
         let pitch = [0, 1].map(|k| {
@@ -110,7 +112,7 @@ impl TiltSite<'_> {
         for i in 0..columns * i64::from(grid.count[1]) / PARTS {
             let (here, more) = rest.split_at_mut(rest.partition_point(|p| p.0 <= i));
             rest = more;
-            let part = Part { at: [i % columns * PARTS, i / columns * PARTS], size: [PARTS; 2] };
+            let part = CellPart { at: [i % columns * PARTS, i / columns * PARTS], size: [PARTS; 2] };
             let mut here: Vec<P3> = here.iter().map(|p| p.1).collect();
             let (levels, found) = self.divide(&grid, part, &mut here);
             stops += levels;
@@ -128,7 +130,7 @@ impl TiltSite<'_> {
 
     /// The way with the fewest stops that was found to mark a rectangle of cells: as a whole, or in two halves along x or y,
     /// each divided further.
-    fn divide(&self, grid: &Sections, part: Part, points: &mut [P3]) -> (u64, Vec<(Part, TiltedField)>) {
+    fn divide(&self, grid: &Sections, part: CellPart, points: &mut [P3]) -> (u64, Vec<(CellPart, TiltedField)>) {
         let (levels, field) = self.fit(part.area(grid), points);
         let mut best = (levels, vec![(part, field)]);
         // Two halves that both hold points need a level each, so two levels are not beaten.
@@ -151,47 +153,35 @@ impl TiltSite<'_> {
     /// The best field of a rectangle, and how many levels it needs.
     fn fit(&self, area: Box2, points: &[P3]) -> (u64, TiltedField) {
         let upright = self.upright(area);
-        let levels = |points: &mut dyn Iterator<Item = f64>| {
-            let apart = (self.lattice.depth - self.lattice.hysteresis * 2).f64();
-            let (lo, hi) = points.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), z| (lo.min(z), hi.max(z)));
-            // k levels that overlap by twice the hysteresis hold depth + (k - 1) apart.
-            let beyond = (hi - lo - self.lattice.depth.f64()) / apart;
-            (if hi < lo { 0 } else { 1 + beyond.ceil().max(0.0) as u64 }, [lo, hi])
-        };
         // One level cannot be beaten, and costs no tilt.
-        let (flat, _) = levels(&mut points.iter().map(|p| p[2]));
-        let Some(table) = self.machine.tilt.as_ref().filter(|_| flat > 1) else { return (flat, upright) };
+        let (flat_levels, _) = self.levels_of(points.iter().map(|p| p[2]));
+        let Some(table) = self.machine.tilt.as_ref().filter(|_| flat_levels > 1) else {
+            return (flat_levels, upright);
+        };
         let [a, b] = plane(points);
         let tilt = table.commands([-a, -b, 1.0]);
         let turn = table.turn(tilt, self.origin);
-        let (tilted, [lo, hi]) = levels(&mut points.iter().map(|&p| turn.apply(p)[2]));
-        if tilted >= flat {
-            return (flat, upright);
+        let (tilted_levels, heights) = self.levels_of(points.iter().map(|&p| turn.apply(p)[2]));
+        if tilted_levels >= flat_levels {
+            return (flat_levels, upright);
         }
-        // All marks of the rectangle lie between two planes along the beam, the corners of which bound them.
-        let mut window = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        let up = turn.up();
-        let anchor = turn.apply(points[0])[2];
-        for [x, y] in [[area.lo.x, area.lo.y], [area.hi.x, area.lo.y], [area.lo.x, area.hi.y], [area.hi.x, area.hi.y]] {
-            for h in [lo - SAMPLING_ALLOWANCE_NM, hi + SAMPLING_ALLOWANCE_NM] {
-                let [dx, dy] = [x as f64 - points[0][0], y as f64 - points[0][1]];
-                let z = points[0][2] + (h - anchor - up[0] * dx - up[1] * dy) / up[2];
-                let p = turn.apply(P3::new([x as f64, y as f64, z]));
-                for k in 0..2 {
-                    window[0][k] = window[0][k].min(p[k]);
-                    window[1][k] = window[1][k].max(p[k]);
-                }
-            }
-        }
+        let [lo, hi] = seen_window(area, points[0], heights, &turn);
         let step = self.lattice.step;
-        if (0..2).any(|k| window[1][k] - window[0][k] > (self.window[k] - step * 2).f64()) {
-            return (flat, upright);
+        if (0..2).any(|k| hi[k] - lo[k] > (self.window[k] - step * 2).f64()) {
+            return (flat_levels, upright);
         }
-        let centre = [0, 1].map(|k| self.stand(k, (window[0][k] + window[1][k]) / 2.0));
-        (
-            tilted,
-            TiltedField { tilt, turn, centre: P2::new(centre[0], centre[1]), area, top: f64::INFINITY, is_wide: true },
-        )
+        let [x, y] = [0, 1].map(|k| self.stand(k, (lo[k] + hi[k]) / 2.0));
+        let field = TiltedField { tilt, turn, centre: P2::new(x, y), area, top: f64::INFINITY, is_wide: true };
+        (tilted_levels, field)
+    }
+
+    /// How many levels hold all of these heights, and the lowest and the highest of them.
+    fn levels_of(&self, heights: impl Iterator<Item = f64>) -> (u64, [f64; 2]) {
+        let apart = (self.lattice.depth - self.lattice.hysteresis * 2).f64();
+        let (lo, hi) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), z| (lo.min(z), hi.max(z)));
+        // k levels that overlap by twice the hysteresis hold depth + (k - 1) apart.
+        let beyond = (hi - lo - self.lattice.depth.f64()) / apart;
+        (if hi < lo { 0 } else { 1 + beyond.ceil().max(0.0) as u64 }, [lo, hi])
     }
 
     /// The field of a rectangle without a tilt.
@@ -214,7 +204,7 @@ impl TiltSite<'_> {
     }
 
     /// The stops: for every field the fewest levels that hold what lies in it.
-    pub fn stops(&self, fields: &TiltedFields, held: &Turned, sections: &Sections) -> Stops {
+    pub fn stops(&self, fields: &TiltedFields, held: &MarksByField, sections: &Sections) -> Stops {
         // A tilted head meets any height to a nanometre, and two are rounded.
         let depth = (self.lattice.depth - FOCUS_TOLERANCE * 2).max(Nm(2));
         let any = Lattice { step: Nm(1), depth, ..self.lattice };
@@ -229,9 +219,10 @@ impl TiltSite<'_> {
             let section = [x, y].map(|v| v.round() as i64);
             let section = SectionId([0, 1].map(|k| sections.along(k, section[k], 0) as u32));
             for (level, z_lo) in zrange::levels(&heights, &whole, lattice) {
-                let (focus, z_hi) = (z_lo + lattice.depth / 2, z_lo + lattice.depth);
+                let focus = z_lo + lattice.depth / 2;
+                let z_hi = z_lo + lattice.depth;
                 let stop = Stop { section, level, tilt: field.tilt, centre: field.centre, focus, z_lo, z_hi };
-                stops.push((stop, Tilted { turn: field.turn, area: (!field.is_wide).then_some(field.area) }));
+                stops.push((stop, StopTilt { turn: field.turn, area: (!field.is_wide).then_some(field.area) }));
             }
         }
         Stops::tilted(stops, self.window, self.lattice.depth)
@@ -240,12 +231,12 @@ impl TiltSite<'_> {
 
 /// A rectangle of cells of the grid of parts.
 #[derive(Clone, Copy)]
-struct Part {
+struct CellPart {
     at: [i64; 2],
     size: [i64; 2],
 }
 
-impl Part {
+impl CellPart {
     fn area(self, grid: &Sections) -> Box2 {
         let corner = |at: [i64; 2]| P2::new(grid.line(0, at[0]), grid.line(1, at[1]));
         Box2 { lo: corner(self.at), hi: corner([self.at[0] + self.size[0], self.at[1] + self.size[1]]) }
@@ -258,6 +249,29 @@ impl Part {
         high.at[axis] += low.size[axis];
         [low, high]
     }
+}
+
+/// Lower and upper corner of the window, along the beam of a turned part, in which all marks of a rectangle lie: those
+/// between two heights of the turned part, the lowest and the highest of its sample points, of which `sample` is one.
+/// They lie between two planes along the beam, the corners of which bound them.
+fn seen_window(area: Box2, sample: P3, heights: [f64; 2], turn: &Turn) -> [[f64; 2]; 2] {
+    let mut window = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    let up = turn.up();
+    let anchor = turn.apply(sample)[2];
+    let [lo, hi] = heights;
+    for [x, y] in [[area.lo.x, area.lo.y], [area.hi.x, area.lo.y], [area.lo.x, area.hi.y], [area.hi.x, area.hi.y]] {
+        for h in [lo - SAMPLING_ALLOWANCE_NM, hi + SAMPLING_ALLOWANCE_NM] {
+            let [dx, dy] = [x as f64 - sample[0], y as f64 - sample[1]];
+            // Where the vertical through the corner meets the plane of height h of the turned part.
+            let z = sample[2] + (h - anchor - up[0] * dx - up[1] * dy) / up[2];
+            let p = turn.apply(P3::new([x as f64, y as f64, z]));
+            for k in 0..2 {
+                window[0][k] = window[0][k].min(p[k]);
+                window[1][k] = window[1][k].max(p[k]);
+            }
+        }
+    }
+    window
 }
 
 /// The slopes along x and y of the plane from which the points deviate least at most (Chebyshev).
@@ -274,42 +288,45 @@ fn plane(points: &[P3]) -> [f64; 2] {
     const MOST: usize = 60;
     let Some(&o) = points.first() else { return [0.0; 2] };
     let local: Vec<[f64; 3]> = points.iter().map(|p| [p[0] - o[0], p[1] - o[1], p[2] - o[2]]).collect();
-    // The two points that are farthest apart along the normal of a plane of slopes a and b.
-    let cut = |[a, b]: [f64; 2]| {
-        let (mut lo, mut hi) = ((f64::INFINITY, 0), (f64::NEG_INFINITY, 0));
-        for (i, p) in local.iter().enumerate() {
-            let h = p[2] - a * p[0] - b * p[1];
-            if h < lo.0 {
-                lo = (h, i);
-            }
-            if h > hi.0 {
-                hi = (h, i);
-            }
-        }
-        let [p, q] = [local[hi.1], local[lo.1]];
-        (hi.0 - lo.0, [p[2] - q[2], p[0] - q[0], p[1] - q[1]])
-    };
-    let mut at = [0.0; 2];
-    let (mut range, first) = cut(at);
-    let dear = |[a, b]: [f64; 2]| FLAT * (a * a + b * b);
-    let mut best = (range + dear(at), at);
+    let slope_cost = |[a, b]: [f64; 2]| FLAT * (a * a + b * b);
+    let mut slopes = [0.0; 2];
+    let (mut range, first) = farthest_apart(&local, slopes);
+    let mut best = (range + slope_cost(slopes), slopes);
     let mut cuts = vec![first];
     for _ in 0..MOST {
         // The cuts lie below the range everywhere, so their minimum is a lower bound of it; the best place so far
         // is an upper one.
         let (least, next) = lowest(&cuts, STEEP);
-        at = next;
-        let more;
-        (range, more) = cut(at);
-        if range + dear(at) < best.0 {
-            best = (range + dear(at), at);
+        slopes = next;
+        let cut;
+        (range, cut) = farthest_apart(&local, slopes);
+        if range + slope_cost(slopes) < best.0 {
+            best = (range + slope_cost(slopes), slopes);
         }
         if best.0 <= least + EXACT {
             break;
         }
-        cuts.push(more);
+        cuts.push(cut);
     }
     best.1
+}
+
+/// How far points lie apart along z over a plane of these slopes, and the gap between the two that are farthest apart,
+/// as z, x and y: as a function of the slopes it is the plane below the range that touches it here.
+fn farthest_apart(points: &[[f64; 3]], [a, b]: [f64; 2]) -> (f64, [f64; 3]) {
+    let mut lo = (f64::INFINITY, 0);
+    let mut hi = (f64::NEG_INFINITY, 0);
+    for (i, p) in points.iter().enumerate() {
+        let h = p[2] - a * p[0] - b * p[1];
+        if h < lo.0 {
+            lo = (h, i);
+        }
+        if h > hi.0 {
+            hi = (h, i);
+        }
+    }
+    let [p, q] = [points[hi.1], points[lo.1]];
+    (hi.0 - lo.0, [p[2] - q[2], p[0] - q[0], p[1] - q[1]])
 }
 
 /// What a slope of 1 costs, nm: where many planes are equally good the flattest is taken.
@@ -346,4 +363,17 @@ fn golden(end: f64, f: impl Fn(f64) -> f64) -> (f64, f64) {
         }
     }
     if fx <= fy { (fx, x) } else { (fy, y) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_points_farthest_apart_over_a_plane_are_those_off_it() {
+        // Four corners of a plane of slopes 0.5 and -0.25, one of them 3 too high.
+        let points = [[0.0, 0.0, 0.0], [4.0, 0.0, 2.0], [0.0, 4.0, -1.0], [4.0, 4.0, 4.0]];
+        let (range, [z, x, y]) = farthest_apart(&points, [0.5, -0.25]);
+        assert_eq!((range, z - 0.5 * x + 0.25 * y), (3.0, 3.0));
+    }
 }

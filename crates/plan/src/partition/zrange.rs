@@ -10,7 +10,8 @@ use terrace_core::geom::Nm;
 /// no level can hold is taken as heights.
 pub(super) fn levels(heights: &[(f64, f64)], figures: &[(f64, f64)], lattice: &Lattice) -> Vec<(i32, Nm)> {
     let mut out: Vec<(i32, Nm)> = Vec::new();
-    let (mut h, mut f) = (0, 0);
+    let mut h = 0;
+    let mut f = 0;
     let mut waiting: Vec<(f64, f64)> = Vec::new();
     let mut end = Nm::MIN;
     loop {

@@ -3,15 +3,15 @@
 use super::cut::{Cut, OrderedFragment, StopMarks};
 use super::dose;
 use super::focal_plane::focal_plane;
-use super::lifts::Stage;
+use super::lifts::{Lifts, PassStage};
 use super::parts::fragment;
-use super::setups::{self, CellId, Setups, Used};
-use super::standstills::{Place, standstills};
+use super::setups::{self, CellId, Setups, UsedCells};
+use super::standstills::{BlockPlace, Sharing, Standstill, standstills};
+use super::start::HeadPosition;
 use crate::order;
 use crate::order::stops::HeightOrder;
 use crate::partition::{Lattice, Stops};
 use crate::split::Fragments;
-
 use terrace_core::geom::{Box2, FieldPoint, Nm, P2, Turned};
 use terrace_core::machine::{Commanded, Stand};
 use terrace_core::parallel;
@@ -27,7 +27,7 @@ pub(super) struct Assembly {
     pub(super) ids: Vec<StopId>,
     pub(super) setups: Setups,
     /// The cells of its set-ups.
-    pub(super) used: Used,
+    pub(super) used: UsedCells,
     pub(super) worst_defocus: Nm,
     /// How far they would lie from focal planes at their mean height.
     pub(super) worst_defocus_mean: Nm,
@@ -35,20 +35,35 @@ pub(super) struct Assembly {
 
 /// How focal planes are set.
 #[derive(Clone, Copy)]
-pub(super) struct How {
+pub(super) struct FocusRule {
     pub(super) level: Level,
     pub(super) lattice: Lattice,
 }
 
-/// A stop that is used: its place among the stops of the method, its focal plane set, and the lowest and highest
-/// mark.
-struct Placed {
-    index: StopId,
+/// A stop that marks something, its focal plane set.
+struct FocusedStop {
+    /// Its place among the stops of the method.
+    id: StopId,
     stop: Stop,
+    /// Its lowest and its highest mark.
     z: [Nm; 2],
+    /// How far its marks would lie from a focal plane at their mean height.
+    defocus_mean: Nm,
 }
 
-/// A position of the stage, from which one or more stops are marked.
+impl FocusedStop {
+    fn new(id: StopId, stop: &Stop, marks: &StopMarks, rule: FocusRule, stage: &PassStage<'_>) -> Self {
+        let h = &marks.heights;
+        let z = [Nm::round(h.lo), Nm::round(h.hi)];
+        // Where commands of the head's tilt are rounded the stops lie on no lattice, and their planes need not.
+        let lattice = if stage.rounds(stop) { Lattice { step: Nm(1), ..rule.lattice } } else { rule.lattice };
+        let (focus, mean) = focal_plane(rule.level, &lattice, z, h.mean());
+        let defocus_mean = (z[1] - mean).max(mean - z[0]);
+        Self { id, stop: Stop { focus, ..stop.clone() }, z, defocus_mean }
+    }
+}
+
+/// A position of the stage, from which one stop is marked, or with a zoom optic one or more.
 struct Position {
     /// The indices of the stops there, by rising focal plane.
     members: Vec<usize>,
@@ -60,80 +75,72 @@ struct Position {
     cell: CellId,
 }
 
+/// A stop in the order of the tour: indices of its position and of the stop.
+struct StopOnTour {
+    position: usize,
+    stop: usize,
+}
+
 /// Sets the focal planes of the stops that mark something, `marks` by stop, and orders them. `setups` finds those of
 /// the stops' centres where the passes before have not.
 pub(super) fn assemble(
     stops: &Stops,
     marks: &[StopMarks],
-    stage: &Stage<'_>,
-    how: How,
+    stage: &PassStage<'_>,
+    rule: FocusRule,
     setups: &dyn Fn(&[P2<Turned>]) -> Setups,
 ) -> Assembly {
-    let mut worst = [Nm(0); 2];
-    // Where commands of the head's tilt are rounded the stops lie on no lattice, and their planes need not.
-    let fine = Lattice { step: Nm(1), ..how.lattice };
-    let used = stops.ids().filter(|&i| !marks[i.index()].is_empty());
-    let placed: Vec<Placed> = used
-        .map(|index| {
-            let h = &marks[index.index()].heights;
-            let z = [Nm::round(h.lo), Nm::round(h.hi)];
-            let stop = stops.stops[index.index()].stop.clone();
-            let lattice = if stage.rounds(&stop) { &fine } else { &how.lattice };
-            let (focus, mean) = focal_plane(how.level, lattice, z, h.mean());
-            worst[1] = worst[1].max((z[1] - mean).max(mean - z[0]));
-            Placed { index, stop: Stop { focus, ..stop }, z }
-        })
+    let focused: Vec<FocusedStop> = stops
+        .ids()
+        .filter(|id| !marks[id.index()].is_empty())
+        .map(|id| FocusedStop::new(id, &stops.stops[id.index()].stop, &marks[id.index()], rule, stage))
         .collect();
-    let centres: Vec<P2<Turned>> = placed.iter().map(|p| p.stop.centre).collect();
-    let setups = stage.start.laid.as_ref().map_or_else(|| setups(&centres), |laid| laid.setups.clone());
+    let centres: Vec<P2<Turned>> = focused.iter().map(|f| f.stop.centre).collect();
+    let setups = stage.start.part.as_ref().map_or_else(|| setups(&centres), |part| part.setups.clone());
     let cells: Vec<CellId> = centres.iter().map(|&c| setups.cell(c)).collect();
-    let positions = stage.positions(&placed, &cells, &setups, &how.lattice);
-    let used = Used::new(cells);
-    let tour = stage.sequence(&placed, &positions, &used);
+    let positions = stage.positions(&focused, &cells, &setups, &rule.lattice);
+    let used = UsedCells::new(cells);
+    let tour = stage.sequence(&focused, &positions, &used);
+    let mut worst_defocus = Nm(0);
     let mut blocks = Vec::with_capacity(tour.len());
-    let mut last = stage.start.before.clone().map(|(stop, cell)| (stop, cell, stage.start.from));
-    for &(at, t) in &tour {
-        let (Placed { stop, z, .. }, Position { stop: stand, target, by, cell, .. }) = (&placed[t], &positions[at]);
-        let [stop, stand] = [stop, stand].map(|stop| moved(stop, *by));
-        let origin = setups.origin(*cell, stage.origin);
-        let retract = last.as_ref().is_some_and(|(before, of, from)| {
-            of != cell || stage.lifts_between((before, *from), (&stand, *target), origin)
-        });
-        worst[0] = worst[0].max((z[1] - stop.focus).max(stop.focus - z[0]));
+    let mut lifts = Lifts::new(stage);
+    for visit in &tour {
+        let position = &positions[visit.position];
+        let FocusedStop { stop, z: [z_lo, z_hi], .. } = &focused[visit.stop];
+        // What the head reaches: the commands of a tilted head are rounded.
+        let [stop, head] = [stop, &position.stop].map(|stop| moved(stop, position.by));
+        worst_defocus = worst_defocus.max((*z_hi - stop.focus).max(stop.focus - *z_lo));
+        let focus_shift = stop.focus - head.focus;
+        let origin = setups.origin(position.cell, stage.origin);
+        let head = HeadPosition { stop: head, stage: position.target, cell: position.cell };
         blocks.push(Block {
             pass: stage.start.pass,
-            setup: used.number(*cell),
-            stage: *target,
-            focus_shift: stop.focus - stand.focus,
-            retract,
-            z_lo: z[0],
-            z_hi: z[1],
+            setup: used.number(position.cell),
+            stage: position.target,
+            focus_shift,
+            retract: lifts.is_needed_to(head, origin),
+            z_lo: *z_lo,
+            z_hi: *z_hi,
             strokes: 0..0,
             stop,
         });
-        last = Some((stand, *cell, *target));
     }
-    let ids = tour.iter().map(|&(_, t)| placed[t].index).collect();
-    Assembly { blocks, ids, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
+    let ids = tour.iter().map(|visit| focused[visit.stop].id).collect();
+    let worst_defocus_mean = focused.iter().map(|f| f.defocus_mean).fold(Nm(0), Nm::max);
+    Assembly { blocks, ids, setups, used, worst_defocus, worst_defocus_mean }
 }
 
 /// Orders the strokes of blocks and lays them out; `ids` are the stops of the blocks. Returns the slope under the
 /// marks of every block, too.
 pub(super) fn lay_out(
-    (blocks, ids): (Vec<Block>, &[StopId]),
+    blocks: Vec<Block>,
+    ids: &[StopId],
     mut cut: Cut,
-    (pens, order): (dose::Pens, StrokeOrder),
+    pens: dose::Pens,
+    order: StrokeOrder,
     task: Task<'_>,
 ) -> (Program, Vec<Slope>, Fragments) {
-    let slopes = ids.iter().map(|&id| {
-        let mut slope = Slope::default();
-        for (_, measure, _) in cut.members.fragments(&cut.parts, id) {
-            let [length, slope2] = [measure.length, measure.slope2].map(f64::from);
-            slope.add(length, measure.cos(), slope2, pens.gain(measure.cos()));
-        }
-        slope
-    });
-    let slopes = slopes.collect();
+    let slopes = ids.iter().map(|&id| slope_under(&cut, id, &pens)).collect();
     pens.assign(&mut cut.parts);
     // What is not needed any more goes before the lists of the program come: here a job needs most memory.
     let Cut { stops, parts, members, .. } = cut;
@@ -148,17 +155,28 @@ pub(super) fn lay_out(
     let mut program = Program { pens: pens.list, blocks, ..Program::default() };
     program.strokes.reserve_exact(parts.iter().map(|p| p.list.len()).sum());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
-    for (i, (id, fragments)) in ids.iter().zip(orders).enumerate() {
+    for ((id, fragments), block) in ids.iter().zip(orders).zip(&mut program.blocks) {
         let first = program.strokes.len();
-        let (from, at) = (stops.stops[id.index()].stop.centre, program.blocks[i].stop.centre);
-        let by = [from.x - at.x, from.y - at.y].map(|v| v as i32);
+        // Points are counted from the centre that the stop had when it was cut; its block may stand elsewhere.
+        let cut_at = stops.stops[id.index()].stop.centre;
+        let by = [cut_at.x - block.stop.centre.x, cut_at.y - block.stop.centre.y].map(|v| v as i32);
         let in_field = |p: FieldPoint| FieldPoint::new(p.x + by[0], p.y + by[1]);
         for fragment in fragments {
-            append_stroke(&mut program.strokes, &mut program.points, (&parts, fragment), in_field);
+            append_stroke(&mut program.strokes, &mut program.points, &parts, fragment, in_field);
         }
-        program.blocks[i].strokes = first..program.strokes.len();
+        block.strokes = first..program.strokes.len();
     }
     (program, slopes, Cut::totals(parts))
+}
+
+/// The slope under the marks of a stop.
+fn slope_under(cut: &Cut, id: StopId, pens: &dose::Pens) -> Slope {
+    let mut slope = Slope::default();
+    for (_, measure, _) in cut.members.fragments(&cut.parts, id) {
+        let [length, slope2] = [measure.length, measure.slope2].map(f64::from);
+        slope.add(length, measure.cos(), slope2, pens.gain(measure.cos()));
+    }
+    slope
 }
 
 /// A stop where the commands reach, which lies off by `by`.
@@ -171,7 +189,8 @@ fn moved(stop: &Stop, by: [i64; 3]) -> Stop {
 pub(super) fn append_stroke<P>(
     strokes: &mut Vec<Stroke>,
     list: &mut Vec<P>,
-    (parts, ordered): (&[Fragments], OrderedFragment),
+    parts: &[Fragments],
+    ordered: OrderedFragment,
     place: impl Fn(FieldPoint) -> P,
 ) {
     let OrderedFragment { member, start, reversed } = ordered;
@@ -181,6 +200,7 @@ pub(super) fn append_stroke<P>(
         list.extend(points.iter().rev().map(|&p| place(p)));
     } else {
         // A closed stroke is turned so that it begins and ends at its start.
+        // Its first point is its last: the points after the first up to the start close it.
         list.extend(points[start as usize..].iter().map(|&p| place(p)));
         list.extend(points[1..][..start as usize].iter().map(|&p| place(p)));
     }
@@ -194,83 +214,107 @@ pub(super) fn append_stroke<P>(
     });
 }
 
-impl Stage<'_> {
+impl PassStage<'_> {
     /// The positions from which the stops are marked.
-    fn positions(&self, placed: &[Placed], cells: &[CellId], setups: &Setups, lattice: &Lattice) -> Vec<Position> {
-        let machine = self.machine;
-        let place = |(p, &cell): (&Placed, &CellId)| {
-            let Stop { tilt, centre, focus, .. } = p.stop;
-            Place { cell, tilt, centre, focus }
-        };
-        let places: Vec<Place> = placed.iter().zip(cells).map(place).collect();
-        let [lowest, highest] = setups::range(machine, 2).map(|z| z - Nm(self.origin[2]));
-        let allowed = |i: usize| {
-            let at = &placed[i].stop;
-            let clear = self.lowest_over(at, at).saturating_add(self.start.lowered);
-            [lattice.floor((lowest.max(clear) + lattice.step - Nm(1)).f64()), lattice.floor(highest.f64())]
-        };
-        let shares = self.climb() == HeightOrder::Free;
-        let found = standstills(&places, lattice, machine.most_focus_shift(), shares, allowed);
-        let position = |found: super::standstills::Standstill| {
-            let (Place { cell, .. }, head) = (places[found.members[0]], &placed[found.members[0]].stop);
-            let origin = setups.origin(cell, self.origin);
-            let Stand { stage: target, by } = machine.stand(head.tilt, head.centre, found.plane, origin);
-            Position { stop: Stop { focus: found.plane, ..head.clone() }, members: found.members, target, by, cell }
-        };
-        found.into_iter().map(position).collect()
+    fn positions(
+        &self,
+        focused: &[FocusedStop],
+        cells: &[CellId],
+        setups: &Setups,
+        lattice: &Lattice,
+    ) -> Vec<Position> {
+        let places: Vec<BlockPlace> = focused
+            .iter()
+            .zip(cells)
+            .map(|(FocusedStop { stop: Stop { tilt, centre, focus, .. }, .. }, &cell)| BlockPlace {
+                cell,
+                tilt: *tilt,
+                centre: *centre,
+                focus: *focus,
+            })
+            .collect();
+        let allowed = |i: usize| self.allowed_planes(&focused[i].stop, lattice);
+        let sharing = if self.climb() == HeightOrder::Free { Sharing::Allowed } else { Sharing::Forbidden };
+        let found = standstills(&places, lattice, self.machine.most_focus_shift(), sharing, allowed);
+        found.into_iter().map(|standstill| self.position(standstill, focused, cells, setups)).collect()
     }
 
-    /// The order in which the stops are marked, as indices of position and stop: positions in the order of the tour, at each
-    /// its stops by rising or falling focal plane, from the end that needs the smaller change of the zoom optic.
-    fn sequence(&self, placed: &[Placed], positions: &[Position], used: &Used) -> Vec<(usize, usize)> {
-        let mut out = Vec::with_capacity(placed.len());
+    /// The lowest and the highest plane, on the lattice, at which the head may stand over a stop.
+    fn allowed_planes(&self, stop: &Stop, lattice: &Lattice) -> [Nm; 2] {
+        let [lowest, highest] = setups::range(self.machine, 2).map(|z| z - Nm(self.origin[2]));
+        let clear = self.lowest_over(stop, stop).saturating_add(self.start.lowered);
+        // The lower end is rounded up.
+        [lattice.floor((lowest.max(clear) + lattice.step - Nm(1)).f64()), lattice.floor(highest.f64())]
+    }
+
+    /// Where the stage stands for the stops of a standstill.
+    fn position(&self, standstill: Standstill, focused: &[FocusedStop], cells: &[CellId], setups: &Setups) -> Position {
+        let Standstill { members, plane } = standstill;
+        // The members have centre, tilt and cell in common.
+        let first = &focused[members[0]].stop;
+        let cell = cells[members[0]];
+        let origin = setups.origin(cell, self.origin);
+        let Stand { stage: target, by } = self.machine.stand(first.tilt, first.centre, plane, origin);
+        Position { stop: Stop { focus: plane, ..first.clone() }, members, target, by, cell }
+    }
+
+    /// The order in which the stops are marked: positions in the order of the tour, at each its stops by rising or
+    /// falling focal plane, from the end that needs the smaller change of the zoom optic.
+    fn sequence(&self, focused: &[FocusedStop], positions: &[Position], used: &UsedCells) -> Vec<StopOnTour> {
+        let mut visits = Vec::with_capacity(focused.len());
         let mut focus_shift = self.start.focus_shift;
-        for at in self.tours(placed, positions, used) {
-            let Position { members, stop, .. } = &positions[at];
-            let shift = |i: usize| placed[i].stop.focus - stop.focus;
+        for position in self.tours(focused, positions, used) {
+            let Position { members, stop: head, .. } = &positions[position];
+            let shift = |i: usize| focused[i].stop.focus - head.focus;
             let [low, high] = [members[0], members[members.len() - 1]].map(shift);
+            let visit = |&stop: &usize| StopOnTour { position, stop };
             // A tie goes upwards. Without a zoom optic a position has one stop, and both ways are the same.
             if (high - focus_shift).abs() < (low - focus_shift).abs() {
-                out.extend(members.iter().rev().map(|&i| (at, i)));
+                visits.extend(members.iter().rev().map(visit));
                 focus_shift = low;
             } else {
-                out.extend(members.iter().map(|&i| (at, i)));
+                visits.extend(members.iter().map(visit));
                 focus_shift = high;
             }
         }
-        out
+        visits
     }
 
     /// The order in which the stage visits the positions: set-up after set-up, backwards in every other pass.
-    fn tours(&self, placed: &[Placed], positions: &[Position], used: &Used) -> Vec<usize> {
-        // Where levels have to come one after another, their focal planes decide, not those that the stage sets.
-        let target = |p: &Position| {
-            let mut target = p.target;
-            if self.climb() != HeightOrder::Free {
-                target[2] += self.machine.stage.z.sign() * (placed[p.members[0]].stop.focus - p.stop.focus).0;
-            }
-            target
-        };
-        let targets: Vec<Commanded> = positions.iter().map(target).collect();
-        let all: Vec<&Stop> = positions.iter().map(|p| &p.stop).collect();
+    fn tours(&self, focused: &[FocusedStop], positions: &[Position], used: &UsedCells) -> Vec<usize> {
+        let targets: Vec<Commanded> = positions.iter().map(|p| self.tour_target(p, focused)).collect();
+        let stops: Vec<&Stop> = positions.iter().map(|p| &p.stop).collect();
         let mut used: Vec<CellId> = used.iter().collect();
         if used.len() <= 1 {
-            return self.tour(&all, &targets, self.start.from);
+            return self.tour(&stops, &targets, self.start.from);
         }
+        // The part stays in its last set-up from one pass to the next.
         if self.start.pass.0 % 2 == 1 {
             used.reverse();
         }
         let mut from = self.start.from;
         let mut order = Vec::with_capacity(positions.len());
         for cell in used {
-            let members: Vec<usize> = (0..positions.len()).filter(|&i| positions[i].cell == cell).collect();
-            let stops: Vec<&Stop> = members.iter().map(|&i| all[i]).collect();
-            let at: Vec<Commanded> = members.iter().map(|&i| targets[i]).collect();
-            order.extend(self.tour(&stops, &at, from).into_iter().map(|i| members[i]));
+            let of_cell: Vec<usize> = (0..positions.len()).filter(|&i| positions[i].cell == cell).collect();
+            let stops_of_cell: Vec<&Stop> = of_cell.iter().map(|&i| stops[i]).collect();
+            let targets_of_cell: Vec<Commanded> = of_cell.iter().map(|&i| targets[i]).collect();
+            order.extend(self.tour(&stops_of_cell, &targets_of_cell, from).into_iter().map(|i| of_cell[i]));
+            // The stage is lifted while the part is set up anew.
             from =
                 order.last().map_or(from, |&i| Commanded([targets[i][0], targets[i][1], self.machine.retract_z().0]));
         }
         order
+    }
+
+    /// Where the stage stands for a position, as the order of the tour sees it. Where levels have to come one after
+    /// another, their focal planes decide, not those that the stage sets.
+    fn tour_target(&self, position: &Position, focused: &[FocusedStop]) -> Commanded {
+        let mut target = position.target;
+        if self.climb() != HeightOrder::Free {
+            let focus_shift = focused[position.members[0]].stop.focus - position.stop.focus;
+            target[2] += self.machine.stage.z.sign() * focus_shift.0;
+        }
+        target
     }
 
     /// The order in which the stage visits positions of one set-up.
@@ -278,13 +322,14 @@ impl Stage<'_> {
         if stops.is_empty() {
             return Vec::new();
         }
-        // Most parts are so flat that the head never needs to lift.
-        let mut area = Box2::EMPTY;
-        stops.iter().for_each(|stop| area.add(stop.centre));
-        let lowest = self.clearance.lowest_focus(area.lo, area.hi) + self.start.lowered;
         if stops.iter().any(|stop| !stop.tilt.is_upright()) {
             return self.tilted_tour(targets, stops);
         }
+        // Most parts are so flat that the head never needs to lift: no stop is then below the lowest plane at which the
+        // head is clear of all of the part under the stops.
+        let mut area = Box2::EMPTY;
+        stops.iter().for_each(|stop| area.add(stop.centre));
+        let lowest = self.clearance.lowest_focus(area.lo, area.hi) + self.start.lowered;
         let lifts =
             |a: usize, b: usize| self.lowest_between(stops[a], stops[b]) < lowest && self.lifts(stops[a], stops[b]);
         let is_low = stops.iter().any(|stop| stop.focus < lowest);
@@ -307,16 +352,17 @@ impl Stage<'_> {
         if self.climb() != HeightOrder::Free {
             return order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT);
         }
-        let mut columns: Vec<usize> = (0..stops.len()).collect();
-        let key = |i: usize| (stops[i].centre, stops[i].tilt);
-        columns.sort_by_key(|&i| (key(i), targets[i][2]));
-        let columns: Vec<&[usize]> = columns.chunk_by(|&a, &b| key(a) == key(b)).collect();
-        let middle: Vec<Commanded> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
+        let mut by_column: Vec<usize> = (0..stops.len()).collect();
+        let place = |i: usize| (stops[i].centre, stops[i].tilt);
+        by_column.sort_by_key(|&i| (place(i), targets[i][2]));
+        let columns: Vec<&[usize]> = by_column.chunk_by(|&a, &b| place(a) == place(b)).collect();
+        let middles: Vec<Commanded> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
         let mut z = stage.from[2];
         let mut order = Vec::with_capacity(stops.len());
-        for c in order::stops::tour(&middle, &stage, HeightOrder::Free, order::stops::EFFORT) {
+        for c in order::stops::tour(&middles, &stage, HeightOrder::Free, order::stops::EFFORT) {
             let column = columns[c];
             let [low, high] = [column[0], column[column.len() - 1]].map(|i| targets[i][2]);
+            // A column begins at the end that is nearer to the height at which the one before has ended.
             if (high - z).abs() < (low - z).abs() {
                 order.extend(column.iter().rev());
                 z = low;

@@ -8,7 +8,7 @@
 
 use std::collections::HashSet;
 
-use super::grid::Grid;
+use super::grid::PassGrid;
 use super::methods::row;
 use crate::partition::bound::{self, Certificate};
 use crate::partition::box_index::Item;
@@ -58,7 +58,7 @@ fn every(texture: &Texture, cell: Nm) -> usize {
 
 /// The bound for what `method` made of `marks` with stops of this size.
 pub(super) fn certificate(
-    grid: &Grid,
+    grid: &PassGrid,
     marks: Option<Samples>,
     size: Option<[i32; 3]>,
     method: Method,
@@ -69,16 +69,16 @@ pub(super) fn certificate(
         return None;
     }
     let (mut marks, size) = (marks?, size?);
-    let unmarked = Unmarked::new(slivers, marks.origin(), i64::from(size[0].min(size[1])) / FINE_CELLS);
+    let slivers = SliverCells::new(slivers, marks.origin(), i64::from(size[0].min(size[1])) / FINE_CELLS);
     let mut points = marks.points();
-    points.retain(|&p| !unmarked.touches(p, p));
+    points.retain(|&p| !slivers.touches(p, p));
     let by_points = bound::lower_bound(&points, size);
     // `contour` cuts figures at its levels.
     if grid.keep.0 == Nm(0) || !row(method).keeps_figures {
         return Some(by_points);
     }
     let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
-    let is_whole = |f: &[[i32; 3]; 2]| held(f) && !unmarked.touches(f[0], f[1]);
+    let is_whole = |f: &[[i32; 3]; 2]| held(f) && !slivers.touches(f[0], f[1]);
     let figures = marks.figures();
     let most = figures.len().div_ceil(MOST_FIGURES).max(1);
     let whole = figures.into_iter().step_by(most).filter(is_whole);
@@ -88,24 +88,24 @@ pub(super) fn certificate(
 }
 
 /// Places about what was too short to be marked, of which the bound does not speak: cells of the plane.
-struct Unmarked {
+struct SliverCells {
     cells: HashSet<[i64; 2]>,
     width: i64,
 }
 
-impl Unmarked {
+impl SliverCells {
     /// The cells of the slivers; `origin` is what points are counted from. Cells are as wide as the longest sliver, and
     /// `least`, so that a box covers few of them.
     fn new(slivers: &[Sliver], origin: P2, least: i64) -> Self {
         let longest = slivers.iter().flat_map(|s| [0, 1].map(|k| s.hi[k] - s.lo[k])).max();
         let width = (longest.unwrap_or_default() + ROUNDING.0).max(least);
-        let mut it = Self { cells: HashSet::new(), width };
+        let mut sliver_cells = Self { cells: HashSet::new(), width };
         for s in slivers {
             let local = |at: [i64; 3], by: i64| [at[0] - origin.x + by, at[1] - origin.y + by];
-            let cells: Vec<_> = it.over(local(s.lo, -ROUNDING.0), local(s.hi, ROUNDING.0)).collect();
-            it.cells.extend(cells);
+            let cells: Vec<_> = sliver_cells.over(local(s.lo, -ROUNDING.0), local(s.hi, ROUNDING.0)).collect();
+            sliver_cells.cells.extend(cells);
         }
-        it
+        sliver_cells
     }
 
     /// Whether a box from `lo` to `hi` touches one of the cells.
@@ -114,6 +114,7 @@ impl Unmarked {
         !self.cells.is_empty() && self.over(local(lo), local(hi)).any(|cell| self.cells.contains(&cell))
     }
 
+    /// The cells that a box from `lo` to `hi` touches.
     fn over(&self, lo: [i64; 2], hi: [i64; 2]) -> impl Iterator<Item = [i64; 2]> + use<> {
         let [lo, hi] = [lo, hi].map(|at| at.map(|v| v.div_euclid(self.width)));
         (lo[1]..=hi[1]).flat_map(move |y| (lo[0]..=hi[0]).map(move |x| [x, y]))

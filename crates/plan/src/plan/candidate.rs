@@ -1,11 +1,11 @@
 //! What one method of partition gives: a program in order with its figures, to be compared and continued.
 
 use super::cut::Cut;
-use super::grid::Grid;
+use super::grid::PassGrid;
 use super::job_time::load_s;
-use super::setups::{Setups, Used};
+use super::setups::{Setups, UsedCells};
 use super::split::join;
-use super::start::{Laid, Start};
+use super::start::{HeadPosition, PartPosition, Start};
 use crate::check::{self, Limits};
 use crate::manifest::{self, Times};
 use crate::split::Fragments;
@@ -30,7 +30,7 @@ pub(super) struct Candidate {
     pub(super) origin: Origin,
     pub(super) setups: Setups,
     /// The cells of its set-ups.
-    pub(super) used: Used,
+    pub(super) used: UsedCells,
     pub(super) times: Times,
     /// The figures of every block of the program.
     pub(super) figures: Vec<BlockFigures>,
@@ -58,7 +58,7 @@ impl Candidate {
     }
 
     /// The first invariant that it breaks, if it breaks any.
-    pub(super) fn fault(&self, machine: &Machine, grid: &Grid, clearance: &Clearance) -> Option<Diag> {
+    pub(super) fn fault(&self, machine: &Machine, grid: &PassGrid, clearance: &Clearance) -> Option<Diag> {
         let origins = self.origins();
         let limits = Limits {
             machine,
@@ -79,10 +79,10 @@ impl Candidate {
 
     /// What the best candidate has least of.
     pub(super) fn measure(&self, job: &Job, machine: &Machine) -> (f64, f64) {
-        let spent = self.total_s(job, machine);
+        let total_s = self.total_s(job, machine);
         match job.partition.objective {
-            Objective::Time => (spent, 0.0),
-            Objective::Stops => (self.program.stops() as f64, spent),
+            Objective::Time => (total_s, 0.0),
+            Objective::Stops => (self.program.stops() as f64, total_s),
         }
     }
 
@@ -94,11 +94,11 @@ impl Candidate {
             if cut.marks[id.index()].is_empty() {
                 continue;
             }
-            let admits = &cut.stops.stops[id.index()].stop;
+            let stop = &cut.stops.stops[id.index()].stop;
             (block.z_lo, block.z_hi) = (Nm::round(heights.lo), Nm::round(heights.hi));
-            (block.stop.z_lo, block.stop.z_hi) = (admits.z_lo, admits.z_hi);
-            let off = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
-            self.worst_defocus = self.worst_defocus.max(off);
+            (block.stop.z_lo, block.stop.z_hi) = (stop.z_lo, stop.z_hi);
+            let defocus = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
+            self.worst_defocus = self.worst_defocus.max(defocus);
             self.program.blocks.push(block);
             self.ids.push(id);
         }
@@ -109,13 +109,17 @@ impl Candidate {
         let lowered = passes.lowered(pass);
         let Origin([x, y, z]) = self.origin;
         let last = self.program.blocks.last();
-        let stood = |b: &Block| Stop { focus: b.plane() + lowered, ..b.stop.clone() };
+        let head = |b: &Block| HeadPosition {
+            stop: Stop { focus: b.plane() + lowered, ..b.stop.clone() },
+            stage: b.stage,
+            cell: self.used.cell(b.setup),
+        };
         Start {
             pass,
             lowered,
-            laid: Some(Laid { origin: Origin([x, y, z - lowered.0]), setups: self.setups.clone() }),
+            part: Some(PartPosition { origin: Origin([x, y, z - lowered.0]), setups: self.setups.clone() }),
             from: last.map_or(begin.from, |b| b.stage),
-            before: last.map(|b| (stood(b), self.used.cell(b.setup))),
+            before: last.map(head),
             focus_shift: last.map_or(begin.focus_shift, |b| b.focus_shift),
         }
     }
@@ -127,7 +131,8 @@ impl Candidate {
         next.used.renumber(&mut next.program.blocks, &used);
         self.used = used;
         append(&mut self.program, next.program, lowered);
-        let (s, t) = (&mut self.times, next.times);
+        let s = &mut self.times;
+        let t = next.times;
         s.stage += t.stage;
         s.settle += t.settle;
         s.zoom += t.zoom;
@@ -146,19 +151,20 @@ impl Candidate {
 
 /// Puts blocks behind those of a program, their heights lowered by `lowered`.
 fn append(program: &mut Program, next: Program, lowered: Nm) {
-    let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
+    let strokes = program.strokes.len();
+    let points = program.points.len() as u32;
     program.points.extend(next.points);
     // Pens that compensate the slope differ from pass to pass.
     let pens: Vec<PenId> = next
         .pens
         .into_iter()
         .map(|pen| {
-            let known = program.pens.iter().position(|p| *p == pen);
-            let place = known.unwrap_or_else(|| {
+            let same = program.pens.iter().position(|p| *p == pen);
+            let index = same.unwrap_or_else(|| {
                 program.pens.push(pen);
                 program.pens.len() - 1
             });
-            PenId(place as u16)
+            PenId(index as u16)
         })
         .collect();
     program.strokes.extend(next.strokes.into_iter().map(|mut s| {

@@ -39,42 +39,53 @@ pub(super) fn stops(
     objective: Objective,
     task: Task<'_>,
 ) -> Result<Vec<(Method, Stops)>, Error> {
-    let mut found: Vec<(Method, Stops)> = Vec::new();
+    let mut stops_by_method: Vec<(Method, Stops)> = Vec::new();
     for (&method, task) in methods.iter().zip(task.parts(methods.len())) {
+        // `auto` divides by the grid before it tries windows: the last stops are those of the grid.
         let hopeless = method == Method::Window
             && objective == Objective::Time
-            && found.last().is_some_and(|(_, grid)| site.windows_cannot_win(grid));
+            && stops_by_method.last().is_some_and(|(_, grid)| site.windows_cannot_win(grid));
         if !hopeless {
-            found.extend(divide(site, method, task).map(|stops| (method, stops)));
+            stops_by_method.extend(divide(site, method, task).map(|stops| (method, stops)));
         }
     }
-    if found.is_empty() {
+    if stops_by_method.is_empty() {
         let text = "the texture's box is too wide for this method and this field";
         return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
     }
-    Ok(found)
+    Ok(stops_by_method)
+}
+
+/// The candidate of one method, and the first invariant that its program breaks.
+pub(super) struct Trial<T> {
+    pub(super) method: Method,
+    pub(super) candidate: T,
+    pub(super) fault: Option<Diag>,
 }
 
 /// Drops candidates that take more than another sound one: they cannot be chosen, whatever is tried next, and their
 /// programs are large.
-pub(super) fn drop_worse<T, M: PartialOrd>(made: &mut Vec<(Method, T, Option<Diag>)>, measure: impl Fn(&T) -> M) {
-    let sound = made.iter().filter(|(.., fault)| fault.is_none());
-    let all: Vec<M> = sound.map(|(_, made, _)| measure(made)).collect();
-    made.retain(|(_, made, fault)| fault.is_some() || !all.iter().any(|m| *m < measure(made)));
+pub(super) fn drop_worse<T, M: PartialOrd>(trials: &mut Vec<Trial<T>>, measure: impl Fn(&T) -> M) {
+    let sound = trials.iter().filter(|trial| trial.fault.is_none());
+    let measures: Vec<M> = sound.map(|trial| measure(&trial.candidate)).collect();
+    // Faults are kept: they are reported in the end.
+    trials
+        .retain(|Trial { candidate, fault, .. }| fault.is_some() || !measures.iter().any(|m| *m < measure(candidate)));
 }
 
 /// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method
 /// gives a sound program it is left out, with a warning; where none does, the faults are the answer.
 pub(super) fn best_of<T>(
-    candidates: impl Iterator<Item = (Method, T, Option<Diag>)>,
+    trials: Vec<Trial<T>>,
     measure: impl Fn(&T) -> (f64, f64),
     warnings: &mut Vec<Diag>,
 ) -> Result<T, Error> {
-    let (mut best, mut faults): (Option<T>, Vec<(Method, Diag)>) = (None, Vec::new());
-    for (method, made, fault) in candidates {
+    let mut best: Option<T> = None;
+    let mut faults: Vec<(Method, Diag)> = Vec::new();
+    for Trial { method, candidate, fault } in trials {
         match fault {
             Some(fault) => faults.push((method, fault)),
-            None if best.as_ref().is_none_or(|b| measure(&made) < measure(b)) => best = Some(made),
+            None if best.as_ref().is_none_or(|b| measure(&candidate) < measure(b)) => best = Some(candidate),
             None => {}
         }
     }
@@ -95,21 +106,25 @@ pub(super) fn best_of<T>(
 mod tests {
     use super::*;
 
+    fn trial(method: Method, candidate: f64, fault: Option<Diag>) -> Trial<f64> {
+        Trial { method, candidate, fault }
+    }
+
     #[test]
     fn a_candidate_that_takes_more_is_dropped() {
         let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
-        let mut made = vec![
-            (Method::Contour, 3.0, None),
-            (Method::ZRange, 3.0, None),
-            (Method::Window, 4.0, None),
-            (Method::Tilt, 1.0, fault()),
+        let mut trials = vec![
+            trial(Method::Contour, 3.0, None),
+            trial(Method::ZRange, 3.0, None),
+            trial(Method::Window, 4.0, None),
+            trial(Method::Tilt, 1.0, fault()),
         ];
-        drop_worse(&mut made, |&time| time);
-        let left: Vec<Method> = made.iter().map(|&(method, ..)| method).collect();
+        drop_worse(&mut trials, |&time| time);
+        let left: Vec<Method> = trials.iter().map(|trial| trial.method).collect();
         assert_eq!(left, [Method::Contour, Method::ZRange, Method::Tilt], "of equal ones the first is chosen later");
-        made.push((Method::Window, 2.0, None));
-        drop_worse(&mut made, |&time| time);
-        let left: Vec<Method> = made.iter().map(|&(method, ..)| method).collect();
+        trials.push(trial(Method::Window, 2.0, None));
+        drop_worse(&mut trials, |&time| time);
+        let left: Vec<Method> = trials.iter().map(|trial| trial.method).collect();
         assert_eq!(left, [Method::Tilt, Method::Window]);
     }
 
@@ -118,14 +133,15 @@ mod tests {
         let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
         let cost = |&time: &f64| (time, 0.0);
         let mut warnings = Vec::new();
-        let sound = [(Method::ZRange, 3.0, None), (Method::Tilt, 1.0, fault()), (Method::Window, 2.0, None)];
-        let best = best_of(sound.into_iter(), cost, &mut warnings).expect("two are sound");
+        let sound =
+            vec![trial(Method::ZRange, 3.0, None), trial(Method::Tilt, 1.0, fault()), trial(Method::Window, 2.0, None)];
+        let best = best_of(sound, cost, &mut warnings).expect("two are sound");
         assert_eq!(best, 2.0, "the cheapest of the sound ones");
         assert_eq!(warnings.len(), 1);
         assert_eq!((warnings[0].code, warnings[0].kind), ("method-left-out", terrace_core::diag::Kind::Warning));
         assert!(warnings[0].message.contains("tilt") && warnings[0].message.contains("P2: out of the field"));
-        let broken = [(Method::ZRange, 3.0, fault()), (Method::Tilt, 1.0, fault())];
-        let error = best_of(broken.into_iter(), cost, &mut Vec::new()).expect_err("none is sound");
+        let broken = vec![trial(Method::ZRange, 3.0, fault()), trial(Method::Tilt, 1.0, fault())];
+        let error = best_of(broken, cost, &mut Vec::new()).expect_err("none is sound");
         assert!(error.diags().iter().all(|d| d.kind == terrace_core::diag::Kind::Bug) && error.diags().len() == 2);
     }
 }

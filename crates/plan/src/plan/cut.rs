@@ -10,7 +10,7 @@ use terrace_core::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
 use terrace_core::machine::Machine;
 use terrace_core::motion;
 use terrace_core::parallel;
-use terrace_core::program::{Pen, StopId};
+use terrace_core::program::{Pen, Stop, StopId};
 use terrace_input::job::StrokeOrder;
 
 /// Fragments, chunk by chunk of the texture, and the stops that they are cut for.
@@ -27,19 +27,7 @@ impl Cut {
     pub(super) fn new(stops: Stops, parts: Parts, machine: &Machine, pens: &[Pen]) -> Self {
         let members = Members::new(parts.list(), stops.stops.len());
         let marks = parallel::map(stops.stops.len(), |i| {
-            let stop = &stops.stops[i].stop;
-            let mut marks = StopMarks::default();
-            for (f, measure, points) in members.fragments(&parts, StopId(i as u32)) {
-                let pen = &pens[f.pen.index()];
-                let mark = motion::Mark { points, speed: pen.speed, passes: pen.passes, dwell: pen.dwell };
-                let time = motion::marking(machine, [mark]);
-                marks.time_s[0] += time.mark_s;
-                marks.time_s[1] += time.delay_s;
-                marks.heights.add(f, measure, stop.z_lo.f64());
-                let place = |p: &FieldPoint| P2::new(stop.centre.x + i64::from(p.x), stop.centre.y + i64::from(p.y));
-                points.iter().for_each(|p| marks.area.add(place(p)));
-            }
-            marks
+            StopMarks::new(&stops.stops[i].stop, members.fragments(&parts, StopId(i as u32)), machine, pens)
         });
         Self { stops, parts, members, marks }
     }
@@ -49,15 +37,15 @@ impl Cut {
         self.parts.list().iter().flat_map(|part| &part.slivers)
     }
 
-    /// What stops mark, if `ids` are those that mark what the stops of the cut did, and what was left out.
-    pub(super) fn marks_by<'a>(&self, of_stops: &'a [StopMarks], ids: &[StopId]) -> Marks<'a> {
+    /// What stops mark, and what was left out; `ids` are, by stop of the cut, the stops that mark what that did.
+    pub(super) fn marks_by<'a>(&self, of_stops: &'a [StopMarks], ids: &[StopId]) -> MarksOfStops<'a> {
         let id = |stop: StopId| ids[stop.index()];
-        let left_out = |part: &'_ Fragments, sliver: &Sliver| LeftOut {
+        let left_out = |part: &Fragments, sliver: &Sliver| LeftOutMark {
             sliver: Sliver { stop: id(sliver.stop), ..*sliver },
             beside: part.stops_beside(sliver).map(id).collect(),
         };
         let left_out = self.parts.list().iter().flat_map(|part| part.slivers.iter().map(move |s| left_out(part, s)));
-        Marks { of_stops, left_out: left_out.collect() }
+        MarksOfStops { of_stops, left_out: left_out.collect() }
     }
 
     /// The figures of all parts, without what they were cut into.
@@ -69,7 +57,7 @@ impl Cut {
 /// What one stop marks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StopMarks {
-    pub(super) heights: Heights,
+    pub(super) heights: MarkHeights,
     /// Box of the marks on the turned part.
     pub(super) area: Box2<Turned>,
     /// Time of the marks and of the scanner's delays, without jumps, s.
@@ -78,16 +66,37 @@ pub(super) struct StopMarks {
 
 impl Default for StopMarks {
     fn default() -> Self {
-        Self { heights: Heights::default(), area: Box2::EMPTY, time_s: [0.0; 2] }
+        Self { heights: MarkHeights::default(), area: Box2::EMPTY, time_s: [0.0; 2] }
     }
 }
 
 impl StopMarks {
+    /// What a stop marks with these fragments.
+    fn new<'a>(
+        stop: &Stop,
+        fragments: impl Iterator<Item = (&'a Fragment, &'a Measure, &'a [FieldPoint])>,
+        machine: &Machine,
+        pens: &[Pen],
+    ) -> Self {
+        let mut marks = Self::default();
+        for (f, measure, points) in fragments {
+            let pen = &pens[f.pen.index()];
+            let mark = motion::Mark { points, speed: pen.speed, passes: pen.passes, dwell: pen.dwell };
+            let time = motion::marking(machine, [mark]);
+            marks.time_s[0] += time.mark_s;
+            marks.time_s[1] += time.delay_s;
+            marks.heights.add(f, measure, stop.z_lo.f64());
+            let on_part = |p: &FieldPoint| P2::new(stop.centre.x + i64::from(p.x), stop.centre.y + i64::from(p.y));
+            points.iter().for_each(|p| marks.area.add(on_part(p)));
+        }
+        marks
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.heights.lo > self.heights.hi
     }
 
-    /// Of two stops that become one.
+    /// Adds what another stop marks that becomes one with this.
     pub(super) fn join(&mut self, other: &Self) {
         self.heights.join(&other.heights);
         self.area = self.area.union(other.area);
@@ -96,21 +105,21 @@ impl StopMarks {
 }
 
 /// What stops mark, and what was left out of the marks.
-pub(super) struct Marks<'a> {
+pub(super) struct MarksOfStops<'a> {
     /// By stop.
     pub(super) of_stops: &'a [StopMarks],
-    pub(super) left_out: Vec<LeftOut>,
+    pub(super) left_out: Vec<LeftOutMark>,
 }
 
 /// A mark that was left out, its stop, and those of the marks beside it on its stroke.
-pub(super) struct LeftOut {
+pub(super) struct LeftOutMark {
     pub(super) sliver: Sliver,
     pub(super) beside: Vec<StopId>,
 }
 
 /// Heights of one stop's marks, nm.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Heights {
+pub(super) struct MarkHeights {
     pub(super) lo: f64,
     pub(super) hi: f64,
     /// Integral of the height over the length.
@@ -121,13 +130,13 @@ pub(super) struct Heights {
     dots: f64,
 }
 
-impl Default for Heights {
+impl Default for MarkHeights {
     fn default() -> Self {
         Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0, z_dots: 0.0, dots: 0.0 }
     }
 }
 
-impl Heights {
+impl MarkHeights {
     /// Adds a fragment over the lower end of what its stop admits.
     fn add(&mut self, f: &Fragment, measure: &Measure, z_lo: f64) {
         let [lo, hi] = measure.z.map(|z| z_lo + f64::from(z));
@@ -136,6 +145,7 @@ impl Heights {
         let length = f64::from(measure.length);
         self.z_length += (z_lo + f64::from(measure.mean_z)) * length;
         self.length += length;
+        // A dot has no length: its height counts once.
         if f.len == 1 {
             self.z_dots += lo;
             self.dots += 1.0;
@@ -156,7 +166,9 @@ impl Heights {
         [self.lo, self.hi, self.mean()].map(Nm::round)
     }
 
+    /// Mean height over the length of the marks; of marks without length that of the dots, or the middle.
     pub(super) fn mean(&self) -> f64 {
+        // Sums may round a mean beyond the ends of what it is the mean of.
         if self.length > 0.0 {
             (self.z_length / self.length).clamp(self.lo, self.hi)
         } else if self.dots > 0.0 {
@@ -167,14 +179,14 @@ impl Heights {
     }
 }
 
-/// The fragments of every stop, in the order in which they were cut: chunk and index in it.
+/// The fragments of every stop, in the order in which they were cut.
 pub(super) struct Members(Buckets<Member>);
 
 impl Members {
     pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
-        let members = (0u32..)
-            .zip(parts)
-            .flat_map(|(part, fragments)| (0u32..).zip(&fragments.list).map(move |(i, f)| (f.stop.index(), (part, i))));
+        let members = (0u32..).zip(parts).flat_map(|(chunk, fragments)| {
+            (0u32..).zip(&fragments.list).map(move |(index, f)| (f.stop.index(), Member { chunk, index }))
+        });
         Self(Buckets::new(stops, members))
     }
 
@@ -234,9 +246,9 @@ mod tests {
             |stops: &[u32]| Fragments { list: stops.iter().map(|&s| fragment(s)).collect(), ..Default::default() };
         let parts = [part(&[2, 0, 2]), part(&[0, 2])];
         let members = Members::new(&parts, 4);
-        assert_eq!(members.of(StopId(0)), [(0, 1), (1, 0)]);
-        assert_eq!(members.of(StopId(1)), []);
-        assert_eq!(members.of(StopId(2)), [(0, 0), (0, 2), (1, 1)]);
-        assert_eq!(members.of(StopId(3)), []);
+        let places = |stop| members.of(StopId(stop)).iter().map(|m| (m.chunk, m.index)).collect::<Vec<_>>();
+        assert_eq!(places(0), [(0, 1), (1, 0)]);
+        assert_eq!(places(2), [(0, 0), (0, 2), (1, 1)]);
+        assert!(places(1).is_empty() && places(3).is_empty());
     }
 }

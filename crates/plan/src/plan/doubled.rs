@@ -20,7 +20,7 @@ const MOST: u64 = 4_000_000;
 
 /// A straight piece of a stroke, or a dot.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Line {
+struct TextureLine {
     /// Hash of its ends.
     ends: u64,
     /// Which texture has it, from 0.
@@ -31,13 +31,13 @@ struct Line {
 
 /// What is marked again.
 #[derive(Clone, Copy, Default)]
-struct Again {
+struct RepeatedMarks {
     length: Nm,
     dots: u64,
 }
 
-impl Again {
-    fn add(&mut self, line: &Line) {
+impl RepeatedMarks {
+    fn add(&mut self, line: &TextureLine) {
         self.length += Nm(line.length.into());
         self.dots += u64::from(line.length == 0);
     }
@@ -53,46 +53,48 @@ pub(super) fn warnings(job: &Job, texture: &Texture) -> Vec<Diag> {
         return Vec::new();
     }
     let lines = lines(texture);
-    let mut found: BTreeMap<[u32; 2], Again> = BTreeMap::new();
+    let mut repeated: BTreeMap<[u32; 2], RepeatedMarks> = BTreeMap::new();
     for same in lines.chunk_by(|a, b| a.ends == b.ends) {
         // Each but the first is marked again: by its own texture where that has it already, else by both.
         for pair in same.windows(2) {
-            let [of, by] = [pair[0].texture, pair[1].texture];
-            let first = if of == by { of } else { same[0].texture };
-            found.entry([first, by]).or_default().add(&pair[1]);
+            let [before, by] = [pair[0].texture, pair[1].texture];
+            let first = if before == by { by } else { same[0].texture };
+            repeated.entry([first, by]).or_default().add(&pair[1]);
         }
     }
-    found
+    repeated
         .into_iter()
-        .map(|([a, b], again)| if a == b { within(job, a, again) } else { both(job, [a, b], again) })
+        .map(|([a, b], marks)| if a == b { within(job, a, marks) } else { both(job, [a, b], marks) })
         .collect()
 }
 
-fn within(job: &Job, texture: u32, again: Again) -> Diag {
-    let text = format!("texture {} has lines or dots more than once: {} are marked again", texture + 1, again.text());
+/// Marks that a texture has more than once.
+fn within(job: &Job, texture: u32, marks: RepeatedMarks) -> Diag {
+    let text = format!("texture {} has lines or dots more than once: {} are marked again", texture + 1, marks.text());
     Diag::warning("lines-twice", text)
         .at(job.place_of(&format!("texture.{texture}")))
         .hint("remove the copies from the drawing; to mark it more than once, use `passes` of its pen")
 }
 
-fn both(job: &Job, [a, b]: [u32; 2], again: Again) -> Diag {
+/// Marks that two textures have.
+fn both(job: &Job, [a, b]: [u32; 2], marks: RepeatedMarks) -> Diag {
     let text =
-        format!("textures {} and {} have the same lines or dots: {} are marked by both", a + 1, b + 1, again.text());
+        format!("textures {} and {} have the same lines or dots: {} are marked by both", a + 1, b + 1, marks.text());
     Diag::warning("texture-twice", text)
         .at(job.place_of(&format!("texture.{b}")))
         .hint("remove one of the two [[texture]] tables; to mark a texture more than once, use `passes` of its pen")
 }
 
 /// All lines and dots, the same next to each other, in the order of their textures.
-fn lines(texture: &Texture) -> Vec<Line> {
+fn lines(texture: &Texture) -> Vec<TextureLine> {
     let mut out = Vec::new();
     let mut points = Vec::new();
     for i in 0..texture.len() {
         texture.stroke(i, &mut points);
-        let of = texture.part_of(i) as u32;
+        let number = texture.part_of(i) as u32;
         let mut add = |a: P2, b: P2| {
             let length = a.distance(b).round().min(f64::from(u32::MAX)) as u32;
-            out.push(Line { ends: hash(a.min(b), a.max(b)), texture: of, length });
+            out.push(TextureLine { ends: hash(a.min(b), a.max(b)), texture: number, length });
         };
         match points[..] {
             [dot] => add(dot, dot),
@@ -117,21 +119,23 @@ fn hash(a: P2, b: P2) -> u64 {
 pub(super) fn without_power(job: &Job, texture: &Texture, machine: &Machine) -> Vec<Diag> {
     let is_dark = |pen: &Pen| pen.power.as_w(machine.laser.max_power) <= 0.0;
     let mut open: Vec<usize> = (0..job.pens.len()).filter(|&i| is_dark(&job.pens[i])).collect();
-    let mut found = Vec::new();
+    // Of each pen the first texture that it marks.
+    let mut uses = Vec::new();
     let mut points = Vec::new();
     for i in 0..texture.len() {
         if open.is_empty() {
             break;
         }
         let pen = texture.stroke(i, &mut points).index();
-        if let Some(at) = open.iter().position(|&one| one == pen) {
-            found.push((open.swap_remove(at), texture.part_of(i)));
+        if let Some(at) = open.iter().position(|&dark| dark == pen) {
+            uses.push((open.swap_remove(at), texture.part_of(i)));
         }
     }
-    found.into_iter().map(|(pen, of)| warning(job, pen, of)).collect()
+    uses.into_iter().map(|(pen, texture)| pen_without_power(job, pen, texture)).collect()
 }
 
-fn warning(job: &Job, pen: usize, texture: usize) -> Diag {
+/// A texture that is marked with a pen without power.
+fn pen_without_power(job: &Job, pen: usize, texture: usize) -> Diag {
     let name = &job.pens[pen].name;
     let text =
         format!("texture {} is marked with pen {name:?}, which has no power: nothing is marked by it", texture + 1);

@@ -7,8 +7,8 @@ use super::fly_formats;
 use super::frames;
 use super::grid;
 use crate::check::pen_faults;
-use crate::emit::{self, Key, Known, KnownFault};
-use terrace_core::diag::{Diag, Error};
+use crate::emit::{self, JobPens, Key};
+use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::format::Format;
 use terrace_core::machine::Machine;
 use terrace_core::program::PenId;
@@ -50,19 +50,22 @@ pub(super) fn formats(job: &Job, machine: &Machine, has_dots: bool) -> Vec<Diag>
     // Only a pattern is known to be marked with the pen of its texture.
     let patterns = job.textures.iter().filter(|texture| texture.kind.is_pattern());
     let last_pen = patterns.map(|texture| texture.pen.index() + 1).max().unwrap_or(0);
-    let known = Known { pens: &job.pens, machine, has_dots, last_pen };
-    let at = |(format, (key, fault)): (Format, KnownFault)| {
-        let place = match key {
-            Key::Format => job.place_of(&format!("emit.formats.{}", format.name())),
-            Key::Pen(i, key) => job.place_of(&format!("pen.{i}.{key}")),
-            Key::Machine(key) => job.place_in_machine(key),
-        };
-        fault.at(place)
-    };
-    let mut faults: Vec<Diag> = emit::known_faults(&job.formats, &known).into_iter().map(at).collect();
+    let pens = JobPens { pens: &job.pens, machine, has_dots, last_pen };
+    let faults = emit::known_faults(&job.formats, &pens).into_iter();
+    let mut faults: Vec<Diag> =
+        faults.map(|(format, (key, fault))| fault.at(place_of_key(job, format, &key))).collect();
     // Two cards may say the same of a pen.
     faults.dedup();
     faults
+}
+
+/// Where the key stands whose value a format cannot carry.
+fn place_of_key(job: &Job, format: Format, key: &Key) -> Place {
+    match *key {
+        Key::Format => job.place_of(&format!("emit.formats.{}", format.name())),
+        Key::Pen(i, key) => job.place_of(&format!("pen.{i}.{key}")),
+        Key::Machine(key) => job.place_in_machine(key),
+    }
 }
 
 /// Frames that would mark as the patterns do. With dose compensation, which pens mark is known later.

@@ -13,8 +13,10 @@ pub(super) struct Extent {
 }
 
 impl Extent {
+    /// The box of the marks of a stop.
     pub(super) fn of(marks: &StopMarks) -> Self {
-        let (area, heights) = (&marks.area, &marks.heights);
+        let area = &marks.area;
+        let heights = &marks.heights;
         let [lo, hi] = [heights.lo, heights.hi].map(|z| Nm::round(z).0);
         Self { lo: [area.lo.x, area.lo.y, lo], hi: [area.hi.x, area.hi.y, hi] }
     }
@@ -42,13 +44,13 @@ impl Extent {
 const ROUNDING: i64 = 2;
 
 /// Finds boxes of marks whose middle lies within a size of a place.
-pub(super) struct Near {
+pub(super) struct NearExtents {
     size: [i64; 3],
     /// Height and number of the middles over every cell of that size.
     cells: BTreeMap<[i64; 2], Vec<(i64, usize)>>,
 }
 
-impl Near {
+impl NearExtents {
     pub(super) fn new(middles: impl Iterator<Item = [i64; 3]>, size: [i64; 3]) -> Self {
         let mut near = Self { size, cells: BTreeMap::new() };
         for (i, middle) in middles.enumerate() {
@@ -62,8 +64,8 @@ impl Near {
         [0, 1].map(|k| at[k].div_euclid(self.size[k]))
     }
 
-    /// The indices of the pieces whose middle lies within a size of `at`, and of some more.
-    pub(super) fn of(&self, at: [i64; 3]) -> impl Iterator<Item = usize> {
+    /// The indices of the boxes whose middle lies within a size of `at`, and of some more.
+    pub(super) fn around(&self, at: [i64; 3]) -> impl Iterator<Item = usize> {
         let ([column, row], depth) = (self.cell(at), self.size[2]);
         let cells = (-1..=1).flat_map(move |y| (-1..=1).map(move |x| [column + x, row + y]));
         cells.filter_map(|cell| self.cells.get(&cell)).flat_map(move |list| {

@@ -1,7 +1,7 @@
 //! The grid of a pass: sections in the plane, the lattice of focal planes along z, and where the part lies.
 //!
 //! Consumes partition, placement and passes of the job, the machine, and the texture's box. [`Layout`] is
-//! what follows from these alone; [`Grid`] is what heights of the marks complete it to.
+//! what follows from these alone; [`PassGrid`] is what heights of the marks complete it to.
 
 use super::nothing;
 use crate::partition::Lattice;
@@ -28,7 +28,7 @@ pub(super) struct Layout {
 
 /// Where stops may stand.
 #[derive(Clone)]
-pub(super) struct Grid {
+pub(super) struct PassGrid {
     pub(super) sections: Sections,
     /// Window of a stop, at least the pitch of the sections.
     pub(super) window: [Nm; 2],
@@ -41,7 +41,7 @@ pub(super) struct Grid {
 }
 
 impl Layout {
-    /// Of a pass over a texture in `area`; `laid` is the part's origin where an earlier pass has laid it.
+    /// The layout of a pass over a texture in `area`; `laid` is the part's origin as an earlier pass has laid it.
     ///
     /// # Errors
     /// `section-large`, `section-small`, `zone-large`, `overlap-large`, `sections-many`.
@@ -95,10 +95,11 @@ impl Layout {
     pub(super) fn levels(
         self,
         job: &Job,
-        (machine, surface): (&Machine, &Surface),
+        machine: &Machine,
+        surface: &Surface,
         footprint: Footprint,
         pass: PassId,
-    ) -> Result<(Grid, Footprint), Error> {
+    ) -> Result<(PassGrid, Footprint), Error> {
         let Self { sections, window, keep, origin: [x, y], height } = self;
         let Some((lo, hi)) = footprint.range() else { return Err(nothing::marked(job, surface).into()) };
         let height = height.unwrap_or_else(|| default_height(machine, [lo, hi]));
@@ -114,11 +115,11 @@ impl Layout {
         let footprint =
             if overlap > Nm(0) { footprint.widened(half_climb.min(lattice.depth.f64() / 4.0)) } else { footprint };
         let footprint = footprint.deepened(job.passes.level_shift_nm(pass, lattice.depth));
-        Ok((Grid { sections, window, lattice, origin, keep }, footprint))
+        Ok((PassGrid { sections, window, lattice, origin, keep }, footprint))
     }
 }
 
-impl Grid {
+impl PassGrid {
     /// Refuses what would need more stops than anyone marks, before they are made.
     ///
     /// # Errors
@@ -152,7 +153,8 @@ fn shallow(job: &Job) -> Diag {
 /// # Errors
 /// `section-large`, `section-small`, `zone-large`, `overlap-large`, `depth-small`.
 pub(super) fn check(job: &Job, machine: &Machine) -> Result<(), Error> {
-    let (field, step) = (machine.usable_field(), machine.increment_nm());
+    let field = machine.usable_field();
+    let step = machine.increment_nm();
     let Partition { section, zone, overlap, .. } = job.partition;
     let refuse = |fault: Diag, key: &str, hint: &str| Err(fault.at(job.place_of(key)).hint(hint).into());
     if let Some(section) = section
@@ -218,7 +220,7 @@ fn in_step(job: &Job, area: Box2, pitch: [Nm; 2], step: Nm) -> [Nm; 2] {
         let stepped = own * (pitch[k] / own);
         let count = |pitch: Nm| (size[k] + pitch - Nm(1)) / pitch;
         let is_even = stepped % (step * 2) == Nm(0);
-        let fits = stepped > Nm(0) && is_even && count(stepped) == count(pitch[k]);
-        if fits { stepped } else { pitch[k] }
+        let needs_no_more = stepped > Nm(0) && is_even && count(stepped) == count(pitch[k]);
+        if needs_no_more { stepped } else { pitch[k] }
     })
 }

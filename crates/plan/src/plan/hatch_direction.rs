@@ -28,7 +28,7 @@ const PLACES: f64 = 16.0;
 /// tangent of the steepest slope that is marked, `depth` the depth range of a stop, nm.
 ///
 /// # Errors
-/// Those of [`Texture::fill`].
+/// The errors of [`Texture::fill`].
 pub fn along_contours(
     mut texture: Texture,
     surface: &Surface,
@@ -44,7 +44,7 @@ pub fn along_contours(
     let filled = &texture;
     let task = task.of_steps(sections.len());
     let hundredths = parallel::map(sections.len(), |i| {
-        let mut section = Section::default();
+        let mut section = HatchSection::default();
         let mut tracer = Tracer::new(surface, max_slope);
         filled.contours().for_each(|area| section.add(area, sections.area(i), depth, &mut tracer));
         let best = section.best();
@@ -57,14 +57,14 @@ pub fn along_contours(
 
 /// What decides the direction in one section.
 #[derive(Default)]
-pub(super) struct Section {
+pub(super) struct HatchSection {
     /// Levels crossed by the lines of one place that run along x and along y.
     rises: Vec<[f64; 2]>,
     /// Corners of the areas, in pitches.
     outlines: Vec<Vec<[f64; 2]>>,
 }
 
-impl Section {
+impl HatchSection {
     /// Adds what an area has in the section.
     pub(super) fn add(&mut self, area: &Contour, section: Box2, depth: f64, tracer: &mut Tracer<'_>) {
         let outline = area.outline(section);
@@ -135,7 +135,8 @@ fn slope(tracer: &mut Tracer<'_>, at: [f64; 2], half: [f64; 2]) -> Option<(f64, 
     if a == b {
         return None;
     }
-    let (mut rise, mut share) = (0.0, 0.0);
+    let mut rise = 0.0;
+    let mut share = 0.0;
     tracer.segment(a, b, |p| {
         if p.skip.is_none() {
             rise += p.z1 - p.z0;

@@ -52,10 +52,10 @@ impl Inputs {
         Self::load_with_progress(job, Task::silent())
     }
 
-    /// [`Inputs::load`] that reports how far it is.
+    /// Reads what [`Inputs::load`] does, and reports how far it is.
     ///
     /// # Errors
-    /// As [`Inputs::load`].
+    /// The errors of [`Inputs::load`].
     pub fn load_with_progress(job: &Job, task: Task<'_>) -> Result<Self, Error> {
         Self::loaded(job, Purpose::Measure, None, &mut |_| {}, task)
     }
@@ -64,16 +64,17 @@ impl Inputs {
     /// the file has it.
     ///
     /// # Errors
-    /// As [`Inputs::load`]; besides, before any other file is read, all that job and machine file do not allow: formats
-    /// that cannot carry the job, sections, depth and methods that the machine cannot do.
+    /// The errors of [`Inputs::load`]; besides, before any other file is read, all that job and machine file do not
+    /// allow: formats that cannot carry the job, sections, depth and methods that the machine cannot do.
     pub fn load_each(job: &Job, each: &mut dyn FnMut([[f64; 3]; 3]), task: Task<'_>) -> Result<Self, Error> {
         Self::loaded(job, Purpose::Write, None, each, task)
     }
 
-    /// The same for one of several jobs; the surface of another is taken over where both read and turn it alike.
+    /// Reads the inputs of one of several jobs that are to be written; the surface of another is taken over where both
+    /// read and turn it alike.
     ///
     /// # Errors
-    /// As [`Inputs::load_each`].
+    /// The errors of [`Inputs::load_each`].
     pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
         Self::loaded(job, Purpose::Write, other, &mut |_| {}, Task::silent())
     }
@@ -85,11 +86,7 @@ impl Inputs {
         each: &mut dyn FnMut([[f64; 3]; 3]),
         task: Task<'_>,
     ) -> Result<Self, Error> {
-        let read_alike = |of: &Job| {
-            let turns = [of, job].map(|j| j.placement.turn.as_rad());
-            of.surface == job.surface && turns[0] == turns[1] && of.path == job.path
-        };
-        let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
+        let surface = other.filter(|(other, _)| has_same_surface(other, job)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
         operator_way::served(job, &machine)?;
         let mut warnings = job.warnings.clone();
@@ -139,7 +136,8 @@ impl Inputs {
         let surface = match surface {
             Some(surface) => Arc::clone(surface),
             None => {
-                let (path, options) = (job.surface_path(), &job.surface.options);
+                let path = job.surface_path();
+                let options = &job.surface.options;
                 Arc::new(Surface::load(&path, options, joining, turn, warnings, each, shape)?)
             }
         };
@@ -147,27 +145,10 @@ impl Inputs {
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
         drop(drawings);
         texture.ask_for_tracing()?;
-        let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();
-        if let Some((pen, number)) = texture.dot_pens().into_iter().find(is_without) {
-            return Err(early::no_dwell(job, pen, number).into());
-        }
-        let dots = !texture.dot_pens().is_empty() && purpose == Purpose::Write && job.mode == Mode::Stepped;
-        let not_carried = if dots { early::formats(job, machine, true) } else { Vec::new() };
-        if !not_carried.is_empty() {
-            return Err(Error::many(not_carried));
-        }
-        let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
-        let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };
-        if (0..2).any(|k| part.lo[k] > marks.hi[k] || part.hi[k] < marks.lo[k]) {
-            let turned = if turn == 0.0 { "" } else { " as they are turned" };
-            let text = format!(
-                "nothing would be marked: the texture lies at {}, off the part at {}{turned}",
-                spanned(marks),
-                spanned(part)
-            );
-            let hint = "move the texture with its area or origin, or check the unit of surface and drawing";
-            let e = Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint).into();
-            return Err(plausible::explained(&e, &texture));
+        check_dots(job, machine, &texture, purpose)?;
+        let part = turned(surface.part_box_mm(), turn);
+        if let Some(fault) = off_part(job, part, texture.bounds()) {
+            return Err(plausible::explained(&fault.into(), &texture));
         }
         let curves = space_curves::compare(job, &surface, &texture, warnings)?;
         Ok((surface, texture, curves))
@@ -178,7 +159,7 @@ impl Inputs {
         turned(self.surface.part_box_mm(), job.placement.turn.as_rad())
     }
 
-    /// The same in whole nanometres.
+    /// The box of the part as the job turns it, in whole nanometres.
     pub fn part_box_nm(&self, job: &Job) -> Box2 {
         let part = self.part_box(job);
         let corner = |at: [f64; 2]| P2::from_mm(at[0], at[1]).expect("a part lies within 4 m of its origin");
@@ -188,7 +169,7 @@ impl Inputs {
     /// The texture of pass `k`, from 0.
     ///
     /// # Errors
-    /// Those of patterns, which the turn from pass to pass can cause.
+    /// Faults of patterns that the turn from pass to pass causes.
     pub(crate) fn texture_of_pass(&self, job: &Job, pass: PassId) -> Result<Texture, Error> {
         if pass == PassId(0) {
             return Ok(self.texture.clone());
@@ -196,6 +177,43 @@ impl Inputs {
         let turn = job.placement.turn.as_rad();
         self.texture.of_pass(&job.textures_of_pass(pass), self.surface.part_box_mm(), turn)
     }
+}
+
+/// Whether two jobs read one surface file alike and turn it alike.
+fn has_same_surface(a: &Job, b: &Job) -> bool {
+    let turns = [a, b].map(|job| job.placement.turn.as_rad());
+    a.surface == b.surface && turns[0] == turns[1] && a.path == b.path
+}
+
+/// Refuses dots whose pens have no dwell, and those that the formats of a job that is to be written cannot carry.
+///
+/// # Errors
+/// `pen-dwell`; what the formats refuse.
+fn check_dots(job: &Job, machine: &Machine, texture: &Texture, purpose: Purpose) -> Result<(), Error> {
+    let is_without_dwell = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();
+    if let Some((pen, number)) = texture.dot_pens().into_iter().find(is_without_dwell) {
+        return Err(early::no_dwell(job, pen, number).into());
+    }
+    let is_written = purpose == Purpose::Write && job.mode == Mode::Stepped;
+    let has_dots = !texture.dot_pens().is_empty();
+    let not_carried = if has_dots && is_written { early::formats(job, machine, has_dots) } else { Vec::new() };
+    if not_carried.is_empty() { Ok(()) } else { Err(Error::many(not_carried)) }
+}
+
+/// A texture in `marks` of which nothing lies in the box of the part as it is turned, mm.
+fn off_part(job: &Job, part: BoxMm<2>, marks: Box2) -> Option<Diag> {
+    let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };
+    let is_apart = (0..2).any(|k| part.lo[k] > marks.hi[k] || part.hi[k] < marks.lo[k]);
+    is_apart.then(|| {
+        let turned = if job.placement.turn.as_rad() == 0.0 { "" } else { " as they are turned" };
+        let text = format!(
+            "nothing would be marked: the texture lies at {}, off the part at {}{turned}",
+            spanned(marks),
+            spanned(part)
+        );
+        let hint = "move the texture with its area or origin, or check the unit of surface and drawing";
+        Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint)
+    })
 }
 
 /// The box, mm, around one that is turned about the origin.

@@ -21,7 +21,7 @@ pub fn of_program(machine: &Machine, program: &Program) -> Times {
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
     let mut blocks = Vec::with_capacity(program.blocks.len());
-    for Step { moved, zoom_s, marking } in steps(machine, start, program) {
+    for BlockStep { moved, zoom_s, marking } in steps(machine, start, program) {
         t.stage += moved.travel_s;
         t.settle += moved.settle_s;
         t.zoom += zoom_s;
@@ -38,27 +38,28 @@ pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Tim
 /// begins and when the last one ends, s.
 pub fn clock_of_program(machine: &Machine, program: &Program) -> Vec<[f64; 3]> {
     let mut now = 0.0;
-    let tell = |Step { moved, zoom_s, marking }: Step| {
+    let mut clock = Vec::with_capacity(program.blocks.len());
+    for BlockStep { moved, zoom_s, marking } in steps(machine, &Start::first(machine), program) {
         let begin = now;
         let start = begin + moved.total_s() + zoom_s;
         now = start + marking.total_s();
-        [begin, start, now]
-    };
-    steps(machine, &Start::first(machine), program).map(tell).collect()
+        clock.push([begin, start, now]);
+    }
+    clock
 }
 
 /// What it takes to go to a block and mark it.
-struct Step {
+struct BlockStep {
     moved: StageMove,
-    /// Of the zoom optic, beyond the move of the stage.
+    /// Time of the zoom optic beyond the move of the stage.
     zoom_s: f64,
     marking: Marking,
 }
 
 /// The steps of a program that begins at `start`.
-fn steps<'a>(machine: &'a Machine, start: &Start, program: &'a Program) -> impl Iterator<Item = Step> + use<'a> {
+fn steps<'a>(machine: &'a Machine, start: &Start, program: &'a Program) -> impl Iterator<Item = BlockStep> + use<'a> {
     let mut focus_shift = start.focus_shift;
-    let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or(TiltAngles::UPRIGHT, |(stop, _)| stop.tilt));
+    let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or(TiltAngles::UPRIGHT, |head| head.stop.tilt));
     program.blocks.iter().map(move |block| {
         let retract = block.retract.then(|| machine.retract_z());
         let turning = machine.tilt_time_s(tilt, block.stop.tilt);
@@ -71,6 +72,6 @@ fn steps<'a>(machine: &'a Machine, start: &Start, program: &'a Program) -> impl 
             let pen = &program.pens[s.pen.index()];
             motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes, dwell: pen.dwell }
         });
-        Step { moved, zoom_s, marking: motion::marking(machine, marks) }
+        BlockStep { moved, zoom_s, marking: motion::marking(machine, marks) }
     })
 }

@@ -22,6 +22,12 @@ const OPEN_SHEET_SHARE: f64 = 0.2;
 /// Share of what the best side shows from which on the other one may be meant as well.
 const AS_GOOD: f64 = 0.8;
 
+/// By how much more area a side must show to be taken in place of one that was tried before.
+const BETTER_SIDE: f64 = 1.02;
+
+/// By how much smaller a box in plan must be for the part to be turned about z.
+const SMALLER_BOX: f64 = 0.99;
+
 /// Directions that are tried for a closed body.
 const DIRECTIONS: usize = 400;
 
@@ -82,18 +88,18 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
     let path = job.surface_path();
     let mut options = job.surface.options.clone();
     options.pose = None;
-    let mut seen = Seen::default();
-    let content = surface::read(&path, &options, &mut Vec::new(), &mut |facet| seen.add(facet))?;
+    let mut facets = FacetSums::default();
+    let content = surface::read(&path, &options, &mut Vec::new(), &mut |facet| facets.add(facet))?;
     if let Content::Heightmap(map) = content {
-        map.facets(&mut |facet| seen.add(facet));
+        map.facets(&mut |facet| facets.add(facet));
     }
     let here = |d: Diag| Error::from(d.at(Place::file(path.display().to_string())));
-    if seen.area <= 0.0 {
+    if facets.area <= 0.0 {
         return Err(here(Diag::input("surface-empty", "the surface file holds no area").hint("export it again")));
     }
     let reason = match side {
         Side::Up(_) | Side::LieOn(_) => Reason::Asked,
-        Side::Found if norm(seen.sum) > OPEN_SHEET_SHARE * seen.area => Reason::Winding,
+        Side::Found if norm(facets.sum) > OPEN_SHEET_SHARE * facets.area => Reason::Winding,
         Side::Found => Reason::Area,
     };
     let up = match side {
@@ -101,37 +107,45 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
         Side::LieOn(point) => {
             let unit = options.unit_mm.unwrap_or(1.0) * options.scale.unwrap_or(1.0);
             let datum = options.datum.unwrap_or_default();
-            let at = [0, 1, 2].map(|k| (point[k] - datum[k]) * unit);
-            seen.nearest(at).map(|v| -v)
+            let in_mm = [0, 1, 2].map(|k| (point[k] - datum[k]) * unit);
+            facets.nearest(in_mm).map(|v| -v)
         }
-        Side::Found if reason == Reason::Winding => seen.sum,
-        Side::Found => seen.best_side(job.limits.max_incidence.as_rad().cos()).map_err(here)?,
+        Side::Found if reason == Reason::Winding => facets.sum,
+        Side::Found => facets.best_side(job.limits.max_incidence.as_rad().cos()).map_err(here)?,
     };
     let Some(tilt) = Pose::from_up(up) else {
         let d = Diag::input("placement-laid", "the direction that is to look at the lens has no length");
         return Err(here(d.hint("give three numbers, such as 0,0,1")));
     };
-    let pose = tilt.then(seen.smallest_box(&tilt));
+    let pose = tilt.then(facets.smallest_box(&tilt));
     let length = norm(up);
-    Ok(Laying { up: up.map(|v| v / length), pose, faces_lens: seen.up / seen.area, reason })
+    Ok(Laying { up: up.map(|v| v / length), pose, faces_lens: facets.up / facets.area, reason })
+}
+
+/// A facet of which no more than this counts.
+struct Facet {
+    centre: Point,
+    /// Its area as a vector, as long as its area.
+    area: Point,
 }
 
 /// What the facets of a file come to.
 #[derive(Default)]
-struct Seen {
+struct FacetSums {
     /// Area of all, and of those that face up.
     area: f64,
     up: f64,
     /// Areas as vectors, each as long as its area.
     sum: Point,
-    /// Some of the facets: centre and area as a vector.
-    kept: Vec<(Point, Point)>,
+    /// Some of the facets.
+    kept: Vec<Facet>,
+    /// How many facets there are.
     count: usize,
-    /// Of more than [`MOST_KEPT`] every nth is kept.
+    /// Every nth facet is kept, so that no more than [`MOST_KEPT`] are.
     every: usize,
 }
 
-impl Seen {
+impl FacetSums {
     fn add(&mut self, facet: [Point; 3]) {
         let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| facet[k][i] - facet[0][i]));
         let area = cross(u, v).map(|c| c / 2.0);
@@ -141,10 +155,14 @@ impl Seen {
         self.sum = [0, 1, 2].map(|i| self.sum[i] + area[i]);
         self.every = self.every.max(1);
         if size > 0.0 && self.count.is_multiple_of(self.every) {
-            self.kept.push(([0, 1, 2].map(|i| (facet[0][i] + facet[1][i] + facet[2][i]) / 3.0), area));
+            let centre = [0, 1, 2].map(|i| (facet[0][i] + facet[1][i] + facet[2][i]) / 3.0);
+            self.kept.push(Facet { centre, area });
             if self.kept.len() > MOST_KEPT {
-                let mut i = 0;
-                self.kept.retain(|_| (i += 1, i % 2 == 1).1);
+                let mut is_kept = false;
+                self.kept.retain(|_| {
+                    is_kept = !is_kept;
+                    is_kept
+                });
                 self.every *= 2;
             }
         }
@@ -154,14 +172,14 @@ impl Seen {
     /// The normal of the facet whose centre is nearest to a point.
     fn nearest(&self, at: Point) -> Point {
         let distance = |p: &Point| norm([0, 1, 2].map(|i| p[i] - at[i]));
-        let nearest = self.kept.iter().min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
-        nearest.map_or([0.0; 3], |(_, area)| *area)
+        let nearest = self.kept.iter().min_by(|a, b| distance(&a.centre).total_cmp(&distance(&b.centre)));
+        nearest.map_or([0.0; 3], |facet| facet.area)
     }
 
     /// How much area, seen from a direction, lies within the limit of incidence.
     fn shown(&self, from: Point, least_cos: f64) -> f64 {
-        let seen = self.kept.iter().map(|(_, area)| (dot(*area, from), norm(*area)));
-        seen.filter(|(seen, size)| *seen >= least_cos * size).map(|(seen, _)| seen).sum()
+        let projected = self.kept.iter().map(|facet| (dot(facet.area, from), norm(facet.area)));
+        projected.filter(|(projected, size)| *projected >= least_cos * size).map(|(projected, _)| projected).sum()
     }
 
     /// The direction from which a closed body shows the most.
@@ -179,48 +197,56 @@ impl Seen {
             [r * cos, r * sin, z]
         });
         // Of equal ones the first: axes go before all others.
-        let all = axes.chain(spread).map(|d| (self.shown(d, least_cos), d));
-        let best = all.fold((0.0, [0.0, 0.0, 1.0]), |best, next| if next.0 > best.0 * 1.02 { next } else { best });
-        let away = best.1.map(|v| -v);
+        let candidates = axes.chain(spread).map(|d| (self.shown(d, least_cos), d));
+        let (most, towards) = candidates
+            .fold((0.0, [0.0, 0.0, 1.0]), |best, next| if next.0 > best.0 * BETTER_SIDE { next } else { best });
+        let away = towards.map(|v| -v);
         let other = self.shown(away, least_cos);
-        if other < AS_GOOD * best.0 {
-            return Ok(best.1);
+        if other < AS_GOOD * most {
+            return Ok(towards);
         }
-        let shown = |d: Point| d.map(|v| format!("{:.3}", v + 0.0)).join(",");
         let text = format!(
-            "the part is a closed body, and two of its sides may be meant: that towards ({}) shows {:.0} mm2, that away \
-             from it {other:.0} mm2",
-            shown(best.1),
-            best.0
+            "the part is a closed body, and two of its sides may be meant: that towards ({}) shows {most:.0} mm2, that \
+             away from it {other:.0} mm2",
+            direction(towards)
         );
-        let hint = format!("choose with --up {} or --up {}", shown(best.1), shown(away));
+        let hint = format!("choose with --up {} or --up {}", direction(towards), direction(away));
         Err(Diag::input("orient-side", text).hint(hint))
     }
 
     /// The turn about z with which the part has the smallest box in plan, its longer side along x; none where that
     /// saves little.
     fn smallest_box(&self, tilt: &Pose) -> Pose {
-        let plan: Vec<[f64; 2]> = self.kept.iter().map(|(p, _)| tilt.apply(*p)).map(|[x, y, _]| [x, y]).collect();
-        let sides = |deg: f64| {
-            let (sin, cos) = deg.to_radians().sin_cos();
-            [[cos, -sin], [sin, cos]].map(|[a, b]| {
-                let along = plan.iter().map(|[x, y]| a * x + b * y);
-                let (lo, hi) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-                hi - lo
-            })
-        };
-        let size = |deg: f64| sides(deg).iter().product::<f64>();
-        let about_z = |deg: f64| Pose::from_angles([0.0, 0.0, deg.to_radians()]);
-        let least = |a: f64, b: f64| if size(b) < 0.99 * size(a) { b } else { a };
-        let mut best = (-44..=45).map(f64::from).fold(0.0, least);
+        let plan: Vec<[f64; 2]> =
+            self.kept.iter().map(|facet| tilt.apply(facet.centre)).map(|[x, y, _]| [x, y]).collect();
+        let size = |deg: f64| sides(&plan, deg).iter().product::<f64>();
+        let smaller = |a: f64, b: f64| if size(b) < SMALLER_BOX * size(a) { b } else { a };
+        // Whole degrees, of which no turn is tried first.
+        let mut best = (-44..=45).map(f64::from).fold(0.0, smaller);
         if best != 0.0 {
+            // Twentieths of a degree around it.
             best = (-20..=20)
                 .map(|i| best + f64::from(i) * 0.05)
                 .min_by(|a, b| size(*a).total_cmp(&size(*b)))
                 .unwrap_or(best);
         }
-        about_z(best)
+        Pose::from_angles([0.0, 0.0, best.to_radians()])
     }
+}
+
+/// The sides of the box around points of the plane, turned by `deg`.
+fn sides(points: &[[f64; 2]], deg: f64) -> [f64; 2] {
+    let (sin, cos) = deg.to_radians().sin_cos();
+    [[cos, -sin], [sin, cos]].map(|[a, b]| {
+        let along = points.iter().map(|[x, y]| a * x + b * y);
+        let (lo, hi) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        hi - lo
+    })
+}
+
+/// A direction as a user can give it; a zero has no sign.
+fn direction(d: Point) -> String {
+    d.map(|v| format!("{:.3}", v + 0.0)).join(",")
 }
 
 /// The job with its part laid by these rotations about x, y and z of the surface file.

@@ -1,6 +1,6 @@
 //! The stage as a pass finds it, and when the head lifts between two stops.
 
-use super::start::Start;
+use super::start::{HeadPosition, Start};
 use terrace_core::clearance::{Clearance, Head};
 use terrace_core::geom::Nm;
 use terrace_core::machine::{Commanded, Machine, Origin, TiltAngles};
@@ -8,7 +8,7 @@ use terrace_core::program::Stop;
 use terrace_input::job::StopOrder;
 
 /// The stage as a pass finds it.
-pub(super) struct Stage<'a> {
+pub(super) struct PassStage<'a> {
     pub(super) machine: &'a Machine,
     pub(super) clearance: &'a Clearance,
     pub(super) start: &'a Start,
@@ -17,27 +17,60 @@ pub(super) struct Stage<'a> {
     pub(super) climb: StopOrder,
 }
 
-impl Stage<'_> {
+/// A stop, its focus the plane that the stage sets, and the position of the stage there.
+#[derive(Clone, Copy)]
+pub(super) struct CommandedStop<'a> {
+    pub(super) stop: &'a Stop,
+    pub(super) stage: Commanded,
+}
+
+/// Says of the blocks of a pass, one after another, whether the stage must lift on its way there.
+pub(super) struct Lifts<'a> {
+    stage: &'a PassStage<'a>,
+    /// Where the head stands; None before the first block of the first pass.
+    head: Option<HeadPosition>,
+}
+
+impl<'a> Lifts<'a> {
+    pub(super) fn new(stage: &'a PassStage<'a>) -> Self {
+        Self { stage, head: stage.start.before.clone() }
+    }
+
+    /// Whether the stage must lift on its way to the next block, the part at `origin` in its set-up; the head stands
+    /// there then.
+    pub(super) fn is_needed_to(&mut self, next: HeadPosition, origin: Origin) -> bool {
+        let is_needed = self.head.as_ref().is_some_and(|last| {
+            // The part is set up anew between two set-ups.
+            last.cell != next.cell || self.stage.lifts_between(last.commanded(), next.commanded(), origin)
+        });
+        self.head = Some(next);
+        is_needed
+    }
+}
+
+impl HeadPosition {
+    fn commanded(&self) -> CommandedStop<'_> {
+        CommandedStop { stop: &self.stop, stage: self.stage }
+    }
+}
+
+impl PassStage<'_> {
     /// Whether the commands of a stop are those of a tilted head, which are rounded.
     pub(super) fn rounds(&self, stop: &Stop) -> bool {
         self.machine.tilts_head() && !stop.tilt.is_upright()
     }
 
     /// Whether the stage must lift between two stops with their commands, of a part that lies at `origin`.
-    pub(super) fn lifts_between(
-        &self,
-        (a, from): (&Stop, Commanded),
-        (b, to): (&Stop, Commanded),
-        origin: Origin,
-    ) -> bool {
-        if !self.rounds(a) && !self.rounds(b) {
-            return self.lifts(a, b);
+    pub(super) fn lifts_between(&self, from: CommandedStop<'_>, to: CommandedStop<'_>, origin: Origin) -> bool {
+        // Where commands are rounded they decide, not the stops that they stand for.
+        if !self.rounds(from.stop) && !self.rounds(to.stop) {
+            return self.lifts(from.stop, to.stop);
         }
         // The surface is that before it sank, as everywhere here.
         let Origin([x, y, z]) = origin;
         let head =
             Head { machine: self.machine, origin: Origin([x, y, z + self.start.lowered.0]), clearance: self.clearance };
-        head.over_move((from, a.tilt), (to, b.tilt)) > Nm(0)
+        head.over_move((from.stage, from.stop.tilt), (to.stage, to.stop.tilt)) > Nm(0)
     }
 
     /// Whether the stage must lift between two stops.

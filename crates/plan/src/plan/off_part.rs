@@ -19,22 +19,22 @@ const CHUNK: usize = 4096;
 /// What lies off the part.
 #[derive(Clone, Debug, Default)]
 pub struct OffPart {
-    /// Of every texture that the job places: its number from 1, and what was found.
-    textures: Vec<(usize, Extent)>,
+    /// The textures that the job places: each by its number from 1, with what of it lies off the part.
+    textures: Vec<(usize, TextureLengths)>,
     /// The textures whose size does not go with the part, by their index.
     slips: Vec<(usize, Slip)>,
 }
 
 /// Lengths and dots of a texture, all and those off the part.
 #[derive(Clone, Copy, Debug, Default)]
-struct Extent {
+struct TextureLengths {
     all: i64,
     off: i64,
     dots: u64,
     dots_off: u64,
 }
 
-impl Extent {
+impl TextureLengths {
     /// The share that lies off the part, of the lines or of the dots, %.
     fn off_percent(&self) -> f64 {
         let lines = self.off as f64 / self.all.max(1) as f64;
@@ -42,7 +42,8 @@ impl Extent {
     }
 
     fn trace(&mut self, tracer: &mut Tracer<'_>, points: &[P2]) {
-        let (mut all, mut off) = (0.0, 0.0);
+        let mut all = 0.0;
+        let mut off = 0.0;
         let is_dot = points.len() == 1;
         self.dots += u64::from(is_dot);
         for (a, b) in segments(points) {
@@ -76,7 +77,7 @@ impl OffPart {
             let chunk = |i: usize| (strokes.start + i * CHUNK)..(strokes.start + (i + 1) * CHUNK).min(strokes.end);
             let found = parallel::fold(
                 strokes.len().div_ceil(CHUNK),
-                Extent::default,
+                TextureLengths::default,
                 |found, i| {
                     let mut tracer = Tracer::new(sweep.surface, sweep.max_slope);
                     let mut points = Vec::new();
@@ -85,7 +86,7 @@ impl OffPart {
                         found.trace(&mut tracer, &points);
                     }
                 },
-                Extent::merge,
+                TextureLengths::merge,
             );
             textures.push((k + 1, found));
         }

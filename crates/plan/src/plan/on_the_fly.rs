@@ -8,7 +8,7 @@
 use crate::emit::Target;
 use std::sync::Arc;
 
-use crate::budget::{Relief, Stated};
+use crate::budget::{Relief, StatedErrors};
 use crate::emit::{self, FlyFile};
 use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
@@ -30,7 +30,7 @@ use crate::ordered_strokes::OrderedStrokes;
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use terrace_core::machine::{Machine, Origin};
-use terrace_core::program::PieceId;
+use terrace_core::program::{PenId, PieceId};
 use terrace_core::progress::Task;
 use terrace_core::units::Speed;
 use terrace_input::job::Job;
@@ -96,11 +96,11 @@ pub struct OnTheFlyPlan {
 /// the inputs.
 pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<OnTheFlyPlan, Error> {
     let mut warnings = inputs.warnings.clone();
-    match planned(&job, &inputs, progress, &mut warnings) {
-        Ok(Planned { checked, deviations, relief, lengths, left_out, texture }) => {
+    match plan_motion(&job, &inputs, progress, &mut warnings) {
+        Ok(MotionPlan { checked, deviations, relief, lengths, left_out, texture }) => {
             let figures = checked.figures();
             let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
-            let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
+            let stated = StatedErrors::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
             let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
             warnings.extend(budget.warning(&job, &inputs.machine));
             warnings.extend(uneven(&figures.energy));
@@ -112,7 +112,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
                 budget,
             };
             let summary = OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, &warnings);
-            let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
+            let machine = inputs.machine.clone();
+            let inputs = Arc::new(inputs);
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
         }
         Err(e) => Err(plausible::explained(&e, &inputs.texture).after(warnings)),
@@ -123,16 +124,16 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
 pub fn laser(job: &Job, machine: &Machine, checked: &Checked) -> Vec<LaserSwitching> {
     let kind = checked.program().kind;
     let files = job.formats.iter().filter_map(|&f| Target::of(f).on_the_fly).filter(|f| f.kinds.contains(&kind));
-    let of = |file: FlyFile| {
+    let switching = |file: FlyFile| {
         let servo_period_s = machine.controller.servo_s(file.servo_s);
         let laser_error_mm = checked.figures().laser_error_mm(servo_period_s);
         LaserSwitching { file: file.name.into(), servo_period_s, laser_error_mm }
     };
-    files.map(of).collect()
+    files.map(switching).collect()
 }
 
 /// A checked program, how far its marks lie from the best, and what it does not mark.
-struct Planned {
+struct MotionPlan {
     checked: Checked,
     deviations: Deviations,
     /// The height field under the marks, where rotary axes follow it.
@@ -142,11 +143,18 @@ struct Planned {
     texture: Texture,
 }
 
-fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
+/// Follows the strokes, divides their motion between stage and scanner, and checks the program.
+fn plan_motion(
+    job: &Job,
+    inputs: &Inputs,
+    progress: Progress<'_>,
+    warnings: &mut Vec<Diag>,
+) -> Result<MotionPlan, Error> {
     let machine = &inputs.machine;
-    let Strokes { ordered: strokes, origin, texture, followed, texture_mm, skipped, shares, warnings: found, .. } =
-        strokes::in_order(job, machine, inputs, None, progress)?;
-    warnings.extend(found);
+    let Strokes {
+        ordered: strokes, origin, texture, followed, texture_mm, skipped, shares, warnings: of_strokes, ..
+    } = strokes::in_order(job, machine, inputs, None, progress)?;
+    warnings.extend(of_strokes);
     warnings.extend(fly_formats::unwritten(job, machine)?);
     if KinematicModel::of(machine, &strokes.pens, origin.mm()).is_none_or(|model| model.spot.is_none()) {
         let why = "which is for seven axes with scanner.acceleration in the machine file";
@@ -174,20 +182,20 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         focus,
         max_incidence,
     };
-    let (made, worst) = planner.planned(motion)?;
-    let asked = Schedule::of(&made.followed.path, machine, &strokes.pens, 0.0).mark_s;
-    let checked = Checked::new(made.program, machine, job.power_by_speed)?;
-    let slow = checked.figures().mark_s / asked;
-    if slow > 1.001 {
-        warnings.push(slower(job, slow));
+    let (FollowedProgram { program, followed: marks }, worst) = planner.plan_in_focus(motion)?;
+    let mark_s_of_pens = Schedule::of(&marks.path, machine, &strokes.pens, 0.0).mark_s;
+    let checked = Checked::new(program, machine, job.power_by_speed)?;
+    let times_slower = checked.figures().mark_s / mark_s_of_pens;
+    if times_slower > LEAST_SLOWER {
+        warnings.push(slower(job, times_slower));
     }
     warnings.extend(shares.warnings(job, checked.figures().time_s, machine));
-    let left_out = planner.left_out(&inputs.texture, &made.followed.left_out);
+    let left_out = planner.left_out(&inputs.texture, &marks.left_out);
     let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
-    warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
+    warnings.extend(planner.skipped(&lengths, &marks.left_out));
     let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
-    let relief = (checked.program().kind == Kind::Xyzacuv).then(|| planner.relief(&made.followed.path));
-    Ok(Planned { checked, deviations, relief, lengths, left_out, texture: followed })
+    let relief = (checked.program().kind == Kind::Xyzacuv).then(|| planner.relief(&marks.path));
+    Ok(MotionPlan { checked, deviations, relief, lengths, left_out, texture: followed })
 }
 
 /// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than
@@ -216,51 +224,53 @@ struct Planner<'a> {
     max_incidence: f64,
 }
 
-/// A program with what it marks.
-struct Made {
+/// A program, and the path over the part that it follows.
+struct FollowedProgram {
     program: Program,
     followed: Followed,
 }
 
 impl Planner<'_> {
     /// Plans until every mark keeps its focus and incidence on the part.
-    fn planned(&self, task: Task<'_>) -> Result<(Made, FocusOnPart), Error> {
+    fn plan_in_focus(&self, task: Task<'_>) -> Result<(FollowedProgram, FocusOnPart), Error> {
         let limits =
             beam_hits::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1], beside: STRAY };
         let leans = KinematicModel::of(self.machine, &self.strokes.pens, self.origin.mm()).is_some();
         let near = self.near(leans);
-        let (mut without, mut last) = (Vec::new(), None);
+        let mut without = Vec::new();
+        let mut last_miss = None;
         let mut rest = task;
+        // Invariant: `without` has all stretches that were out of focus in a plan so far.
         for _ in 0..PLANS {
             // How many plans there are is not known: each has most of what is left.
-            let [making, checking, left] = rest.split([3, 1, 1]);
+            let [planning, checking, left] = rest.split([3, 1, 1]);
             rest = left;
-            let made = self.made(near, &without, making)?;
+            let plan = self.plan_without(&without, near, planning)?;
             let around = 2.0 * self.spacing;
-            let found = focus_on_part(&made.program, self.machine, self.surface, limits, &made.followed, around)?;
+            let focus = focus_on_part(&plan.program, self.machine, self.surface, limits, &plan.followed, around)?;
             drop(checking);
-            let Some(miss) = found.first else { return Ok((made, found)) };
-            without.extend(found.beyond);
-            last = Some(miss);
+            let Some(miss) = focus.first else { return Ok((plan, focus)) };
+            without.extend(focus.beyond);
+            last_miss = Some(miss);
         }
-        Err(last.map_or_else(|| too_sharp(self.job), |miss| self.unfocused(&miss)))
+        Err(last_miss.map_or_else(|| too_sharp(self.job), |miss| self.unfocused(&miss)))
     }
 
     /// One plan that leaves some stretches out.
-    fn made(&self, near: f64, without: &[Stretch], task: Task<'_>) -> Result<Made, Error> {
+    fn plan_without(&self, without: &[Stretch], near: f64, task: Task<'_>) -> Result<FollowedProgram, Error> {
         let Self { strokes, surface, height_field, spacing, .. } = *self;
         let origin = self.origin.mm();
         let machine = slow_jumps(self.machine);
         let model = KinematicModel::of(&machine, &strokes.pens, origin);
         // Seven axes follow the height field: where that leaves the part its marks would be out of focus.
         let most = Limits { focus: FOLLOWED * self.focus, angle: FOLLOWED * self.max_incidence, field: f64::INFINITY };
-        let holds = |p: [f64; 3], n: [f64; 3]| {
+        let is_followed = |p: [f64; 3], n: [f64; 3]| {
             let height = height_field.at([p[0], p[1]]);
             let tool = Pose { p: [p[0], p[1], height.z], n: height.normal() };
             model.is_none() || most.hold(Deviation::of(&Pose { p, n }, &tool))
         };
         let [following, timing, _limiting] = task.split([1, 6, 1]);
-        let follow = Follow { near, holds: &holds, without };
+        let follow = Follow { near, holds: &is_followed, without };
         let all = 0..strokes.strokes.len();
         let followed = Path::following(strokes, all, surface, height_field, spacing, &follow);
         drop(following);
@@ -269,10 +279,10 @@ impl Planner<'_> {
             return Err(Diag::limit("fly-focus", text).hint(UNFOCUSED).into());
         }
         let (motion, kind) = match model {
-            Some(model) => (self.seven(&followed.path, &model, timing)?, Kind::Xyzacuv),
-            None => (self.five(&followed.path, &machine, timing)?, Kind::Xyzuv),
+            Some(model) => (self.motion_of_seven(&followed.path, &model, timing)?, Kind::Xyzacuv),
+            None => (self.motion_of_five(&followed.path, &machine, timing)?, Kind::Xyzuv),
         };
-        Ok(Made { program: self.within_limits(motion, kind)?, followed })
+        Ok(FollowedProgram { program: self.within_limits(motion, kind)?, followed })
     }
 
     /// How far the part may lie from the lines between nodes. A beam that leans by l over a slope of s, at an incidence
@@ -287,67 +297,67 @@ impl Planner<'_> {
         if near * beside > STRAY { STRAY / beside } else { near }
     }
 
-    fn seven(&self, path: &Path, model: &KinematicModel<'_>, task: Task<'_>) -> Result<Motion, Error> {
+    /// The motion of seven axes along a path.
+    fn motion_of_seven(&self, path: &Path, model: &KinematicModel<'_>, task: Task<'_>) -> Result<Motion, Error> {
         let [dividing, _timing] = task.split([1, 2]);
         let angle = self.job.limits.warn_incidence.as_rad();
         let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
         let path = &model.with_run_ups(path, &self.job.skywriting);
-        let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
-        found.within_travel(model)?;
+        let tool_path = ToolPath::Filtered(Family::Gaussian);
+        let decomposition = decompose(path, self.height_field, model, wanted, tool_path)?;
+        decomposition.within_travel(model)?;
         drop(dividing);
-        Ok(turning(model, &found.timed(model, 1)?))
+        Ok(motion_of_timed_axes(model, &decomposition.timed(model, 1)?))
     }
 
-    fn five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
-        let allowed = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
-        let allowed = ScannerLimits { half_field: allowed.half_field.map(|h| h - SPARE), ..allowed };
+    /// The motion of five axes along a path: the stage follows its moving average, the scanner the rest.
+    fn motion_of_five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
+        let limits = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
+        let limits = ScannerLimits { half_field: limits.half_field.map(|h| h - SPARE), ..limits };
         let origin = self.origin.mm();
-        let travels = |ends: BoxMm<3>| {
-            let ends = ends.lo.into_iter().zip(ends.hi);
-            machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), (least, most)), o)| {
-                let [lo, hi] = axis.travel.map(|t| t.as_mm());
-                [least, most].iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
-            })
-        };
-        let found = quickest(path, machine, &self.strokes.pens, allowed, SAMPLES, &travels, task);
-        if !found.sync.fits {
+        let is_within_travel = |ends: BoxMm<3>| is_within_travel(machine, origin, ends);
+        let turnaround = quickest(path, machine, &self.strokes.pens, limits, SAMPLES, &is_within_travel, task);
+        if !turnaround.sync.fits {
             return Err(too_sharp(self.job));
         }
-        Ok(found.sync.motion(&found.path, &found.schedule))
+        Ok(turnaround.sync.motion(&turnaround.path, &turnaround.schedule))
     }
 
     /// The program of a motion, run as much slower as its axes and marks need.
     fn within_limits(&self, mut motion: Motion, kind: Kind) -> Result<Program, Error> {
-        let program = |motion: &Motion| Program::of(motion, self.strokes, self.machine, self.origin, kind);
-        let (mut made, mut late) = program(&motion)?;
+        let of_motion = |motion: &Motion| Program::of(motion, self.strokes, self.machine, self.origin, kind);
+        let (mut program, mut late) = of_motion(&motion)?;
         // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
         for _ in 0..STRETCHES {
-            let slow = check::slower(&made, self.machine).max(late);
-            if slow <= 1.0 {
+            let times_slower = check::slower(&program, self.machine).max(late);
+            if times_slower <= 1.0 {
                 break;
             }
-            motion.waypoints.iter_mut().for_each(|w| w.time *= 1.0 + 1.05 * (slow - 1.0) + 1e-6);
-            (made, late) = program(&motion)?;
+            motion.waypoints.iter_mut().for_each(|w| w.time *= 1.0 + 1.05 * (times_slower - 1.0) + 1e-6);
+            (program, late) = of_motion(&motion)?;
         }
-        Ok(made)
+        Ok(program)
     }
 
     /// Stretches of the program's strokes as those of the texture's.
     fn left_out(&self, texture: &Texture, stretches: &[Stretch]) -> Vec<LeftOut> {
         let mut drawn = Vec::new();
-        let of = |stretch: &Stretch| {
-            let stroke = &self.strokes.strokes[stretch.stroke.index()];
-            texture.stroke(stroke.source.index(), &mut drawn);
-            let points = self.points_of(stretch.stroke);
-            let end = if stroke.reversed { points[points.len() - 1] } else { points[0] };
-            let segment = stroke.segment as usize;
-            let begin = length_mm(&drawn[..=segment]) + drawn[segment].distance(end) / NM_PER_MM;
-            let length = length_mm(points);
-            let [from, to] =
-                if stroke.reversed { [length - stretch.to, length - stretch.from] } else { [stretch.from, stretch.to] };
-            LeftOut { stroke: stroke.source.0, from_mm: begin + from, to_mm: begin + to }
-        };
-        stretches.iter().map(of).collect()
+        stretches.iter().map(|stretch| self.left_out_of_texture(texture, stretch, &mut drawn)).collect()
+    }
+
+    /// A stretch of a stroke of the program as one of the texture's, whose points go into `drawn`.
+    fn left_out_of_texture(&self, texture: &Texture, stretch: &Stretch, drawn: &mut Vec<P2>) -> LeftOut {
+        let stroke = &self.strokes.strokes[stretch.stroke.index()];
+        texture.stroke(stroke.source.index(), drawn);
+        let points = self.points_of(stretch.stroke);
+        // The end at which the drawing comes to the stroke, and how far along the drawing that is.
+        let begin = if stroke.reversed { points[points.len() - 1] } else { points[0] };
+        let segment = stroke.segment as usize;
+        let begin_mm = length_mm(&drawn[..=segment]) + drawn[segment].distance(begin) / NM_PER_MM;
+        let length = length_mm(points);
+        let [from, to] =
+            if stroke.reversed { [length - stretch.to, length - stretch.from] } else { [stretch.from, stretch.to] };
+        LeftOut { stroke: stroke.source.0, from_mm: begin_mm + from, to_mm: begin_mm + to }
     }
 
     /// The height field against the part at the nodes of the marks.
@@ -398,6 +408,15 @@ impl Planner<'_> {
     }
 }
 
+/// Whether the stage reaches all of a box of its places on a part at `origin`, mm.
+fn is_within_travel(machine: &Machine, origin: [f64; 3], ends: BoxMm<3>) -> bool {
+    let ends = ends.lo.into_iter().zip(ends.hi);
+    machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), (least, most)), o)| {
+        let [lo, hi] = axis.travel.map(|t| t.as_mm());
+        [least, most].iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
+    })
+}
+
 /// The point at a length along a polyline, mm.
 fn place(points: &[P2], mut along: f64) -> [f64; 2] {
     for w in points.windows(2) {
@@ -410,8 +429,12 @@ fn place(points: &[P2], mut along: f64) -> [f64; 2] {
     points.last().map_or([0.0; 2], |p| p.mm())
 }
 
-fn slower(job: &Job, slower: f64) -> Diag {
-    let text = format!("the axes cannot follow: marks run at {:.1} % of the pens' speeds", 100.0 / slower);
+/// How many times as long as at the pens' speeds the marks must take for a warning.
+const LEAST_SLOWER: f64 = 1.001;
+
+/// Marks that take `times` as long as at the pens' speeds.
+fn slower(job: &Job, times: f64) -> Diag {
+    let text = format!("the axes cannot follow: marks run at {:.1} % of the pens' speeds", 100.0 / times);
     Diag::warning("fly-slow", text)
         .at(job.place())
         .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
@@ -448,44 +471,53 @@ const BETWEEN_RESTS: f64 = 8.0;
 
 /// The motion of seven axes at the nodes of the path and at even steps of time between; the spot runs straight from
 /// node to node.
-fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
-    let path = &found.path;
-    let times = found.times();
-    let longest_s = STEP_S.max(found.total_s() / WAYPOINTS);
-    let mut reader = found.read(model);
-    let mut motion = Motion::default();
-    let mut put = |time: f64, Instant { axes, field: [u, v], .. }: Instant, pen, stroke| {
-        // A motion is seen from the part's own origin.
-        let shift = machine_from_part(axes.a, axes.c, model.pivot);
-        let [x, y, z] = [0, 1, 2].map(|k| axes.xyz[k] + shift[k]);
-        motion.waypoints.push(Waypoint { time, axes: [x, y, z, axes.a, axes.c, u, v], pen, stroke });
-    };
-    put(0.0, reader.at_node(0, 0.0), None, path.nodes[0].stroke);
+fn motion_of_timed_axes(model: &KinematicModel<'_>, timed: &TimedAxes) -> Motion {
+    let path = &timed.path;
+    let times = timed.times();
+    let longest_s = STEP_S.max(timed.total_s() / WAYPOINTS);
+    let mut reader = timed.read(model);
+    let mut waypoints = Vec::new();
+    let waypoint = |time, instant, pen, stroke| waypoint(model, time, instant, pen, stroke);
+    waypoints.push(waypoint(0.0, reader.at_node(0, 0.0), None, path.nodes[0].stroke));
     for rests in Rests::Corners.of(path).windows(2) {
-        let (first, last) = (rests[0], rests[1]);
+        let [first, last] = [rests[0], rests[1]];
         let step_s = longest_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
         for i in first..last {
-            let ([come, go], stroke) = (times[i], path.nodes[i].stroke);
+            let [arrives, leaves] = times[i];
+            let stroke = path.nodes[i].stroke;
             // The spot waits with the laser off, and the stage continues.
-            let count = ((go - come) / longest_s).ceil() as usize;
+            let count = ((leaves - arrives) / longest_s).ceil() as usize;
             for k in 1..=count {
-                let time = come + (go - come) * k as f64 / count as f64;
-                put(time, reader.at_node(i, time), None, stroke);
+                let time = arrives + (leaves - arrives) * k as f64 / count as f64;
+                waypoints.push(waypoint(time, reader.at_node(i, time), None, stroke));
             }
-            let (from, to) = (go, times[i + 1][0]);
+            let (from, to) = (leaves, times[i + 1][0]);
             let Node { pen, stroke, .. } = path.nodes[i + 1];
             let count = ((to - from) / step_s).ceil().max(1.0) as usize;
             for k in 1..count {
                 let time = from + (to - from) * k as f64 / count as f64;
-                put(time, reader.at(time), pen, stroke);
+                waypoints.push(waypoint(time, reader.at(time), pen, stroke));
             }
-            put(to, reader.at_node(i + 1, to), pen, stroke);
+            waypoints.push(waypoint(to, reader.at_node(i + 1, to), pen, stroke));
         }
     }
-    let end = found.total_s();
+    let end = timed.total_s();
     let last = path.len() - 1;
     if end > times[last][0] {
-        put(end, reader.at_node(last, end), None, path.nodes[last].stroke);
+        waypoints.push(waypoint(end, reader.at_node(last, end), None, path.nodes[last].stroke));
     }
-    motion
+    Motion { waypoints }
+}
+
+/// Where all axes are at an instant, from the part's own origin, as a motion is seen.
+fn waypoint(
+    model: &KinematicModel<'_>,
+    time: f64,
+    Instant { axes, field: [u, v], .. }: Instant,
+    pen: Option<PenId>,
+    stroke: PieceId,
+) -> Waypoint {
+    let shift = machine_from_part(axes.a, axes.c, model.pivot);
+    let [x, y, z] = [0, 1, 2].map(|k| axes.xyz[k] + shift[k]);
+    Waypoint { time, axes: [x, y, z, axes.a, axes.c, u, v], pen, stroke }
 }

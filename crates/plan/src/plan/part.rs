@@ -49,12 +49,7 @@ pub fn look_at(plan: &Plan, Facets { facets, are_too_many }: &Facets) -> Vec<Dia
     };
     let place = Place::file(job.surface_path().display().to_string());
     if *are_too_many {
-        let text = format!(
-            "the file has more than {MOST_FACETS} facets: its bodies, its holes and the sides of the facets under the \
-             marks are not looked at"
-        );
-        let hint = "`terrace inspect` of the file lists bodies and holes";
-        return vec![Diag::warning("surface-not-looked-at", text).at(place).hint(hint)];
+        return vec![not_looked_at(place)];
     }
     let mut facing = Facing::new(&places(texture), job.limits.max_incidence.as_rad().cos());
     let (s, c) = job.placement.turn.as_rad().sin_cos();
@@ -63,37 +58,52 @@ pub fn look_at(plan: &Plan, Facets { facets, are_too_many }: &Facets) -> Vec<Dia
         found.facet(facet);
         facing.facet(facet.map(|[x, y, z]| [c * x - s * y, s * x + c * y, z]));
     }
+    // The points of a cloud are no body.
     let are_bodies = !surface::is_cloud(&job.surface_path());
-    let mut out = if are_bodies { bodies::warnings(&found.finish(), &place) } else { Vec::new() };
+    let mut warnings = if are_bodies { bodies::warnings(&found.finish(), &place) } else { Vec::new() };
+    // Where all of the part lies upside down, that was said.
     let is_warned_of = plan.warnings().iter().any(|d| d.code == "surface-upside-down");
     let seen = facing.seen();
     if let Some([x, y, z]) = seen.first.filter(|_| !is_warned_of) {
-        let text = format!(
-            "{} of {} places looked at along the marks lie on facets that face away from the lens, as the underside of a \
-             part does; one at ({:.3}, {:.3}, {z:.3})",
-            seen.away,
-            seen.places,
-            c * x + s * y,
-            c * y - s * x,
-        );
-        let hint =
-            "look whether the part has a hole there, or shows its inside; if its normals are reversed, all is well";
-        out.push(Diag::warning("surface-away", text).at(place).hint(hint));
+        let in_file = [c * x + s * y, c * y - s * x, z];
+        warnings.push(facing_away(seen.away, seen.places, in_file).at(place));
     }
-    out
+    warnings
+}
+
+/// A file with too many facets.
+fn not_looked_at(place: Place) -> Diag {
+    let text = format!(
+        "the file has more than {MOST_FACETS} facets: its bodies, its holes and the sides of the facets under the \
+         marks are not looked at"
+    );
+    let hint = "`terrace inspect` of the file lists bodies and holes";
+    Diag::warning("surface-not-looked-at", text).at(place).hint(hint)
+}
+
+/// Marks on facets that face away from the lens: how many of the places, and one of them.
+fn facing_away(away: usize, places: usize, [x, y, z]: [f64; 3]) -> Diag {
+    let text = format!(
+        "{away} of {places} places looked at along the marks lie on facets that face away from the lens, as the underside \
+         of a part does; one at ({x:.3}, {y:.3}, {z:.3})"
+    );
+    let hint = "look whether the part has a hole there, or shows its inside; if its normals are reversed, all is well";
+    Diag::warning("surface-away", text).hint(hint)
 }
 
 /// Places along the strokes of a texture, evenly over some of them, mm.
 fn places(texture: &Texture) -> Vec<[f64; 2]> {
     let strokes = texture.len().min(STROKES);
     let each = PLACES / strokes.max(1);
-    let (mut points, mut out) = (Vec::new(), Vec::new());
+    let mut points = Vec::new();
+    let mut out = Vec::new();
     for i in 0..strokes {
         texture.stroke((texture.len() as f64 * (i as f64 + 0.5) / strokes as f64) as usize, &mut points);
         let points: Vec<[f64; 2]> = points.iter().map(|p| p.mm()).collect();
         let length = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]);
         let whole: f64 = points.windows(2).map(length).sum();
-        let (mut along, mut next) = (0.0, 0);
+        let mut along = 0.0;
+        let mut next = 0;
         for w in points.windows(2) {
             let length = length(w);
             while next < each {

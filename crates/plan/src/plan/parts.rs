@@ -3,15 +3,21 @@
 use crate::split::{Fragment, Fragments, Measure};
 use terrace_core::geom::FieldPoint;
 
-/// A fragment by its chunk, and its index in it.
-pub(super) type Member = (u32, u32);
+/// A fragment by its place in the list of a chunk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Member {
+    /// Index of the chunk.
+    pub(super) chunk: u32,
+    /// Index in it.
+    pub(super) index: u32,
+}
 
 /// Chunks of fragments, in the order of the texture.
 #[derive(Default)]
 pub(super) struct Parts {
     list: Vec<Fragments>,
-    /// Of the fragments of all chunks. They are needed for a shorter time than the fragments: memory of one long list
-    /// goes back to the system then, that of many short ones would not.
+    /// What the fragments of all chunks lie on. They are needed for a shorter time than the fragments: memory of one
+    /// long list goes back to the system then, that of many short ones would not.
     measures: Vec<Measure>,
     /// By chunk, the first of its measures.
     starts: Vec<usize>,
@@ -51,14 +57,14 @@ impl Parts {
         self.list.iter().flat_map(|part| &part.list).zip(&self.measures)
     }
 
-    /// The same, to change the fragments.
+    /// All fragments, to be changed, with what they lie on.
     pub(super) fn fragments_mut(&mut self) -> impl Iterator<Item = (&mut Fragment, &Measure)> {
         self.list.iter_mut().flat_map(|part| &mut part.list).zip(&self.measures)
     }
 
     /// What a fragment lies on.
-    pub(super) fn measure(&self, (part, i): Member) -> &Measure {
-        &self.measures[self.starts[part as usize] + i as usize]
+    pub(super) fn measure(&self, Member { chunk, index }: Member) -> &Measure {
+        &self.measures[self.starts[chunk as usize] + index as usize]
     }
 }
 
@@ -69,18 +75,18 @@ pub(super) struct Measures {
 }
 
 impl Measures {
-    /// Those of a chunk.
-    pub(super) fn of(&self, part: usize) -> &[Measure] {
-        let end = self.starts.get(part + 1).copied().unwrap_or(self.list.len());
-        &self.list[self.starts[part]..end]
+    /// The measures of a chunk.
+    pub(super) fn of(&self, chunk: usize) -> &[Measure] {
+        let end = self.starts.get(chunk + 1).copied().unwrap_or(self.list.len());
+        &self.list[self.starts[chunk]..end]
     }
 }
 
 /// A fragment and its points.
-pub(super) fn fragment(parts: &[Fragments], (part, i): Member) -> (&Fragment, &[FieldPoint]) {
-    let part = &parts[part as usize];
-    let f = &part.list[i as usize];
-    (f, &part.points[f.first as usize..(f.first + f.len) as usize])
+pub(super) fn fragment(chunks: &[Fragments], Member { chunk, index }: Member) -> (&Fragment, &[FieldPoint]) {
+    let chunk = &chunks[chunk as usize];
+    let f = &chunk.list[index as usize];
+    (f, &chunk.points[f.first as usize..(f.first + f.len) as usize])
 }
 
 #[cfg(test)]
@@ -97,7 +103,8 @@ mod tests {
         let mut parts = Parts::default();
         [part(&[0.1, 0.2]), part(&[]), part(&[0.3])].into_iter().for_each(|part| parts.push(part));
         assert_eq!(parts.count(), 3);
-        assert_eq!((parts.measure((0, 1)).slope2, parts.measure((2, 0)).slope2), (0.2, 0.3));
+        let slope2 = |chunk, index| parts.measure(Member { chunk, index }).slope2;
+        assert_eq!((slope2(0, 1), slope2(2, 0)), (0.2, 0.3));
         assert_eq!(parts.fragments().map(|(_, m)| m.slope2).collect::<Vec<_>>(), [0.1, 0.2, 0.3]);
         let (list, measures) = parts.apart();
         assert_eq!((list.len(), [0, 1, 2].map(|k| measures.of(k).len())), (3, [2, 0, 1]));

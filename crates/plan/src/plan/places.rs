@@ -12,10 +12,11 @@
 use std::ops::Range;
 
 use super::candidate::Candidate;
-use super::cut::{LeftOut, Marks};
-use super::extent::{Extent, Near};
-use super::lifts::Stage;
-use crate::order::slide::{self, MoveRules, Placed, TourStop};
+use super::cut::{LeftOutMark, MarksOfStops};
+use super::extent::{Extent, NearExtents};
+use super::lifts::{CommandedStop, Lifts, PassStage};
+use super::start::HeadPosition;
+use crate::order::slide::{self, MoveRules, StopAt, TourStop};
 use crate::order::stops::{self, HeightOrder};
 use crate::split::Sliver;
 use terrace_core::geom::{Box2, Nm, P2};
@@ -24,8 +25,8 @@ use terrace_core::program::{Block, Stop};
 use terrace_input::job::Level;
 
 /// What the places of stops follow from, beside the candidate.
-pub(super) struct Site<'a> {
-    pub(super) stage: &'a Stage<'a>,
+pub(super) struct PlaceRules<'a> {
+    pub(super) stage: &'a PassStage<'a>,
     pub(super) level: Level,
     /// Whether focal planes stay where that says.
     pub(super) keeps_focus: bool,
@@ -50,30 +51,30 @@ const TOURS: usize = 2;
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Moves the stops of a candidate.
-pub(super) fn place(made: &mut Candidate, marks: &Marks<'_>, site: &Site<'_>) {
-    if made.program.blocks.is_empty() {
+pub(super) fn place(candidate: &mut Candidate, marks: &MarksOfStops<'_>, rules: &PlaceRules<'_>) {
+    if candidate.program.blocks.is_empty() {
         return;
     }
-    let mut places = Places::new(made, marks, site);
-    places.slide(made, site);
-    places.apply(made, site);
+    let mut places = Places::new(candidate, marks, rules);
+    places.slide(candidate, rules);
+    places.apply(candidate, rules);
 }
 
 /// The standstills of a candidate and where they may be.
 struct Places {
-    /// Blocks of each, in the order of the program.
+    /// Blocks of each standstill, in the order of the program.
     blocks: Vec<Range<usize>>,
-    /// Where each stood.
+    /// Where each stood at first, commanded, nm.
     home: Vec<[i64; 3]>,
-    /// In the order of the tour.
+    /// The standstills in the order of the tour.
     tour_stops: Vec<TourStop>,
-    /// Which standstill each of them is.
+    /// Which standstill each of `tour_stops` is.
     order: Vec<usize>,
 }
 
 impl Places {
-    fn new(made: &Candidate, marks: &Marks<'_>, site: &Site<'_>) -> Self {
-        let program = &made.program;
+    fn new(candidate: &Candidate, marks: &MarksOfStops<'_>, rules: &PlaceRules<'_>) -> Self {
+        let program = &candidate.program;
         let mut blocks: Vec<Range<usize>> = Vec::new();
         for (i, b) in program.blocks.iter().enumerate() {
             match blocks.last_mut() {
@@ -81,67 +82,48 @@ impl Places {
                 _ => blocks.push(i..i + 1),
             }
         }
-        let extents: Vec<Extent> = made.ids.iter().map(|id| Extent::of(&marks.of_stops[id.index()])).collect();
-        let limits = site.beside_slivers(made, marks, &extents);
-        let mut setup = None;
-        let tour_stop = |range: &Range<usize>| {
-            let first = &program.blocks[range.start];
-            let is_first = setup.replace(first.setup).is_some_and(|before| before != first.setup);
-            site.tour_stop(&program.blocks[range.clone()], &extents[range.clone()], &limits[range.clone()], is_first)
-        };
-        let mut tour_stops: Vec<TourStop> = blocks.iter().map(tour_stop).collect();
-        site.within_travel(&mut tour_stops);
+        let extents: Vec<Extent> = candidate.ids.iter().map(|id| Extent::of(&marks.of_stops[id.index()])).collect();
+        let limits = rules.limits_by_slivers(candidate, marks, &extents);
+        let mut tour_stops: Vec<TourStop> = Vec::with_capacity(blocks.len());
+        let mut last_setup = None;
+        for range in &blocks {
+            let setup = program.blocks[range.start].setup;
+            let is_first = last_setup.replace(setup).is_some_and(|last| last != setup);
+            let of_stop = &program.blocks[range.clone()];
+            tour_stops.push(rules.tour_stop(of_stop, &extents[range.clone()], &limits[range.clone()], is_first));
+        }
+        rules.within_travel(&mut tour_stops);
         let home = blocks.iter().map(|range| program.blocks[range.start].stage.0).collect();
         let order = (0..blocks.len()).collect();
         Self { blocks, home, tour_stops, order }
     }
 
     /// Slides the standstills, and looks for a better tour of the new places.
-    fn slide(&mut self, made: &Candidate, site: &Site<'_>) {
-        let machine = site.stage.machine;
-        let blocks = &made.program.blocks;
-        let is_later = site.stage.start.pass.0 > 0;
-        let (starts, home): (Vec<&Block>, _) = (self.blocks.iter().map(|r| &blocks[r.start]).collect(), &self.home);
-        let stop_at = |(n, at): Placed| site.stop_at(starts[n], at, home[n]);
-        let origin = |n: usize| made.setups.origin(made.used.cell(starts[n].setup), made.origin);
-        let meets = site.meets(&starts, &self.tour_stops);
-        let lifts = |order: &[usize], (a, b): (Placed, Placed)| {
-            let [a, b] = [a, b].map(|(n, at)| (order[n], at));
-            let stops = [a, b].map(stop_at);
-            site.stage.lifts_between((&stops[0], Commanded(a.1)), (&stops[1], Commanded(b.1)), origin(a.0))
-        };
-        let is_clear = |order: &[usize], (n, at): Placed| {
-            let n = order[n];
-            at == home[n] || site.stage.is_clear(&stop_at((n, at)))
-        };
-        let step = machine.increment_nm().0;
-        let slid = |tour_stops: &mut Vec<TourStop>, order: &[usize]| {
-            let lifts = |legs| lifts(order, legs);
-            let is_clear = |at| is_clear(order, at);
-            let from = is_later.then_some(site.stage.start.from.0);
-            let rules = MoveRules {
-                machine,
-                from,
-                lifts: meets.then_some(&lifts as &dyn Fn((Placed, Placed)) -> bool),
-                is_clear: meets.then_some(&is_clear as &dyn Fn(Placed) -> bool),
-            };
-            slide::slide(tour_stops, &rules, step)
-        };
-        let mut time = slid(&mut self.tour_stops, &self.order);
-        let has_zoom = machine.most_focus_shift() > Nm(0);
-        if has_zoom || starts.iter().any(|b| !b.stop.tilt.is_upright()) {
+    fn slide(&mut self, candidate: &Candidate, rules: &PlaceRules<'_>) {
+        let first_blocks: Vec<&Block> = self.blocks.iter().map(|r| &candidate.program.blocks[r.start]).collect();
+        let may_be_low = rules.may_be_low(&first_blocks, &self.tour_stops);
+        let standstills = Standstills { rules, candidate, first_blocks: &first_blocks, home: &self.home, may_be_low };
+        let mut time = standstills.slide(&mut self.tour_stops, &self.order);
+        let has_zoom = rules.stage.machine.most_focus_shift() > Nm(0);
+        if has_zoom || first_blocks.iter().any(|b| !b.stop.tilt.is_upright()) {
             return;
         }
         for _ in 0..TOURS {
             let at: Vec<Commanded> = self.tour_stops.iter().map(|s| Commanded(s.at)).collect();
-            let way = self.tour(&at, site, |a, b| meets && lifts(&self.order, ((a, at[a].0), (b, at[b].0))));
-            let order: Vec<usize> = way.iter().map(|&i| self.order[i]).collect();
-            let mut tour_stops: Vec<TourStop> = way
+            let tour = self.tour(&at, rules, |a, b| {
+                may_be_low
+                    && standstills.lifts(
+                        StopAt { number: self.order[a], at: at[a].0 },
+                        StopAt { number: self.order[b], at: at[b].0 },
+                    )
+            });
+            let order: Vec<usize> = tour.iter().map(|&i| self.order[i]).collect();
+            let mut tour_stops: Vec<TourStop> = tour
                 .iter()
                 .enumerate()
                 .map(|(i, &from)| TourStop { is_first: self.tour_stops[i].is_first, ..self.tour_stops[from].clone() })
                 .collect();
-            let next = slid(&mut tour_stops, &order);
+            let next = standstills.slide(&mut tour_stops, &order);
             if next > time * (1.0 - LEAST_SHARE) {
                 break;
             }
@@ -150,53 +132,114 @@ impl Places {
     }
 
     /// Another tour of the stops, each set-up by itself.
-    fn tour(&self, at: &[Commanded], site: &Site<'_>, lifts: impl Fn(usize, usize) -> bool + Sync) -> Vec<usize> {
-        let mut way: Vec<usize> = Vec::with_capacity(at.len());
+    fn tour(
+        &self,
+        at: &[Commanded],
+        rules: &PlaceRules<'_>,
+        lifts: impl Fn(usize, usize) -> bool + Sync,
+    ) -> Vec<usize> {
+        let mut order: Vec<usize> = Vec::with_capacity(at.len());
         let mut first = 0;
+        // Invariant: the stops before `first` are in `order`, and a set-up begins with `first`.
         while first < at.len() {
             let more = self.tour_stops[first + 1..].iter().take_while(|s| !s.is_first).count();
             let range = first..first + 1 + more;
-            let from = way.last().map_or(site.stage.start.from, |&last| {
-                Commanded([at[last][0], at[last][1], site.stage.machine.retract_z().0])
+            // The stage is lifted while the part is set up anew.
+            let from = order.last().map_or(rules.stage.start.from, |&last| {
+                Commanded([at[last][0], at[last][1], rules.stage.machine.retract_z().0])
             });
             let lifts = |a: usize, b: usize| lifts(first + a, first + b);
-            let stage = stops::Stage { machine: site.stage.machine, from, lifts: Some(&lifts) };
-            let tour = stops::tour(&at[range.clone()], &stage, site.stage.climb(), stops::EFFORT);
-            way.extend(tour.into_iter().map(|i| first + i));
+            let stage = stops::Stage { machine: rules.stage.machine, from, lifts: Some(&lifts) };
+            let tour = stops::tour(&at[range.clone()], &stage, rules.stage.climb(), stops::EFFORT);
+            order.extend(tour.into_iter().map(|i| first + i));
             first = range.end;
         }
-        way
+        order
     }
 
     /// Writes the places into the program, in the order of the tour.
-    fn apply(self, made: &mut Candidate, site: &Site<'_>) {
+    fn apply(self, candidate: &mut Candidate, rules: &PlaceRules<'_>) {
         let Self { blocks: ranges, home, tour_stops, order } = self;
-        let moved = site.centring_shift(&tour_stops);
-        let Origin(origin) = made.origin;
-        made.origin = Origin([0, 1, 2].map(|k| origin[k] + site.sign(k) * moved[k]));
+        let shift = rules.centring_shift(&tour_stops);
+        let Origin(origin) = candidate.origin;
+        candidate.origin = Origin([0, 1, 2].map(|k| origin[k] + rules.sign(k) * shift[k]));
         let order_of_blocks: Vec<usize> = order.iter().flat_map(|&n| ranges[n].clone()).collect();
-        made.program.blocks = order_of_blocks.iter().map(|&i| made.program.blocks[i].clone()).collect();
-        made.ids = order_of_blocks.iter().map(|&i| made.ids[i]).collect();
-        made.worst_defocus = Nm(0);
+        let program = &mut candidate.program;
+        program.blocks = order_of_blocks.iter().map(|&i| program.blocks[i].clone()).collect();
+        candidate.ids = order_of_blocks.iter().map(|&i| candidate.ids[i]).collect();
+        candidate.worst_defocus = Nm(0);
         let mut first = 0;
         for (&n, tour_stop) in order.iter().zip(&tour_stops) {
             let count = ranges[n].len();
-            let by = [0, 1, 2].map(|k| site.sign(k) * (tour_stop.at[k] - home[n][k]));
-            for block in &mut made.program.blocks[first..first + count] {
+            let by = [0, 1, 2].map(|k| rules.sign(k) * (tour_stop.at[k] - home[n][k]));
+            for block in &mut program.blocks[first..first + count] {
                 let centre = block.stop.centre;
                 block.stop.centre = P2::new(centre.x + by[0], centre.y + by[1]);
                 block.stop.focus += Nm(by[2]);
-                block.stage = Commanded([0, 1, 2].map(|k| tour_stop.at[k] + moved[k]));
-                let off = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
-                made.worst_defocus = made.worst_defocus.max(off);
+                block.stage = Commanded([0, 1, 2].map(|k| tour_stop.at[k] + shift[k]));
+                let defocus = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
+                candidate.worst_defocus = candidate.worst_defocus.max(defocus);
             }
             first += count;
         }
-        site.lift(made);
+        rules.lift(candidate);
     }
 }
 
-impl Site<'_> {
+/// The standstills of a candidate, each by its number in the program, at places where they do not stand yet.
+struct Standstills<'a> {
+    rules: &'a PlaceRules<'a>,
+    candidate: &'a Candidate,
+    /// The first block of each.
+    first_blocks: &'a [&'a Block],
+    /// Where each stands in the program, commanded, nm.
+    home: &'a [[i64; 3]],
+    /// Whether the head may be too low anywhere, so that every place must be asked for.
+    may_be_low: bool,
+}
+
+impl Standstills<'_> {
+    /// The stop of a standstill at a place.
+    fn stop(&self, StopAt { number, at }: StopAt) -> Stop {
+        self.rules.stop_at(self.first_blocks[number], at, self.home[number])
+    }
+
+    /// Whether the stage must lift between two places.
+    fn lifts(&self, from: StopAt, to: StopAt) -> bool {
+        let [from_stop, to_stop] = [from, to].map(|stop| self.stop(stop));
+        let Candidate { setups, used, origin, .. } = self.candidate;
+        let origin = setups.origin(used.cell(self.first_blocks[from.number].setup), *origin);
+        self.rules.stage.lifts_between(
+            CommandedStop { stop: &from_stop, stage: Commanded(from.at) },
+            CommandedStop { stop: &to_stop, stage: Commanded(to.at) },
+            origin,
+        )
+    }
+
+    /// Whether the head keeps clear of the part at a place. Where the standstill stands in the program is always
+    /// allowed.
+    fn is_clear(&self, stop: StopAt) -> bool {
+        stop.at == self.home[stop.number] || self.rules.stage.is_clear(&self.stop(stop))
+    }
+
+    /// Slides the standstills of a tour, `order` those that its stops are. Returns the time of the moves, s.
+    fn slide(&self, tour_stops: &mut Vec<TourStop>, order: &[usize]) -> f64 {
+        let standstill = |stop: StopAt| StopAt { number: order[stop.number], ..stop };
+        let lifts = |from: StopAt, to: StopAt| self.lifts(standstill(from), standstill(to));
+        let is_clear = |stop: StopAt| self.is_clear(standstill(stop));
+        let stage = self.rules.stage;
+        let is_later_pass = stage.start.pass.0 > 0;
+        let move_rules = MoveRules {
+            machine: stage.machine,
+            from: is_later_pass.then_some(stage.start.from.0),
+            lifts: self.may_be_low.then_some(&lifts as &dyn Fn(StopAt, StopAt) -> bool),
+            is_clear: self.may_be_low.then_some(&is_clear as &dyn Fn(StopAt) -> bool),
+        };
+        slide::slide(tour_stops, &move_rules, stage.machine.increment_nm().0)
+    }
+}
+
+impl PlaceRules<'_> {
     /// Direction of an axis: +1 where its command grows with the place over the part.
     fn sign(&self, axis: usize) -> i64 {
         self.stage.machine.axes()[axis].1.sign()
@@ -210,14 +253,15 @@ impl Site<'_> {
     }
 
     /// A standstill and its room, `limits` those of its blocks along x and y.
-    fn tour_stop(&self, blocks: &[Block], extents: &[Extent], limits: &[Free], is_first: bool) -> TourStop {
-        let (first, step) = (&blocks[0], self.stage.machine.increment_nm().0);
+    fn tour_stop(&self, blocks: &[Block], extents: &[Extent], limits: &[MoveLimits], is_first: bool) -> TourStop {
+        let first = &blocks[0];
+        let step = self.stage.machine.increment_nm().0;
         let Commanded(at) = first.stage;
         let mut tour_stop = TourStop { at, room: at.map(|v| [v; 2]), marks: at.map(|v| [v; 2]), is_first };
         if !first.stop.tilt.is_upright() {
             return tour_stop;
         }
-        let all = extents[1..].iter().fold(extents[0], |all, one| all.union(one));
+        let marks = extents[1..].iter().fold(extents[0], |marks, extent| marks.union(extent));
         let [w, h] = self.field();
         let centre = [first.stop.centre.x, first.stop.centre.y, first.stop.focus.0];
         let limit = |axis: usize, end: usize| {
@@ -227,11 +271,11 @@ impl Site<'_> {
             if axis == 2 && !self.may_refocus() {
                 continue;
             }
-            let free = [centre[axis] + half - all.hi[axis], all.lo[axis] + half - centre[axis]];
+            let free = [centre[axis] + half - marks.hi[axis], marks.lo[axis] + half - centre[axis]];
             let free = [0, 1].map(|end| free[end].min(limit(axis, end)).max(0) / step * step);
             let command = |place: i64| at[axis] + self.sign(axis) * (place - centre[axis]);
             tour_stop.room[axis] = sorted([command(centre[axis] - free[0]), command(centre[axis] + free[1])]);
-            tour_stop.marks[axis] = sorted([command(all.lo[axis]), command(all.hi[axis])]);
+            tour_stop.marks[axis] = sorted([command(marks.lo[axis]), command(marks.hi[axis])]);
         }
         tour_stop
     }
@@ -244,20 +288,29 @@ impl Site<'_> {
 
     /// How far each block may move before a mark that was left out would have been its own: one beside its marks, or,
     /// where marks are left out by their length alone, any.
-    fn beside_slivers(&self, made: &Candidate, marks: &Marks<'_>, extents: &[Extent]) -> Vec<Free> {
-        let blocks = &made.program.blocks;
-        let mut free = vec![[[i64::MAX; 2]; 2]; blocks.len()];
+    fn limits_by_slivers(
+        &self,
+        candidate: &Candidate,
+        marks: &MarksOfStops<'_>,
+        extents: &[Extent],
+    ) -> Vec<MoveLimits> {
+        let blocks = &candidate.program.blocks;
+        let mut limits = vec![[[i64::MAX; 2]; 2]; blocks.len()];
         let mut block_of = vec![None; marks.of_stops.len()];
-        made.ids.iter().enumerate().for_each(|(i, id)| block_of[id.index()] = Some(i));
+        candidate.ids.iter().enumerate().for_each(|(i, id)| block_of[id.index()] = Some(i));
         // Wherever a stop moves to, its window holds its marks.
-        let near = Near::new(extents.iter().map(Extent::middle), [self.window[0].0, self.window[1].0, self.depth.0]);
-        for LeftOut { sliver, beside } in &marks.left_out {
+        let middles = extents.iter().map(Extent::middle);
+        let nearby = NearExtents::new(middles, [self.window[0].0, self.window[1].0, self.depth.0]);
+        for LeftOutMark { sliver, beside } in &marks.left_out {
             let middle = [0, 1, 2].map(|k| sliver.lo[k].midpoint(sliver.hi[k]));
-            let of_beside = beside.iter().filter_map(|id| block_of[id.index()]);
-            let some: Vec<usize> = if self.min_mark { near.of(middle).collect() } else { of_beside.collect() };
             let own = block_of[sliver.stop.index()];
-            let mut is_of_another = false;
-            for i in some {
+            let blocks_near: Vec<usize> = if self.min_mark {
+                nearby.around(middle).collect()
+            } else {
+                beside.iter().filter_map(|id| block_of[id.index()]).collect()
+            };
+            let mut is_in_another_window = false;
+            for i in blocks_near {
                 let stop = &blocks[i].stop;
                 // What only touches its interval of heights it does not admit.
                 if sliver.lo[2] >= stop.z_hi.0 || stop.z_lo.0 >= sliver.hi[2] {
@@ -265,17 +318,17 @@ impl Site<'_> {
                 }
                 let centre = [stop.centre.x, stop.centre.y];
                 for window in [self.window, self.pitch] {
-                    keep_out(&mut free[i], sliver, centre, window);
+                    keep_out(&mut limits[i], sliver, centre, window);
                 }
-                let holds = (0..2).all(|k| (middle[k] - centre[k]).abs() <= self.window[k].0 / 2);
-                is_of_another |= Some(i) != own && holds;
+                let is_in_window = (0..2).all(|k| (middle[k] - centre[k]).abs() <= self.window[k].0 / 2);
+                is_in_another_window |= Some(i) != own && is_in_window;
             }
-            if let Some(i) = own.filter(|_| is_of_another) {
+            if let Some(i) = own.filter(|_| is_in_another_window) {
                 let centre = blocks[i].stop.centre;
-                keep_in(&mut free[i], sliver, [centre.x, centre.y], self.window);
+                keep_in(&mut limits[i], sliver, [centre.x, centre.y], self.window);
             }
         }
-        free
+        limits
     }
 
     /// Takes from the rooms what lies beyond the travel. A part that may lie anywhere lies where all can stand.
@@ -318,16 +371,17 @@ impl Site<'_> {
                 return 0;
             }
             let [from, to] = self.travel(axis);
-            let all = || tour_stops.iter().map(|s| s.at[axis]);
-            let (lo, hi) = (all().min().unwrap_or_default(), all().max().unwrap_or_default());
+            let places = || tour_stops.iter().map(|s| s.at[axis]);
+            let lo = places().min().unwrap_or_default();
+            let hi = places().max().unwrap_or_default();
             let allowed = [up(from - lo, step), down(to - hi, step)];
             let wanted = down(from.midpoint(to) - lo.midpoint(hi), step);
             if allowed[0] <= allowed[1] { wanted.clamp(allowed[0], allowed[1]) } else { wanted }
         })
     }
 
-    /// Whether the head may be too low anywhere in the rooms, so that it has to be asked for every place.
-    fn meets(&self, blocks: &[&Block], tour_stops: &[TourStop]) -> bool {
+    /// Whether the head may be too low anywhere in the rooms, so that every place must be asked for.
+    fn may_be_low(&self, blocks: &[&Block], tour_stops: &[TourStop]) -> bool {
         if blocks.iter().any(|b| !b.stop.tilt.is_upright()) {
             return true;
         }
@@ -352,28 +406,23 @@ impl Site<'_> {
     }
 
     /// Finds anew on the way to which blocks the stage must lift.
-    fn lift(&self, made: &mut Candidate) {
-        let stand = |b: &Block| Stop { focus: b.plane(), ..b.stop.clone() };
-        let start = self.stage.start;
-        let mut last = start.before.clone().map(|(stop, cell)| (stop, cell, start.from));
-        for block in &mut made.program.blocks {
-            let cell = made.used.cell(block.setup);
-            let origin = made.setups.origin(cell, made.origin);
-            let here = stand(block);
-            block.retract = last.as_ref().is_some_and(|(before, of, from)| {
-                *of != cell || self.stage.lifts_between((before, *from), (&here, block.stage), origin)
-            });
-            last = Some((here, cell, block.stage));
+    fn lift(&self, candidate: &mut Candidate) {
+        let mut lifts = Lifts::new(self.stage);
+        for block in &mut candidate.program.blocks {
+            let cell = candidate.used.cell(block.setup);
+            let origin = candidate.setups.origin(cell, candidate.origin);
+            let stop = Stop { focus: block.plane(), ..block.stop.clone() };
+            block.retract = lifts.is_needed_to(HeadPosition { stop, stage: block.stage, cell }, origin);
         }
     }
 }
 
 /// How far a block may move down and up along x and y, nm.
-type Free = [[i64; 2]; 2];
+type MoveLimits = [[i64; 2]; 2];
 
 /// Keeps a window from admitting more of a sliver than it does: it stops short of it on the axis that leaves it the
 /// most room, or, where the window ends on the sliver, does not move over it at all.
-fn keep_out(free: &mut Free, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2]) {
+fn keep_out(limits: &mut MoveLimits, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2]) {
     // How far outside the window the sliver lies, below and above it.
     let outside = [0, 1].map(|k| {
         let half = window[k].0 / 2;
@@ -383,26 +432,26 @@ fn keep_out(free: &mut Free, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2])
     if let Some((away, axis, end)) = farthest
         && away > BESIDE
     {
-        free[axis][end] = free[axis][end].min(away - BESIDE);
+        limits[axis][end] = limits[axis][end].min(away - BESIDE);
         return;
     }
     for k in 0..2 {
         let sticks_out = [centre[k] - window[k].0 / 2 - sliver.lo[k], sliver.hi[k] - (centre[k] + window[k].0 / 2)];
         for end in 0..2 {
             if sticks_out[end] > -BESIDE {
-                free[k][end] = 0;
+                limits[k][end] = 0;
             }
         }
     }
 }
 
 /// Keeps a sliver inside the window of its stop: where another stop admits it too, that one did not have it.
-fn keep_in(free: &mut Free, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2]) {
+fn keep_in(limits: &mut MoveLimits, sliver: &Sliver, centre: [i64; 2], window: [Nm; 2]) {
     for k in 0..2 {
         let half = window[k].0 / 2;
         let inside = [centre[k] + half - sliver.hi[k], sliver.lo[k] - (centre[k] - half)];
         for end in 0..2 {
-            free[k][end] = free[k][end].min((inside[end] - BESIDE).max(0));
+            limits[k][end] = limits[k][end].min((inside[end] - BESIDE).max(0));
         }
     }
 }

@@ -28,16 +28,16 @@ const MOST_TRAVELS: f64 = 10.0;
 /// drawing that was made too small.
 const MOST_TIMES: f64 = 100.0;
 
-/// What of a texture is marked in the first pass, each stroke counted once whatever the passes of its pen.
+/// The marks of a texture in the first pass, each stroke counted once whatever the passes of its pen.
 #[derive(Clone, Copy, Debug, Default)]
-struct Marked {
+struct TextureMarks {
     length: Nm,
     dots: u64,
     /// Area of the box of its strokes that lies over the part's, each grown by half a spot, mm2.
     area: f64,
 }
 
-impl Marked {
+impl TextureMarks {
     /// What its marks cover, mm2, places that are marked twice counted twice.
     fn covered(&self, spot: f64) -> f64 {
         self.length.mm() * spot + self.dots as f64 * std::f64::consts::PI / 4.0 * spot * spot
@@ -50,48 +50,56 @@ type StrokesOf<'a> = dyn Fn(usize, &mut dyn FnMut(&Stroke, f64)) + Sync + 'a;
 /// The figures of each texture, in the order of the job.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shares {
-    marked: Vec<Marked>,
+    marks: Vec<TextureMarks>,
     /// What is marked twice or without power.
     doubled: Vec<Diag>,
 }
 
 impl Shares {
-    /// Of the strokes of the first pass; `part` is the box of the part as it is turned, mm.
-    pub(super) fn of(
+    /// The figures of the strokes of the first pass, which `strokes_of` hands on in so many groups; `part` is the box
+    /// of the part as it is turned, mm.
+    pub(super) fn new(
         job: &Job,
         texture: &Texture,
-        (groups, strokes_of): (usize, &StrokesOf<'_>),
+        groups: usize,
+        strokes_of: &StrokesOf<'_>,
         part: BoxMm<2>,
         machine: &Machine,
     ) -> Self {
-        let ends: Vec<usize> = (0..job.textures.len()).map(|k| texture.strokes_of(k).end).collect();
-        let mut all = parallel::fold(
-            groups,
-            || vec![Marked::default(); ends.len()],
-            |found, i| {
-                strokes_of(i, &mut |stroke, length_mm| {
-                    let of = &mut found[ends.partition_point(|&end| end <= stroke.source.index())];
-                    of.dots += u64::from(stroke.is_dot());
-                    of.length += Nm::from_mm(length_mm).unwrap_or_default();
-                });
-            },
-            |a, b| {
-                for (a, b) in a.iter_mut().zip(b) {
-                    a.length += b.length;
-                    a.dots += b.dots;
-                }
-            },
-        );
         let spot = machine.lens.spot.as_mm();
-        for (k, marked) in all.iter_mut().enumerate() {
+        let mut marks = Self::sums(job, texture, groups, strokes_of);
+        for (k, marks) in marks.iter_mut().enumerate() {
             let bounds = texture.bounds_of(k);
             let (lo, hi) = (bounds.lo.mm(), bounds.hi.mm());
             let side = |axis: usize| hi[axis].min(part.hi[axis]) - lo[axis].max(part.lo[axis]);
-            marked.area = (0..2).map(|axis| side(axis).max(0.0) + spot).product();
+            marks.area = (0..2).map(|axis| side(axis).max(0.0) + spot).product();
         }
         let mut doubled = doubled::warnings(job, texture);
         doubled.extend(doubled::without_power(job, texture, machine));
-        Self { marked: all, doubled }
+        Self { marks, doubled }
+    }
+
+    /// Length and dots of every texture, without its area.
+    fn sums(job: &Job, texture: &Texture, groups: usize, strokes_of: &StrokesOf<'_>) -> Vec<TextureMarks> {
+        // Strokes are numbered texture by texture.
+        let ends: Vec<usize> = (0..job.textures.len()).map(|k| texture.strokes_of(k).end).collect();
+        parallel::fold(
+            groups,
+            || vec![TextureMarks::default(); ends.len()],
+            |sums, i| {
+                strokes_of(i, &mut |stroke, length_mm| {
+                    let marks = &mut sums[ends.partition_point(|&end| end <= stroke.source.index())];
+                    marks.dots += u64::from(stroke.is_dot());
+                    marks.length += Nm::from_mm(length_mm).unwrap_or_default();
+                });
+            },
+            |sums, others| {
+                for (marks, other) in sums.iter_mut().zip(others) {
+                    marks.length += other.length;
+                    marks.dots += other.dots;
+                }
+            },
+        )
     }
 
     /// The warning about a plan that takes so long.
@@ -100,22 +108,22 @@ impl Shares {
         odd.chain(self.doubled.iter().cloned()).collect()
     }
 
+    /// A job that takes more days than any job does.
     fn long(&self, job: &Job, time_s: f64) -> Option<Diag> {
         let days = time_s / 86_400.0;
         if days <= MOST_DAYS {
             return None;
         }
         // Dots have no length: of a job of dots their number decides.
-        let whole: Nm = self.marked.iter().fold(Nm(0), |sum, m| sum + m.length);
-        let dots: u64 = self.marked.iter().map(|m| m.dots).sum();
-        let share = |m: &Marked| match whole {
+        let whole: Nm = self.marks.iter().fold(Nm(0), |sum, m| sum + m.length);
+        let dots: u64 = self.marks.iter().map(|m| m.dots).sum();
+        let share = |m: &TextureMarks| match whole {
             Nm(0) => m.dots as f64 / dots.max(1) as f64,
             whole => m.length.f64() / whole.f64(),
         };
-        let (k, most) =
-            (0..self.marked.len()).map(|k| (k, share(&self.marked[k]))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let Marked { length: marked, dots, .. } = self.marked[k];
-        let what = if whole == Nm(0) { format!("{dots} dots") } else { length(marked.mm()) };
+        let (k, most) = (0..self.marks.len()).map(|k| (k, share(&self.marks[k]))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let TextureMarks { length: mark_length, dots, .. } = self.marks[k];
+        let what = if whole == Nm(0) { format!("{dots} dots") } else { length(mark_length.mm()) };
         let text = format!(
             "the job takes {days:.0} days: most of it is texture {}, {what} ({:.0} %) of each pass",
             k + 1,
@@ -129,8 +137,9 @@ impl Shares {
         )
     }
 
+    /// Textures that mark every place far more often than any texture does.
     fn many(&self, job: &Job, spot: f64) -> impl Iterator<Item = Diag> {
-        (1..).zip(&self.marked).filter_map(move |(number, marked)| {
+        (1..).zip(&self.marks).filter_map(move |(number, marked)| {
             let times = marked.covered(spot) / marked.area;
             (times > MOST_TIMES).then(|| {
                 let what = match marked.length {
@@ -159,7 +168,7 @@ pub(super) fn odd_part(job: &Job, size: [f64; 3], machine: &Machine) -> Option<D
         (name, (hi - lo).mm())
     });
     let width = size[0].max(size[1]) / machine.lens.spot.as_mm();
-    let found =
+    let size_of_part =
         if let Some((name, travel)) = (0..3).find(|&k| size[k] > MOST_TRAVELS * travels[k].1).map(|k| travels[k]) {
             format!("{text}, more than {MOST_TRAVELS} times the travel of {name}, {travel} mm")
         } else if width < LEAST_SPOTS {
@@ -168,14 +177,14 @@ pub(super) fn odd_part(job: &Job, size: [f64; 3], machine: &Machine) -> Option<D
             return None;
         };
     let hint = "check the unit of the file: surface.unit, or that of the CAD program";
-    Some(Diag::warning("part-size", found).at(job.place_of("surface.file")).hint(hint))
+    Some(Diag::warning("part-size", size_of_part).at(job.place_of("surface.file")).hint(hint))
 }
 
-/// The same error, in which the size of a drawing explains that nothing lies on the part.
+/// An error in which the size of a drawing explains that nothing lies on the part.
 pub(super) fn explained(e: &Error, texture: &Texture) -> Error {
     let Some((_, slip)) = texture.slips().next() else { return e.clone() };
-    let said = |d: &Diag| if d.code == "job-empty" { d.clone().hint(slip.cause()) } else { d.clone() };
-    Error::many(e.diags().iter().map(said).collect())
+    let with_cause = |d: &Diag| if d.code == "job-empty" { d.clone().hint(slip.cause()) } else { d.clone() };
+    Error::many(e.diags().iter().map(with_cause).collect())
 }
 
 /// The sizes of drawings and curves that do not go with the part, where the job is not refused for where they lie.

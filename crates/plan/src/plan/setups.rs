@@ -7,7 +7,7 @@
 //! Later passes keep the cells of the first, of which every other goes backwards, so that the part stays where it is
 //! from one pass to the next.
 
-use super::grid::Grid;
+use super::grid::PassGrid;
 use crate::manifest;
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, Nm, P2, Turned};
@@ -19,7 +19,7 @@ use terrace_input::job::{Job, MAX_SETUPS};
 #[derive(Clone, Debug)]
 pub(super) struct Setups {
     /// Along x and along y.
-    axes: [Cells; 2],
+    axes: [AxisCells; 2],
     /// The fewest columns and rows whose stops lie in travel.
     needed: [u32; 2],
 }
@@ -30,14 +30,14 @@ pub(super) struct CellId(usize);
 
 /// The cells along one axis.
 #[derive(Clone, Debug)]
-struct Cells {
+struct AxisCells {
     lo: Nm,
     size: Nm,
     /// By how much the part is moved in each.
     shift: Vec<Nm>,
 }
 
-impl Cells {
+impl AxisCells {
     /// `count` cells whose centres come to `middle`, by multiples of `step`, on a part that lies at `origin`.
     fn new(lo: Nm, size: Nm, count: u32, [origin, middle, step]: [Nm; 3]) -> Self {
         let centre = |i: u32| lo + size * i64::from(2 * i + 1) / i64::from(2 * count);
@@ -57,33 +57,60 @@ impl Cells {
     }
 }
 
+/// The centres of all stops along one axis.
+struct StopsAlong {
+    centres: Vec<Nm>,
+    lo: Nm,
+    hi: Nm,
+    /// Where the part's origin lies without set-ups.
+    origin: Nm,
+    /// What the axis reaches in the table frame.
+    range: [Nm; 2],
+    /// Increment of the stage.
+    step: Nm,
+}
+
+impl StopsAlong {
+    fn new(machine: &Machine, grid: &PassGrid, centres: &[P2<Turned>], axis: usize) -> Self {
+        let centres: Vec<Nm> = centres.iter().map(|c| Nm(if axis == 0 { c.x } else { c.y })).collect();
+        let lo = centres.iter().copied().min().unwrap_or_default();
+        let hi = centres.iter().copied().max().unwrap_or_default();
+        let origin = Nm(grid.origin[axis]);
+        Self { centres, lo, hi, origin, range: range(machine, axis), step: machine.increment_nm() }
+    }
+
+    /// So many cells over all stops.
+    fn cells(&self, count: u32) -> AxisCells {
+        let [from, to] = self.range;
+        AxisCells::new(self.lo, self.hi - self.lo, count, [self.origin, from + (to - from) / 2, self.step])
+    }
+
+    /// Whether all stops lie in travel in the set-ups of these cells, and those of later passes, whose lowest and
+    /// highest centres are `moved`.
+    fn fit_in(&self, cells: &AxisCells, moved: &[Nm]) -> bool {
+        let [from, to] = self.range;
+        let is_in_travel = |&v: &Nm| (from..=to).contains(&(v + self.origin + cells.shift[cells.of(v)]));
+        // Stops of passes whose sections are moved lie anywhere in a cell.
+        let reaches_borders = || cells.borders().flat_map(|b| [b - Nm(1), b]).all(|v| is_in_travel(&v));
+        self.centres.iter().all(is_in_travel)
+            && (moved.is_empty() || moved.iter().all(is_in_travel) && reaches_borders())
+    }
+}
+
 impl Setups {
     /// The set-ups of a job, for stops with these centres over a texture in `area`.
-    pub(super) fn of(job: &Job, machine: &Machine, grid: &Grid, area: Box2, centres: &[P2<Turned>]) -> Self {
-        let made = [0, 1].map(|k| {
-            let at: Vec<Nm> = centres.iter().map(|c| Nm(if k == 0 { c.x } else { c.y })).collect();
-            let lo = at.iter().copied().min().unwrap_or_default();
-            let hi = at.iter().copied().max().unwrap_or_default();
-            let [from, to] = range(machine, k);
-            let origin = Nm(grid.origin[k]);
-            let place = [origin, from + (to - from) / 2, machine.increment_nm()];
-            let cells = |n: u32| Cells::new(lo, hi - lo, n, place);
-            let ends = moved(job, grid.sections.pitch, area, k);
-            let fits = |cells: &Cells| {
-                let holds = |&v: &Nm| (from..=to).contains(&(v + origin + cells.shift[cells.of(v)]));
-                // Stops of passes whose sections are moved lie anywhere in a cell.
-                let between = || cells.borders().flat_map(|b| [b - Nm(1), b]).all(|v| holds(&v));
-                at.iter().all(holds) && (ends.is_empty() || ends.iter().all(holds) && between())
-            };
-            let needed = (1..MAX_SETUPS).find(|&n| fits(&cells(n))).unwrap_or(MAX_SETUPS);
+    pub(super) fn of(job: &Job, machine: &Machine, grid: &PassGrid, area: Box2, centres: &[P2<Turned>]) -> Self {
+        let [(x, columns), (y, rows)] = [0, 1].map(|k| {
+            let stops = StopsAlong::new(machine, grid, centres, k);
+            let moved = moved(job, grid.sections.pitch, area, k);
+            let needed = (1..MAX_SETUPS).find(|&n| stops.fit_in(&stops.cells(n), &moved)).unwrap_or(MAX_SETUPS);
             let cells = match &job.setups {
                 // The part lies where the job says.
-                None => Cells { lo, size: hi - lo, shift: vec![Nm(0)] },
-                Some(setups) => cells(setups.count[k].unwrap_or(needed)),
+                None => AxisCells { lo: stops.lo, size: stops.hi - stops.lo, shift: vec![Nm(0)] },
+                Some(setups) => stops.cells(setups.count[k].unwrap_or(needed)),
             };
             (cells, needed)
         });
-        let [(x, columns), (y, rows)] = made;
         Self { axes: [x, y], needed: [columns, rows] }
     }
 
@@ -129,9 +156,9 @@ fn moved(job: &Job, pitch: [Nm; 2], area: Box2, k: usize) -> Vec<Nm> {
 
 /// The cells that have stops: the set-ups in the order in which they are numbered.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Used(Vec<CellId>);
+pub(super) struct UsedCells(Vec<CellId>);
 
-impl Used {
+impl UsedCells {
     /// The set-ups of these cells.
     pub(super) fn new(mut cells: Vec<CellId>) -> Self {
         cells.sort_unstable();

@@ -1,6 +1,6 @@
 //! What the methods of partition choose stops from.
 
-use super::grid::Grid;
+use super::grid::PassGrid;
 use super::stroke_chunks::Sweep;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::projection::Footprint;
@@ -14,7 +14,7 @@ use terrace_core::progress::Task;
 pub(super) struct Site<'a> {
     pub(super) sweep: Sweep<'a>,
     pub(super) machine: &'a Machine,
-    pub(super) grid: &'a Grid,
+    pub(super) grid: &'a PassGrid,
     pub(super) footprint: &'a Footprint,
     /// What two stops may both mark at a cut.
     pub(super) overlap: Nm,
@@ -27,13 +27,13 @@ pub(super) struct Site<'a> {
 impl Site<'_> {
     /// The stops of a method that divides the sections one by one.
     pub(super) fn on_sections(&self, divide: fn(&Footprint, &Sections, [Nm; 2], &Lattice) -> Stops) -> Stops {
-        let Grid { sections, window, lattice, .. } = self.grid;
+        let PassGrid { sections, window, lattice, .. } = self.grid;
         divide(self.footprint, sections, *window, lattice)
     }
 
     /// Free windows, or the grid where it has fewer.
     pub(super) fn free_windows(&self, task: Task<'_>) -> Option<Stops> {
-        let Grid { sections, window, lattice, keep, .. } = self.grid;
+        let PassGrid { sections, window, lattice, keep, .. } = self.grid;
         let (lowest, _) = self.footprint.range()?;
         let fine = Fine::over(sections, *window, lattice, lowest)?;
         // Other passes begin in other corners.

@@ -37,17 +37,17 @@ pub(super) fn compare(
     for (k, curves) in texture.curves() {
         let request = &job.textures[k];
         let Kind::Curves { max_distance, on_distance, .. } = &request.kind else { continue };
-        let found = follow(curves, surface, max_slope, *max_distance);
+        let fit = follow(curves, surface, max_slope, *max_distance);
         let figures = all.get_or_insert_default();
         figures.count += curves.count();
-        figures.plan_mm += found.plan / NM_PER_MM;
-        figures.surface_mm += found.on_surface / NM_PER_MM;
-        let Some(worst) = found.worst else { continue };
+        figures.plan_mm += fit.plan / NM_PER_MM;
+        figures.surface_mm += fit.on_surface / NM_PER_MM;
+        let Some(worst) = fit.worst else { continue };
         figures.worst_distance_um = figures.worst_distance_um.max(worst.distance.abs() / 1e3);
-        if found.beyond == 0 {
+        if fit.beyond == 0 {
             continue;
         }
-        let (text, place, usual) = message(curves, &worst, found.beyond, request, job.placement.turn.as_rad());
+        let (text, place, usual) = message(curves, &worst, fit.beyond, request, job.placement.turn.as_rad());
         let slip = texture.slips().find(|(of, _)| *of == k);
         let hint = slip.map_or(usual.to_owned(), |(_, slip)| slip.cause());
         match on_distance {
@@ -102,7 +102,7 @@ struct Worst {
 
 /// What following some curves came to; lengths in nm.
 #[derive(Debug, Default)]
-struct Found {
+struct CurveFit {
     plan: f64,
     on_surface: f64,
     worst: Option<Worst>,
@@ -110,7 +110,8 @@ struct Found {
     beyond: usize,
 }
 
-impl Found {
+impl CurveFit {
+    /// Takes the distance of a place from the surface.
     fn see(&mut self, distance: f64, at: P2, curve: usize) {
         if self.worst.is_none_or(|w| distance.abs() > w.distance.abs()) {
             self.worst = Some(Worst { distance, at, curve });
@@ -130,17 +131,17 @@ impl Found {
 }
 
 /// Follows all curves, the first ones first.
-fn follow(curves: &Curves, surface: &Surface, max_slope: f64, max_distance: Nm) -> Found {
+fn follow(curves: &Curves, surface: &Surface, max_slope: f64, max_distance: Nm) -> CurveFit {
     let chunks = parallel::map(curves.count().div_ceil(CHUNK), |k| {
         let mut tracer = Tracer::new(surface, max_slope);
         let numbers = k * CHUNK..((k + 1) * CHUNK).min(curves.count());
-        numbers.fold(Found::default(), |all, i| {
-            let mut one = follow_one(curves.points(i), i, &mut tracer);
-            one.beyond = usize::from(one.worst.is_some_and(|w| w.distance.abs() > max_distance.f64()));
-            all.and(one)
+        numbers.fold(CurveFit::default(), |sum, i| {
+            let mut fit = follow_one(curves.points(i), i, &mut tracer);
+            fit.beyond = usize::from(fit.worst.is_some_and(|w| w.distance.abs() > max_distance.f64()));
+            sum.and(fit)
         })
     });
-    chunks.into_iter().fold(Found::default(), Found::and)
+    chunks.into_iter().fold(CurveFit::default(), CurveFit::and)
 }
 
 /// A place of a curve as the lens sees it, where several points may lie above each other.
@@ -152,6 +153,7 @@ struct Stack {
     range: [f64; 2],
 }
 
+/// The places of a curve, in its order.
 fn stacks(points: &[SpacePoint]) -> Vec<Stack> {
     let mut out: Vec<Stack> = Vec::with_capacity(points.len());
     for &SpacePoint { at, z } in points {
@@ -163,8 +165,9 @@ fn stacks(points: &[SpacePoint]) -> Vec<Stack> {
     out
 }
 
-fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> Found {
-    let mut found = Found::default();
+/// Follows one curve.
+fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> CurveFit {
+    let mut fit = CurveFit::default();
     let stacks = stacks(points);
     // Heights of the surface where the segments before and after a place meet it.
     let mut heights: Vec<[f64; 2]> = vec![[f64::INFINITY, f64::NEG_INFINITY]; stacks.len()];
@@ -179,13 +182,13 @@ fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> 
                 return;
             }
             let length = (p.t1 - p.t0) * whole;
-            found.plan += length;
-            found.on_surface += length.hypot(p.z1 - p.z0);
+            fit.plan += length;
+            fit.on_surface += length.hypot(p.z1 - p.z0);
             if length <= GRAIN && whole > GRAIN {
                 return;
             }
             for (t, z) in [(p.t0, p.z0), (p.t1, p.z1)] {
-                found.see(height(t) - z, a.at.lerp(b.at, t), number);
+                fit.see(height(t) - z, a.at.lerp(b.at, t), number);
             }
             if p.t0 == 0.0 {
                 meets(i, p.z0);
@@ -200,8 +203,8 @@ fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> 
         stacks.iter().zip(heights).filter(|(stack, z)| stack.range[0] < stack.range[1] && z[0] <= z[1])
     {
         for z in stack.range {
-            found.see(z - z.clamp(lo, hi), stack.at, number);
+            fit.see(z - z.clamp(lo, hi), stack.at, number);
         }
     }
-    found
+    fit
 }

@@ -24,24 +24,24 @@ pub(super) const MAX_POINTS: usize = 500_000_000;
 
 /// How strokes are cut.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Cuts {
+pub(super) struct CutRules {
     /// Shorter fragments are skipped.
     pub(super) least: Least,
     pub(super) keep: Keep,
     pub(super) seam: Seam,
 }
 
-impl Cuts {
+impl CutRules {
     pub(super) fn new(job: &Job, machine: &Machine, keep: Keep) -> Self {
         let [zone, overlap] = [job.partition.zone, job.partition.overlap].map(Nm::f64);
         // The spot on the mark beside a sliver covers all of it.
-        let slivers = || Least { mark: 0.0, sliver: machine.lens.spot.as_mm() * NM_PER_MM / 2.0 };
-        let least = job.partition.min_mark.map_or_else(slivers, |Nm(v)| Least { mark: v as f64, sliver: 0.0 });
+        let half_spot = || Least { mark: 0.0, sliver: machine.lens.spot.as_mm() * NM_PER_MM / 2.0 };
+        let least = job.partition.min_mark.map_or_else(half_spot, |Nm(v)| Least { mark: v as f64, sliver: 0.0 });
         Self { least, keep, seam: Seam { zone, overlap, seed: job.seed } }
     }
 
-    /// Whether fragments can be given to other stops as they are: where blocks overlap, where cuts are spread over a zone,
-    /// and where marks are left out by their length, what is a fragment depends on all stops around it.
+    /// Whether fragments can be given to other stops as they are: where blocks overlap, where cuts are spread over a
+    /// zone, and where marks are left out by their length, what is a fragment depends on all stops around it.
     pub(super) fn may_regroup(&self) -> bool {
         self.least.mark == 0.0 && self.seam.zone == 0.0 && self.seam.overlap == 0.0
     }
@@ -59,24 +59,35 @@ impl Estimate {
     /// numbers of stops over so many sections. On its way across a section a stroke crosses one border and each of
     /// the section's levels once; it may cross fewer, or on a curved part some twice.
     fn new(strokes: f64, points: f64, length: f64, pitch: f64, stops_by_section: &[f64]) -> Self {
+        // One border of sections per pitch, and at each section its levels.
         let cuts: Vec<f64> = stops_by_section.iter().map(|levels| strokes * length / pitch * (1.0 + levels)).collect();
         Self {
             fragments: cuts.iter().map(|cuts| strokes + cuts).sum(),
+            // A cut adds a point to both of its sides.
             points: cuts.iter().map(|cuts| points + 2.0 * cuts).sum(),
         }
     }
 
-    fn of(texture: &Texture, candidates: &[&Stops], sections: &Sections) -> Self {
+    /// For the strokes of a texture, their mean length that of some of them.
+    fn of_texture(texture: &Texture, candidates: &[&Stops], sections: &Sections) -> Self {
         const SAMPLES: usize = 1000;
-        let (mut points, mut length, mut seen) = (Vec::new(), 0.0, 0.0);
+        let mut points = Vec::new();
+        let mut length = 0.0;
+        let mut samples = 0.0;
         for i in (0..texture.len()).step_by((texture.len() / SAMPLES).max(1)) {
             texture.stroke(i, &mut points);
             length += length_mm(&points) * NM_PER_MM;
-            seen += 1.0;
+            samples += 1.0;
         }
         let pitch = sections.pitch[0].min(sections.pitch[1]).f64();
         let levels: Vec<f64> = candidates.iter().map(|c| c.stops.len() as f64 / sections.len() as f64).collect();
-        Self::new(texture.len() as f64, texture.points_estimate() as f64, length / f64::max(seen, 1.0), pitch, &levels)
+        Self::new(
+            texture.len() as f64,
+            texture.points_estimate() as f64,
+            length / f64::max(samples, 1.0),
+            pitch,
+            &levels,
+        )
     }
 
     /// What they take, with the room that lists keep to grow, the program that is laid out from them, and a place for
@@ -100,6 +111,24 @@ impl Estimate {
     }
 }
 
+/// How much all candidates hold so far, counted while it grows by all threads.
+#[derive(Default)]
+struct Growth {
+    fragments: AtomicUsize,
+    points: AtomicUsize,
+}
+
+impl Growth {
+    fn add(&self, parts: &[Fragments]) {
+        self.fragments.fetch_add(parts.iter().map(|p| p.list.len() + p.slivers.len()).sum(), Relaxed);
+        self.points.fetch_add(parts.iter().map(|p| p.points.len()).sum(), Relaxed);
+    }
+
+    fn is_too_large(&self) -> bool {
+        self.fragments.load(Relaxed) > MAX_FRAGMENTS || self.points.load(Relaxed) > MAX_POINTS
+    }
+}
+
 /// Cuts all strokes between the stops of every candidate, in one sweep; by candidate, in chunks.
 ///
 /// # Errors
@@ -109,43 +138,50 @@ pub(super) fn split(
     candidates: &[&Stops],
     sections: &Sections,
     pens: &[Pen],
-    cuts: Cuts,
+    rules: CutRules,
     task: Task<'_>,
 ) -> Result<Vec<Parts>, Error> {
-    let Sweep { surface, texture, max_slope } = sweep;
-    Estimate::of(texture, candidates, sections).hold(texture)?;
-    let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let too_many = || fragment_count.load(Relaxed) > MAX_FRAGMENTS || point_count.load(Relaxed) > MAX_POINTS;
+    let texture = sweep.texture;
+    Estimate::of_texture(texture, candidates, sections).hold(texture)?;
+    let growth = Growth::default();
     let chunks = chunks(texture);
     let task = task.of_steps(chunks.len());
-    let made = |_, chunk: Range<usize>| {
-        // Counted while it grows: what is too large must be refused before it fills the memory.
-        if too_many() {
+    let cut_chunk = |_, chunk: Range<usize>| {
+        // What is too large must be refused before it fills the memory.
+        if growth.is_too_large() {
             return Err(too_large(texture));
         }
-        let tracer = Tracer::new(surface, max_slope);
-        let mut splitter = Splitter::new(tracer, candidates, cuts.least, cuts.keep, cuts.seam);
-        let mut points = Vec::new();
-        for i in chunk {
-            let pen = texture.stroke(i, &mut points);
-            splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
-        }
-        let parts: Vec<Fragments> = splitter.finish().collect();
-        let grow = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
-            count.fetch_add(parts.iter().map(of).sum(), Relaxed);
-        };
-        grow(&fragment_count, |p| p.list.len() + p.slivers.len());
-        grow(&point_count, |p| p.points.len());
+        let parts = fragments_of_chunk(sweep, chunk, candidates, pens, rules);
+        growth.add(&parts);
         task.step();
-        if too_many() { Err(too_large(texture)) } else { Ok(parts) }
+        if growth.is_too_large() { Err(too_large(texture)) } else { Ok(parts) }
     };
     let mut by_candidate = Ok(candidates.iter().map(|_| Parts::default()).collect::<Vec<_>>());
-    parallel::in_order(chunks, made, |chunk| match (&mut by_candidate, chunk) {
+    parallel::in_order(chunks, cut_chunk, |chunk| match (&mut by_candidate, chunk) {
         (Ok(lists), Ok(chunk)) => lists.iter_mut().zip(chunk).for_each(|(parts, part)| parts.push(part)),
         (_, Err(too_large)) => by_candidate = Err(too_large),
         (Err(_), Ok(_)) => {}
     });
     Ok(by_candidate?)
+}
+
+/// The strokes of a chunk cut between the stops of every candidate, by candidate.
+fn fragments_of_chunk(
+    sweep: Sweep<'_>,
+    chunk: Range<usize>,
+    candidates: &[&Stops],
+    pens: &[Pen],
+    rules: CutRules,
+) -> Vec<Fragments> {
+    let Sweep { surface, texture, max_slope } = sweep;
+    let tracer = Tracer::new(surface, max_slope);
+    let mut splitter = Splitter::new(tracer, candidates, rules.least, rules.keep, rules.seam);
+    let mut points = Vec::new();
+    for i in chunk {
+        let pen = texture.stroke(i, &mut points);
+        splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
+    }
+    splitter.finish().collect()
 }
 
 /// The program would not fit: said without a count, which would depend on the threads.

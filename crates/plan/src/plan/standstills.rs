@@ -13,7 +13,7 @@ use terrace_core::machine::TiltAngles;
 
 /// Where a block is marked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct BlockPlace {
     pub(super) cell: CellId,
     pub(super) tilt: TiltAngles,
     pub(super) centre: P2<Turned>,
@@ -30,44 +30,61 @@ pub(super) struct Standstill {
     pub(super) plane: Nm,
 }
 
+/// A standstill that is not given a plane yet: the blocks of one place that the optic reaches from one plane, by rising
+/// focal plane.
+struct SharedPlace(Vec<usize>);
+
+impl SharedPlace {
+    /// The lowest and the highest plane from which the optic reaches all blocks, within what is `allowed` if it can.
+    fn planes(&self, places: &[BlockPlace], reach: Nm, allowed: [Nm; 2]) -> [Nm; 2] {
+        let [lowest, highest] = [self.0[0], self.0[self.0.len() - 1]].map(|i| places[i].focus);
+        let reached = [highest - reach, lowest + reach];
+        let kept = [reached[0].max(allowed[0]), reached[1].min(allowed[1])];
+        if kept[0] <= kept[1] { kept } else { reached }
+    }
+}
+
+/// Whether blocks may share a standstill.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sharing {
+    /// Where the optic's range permits.
+    Allowed,
+    /// Never: levels have to come one after another.
+    Forbidden,
+}
+
 /// The standstills of blocks at `places`. The optic shifts the focal plane by `reach` at most, which is a whole number
-/// of steps of the lattice. `shares` tells whether blocks may share a standstill; `allowed` gives the lowest and the
-/// highest plane at which the head may stand over the place of a block, which is kept where the optic's range permits.
+/// of steps of the lattice. `allowed` gives the lowest and the highest plane at which the head may stand over the place
+/// of a block, which is kept where the optic's range permits.
 pub(super) fn standstills(
-    places: &[Place],
+    places: &[BlockPlace],
     lattice: &Lattice,
     reach: Nm,
-    shares: bool,
+    sharing: Sharing,
     allowed: impl Fn(usize) -> [Nm; 2],
 ) -> Vec<Standstill> {
     if reach == Nm(0) {
-        let alone = |(i, place): (usize, &Place)| Standstill { members: vec![i], plane: place.focus };
+        let alone = |(i, place): (usize, &BlockPlace)| Standstill { members: vec![i], plane: place.focus };
         return places.iter().enumerate().map(alone).collect();
     }
     let mut order: Vec<usize> = (0..places.len()).collect();
     let over = |i: usize| (places[i].cell, places[i].tilt, places[i].centre);
     order.sort_by_key(|&i| (over(i), places[i].focus));
-    let mut found: Vec<Vec<usize>> = Vec::new();
+    let mut groups: Vec<SharedPlace> = Vec::new();
+    // From below: a block that its group cannot take opens the next one, so there are as few as can be.
     for i in order {
-        match found.last_mut() {
-            Some(members)
-                if shares && over(members[0]) == over(i) && places[i].focus - places[members[0]].focus <= reach * 2 =>
-            {
-                members.push(i);
-            }
-            _ => found.push(vec![i]),
+        let takes = |SharedPlace(members): &SharedPlace| {
+            let first = members[0];
+            sharing == Sharing::Allowed && over(first) == over(i) && places[i].focus - places[first].focus <= reach * 2
+        };
+        match groups.last_mut() {
+            Some(last) if takes(last) => last.0.push(i),
+            _ => groups.push(SharedPlace(vec![i])),
         }
     }
-    let interval = |members: &Vec<usize>| {
-        let [lowest, highest] = [members[0], members[members.len() - 1]].map(|i| places[i].focus);
-        let reached = [highest - reach, lowest + reach];
-        let [lo, hi] = allowed(members[0]);
-        let kept = [reached[0].max(lo), reached[1].min(hi)];
-        if kept[0] <= kept[1] { kept } else { reached }
-    };
-    let intervals: Vec<[Nm; 2]> = found.iter().map(interval).collect();
+    let intervals: Vec<[Nm; 2]> = groups.iter().map(|group| group.planes(places, reach, allowed(group.0[0]))).collect();
     let planes = planes(&intervals, lattice);
-    found.into_iter().zip(planes).map(|(members, plane)| Standstill { members, plane }).collect()
+    groups.into_iter().zip(planes).map(|(SharedPlace(members), plane)| Standstill { members, plane }).collect()
 }
 
 /// A plane in every interval, of the fewest different ones: each in the middle of what its intervals have in common.
@@ -94,9 +111,9 @@ mod tests {
 
     const LATTICE: Lattice = Lattice { depth: Nm(70_000), step: Nm(100), offset: Nm(0), hysteresis: Nm(0) };
 
-    fn place(x: i64, focus: i64) -> Place {
+    fn place(x: i64, focus: i64) -> BlockPlace {
         let cell = CellId::default();
-        Place { cell, tilt: TiltAngles::UPRIGHT, centre: P2::new(x, 0), focus: Nm(focus) }
+        BlockPlace { cell, tilt: TiltAngles::UPRIGHT, centre: P2::new(x, 0), focus: Nm(focus) }
     }
 
     const ANY: [Nm; 2] = [Nm(i64::MIN / 4), Nm(i64::MAX / 4)];
@@ -104,7 +121,7 @@ mod tests {
     #[test]
     fn without_an_optic_every_block_is_its_own_standstill_on_its_focal_plane() {
         let places = [place(0, 500), place(0, 500), place(1, 900)];
-        let found = standstills(&places, &LATTICE, Nm(0), true, |_| ANY);
+        let found = standstills(&places, &LATTICE, Nm(0), Sharing::Allowed, |_| ANY);
         let wanted = [(0, 500), (1, 500), (2, 900)];
         assert_eq!(found, wanted.map(|(i, plane)| Standstill { members: vec![i], plane: Nm(plane) }));
     }
@@ -114,10 +131,10 @@ mod tests {
         let mut random = terrace_core::random::Random::new(5);
         for _ in 0..500 {
             let reach = Nm(random.between(1, 30) * 100);
-            let places: Vec<Place> = (0..random.between(1, 40))
+            let places: Vec<BlockPlace> = (0..random.between(1, 40))
                 .map(|_| place(random.between(0, 4), random.between(-50, 50) * 100))
                 .collect();
-            let found = standstills(&places, &LATTICE, reach, true, |_| ANY);
+            let found = standstills(&places, &LATTICE, reach, Sharing::Allowed, |_| ANY);
             let mut seen: Vec<usize> = found.iter().flat_map(|s| s.members.clone()).collect();
             seen.sort_unstable();
             assert_eq!(seen, (0..places.len()).collect::<Vec<_>>());
@@ -170,7 +187,9 @@ mod tests {
     #[test]
     fn the_plane_keeps_to_what_is_allowed_where_the_optic_reaches_it() {
         let places = [place(0, 0), place(0, 2_000)];
-        let plane = |allowed: [i64; 2]| standstills(&places, &LATTICE, Nm(2_000), true, |_| allowed.map(Nm))[0].plane;
+        let plane = |allowed: [i64; 2]| {
+            standstills(&places, &LATTICE, Nm(2_000), Sharing::Allowed, |_| allowed.map(Nm))[0].plane
+        };
         assert_eq!(plane([-9_000, 9_000]), Nm(1_000));
         assert_eq!(plane([1_600, 9_000]), Nm(1_800));
         assert_eq!(plane([-9_000, 400]), Nm(200));
@@ -180,7 +199,7 @@ mod tests {
     #[test]
     fn blocks_in_a_given_order_of_heights_do_not_share() {
         let places = [place(0, 0), place(0, 2_000), place(1, 100)];
-        let found = standstills(&places, &LATTICE, Nm(2_000), false, |_| ANY);
+        let found = standstills(&places, &LATTICE, Nm(2_000), Sharing::Forbidden, |_| ANY);
         assert!(found.len() == 3 && found.iter().all(|s| s.plane == found[0].plane));
     }
 }

@@ -12,21 +12,31 @@ pub(super) struct Start {
     /// By how much the surface has sunk.
     pub(super) lowered: Nm,
     /// Where the part lies, as the first pass has laid it; None in that pass.
-    pub(super) laid: Option<Laid>,
+    pub(super) part: Option<PartPosition>,
     /// Position of the stage.
     pub(super) from: Commanded,
-    /// The stop where it stands, its focus the plane that the stage sets, in heights of the surface as it was, and the
-    /// cell of its set-up.
-    pub(super) before: Option<(Stop, CellId)>,
-    /// What the zoom optic is at.
+    /// Where the pass before has left the head, in heights of the surface as it was; None in the first pass.
+    pub(super) before: Option<HeadPosition>,
+    /// By how much the zoom optic shifts the focal plane.
     pub(super) focus_shift: Nm,
 }
 
 /// Where the first pass has laid the part.
-pub(super) struct Laid {
+pub(super) struct PartPosition {
     /// The part's origin, as it has sunk since.
     pub(super) origin: Origin,
     pub(super) setups: Setups,
+}
+
+/// Where the head stands.
+#[derive(Clone)]
+pub(super) struct HeadPosition {
+    /// The stop, its focus the plane that the stage sets.
+    pub(super) stop: Stop,
+    /// Position of the stage.
+    pub(super) stage: Commanded,
+    /// The cell of its set-up.
+    pub(super) cell: CellId,
 }
 
 impl Start {
@@ -34,6 +44,6 @@ impl Start {
     pub(super) fn first(machine: &Machine) -> Self {
         let [x, y, _] = machine.axes().map(|(_, axis)| axis.middle().0);
         let from = Commanded([x, y, machine.retract_z().0]);
-        Self { pass: PassId(0), lowered: Nm(0), laid: None, from, before: None, focus_shift: Nm(0) }
+        Self { pass: PassId(0), lowered: Nm(0), part: None, from, before: None, focus_shift: Nm(0) }
     }
 }

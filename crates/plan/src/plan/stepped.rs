@@ -14,16 +14,16 @@ use std::sync::Arc;
 use super::assemble::{self, Assembly};
 use super::bound;
 use super::candidate::Candidate;
-use super::candidates::{best_of, divide, drop_worse, methods, stops};
-use super::cut::{Cut, Marks, StopMarks};
-use super::cut_again::cut_again;
+use super::candidates::{Trial, best_of, divide, drop_worse, methods, stops};
+use super::cut::{Cut, MarksOfStops, StopMarks};
+use super::cut_again::Recut;
 use super::dose;
 use super::frames;
-use super::grid::{Grid, Layout};
+use super::grid::{Layout, PassGrid};
 use super::hatch_direction;
 use super::inputs::Inputs;
 use super::job_time::{load_s, times};
-use super::lifts::Stage;
+use super::lifts::PassStage;
 use super::merge::{self, Pairs};
 use super::off_part::OffPart;
 use super::parts::Parts;
@@ -33,13 +33,13 @@ use super::plausible::{self, Shares};
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
 use super::site::Site;
-use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, split, too_large};
+use super::split::{CutRules, MAX_FRAGMENTS, MAX_POINTS, split, too_large};
 use super::start::Start;
 use super::stroke_chunks::Sweep;
 use super::summary;
 use super::warnings;
 use crate::block_map::BlockMap;
-use crate::budget::Stated;
+use crate::budget::StatedErrors;
 use crate::check::{Checked, Limits};
 use crate::emit;
 use crate::manifest::{self, SpaceCurves, Summary, Times};
@@ -48,7 +48,7 @@ use crate::projection::{Footprint, Samples};
 use crate::split::{Fragments, Sliver};
 use terrace_core::clearance::Clearance;
 use terrace_core::diag::{Diag, Error};
-use terrace_core::geom::Nm;
+use terrace_core::geom::{Nm, P2, Turned};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::parallel;
 use terrace_core::program::{Block, BlockFigures, OffAxis, PassId, Program, StopId, Stroke, stroke_mm};
@@ -96,7 +96,7 @@ pub struct Draft<'a> {
     off_part: OffPart,
     slivers: Vec<Sliver>,
     /// The grid of the first pass.
-    grid: Grid,
+    grid: PassGrid,
     clearance: Clearance,
     /// Positions of the part's origin, by set-up.
     origins: Vec<Origin>,
@@ -137,23 +137,23 @@ impl<'a> Draft<'a> {
         let start = Start::first(machine);
         let (clearance, first) = parallel::both(
             || Clearance::new(&inputs.surface.tiles(), machine),
-            || Ready::new(job, machine, inputs, inputs.texture.clone(), start, tracing),
+            || TracedPass::new(job, machine, inputs, inputs.texture.clone(), start, tracing),
         );
         let first = first?;
-        let on = Given { job, machine, inputs, clearance: &clearance };
-        let divided = first.divided(&on, dividing, progress)?;
+        let context = JobContext { job, machine, inputs, clearance: &clearance };
+        let cuts = first.cut_by_methods(&context, dividing, progress)?;
         let [merging, ordering, mapping] = Phase::Order.task(progress).split([1, 4, 1]);
-        let Chosen { mut best, compared, mut warnings } = first.choose(&on, divided, [merging, ordering])?;
+        let MethodChoice { mut best, compared, mut warnings } = first.choose(&context, cuts, merging, ordering)?;
         warnings.extend(warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split));
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
-        let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
-        let shares = first.shares(&on, &best);
+        let off_part = if is_off { OffPart::of(job, first.sweep(&context)) } else { OffPart::default() };
+        let shares = first.shares(&context, &best);
         let slivers = best.split.slivers.clone();
         let grid = first.grid.clone();
         let blocks = 0..best.program.blocks.len();
-        let mut passes = vec![first.pass(machine, inputs, &best, blocks)];
+        let mut passes = vec![first.pass(&context, &best, blocks)];
         drop(mapping);
-        passes.extend(add_passes(&mut best, &on, progress)?);
+        passes.extend(add_passes(&mut best, &context, progress)?);
         Ok(Self {
             job,
             machine,
@@ -194,75 +194,96 @@ impl<'a> Draft<'a> {
     ///
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
-    pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, mut best, tried, passes, off_part, slivers, grid, clearance, .. } = self;
-        let (origins, curves, inputs) = (self.origins, self.curves, self.inputs);
-        let limits = Limits {
-            machine,
-            origins: &origins,
-            setups_needed: best.setups.needed(),
-            depth: grid.lattice.depth,
-            max_slope: best.split.worst_slope2.sqrt(),
-            clearance: &clearance,
-            facets: &|sink| inputs.surface.each_facet(sink),
-        };
-        let checked = Checked::new(best.program, &limits)?;
-        setups::registered(job, machine, &origins)?;
-        emit::faults(&job.formats, checked.program(), machine)?;
-        frames::may_be_shown(job, machine, &checked)?;
-        let placed = (&off_part, self.slips.as_slice());
-        // The focal plane of a tilted head is met to a nanometre, and two are rounded.
-        let met = if machine.tilts_head() { Nm(4) } else { Nm(0) };
-        let depth = [grid.lattice.depth, met];
-        warnings::warn(job, &best.split, placed, best.worst_defocus, depth, &mut warnings)?;
-        warnings.extend(warnings::not_carried(job, machine, checked.program()));
-        let why = "which no file of a stepped job carries";
-        let hint = "switch it on in the controller or the marking software";
-        warnings.extend(warnings::no_skywriting(job, [why, hint]));
-        warnings.extend(warnings::focus_shift_lost(job, machine, checked.program())?);
-        warnings.extend(self.shares.warnings(job, best.times.total, machine));
-        warnings.extend(self.warnings);
-        warnings.extend(warnings::short_overlaps(&best.split));
-        let farthest = OffAxis::of_blocks(checked.program());
-        best.figures.iter_mut().zip(farthest).for_each(|(figures, mm)| figures.off_axis_mm = mm);
-        let stated = Stated::new(job, machine, inputs.surface.tessellation_mm());
-        let budget = stated.of_program(checked.program(), &best.figures);
+    pub fn checked(mut self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
+        let job = self.job;
+        let machine = self.machine;
+        let checked = self.check_program()?;
+        self.warn(&checked, &mut warnings)?;
+        let off_axis = OffAxis::of_blocks(checked.program());
+        self.best.figures.iter_mut().zip(off_axis).for_each(|(figures, mm)| figures.off_axis_mm = mm);
+        let stated = StatedErrors::new(job, machine, self.inputs.surface.tessellation_mm());
+        let budget = stated.of_program(checked.program(), &self.best.figures);
         warnings.extend(budget.warning(job, machine));
-        let figures = summary::Figures {
-            part_mm: inputs.surface.size_mm(),
-            method: best.method,
-            times: best.times,
-            fragments: best.fragments,
-            split: &best.split,
-            blocks: &best.figures,
-            worst_defocus: best.worst_defocus,
-            worst_defocus_mean: best.worst_defocus_mean,
-            unmerged: best.unmerged,
-            curves,
+        let figures = summary::PlanFigures {
+            part_mm: self.inputs.surface.size_mm(),
+            method: self.best.method,
+            times: self.best.times,
+            fragments: self.best.fragments,
+            split: &self.best.split,
+            blocks: &self.best.figures,
+            worst_defocus: self.best.worst_defocus,
+            worst_defocus_mean: self.best.worst_defocus_mean,
+            unmerged: self.best.unmerged,
+            curves: self.curves,
             budget,
         };
-        let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
+        let summary = summary::summary(job, machine, &checked, &self.passes, &figures, self.tried, &warnings);
         let energies = checked.program().line_energies(machine);
-        best.figures.iter_mut().zip(energies).for_each(|(figures, energy)| figures.energy = energy);
+        self.best.figures.iter_mut().zip(energies).for_each(|(figures, energy)| figures.energy = energy);
         Ok(SteppedPlan {
             job: job.clone(),
             machine: machine.clone(),
             checked,
-            passes,
-            off_part,
-            slivers,
+            passes: self.passes,
+            off_part: self.off_part,
+            slivers: self.slivers,
             summary,
-            figures: best.figures,
-            depth: grid.lattice.depth,
+            figures: self.best.figures,
+            depth: self.grid.lattice.depth,
             warnings,
-            inputs,
+            inputs: self.inputs,
         })
+    }
+
+    /// Takes the program out of the draft and holds it to the limits of the machine and to what its formats can carry.
+    fn check_program(&mut self) -> Result<Checked, Error> {
+        let job = self.job;
+        let machine = self.machine;
+        let program = std::mem::take(&mut self.best.program);
+        let limits = Limits {
+            machine,
+            origins: &self.origins,
+            setups_needed: self.best.setups.needed(),
+            depth: self.grid.lattice.depth,
+            max_slope: self.best.split.worst_slope2.sqrt(),
+            clearance: &self.clearance,
+            facets: &|sink| self.inputs.surface.each_facet(sink),
+        };
+        let checked = Checked::new(program, &limits)?;
+        setups::registered(job, machine, &self.origins)?;
+        emit::faults(&job.formats, checked.program(), machine)?;
+        frames::may_be_shown(job, machine, &checked)?;
+        Ok(checked)
+    }
+
+    /// Adds what the user should know of the checked program.
+    ///
+    /// # Errors
+    /// What the job refuses.
+    fn warn(&self, checked: &Checked, warnings: &mut Vec<Diag>) -> Result<(), Error> {
+        let job = self.job;
+        let machine = self.machine;
+        let program = checked.program();
+        let split = &self.best.split;
+        warnings::warn(job, split, &self.off_part, &self.slips, warnings)?;
+        // The focal plane of a tilted head is met to a nanometre, and two are rounded.
+        let rounding = if machine.tilts_head() { Nm(2) } else { Nm(0) };
+        warnings.extend(warnings::defocus(self.best.worst_defocus, self.grid.lattice.depth, rounding));
+        warnings.extend(warnings::not_carried(job, machine, program));
+        let why = "which no file of a stepped job carries";
+        let hint = "switch it on in the controller or the marking software";
+        warnings.extend(warnings::no_skywriting(job, [why, hint]));
+        warnings.extend(warnings::focus_shift_lost(job, machine, program)?);
+        warnings.extend(self.shares.warnings(job, self.best.times.total, machine));
+        warnings.extend(self.warnings.iter().cloned());
+        warnings.extend(warnings::short_overlaps(split));
+        Ok(())
     }
 }
 
 /// Plans the passes after the first, and appends them to its program.
-fn add_passes(program: &mut Candidate, on: &Given<'_>, progress: Progress<'_>) -> Result<Vec<Pass>, Error> {
-    let &Given { job, machine, .. } = on;
+fn add_passes(first: &mut Candidate, context: &JobContext<'_>, progress: Progress<'_>) -> Result<Vec<Pass>, Error> {
+    let &JobContext { job, machine, .. } = context;
     if job.passes.count <= 1 {
         return Ok(Vec::new());
     }
@@ -270,87 +291,91 @@ fn add_passes(program: &mut Candidate, on: &Given<'_>, progress: Progress<'_>) -
     let tasks = Phase::Passes.task(progress).parts(job.passes.count as usize - 1);
     let mut passes = Vec::new();
     for (number, task) in (1..job.passes.count).map(PassId).zip(tasks) {
-        let start = program.start_of(number, &begin, &job.passes);
-        passes.push(add_pass(program, on, start, task)?);
+        let start = first.start_of(number, &begin, &job.passes);
+        passes.push(add_pass(first, context, start, task)?);
     }
     Ok(passes)
 }
 
-/// Plans a further pass, divided as those before, and appends it to their program.
-fn add_pass(program: &mut Candidate, on: &Given<'_>, start: Start, task: Task<'_>) -> Result<Pass, Error> {
-    let &Given { job, machine, inputs, .. } = on;
+/// Plans a further pass, divided by the method of those before, and appends it to their program.
+fn add_pass(before: &mut Candidate, context: &JobContext<'_>, start: Start, task: Task<'_>) -> Result<Pass, Error> {
+    let &JobContext { job, machine, inputs, .. } = context;
     let lowered = start.lowered;
     let texture = inputs.texture_of_pass(job, start.pass)?;
     let [tracing, dividing, cutting, ordering] = task.split([2, 1, 3, 1]);
-    let ready = Ready::new(job, machine, inputs, texture, start, tracing)?;
-    let method = program.method;
-    let Some(stops) = divide(&ready.site(job, machine, inputs), method, dividing) else {
+    let traced = TracedPass::new(job, machine, inputs, texture, start, tracing)?;
+    let method = before.method;
+    let Some(stops) = divide(&traced.site(context), method, dividing) else {
         return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
     };
-    let cuts = Cuts::new(job, machine, ready.grid.keep);
-    let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts, cutting)?;
+    let rules = CutRules::new(job, machine, traced.grid.keep);
+    let sections = &traced.grid.sections;
+    let mut parts = split(traced.sweep(context), &[&stops], sections, &job.pens, rules, cutting)?;
     let parts = parts.pop().unwrap_or_default();
     let [merging, ordering] = ordering.split([1, 3]);
-    let (cut, made) = ready.arranged(on, method, Cut::new(stops, parts, machine, &job.pens), merging);
-    let next = ready.laid_out(on, cut, made, ordering);
-    let first = program.program.blocks.len();
+    let (cut, arranged) = traced.arranged(context, method, Cut::new(stops, parts, machine, &job.pens), merging);
+    let next = traced.with_strokes(context, cut, arranged, ordering);
+    let first = before.program.blocks.len();
     let blocks = first..first + next.program.blocks.len();
-    if program.fragments + next.fragments > MAX_FRAGMENTS
-        || program.program.points.len() + next.program.points.len() > MAX_POINTS
+    // Each pass was held to these bounds while it was cut; all of them together must keep them too.
+    if before.fragments + next.fragments > MAX_FRAGMENTS
+        || before.program.points.len() + next.program.points.len() > MAX_POINTS
     {
         return Err(too_large(&inputs.texture).into());
     }
-    let pass = ready.pass(machine, inputs, &next, blocks);
-    program.append(next, lowered);
+    let pass = traced.pass(context, &next, blocks);
+    before.append(next, lowered);
     Ok(pass)
 }
 
 /// The stops of a method, and the strokes cut between them.
-struct Divided {
+struct MethodCut {
     method: Method,
     stops: Stops,
     parts: Parts,
 }
 
-/// The candidate of the first pass that was chosen.
-struct Chosen {
+/// The method that is chosen for the first pass.
+struct MethodChoice {
     best: Candidate,
-    /// What it was compared with; empty where one method was asked for.
+    /// The sound candidates that were compared; empty where one method was asked for.
     compared: Vec<manifest::Candidate>,
-    /// Methods that were left out.
+    /// Methods that were left out because their programs break an invariant.
     warnings: Vec<Diag>,
 }
 
-/// A candidate some of whose stops are merged.
-struct Merging {
-    merged: merge::Merged,
-    /// What its stops mark, as far as that is known before strokes are cut again.
+/// What a candidate becomes when some pairs of its stops are merged, before strokes are cut again.
+struct StopMerger {
+    merged: merge::MergedStops,
+    /// What the merged stops mark, as far as that is known before strokes are cut again.
     marks: Vec<StopMarks>,
-    next: Candidate,
-    /// The same with its stops where they cost least.
+    /// The merged stops in order.
+    ordered: Candidate,
+    /// The merged stops in order, where they cost least.
     placed: Candidate,
 }
 
 /// What all passes are planned from.
-struct Given<'a> {
+struct JobContext<'a> {
     job: &'a Job,
     machine: &'a Machine,
     inputs: &'a Inputs,
     clearance: &'a Clearance,
 }
 
-/// A pass that is ready to be divided.
-struct Ready {
+/// A pass whose strokes were traced over the surface: what its stops are chosen from.
+struct TracedPass {
     texture: Texture,
-    grid: Grid,
+    grid: PassGrid,
     footprint: Footprint,
-    /// Points of marks for the lower bound, and the size of a stop for it.
+    /// Points of marks for the lower bound; None where no bound can be given.
     samples: Option<Samples>,
+    /// The size of a stop for the lower bound.
     stop_size: Option<[i32; 3]>,
     start: Start,
 }
 
-impl Ready {
+impl TracedPass {
     fn new(
         job: &Job,
         machine: &Machine,
@@ -360,8 +385,8 @@ impl Ready {
         task: Task<'_>,
     ) -> Result<Self, Error> {
         let [hatching, tracing] = task.split([1, 4]);
-        let layout =
-            Layout::new(job, machine, texture.bounds(), start.pass, start.laid.as_ref().map(|laid| laid.origin))?;
+        let origin = start.part.as_ref().map(|part| part.origin);
+        let layout = Layout::new(job, machine, texture.bounds(), start.pass, origin)?;
         let max_slope = job.limits.max_slope();
         let texture = hatch_direction::along_contours(
             texture,
@@ -376,18 +401,20 @@ impl Ready {
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
         let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling, tracing);
-        let (grid, footprint) = layout.levels(job, (machine, &inputs.surface), footprint, start.pass)?;
+        let (grid, footprint) = layout.levels(job, machine, &inputs.surface, footprint, start.pass)?;
         grid.most_stops(&footprint)?;
         Ok(Self { texture, grid, footprint, samples, stop_size, start })
     }
 
-    fn sweep<'a>(&'a self, job: &Job, inputs: &'a Inputs) -> Sweep<'a> {
-        Sweep { surface: &inputs.surface, texture: &self.texture, max_slope: job.limits.max_slope() }
+    fn sweep<'b>(&'b self, context: &JobContext<'b>) -> Sweep<'b> {
+        let max_slope = context.job.limits.max_slope();
+        Sweep { surface: &context.inputs.surface, texture: &self.texture, max_slope }
     }
 
-    fn site<'a>(&'a self, job: &Job, machine: &'a Machine, inputs: &'a Inputs) -> Site<'a> {
+    fn site<'b>(&'b self, context: &JobContext<'b>) -> Site<'b> {
+        let &JobContext { job, machine, .. } = context;
         Site {
-            sweep: self.sweep(job, inputs),
+            sweep: self.sweep(context),
             machine,
             grid: &self.grid,
             footprint: &self.footprint,
@@ -397,96 +424,124 @@ impl Ready {
         }
     }
 
-    /// The stops of every method that the job asks for and that can be used, and the strokes cut between them in one sweep.
-    fn divided(&self, on: &Given<'_>, dividing: Task<'_>, progress: Progress<'_>) -> Result<Vec<Divided>, Error> {
-        let &Given { job, machine, inputs, .. } = on;
+    fn stage<'b>(&'b self, context: &JobContext<'b>) -> PassStage<'b> {
+        let &JobContext { job, machine, clearance, .. } = context;
+        PassStage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops }
+    }
+
+    fn recut<'b>(&'b self, context: &JobContext<'b>) -> Recut<'b> {
+        let &JobContext { job, machine, .. } = context;
+        Recut {
+            sweep: self.sweep(context),
+            sections: &self.grid.sections,
+            machine,
+            pens: &job.pens,
+            rules: CutRules::new(job, machine, self.grid.keep),
+        }
+    }
+
+    /// The stops of every method that the job asks for and that can be used, and the strokes cut between them in one
+    /// sweep.
+    fn cut_by_methods(
+        &self,
+        context: &JobContext<'_>,
+        dividing: Task<'_>,
+        progress: Progress<'_>,
+    ) -> Result<Vec<MethodCut>, Error> {
+        let &JobContext { job, machine, .. } = context;
         let methods = methods(job, machine)?;
-        let found = stops(&self.site(job, machine, inputs), &methods, job.partition.objective, dividing)?;
-        let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
-        let cuts = Cuts::new(job, machine, self.grid.keep);
+        let stops_by_method = stops(&self.site(context), &methods, job.partition.objective, dividing)?;
+        let candidates: Vec<&Stops> = stops_by_method.iter().map(|(_, stops)| stops).collect();
+        let rules = CutRules::new(job, machine, self.grid.keep);
         let cutting = Phase::Split.task(progress);
-        let parts = split(self.sweep(job, inputs), &candidates, &self.grid.sections, &job.pens, cuts, cutting)?;
-        let divided = found.into_iter().zip(parts);
-        Ok(divided.map(|((method, stops), parts)| Divided { method, stops, parts }).collect())
+        let parts = split(self.sweep(context), &candidates, &self.grid.sections, &job.pens, rules, cutting)?;
+        let cuts = stops_by_method.into_iter().zip(parts);
+        Ok(cuts.map(|((method, stops), parts)| MethodCut { method, stops, parts }).collect())
     }
 
     /// Orders, places and merges the stops of every method, orders their strokes, and keeps the best.
     fn choose(
         &self,
-        on: &Given<'_>,
-        divided: Vec<Divided>,
-        [merging, ordering]: [Task<'_>; 2],
-    ) -> Result<Chosen, Error> {
-        let &Given { job, machine, clearance, .. } = on;
-        let is_single = divided.len() == 1;
-        let [merging, ordering] = [merging, ordering].map(|task| task.parts(divided.len()));
-        let divided = divided.into_iter().zip(merging).collect();
+        context: &JobContext<'_>,
+        cuts: Vec<MethodCut>,
+        merging: Task<'_>,
+        ordering: Task<'_>,
+    ) -> Result<MethodChoice, Error> {
+        let &JobContext { job, machine, clearance, .. } = context;
+        let is_single = cuts.len() == 1;
+        let [merging, ordering] = [merging, ordering].map(|task| task.parts(cuts.len()));
+        let cuts = cuts.into_iter().zip(merging).collect();
         // A tour is searched on one thread; those of several methods side by side.
-        let arranged = parallel::map_items(divided, |_, (Divided { method, stops, parts }, task)| {
-            self.arranged(on, method, Cut::new(stops, parts, machine, &job.pens), task)
+        let arranged = parallel::map_items(cuts, |_, (MethodCut { method, stops, parts }, task)| {
+            self.arranged(context, method, Cut::new(stops, parts, machine, &job.pens), task)
         });
-        let (mut compared, mut warnings, mut made) = (Vec::new(), Vec::new(), Vec::new());
+        let mut compared = Vec::new();
+        let mut trials = Vec::new();
         for ((cut, stops), task) in arranged.into_iter().zip(ordering) {
             let method = stops.method;
-            let one = self.laid_out(on, cut, stops, task);
+            let candidate = self.with_strokes(context, cut, stops, task);
             // A single method is checked in the end, with everything else.
-            let fault = if is_single { None } else { one.fault(machine, &self.grid, clearance) };
+            let fault = if is_single { None } else { candidate.fault(machine, &self.grid, clearance) };
             if fault.is_none() && !is_single {
-                compared.push(one.listed(job, machine));
+                compared.push(candidate.listed(job, machine));
             }
-            made.push((method, one, fault));
-            drop_worse(&mut made, |made| made.measure(job, machine));
+            trials.push(Trial { method, candidate, fault });
+            drop_worse(&mut trials, |candidate| candidate.measure(job, machine));
         }
-        let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
-        Ok(Chosen { best, compared, warnings })
+        let mut warnings = Vec::new();
+        let best = best_of(trials, |candidate| candidate.measure(job, machine), &mut warnings)?;
+        Ok(MethodChoice { best, compared, warnings })
     }
 
     /// What each texture has of the marks of the first pass.
-    fn shares(&self, on: &Given<'_>, best: &Candidate) -> Shares {
-        let &Given { job, machine, inputs, .. } = on;
+    fn shares(&self, context: &JobContext<'_>, best: &Candidate) -> Shares {
+        let &JobContext { job, machine, inputs, .. } = context;
         let program = &best.program;
         let strokes_of = |i: usize, visit: &mut dyn FnMut(&Stroke, f64)| {
             program.strokes_of(&program.blocks[i]).iter().for_each(|s| visit(s, stroke_mm(program.points_of(s))));
         };
         let blocks = program.blocks.partition_point(|b| b.pass == PassId(0));
-        Shares::of(job, &self.texture, (blocks, &strokes_of), inputs.part_box(job), machine)
+        Shares::new(job, &self.texture, blocks, &strokes_of, inputs.part_box(job), machine)
     }
 
     /// A candidate without strokes: its stops ordered, placed, and merged where that makes it better.
-    fn arranged(&self, on: &Given<'_>, method: Method, cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
+    fn arranged(&self, context: &JobContext<'_>, method: Method, cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
         let [merging, joining] = task.split([3, 1]);
-        let (cut, mut made) = self.merged(on, method, cut, merging);
-        let cut = self.joined(on, cut, &mut made, joining);
-        (cut, made)
+        let (cut, mut candidate) = self.merged(context, method, cut, merging);
+        let cut = self.joined(context, cut, &mut candidate, joining);
+        (cut, candidate)
     }
 
-    /// The candidate with the strokes of its stops, in order.
-    fn laid_out(&self, on: &Given<'_>, cut: Cut, made: Candidate, ordering: Task<'_>) -> Candidate {
-        let &Given { job, machine, .. } = on;
+    /// An arranged candidate with the strokes of its stops, in order.
+    fn with_strokes(&self, context: &JobContext<'_>, cut: Cut, arranged: Candidate, ordering: Task<'_>) -> Candidate {
+        let &JobContext { job, machine, .. } = context;
         let fragments = cut.parts.count();
         let pens = dose::Pens::new(job.dose, &job.pens, &cut.parts);
-        let how = (pens, job.order.strokes);
-        let (program, slopes, split) = assemble::lay_out((made.program.blocks, &made.ids), cut, how, ordering);
+        let blocks = arranged.program.blocks;
+        let (program, slopes, split) = assemble::lay_out(blocks, &arranged.ids, cut, pens, job.order.strokes, ordering);
         let (times, block_times) = times(machine, &self.start, &program);
         let figures = block_times.into_iter().zip(slopes);
         let figures = figures.map(|(time_s, slope)| BlockFigures { time_s, slope, ..BlockFigures::default() });
-        Candidate { program, times, figures: figures.collect(), fragments, split, ..made }
+        Candidate { program, times, figures: figures.collect(), fragments, split, ..arranged }
     }
 
-    /// The stops in order; `setups` are those of the part where it lies in some already.
-    fn candidate(
+    /// A candidate of stops that mark this, in order; `setups` are those of the part where it lies in some already.
+    fn ordered(
         &self,
-        on: &Given<'_>,
+        context: &JobContext<'_>,
         method: Method,
-        (stops, marks): (&Stops, &[StopMarks]),
+        stops: &Stops,
+        marks: &[StopMarks],
         setups: Option<&Setups>,
     ) -> Candidate {
-        let &Given { job, machine, .. } = on;
-        let new = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
-        let setups = |centres: &[_]| setups.map_or_else(|| new(centres), Setups::clone);
-        let how = assemble::How { level: job.focus.level, lattice: self.grid.lattice };
+        let &JobContext { job, machine, .. } = context;
+        let setups_of = |centres: &[P2<Turned>]| match setups {
+            Some(setups) => setups.clone(),
+            None => Setups::of(job, machine, &self.grid, self.texture.bounds(), centres),
+        };
+        let focus = assemble::FocusRule { level: job.focus.level, lattice: self.grid.lattice };
         let Assembly { blocks, ids, setups, used, worst_defocus, worst_defocus_mean } =
-            assemble::assemble(stops, marks, &self.stage(on), how, &setups);
+            assemble::assemble(stops, marks, &self.stage(context), focus, &setups_of);
         let program = Program { blocks, ..Program::default() };
         let unmerged = program.stops();
         let times = self.times_of_stops(machine, &program, marks);
@@ -507,76 +562,96 @@ impl Ready {
         }
     }
 
-    /// A candidate whose stops stand at their places, merged where that makes it better.
-    fn merged(&self, on: &Given<'_>, method: Method, mut cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
-        let &Given { job, machine, inputs, .. } = on;
-        let made = self.candidate(on, method, (&cut.stops, &cut.marks), None);
-        let as_cut = |cut: &Cut| -> Vec<StopId> { cut.stops.ids().collect() };
-        let as_made = |cut: &Cut| self.placed(on, made.clone(), &cut.marks_by(&cut.marks, &as_cut(cut)));
+    /// A candidate whose stops stand at their places, pairs of them merged where that makes it better: all pairs that
+    /// fit one box, or else those whose merger saves time.
+    fn merged(&self, context: &JobContext<'_>, method: Method, cut: Cut, task: Task<'_>) -> (Cut, Candidate) {
+        let ordered = self.ordered(context, method, &cut.stops, &cut.marks, None);
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
-        if job.partition.method == Method::Contour {
-            let placed = as_made(&cut);
+        if context.job.partition.method == Method::Contour {
+            let placed = self.placed_over(context, ordered, &cut);
             return (cut, placed);
         }
-        let merging = |cut: &Cut, pairs| self.merging(on, (cut, &made), pairs);
-        let (placed, mut first) = parallel::both(|| as_made(&cut), || merging(&cut, Pairs::All));
-        for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([1, 1])) {
-            let found = match pairs {
-                Pairs::All => first.take(),
-                Pairs::Saving => merging(&cut, pairs),
-            };
-            let Some(Merging { merged, marks, next, placed: judged }) = found else { break };
-            if !merge::improves(&judged, &placed, job, machine) {
-                continue;
-            }
-            let cuts = Cuts::new(job, machine, self.grid.keep);
-            let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
-            match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
-                Ok(cut) => {
-                    // The stops stay in order where their marks lie as high as they were taken to.
-                    let as_taken = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
-                    let again = || self.candidate(on, method, (&cut.stops, &cut.marks), Some(&made.setups));
-                    let next = if as_taken { next } else { again() };
-                    let next = self.placed(on, next, &cut.marks_by(&cut.marks, &as_cut(&cut)));
-                    return (cut, Candidate { unmerged: placed.unmerged, ..next });
-                }
-                Err(as_it_was) => cut = *as_it_was,
-            }
+        let [merging_all, merging_saving] = task.split([1, 1]);
+        let (unmerged, all_pairs) = parallel::both(
+            || self.placed_over(context, ordered.clone(), &cut),
+            || self.merger(context, &cut, &ordered, Pairs::All),
+        );
+        let Some(all_pairs) = all_pairs else { return (cut, unmerged) };
+        let cut = match self.cut_merged(context, cut, &ordered, &unmerged, all_pairs, merging_all) {
+            Ok(merged) => return merged,
+            Err(as_it_was) => *as_it_was,
+        };
+        let Some(saving_pairs) = self.merger(context, &cut, &ordered, Pairs::Saving) else { return (cut, unmerged) };
+        match self.cut_merged(context, cut, &ordered, &unmerged, saving_pairs, merging_saving) {
+            Ok(merged) => merged,
+            Err(as_it_was) => (*as_it_was, unmerged),
         }
-        (cut, placed)
     }
 
-    /// What becomes of a candidate when stops of these pairs are merged; None where there are none.
-    fn merging(&self, on: &Given<'_>, (cut, made): (&Cut, &Candidate), pairs: Pairs) -> Option<Merging> {
-        let &Given { job, machine, .. } = on;
+    /// What becomes of an ordered candidate when stops of these pairs are merged; None where there are too few.
+    fn merger(&self, context: &JobContext<'_>, cut: &Cut, ordered: &Candidate, pairs: Pairs) -> Option<StopMerger> {
+        let &JobContext { job, machine, .. } = context;
         let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
-        let merged = merge::merged(cut, made, &costs)?;
+        let merged = merge::merged(cut, ordered, &costs)?;
         let marks = merged.marks(&cut.marks);
         // The part stays where it lies: two stops of a set-up are merged within it.
-        let next = self.candidate(on, made.method, (&merged.stops, &marks), Some(&made.setups));
-        let placed = self.placed(on, next.clone(), &cut.marks_by(&marks, &merged.ids));
-        Some(Merging { merged, marks, next, placed })
+        let ordered = self.ordered(context, ordered.method, &merged.stops, &marks, Some(&ordered.setups));
+        let placed = self.placed(context, ordered.clone(), &cut.marks_by(&marks, &merged.ids));
+        Some(StopMerger { merged, marks, ordered, placed })
+    }
+
+    /// The strokes cut between merged stops, and the candidate of these; the cut as it was where the merger does not
+    /// make the job better or strokes cannot be cut so.
+    fn cut_merged(
+        &self,
+        context: &JobContext<'_>,
+        cut: Cut,
+        ordered: &Candidate,
+        unmerged: &Candidate,
+        merger: StopMerger,
+        task: Task<'_>,
+    ) -> Result<(Cut, Candidate), Box<Cut>> {
+        let StopMerger { merged, marks, ordered: merged_in_order, placed } = merger;
+        if !merge::improves(&placed, unmerged, context.job, context.machine) {
+            return Err(Box::new(cut));
+        }
+        let cut = self.recut(context).between(cut, merged, task)?;
+        // The stops stay in order where their marks lie as high as they were taken to.
+        let is_as_taken = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
+        let candidate = if is_as_taken {
+            merged_in_order
+        } else {
+            self.ordered(context, ordered.method, &cut.stops, &cut.marks, Some(&ordered.setups))
+        };
+        let candidate = self.placed_over(context, candidate, &cut);
+        Ok((cut, Candidate { unmerged: unmerged.unmerged, ..candidate }))
+    }
+
+    /// A candidate of the stops of a cut, with these where they cost least.
+    fn placed_over(&self, context: &JobContext<'_>, candidate: Candidate, cut: &Cut) -> Candidate {
+        let ids: Vec<StopId> = cut.stops.ids().collect();
+        self.placed(context, candidate, &cut.marks_by(&cut.marks, &ids))
     }
 
     /// A candidate with its stops where they cost least.
-    fn placed(&self, on: &Given<'_>, mut made: Candidate, marks: &Marks<'_>) -> Candidate {
-        let &Given { job, machine, .. } = on;
-        let Grid { window, sections, lattice, .. } = &self.grid;
-        let upright = made.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
-        let stated = job.placement.origin.is_some() || job.setups.is_some() || self.start.laid.is_some();
-        let site = places::Site {
-            stage: &self.stage(on),
+    fn placed(&self, context: &JobContext<'_>, mut candidate: Candidate, marks: &MarksOfStops<'_>) -> Candidate {
+        let &JobContext { job, machine, .. } = context;
+        let PassGrid { window, sections, lattice, .. } = &self.grid;
+        let is_upright = candidate.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
+        let is_stated = job.placement.origin.is_some() || job.setups.is_some() || self.start.part.is_some();
+        let rules = places::PlaceRules {
+            stage: &self.stage(context),
             level: job.focus.level,
             keeps_focus: job.focus.is_kept,
             depth: lattice.depth,
             window: *window,
             pitch: sections.pitch,
-            is_loose: upright && !stated,
+            is_loose: is_upright && !is_stated,
             min_mark: job.partition.min_mark.is_some(),
         };
-        places::place(&mut made, marks, &site);
-        made.times = self.times_of_stops(machine, &made.program, marks.of_stops);
-        made
+        places::place(&mut candidate, marks, &rules);
+        candidate.times = self.times_of_stops(machine, &candidate.program, marks.of_stops);
+        candidate
     }
 
     /// Times of a program without strokes whose stops mark this, without jumps.
@@ -592,38 +667,32 @@ impl Ready {
     }
 
     /// Makes one block of those that stand at one place. They were never merged, since they stood elsewhere.
-    fn joined(&self, on: &Given<'_>, cut: Cut, made: &mut Candidate, task: Task<'_>) -> Cut {
-        let &Given { job, machine, inputs, .. } = on;
-        if job.partition.method == Method::Contour {
+    fn joined(&self, context: &JobContext<'_>, cut: Cut, candidate: &mut Candidate, task: Task<'_>) -> Cut {
+        // The method of the article has a stop for every section and level.
+        if context.job.partition.method == Method::Contour {
             return cut;
         }
-        let Some(merged) = merge::at_one_place(&cut, made) else { return cut };
-        let cuts = Cuts::new(job, machine, self.grid.keep);
-        let (sweep, made_for) = (self.sweep(job, inputs), (machine, job.pens.as_slice()));
-        match cut_again(sweep, cut, merged, &self.grid.sections, made_for, cuts, task) {
+        let Some(merged) = merge::at_one_place(&cut, candidate) else { return cut };
+        match self.recut(context).between(cut, merged, task) {
             Err(as_it_was) => *as_it_was,
             Ok(cut) => {
-                made.keep_blocks(&cut);
+                candidate.keep_blocks(&cut);
                 cut
             }
         }
     }
 
-    fn stage<'b>(&'b self, on: &Given<'b>) -> Stage<'b> {
-        let &Given { job, machine, clearance, .. } = on;
-        Stage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops }
-    }
-
-    /// What the pass is remembered by, once `made` of it.
-    fn pass(self, machine: &Machine, inputs: &Inputs, made: &Candidate, blocks: Range<usize>) -> Pass {
+    /// What the pass is remembered by, once `candidate` is made of it.
+    fn pass(self, context: &JobContext<'_>, candidate: &Candidate, blocks: Range<usize>) -> Pass {
+        let &JobContext { machine, inputs, .. } = context;
         let Self { texture, grid, samples, stop_size, .. } = self;
-        let tilted = |b: &Block| (!b.stop.tilt.is_upright()).then(|| machine.turn(b.stop.tilt, grid.origin));
-        let turns: Vec<_> = made.program.blocks.iter().map(tilted).collect();
+        let turn = |b: &Block| (!b.stop.tilt.is_upright()).then(|| machine.turn(b.stop.tilt, grid.origin));
+        let turns: Vec<_> = candidate.program.blocks.iter().map(turn).collect();
         let field = machine.usable_field();
         let area = texture.bounds();
         let (map, bound) = parallel::both(
-            || BlockMap::new(&made.program, &grid.sections, &turns, field, &inputs.surface, area),
-            || bound::certificate(&grid, samples, stop_size, made.method, &made.split.slivers),
+            || BlockMap::new(&candidate.program, &grid.sections, &turns, field, &inputs.surface, area),
+            || bound::certificate(&grid, samples, stop_size, candidate.method, &candidate.split.slivers),
         );
         Pass {
             directions: texture.directions().cloned(),

@@ -4,7 +4,9 @@
 //! must be the same in whatever order it is joined.
 
 use crate::partition::Fine;
-use crate::projection::{Cells, Footprint, GridTracer, Keep, Marks, Samples, Sampling, TiltedFields, Tracer, Turned};
+use crate::projection::{
+    Cells, Footprint, GridTracer, Keep, Marks, MarksByField, Samples, Sampling, TiltedFields, Tracer,
+};
 use terrace_core::geom::{Nm, P2};
 use terrace_core::parallel;
 use terrace_core::program::Sections;
@@ -36,25 +38,40 @@ impl Sweep<'_> {
     /// `none` at first, and `merge` joins what two chunks found.
     pub(super) fn gather<T: Send>(
         self,
-        (grid, task): (&Sections, Task<'_>),
+        grid: &Sections,
+        task: Task<'_>,
         none: impl Fn() -> T + Sync + Send,
         add: impl Fn(&mut T, usize, &[P2], &mut GridTracer<'_>) + Sync + Send,
         merge: impl Fn(&mut T, T) + Sync + Send,
     ) -> T {
-        let Self { surface, texture, max_slope } = self;
-        let chunks = chunks(texture);
+        let chunks = chunks(self.texture);
         let task = task.of_steps(chunks.len());
         // What is found must not depend on how chunks are grouped: sets, extremes and sums of integers do not.
-        let trace = |found: &mut T, k: usize| {
-            let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
-            let mut points = Vec::new();
-            for i in chunks[k].clone() {
-                texture.stroke(i, &mut points);
-                add(found, i, &points, &mut tracer);
-            }
-            task.step();
-        };
-        parallel::fold(chunks.len(), none, trace, merge)
+        parallel::fold(
+            chunks.len(),
+            none,
+            |found, k| {
+                self.trace_chunk(chunks[k].clone(), grid, |i, points, tracer| add(found, i, points, tracer));
+                task.step();
+            },
+            merge,
+        )
+    }
+
+    /// Hands on each stroke of a chunk: its number, its points, and what traces it over `grid`.
+    fn trace_chunk(
+        self,
+        chunk: std::ops::Range<usize>,
+        grid: &Sections,
+        mut visit: impl FnMut(usize, &[P2], &mut GridTracer<'_>),
+    ) {
+        let Self { surface, texture, max_slope } = self;
+        let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
+        let mut points = Vec::new();
+        for i in chunk {
+            texture.stroke(i, &mut points);
+            visit(i, &points, &mut tracer);
+        }
     }
 
     /// The heights of the marks in every section, and points of marks for the lower bound.
@@ -66,19 +83,20 @@ impl Sweep<'_> {
         sampling: Option<Sampling>,
         task: Task<'_>,
     ) -> (Footprint, Option<Samples>) {
-        let (footprint, marks) = self.gather(
-            (sections, task),
+        let (footprint, samples) = self.gather(
+            sections,
+            task,
             || (Footprint::default(), sampling.map(Samples::new)),
-            |(footprint, marks), i, points, tracer| {
-                marks.iter_mut().for_each(|m| m.begin(i));
-                footprint.add(points, tracer, keep, half, marks.as_mut());
+            |(footprint, samples), i, points, tracer| {
+                samples.iter_mut().for_each(|m| m.begin(i));
+                footprint.add(points, tracer, keep, half, samples.as_mut());
             },
-            |(footprint, marks), (other, more)| {
-                footprint.merge(other);
-                marks.iter_mut().zip(more).for_each(|(m, more)| m.merge(more));
+            |(footprint, samples), (other_footprint, other_samples)| {
+                footprint.merge(other_footprint);
+                samples.iter_mut().zip(other_samples).for_each(|(samples, other)| samples.merge(other));
             },
         );
-        (footprint.joined(), marks)
+        (footprint.joined(), samples)
     }
 
     /// The texture in the cells of a fine grid.
@@ -86,20 +104,20 @@ impl Sweep<'_> {
         let add = |cells: &mut Cells, _, points: &[P2], tracer: &mut GridTracer<'_>| {
             cells.add(points, tracer, &fine.slabs, keep);
         };
-        self.gather((&fine.grid, task), Cells::default, add, Cells::merge)
+        self.gather(&fine.grid, task, Cells::default, add, Cells::merge)
     }
 
     /// In every cell of a grid the lowest and the highest mark.
     pub(super) fn marks(self, grid: &Sections, task: Task<'_>) -> Marks {
-        self.gather((grid, task), Marks::default, |marks, _, points, tracer| marks.add(points, tracer), Marks::merge)
+        self.gather(grid, task, Marks::default, |marks, _, points, tracer| marks.add(points, tracer), Marks::merge)
     }
 
     /// What every field of tilted stops must hold.
-    pub(super) fn held(self, fields: &TiltedFields, keep: Keep, task: Task<'_>) -> Turned {
-        let none = || Turned::new(fields.list.len());
-        let add = |held: &mut Turned, _, points: &[P2], tracer: &mut GridTracer<'_>| {
+    pub(super) fn held(self, fields: &TiltedFields, keep: Keep, task: Task<'_>) -> MarksByField {
+        let none = || MarksByField::new(fields.list.len());
+        let add = |held: &mut MarksByField, _, points: &[P2], tracer: &mut GridTracer<'_>| {
             held.add(points, tracer, fields, keep);
         };
-        self.gather((&fields.grid, task), none, add, Turned::merge).joined()
+        self.gather(&fields.grid, task, none, add, MarksByField::merge).joined()
     }
 }

@@ -13,7 +13,7 @@ use super::off_part::OffPart;
 use super::parts::Parts;
 use super::plausible::Shares;
 use super::progress::{Phase, Progress};
-use super::split::{Cuts, join, split};
+use super::split::{CutRules, join, split};
 use super::stroke_chunks::Sweep;
 use super::{hatch_direction, nothing, warnings};
 use crate::ordered_strokes::{Band, OrderedStrokes};
@@ -64,69 +64,82 @@ pub fn in_order(
     band: Option<Nm>,
     progress: Progress<'_>,
 ) -> Result<Strokes, Error> {
-    if !inputs.texture.dot_pens().is_empty() {
-        return Err(early::no_dots().at(job.place()).into());
-    }
     let area = inputs.texture.bounds();
-    let size = area.size();
-    let everything = Nm(i64::from(i32::MAX));
-    if size.iter().any(|&s| s >= everything) {
-        let text = "the texture is wider than 2.1 m, which on-the-fly programs cannot hold";
-        return Err(Diag::limit("fly-large", text).at(job.place()).hint("mark a smaller area").into());
-    }
-    let pitch = size.map(|s| (s + Nm(1)) * 2);
+    check_texture(job, inputs)?;
+    // One section holds all of it: nothing divides it but the bands.
+    let pitch = area.size().map(|side| (side + Nm(1)) * 2);
     let section = Sections { origin: area.lo, pitch, count: [1, 1] };
     let max_slope = job.limits.max_slope();
-    let depth = band.unwrap_or(everything);
+    let depth = band.unwrap_or(WIDEST);
     let [hatching, tracing] = Phase::Footprint.task(progress).split([1, 4]);
     let texture =
         hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth, hatching)?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None, tracing);
-    let Some((lo, hi)) = footprint.range() else { return Err(nothing::marked(job, &inputs.surface).into()) };
-    let origin = job.placement.origin.unwrap_or_else(|| {
-        let [x, y] = default_origin(machine, area, [Nm(0); 2]);
-        Origin([x.0, y.0, default_height(machine, [lo, hi]).0])
-    });
+    let Some(heights) = footprint.range() else { return Err(nothing::marked(job, &inputs.surface).into()) };
+    let origin = origin(job, machine, area, heights);
     let Some(lattice) = Lattice::new(depth, machine.increment_nm(), Nm(origin[2])) else {
         return Err(Diag::limit("depth-small", "the depth range is below two stage increments").into());
     };
     let lattice = lattice.with_hysteresis(footprint.roughness());
     let stops = partition::z_range(&footprint, &section, pitch, &lattice);
-    let parts = split(sweep, &[&stops], &section, &job.pens, Cuts::default(), Phase::Split.task(progress))?
-        .pop()
-        .unwrap_or_default();
+    let cutting = Phase::Split.task(progress);
+    let parts = split(sweep, &[&stops], &section, &job.pens, CutRules::default(), cutting)?.pop().unwrap_or_default();
     let (ordered, bands) = in_bands(job, &stops, &parts, Phase::Order.task(progress));
-    let found = parts.into_list().into_iter().fold(Fragments::default(), join);
-    let mut notes = Vec::new();
-    let off_part = if found.skipped.off_part > 0.0 || found.dots.off_part > 0 {
-        OffPart::of(job, sweep)
-    } else {
-        OffPart::default()
-    };
-    let slips: Vec<_> = inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
-    warnings::warn(job, &found, (&off_part, &slips), Nm(0), [everything, Nm(0)], &mut notes)?;
+    let totals = parts.into_list().into_iter().fold(Fragments::default(), join);
+    let warnings = what_is_not_marked(job, inputs, sweep, &totals)?;
     let strokes_of = |i: usize, visit: &mut dyn FnMut(&Stroke, f64)| {
         let band: &Band = &bands[i];
         ordered.strokes[band.strokes.clone()].iter().for_each(|s| visit(s, length_mm(ordered.points_of(s))));
     };
-    let shares = Shares::of(job, &texture, (bands.len(), &strokes_of), inputs.part_box(job), machine);
-    let Fragments { texture_mm, skipped, .. } = found;
-    Ok(Strokes {
-        ordered,
-        bands,
-        origin,
-        texture: area,
-        followed: texture,
-        texture_mm,
-        skipped,
-        shares,
-        warnings: notes,
+    let shares = Shares::new(job, &texture, bands.len(), &strokes_of, inputs.part_box(job), machine);
+    let Fragments { texture_mm, skipped, .. } = totals;
+    Ok(Strokes { ordered, bands, origin, texture: area, followed: texture, texture_mm, skipped, shares, warnings })
+}
+
+/// What coordinates of blocks reach, which have 32 bits.
+const WIDEST: Nm = Nm(i32::MAX as i64);
+
+/// Refuses dots, at which the beam would have to stand still, and textures that coordinates do not reach over.
+///
+/// # Errors
+/// `fly-job`, `fly-large`.
+fn check_texture(job: &Job, inputs: &Inputs) -> Result<(), Error> {
+    if !inputs.texture.dot_pens().is_empty() {
+        return Err(early::no_dots().at(job.place()).into());
+    }
+    if inputs.texture.bounds().size().iter().any(|&side| side >= WIDEST) {
+        let text = "the texture is wider than 2.1 m, which on-the-fly programs cannot hold";
+        return Err(Diag::limit("fly-large", text).at(job.place()).hint("mark a smaller area").into());
+    }
+    Ok(())
+}
+
+/// Where the part's origin lies: where the job says, or so that the middle of the marks, which lie in `area` between
+/// the lowest and the highest of `heights`, is at the centre of travel.
+fn origin(job: &Job, machine: &Machine, area: Box2, heights: (f64, f64)) -> Origin {
+    job.placement.origin.unwrap_or_else(|| {
+        let (lo, hi) = heights;
+        let [x, y] = default_origin(machine, area, [Nm(0); 2]);
+        Origin([x.0, y.0, default_height(machine, [lo, hi]).0])
     })
 }
 
+/// What the user should know of what is not marked.
+///
+/// # Errors
+/// What the job refuses: `steep`, `off-part`.
+fn what_is_not_marked(job: &Job, inputs: &Inputs, sweep: Sweep<'_>, totals: &Fragments) -> Result<Vec<Diag>, Error> {
+    let is_off = totals.skipped.off_part > 0.0 || totals.dots.off_part > 0;
+    let off_part = if is_off { OffPart::of(job, sweep) } else { OffPart::default() };
+    let slips: Vec<_> = inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
+    let mut warnings = Vec::new();
+    warnings::warn(job, totals, &off_part, &slips, &mut warnings)?;
+    Ok(warnings)
+}
+
 impl Strokes {
-    /// The same with every stroke as often in the list as its pen has passes.
+    /// These strokes, each as often in the list as its pen has passes.
     #[must_use]
     pub fn repeated(mut self) -> Self {
         self.ordered = self.ordered.repeated(&mut self.bands);
@@ -149,7 +162,7 @@ fn in_bands(job: &Job, stops: &Stops, parts: &Parts, task: Task<'_>) -> (Ordered
         let stop = &placed.stop;
         let on_part = |p: FieldPoint| P2::new(stop.centre.x + i64::from(p.x), stop.centre.y + i64::from(p.y));
         for fragment in members.ordered(parts.list(), id, job.order.strokes) {
-            append_stroke(&mut ordered.strokes, &mut ordered.points, (parts.list(), fragment), on_part);
+            append_stroke(&mut ordered.strokes, &mut ordered.points, parts.list(), fragment, on_part);
         }
         let heights = members.fragments(parts, id).map(|(_, measure, _)| measure.z);
         let z = heights.fold([i32::MAX, i32::MIN], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);

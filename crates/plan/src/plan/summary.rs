@@ -13,7 +13,7 @@ use terrace_core::program::{Block, BlockFigures, OffAxis, Program};
 use terrace_input::job::{Job, Method};
 
 /// What the best candidate is known by, all passes together.
-pub(super) struct Figures<'a> {
+pub(super) struct PlanFigures<'a> {
     pub(super) method: Method,
     pub(super) times: Times,
     pub(super) fragments: usize,
@@ -33,14 +33,16 @@ pub(super) struct Figures<'a> {
 
 /// The summary of a checked program.
 pub(super) fn summary(
-    (job, machine): (&Job, &Machine),
+    job: &Job,
+    machine: &Machine,
     checked: &Checked,
     passes: &[Pass],
-    figures: &Figures<'_>,
+    figures: &PlanFigures<'_>,
     candidates: Vec<Candidate>,
     warnings: &[Diag],
 ) -> Summary {
-    let (program, split) = (checked.program(), figures.split);
+    let program = checked.program();
+    let split = figures.split;
     let blocks = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let bounds: Option<Vec<usize>> = passes.iter().map(|p| p.bound.as_ref().map(Certificate::stops)).collect();
     Summary {

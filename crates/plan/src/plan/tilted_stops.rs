@@ -1,11 +1,11 @@
 //! The stops of a machine that tilts the part or the head: sections and tilts by sample points of the marks, then what
 //! each must hold by all of them.
 
-use super::grid::Grid;
+use super::grid::PassGrid;
 use super::stroke_chunks::Sweep;
 use crate::partition::Stops;
 use crate::partition::tilted_sections::TiltSite;
-use crate::projection::{TiltedFields, Turned};
+use crate::projection::{MarksByField, TiltedFields};
 use terrace_core::geom::{Box2, Nm, P2};
 use terrace_core::machine::Machine;
 use terrace_core::progress::Task;
@@ -14,7 +14,7 @@ use terrace_core::progress::Task;
 const MAX_CELLS: u64 = 20_000_000;
 
 /// The stops; None where the texture's box holds too many windows.
-pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid, task: Task<'_>) -> Option<Stops> {
+pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &PassGrid, task: Task<'_>) -> Option<Stops> {
     // A tilted head stands a little beside the place, and its field makes up for it.
     let room = if machine.tilts_head() { machine.stand_room() } else { Nm(0) };
     let tilted = TiltSite {
@@ -78,9 +78,9 @@ fn hold_all_marks(
     tilted: &TiltSite<'_>,
     fields: &mut TiltedFields,
     sweep: Sweep<'_>,
-    grid: &Grid,
+    grid: &PassGrid,
     mut task: Task<'_>,
-) -> Turned {
+) -> MarksByField {
     // Ends: every round but the last sets at least one tilted field upright, or keeps one to its area; neither is ever
     // undone.
     loop {

@@ -1,6 +1,6 @@
 //! Warnings about a plan, and the faults that stop it.
 
-use super::grid::Grid;
+use super::grid::PassGrid;
 use super::methods::row;
 use super::off_part::{OffPart, length, lengths_and_dots};
 use super::plausible;
@@ -19,66 +19,96 @@ use terrace_input::texture::Slip;
 /// Share of the texture on slopes that are too steep from which the part may not lie as it is meant.
 const LEANING: f64 = 0.25;
 
-/// Warnings, or the faults that stop the plan.
+/// Warnings about what is not marked, or the faults that stop the plan.
+///
+/// # Errors
+/// `steep`, `off-part`.
 pub(super) fn warn(
     job: &Job,
     split: &Fragments,
-    (off_part, slips): (&OffPart, &[(usize, Slip)]),
-    worst_defocus: Nm,
-    [depth, met]: [Nm; 2],
+    off_part: &OffPart,
+    slips: &[(usize, Slip)],
     warnings: &mut Vec<Diag>,
 ) -> Result<(), Error> {
-    let limits = &job.limits;
-    let dots = split.dots;
-    if split.skipped.steep > 0.0 || dots.steep > 0 {
-        let limit = limits.max_incidence.as_deg();
-        let what = lengths_and_dots(split.skipped.steep, dots.steep);
-        let text = format!("{what} of texture lie on slopes above {limit:.1} deg and are not marked");
-        let place = split.steep_at.map_or(Place::Nowhere, |p| {
-            let [x_mm, y_mm] = p.mm();
-            Place::Part { x_mm, y_mm }
-        });
-        if limits.steep == Steep::Refuse {
-            return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
-        }
-        let hint = match split.skipped.steep > LEANING * split.texture_mm {
-            true => "lay the part with `terrace orient JOB --apply`, or see limits.max_incidence",
-            false => "see limits.max_incidence",
-        };
-        warnings.push(Diag::warning("steep", text).at(place).hint(hint));
-    }
-    let incidence = split.worst_slope2.sqrt().atan().to_degrees();
-    if incidence > limits.warn_incidence.as_deg() {
-        let text =
-            format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
-        warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
-    }
-    if let Some(fault) = off_part.fault(limits.max_off_part) {
+    warnings.extend(steep(job, split)?);
+    warnings.extend(incidence(job, split));
+    if let Some(fault) = off_part.fault(job.limits.max_off_part) {
         return Err(fault.into());
     }
     warnings.extend(plausible::odd_sizes(job, slips));
-    if split.skipped.off_part > 0.0 || dots.off_part > 0 {
-        let of = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
-        let share = of(split.skipped.off_part, split.texture_mm).max(of(dots.off_part as f64, dots.texture as f64));
-        let what = lengths_and_dots(split.skipped.off_part, dots.off_part);
-        let text = format!("{what} of texture ({share:.1} % of it) lie off the part and are not marked");
-        warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
+    warnings.extend(lies_off_part(split));
+    warnings.extend(small(job, split));
+    Ok(())
+}
+
+/// Texture on slopes that are too steep.
+///
+/// # Errors
+/// `steep` where the job refuses them.
+fn steep(job: &Job, split: &Fragments) -> Result<Option<Diag>, Error> {
+    let limits = &job.limits;
+    if !(split.skipped.steep > 0.0 || split.dots.steep > 0) {
+        return Ok(None);
     }
+    let limit = limits.max_incidence.as_deg();
+    let what = lengths_and_dots(split.skipped.steep, split.dots.steep);
+    let text = format!("{what} of texture lie on slopes above {limit:.1} deg and are not marked");
+    let place = split.steep_at.map_or(Place::Nowhere, |p| {
+        let [x_mm, y_mm] = p.mm();
+        Place::Part { x_mm, y_mm }
+    });
+    if limits.steep == Steep::Refuse {
+        return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
+    }
+    let hint = match split.skipped.steep > LEANING * split.texture_mm {
+        true => "lay the part with `terrace orient JOB --apply`, or see limits.max_incidence",
+        false => "see limits.max_incidence",
+    };
+    Ok(Some(Diag::warning("steep", text).at(place).hint(hint)))
+}
+
+/// Marks that the beam meets at an angle.
+fn incidence(job: &Job, split: &Fragments) -> Option<Diag> {
+    let incidence = split.worst_slope2.sqrt().atan().to_degrees();
+    let text =
+        format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
+    (incidence > job.limits.warn_incidence.as_deg())
+        .then(|| Diag::warning("incidence", text).hint("see limits.warn_incidence"))
+}
+
+/// Texture that lies off the part, no more of it than the job allows.
+fn lies_off_part(split: &Fragments) -> Option<Diag> {
+    let Fragments { skipped, dots, .. } = split;
+    if !(skipped.off_part > 0.0 || dots.off_part > 0) {
+        return None;
+    }
+    let percent = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
+    let share = percent(skipped.off_part, split.texture_mm).max(percent(dots.off_part as f64, dots.texture as f64));
+    let what = lengths_and_dots(skipped.off_part, dots.off_part);
+    let text = format!("{what} of texture ({share:.1} % of it) lie off the part and are not marked");
+    Some(Diag::warning("off-part", text).hint("see limits.max_off_part"))
+}
+
+/// Fragments that are shorter than the job asks for.
+fn small(job: &Job, split: &Fragments) -> Option<Diag> {
     // Slivers that are left out by default are counted only: the spot beside them covers them.
-    if split.skipped.small > 0.0 && job.partition.min_mark.is_some() {
-        let text =
-            format!("{} of texture is in fragments shorter than partition.min_mark", length(split.skipped.small));
-        warnings.push(Diag::warning("small", text));
-    }
-    if worst_defocus > (depth + met) / 2 {
+    let is_asked_for = job.partition.min_mark.is_some();
+    (split.skipped.small > 0.0 && is_asked_for).then(|| {
+        let small = length(split.skipped.small);
+        Diag::warning("small", format!("{small} of texture is in fragments shorter than partition.min_mark"))
+    })
+}
+
+/// Marks farther from their focal planes than half the depth range; `rounding` is by how much these planes are rounded.
+pub(super) fn defocus(worst: Nm, depth: Nm, rounding: Nm) -> Option<Diag> {
+    (worst > depth / 2 + rounding).then(|| {
         let text = format!(
             "marks lie up to {:.1} um from the focal plane, more than half the depth range of {:.1} um",
-            worst_defocus.f64() / 1000.0,
+            worst.f64() / 1000.0,
             depth.f64() / 1000.0
         );
-        warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
-    }
-    Ok(())
+        Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range")
+    })
 }
 
 /// The targets of the job whose files are used by the way in which its blocks are loaded.
@@ -148,7 +178,7 @@ pub(super) fn focus_shift_lost(job: &Job, machine: &Machine, program: &Program) 
 }
 
 /// What was to stay whole and does not, and why.
-pub(super) fn not_kept(grid: &Grid, footprint: &Footprint, method: Method, split: &Fragments) -> Option<Diag> {
+pub(super) fn not_kept(grid: &PassGrid, footprint: &Footprint, method: Method, split: &Fragments) -> Option<Diag> {
     if split.not_kept == 0 {
         return None;
     }

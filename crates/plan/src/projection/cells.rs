@@ -63,6 +63,24 @@ pub struct Cells {
     figures: Vec<Figure>,
 }
 
+/// Adds the keys of the slabs of a cell that a piece lies in.
+#[inline]
+fn add_boxes(keys: &mut Vec<u64>, slabs: &Slabs, p: &Piece, [column, row]: [i64; 2]) {
+    let (lo, hi) = (p.z0.min(p.z1), p.z0.max(p.z1));
+    let first = slabs.of(lo);
+    let mut last = slabs.of(hi);
+    // Boxes are closed: what ends on a border needs no box above it.
+    last -= i64::from(last > first && slabs.border(last).f64() >= hi);
+    // Rounding may put the lowest mark of all a hair below slab 0.
+    for k in first.max(0)..=last.max(0) {
+        let key = ((row as u64) << Cells::COLUMN | column as u64) << Cells::SLAB | k as u64;
+        // Pieces that follow each other often lie in one box.
+        if keys.last() != Some(&key) {
+            keys.push(key);
+        }
+    }
+}
+
 impl Cells {
     /// Bits of a slab's number and of a column's in a key of 64, of which the row has the rest.
     const SLAB: u32 = 24;
@@ -74,32 +92,18 @@ impl Cells {
     /// Adds one stroke, traced over the fine grid. Heights lie at or above the lowest slab.
     pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, slabs: &Slabs, keep: Keep) {
         let keys = &mut self.keys;
-        let mut add = |p: Piece, [column, row]: [i64; 2]| {
-            let (lo, hi) = (p.z0.min(p.z1), p.z0.max(p.z1));
-            let first = slabs.of(lo);
-            let mut last = slabs.of(hi);
-            // Boxes are closed: what ends on a border needs no box above it.
-            last -= i64::from(last > first && slabs.border(last).f64() >= hi);
-            // Rounding may put the lowest mark of all a hair below slab 0.
-            for k in first.max(0)..=last.max(0) {
-                let key = ((row as u64) << Self::COLUMN | column as u64) << Self::SLAB | k as u64;
-                if keys.last() != Some(&key) {
-                    keys.push(key);
-                }
-            }
-        };
         if let Some(bounds) = keep.bounds(points) {
-            let (z, whole) = tracer.small_stroke(points, |_, _, _| ());
+            let (z, is_whole) = tracer.small_stroke(points, |_, _, _| ());
             let (lo, hi) = (Nm::floor(z[0]), Nm::ceil(z[1]));
-            if whole && slabs.holds(lo, hi) {
+            if is_whole && slabs.holds(lo, hi) {
                 let P2 { x, y, .. } = bounds.hi;
                 self.figures.push([[bounds.lo.x, bounds.lo.y, lo.0], [x, y, hi.0]]);
             } else {
-                tracer.replay(add);
+                tracer.replay(|p, cell| add_boxes(keys, slabs, &p, cell));
             }
         } else {
             for (a, b) in segments(points) {
-                tracer.segment(a, b, &mut add);
+                tracer.segment(a, b, |p, cell| add_boxes(keys, slabs, &p, cell));
             }
         }
         // Sorted again only when it has doubled: strokes next to each other add the same cells.
@@ -108,6 +112,7 @@ impl Cells {
         }
     }
 
+    /// Sorts the keys, each once.
     fn tidy(&mut self) {
         self.keys.sort_unstable();
         self.keys.dedup();

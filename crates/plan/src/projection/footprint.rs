@@ -183,6 +183,55 @@ pub struct Footprint {
     astride: usize,
 }
 
+/// The heights of one stroke, piece by piece: pieces of one section that follow each other make one interval each time
+/// the section or the sheet changes.
+struct SectionRuns<'a> {
+    sections: &'a mut FxHashMap<u32, InSection>,
+    ripple: &'a mut Ripple,
+    /// Columns of the grid of sections.
+    columns: i64,
+    run: Option<SectionRun>,
+    reversals: HeightReversals,
+}
+
+/// The heights of pieces that follow each other in one section, column and row of it.
+struct SectionRun {
+    cell: [i64; 2],
+    lo: f64,
+    hi: f64,
+}
+
+impl SectionRuns<'_> {
+    #[inline]
+    fn add(&mut self, p: &Piece, cell: [i64; 2]) {
+        self.reversals.follow(p, self.ripple);
+        match &mut self.run {
+            // A piece extends the run where it begins within its heights; at a step between sheets it does not,
+            // and the heights between the sheets stay out: no stop is spent on them.
+            Some(run) if run.cell == cell && p.z0 <= run.hi && p.z0 >= run.lo => {
+                run.lo = run.lo.min(p.z1);
+                run.hi = run.hi.max(p.z1);
+            }
+            _ => {
+                self.close();
+                self.run = Some(SectionRun { cell, lo: p.z0.min(p.z1), hi: p.z0.max(p.z1) });
+            }
+        }
+    }
+
+    /// Gives the heights of the run to its section.
+    fn close(&mut self) {
+        if let Some(SectionRun { cell: [column, row], lo, hi }) = self.run.take() {
+            self.sections.entry((row * self.columns + column) as u32).or_default().heights.add(lo, hi);
+        }
+    }
+
+    fn end(mut self) {
+        self.close();
+        self.reversals.end(self.ripple);
+    }
+}
+
 impl Footprint {
     /// Adds one stroke, traced over the grid of sections. What is to stay whole must lie within `half` of
     /// a section's centre along x and y. `marks` takes what it wants of it.
@@ -194,63 +243,58 @@ impl Footprint {
         half: [Nm; 2],
         mut marks: Option<&mut Samples>,
     ) {
-        let columns = i64::from(tracer.grid.count[0]);
-        let index = |[column, row]: [i64; 2]| (row * columns + column) as u32;
+        let bounds = keep.bounds(points);
+        if let Some(bounds) = &bounds
+            && self.add_figure(points, bounds, tracer, half, marks.as_deref_mut())
+        {
+            return;
+        }
         let Self { sections, ripple, climb, .. } = self;
-        // Pieces of one section that follow each other make one interval each time the section or
-        // the sheet changes.
-        let mut run: Option<([i64; 2], f64, f64)> = None;
-        let mut turns = HeightReversals::default();
-        let mut close = |run: &mut Option<([i64; 2], f64, f64)>| {
-            if let Some((cell, lo, hi)) = run.take() {
-                sections.entry(index(cell)).or_default().heights.add(lo, hi);
-            }
-        };
-        let mut add = |p: Piece, cell: [i64; 2]| {
-            turns.follow(&p, ripple);
-            match &mut run {
-                // A piece extends the run where it begins within its heights; at a step between sheets it does not,
-                // and the heights between the sheets stay out: no stop is spent on them.
-                Some((at, lo, hi)) if *at == cell && p.z0 <= *hi && p.z0 >= *lo => {
-                    *lo = lo.min(p.z1);
-                    *hi = hi.max(p.z1);
-                }
-                run => {
-                    close(run);
-                    *run = Some((cell, p.z0.min(p.z1), p.z0.max(p.z1)));
-                }
-            }
-        };
-        if let Some(bounds) = keep.bounds(points) {
-            let (z, whole) = tracer.small_stroke(points, |p, a, b| {
-                marks.iter_mut().for_each(|m| m.add(p, a, b));
-            });
-            // A whole figure belongs to the section of its middle, which the window of a stop reaches beyond.
-            let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
-            let cell = middle.map(|(axis, sum)| tracer.grid.along(axis, sum / 2, 0));
-            let centre = tracer.grid.centre(index(cell) as usize);
-            let window = Box2::around(centre, half);
-            let inside = window.holds(bounds.lo) && window.holds(bounds.hi);
-            if whole && inside {
-                sections.entry(index(cell)).or_default().figures.push((z[0], z[1]));
-                marks.iter_mut().for_each(|m| m.figure(&bounds, z));
-                return;
-            }
-            self.astride += usize::from(whole);
-            self.broken += usize::from(!whole && z[0] <= z[1]);
-            tracer.replay(add);
+        let columns = i64::from(tracer.grid.count[0]);
+        let mut runs = SectionRuns { sections, ripple, columns, run: None, reversals: HeightReversals::default() };
+        if bounds.is_some() {
+            // It was traced to see whether it stays whole.
+            tracer.replay(|p, cell| runs.add(&p, cell));
         } else {
             for (a, b) in segments(points) {
                 let length = a.distance(b);
                 tracer.segment(a, b, |p, cell| {
                     climb.add(p.z1 - p.z0, (p.t1 - p.t0) * length);
                     marks.iter_mut().for_each(|m| m.add(&p, a, b));
-                    add(p, cell);
+                    runs.add(&p, cell);
                 });
             }
         }
-        close(&mut run);
-        turns.end(ripple);
+        runs.end();
+    }
+
+    /// Traces a stroke that is to stay whole, and adds it to the section of its middle if it can; `bounds` is its box.
+    fn add_figure(
+        &mut self,
+        points: &[P2],
+        bounds: &Box2,
+        tracer: &mut GridTracer<'_>,
+        half: [Nm; 2],
+        mut marks: Option<&mut Samples>,
+    ) -> bool {
+        let (z, is_marked) = tracer.small_stroke(points, |p, a, b| {
+            marks.iter_mut().for_each(|m| m.add(p, a, b));
+        });
+        // A whole figure belongs to the section of its middle, which the window of a stop reaches beyond.
+        let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
+        let [column, row] = middle.map(|(axis, sum)| tracer.grid.along(axis, sum / 2, 0));
+        let section = row * i64::from(tracer.grid.count[0]) + column;
+        let window = Box2::around(tracer.grid.centre(section as usize), half);
+        let is_whole = is_marked && window.holds(bounds.lo) && window.holds(bounds.hi);
+        if is_whole {
+            self.sections.entry(section as u32).or_default().figures.push((z[0], z[1]));
+            marks.iter_mut().for_each(|m| m.figure(bounds, z));
+        } else {
+            self.astride += usize::from(is_marked);
+            // A stroke without any mark is not broken.
+            self.broken += usize::from(!is_marked && z[0] <= z[1]);
+        }
+        is_whole
     }
 
     /// Adds the footprint of other strokes. Which strokes come together, and in which order, is chance: all here are sums of

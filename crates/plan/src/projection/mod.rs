@@ -16,7 +16,7 @@ pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
 pub use marks::Marks;
 pub use samples::{Rows, Samples, Sampling};
-pub use turned::{InTiltedField, TiltedCell, TiltedField, TiltedFields, Turned};
+pub use turned::{FieldMarks, MarksByField, TiltedCell, TiltedField, TiltedFields};
 
 use terrace_core::geom::{Box2, Nm, P2};
 use terrace_core::program::Sections;
@@ -75,7 +75,7 @@ impl Piece {
 pub struct Normals<'a>(&'a Surface);
 
 impl Normals<'_> {
-    /// Of a piece on the part: upwards, of length 1.
+    /// The normal under a piece on the part: upwards, of length 1.
     pub fn under(&self, p: &Piece) -> [f64; 3] {
         self.0.normal(p.facet)
     }
@@ -200,11 +200,18 @@ pub struct Keep(pub Nm);
 impl Keep {
     /// The box of a stroke that is to stay whole.
     pub fn bounds(self, points: &[P2]) -> Option<Box2> {
-        let mut bounds = Box2::EMPTY;
-        let fits = |b: &Box2| b.size().iter().all(|&s| s <= self.0);
         // A dot cannot be cut.
-        (self.0 > Nm(0) && points.len() > 1 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1))
-            .then_some(bounds)
+        if self.0 <= Nm(0) || points.len() <= 1 {
+            return None;
+        }
+        let mut bounds = Box2::EMPTY;
+        for &p in points {
+            bounds.add(p);
+            if bounds.size().iter().any(|&side| side > self.0) {
+                return None;
+            }
+        }
+        Some(bounds)
     }
 }
 
@@ -262,6 +269,7 @@ impl<'a> GridTracer<'a> {
         (z, !self.gap)
     }
 
+    /// Hands the pieces of the stroke that was traced last by [`GridTracer::small_stroke`] to `sink`, with their cells.
     fn replay(&self, mut sink: impl FnMut(Piece, [i64; 2])) {
         self.small.iter().for_each(|&(p, cell)| sink(p, cell));
     }

@@ -63,7 +63,8 @@ pub struct Samples {
 impl Samples {
     /// None yet.
     pub fn new(sampling: Sampling) -> Self {
-        let (points, figures) = (Thinned::default(), Thinned::default());
+        let points = Thinned::default();
+        let figures = Thinned::default();
         Self { sampling, points, figures, taken: false, row: 0, way: 0.0 }
     }
 
@@ -159,8 +160,8 @@ impl Samples {
 
 /// The cell of a point in a row.
 fn key(p: [i32; 3], cell: Nm, row: i32) -> [i32; 3] {
-    let of = |v: i32| i64::from(v).div_euclid(cell.0) as i32;
-    [row, of(p[0]), of(p[1])]
+    let along = |v: i32| i64::from(v).div_euclid(cell.0) as i32;
+    [row, along(p[0]), along(p[1])]
 }
 
 /// The least value of every key, for at most [`Thinned::MOST`] keys: of more, those with the fewest zeros

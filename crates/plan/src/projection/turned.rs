@@ -6,7 +6,7 @@
 
 use super::footprint::Heights;
 use super::{GridTracer, Keep, Piece, segments};
-use terrace_core::geom::{Box2, Nm, P2, P3, Turn, Turned as TurnedFrame};
+use terrace_core::geom::{Box2, Nm, P2, P3, Turn, Turned};
 use terrace_core::machine::TiltAngles;
 use terrace_core::program::Sections;
 
@@ -18,7 +18,7 @@ pub struct TiltedField {
     /// What they make of the part.
     pub turn: Turn,
     /// The point of the turned part under the optical axis, where the stage can stand.
-    pub centre: P2<TurnedFrame>,
+    pub centre: P2<Turned>,
     /// What of the plane it is made for.
     pub area: Box2,
     /// The part's highest place that could stand in the way of the beam, nm.
@@ -49,9 +49,9 @@ pub struct TiltedCell {
     pub doubtful: Vec<u32>,
 }
 
-/// What one field must hold.
+/// What one field must hold of all marks.
 #[derive(Clone, Debug, Default)]
-pub struct InTiltedField {
+pub struct FieldMarks {
     heights: Heights,
     /// Lowest and highest mark of every stroke that is to stay whole.
     pub figures: Vec<(f64, f64)>,
@@ -65,16 +65,28 @@ pub struct InTiltedField {
     pub is_over: bool,
 }
 
-impl InTiltedField {
+impl FieldMarks {
     /// The intervals of height, upwards, of what may be cut.
     pub fn heights(&self) -> &[(f64, f64)] {
         self.heights.intervals()
     }
 }
 
+impl TiltedFields {
+    /// The index of a cell by column and row.
+    fn index(&self, [column, row]: [i64; 2]) -> usize {
+        (row * i64::from(self.grid.count[0]) + column) as usize
+    }
+
+    /// The field that faces a cell, by its index.
+    fn field_of(&self, cell: [i64; 2]) -> usize {
+        self.cells[self.index(cell)].field as usize
+    }
+}
+
 /// What all fields must hold.
 #[derive(Clone, Debug)]
-pub struct Turned(pub Vec<InTiltedField>);
+pub struct MarksByField(pub Vec<FieldMarks>);
 
 /// Distance of the points of a mark from which the beam is followed, nm.
 const SPACING: f64 = 50_000.0;
@@ -87,80 +99,87 @@ const INSIDE: f64 = 8.0;
 /// A beam counts as hidden if the part rises above it by more than this, nm.
 const GRAZE: f64 = 20.0;
 
-impl Turned {
+impl MarksByField {
     /// Nothing in any of `count` fields.
     pub fn new(count: usize) -> Self {
-        Self(vec![InTiltedField::default(); count])
+        Self(vec![FieldMarks::default(); count])
     }
 
     /// Adds one stroke, traced over the grid of the fields.
     pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields, keep: Keep) {
-        let columns = i64::from(fields.grid.count[0]);
-        let index = |[column, row]: [i64; 2]| (row * columns + column) as usize;
-        let facing_of = |cell| fields.cells[index(cell)].field as usize;
-        if let Some(bounds) = keep.bounds(points) {
-            // A whole figure belongs to the field of its middle; where that cannot take all of it, it is cut as
-            // below.
-            let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
-            let i = facing_of(middle.map(|(axis, sum)| fields.grid.along(axis, sum / 2, 0)));
-            let field = &fields.list[i];
-            let (mut z, mut beside, mut hidden) = ([f64::INFINITY, f64::NEG_INFINITY], false, false);
-            tracer.gap = false;
-            for (a, b) in segments(points) {
-                let w = &[a, b];
-                let mut list = std::mem::take(&mut tracer.small);
-                list.clear();
-                tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
-                for (p, cell) in &list {
-                    self.occlude(p, w, tracer, fields, index(*cell));
-                    let ends = Ends::of(p, w, field);
-                    z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
-                    beside |= ends.is_outside_window(field, fields.half);
-                    // Following the beam is dear, and one hidden place is enough.
-                    hidden = hidden || self.0[i].is_hidden || tracer.tracer.hides(p, w, field);
-                }
-                tracer.small = list;
-            }
-            // Stops that are kept to their area do not mark what of the stroke lies beyond it.
-            let is_within = field.area.holds(bounds.lo) && field.area.holds(bounds.hi);
-            if !tracer.gap && !beside && (field.is_wide || is_within) {
-                let here = &mut self.0[i];
-                here.is_hidden |= hidden;
-                here.is_over |= !is_within;
-                return here.figures.push((z[0], z[1]));
-            }
+        if let Some(bounds) = keep.bounds(points)
+            && self.add_figure(points, &bounds, tracer, fields)
+        {
+            return;
         }
         for (a, b) in segments(points) {
+            self.add_segment(&[a, b], tracer, fields);
+        }
+    }
+
+    /// Adds a stroke that is to stay whole to the field of its middle, if that can take all of it; `bounds` is its box.
+    fn add_figure(&mut self, points: &[P2], bounds: &Box2, tracer: &mut GridTracer<'_>, fields: &TiltedFields) -> bool {
+        let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
+        let i = fields.field_of(middle.map(|(axis, sum)| fields.grid.along(axis, sum / 2, 0)));
+        let field = &fields.list[i];
+        let mut z = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut is_beside = false;
+        let mut is_hidden = false;
+        tracer.gap = false;
+        for (a, b) in segments(points) {
             let w = &[a, b];
-            let mut list = std::mem::take(&mut tracer.small);
-            list.clear();
-            tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
-            let mut run: Option<(usize, f64, f64)> = None;
-            for (p, cell) in &list {
-                self.occlude(p, w, tracer, fields, index(*cell));
-                let i = facing_of(*cell);
-                let field = &fields.list[i];
+            let pieces = tracer.take_pieces(w);
+            for (p, cell) in &pieces {
+                self.occlude(p, w, tracer, fields, fields.index(*cell));
                 let ends = Ends::of(p, w, field);
-                let here = &mut self.0[i];
-                here.is_outside_window |= ends.is_outside_window(field, fields.half);
-                here.is_hidden = here.is_hidden || tracer.tracer.hides(p, w, field);
-                // As in the footprint: pieces of one field that follow each other make one interval.
-                match &mut run {
-                    Some((at, lo, hi)) if *at == i && ends.lo() <= *hi && ends.hi() >= *lo => {
-                        *lo = lo.min(ends.lo());
-                        *hi = hi.max(ends.hi());
-                    }
-                    run => {
-                        if let Some((i, lo, hi)) = run.replace((i, ends.lo(), ends.hi())) {
-                            self.0[i].heights.add(lo, hi);
-                        }
-                    }
+                z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
+                is_beside |= ends.is_outside_window(field, fields.half);
+                // Following the beam is dear, and one hidden place is enough.
+                is_hidden = is_hidden || self.0[i].is_hidden || tracer.tracer.hides(p, w, field);
+            }
+            tracer.small = pieces;
+        }
+        // Stops that are kept to their area do not mark what of the stroke lies beyond it.
+        let is_within = field.area.holds(bounds.lo) && field.area.holds(bounds.hi);
+        let is_whole = !tracer.gap && !is_beside && (field.is_wide || is_within);
+        if is_whole {
+            let here = &mut self.0[i];
+            here.is_hidden |= is_hidden;
+            here.is_over |= !is_within;
+            here.figures.push((z[0], z[1]));
+        }
+        is_whole
+    }
+
+    /// Adds what lies under a segment to the fields of its places.
+    fn add_segment(&mut self, w: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields) {
+        let pieces = tracer.take_pieces(w);
+        // As in the footprint: pieces of one field that follow each other make one interval.
+        let mut run: Option<FieldRun> = None;
+        for (p, cell) in &pieces {
+            self.occlude(p, w, tracer, fields, fields.index(*cell));
+            let i = fields.field_of(*cell);
+            let field = &fields.list[i];
+            let ends = Ends::of(p, w, field);
+            let here = &mut self.0[i];
+            here.is_outside_window |= ends.is_outside_window(field, fields.half);
+            here.is_hidden = here.is_hidden || tracer.tracer.hides(p, w, field);
+            match &mut run {
+                Some(run) if run.field == i && ends.lo() <= run.hi && ends.hi() >= run.lo => {
+                    run.lo = run.lo.min(ends.lo());
+                    run.hi = run.hi.max(ends.hi());
                 }
+                _ => self.end_run(run.replace(FieldRun { field: i, lo: ends.lo(), hi: ends.hi() })),
             }
-            if let Some((i, lo, hi)) = run {
-                self.0[i].heights.add(lo, hi);
-            }
-            tracer.small = list;
+        }
+        self.end_run(run);
+        tracer.small = pieces;
+    }
+
+    /// Gives the heights of a run to its field.
+    fn end_run(&mut self, run: Option<FieldRun>) {
+        if let Some(FieldRun { field, lo, hi }) = run {
+            self.0[field].heights.add(lo, hi);
         }
     }
 
@@ -168,7 +187,8 @@ impl Turned {
     fn occlude(&mut self, p: &Piece, w: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields, cell: usize) {
         let cell = &fields.cells[cell];
         for &k in &cell.doubtful {
-            let (field, here) = (&fields.list[k as usize], &mut self.0[k as usize]);
+            let field = &fields.list[k as usize];
+            let here = &mut self.0[k as usize];
             if cell.field != k && !here.is_occluded && field.is_wide {
                 here.is_occluded =
                     !Ends::of(p, w, field).is_beyond(field, fields.half) && tracer.tracer.hides(p, w, field);
@@ -188,7 +208,7 @@ impl Turned {
         }
     }
 
-    /// What all fields must hold with its intervals joined and sorted, as [`In a tilted field::heights`] needs it.
+    /// What all fields must hold with its intervals joined and sorted, as [`FieldMarks::heights`] needs them.
     #[must_use]
     pub fn joined(mut self) -> Self {
         for f in &mut self.0 {
@@ -199,8 +219,25 @@ impl Turned {
     }
 }
 
+/// The heights of pieces that follow each other in one field, by its index, on the turned part.
+struct FieldRun {
+    field: usize,
+    lo: f64,
+    hi: f64,
+}
+
+impl GridTracer<'_> {
+    /// The marked pieces of the segment `w` with their cells, in the tracer's own list: whoever takes it gives it back.
+    fn take_pieces(&mut self, w: &[P2]) -> Vec<(Piece, [i64; 2])> {
+        let mut list = std::mem::take(&mut self.small);
+        list.clear();
+        self.segment(w[0], w[1], |p, cell| list.push((p, cell)));
+        list
+    }
+}
+
 /// Both ends of a piece on the turned part.
-struct Ends([P3<TurnedFrame>; 2]);
+struct Ends([P3<Turned>; 2]);
 
 impl Ends {
     fn of(p: &Piece, w: &[P2], field: &TiltedField) -> Self {
@@ -218,6 +255,7 @@ impl Ends {
         let off = |k: usize, end: usize| self.0[end][k] - c[k] as f64;
         (0..2).any(|k| off(k, 0).min(off(k, 1)) > half[k].f64() || off(k, 0).max(off(k, 1)) < -half[k].f64())
     }
+    /// Whether an end lies outside the window.
     fn is_outside_window(&self, field: &TiltedField, half: [Nm; 2]) -> bool {
         let c = [field.centre.x, field.centre.y];
         self.0.iter().any(|p| (0..2).any(|k| (p[k] - c[k] as f64).abs() > half[k].f64()))
@@ -275,8 +313,8 @@ impl super::Tracer<'_> {
         self.surface.walk(from, to, &mut self.beam, &mut self.spans);
         self.spans.iter().filter(|s| s.facet().is_some()).any(|s| {
             // The rounding of the start is worth as much as the surface rises over a nanometre.
-            let slack = |at: f64, t: f64| at > z + t * rise + GRAZE;
-            slack(s.z0, s.t0) || slack(s.z1, s.t1)
+            let is_above_beam = |height: f64, t: f64| height > z + t * rise + GRAZE;
+            is_above_beam(s.z0, s.t0) || is_above_beam(s.z1, s.t1)
         })
     }
 }

@@ -80,7 +80,7 @@ impl Measure {
         1.0 - f64::from(self.versine)
     }
 
-    /// Of two fragments that become one, both over the same height.
+    /// What lies under two fragments that become one, both over the same height.
     fn joined(self, other: Self) -> Self {
         let [mine, others] = [self.length, other.length].map(f64::from);
         let length = mine + others;
@@ -96,7 +96,7 @@ impl Measure {
         }
     }
 
-    /// Over another height, by so much lower.
+    /// The same ground over another height, which is so much lower.
     fn over(self, lower: Nm) -> Self {
         let by = i32::try_from(lower.0).unwrap_or(0);
         Self { z: self.z.map(|z| z.saturating_add(by)), mean_z: self.mean_z + by as f32, ..self }
@@ -106,9 +106,9 @@ impl Measure {
 /// Lengths that were not marked, mm, every pass counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Skipped {
-    /// Off the part.
+    /// Length off the part.
     pub off_part: f64,
-    /// Steeper than the limit.
+    /// Length on slopes steeper than the limit.
     pub steep: f64,
     /// Fragments that are too short.
     pub small: f64,
@@ -117,7 +117,7 @@ pub struct Skipped {
 /// Dots, each counted once whatever the passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dots {
-    /// Of the texture.
+    /// All of the texture.
     pub texture: u64,
     /// Not marked: off the part.
     pub off_part: u64,

@@ -30,10 +30,10 @@ pub struct Regroup<'a> {
 }
 
 /// A stroke of the texture: fills its points, and returns its pen and how often that marks it.
-type Strokes<'a> = &'a mut dyn FnMut(StrokeId, &mut Vec<P2>) -> (PenId, u32);
+type ReadStroke<'a> = &'a mut dyn FnMut(StrokeId, &mut Vec<P2>) -> (PenId, u32);
 
 /// The fragments and slivers of one stroke.
-struct Group {
+struct StrokeGroup {
     source: StrokeId,
     list: Range<usize>,
     slivers: Range<usize>,
@@ -42,38 +42,54 @@ struct Group {
     is_kept: bool,
 }
 
+/// What was counted of the strokes that are cut again.
+struct Replaced {
+    /// Length of the marks of all other strokes, mm.
+    others_mark_mm: f64,
+    /// Closed strokes. Each was counted as cut, since it had more than one fragment or a sliver.
+    closed: usize,
+    /// Strokes that were to stay whole and were cut.
+    not_kept: usize,
+}
+
+/// Fragments of strokes that are read stroke by stroke, in the order of the texture.
+struct StrokeByStroke<'a> {
+    fragments: &'a Fragments,
+    next: usize,
+    next_sliver: usize,
+}
+
+impl StrokeByStroke<'_> {
+    /// Appends the fragments and the slivers of the next stroke, which is `source`, to `new`.
+    fn append(&mut self, source: StrokeId, new: &mut Fragments) {
+        let first = new.list.len();
+        let Self { fragments, next, next_sliver } = self;
+        let end = *next + fragments.list[*next..].iter().take_while(|f| f.source == source).count();
+        (*next..end).for_each(|i| new.push(fragments.list[i], fragments.measures[i], fragments.points_of(i)));
+        for sliver in fragments.slivers[*next_sliver..].iter().take_while(|s| s.source == source) {
+            let after = first + (sliver.after as usize - *next);
+            new.slivers.push(super::Sliver { after: after as u32, ..*sliver });
+            new.skipped.small += sliver.length_mm;
+            *next_sliver += 1;
+        }
+        *next = end;
+    }
+}
+
 impl Regroup<'_> {
-    /// Gives fragments to their new stops; `measures` are what they lie on. `splitter`, without strokes yet, cuts between the new stops, and `keep`
-    /// wants whole what it wants whole.
+    /// Gives fragments to their new stops; `measures` are what they lie on. `splitter`, without strokes yet, cuts
+    /// between the new stops, and `keep` wants whole what it wants whole.
     pub fn apply(
         &self,
-        (old, measures): (&Fragments, &[Measure]),
+        old: &Fragments,
+        measures: &[Measure],
         mut splitter: Splitter<'_>,
         keep: Keep,
-        strokes: Strokes<'_>,
+        strokes: ReadStroke<'_>,
     ) -> Fragments {
         let mut points = Vec::new();
         let mut groups = groups(old);
-        let (mut closed, mut not_kept) = (0, 0);
-        let mut marked = old.mark_mm;
-        for group in &mut groups {
-            let admits_slivers = self.may_cut && self.admits_slivers(old, group);
-            if !admits_slivers && !self.joins(old, group) {
-                continue;
-            }
-            let (pen, passes) = strokes(group.source, &mut points);
-            let is_closed = points.len() > 1 && points.first() == points.last();
-            let is_kept = keep.bounds(&points).is_some();
-            group.is_kept = !self.may_cut && (is_closed || is_kept);
-            group.is_cut_again = self.may_cut && (admits_slivers || is_closed || is_kept);
-            if group.is_cut_again {
-                let length: f64 = group.list.clone().map(|i| stroke_mm(old.points_of(i))).sum();
-                marked -= f64::from(passes) * length;
-                closed += usize::from(is_closed);
-                not_kept += usize::from(is_kept && group.list.len() > 1);
-                splitter.stroke(group.source, pen, passes, &points);
-            }
-        }
+        let replaced = self.cut_again(old, &mut groups, &mut splitter, keep, strokes, &mut points);
         let again = splitter.finish().next().unwrap_or_default();
         let mut new = Fragments {
             list: Vec::with_capacity(old.list.len()),
@@ -82,48 +98,69 @@ impl Regroup<'_> {
             slivers: Vec::with_capacity(old.slivers.len()),
             strokes_cut: old.strokes_cut + again.strokes_cut,
             figures_whole: old.figures_whole + again.figures_whole,
-            figures_cut: old.figures_cut + again.figures_cut - closed,
-            not_kept: old.not_kept + again.not_kept - not_kept,
-            ..Fragments::default()
-        };
-        let (mut next, mut next_sliver) = (0, 0);
-        let mut small = old.skipped.small;
-        marked += again.mark_mm;
-        for group in &groups {
-            let first = new.list.len();
-            if group.is_cut_again {
-                let of = |source: StrokeId| source == group.source;
-                let end = next + again.list[next..].iter().take_while(|f| of(f.source)).count();
-                (next..end).for_each(|i| new.push(again.list[i], again.measures[i], again.points_of(i)));
-                let slivers = again.slivers[next_sliver..].iter().take_while(|s| of(s.source));
-                for sliver in slivers {
-                    let after = first + (sliver.after as usize - next);
-                    new.slivers.push(super::Sliver { after: after as u32, ..*sliver });
-                    small += sliver.length_mm;
-                    next_sliver += 1;
-                }
-                next = end;
-                small -= old.slivers[group.slivers.clone()].iter().map(|s| s.length_mm).sum::<f64>();
-            } else {
-                marked += self.give((old, measures), group, &mut new, &mut points, strokes);
-            }
-            let count = new.list.len() - first;
-            let was_cut = usize::from(group.list.len() > 1);
-            new.strokes_cut -= if group.is_cut_again { was_cut } else { was_cut - usize::from(count > 1) };
-        }
-        let skipped = super::Skipped { small: small.max(0.0), ..old.skipped };
-        Fragments {
+            figures_cut: old.figures_cut + again.figures_cut - replaced.closed,
+            not_kept: old.not_kept + again.not_kept - replaced.not_kept,
             texture_mm: old.texture_mm,
-            mark_mm: marked,
+            mark_mm: replaced.others_mark_mm + again.mark_mm,
             overlap_mm: old.overlap_mm,
-            skipped,
+            skipped: old.skipped,
             dots: old.dots,
             cuts: old.cuts,
             short: old.short,
             steep_at: old.steep_at,
             worst_slope2: old.worst_slope2,
-            ..new
+        };
+        let mut cut_again = StrokeByStroke { fragments: &again, next: 0, next_sliver: 0 };
+        for group in &groups {
+            let first = new.list.len();
+            if group.is_cut_again {
+                cut_again.append(group.source, &mut new);
+                let old_slivers = &old.slivers[group.slivers.clone()];
+                new.skipped.small -= old_slivers.iter().map(|s| s.length_mm).sum::<f64>();
+            } else {
+                new.mark_mm += self.give(old, measures, group, &mut new, &mut points, strokes);
+            }
+            let count = new.list.len() - first;
+            let was_cut = usize::from(group.list.len() > 1);
+            // Takes out what was counted of the stroke in `old`: `again` counts strokes that are cut again; others are
+            // no longer cut where their fragments became one.
+            new.strokes_cut -= if group.is_cut_again { was_cut } else { was_cut - usize::from(count > 1) };
         }
+        // A difference of sums may fall below nothing by rounding.
+        new.skipped.small = new.skipped.small.max(0.0);
+        new
+    }
+
+    /// Decides of every stroke whether it is cut again, and cuts those that are.
+    fn cut_again(
+        &self,
+        old: &Fragments,
+        groups: &mut [StrokeGroup],
+        splitter: &mut Splitter<'_>,
+        keep: Keep,
+        strokes: ReadStroke<'_>,
+        points: &mut Vec<P2>,
+    ) -> Replaced {
+        let mut replaced = Replaced { others_mark_mm: old.mark_mm, closed: 0, not_kept: 0 };
+        for group in groups {
+            let admits_slivers = self.may_cut && self.admits_slivers(old, group);
+            if !admits_slivers && !self.joins(old, group) {
+                continue;
+            }
+            let (pen, passes) = strokes(group.source, points);
+            let is_closed = points.len() > 1 && points.first() == points.last();
+            let is_kept = keep.bounds(points).is_some();
+            group.is_kept = !self.may_cut && (is_closed || is_kept);
+            group.is_cut_again = self.may_cut && (admits_slivers || is_closed || is_kept);
+            if group.is_cut_again {
+                let length: f64 = group.list.clone().map(|i| stroke_mm(old.points_of(i))).sum();
+                replaced.others_mark_mm -= f64::from(passes) * length;
+                replaced.closed += usize::from(is_closed);
+                replaced.not_kept += usize::from(is_kept && group.list.len() > 1);
+                splitter.stroke(group.source, pen, passes, points);
+            }
+        }
+        replaced
     }
 
     fn id(&self, old: StopId) -> StopId {
@@ -135,13 +172,13 @@ impl Regroup<'_> {
     }
 
     /// Whether fragments of a stroke become one.
-    fn joins(&self, old: &Fragments, group: &Group) -> bool {
+    fn joins(&self, old: &Fragments, group: &StrokeGroup) -> bool {
         let list = &old.list[group.list.clone()];
         list.windows(2).any(|w| w[1].goes_on && self.id(w[0].stop) == self.id(w[1].stop))
     }
 
     /// Whether what was left out of a stroke may be admitted by a stop that changes.
-    fn admits_slivers(&self, old: &Fragments, group: &Group) -> bool {
+    fn admits_slivers(&self, old: &Fragments, group: &StrokeGroup) -> bool {
         old.slivers[group.slivers.clone()].iter().any(|s| old.stops_at(s).any(|stop| self.is_changed(stop)))
     }
 
@@ -149,46 +186,50 @@ impl Regroup<'_> {
     /// was rounded to the grid lay off the line.
     fn give(
         &self,
-        (old, measures): (&Fragments, &[Measure]),
-        group: &Group,
+        old: &Fragments,
+        measures: &[Measure],
+        group: &StrokeGroup,
         new: &mut Fragments,
         points: &mut Vec<P2>,
-        strokes: Strokes<'_>,
+        strokes: ReadStroke<'_>,
     ) -> f64 {
-        let slivers = &old.slivers[group.slivers.clone()];
-        let mut left_out = slivers.iter().peekable();
-        let (mut passes, mut longer) = (None, 0.0);
+        let mut slivers = old.slivers[group.slivers.clone()].iter().peekable();
+        // The stroke is read once, when the first of its fragments are joined.
+        let mut passes_of_stroke = None;
+        let mut longer = 0.0;
         for i in group.list.clone() {
-            while let Some(sliver) = left_out.next_if(|s| s.after as usize <= i) {
+            // Invariant: slivers and fragments go to `new` in their order on the stroke.
+            while let Some(sliver) = slivers.next_if(|s| s.after as usize <= i) {
                 new.leave_out(sliver, self.id(sliver.stop));
             }
-            let (f, measure) = (old.list[i], measures[i]);
-            let (from, to) = (&self.old.stops[f.stop.index()].stop, self.id(f.stop));
-            let at = &self.new.stops[to.index()].stop;
-            let by = [from.centre.x - at.centre.x, from.centre.y - at.centre.y].map(|v| v as i32);
-            let measure = measure.over(from.z_lo - at.z_lo);
+            let f = old.list[i];
+            let old_stop = &self.old.stops[f.stop.index()].stop;
+            let new_id = self.id(f.stop);
+            let new_stop = &self.new.stops[new_id.index()].stop;
+            let by = [old_stop.centre.x - new_stop.centre.x, old_stop.centre.y - new_stop.centre.y].map(|v| v as i32);
+            let measure = measures[i].over(old_stop.z_lo - new_stop.z_lo);
             let moved = |p: &FieldPoint| FieldPoint::new(p.x + by[0], p.y + by[1]);
-            let follows = i > group.list.start && f.goes_on && self.id(old.list[i - 1].stop) == to;
-            let is_joined = follows && !group.is_kept;
+            let continues = i > group.list.start && f.goes_on && self.id(old.list[i - 1].stop) == new_id;
+            let is_joined = continues && !group.is_kept;
             if !is_joined {
-                new.push(Fragment { stop: to, ..f }, measure, old.points_of(i).iter().map(moved));
+                new.push(Fragment { stop: new_id, ..f }, measure, old.points_of(i).iter().map(moved));
                 continue;
             }
-            let passes = *passes.get_or_insert_with(|| strokes(group.source, points).1);
-            let [cut, ref follows @ ..] = *old.points_of(i) else { continue };
+            let passes = *passes_of_stroke.get_or_insert_with(|| strokes(group.source, points).1);
+            let [cut, ref rest @ ..] = *old.points_of(i) else { continue };
             // A cut at a vertex of the stroke is a corner of the mark.
             let is_vertex = points[f.segment as usize]
-                == P2::new(from.centre.x + i64::from(cut.x), from.centre.y + i64::from(cut.y));
-            if let (false, [.., before, end], Some(after)) = (is_vertex, &new.points[..], follows.first().map(moved)) {
+                == P2::new(old_stop.centre.x + i64::from(cut.x), old_stop.centre.y + i64::from(cut.y));
+            if let (false, [.., before, end], Some(after)) = (is_vertex, &new.points[..], rest.first().map(moved)) {
                 longer += f64::from(passes) * (stroke_mm(&[*before, after]) - stroke_mm(&[*before, *end, after]));
                 new.points.pop();
             }
-            new.points.extend(follows.iter().map(moved));
+            new.points.extend(rest.iter().map(moved));
             let (Some(last), Some(sum)) = (new.list.last_mut(), new.measures.last_mut()) else { continue };
             last.len = new.points.len() as u32 - last.first;
             *sum = sum.joined(measure);
         }
-        left_out.for_each(|sliver| new.leave_out(sliver, self.id(sliver.stop)));
+        slivers.for_each(|sliver| new.leave_out(sliver, self.id(sliver.stop)));
         longer
     }
 }
@@ -201,7 +242,8 @@ impl Fragments {
 
     /// The stops of the fragments before and after a sliver on its stroke.
     pub(crate) fn stops_beside<'a>(&'a self, sliver: &super::Sliver) -> impl Iterator<Item = StopId> + use<'a> {
-        let (after, source) = (sliver.after as usize, sliver.source);
+        let after = sliver.after as usize;
+        let source = sliver.source;
         let beside = &self.list[after.saturating_sub(1)..(after + 1).min(self.list.len())];
         beside.iter().filter(move |f| f.source == source).map(|f| f.stop)
     }
@@ -230,15 +272,21 @@ impl Fragments {
 }
 
 /// The strokes that have fragments or slivers, in the order of the texture.
-fn groups(of: &Fragments) -> Vec<Group> {
-    let (mut groups, mut at, mut sliver) = (Vec::new(), 0, 0);
+fn groups(fragments: &Fragments) -> Vec<StrokeGroup> {
+    let Fragments { list: all, slivers: all_slivers, .. } = fragments;
+    let mut groups = Vec::new();
+    let mut next = 0;
+    let mut next_sliver = 0;
     loop {
-        let next = [of.list.get(at).map(|f| f.source), of.slivers.get(sliver).map(|s| s.source)];
-        let Some(source) = next.into_iter().flatten().min() else { return groups };
-        let list = at..at + of.list[at..].iter().take_while(|f| f.source == source).count();
-        let slivers = sliver..sliver + of.slivers[sliver..].iter().take_while(|s| s.source == source).count();
-        (at, sliver) = (list.end, slivers.end);
-        groups.push(Group { source, list, slivers, is_cut_again: false, is_kept: false });
+        // Invariant: fragments before `next` and slivers before `next_sliver` are in a group. Both lists are in the
+        // order of the texture, and a stroke may be in one of them only.
+        let sources = [all.get(next).map(|f| f.source), all_slivers.get(next_sliver).map(|s| s.source)];
+        let Some(source) = sources.into_iter().flatten().min() else { return groups };
+        let list = next..next + all[next..].iter().take_while(|f| f.source == source).count();
+        let sliver_count = all_slivers[next_sliver..].iter().take_while(|s| s.source == source).count();
+        let slivers = next_sliver..next_sliver + sliver_count;
+        (next, next_sliver) = (list.end, slivers.end);
+        groups.push(StrokeGroup { source, list, slivers, is_cut_again: false, is_kept: false });
     }
 }
 
@@ -275,7 +323,7 @@ mod tests {
     fn regrouped(regroup: &Regroup<'_>, old: &Fragments, strokes: &[Vec<P2>]) -> Fragments {
         let surface = slope();
         let splitter = Splitter::new(Tracer::new(&surface, 1.0), &[regroup.new], LEAST, Keep(Nm(0)), Seam::default());
-        regroup.apply((old, &old.measures), splitter, Keep(Nm(0)), &mut |source, points| {
+        regroup.apply(old, &old.measures, splitter, Keep(Nm(0)), &mut |source, points| {
             points.clone_from(&strokes[source.0 as usize]);
             (PenId(0), 2)
         })

@@ -10,7 +10,7 @@
 //! never come. Its power is analogue output 0 in percent (M67, with the next move); where it follows the speed of the
 //! spot, it is set anew before every move that asks for another.
 
-use super::{At, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
+use super::{AxisWords, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
 use crate::on_the_fly::check::Checked;
 use terrace_core::machine::Machine;
 
@@ -42,7 +42,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
     approach(&mut out, checked, machine, "G0");
     line(&mut out, &dwell(settle(machine)));
     line(&mut out, "G93");
-    let mut at = At::start(program, machine);
+    let mut axis_words = AxisWords::start(program, machine);
     let (mut laser, mut pieces, mut powers) = (false, Pieces::default(), Powers::new(checked, machine));
     for (us, from, to) in program.steps() {
         let begun = pieces.begin(to.mark);
@@ -67,7 +67,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
             line(&mut out, if laser { "M62 P0" } else { "M63 P0" });
         }
         out.extend_from_slice(b"G1");
-        at.words(&mut out, &to.to);
+        axis_words.append(&mut out, &to.to);
         out.extend_from_slice(b" F");
         push_inverse(&mut out, to.us - us);
         out.push(b'\n');

@@ -25,20 +25,20 @@ pub(crate) const BLEND_MM: f64 = 2e-4;
 /// Letters of all axes of a sample.
 const LETTERS: [u8; AXES] = *b"XYZACUV";
 
-/// Where the axes are.
-struct At<'a> {
+/// Where the axes are, so that only those that move get a word.
+struct AxisWords<'a> {
     to: AxisCommands,
     kind: Kind,
     machine: &'a Machine,
 }
 
-impl<'a> At<'a> {
+impl<'a> AxisWords<'a> {
     fn start(program: &Program, machine: &'a Machine) -> Self {
         Self { to: program.start, kind: program.kind, machine }
     }
 
     /// Appends a word, after a blank, for each of these axes that moves to `to`; returns whether any does.
-    fn words(&mut self, out: &mut Vec<u8>, to: &AxisCommands) -> bool {
+    fn append(&mut self, out: &mut Vec<u8>, to: &AxisCommands) -> bool {
         let mut moves = false;
         for &k in self.kind.axes() {
             if to[k] != self.to[k] {

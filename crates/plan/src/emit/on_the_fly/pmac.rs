@@ -11,7 +11,7 @@
 //! A DWELL waits for the motion before it. The coordinate system has its axes defined in mm and degrees, and no
 //! look-ahead or limit that stretches times.
 
-use super::{At, BLEND_MM, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
+use super::{AxisWords, BLEND_MM, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
 use crate::on_the_fly::check::{Checked, Figures};
 use terrace_core::machine::Machine;
 
@@ -51,7 +51,7 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
     push_time(&mut modes, blend, 1000);
     modes.extend_from_slice(b" TS0\n");
     out.extend_from_slice(&modes);
-    let mut at = At::start(program, machine);
+    let mut axis_words = AxisWords::start(program, machine);
     let (mut laser, mut pieces, mut powers) = (false, Pieces::default(), Powers::new(checked, machine));
     for (us, from, to) in program.steps() {
         let begun = pieces.begin(to.mark);
@@ -74,7 +74,7 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
         }
         out.extend_from_slice(b"TM");
         push_time(&mut out, to.us - us, 1000);
-        at.words(&mut out, &to.to);
+        axis_words.append(&mut out, &to.to);
         out.push(b'\n');
     }
     for text in ["M1==0", "dwell0", "M1=0", "M2=0"] {

@@ -94,48 +94,63 @@ fn work_plane(
     let mut strokes = program.strokes_of(block);
     let mut beam = Beam { at: FieldPoint::AXIS, mark_mm: 0.0, jump_mm: 0.0 };
     while let [first, ..] = strokes {
-        let (now, later) = strokes.split_at(run_length(strokes));
+        let (alike, later) = strokes.split_at(run_length(strokes));
         let key = settings.key(first.pen, block.focus_shift);
-        let (vectors, bounds) = vector_block(program, machine, key, now, &mut beam);
+        let (vectors, bounds) = vector_block(program, machine, key, alike, &mut beam);
         starts.push(file.end());
         file.message(&vectors);
         extent = extent.union(bounds);
         strokes = later;
     }
     let shell = file.end();
-    let [x, y, z] = block.stage.0.map(single_mm);
-    let centre = Patch { u_mm: single_mm(block.stop.centre.x), v_mm: single_mm(block.stop.centre.y) };
+    file.message(&work_plane_shell(checked, machine, index, starts.len(), machine_type, &beam, &extent));
+    let lut = file.end();
+    file.message(&WorkPlaneLut { shell, vector_blocks: starts });
+    file.fill_offset(lut_place, lut);
+    extent
+}
+
+/// What a work plane says of itself: where the stage stands, and the figures of its vector blocks.
+fn work_plane_shell(
+    checked: &Checked,
+    machine: &Machine,
+    index: usize,
+    vector_blocks: usize,
+    machine_type: &str,
+    beam: &Beam,
+    extent: &Box2<Controller>,
+) -> WorkPlane {
+    let block = &checked.program().blocks[index];
+    let [x_pos_mm, y_pos_mm, z_pos_mm] = block.stage.0.map(single_mm);
     let mut rotation = [0.0; 3];
     for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
         rotation[axis.letter as usize] = (command as f64 / 1e6) as f32;
     }
     let [x_rot_deg, y_rot_deg, z_rot_deg] = rotation;
-    file.message(&WorkPlane {
-        x_pos_mm: x,
-        y_pos_mm: y,
-        z_pos_mm: z,
+    let additional_axis_positions = if machine.tilts_head() {
+        Pose::of(machine, block, checked.origins()[block.setup.index()]).values().map(|v| v as f32).to_vec()
+    } else {
+        Vec::new()
+    };
+    let centre = Patch { u_mm: single_mm(block.stop.centre.x), v_mm: single_mm(block.stop.centre.y) };
+    WorkPlane {
+        x_pos_mm,
+        y_pos_mm,
+        z_pos_mm,
         x_rot_deg,
         y_rot_deg,
         z_rot_deg,
-        num_blocks: i32::try_from(starts.len()).expect("fewer than 2^31 strokes in a block"),
+        num_blocks: i32::try_from(vector_blocks).expect("fewer than 2^31 strokes in a block"),
         work_plane_number: i32::try_from(index).expect("fewer than 2^31 blocks"),
         machine_type: machine_type.into(),
-        additional_axis_positions: if machine.tilts_head() {
-            Pose::of(machine, block, checked.origins()[block.setup.index()]).values().map(|v| v as f32).to_vec()
-        } else {
-            Vec::new()
-        },
+        additional_axis_positions,
         meta_data: Some(WorkPlaneMetaData {
             scan_distance_mm: beam.mark_mm,
             jump_distance_mm: beam.jump_mm,
             patches: [(0, centre)].into(),
-            bounds: bounds_mm(&extent),
+            bounds: bounds_mm(extent),
         }),
-    });
-    let lut = file.end();
-    file.message(&WorkPlaneLut { shell, vector_blocks: starts });
-    file.fill_offset(lut_place, lut);
-    extent
+    }
 }
 
 /// The sets of marking parameters: pens with focus shifts, the first of which has the key 1.
@@ -195,7 +210,8 @@ fn vector_block(
     let passes = program.pens[first.pen.index()].passes;
     let mut extent = Box2::EMPTY;
     let mut xy_mm = Vec::with_capacity(8 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
-    let (mut scan, mut jump) = (0.0, 0.0);
+    let mut scan = 0.0;
+    let mut jump = 0.0;
     for stroke in strokes {
         let points = program.points_of(stroke);
         let to_mm = terrace_core::program::stroke_mm(&[beam.at, points[0]]);
@@ -235,8 +251,10 @@ fn vector_block(
     (block, extent)
 }
 
+/// The marking parameters of a pen with a focus shift.
 fn marking_params(program: &Program, pen: PenId, shift: Nm, machine: &Machine) -> MarkingParams {
-    let (pen, delays) = (&program.pens[pen.index()], &machine.delays);
+    let pen = &program.pens[pen.index()];
+    let delays = &machine.delays;
     MarkingParams {
         laser_power_w: pen.power.as_w(machine.laser.max_power) as f32,
         mark_speed_mm_s: pen.speed.as_mm_s() as f32,
@@ -271,6 +289,7 @@ fn machine_type(machine: &Machine) -> String {
     name
 }
 
+/// Nanometres as mm in single precision, as the format has them.
 fn single_mm(nm: i64) -> f32 {
     mm_from_nm(nm) as f32
 }

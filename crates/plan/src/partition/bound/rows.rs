@@ -127,57 +127,78 @@ fn parts(row: &[(i32, Item)], size: [i32; 3]) -> Vec<Vec<Item>> {
     parts
 }
 
-/// Adds the best of several ways to set points along one part; the first of its points has `number`.
-fn set(weights: &mut PackingWeights, part: &[Item], number: u32, size: [i32; 3]) {
-    let mut best: (u64, Vec<(u32, u32)>) = (0, Vec::new());
-    // Each way is tried on the weights as they are and taken back; the heaviest is then added for good.
-    let mut attempt = |sequence: &mut dyn Iterator<Item = (usize, u32)>| {
+/// Points along a part by their index, each with its weight, and the weight that they add in all.
+#[derive(Default)]
+struct WeightedPoints {
+    gain: u64,
+    points: Vec<(u32, u32)>,
+}
+
+impl WeightedPoints {
+    /// Sets the points of a sequence of indices and greatest weights, as far as there is room, and takes them back.
+    fn tried(
+        weights: &mut PackingWeights,
+        part: &[Item],
+        number: u32,
+        sequence: impl Iterator<Item = (usize, u32)>,
+    ) -> Self {
         let before = weights.sum();
-        let mut added = Vec::new();
+        let mut points = Vec::new();
         for (n, most) in sequence {
             let weight = weights.room(&part[n]).min(most);
             if weight > 0 {
                 weights.add(&part[n], number + n as u32, weight);
-                added.push((n as u32, weight));
+                points.push((n as u32, weight));
             }
         }
         let gain = weights.sum() - before;
-        for &(n, weight) in &added {
+        for &(n, weight) in &points {
             weights.remove(&part[n as usize], number + n, weight);
         }
-        if gain > best.0 {
-            best = (gain, added);
-        }
-    };
-    let line = Line::new(part, size);
+        Self { gain, points }
+    }
+
+    fn or_heavier(self, other: Self) -> Self {
+        if other.gain > self.gain { other } else { self }
+    }
+}
+
+/// Adds the best of several ways to set points along one part; the first of its points has `number`.
+fn set(weights: &mut PackingWeights, part: &[Item], number: u32, size: [i32; 3]) {
+    // Each way is tried on the weights as they are; the heaviest is then added for good.
+    let mut best = WeightedPoints::default();
+    let line = PartLine::new(part, size);
     for way in WAYS {
         let order = line.sorted(way);
         let spaced = line.spaced(&order);
         let enough = 2 * spaced.len() + 2;
-        attempt(&mut spaced.into_iter().map(|n| (n, WHOLE)));
+        let spaced = spaced.into_iter().map(|n| (n, WHOLE));
+        best = best.or_heavier(WeightedPoints::tried(weights, part, number, spaced));
         let (points, is_closed) = line.walk(order[0], enough);
         // On a closed line one part in eight of the weight for every point of eight laps: a line of 8.6 windows
         // comes near 8.6, not 8.
         if is_closed {
-            attempt(&mut points.iter().map(|&n| (n, 1)));
+            let laps = points.iter().map(|&n| (n, 1));
+            best = best.or_heavier(WeightedPoints::tried(weights, part, number, laps));
         } else if let Some(&end) = points.last() {
-            attempt(&mut line.walk(end, enough).0.iter().map(|&n| (n, WHOLE)));
+            let back = line.walk(end, enough).0.into_iter().map(|n| (n, WHOLE));
+            best = best.or_heavier(WeightedPoints::tried(weights, part, number, back));
         }
     }
-    for &(n, weight) in &best.1 {
+    for &(n, weight) in &best.points {
         weights.add(&part[n as usize], number + n, weight);
     }
 }
 
 /// The points of a part, to be set along.
-struct Line<'a> {
+struct PartLine<'a> {
     points: &'a [Item],
     size: [i32; 3],
     /// The points by x and by y.
     by: [Vec<usize>; 2],
 }
 
-impl<'a> Line<'a> {
+impl<'a> PartLine<'a> {
     fn new(points: &'a [Item], size: [i32; 3]) -> Self {
         let mut line = Self { points, size, by: [vec![], vec![]] };
         line.by = [line.sorted([1, 0]), line.sorted([0, 1])];
@@ -219,7 +240,8 @@ impl<'a> Line<'a> {
     /// answer is true). A lap has at most `enough` points.
     fn walk(&self, start: usize, enough: usize) -> (Vec<usize>, bool) {
         let mut walked = vec![start];
-        let (mut laps, mut is_away) = (0, false);
+        let mut laps = 0;
+        let mut is_away = false;
         while let Some(next) = self.next(&walked) {
             let is_back = self.share(start, next);
             laps += usize::from(is_back && is_away);

@@ -78,9 +78,11 @@ impl EjectionPool {
     /// shift drops the least.
     fn cheapest(&mut self, cover: &Cover<'_>, i: u32, dice: &mut Dice) -> Option<(u64, u32, [i32; 3])> {
         let items = cover.index.items();
-        let (item, size) = (items[i as usize], cover.size);
+        let item = items[i as usize];
+        let size = cover.size;
         let mut best = u64::MAX;
-        let (weights, ties) = (&self.weights, &mut self.ties);
+        let weights = &self.weights;
+        let ties = &mut self.ties;
         ties.clear();
         // Boxes that need no more than their own size to reach the piece: from farther away all that they hold
         // would be dropped.

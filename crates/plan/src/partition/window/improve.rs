@@ -23,13 +23,13 @@ const TRIES: usize = 2;
 pub(super) fn run(cover: &mut Cover<'_>) {
     let mut dice = Dice::new();
     let most = MOST_WORK * cover.index.items().len() as u64;
-    let goes_on =
+    let is_worth_more =
         |before: usize, cover: &Cover<'_>| before - cover.boxes().len() > before / 2000 && cover.work() < most;
     let mut ejection_pool = EjectionPool::new(cover.index.items().len());
     for _ in 0..ROUNDS {
         let before = cover.boxes().len();
         ejection_pool.round(cover, &mut dice);
-        if !goes_on(before, cover) {
+        if !is_worth_more(before, cover) {
             break;
         }
     }
@@ -39,7 +39,7 @@ pub(super) fn run(cover: &mut Cover<'_>) {
         for _ in 0..before {
             rebuild.step(cover, &mut dice);
         }
-        if !goes_on(before, cover) {
+        if !is_worth_more(before, cover) {
             break;
         }
     }
@@ -62,6 +62,8 @@ struct Rebuild {
 }
 
 impl Rebuild {
+    /// Takes some boxes out, and puts as many or fewer in their place where these hold what those did; else it puts
+    /// them back.
     fn step(&mut self, cover: &mut Cover<'_>, dice: &mut Dice) {
         let count = cover.boxes().len() as u32;
         if count == 0 {
@@ -73,11 +75,11 @@ impl Rebuild {
             cover.take(b, &mut self.bare);
         }
         // What only the boxes taken out held is bare now; as many boxes as before or fewer must hold it.
-        let found = self.bare.is_empty() || (0..TRIES).any(|_| self.sweep(cover, dice));
+        let is_covered = self.bare.is_empty() || (0..TRIES).any(|_| self.sweep(cover, dice));
         if self.bare.is_empty() {
             self.corners.clear();
         }
-        if !found {
+        if !is_covered {
             self.out.iter().for_each(|&b| cover.put(b));
             return;
         }
@@ -92,7 +94,8 @@ impl Rebuild {
 
     /// Chooses box `first` and some boxes near it.
     fn choose(&mut self, cover: &Cover<'_>, first: u32, dice: &mut Dice) {
-        let (c, size) = (cover.corner(first), cover.size);
+        let c = cover.corner(first);
+        let size = cover.size;
         let reach = size.map(|s| s + s / 8);
         self.near.clear();
         let near = &mut self.near;

@@ -50,7 +50,7 @@ pub(super) struct Strip {
     sweep: Vec<SweepPiece>,
     /// Lower corners of the fewest windows found so far.
     best: Vec<[i32; 2]>,
-    /// Those of the last sweep.
+    /// Lower corners of the windows of the last sweep.
     corners: Vec<[i32; 2]>,
 }
 

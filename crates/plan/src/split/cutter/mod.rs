@@ -7,6 +7,8 @@ pub use seam::Seam;
 
 use bend::Bend;
 
+use std::cmp::Ordering;
+
 use super::{Fragment, Fragments, Least, Measure, Run, Segment, Skipped, Sliver};
 use crate::partition::Stops;
 use crate::projection::{Keep, Normals, Piece, Skip};
@@ -22,8 +24,24 @@ const BRIDGES: u32 = 100;
 /// How far beyond its window the end of a mark is moved back onto the border, nm: a bridge of one, rounded.
 const BEYOND: i64 = 2;
 
+/// A place on a stroke.
+#[derive(Clone, Copy)]
+struct StrokePlace {
+    /// Index of the piece in its run.
+    piece: usize,
+    /// Share of the segment of that piece.
+    t: f64,
+}
+
+impl StrokePlace {
+    /// Which of two places of a run comes first.
+    fn order(&self, other: &Self) -> Ordering {
+        self.piece.cmp(&other.piece).then(self.t.total_cmp(&other.t))
+    }
+}
+
 /// The fragment being built.
-struct Open {
+struct OpenFragment {
     stop: StopId,
     segment: u32,
     first: usize,
@@ -47,6 +65,52 @@ struct Open {
     from: Before,
 }
 
+impl OpenFragment {
+    /// The fragment of `stop` that begins at `last` of a segment, with point `first` of the list.
+    fn new(stop: StopId, segment: u32, first: usize, last: P2, bend: Bend, from: Before) -> Self {
+        Self {
+            stop,
+            segment,
+            first,
+            z: [f64::INFINITY, f64::NEG_INFINITY],
+            z_length: 0.0,
+            cos_length: 0.0,
+            slope2: 0.0,
+            length: 0.0,
+            drawn_exact: 0.0,
+            last,
+            drawn: 0.0,
+            bend,
+            shared: 0.0,
+            from,
+        }
+    }
+
+    /// Lets go of what was summed up: the fragment begins on another segment.
+    fn restart(&mut self, segment: u32) {
+        self.segment = segment;
+        self.z = [f64::INFINITY, f64::NEG_INFINITY];
+        self.z_length = 0.0;
+        self.cos_length = 0.0;
+        self.slope2 = 0.0;
+        self.length = 0.0;
+        self.drawn_exact = 0.0;
+    }
+}
+
+/// What lies under a mark.
+struct UnderMark {
+    /// Lowest and highest height, nm.
+    z: [f64; 2],
+    mean_z: f64,
+    /// Length of the mark in the field, nm; 0 of a dot.
+    length: f64,
+    /// Mean cosine of the slope.
+    cos: f64,
+    /// Largest squared slope.
+    slope2: f64,
+}
+
 /// What became of the fragment that ended where another begins.
 #[derive(Clone, Copy, Default, PartialEq)]
 enum Before {
@@ -62,12 +126,42 @@ enum Before {
 /// Where the open fragment is to be cut.
 #[derive(Clone, Copy)]
 struct PlannedCut {
-    /// Index of the piece in its run.
-    piece: usize,
-    /// Share of its segment.
-    t: f64,
+    at: StrokePlace,
     /// The stop that continues.
     next: StopId,
+}
+
+/// A coordinate of a piece of a stroke, which goes straight from one value to another, and its limits.
+struct LinearCoordinate {
+    from: f64,
+    to: f64,
+    lo: f64,
+    hi: f64,
+}
+
+impl LinearCoordinate {
+    /// Whether it lies within its limits at a share of the piece.
+    fn is_inside(&self, share: f64) -> bool {
+        let now = self.from + (self.to - self.from) * share;
+        self.lo - EPS <= now && now <= self.hi + EPS
+    }
+
+    /// The share of the piece at which it leaves its limits; None where it ends within them.
+    fn leaves(&self) -> Option<f64> {
+        let is_left = self.to.clamp(self.lo - EPS, self.hi + EPS) != self.to;
+        is_left.then(|| (self.to.clamp(self.lo, self.hi) - self.from) / (self.to - self.from))
+    }
+}
+
+/// The share of the way from `a` to `b` at which a coordinate that begins within its limits reaches one of them, beyond
+/// 1 if only later; infinite where it never does.
+#[inline]
+fn leaves_at([a, b]: [i64; 2], [lo, hi]: [f64; 2]) -> f64 {
+    match b - a {
+        0 => f64::INFINITY,
+        d @ 1.. => (hi - a as f64) / d as f64,
+        d => (lo - a as f64) / d as f64,
+    }
 }
 
 /// Cuts strokes between the stops of one candidate.
@@ -77,7 +171,7 @@ pub(super) struct Cutter<'a> {
     least: Least,
     keep: Keep,
     out: Fragments,
-    open: Option<Open>,
+    open: Option<OpenFragment>,
     /// What became of the fragment that ended last, if the stroke continues from there.
     last: Before,
     /// Height of the surface at the end of the last stretch that was marked.
@@ -87,8 +181,10 @@ pub(super) struct Cutter<'a> {
     source: StrokeId,
     pen: PenId,
     passes: f64,
-    /// Fragments and skipped lengths before the stroke.
-    before: (usize, Skipped),
+    /// How many fragments there were before the stroke.
+    fragments_before: usize,
+    /// What was skipped before the stroke.
+    skipped_before: Skipped,
     /// Stops that admit a point; scratch space.
     admitting: Vec<StopId>,
     seam: Seam,
@@ -101,12 +197,13 @@ pub(super) struct Cutter<'a> {
 impl<'a> Cutter<'a> {
     pub(super) fn new(normals: Normals<'a>, stops: &'a Stops, least: Least, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
-        let before = (0, out.skipped);
         Self {
             normals,
             stops,
             least,
             keep,
+            skipped_before: out.skipped,
+            fragments_before: 0,
             out,
             open: None,
             last: Before::None,
@@ -115,7 +212,6 @@ impl<'a> Cutter<'a> {
             source: StrokeId(0),
             pen: PenId(0),
             passes: 1.0,
-            before,
             admitting: Vec::new(),
             seam,
             cut: None,
@@ -130,15 +226,18 @@ impl<'a> Cutter<'a> {
         Fragments { worst_slope2, ..self.out }
     }
 
+    /// Begins a stroke.
     pub(super) fn begin(&mut self, source: StrokeId, pen: PenId, passes: u32) {
         (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
-        self.before = (self.out.list.len(), self.out.skipped);
+        self.fragments_before = self.out.list.len();
+        self.skipped_before = self.out.skipped;
         self.last = Before::None;
     }
 
     /// Takes a dot: a run of one segment without length, and its piece.
     pub(super) fn dot(&mut self, run: &Run) {
-        let (s, p) = (&run.segments[0], &run.pieces[0]);
+        let s = &run.segments[0];
+        let p = &run.pieces[0];
         self.out.dots.texture += 1;
         match p.skip {
             Some(Skip::OffPart) => return self.out.dots.off_part += 1,
@@ -149,26 +248,30 @@ impl<'a> Cutter<'a> {
             }
             None => {}
         }
-        let (stop, _) = self.choose(run, 0, 0, 0.0);
-        let at = self.stops.turn(stop).map(|turn| (turn.apply(s.at(0.0, p.z0))[2], turn.slope2(self.normals.under(p))));
-        let (z, slope2) = at.unwrap_or((p.z0, p.slope2));
+        let (stop, _) = self.choose(run, 0, StrokePlace { piece: 0, t: 0.0 });
+        let (z, slope2) = match self.stops.turn(stop) {
+            Some(turn) => (turn.apply(s.at(0.0, p.z0))[2], turn.slope2(self.normals.under(p))),
+            None => (p.z0, p.slope2),
+        };
         let first = self.out.points.len() as u32;
         self.out.points.push(self.local(stop, s.a, p.z0));
         self.out.list.push(Fragment { stop, source: self.source, pen: self.pen, first, len: 1, ..Fragment::default() });
-        let measure = self.measure(stop, [z; 2], [z, 0.0, 1.0 / (1.0 + slope2).sqrt()], slope2);
+        let cos = 1.0 / (1.0 + slope2).sqrt();
+        let measure = self.measure(stop, UnderMark { z: [z; 2], mean_z: z, length: 0.0, cos, slope2 });
         self.out.measures.push(measure);
     }
 
+    /// Ends a stroke that is no dot, and counts what became of it.
     pub(super) fn end(&mut self, points: &[P2]) {
         self.close(points[points.len() - 1]);
         let out = &mut self.out;
-        let parts = out.list.len() - self.before.0;
+        let parts = out.list.len() - self.fragments_before;
         out.strokes_cut += usize::from(parts > 1);
         if parts > 1 && self.keep.bounds(points).is_some() {
             out.not_kept += 1;
         }
         if points[0] == points[points.len() - 1] {
-            if parts == 1 && out.skipped == self.before.1 {
+            if parts == 1 && out.skipped == self.skipped_before {
                 out.figures_whole += 1;
                 // A figure may begin at any vertex as long as its points are those of the texture: rounding drops
                 // some that fall together, a turned part adds some.
@@ -205,10 +308,11 @@ impl<'a> Cutter<'a> {
                 let mut t = p.t0;
                 while t < p.t1 {
                     let is_chosen = carried.is_none();
-                    let (stop, end) = carried.take().unwrap_or_else(|| self.go_on(run, k, i, t));
+                    let (stop, end) =
+                        carried.take().unwrap_or_else(|| self.next_stop(run, k, StrokePlace { piece: i, t }));
                     let mut exit = self.exit(stop, end, s, p, t);
-                    if let Some(cut) = self.cut.filter(|cut| cut.piece == i) {
-                        exit = exit.min(cut.t.max(t));
+                    if let Some(cut) = self.cut.filter(|cut| cut.at.piece == i) {
+                        exit = exit.min(cut.at.t.max(t));
                     }
                     if is_chosen && exit <= t {
                         // Not even the stop that was just chosen goes beyond t: rounding left a gap between two stops,
@@ -221,7 +325,7 @@ impl<'a> Cutter<'a> {
                     }
                     if exit > t {
                         if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != stop) {
-                            self.share(stop, run, i, t);
+                            self.share(stop, run, StrokePlace { piece: i, t });
                         }
                         self.mark(stop, s, [t, exit], p);
                         t = exit;
@@ -245,13 +349,7 @@ impl<'a> Cutter<'a> {
             return f64::INFINITY;
         }
         let [lo, hi] = self.stops.window(stop);
-        let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
-        let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
-            0 => f64::INFINITY,
-            1.. => (hi - a as f64) / d as f64,
-            _ => (lo - a as f64) / d as f64,
-        };
-        end(x, s.a.x, lo[0], hi[0]).min(end(y, s.a.y, lo[1], hi[1]))
+        leaves_at([s.a.x, s.b.x], [lo[0], hi[0]]).min(leaves_at([s.a.y, s.b.y], [lo[1], hi[1]]))
     }
 
     /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
@@ -284,25 +382,24 @@ impl<'a> Cutter<'a> {
         // Every coordinate of the turned part is linear along the piece, and so are those of the drawing: each says
         // whether it is inside at t and where it leaves; the first to leave counts.
         let share = (t - p.t0) / (p.t1 - p.t0);
-        let mut exit = p.t1;
-        let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
-            let now = a + (b - a) * share;
-            let limit = b.clamp(lo - EPS, hi + EPS);
-            if limit != b {
-                let limit = b.clamp(lo, hi);
-                exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a) / (b - a)));
-            }
-            lo - EPS <= now && now <= hi + EPS
-        };
         let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
         let [a, b] = ends.map(|p| turn.apply(p));
         let [lo, hi] = self.bounds(stop);
-        let mut is_inside = (0..3).all(|k| inside(a[k], b[k], lo[k], hi[k]));
-        if let Some(area) = self.stops.area(stop) {
+        let in_space = (0..3).map(|k| LinearCoordinate { from: a[k], to: b[k], lo: lo[k], hi: hi[k] });
+        let in_area = self.stops.area(stop).into_iter().flat_map(|area| {
             let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
-            is_inside = is_inside && (0..2).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+            (0..2).map(move |k| LinearCoordinate { from: a[k], to: b[k], lo: lo[k], hi: hi[k] })
+        });
+        let mut exit = p.t1;
+        for coordinate in in_space.chain(in_area) {
+            if !coordinate.is_inside(share) {
+                return t;
+            }
+            if let Some(leaves) = coordinate.leaves() {
+                exit = exit.min(p.t0 + (p.t1 - p.t0) * leaves);
+            }
         }
-        if is_inside { exit.clamp(t, p.t1) } else { t }
+        exit.clamp(t, p.t1)
     }
 
     /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
@@ -330,67 +427,69 @@ impl<'a> Cutter<'a> {
         FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
     }
 
-    /// The stop that continues after `t` on piece `i` of segment `k`, and where its window ends; plans the
-    /// place of the next cut if that is free.
-    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
-        let planned = self.cut.take().filter(|cut| cut.piece == i && cut.t <= t).map(|cut| cut.next);
-        let (s, p) = (&run.segments[k], &run.pieces[i]);
-        let ends = planned.map(|next| (next, self.window_end(next, s)));
-        let (stop, end) =
-            ends.filter(|&(n, end)| self.exit(n, end, s, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+    /// The stop that continues after a place on segment `k`, and where its window ends; plans the place of the next cut
+    /// if that is free.
+    fn next_stop(&mut self, run: &Run, k: usize, at: StrokePlace) -> (StopId, f64) {
+        let is_due = |cut: &PlannedCut| cut.at.piece == at.piece && cut.at.t <= at.t;
+        let planned = self.cut.take().filter(is_due).map(|cut| cut.next);
+        let s = &run.segments[k];
+        let p = &run.pieces[at.piece];
+        let planned = planned.map(|next| (next, self.window_end(next, s)));
+        let (stop, end) = planned
+            .filter(|&(next, end)| self.exit(next, end, s, p, at.t) > at.t)
+            .unwrap_or_else(|| self.choose(run, k, at));
         if self.seam.zone > 0.0 {
-            self.cut = self.plan(stop, run, k, i, t);
+            self.cut = self.plan(stop, run, k, at);
         }
         (stop, end)
     }
 
-    /// Of the stops that admit what follows after `t` on piece `i` of segment `k`, the one that the stroke leaves
-    /// last; and where on the segment its window ends.
-    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
-        let (s, p) = (&run.segments[k], &run.pieces[i]);
-        let at = s.at(t, p.z(t));
+    /// Of the stops that admit what follows after a place on segment `k`, the one that the stroke leaves last; and
+    /// where on the segment its window ends.
+    fn choose(&mut self, run: &Run, k: usize, at: StrokePlace) -> (StopId, f64) {
+        let s = &run.segments[k];
+        let p = &run.pieces[at.piece];
+        let point = s.at(at.t, p.z(at.t));
         let mut admitting = std::mem::take(&mut self.admitting);
         admitting.clear();
-        admitting.extend(self.stops.near(at, EPS).filter(|&stop| {
-            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
-            let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
-            holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
+        admitting.extend(self.stops.near(point, EPS).filter(|&stop| {
+            let ([lo, hi], seen) = (self.bounds(stop), self.seen(stop, point));
+            let is_in_window = (0..2).all(|axis| lo[axis] - EPS <= seen[axis] && seen[axis] <= hi[axis] + EPS);
+            is_in_window && self.exit(stop, self.window_end(stop, s), s, p, at.t) > at.t
         }));
         if self.seam.overlap > 0.0 && admitting.len() > 1 {
-            self.overlapping(&mut admitting, run, i, t);
+            self.overlapping(&mut admitting, run, at);
         }
         let best = match admitting[..] {
-            [] => self.nearest(at),
-            [one] => one,
-            _ => {
-                // Farthest first is optimal for cuts along one stroke: any cover of the stretch by intervals can be
-                // exchanged for this one, interval by interval, without a cut more.
-                let left = |&stop: &StopId| (self.left(stop, run, k, i, t), stop);
-                let later = |a: &((usize, f64), StopId), b: &((usize, f64), StopId)| {
-                    a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
-                };
-                admitting.iter().map(left).max_by(later).map_or(admitting[0], |l| l.1)
-            }
+            [] => self.nearest(point),
+            [only] => only,
+            // Farthest first is optimal for cuts along one stroke: any cover of the stretch by intervals can be
+            // exchanged for this one, interval by interval, without a cut more.
+            _ => admitting
+                .iter()
+                .map(|&stop| (self.left(stop, run, k, at), stop))
+                .max_by(|(a, a_stop), (b, b_stop)| a.order(b).then(a_stop.cmp(b_stop)))
+                .map_or(admitting[0], |(_, stop)| stop),
         };
         self.admitting = admitting;
         (best, self.window_end(best, s))
     }
 
-    /// Where the stroke leaves a stop that admits it at `t`: piece and parameter.
-    fn left(&self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
-        let mut t = t;
+    /// Where the stroke leaves a stop that admits it at a place on segment `k`.
+    fn left(&self, stop: StopId, run: &Run, k: usize, at: StrokePlace) -> StrokePlace {
+        let mut t = at.t;
         for s in &run.segments[k..] {
             let end = self.window_end(stop, s);
-            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
+            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(at.piece.max(s.first)) {
                 let t = std::mem::replace(&mut t, 0.0).max(p.t0);
                 let exit = self.exit(stop, end, s, p, t);
                 if p.skip.is_some() || exit < p.t1 {
-                    return (j, if p.skip.is_some() { p.t0 } else { exit });
+                    return StrokePlace { piece: j, t: if p.skip.is_some() { p.t0 } else { exit } };
                 }
             }
         }
         // Stops that admit all that was looked ahead over count as equal; the last of the list continues.
-        (run.pieces.len(), 0.0)
+        StrokePlace { piece: run.pieces.len(), t: 0.0 }
     }
 
     /// The stop that comes nearest to admitting a point: methods cover all that was traced, up to rounding.
@@ -447,26 +546,10 @@ impl<'a> Cutter<'a> {
         let ends = self.stops.turn(stop).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
         if self.open.is_none() {
             let first = self.out.points.len();
-            let last = s.a.lerp(s.b, t[0]);
-            self.out.points.push(self.local(stop, last, z[0]));
+            let begin = s.a.lerp(s.b, t[0]);
+            self.out.points.push(self.local(stop, begin, z[0]));
             let bend = ends.map_or_else(Bend::default, |e| Bend::start([e[0][0], e[0][1]]));
-            let range = [f64::INFINITY, f64::NEG_INFINITY];
-            self.open = Some(Open {
-                stop,
-                segment: s.index,
-                first,
-                z: range,
-                z_length: 0.0,
-                cos_length: 0.0,
-                slope2: 0.0,
-                length: 0.0,
-                drawn_exact: 0.0,
-                last,
-                drawn: 0.0,
-                bend,
-                shared: 0.0,
-                from: self.last,
-            });
+            self.open = Some(OpenFragment::new(stop, s.index, first, begin, bend, self.last));
         }
         self.z = z[1];
         let normal = || self.normals.under(p);
@@ -515,11 +598,7 @@ impl<'a> Cutter<'a> {
                 self.out.points.push(p);
             } else if self.out.points.len() == open.first + 1 {
                 // All there is of the fragment is this vertex: it begins on the next segment.
-                open.segment = segment + 1;
-                open.z = [f64::INFINITY, f64::NEG_INFINITY];
-                open.z_length = 0.0;
-                (open.cos_length, open.slope2) = (0.0, 0.0);
-                (open.length, open.drawn_exact) = (0.0, 0.0);
+                open.restart(segment + 1);
             }
         }
     }
@@ -568,7 +647,8 @@ impl<'a> Cutter<'a> {
         } else {
             [self.z, 1.0 / (1.0 + open.slope2).sqrt()]
         };
-        let measure = self.measure(open.stop, open.z, [mean_z, open.length, cos], open.slope2);
+        let under = UnderMark { z: open.z, mean_z, length: open.length, cos, slope2: open.slope2 };
+        let measure = self.measure(open.stop, under);
         self.out.measures.push(measure);
         self.last = Before::Marked { spare: is_sliver.then_some(length) };
         true
@@ -588,17 +668,16 @@ impl<'a> Cutter<'a> {
         first
     }
 
-    /// What lies under a mark of `stop` between heights `z`, of this mean height, length and mean cosine, nm.
-    fn measure(&mut self, stop: StopId, z: [f64; 2], [mean_z, length, cos]: [f64; 3], slope2: f64) -> Measure {
-        self.worst_turned2 = self.worst_turned2.max(slope2);
+    /// What is kept of what lies under a mark of `stop`: heights over the lower end of what the stop admits.
+    fn measure(&mut self, stop: StopId, under: UnderMark) -> Measure {
+        self.worst_turned2 = self.worst_turned2.max(under.slope2);
         let z_lo = self.stops.stops[stop.index()].stop.z_lo.f64();
-        let over = |z: f64| (z - z_lo).round() as i32;
         Measure {
-            z: z.map(over),
-            mean_z: (mean_z - z_lo) as f32,
-            length: length as f32,
-            versine: (1.0 - cos) as f32,
-            slope2: slope2 as f32,
+            z: under.z.map(|z| (z - z_lo).round() as i32),
+            mean_z: (under.mean_z - z_lo) as f32,
+            length: under.length as f32,
+            versine: (1.0 - under.cos) as f32,
+            slope2: under.slope2 as f32,
         }
     }
 
@@ -625,5 +704,29 @@ impl<'a> Cutter<'a> {
         let (lo, hi) = ([area.lo.x, area.lo.y, lo], [area.hi.x, area.hi.y, hi]);
         let after = self.out.list.len() as u32;
         self.out.slivers.push(Sliver { stop, lo, hi, source: self.source, ends, length_mm, after });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coordinate_leaves_where_it_crosses_the_limit_that_its_end_lies_beyond() {
+        let coordinate = |from, to| LinearCoordinate { from, to, lo: 0.0, hi: 10.0 };
+        assert_eq!(coordinate(5.0, 15.0).leaves(), Some(0.5));
+        assert_eq!(coordinate(5.0, -15.0).leaves(), Some(0.25));
+        assert_eq!(coordinate(5.0, 10.0).leaves(), None, "the limit belongs to what is admitted");
+        assert_eq!(coordinate(5.0, 10.0 + EPS / 2.0).leaves(), None, "and so does what rounding may do");
+        assert!(coordinate(5.0, 15.0).is_inside(0.5) && !coordinate(5.0, 15.0).is_inside(0.6));
+        assert!(!coordinate(-5.0, 5.0).is_inside(0.0) && coordinate(-5.0, 5.0).is_inside(0.5));
+    }
+
+    #[test]
+    fn of_two_places_the_one_on_the_later_piece_comes_later() {
+        let place = |piece, t| StrokePlace { piece, t };
+        assert_eq!(place(1, 0.9).order(&place(2, 0.1)), Ordering::Less);
+        assert_eq!(place(2, 0.2).order(&place(2, 0.1)), Ordering::Greater);
+        assert_eq!(place(2, 0.1).order(&place(2, 0.1)), Ordering::Equal);
     }
 }

@@ -13,7 +13,7 @@ use terrace_input::job::Mode;
 
 /// A manifest as the product reads it.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct ManifestOverview {
     /// What both modes have.
     pub head: Head,
     /// The machine's name.
@@ -25,9 +25,9 @@ pub struct Found {
 /// Figures by mode.
 #[derive(Clone, Debug)]
 pub enum AnySummary {
-    /// Of a stepped job.
+    /// The figures of a stepped job.
     Stepped(Box<Summary>),
-    /// Of an on-the-fly job.
+    /// The figures of an on-the-fly job.
     OnTheFly(Box<OnTheFlySummary>),
 }
 
@@ -56,8 +56,8 @@ impl AnySummary {
 /// Reads the manifest of a job folder.
 ///
 /// # Errors
-/// As [`Head::read`].
-pub fn read(folder: &Path) -> Result<Found, Error> {
+/// The errors of [`Head::read`].
+pub fn read(folder: &Path) -> Result<ManifestOverview, Error> {
     #[derive(Deserialize)]
     struct Rest {
         machine: Machine,
@@ -67,13 +67,13 @@ pub fn read(folder: &Path) -> Result<Found, Error> {
     let head: Head = parse(folder, &bytes)?;
     let (machine, summary) = match head.mode {
         Mode::Stepped => {
-            let found: Manifest<IgnoredAny> = parse(folder, &bytes)?;
-            (found.machine.name, AnySummary::Stepped(Box::new(found.summary)))
+            let manifest: Manifest<IgnoredAny> = parse(folder, &bytes)?;
+            (manifest.machine.name, AnySummary::Stepped(Box::new(manifest.summary)))
         }
         Mode::OnTheFly => {
-            let found: Rest = parse(folder, &bytes)?;
-            (found.machine.name, AnySummary::OnTheFly(Box::new(found.summary)))
+            let rest: Rest = parse(folder, &bytes)?;
+            (rest.machine.name, AnySummary::OnTheFly(Box::new(rest.summary)))
         }
     };
-    Ok(Found { head, machine, summary })
+    Ok(ManifestOverview { head, machine, summary })
 }
