@@ -45,10 +45,12 @@ impl Clearance {
 
     /// Whether all of the part as turned lies below a way.
     pub fn is_below(&self, way: &Way) -> bool {
-        let whole = self.tiles.iter().fold((Box2::EMPTY, Nm::MIN), |(all, top), (b, t)| (all.union(*b), top.max(*t)));
+        let (area, top) =
+            self.tiles.iter().fold((Box2::EMPTY, Nm::MIN), |(area, top), (b, t)| (area.union(*b), top.max(*t)));
         let lowest = way.ends[0][2].min(way.ends[1][2]);
         // Of a part turned beyond upright what is highest says nothing.
-        self.tiles.is_empty() || way.turn.rows()[2][2] > 0.0 && turned(&whole, &way.turn).1.f64() <= lowest
+        let is_upright = way.turn.rows()[2][2] > 0.0;
+        self.tiles.is_empty() || is_upright && TurnedTile::new(&area, top, &way.turn).top.f64() <= lowest
     }
 
     /// The lowest focal plane (part frame) at which the head may move in a straight line over the
@@ -67,12 +69,13 @@ impl Clearance {
 
     /// The lowest focal plane of a standstill over `at` of the turned part at which the head keeps clear.
     pub fn lowest_focus_turned(&self, turn: &Turn, at: P2<Turned>) -> Nm {
-        let near = |b: &Box2<Turned>| {
-            let beyond = |v: i64, lo: i64, hi: i64| Nm((lo - v).max(v - hi).max(0));
-            beyond(at.x, b.lo.x, b.hi.x) <= self.radius && beyond(at.y, b.lo.y, b.hi.y) <= self.radius
+        let beyond = |v: i64, lo: i64, hi: i64| Nm((lo - v).max(v - hi).max(0));
+        let is_under_head = |area: &Box2<Turned>| {
+            beyond(at.x, area.lo.x, area.hi.x) <= self.radius && beyond(at.y, area.lo.y, area.hi.y) <= self.radius
         };
-        let tops = self.tiles.iter().map(|tile| turned(tile, turn)).filter(|(b, _)| near(b));
-        tops.map(|(_, top)| top).max().map_or(Nm::MIN, |t| t - self.gap)
+        let tiles = self.tiles.iter().map(|(area, top)| TurnedTile::new(area, *top, turn));
+        let tops = tiles.filter(|tile| is_under_head(&tile.area)).map(|tile| tile.top);
+        tops.max().map_or(Nm::MIN, |t| t - self.gap)
     }
 
     /// The lowest focal plane at which the head may stay anywhere while two tilt axes go from one pair of
@@ -80,30 +83,45 @@ impl Clearance {
     /// them a place rises above the highest of the four by less than they lie apart.
     pub fn lowest_swing(&self, turns: [Turn; 4]) -> Nm {
         // The axes need not arrive together, so all pairs of angles between the four can occur on the way.
-        let top = turns.iter().flat_map(|turn| self.tiles.iter().map(|tile| turned(tile, turn).1)).max();
-        let lift = |(b, top): &(Box2, Nm)| {
-            let p = [(b.lo.x + b.hi.x) as f64 / 2.0, (b.lo.y + b.hi.y) as f64 / 2.0, top.f64()];
-            let at = turns.map(|turn| turn.apply(P3::new(p)).at);
-            let apart = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
-            at.iter().flat_map(|&a| at.map(|b| apart(a, b))).fold(0.0, f64::max)
-        };
-        let lift = self.tiles.iter().map(lift).fold(0.0, f64::max);
+        let tiles = |turn| self.tiles.iter().map(move |(area, top)| TurnedTile::new(area, *top, turn));
+        let top = turns.iter().flat_map(tiles).map(|tile| tile.top).max();
+        let lift = self.tiles.iter().map(|(area, top)| swing(area, *top, &turns)).fold(0.0, f64::max);
         let lift = Nm::ceil(lift);
         top.map_or(Nm::MIN, |t| t + lift - self.gap)
     }
 }
 
-/// The box of a tile and its highest point as turned.
-fn turned((b, top): &(Box2, Nm), turn: &Turn) -> (Box2<Turned>, Nm) {
-    let (mut area, mut highest) = (Box2::EMPTY, Nm::MIN);
-    for [x, y] in [[b.lo.x, b.lo.y], [b.hi.x, b.lo.y], [b.lo.x, b.hi.y], [b.hi.x, b.hi.y]] {
-        let [x, y, z] = turn.apply(P3::new([x as f64, y as f64, top.f64()])).at.map(|v| v.ceil() as i64);
-        area.add(P2::new(x, y));
-        highest = highest.max(Nm(z));
-    }
-    (area, highest)
+/// How far apart the middle of a tile at its highest point lies in two of four turns, at most, along an axis, nm.
+fn swing(area: &Box2, top: Nm, turns: &[Turn; 4]) -> f64 {
+    let p = [(area.lo.x + area.hi.x) as f64 / 2.0, (area.lo.y + area.hi.y) as f64 / 2.0, top.f64()];
+    let at = turns.map(|turn| turn.apply(P3::new(p)).at);
+    let apart = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+    at.iter().flat_map(|&a| at.map(|b| apart(a, b))).fold(0.0, f64::max)
 }
 
+/// A tile as it lies on the turned part.
+struct TurnedTile {
+    /// The box about the tile.
+    area: Box2<Turned>,
+    /// Its highest point.
+    top: Nm,
+}
+
+impl TurnedTile {
+    /// The tile of an area and its highest point, turned: the highest point may lie over any of its corners.
+    fn new(area: &Box2, top: Nm, turn: &Turn) -> Self {
+        let mut out = Self { area: Box2::EMPTY, top: Nm::MIN };
+        let Box2 { lo, hi, .. } = area;
+        for [x, y] in [[lo.x, lo.y], [hi.x, lo.y], [lo.x, hi.y], [hi.x, hi.y]] {
+            let [x, y, z] = turn.apply(P3::new([x as f64, y as f64, top.f64()])).at.map(|v| v.ceil() as i64);
+            out.area.add(P2::new(x, y));
+            out.top = out.top.max(Nm(z));
+        }
+        out
+    }
+}
+
+/// A box in mm, grown by a micrometre for the rounding of its corners to f32.
 fn aabb(b: Box2) -> Aabb {
     let at = |p: P2, grow: f64| Vec2::new((mm_from_nm(p.x) + grow) as f32, (mm_from_nm(p.y) + grow) as f32);
     Aabb::new(at(b.lo, -1e-3), at(b.hi, 1e-3))

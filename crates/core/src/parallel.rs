@@ -28,19 +28,20 @@ pub fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
 
 /// What `of` makes of 0 to `count`, in their order.
 pub fn map<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let made: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
+    let results: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
     each(count, &|i| {
-        let one = of(i);
-        *locked(&made[i]) = Some(one);
+        // Made before its place is locked.
+        let result = of(i);
+        *locked(&results[i]) = Some(result);
     });
-    made.into_iter().filter_map(|one| one.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
+    results.into_iter().filter_map(|result| result.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
 }
 
 /// What `of` makes of items that are its own, in their order; it is called with their indices.
 pub fn map_items<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + Sync) -> Vec<T> {
     let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
-    let made = map(items.len(), |i| locked(&items[i]).take().map(|item| of(i, item)));
-    made.into_iter().flatten().collect()
+    let results = map(items.len(), |i| locked(&items[i]).take().map(|item| of(i, item)));
+    results.into_iter().flatten().collect()
 }
 
 /// Hands what `of` makes of items that are its own to `take`, in their order. They are begun in order too, so that
@@ -48,20 +49,33 @@ pub fn map_items<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + S
 pub fn in_order<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + Sync, take: impl FnMut(T) + Send) {
     let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     let next = AtomicUsize::new(0);
-    // How many were taken, those that wait, and who takes them.
-    let taken = Mutex::new((0, BTreeMap::new(), take));
+    let handover = Mutex::new(Handover { taken: 0, waiting: BTreeMap::new(), take });
     each(items.len(), &|_| {
         let i = next.fetch_add(1, Relaxed);
         let Some(item) = locked(&items[i]).take() else { return };
-        let one = of(i, item);
-        let mut guard = locked(&taken);
-        let (count, waiting, take) = &mut *guard;
-        waiting.insert(i, one);
-        while let Some(one) = waiting.remove(count) {
-            take(one);
-            *count += 1;
-        }
+        let result = of(i, item);
+        locked(&handover).offer(i, result);
     });
+}
+
+/// Hands results over in the order of their indices.
+struct Handover<T, F> {
+    /// How many were taken.
+    taken: usize,
+    /// Results that came before their turn, by their indices.
+    waiting: BTreeMap<usize, T>,
+    take: F,
+}
+
+impl<T, F: FnMut(T)> Handover<T, F> {
+    /// Adds the result of an index, and hands over all whose turn has come.
+    fn offer(&mut self, index: usize, result: T) {
+        self.waiting.insert(index, result);
+        while let Some(result) = self.waiting.remove(&self.taken) {
+            (self.take)(result);
+            self.taken += 1;
+        }
+    }
 }
 
 /// What two functions make, at the same time.
@@ -94,9 +108,9 @@ pub fn fold<T: Send>(
         add(&mut mine, i);
         locked(&idle).push(mine);
     });
-    let mut all = idle.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter();
-    let mut out = all.next().unwrap_or_else(none);
-    all.for_each(|one| merge(&mut out, one));
+    let mut sums = idle.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter();
+    let mut out = sums.next().unwrap_or_else(none);
+    sums.for_each(|sum| merge(&mut out, sum));
     out
 }
 

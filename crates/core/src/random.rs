@@ -22,12 +22,12 @@ impl Random {
         self.0
     }
 
-    /// From 0 to `n`, which is left out; 0 where `n` is 0.
+    /// A number from 0 to `n`, which is left out; 0 where `n` is 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((self.bits() >> 11) % n.max(1) as u64) as usize
     }
 
-    /// From `lo` to `hi`, both included.
+    /// A number from `lo` to `hi`, both included.
     pub fn between(&mut self, lo: i64, hi: i64) -> i64 {
         lo + self.below((hi - lo + 1) as usize) as i64
     }
@@ -66,7 +66,7 @@ impl Random {
         }
     }
 
-    /// From the space to the tilde.
+    /// A character from the space to the tilde.
     fn ascii(&mut self) -> char {
         char::from(b' ' + self.below(95) as u8)
     }
@@ -86,15 +86,19 @@ impl Random {
             .chars()
             .collect();
         let count = self.below(most + 1);
-        let one = |_| match self.below(4) {
+        (0..count).map(|_| self.any_char(&special)).collect()
+    }
+
+    /// One of some special characters, any that Unicode has but the line feed, or one of printable ASCII.
+    fn any_char(&mut self, special: &[char]) -> char {
+        match self.below(4) {
             0 => special[self.below(special.len())],
             1 => {
                 let code = self.below(0x11_0000) >> self.below(16);
                 char::from_u32(code as u32).filter(|c| *c != '\n').unwrap_or(' ')
             }
             _ => self.ascii(),
-        };
-        (0..count).map(one).collect()
+        }
     }
 
     /// Puts a list into another order.

@@ -25,7 +25,7 @@ pub struct AxisErrors {
 }
 
 impl AxisErrors {
-    /// Of no samples yet, which will be `step_s` apart; their course is kept up to `until_s`.
+    /// The errors of no samples yet, which will be `step_s` apart; their course is kept up to `until_s`.
     pub(super) fn new(step_s: f64, until_s: f64) -> Self {
         Self { step_s, until_s, ..Self::default() }
     }

@@ -6,7 +6,7 @@ use super::{Beyond, Curves, Figures, Hardware, RestTimes, Split, Subject, marked
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
 use terrace_core::machine::{Commanded, Machine};
-use terrace_core::motion::{GalvoModel, stage_move};
+use terrace_core::motion::{GalvoModel, StageMove, stage_move};
 use terrace_core::parallel;
 use terrace_core::progress::Task;
 use terrace_input::job::Mode;
@@ -21,17 +21,18 @@ use terrace_plan::on_the_fly::path::schedule::Schedule;
 use terrace_plan::on_the_fly::spot::Rests;
 use terrace_plan::on_the_fly::statistics::Statistics;
 use terrace_plan::on_the_fly::stop_at_every_point::stop_at_every_point;
-use terrace_plan::on_the_fly::turnaround::{Timed, Turnaround, quickest};
+use terrace_plan::on_the_fly::turnaround::{SynchronisedPath, Turnaround, quickest};
 use terrace_plan::on_the_fly::xyzacuv::{
-    AxisFigures, Decomposed, Instant, TimedAxes, ToolPath, decompose, decompose_and_time,
+    AxisFigures, Instant, TimedAxes, ToolPath, UntimedAxes, decompose, decompose_and_time,
 };
 use terrace_plan::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use terrace_plan::ordered_strokes::{Band, OrderedStrokes};
 use terrace_plan::plan::strokes::{self, Strokes};
 
-/// Samples of a synchronised path, and of one band of it.
+/// Samples of a synchronised path.
 const SAMPLES: usize = 300_000;
-const COARSE: usize = 30_000;
+/// Samples of one band of a synchronised path.
+const BAND_SAMPLES: usize = 30_000;
 /// How far apart nodes of a path of rotary axes may be, mm.
 const STEP: f64 = 1.0;
 /// Samples to compare decompositions by.
@@ -40,6 +41,9 @@ const FILTERED: usize = 20_000;
 const SHOWN: f64 = 20_000.0;
 /// Nodes of the seven-axis path whose axes are drawn.
 const DRAWN: usize = 2000;
+
+/// The built-in machine whose axes stand in where the job's machine does not have seven.
+const LENDER: &str = "xyzac-galvo-10";
 
 /// What the systems on the fly share.
 pub(super) struct Follower<'a> {
@@ -104,36 +108,22 @@ impl<'a> Follower<'a> {
         ScannerLimits::of(self.subject.machine, self.subject.limits.focus)
     }
 
-    /// The strokes in their order, synchronised as a whole.
+    /// The figures of the strokes in their order, synchronised as a whole.
     pub(super) fn synchronised(&self, curves: &mut Curves) -> Result<Figures, Error> {
         let machine = self.subject.machine;
-        let (pens, allowed) = (&self.whole.ordered.pens, self.allowed()?);
+        let allowed = self.allowed()?;
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: BoxMm<3>| too_far(machine, ends).is_none();
-        let Timed { turn, path, schedule, sync } =
-            quickest(&self.path, machine, pens, allowed, SAMPLES, &fits, Task::silent());
-        // The texture's middle lies where the stage rests.
-        let (area, first) = (self.whole.texture, nm(path.nodes[0].at));
-        let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
-        let approach = stage_move(machine, Commanded(middle), Commanded(first), None);
-        let slow = sync.slower;
+        let timed = quickest(&self.path, machine, &self.whole.ordered.pens, allowed, SAMPLES, &fits, Task::silent());
+        let SynchronisedPath { path, schedule, sync, .. } = &timed;
+        let approach = self.approach(nm(path.nodes[0].at));
         let time = Split {
             stage: approach.travel_s + 2.0 * sync.lead_s,
             settle: approach.settle_s,
-            ..Split::of(&schedule, slow)
+            ..Split::of(schedule, sync.slower)
         };
-        let mut notes = Vec::new();
-        match turn {
-            Turnaround::Skywriting(s) => {
-                notes.push(format!("skywriting for {:.0} ms before and after every mark", 1e3 * s * slow))
-            }
-            Turnaround::Dwell(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
-            Turnaround::Dwell(_) => {}
-        }
-        let shares = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
-        notes.push(format!("averages of {:.0} ms in plan, {:.1} ms in height", shares[0], shares[1]));
-        notes.push(self.by_the_article(allowed));
-        let followed = self.followed(&path, &schedule, &sync)?.figures(self.subject.limits);
+        let notes = self.notes_of_synchronised(&timed, allowed);
+        let followed = self.followed(path, schedule, sync)?.figures(self.subject.limits);
         let mut beyond = followed.beyond.clone();
         beyond.extend((!sync.fits).then_some(Beyond::TooSharp));
         beyond.extend(too_far(machine, BoxMm::of(sync.stage.iter().copied())));
@@ -142,28 +132,61 @@ impl<'a> Follower<'a> {
             hardware,
             job_key: job_key.filter(|_| self.seven().is_none()),
             beyond,
-            is_held_by_z: slow > 1.0 && sync.z_is_slowest,
+            is_held_by_z: sync.slower > 1.0 && sync.z_is_slowest,
             marked_mm: self.mark_mm,
             time,
             model_s: Some(synchronised_s(self.subject.move_s, self.process_s)),
             stops: 1,
-            speed: 100.0 / slow,
+            speed: 100.0 / sync.slower,
             notes,
             ..followed
         };
+        self.draw_synchronised(&timed, allowed, curves);
+        Ok(figures)
+    }
+
+    /// The move of the stage from where it rests, under the middle of the texture, to the begin of a path, nm.
+    fn approach(&self, first: [i64; 3]) -> StageMove {
+        let area = self.whole.texture;
+        let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
+        stage_move(self.subject.machine, Commanded(middle), Commanded(first), None)
+    }
+
+    /// The turnaround and the averages of a synchronised motion, and what the article's rule makes of its path.
+    fn notes_of_synchronised(&self, timed: &SynchronisedPath, allowed: ScannerLimits) -> Vec<String> {
+        let SynchronisedPath { turn, sync, .. } = timed;
+        let slow = sync.slower;
+        let mut notes = Vec::new();
+        match *turn {
+            Turnaround::Skywriting(s) => {
+                notes.push(format!("skywriting for {:.0} ms before and after every mark", 1e3 * s * slow))
+            }
+            Turnaround::Dwell(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
+            Turnaround::Dwell(_) => {}
+        }
+        let [plan_ms, height_ms] = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
+        notes.push(format!("averages of {plan_ms:.0} ms in plan, {height_ms:.1} ms in height"));
+        notes.push(self.by_the_article(allowed));
+        notes
+    }
+
+    /// The start of a synchronised motion for the charts, and the decompositions of the middle of its path.
+    fn draw_synchronised(&self, timed: &SynchronisedPath, allowed: ScannerLimits, curves: &mut Curves) {
+        let SynchronisedPath { turn, path, schedule, sync } = timed;
+        let machine = self.subject.machine;
         let drawn = path.len().min(DRAWN);
-        let until = sync.lead_s + schedule.visits[drawn - 1].arrive * slow;
-        let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
+        let until_s = sync.lead_s + schedule.visits[drawn - 1].arrive * sync.slower;
+        let drawn_samples = (until_s / sync.step_s) as usize;
+        let stage = sync.stage.iter().take(drawn_samples + 1);
         curves.paths = vec![
             ("beam", path.nodes.iter().take(drawn).map(|node| [node.at[0], node.at[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
-        curves.velocities = velocities(&sync, (until / sync.step_s) as usize);
-        let step_s = sync.step_s / slow;
+        curves.velocities = velocities(sync, drawn_samples);
+        let step_s = sync.step_s / sync.slower;
         let piece = path.middle(FILTERED as f64 * step_s / schedule.total_s());
-        let schedule = Schedule::of(&piece, machine, pens, turn.wait_s());
+        let schedule = Schedule::of(&piece, machine, &self.whole.ordered.pens, turn.wait_s());
         curves.filters = filters(&piece, &schedule, machine, allowed, step_s);
-        Ok(figures)
     }
 
     /// What the article's rule (eq. 4) makes of the path at the pens' speeds.
@@ -174,14 +197,13 @@ impl<'a> Follower<'a> {
         let even = schedule.samples(&self.path, (schedule.total_s() / SAMPLES as f64).max(1e-3));
         let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
         let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
-        let chosen = choose_average(&plan, even.step_s, most, allowed.half_field);
-        let said = |samples: usize| format!("p = {samples} of {:.1} ms", 1e3 * even.step_s);
-        match chosen {
-            Ok(average) => format!("eq. 4: {}", said(average.samples)),
+        let window = |samples: usize| format!("p = {samples} of {:.1} ms", 1e3 * even.step_s);
+        match choose_average(&plan, even.step_s, most, allowed.half_field) {
+            Ok(average) => format!("eq. 4: {}", window(average.samples)),
             Err(off) => format!(
                 "eq. 4: infeasible, {} takes the scanner {:.0} mm out along {}, its field ends at {:.1} mm; at {:.0} % of \
                  the speed it would fit",
-                said(off.average.samples),
+                window(off.average.samples),
                 off.average.reach[off.axis],
                 ["x", "y"][off.axis],
                 off.half_field,
@@ -191,7 +213,7 @@ impl<'a> Follower<'a> {
     }
 
     /// What marks get from a synchronised motion.
-    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<Followed, Error> {
+    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<MarksOfMotion, Error> {
         let nodes = sync.nodes(path, schedule);
         let half = self.subject.machine.usable_field().map(|f| f.mm() / 2.0);
         let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
@@ -202,7 +224,7 @@ impl<'a> Follower<'a> {
         let (following_error, _) =
             following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s, 0.0)?;
         let deviations = upright(self.subject, path, |i| nodes[i]);
-        Ok(Followed {
+        Ok(MarksOfMotion {
             deviations,
             weights: path.weights(),
             following_error,
@@ -210,7 +232,7 @@ impl<'a> Follower<'a> {
         })
     }
 
-    /// Bands of depth over the whole part: within each x and y follow, z rests.
+    /// The figures of bands of depth over the whole part: within each x and y follow, z rests.
     pub(super) fn bands(&self) -> Result<Figures, Error> {
         let subject = self.subject;
         let depth = Some(subject.job.focus.depth);
@@ -218,32 +240,24 @@ impl<'a> Follower<'a> {
         let Strokes { ordered, bands, texture, .. } = strokes.repeated();
         let allowed = self.allowed()?;
         let map = BlockMap::of_bands(&ordered, &bands, &subject.inputs.surface, texture);
-        let along = |band: &Band| {
-            let mut path = path_of(subject, &ordered, band.strokes.clone());
-            let plane = band.focus.mm();
-            let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
-            path.nodes.iter_mut().for_each(|node| node.at[2] = plane);
-            let schedule = Schedule::of(&path, subject.machine, &ordered.pens, 0.0);
-            let sync = synchronise(&path, &schedule, subject.machine, allowed, schedule.step_s(COARSE));
-            path.nodes.iter_mut().zip(heights).for_each(|(node, z)| node.at[2] = z);
-            let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
-            let ends = [path.nodes[0].at, path.nodes[path.len() - 1].at]
-                .map(nm)
-                .map(|[x, y, _]| Commanded([x, y, band.focus.0]));
-            Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
-        };
-        let found = parallel::map(bands.len(), |i| along(&bands[i])).into_iter().collect::<Result<Vec<_>, Error>>()?;
-        let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
+        let motions = parallel::map(bands.len(), |i| self.band(&bands[i], &ordered, allowed));
+        let mut all = MarksOfMotion::default();
+        let mut time = Split::default();
+        let mut slowest = 1.0f64;
+        let mut process_s = 0.0;
         let mut before: Option<Commanded> = None;
-        for (followed, own, slow, own_s, [first, last]) in found {
+        for band in motions.into_iter().collect::<Result<Vec<BandMotion>, Error>>()? {
+            let [first, last] = band.ends;
             let moved = before.map(|from| stage_move(subject.machine, from, first, None)).unwrap_or_default();
             before = Some(last);
-            time.stage += own.stage + moved.travel_s;
+            time.stage += band.time.stage + moved.travel_s;
             time.settle += moved.settle_s;
-            (time.mark, time.jump, time.delay) = (time.mark + own.mark, time.jump + own.jump, time.delay + own.delay);
-            slowest = slowest.max(slow);
-            process_s += own_s;
-            all.extend(followed);
+            time.mark += band.time.mark;
+            time.jump += band.time.jump;
+            time.delay += band.time.delay;
+            slowest = slowest.max(band.slower);
+            process_s += band.process_s;
+            all.extend(band.followed);
         }
         Ok(Figures {
             time,
@@ -258,27 +272,35 @@ impl<'a> Follower<'a> {
         })
     }
 
-    /// Five stage axes, with or without the scanner.
+    /// The motion over one band: x and y are synchronised with z at the band's focal plane.
+    fn band(&self, band: &Band, ordered: &OrderedStrokes, allowed: ScannerLimits) -> Result<BandMotion, Error> {
+        let machine = self.subject.machine;
+        let mut path = path_of(self.subject, ordered, band.strokes.clone());
+        let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
+        let plane = band.focus.mm();
+        path.nodes.iter_mut().for_each(|node| node.at[2] = plane);
+        let schedule = Schedule::of(&path, machine, &ordered.pens, 0.0);
+        let sync = synchronise(&path, &schedule, machine, allowed, schedule.step_s(BAND_SAMPLES));
+        // The marks are judged at their own heights again.
+        path.nodes.iter_mut().zip(heights).for_each(|(node, z)| node.at[2] = z);
+        let ends =
+            [path.nodes[0].at, path.nodes[path.len() - 1].at].map(nm).map(|[x, y, _]| Commanded([x, y, band.focus.0]));
+        Ok(BandMotion {
+            followed: self.followed(&path, &schedule, &sync)?,
+            time: Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) },
+            slower: sync.slower,
+            process_s: schedule.total_s(),
+            ends,
+        })
+    }
+
+    /// The figures of five stage axes, with or without the scanner.
     pub(super) fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, Error> {
         let subject = self.subject;
-        let mut notes = Vec::new();
-        let pens = &self.whole.ordered.pens;
-        const OTHER: &str = "xyzac-galvo-10";
-        let mut other = Machine::built_in(OTHER)?;
-        if subject.galvo == GalvoModel::AtSpeed {
-            // One model for all systems: that of the job's machine.
-            (other.scanner.acceleration, other.scanner.jerk) = (None, None);
-        }
+        let lender = self.lender()?;
         let (model, hardware) = match self.seven() {
             Some(model) => (model, Hardware::Own),
-            None => {
-                let model =
-                    KinematicModel::of(&other, pens, [0.0; 3]).expect("the profile states the limits of A and C");
-                // The middle of the texture lies where its axes meet.
-                let area = self.whole.texture;
-                let pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
-                (KinematicModel { pivot, ..model }, Hardware::Other(OTHER))
-            }
+            None => (self.lent(&lender), Hardware::Other(LENDER)),
         };
         let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
         let path = match tools {
@@ -287,12 +309,15 @@ impl<'a> Follower<'a> {
             _ => model.with_run_ups(&self.thin, &subject.job.skywriting),
         };
         let decomposed = decompose(&path, &subject.height_field, &model, allowed, tools)?;
-        if tools == ToolPath::Filtered(Family::Gaussian) {
+        // The article's system is drawn and described.
+        let is_of_article = tools == ToolPath::Filtered(Family::Gaussian);
+        if is_of_article {
             curves.convergence = decomposed.convergence(&model, SHOWN)?;
         }
         let made = decomposed.clone().timed(&model, 1)?;
+        let mut notes = Vec::new();
         let mut job_key = None;
-        if tools == ToolPath::Filtered(Family::Gaussian) {
+        if is_of_article {
             job_key = self.together().1.filter(|_| hardware == Hardware::Own);
             curves.back_off.clone_from(&made.back_off);
             curves.seven = Some(allowed);
@@ -304,15 +329,34 @@ impl<'a> Follower<'a> {
                 notes.push("no time with the stage in step with the spot was found".into());
             }
         }
-        let mut travel: Vec<Beyond> = Vec::new();
-        travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
-        travel.extend(turns_too_far(&model, &made.axes));
+        let mut beyond_travel: Vec<Beyond> = Vec::new();
+        beyond_travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
+        beyond_travel.extend(turns_too_far(&model, &made.axes));
         let nodes: Vec<[f64; AXES]> =
             made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
         let model_s = Some(stop_at_every_point(&nodes, &model.all_limits()).total_s);
         let mut figures = self.turned(&model, made, tools, allowed)?;
-        figures.beyond.extend(travel);
+        figures.beyond.extend(beyond_travel);
         Ok(Figures { notes, model_s, hardware, job_key, marked_mm: self.mark_mm, ..figures })
+    }
+
+    /// The built-in machine of seven axes, with the scanner's model that all systems share: that of the job's machine.
+    fn lender(&self) -> Result<Machine, Error> {
+        let mut lender = Machine::built_in(LENDER)?;
+        if self.subject.galvo == GalvoModel::AtSpeed {
+            lender.scanner.acceleration = None;
+            lender.scanner.jerk = None;
+        }
+        Ok(lender)
+    }
+
+    /// The built-in machine under the part, where the middle of the texture lies where its axes meet.
+    fn lent<'m>(&'m self, lender: &'m Machine) -> KinematicModel<'m> {
+        let model = KinematicModel::of(lender, &self.whole.ordered.pens, [0.0; 3])
+            .expect("the profile states the limits of A and C");
+        let area = self.whole.texture;
+        let pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
+        KinematicModel { pivot, ..model }
     }
 
     /// The time of a motion, and what the model of the article makes of its stage in step with the spot: at rest at
@@ -320,7 +364,7 @@ impl<'a> Follower<'a> {
     fn rests(
         &self,
         model: &KinematicModel<'_>,
-        decomposed: &Decomposed,
+        decomposed: &UntimedAxes,
         made: &TimedAxes,
     ) -> Result<Vec<RestTimes>, Error> {
         // Every vertex of a stroke is a node of the whole path.
@@ -345,13 +389,14 @@ impl<'a> Follower<'a> {
         let first = self.thin.piece(0..count);
         let mut all = FAMILIES.map(|(name, family)| (name, ToolPath::Filtered(family))).to_vec();
         all.push(("least acceleration", ToolPath::LeastAcceleration));
-        let of = |_, (name, tools)| {
-            let made = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)?;
-            Ok((name, made.axis_figures(model)))
+        let figures = |_, (name, tools)| {
+            let timed = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)?;
+            Ok((name, timed.axis_figures(model)))
         };
-        parallel::map_items(all, of).into_iter().collect()
+        parallel::map_items(all, figures).into_iter().collect()
     }
 
+    /// The start of a seven-axis motion for the charts.
     fn draw(&self, model: &KinematicModel<'_>, made: &TimedAxes, curves: &mut Curves) {
         let path = &made.path;
         let way = path.distances();
@@ -398,11 +443,12 @@ impl<'a> Follower<'a> {
         let (samples, step_s) = sampled(&made, model);
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
-        let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
+        let half_field = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
         let [_, until_s] = times[times.len().min(DRAWN) - 1];
-        let (following_error, axis_errors) = following(machine, &half, feed, samples, step_s, until_s)?;
+        let (following_error, axis_errors) = following(machine, &half_field, feed, samples, step_s, until_s)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
-        let followed = Followed { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
+        let followed =
+            MarksOfMotion { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
         let axis_errors = Some(axis_errors);
         Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, axis_errors, ..followed.figures(limits) })
     }
@@ -420,12 +466,12 @@ fn velocities(sync: &Decomposition, samples: usize) -> Vec<(f64, [f64; 5])> {
 }
 
 /// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the
-/// samples that mark; and how far every axis is behind its own command, at all samples. `half` is half of the field for
-/// a command, `feed` how the scanner compensates for the stage. Samples are `step_s` apart; the course of the errors is
-/// kept up to `until_s`.
+/// samples that mark; and how far every axis is behind its own command, at all samples. `half_field` is half of the
+/// field for a command, `feed` how the scanner compensates for the stage. Samples are `step_s` apart; the course of the
+/// errors is kept up to `until_s`.
 fn following(
     machine: &Machine,
-    half: &dyn Fn([f64; 2]) -> [f64; 2],
+    half_field: &dyn Fn([f64; 2]) -> [f64; 2],
     feed: Option<Protection>,
     samples: impl Iterator<Item = Sample>,
     step_s: f64,
@@ -450,7 +496,7 @@ fn following(
         // Where the axes that are late see what is to be marked.
         let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
         let missed = [0, 1].map(|k| seen[k] - spot[k]);
-        let half = half([0, 1].map(|k| spot[k] + missed[k]));
+        let half = half_field([0, 1].map(|k| spot[k] + missed[k]));
         let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k], half[k]));
         if on {
             let [lag, error, focus] = [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen[2]].map(|v| 1000.0 * v);
@@ -464,9 +510,21 @@ fn following(
     Ok((out, axis_errors))
 }
 
+/// A motion over one band of depth.
+struct BandMotion {
+    followed: MarksOfMotion,
+    time: Split,
+    /// How many times slower than the pens ask for it runs.
+    slower: f64,
+    /// Its time at the pens' speeds, s.
+    process_s: f64,
+    /// Where the stage begins and ends, nm.
+    ends: [Commanded; 2],
+}
+
 /// What marks get from a motion.
 #[derive(Default)]
-struct Followed {
+struct MarksOfMotion {
     deviations: Vec<Deviation>,
     weights: Vec<f64>,
     following_error: Vec<FollowingError>,
@@ -478,7 +536,7 @@ struct Followed {
 /// and how far the stage lags along the beam; and the time that the sample stands for, s.
 type FollowingError = [f64; 4];
 
-impl Followed {
+impl MarksOfMotion {
     fn extend(&mut self, other: Self) {
         self.deviations.extend(other.deviations);
         self.weights.extend(other.weights);
@@ -519,8 +577,7 @@ fn sampled<'a>(made: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl Iter
     (samples, step_s)
 }
 
-/// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
-/// focus.
+/// Deviations of the nodes of a path under upright beams; `beam` gives x, y and the focal plane of a node's beam.
 fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
         let (p, b) = (path.nodes[i].at, beam(i));
@@ -546,11 +603,11 @@ fn too_far(machine: &Machine, ends: BoxMm<3>) -> Option<Beyond> {
 
 /// Which turning axes need more travel than they have; None where none does.
 fn turns_too_far(model: &KinematicModel<'_>, axes: &[Axes]) -> Option<Beyond> {
-    let said = |BeyondTravel { letter, needed: [least, most], .. }: BeyondTravel| {
+    let need = |BeyondTravel { letter, needed: [least, most], .. }: BeyondTravel| {
         format!("{} needs {least:.0} to {most:.0} deg of travel", letter.char())
     };
-    let names: Vec<String> = model.beyond_travel(axes).into_iter().map(said).collect();
-    (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
+    let needs: Vec<String> = model.beyond_travel(axes).into_iter().map(need).collect();
+    (!needs.is_empty()).then(|| Beyond::Travel(needs.join(", ")))
 }
 
 /// Length of the marks of all bands.
@@ -558,10 +615,12 @@ fn mark_mm(ordered: &OrderedStrokes, bands: &[Band]) -> f64 {
     bands.iter().map(|band| ordered.mark_mm(band.strokes.clone())).sum()
 }
 
+/// A point in mm as one in nm.
 fn nm(p: [f64; 3]) -> [i64; 3] {
     p.map(|v| (v * NM_PER_MM).round() as i64)
 }
 
+/// Length of the way through some points.
 fn travel(points: impl Iterator<Item = [f64; 3]>) -> f64 {
     let mut last: Option<[f64; 3]> = None;
     let mut sum = 0.0;

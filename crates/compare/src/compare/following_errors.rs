@@ -27,13 +27,13 @@ const NAMES: [(&str, &str, &str, f64); AXES] = [
 ];
 
 /// The turning systems of a kind, with the errors of their axes.
-fn of(c: &Comparison, kind: Kind) -> impl Iterator<Item = (&'static str, &AxisErrors)> {
+fn systems(c: &Comparison, kind: Kind) -> impl Iterator<Item = (&'static str, &AxisErrors)> {
     let is_kind = move |name: &str| SYSTEMS.iter().any(|s| s.name == name && s.kind == kind);
     let rows = c.rows.iter().filter(move |row| is_kind(row.system));
     rows.filter_map(|row| Some((row.system, row.figures.as_ref().ok()?.axis_errors.as_ref()?)))
 }
 
-/// Of every axis its following error with seven axes beside that with five; None where no such system applies.
+/// The following error of every axis with seven axes beside that with five; None where no such system applies.
 pub(super) fn table(c: &Comparison) -> Option<Table> {
     let mut columns = ["system", "axis", "way unit"].map(Column::text).to_vec();
     columns.extend(["way", "5-axis way"].map(|name| Column::number(name, "", 1)));
@@ -41,13 +41,15 @@ pub(super) fn table(c: &Comparison) -> Option<Table> {
     columns.extend(["mean", "5-axis mean", "worst", "5-axis worst"].map(|name| Column::number(name, "", 3)));
     columns.extend(["fall of mean", "fall of worst", "fall by mean speed"].map(Column::share));
     let mut table = Table::new("Following errors of the axes with seven axes beside five", columns);
-    let five = of(c, Kind::FiveAxes).next().map(|(_, errors)| errors);
+    let five = systems(c, Kind::FiveAxes).next().map(|(_, errors)| errors);
     let mut any = false;
-    for (system, seven) in of(c, Kind::SevenAxes) {
+    for (system, seven) in systems(c, Kind::SevenAxes) {
         for (k, (axis, way, error, scale)) in NAMES.into_iter().enumerate() {
             // With five axes the scanner does not move.
             let five = five.filter(|f| f.way[k] > 0.0);
-            let fall = |of: &dyn Fn(&AxisErrors) -> f64| Cell::from(five.map(|f| 100.0 * (1.0 - of(seven) / of(f))));
+            let fall = |figure: &dyn Fn(&AxisErrors) -> f64| {
+                Cell::from(five.map(|f| 100.0 * (1.0 - figure(seven) / figure(f))))
+            };
             let degrees = if way == "deg" { 1f64.to_degrees() } else { 1.0 };
             let mut cells = [system, axis, way].map(Cell::from).to_vec();
             cells.extend([(degrees * seven.way[k]).into(), five.map(|f| degrees * f.way[k]).into(), error.into()]);
@@ -64,15 +66,18 @@ pub(super) fn table(c: &Comparison) -> Option<Table> {
 /// Following errors over time at the start of the path, of the article's system and of five axes, each with the name of
 /// its file.
 pub(super) fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
-    let seven = of(c, Kind::SevenAxes).find(|(name, _)| *name == "7-axis").map(|(_, e)| ("following-7-axis", e, AXES));
-    let five = of(c, Kind::FiveAxes).next().map(|(_, e)| ("following-5-axis", e, 5));
-    let chart = |(file, errors, axes): (&'static str, &AxisErrors, usize)| {
-        let number = if axes > 5 { "Seven" } else { "Five" };
-        let title = format!("{number} axes: following errors at the start of the path");
-        let names = NAMES.map(|(name, _, unit, _)| (name, unit));
-        let scaled = |(t, e): &(f64, [f64; AXES])| (*t, std::array::from_fn::<f64, AXES, _>(|k| NAMES[k].3 * e[k]));
-        let samples: Vec<_> = errors.first.iter().map(scaled).collect();
-        (file, charts::over_time(title, &names[..axes], &samples))
-    };
-    seven.into_iter().chain(five).map(chart).collect()
+    let seven = systems(c, Kind::SevenAxes).find(|(name, _)| *name == "7-axis");
+    let seven = seven.map(|(_, errors)| ("following-7-axis", chart("Seven", errors, AXES)));
+    let five = systems(c, Kind::FiveAxes).next();
+    let five = five.map(|(_, errors)| ("following-5-axis", chart("Five", errors, 5)));
+    seven.into_iter().chain(five).collect()
+}
+
+/// The errors of the first `axes` axes over time at the start of the path.
+fn chart(number: &str, errors: &AxisErrors, axes: usize) -> Plot {
+    let title = format!("{number} axes: following errors at the start of the path");
+    let names = NAMES.map(|(name, _, unit, _)| (name, unit));
+    let scaled = |(t, e): &(f64, [f64; AXES])| (*t, std::array::from_fn::<f64, AXES, _>(|k| NAMES[k].3 * e[k]));
+    let samples: Vec<_> = errors.first.iter().map(scaled).collect();
+    charts::over_time(title, &names[..axes], &samples)
 }

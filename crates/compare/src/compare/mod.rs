@@ -72,7 +72,7 @@ pub struct Split {
 }
 
 impl Split {
-    /// Of a motion that runs `slower` than its schedule.
+    /// The times of a motion that runs `slower` than its schedule.
     fn of(schedule: &Schedule, slower: f64) -> Self {
         let [mark, jump, delay] = [schedule.mark_s, schedule.jump_s, schedule.delay_s].map(|t| t * slower);
         Self { mark, jump, delay, ..Self::default() }
@@ -374,46 +374,33 @@ pub fn compare(
     let whole =
         strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
     let whole = whole.repeated();
-    let size = whole.texture.size().map(Nm::mm);
-    let focus = job.focus.half_depth_mm();
-    let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
+    let limits = mark_limits(job, machine);
+    let height_field = HeightField::followed(&inputs.surface, whole.texture, limits.focus).ok_or_else(|| {
         Diag::limit("compare-surface", "the texture lies entirely off the part")
             .hint("compare its area with the part's box")
     })?;
-    let half = machine.usable_field().map(|f| f.mm() / 2.0);
-    let limits = Limits {
-        focus,
-        angle: job.limits.warn_incidence.as_rad(),
-        // The corners of the field are the scanner's too.
-        field: half[0].hypot(half[1]),
-    };
-    let across = stage_move(machine, Commanded::default(), Commanded([machine.usable_field()[0].0, 0, 0]), None);
     let subject = Subject {
         job,
         machine,
         inputs: &inputs,
         height_field,
         limits,
-        size,
+        size: whole.texture.size().map(Nm::mm),
         galvo: GalvoModel::of(machine),
         load_s: loading.load_s,
         protection,
-        move_s: across.travel_s + across.settle_s,
+        move_s: move_across_field_s(machine),
         exact,
         z_range: OnceLock::new(),
     };
     let follower = Follower::new(&subject, &whole);
     drop(ordering);
-    let found = run(systems, &subject, &follower, (progress, measuring));
-    let (mut rows, mut curves) = (Vec::new(), Curves::default());
     let marked_mm = follower.mark_mm();
-    for (&system, (mut figures, more)) in systems.iter().zip(found) {
-        curves.add(more);
-        if let Ok(figures) = &mut figures {
-            let marks = figures.tool.is_none().then_some(figures.marked_mm);
-            figures.notes.extend(marks.and_then(|own| left_out(own, marked_mm)));
-        }
-        rows.push(Row { system: system.name, figures });
+    let mut rows = Vec::new();
+    let mut curves = Curves::default();
+    for (&system, result) in systems.iter().zip(run(systems, &subject, &follower, progress, measuring)) {
+        curves.add(result.curves);
+        rows.push(row(system, result.figures, marked_mm));
     }
     let key_costs = key_costs(&subject, &rows, replanning);
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
@@ -434,15 +421,41 @@ pub fn compare(
     })
 }
 
+/// What all marks should keep.
+fn mark_limits(job: &Job, machine: &Machine) -> Limits {
+    let half = machine.usable_field().map(|f| f.mm() / 2.0);
+    Limits {
+        focus: job.focus.half_depth_mm(),
+        angle: job.limits.warn_incidence.as_rad(),
+        // The corners of the field are the scanner's too.
+        field: half[0].hypot(half[1]),
+    }
+}
+
+/// Time of a move of the stage over the width of the field, settling included, s.
+fn move_across_field_s(machine: &Machine) -> f64 {
+    let across = stage_move(machine, Commanded::default(), Commanded([machine.usable_field()[0].0, 0, 0]), None);
+    across.travel_s + across.settle_s
+}
+
+/// The row of a system; its notes say where it marks less than the `marked_mm` that may be marked.
+fn row(system: &System, mut figures: Result<Figures, Error>, marked_mm: f64) -> Row {
+    if let Ok(figures) = &mut figures {
+        let own_mm = figures.tool.is_none().then_some(figures.marked_mm);
+        figures.notes.extend(own_mm.and_then(|own_mm| left_out(own_mm, marked_mm)));
+    }
+    Row { system: system.name, figures }
+}
+
 /// What the keys of the job cost the fastest stepped system of the machine that marks all in focus.
 fn key_costs(subject: &Subject<'_>, rows: &[Row], task: Task<'_>) -> Vec<KeyCost> {
-    let made = rows.iter().filter_map(|row| {
+    let stepped = rows.iter().filter_map(|row| {
         let methods = [Method::Auto, Method::Contour, Method::ZRange, Method::Window];
         let method = methods.into_iter().find(|method| method.name() == row.system)?;
         let figures = row.figures.as_ref().ok().filter(|f| f.keeps_limits() || f.is_yours_to_set())?;
         Some((method, row.system, figures.counted_s()))
     });
-    let Some((method, system, _)) = made.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Vec::new() };
+    let Some((method, system, _)) = stepped.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Vec::new() };
     stepped::key_costs(subject, method, system, task)
 }
 
@@ -454,39 +467,51 @@ fn left_out(marked_mm: f64, whole_mm: f64) -> Option<String> {
     is_shown.then(|| format!("marks {left:.1} mm less: pieces too small to be marked"))
 }
 
-/// Runs the systems, each in its turn of the table; their figures and curves in the order of `systems`.
+/// What a system was found to do, with its curves.
+struct SystemResult {
+    figures: Result<Figures, Error>,
+    curves: Curves,
+}
+
+/// Runs the systems, each in its turn of the table; their results in the order of `systems`.
 fn run(
     systems: &[&'static System],
     subject: &Subject<'_>,
     follower: &Follower<'_>,
-    (progress, task): (Progress<'_>, Task<'_>),
-) -> Vec<(Result<Figures, Error>, Curves)> {
-    let found: Vec<OnceLock<_>> = systems.iter().map(|_| OnceLock::new()).collect();
+    progress: Progress<'_>,
+    task: Task<'_>,
+) -> Vec<SystemResult> {
+    let results: Vec<OnceLock<SystemResult>> = systems.iter().map(|_| OnceLock::new()).collect();
+    // Each system takes its own task as it begins.
     let tasks: Vec<Mutex<Option<Task<'_>>>> =
         task.parts(systems.len()).into_iter().map(|t| Mutex::new(Some(t))).collect();
-    let one = |i: usize| {
+    let run_and_keep = |i: usize| {
         let task = tasks[i].lock().unwrap_or_else(PoisonError::into_inner).take();
-        let mut curves = Curves::default();
         (progress.begins)(systems[i].name);
-        let figures = match systems[i].run {
-            Run::Stepped(figures) => figures(subject, task.unwrap_or_else(Task::silent)),
-            // Done with the end of this.
-            Run::OnTheFly(figures) => figures(follower, &mut curves),
-        };
-        drop(found[i].set((figures, curves)));
+        drop(results[i].set(run_system(systems[i], subject, follower, task.unwrap_or_else(Task::silent))));
     };
-    let of = |start: u8| (0..systems.len()).filter(move |&i| systems[i].start == start);
+    let starting = |start: u8| (0..systems.len()).filter(move |&i| systems[i].start == start);
     rayon::scope_fifo(|scope| {
         let last = systems.iter().map(|s| s.start).max().unwrap_or(0);
         for start in 0..=last {
             // Stepped systems share a plan: one task does them in order, in parallel with the others.
             let is_stepped = |&i: &usize| matches!(systems[i].run, Run::Stepped(_));
-            let one = &one;
-            scope.spawn_fifo(move |_| of(start).filter(is_stepped).for_each(one));
-            of(start).filter(|i| !is_stepped(i)).for_each(|i| scope.spawn_fifo(move |_| one(i)));
+            let run_and_keep = &run_and_keep;
+            scope.spawn_fifo(move |_| starting(start).filter(is_stepped).for_each(run_and_keep));
+            starting(start).filter(|i| !is_stepped(i)).for_each(|i| scope.spawn_fifo(move |_| run_and_keep(i)));
         }
     });
-    found.into_iter().map(|f| f.into_inner().expect("every system was run")).collect()
+    results.into_iter().map(|result| result.into_inner().expect("every system was run")).collect()
+}
+
+/// Runs one system; its task is done at the end.
+fn run_system(system: &System, subject: &Subject<'_>, follower: &Follower<'_>, task: Task<'_>) -> SystemResult {
+    let mut curves = Curves::default();
+    let figures = match system.run {
+        Run::Stepped(figures) => figures(subject, task),
+        Run::OnTheFly(figures) => figures(follower, &mut curves),
+    };
+    SystemResult { figures, curves }
 }
 
 /// Deviations of the marks of a path from the ideal beam: focus, incidence, displacement, and the share within limits.

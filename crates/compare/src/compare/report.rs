@@ -2,6 +2,7 @@
 
 use super::heat::{self, AFTER_S, PRINTED};
 use super::{Comparison, Figures, Standing, Verdict, charts, following_errors};
+use terrace_plan::on_the_fly::axes::kinematics::Deviation;
 use terrace_plan::on_the_fly::spot::Rests;
 use terrace_report::report::page::{Item, page_html};
 use terrace_report::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
@@ -324,53 +325,30 @@ fn times(c: &Comparison) -> Plot {
     let mut parts: Vec<String> = Figures::default().time.parts().iter().map(|(name, _)| (*name).to_owned()).collect();
     let is_loaded = c.loading.load_s > 0.0;
     parts.extend(is_loaded.then(|| "loading".to_owned()));
-    let bar = |name: &str, f: &Figures| {
-        let mut parts: Vec<f64> = f.time.parts().iter().map(|(_, s)| *s).collect();
-        parts.extend(is_loaded.then(|| f.load_s.unwrap_or(0.0)));
-        let is_hatched = !f.keeps_limits() && !f.is_yours_to_set();
-        Bar { name: if is_hatched { format!("{name} (beyond limits)") } else { name.to_owned() }, parts, is_hatched }
-    };
     let marks =
         c.rows.iter().filter_map(|row| Some((row.system, row.figures.as_ref().ok().filter(|f| f.tool.is_none())?)));
-    let rows = marks.map(|(name, f)| bar(name, f)).collect();
+    let rows = marks.map(|(name, f)| time_bar(name, f, is_loaded)).collect();
     Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw()
+}
+
+/// The time of a system in its parts, with that of loading where blocks are loaded.
+fn time_bar(name: &str, f: &Figures, is_loaded: bool) -> Bar {
+    let mut parts: Vec<f64> = f.time.parts().iter().map(|(_, s)| *s).collect();
+    parts.extend(is_loaded.then(|| f.load_s.unwrap_or(0.0)));
+    let is_hatched = !f.keeps_limits() && !f.is_yours_to_set();
+    Bar { name: if is_hatched { format!("{name} (beyond limits)") } else { name.to_owned() }, parts, is_hatched }
 }
 
 /// The charts, each with the name of its file.
 pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     let mut out = vec![("times", times(c))];
-    let panel = |y: Axis, series: Vec<Series>, limits: Vec<Limit>| Panel { y, series, limits };
-    let limits = c.curves.seven.unwrap_or(c.limits);
-    let [focus, angle, field] =
-        [limits.focus * 1000.0, limits.angle.to_degrees(), limits.field].map(|v| vec![Limit::new("limit", v)]);
-    if !c.curves.back_off.is_empty() {
-        let trials = |pick: &dyn Fn(&terrace_plan::on_the_fly::axes::kinematics::Deviation) -> f64| {
-            let points = c.curves.back_off.iter().map(|r| [r.strength * 1000.0, pick(&r.found)]).collect();
-            vec![Series::new("worst of all marks", points).marked()]
-        };
-        let panels = vec![
-            panel(Axis::new("FOD", "um"), trials(&|d| d.focus * 1000.0), focus.clone()),
-            panel(Axis::new("BIA", "deg"), trials(&|d| d.angle.to_degrees()), angle.clone()),
-            panel(Axis::new("displacement", "mm"), trials(&|d| d.lateral), field.clone()),
-        ];
-        let title = "Seven axes: how strongly the path may be smoothed".into();
-        out.push(("back-off", LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw()));
-    }
+    out.extend(back_off_chart(c).map(|plot| ("back-off", plot)));
     if !c.curves.axes.is_empty() {
         let names = [("X", "mm"), ("Y", "mm"), ("Z", "mm"), ("A", "deg"), ("C", "deg"), ("U", "mm"), ("V", "mm")];
         let title = format!("Seven axes: motion of the first {} points", c.curves.axes.len());
         out.push(("axes", charts::over_time(title, &names, &c.curves.axes)));
     }
-    if !c.curves.along.is_empty() {
-        let column = |k: usize| vec![Series::new("", c.curves.along.iter().map(|r| [r[0], r[k]]).collect())];
-        let panels = vec![
-            panel(Axis::new("FOD", "um"), column(1), focus),
-            panel(Axis::new("BIA", "deg"), column(2), angle),
-            panel(Axis::new("displacement", "mm"), column(3), field),
-        ];
-        let title = "Seven axes: deviations along the path".into();
-        out.push(("along", LineChart { title, x: Axis::new("way", "mm"), panels, limits: Vec::new() }.draw()));
-    }
+    out.extend(deviations_chart(c).map(|plot| ("along", plot)));
     if !c.curves.paths.is_empty() {
         let series = c.curves.paths.iter().map(|(name, points)| Series::new(name, points.clone())).collect();
         let title = "Scanner and stage synchronised: the start of the path".into();
@@ -380,6 +358,44 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     out.extend(charts::velocities(&c.curves).map(|plot| ("velocities", plot)));
     out.extend(following_errors::plots(c));
     out
+}
+
+/// The worst deviations of the seven axes by the strength of the smoothing; None where it was not looked for.
+fn back_off_chart(c: &Comparison) -> Option<Plot> {
+    if c.curves.back_off.is_empty() {
+        return None;
+    }
+    let worst = |part: fn(&Deviation) -> f64| {
+        let points = c.curves.back_off.iter().map(|r| [r.strength * 1000.0, part(&r.found)]).collect();
+        vec![Series::new("worst of all marks", points).marked()]
+    };
+    let series = [worst(|d| d.focus * 1000.0), worst(|d| d.angle.to_degrees()), worst(|d| d.lateral)];
+    let title = "Seven axes: how strongly the path may be smoothed".into();
+    let panels = deviation_panels(c, series);
+    Some(LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw())
+}
+
+/// The deviations of the seven axes along the path; None where there are none.
+fn deviations_chart(c: &Comparison) -> Option<Plot> {
+    if c.curves.along.is_empty() {
+        return None;
+    }
+    let column = |k: usize| vec![Series::new("", c.curves.along.iter().map(|r| [r[0], r[k]]).collect())];
+    let title = "Seven axes: deviations along the path".into();
+    let panels = deviation_panels(c, [1, 2, 3].map(column));
+    Some(LineChart { title, x: Axis::new("way", "mm"), panels, limits: Vec::new() }.draw())
+}
+
+/// Panels of focal offset, beam incidence and displacement, each with its limit for seven axes.
+fn deviation_panels(c: &Comparison, [focus, angle, field]: [Vec<Series>; 3]) -> Vec<Panel> {
+    let limits = c.curves.seven.unwrap_or(c.limits);
+    let panel =
+        |y: Axis, series: Vec<Series>, limit: f64| Panel { y, series, limits: vec![Limit::new("limit", limit)] };
+    vec![
+        panel(Axis::new("FOD", "um"), focus, limits.focus * 1000.0),
+        panel(Axis::new("BIA", "deg"), angle, limits.angle.to_degrees()),
+        panel(Axis::new("displacement", "mm"), field, limits.field),
+    ]
 }
 
 /// The charts of motions, in the order of the page.

@@ -4,12 +4,13 @@ use super::{Figures, Hardware, KeyCost, Split, Subject, marked, path_of};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
 use terrace_core::machine::{Carries, Commanded, Machine, Origin};
-use terrace_core::program::Program;
+use terrace_core::program::{Block, Program};
 use terrace_core::progress::Task;
 use terrace_core::units::Length;
 use terrace_input::job::{DepthRule, Focus, Method, Partition};
 use terrace_plan::manifest::Times;
 use terrace_plan::on_the_fly::axes::kinematics::Deviation;
+use terrace_plan::on_the_fly::path::Node;
 use terrace_plan::on_the_fly::path::height_field::HeightField;
 use terrace_plan::on_the_fly::xyzuv::step_scan_s;
 use terrace_plan::ordered_strokes::OrderedStrokes;
@@ -21,8 +22,8 @@ const ONE_PLANE: Nm = Nm(2_000_000_000);
 /// What a plan reports of its three phases, 0 to 100 percent each.
 const PERCENTS: usize = 3 * 101;
 
-/// Fields side by side, each focused on the middle of its marks. The program is not checked: the lens may come as
-/// near to the part as it must, the figures say.
+/// The figures of fields side by side, each focused on the middle of its marks. The program is not checked: the lens
+/// may come as near to the part as it must, the figures say.
 pub(super) fn flat(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut job = subject.job.plain(Method::ZRange);
     // The depth range would let the planes lie anywhere.
@@ -31,7 +32,7 @@ pub(super) fn flat(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Err
     job.partition = Partition { method: Method::ZRange, ..Partition::default() };
     let task = task.of_steps(PERCENTS);
     let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step())?;
-    Ok(measured(subject, &Measured::of_draft(&draft, subject.machine)))
+    Ok(figures(subject, &SteppedProgram::of_draft(&draft, subject.machine)))
 }
 
 /// A job by a method on a machine.
@@ -47,33 +48,50 @@ pub(super) fn planned(
     draft.and_then(|draft| draft.checked(Vec::new()))
 }
 
-/// The job by a method without one of the keys of its partition that may cost time, and the time of each such job.
-pub(super) fn key_costs(subject: &Subject<'_>, method: Method, system: &'static str, task: Task<'_>) -> Vec<KeyCost> {
-    type Key = (&'static str, fn(&Partition) -> Nm, fn(&mut Partition));
-    const KEYS: [Key; 4] = [
-        ("partition.section", |p| p.section.unwrap_or_default(), |p| p.section = None),
-        ("partition.overlap", |p| p.overlap, |p| p.overlap = Nm(0)),
-        ("partition.zone", |p| p.zone, |p| p.zone = Nm(0)),
-        ("partition.keep_whole", |p| p.keep_whole, |p| p.keep_whole = Nm(0)),
-    ];
-    let stated: Vec<&Key> = KEYS.iter().filter(|(_, value, _)| value(&subject.job.partition) > Nm(0)).collect();
-    let tasks = task.parts(stated.len().max(1));
-    let cost = |(&(key, value, unset), task): (&Key, Task<'_>)| {
-        let mut job = subject.job.plain(method);
-        unset(&mut job.partition);
-        let task = task.of_steps(PERCENTS);
-        let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step()).ok()?;
-        let time_s = draft.times().total + subject.load_s * draft.program().blocks.len() as f64;
-        // Beyond the limits of the machine it would be no job.
-        draft.checked(Vec::new()).ok()?;
-        let value = Length::mm(value(&subject.job.partition).mm()).to_string();
-        Some(KeyCost { system, key, value, time_s })
-    };
-    stated.into_iter().zip(tasks).filter_map(cost).collect()
+/// A key of the partition that may cost time.
+struct PartitionKey {
+    name: &'static str,
+    value: fn(&Partition) -> Nm,
+    unset: fn(&mut Partition),
 }
 
-/// A stepped program that is to be measured.
-struct Measured<'a> {
+/// The keys of the partition that may cost time.
+const COSTLY_KEYS: [PartitionKey; 4] = [
+    PartitionKey { name: "partition.section", value: |p| p.section.unwrap_or_default(), unset: |p| p.section = None },
+    PartitionKey { name: "partition.overlap", value: |p| p.overlap, unset: |p| p.overlap = Nm(0) },
+    PartitionKey { name: "partition.zone", value: |p| p.zone, unset: |p| p.zone = Nm(0) },
+    PartitionKey { name: "partition.keep_whole", value: |p| p.keep_whole, unset: |p| p.keep_whole = Nm(0) },
+];
+
+/// The job by a method without one of the keys of its partition that may cost time, and the time of each such job.
+pub(super) fn key_costs(subject: &Subject<'_>, method: Method, system: &'static str, task: Task<'_>) -> Vec<KeyCost> {
+    let stated: Vec<&PartitionKey> =
+        COSTLY_KEYS.iter().filter(|key| (key.value)(&subject.job.partition) > Nm(0)).collect();
+    let tasks = task.parts(stated.len().max(1));
+    stated.into_iter().zip(tasks).filter_map(|(key, task)| key_cost(subject, method, system, key, task)).collect()
+}
+
+/// The time of the job by a method without one of its keys; None where it would be no job without it.
+fn key_cost(
+    subject: &Subject<'_>,
+    method: Method,
+    system: &'static str,
+    key: &PartitionKey,
+    task: Task<'_>,
+) -> Option<KeyCost> {
+    let mut job = subject.job.plain(method);
+    (key.unset)(&mut job.partition);
+    let task = task.of_steps(PERCENTS);
+    let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step()).ok()?;
+    let time_s = draft.times().total + subject.load_s * draft.program().blocks.len() as f64;
+    // Beyond the limits of the machine it would be no job.
+    draft.checked(Vec::new()).ok()?;
+    let value = Length::mm((key.value)(&subject.job.partition).mm()).to_string();
+    Some(KeyCost { system, key: key.name, value, time_s })
+}
+
+/// A stepped program with what its figures are found from.
+struct SteppedProgram<'a> {
     program: &'a Program,
     machine: &'a Machine,
     /// Position of the part's origin in the table frame, nm.
@@ -87,7 +105,7 @@ struct Measured<'a> {
     overlap_mm: f64,
 }
 
-impl<'a> Measured<'a> {
+impl<'a> SteppedProgram<'a> {
     fn of_draft(draft: &'a Draft<'a>, machine: &'a Machine) -> Self {
         let passes = draft.passes();
         let program = draft.program();
@@ -117,26 +135,28 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// What the job file says for a method; None where the job's machine has a zoom optic, without which no job is made for
-/// it.
+/// What the job file says for a method to be used; None where the job's machine has a zoom optic, without which no job
+/// is made for it.
 fn without_zoom(subject: &Subject<'_>, method: Method) -> Option<String> {
-    subject.inputs.machine.zoom.is_none().then(|| key(method))
+    subject.inputs.machine.zoom.is_none().then(|| method_key(method))
 }
 
-fn key(method: Method) -> String {
+fn method_key(method: Method) -> String {
     format!("partition.method = \"{}\"", method.name())
 }
 
-/// Stepped by a method.
+/// The figures of the job stepped by a method.
 pub(super) fn measure_method(subject: &Subject<'_>, method: Method, task: Task<'_>) -> Result<Figures, Error> {
-    let figures = measured(subject, &Measured::of(&planned(subject, subject.machine, method, task)?));
-    Ok(Figures { job_key: without_zoom(subject, method), ..figures })
+    let plan = planned(subject, subject.machine, method, task)?;
+    let job_key = without_zoom(subject, method);
+    Ok(Figures { job_key, ..figures(subject, &SteppedProgram::of(&plan)) })
 }
 
-/// Stepped, fewest levels in each section.
+/// The figures of the job stepped with the fewest levels in each section.
 pub(super) fn z_range(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
-    let figures = measured(subject, &Measured::of(subject.z_range(task)?));
-    Ok(Figures { job_key: without_zoom(subject, Method::ZRange), ..figures })
+    let plan = subject.z_range(task)?;
+    let job_key = without_zoom(subject, Method::ZRange);
+    Ok(Figures { job_key, ..figures(subject, &SteppedProgram::of(plan)) })
 }
 
 /// Levels changed by a zoom optic; the stage moves for a new section, or where the optic's range ends.
@@ -148,8 +168,8 @@ pub(super) fn zoom(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Err
         machine.zoom = Machine::built_in(LENDER)?.zoom;
     }
     let plan = planned(subject, &machine, Method::ZRange, task)?;
-    let job_key = Some(key(Method::ZRange));
-    Ok(Figures { hardware, job_key, ..measured(subject, &Measured::of(&plan)) })
+    let job_key = Some(method_key(Method::ZRange));
+    Ok(Figures { hardware, job_key, ..figures(subject, &SteppedProgram::of(&plan)) })
 }
 
 /// The part tilted at every stop.
@@ -164,7 +184,8 @@ pub(super) fn head_tilt(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures
     Ok(figures)
 }
 
-/// With tilt axes that carry the part or the head, those of a built-in machine where the job's own has none such.
+/// The figures of the job stepped with tilt axes that carry the part or the head, those of a built-in machine where
+/// the job's own has none such.
 fn tilting(subject: &Subject<'_>, carries: Carries, lender: &'static str, task: Task<'_>) -> Result<Figures, Error> {
     let mut machine = subject.machine.clone();
     let is_own = machine.tilt.as_ref().is_some_and(|tilt| tilt.carries == carries);
@@ -174,11 +195,11 @@ fn tilting(subject: &Subject<'_>, carries: Carries, lender: &'static str, task: 
     }
     let plan = planned(subject, &machine, Method::Tilt, task)?;
     let job_key = without_zoom(subject, Method::Tilt);
-    Ok(Figures { hardware, job_key, ..measured(subject, &Measured::of(&plan)) })
+    Ok(Figures { hardware, job_key, ..figures(subject, &SteppedProgram::of(&plan)) })
 }
 
-/// What marks get, with time, stops and ways of a stepped plan.
-fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
+/// The figures of marks with time, stops and ways of a stepped plan.
+fn with_times(marks: Figures, subject: &Subject<'_>, plan: &SteppedProgram<'_>) -> Figures {
     let program = plan.program;
     let Times { stage, settle, zoom, mark, jump, delay, .. } = plan.times;
     let stops = program.stops();
@@ -198,7 +219,7 @@ fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figur
 }
 
 /// The figures of a stepped plan, by the nodes of its marks on the part.
-fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
+fn figures(subject: &Subject<'_>, plan: &SteppedProgram<'_>) -> Figures {
     let program = plan.program;
     let turns: Vec<Turn> = program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.origin)).collect();
     let ordered = if turns.iter().any(|turn| turn.lean() > 0.0) {
@@ -208,51 +229,58 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     };
     let owner = owners(program);
     let path = path_of(subject, &ordered, 0..ordered.strokes.len());
-    let blocks = &program.blocks;
-    let deviation = |i: usize| {
-        let number = owner[path.nodes[i].stroke.index()] as usize;
-        let (block, turn, [x, y, z]) = (&blocks[number], &turns[number], path.nodes[i].at);
-        let stop = &block.stop;
-        let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
-        let centre = stop.centre.mm();
-        // On a slope a place that is some nanometres off lies at another height: no mark lies beyond its block's depth.
-        let height = p[2].clamp(block.z_lo.mm(), block.z_hi.mm());
-        Deviation {
-            focus: (height - stop.focus.mm()).abs(),
-            angle: turn.slope2(subject.height_field.at([x, y]).normal()).sqrt().atan(),
-            lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
-        }
+    let deviation_of_node = |node: &Node| {
+        let block = owner[node.stroke.index()] as usize;
+        deviation(node.at, &program.blocks[block], &turns[block], &subject.height_field)
     };
-    let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
+    let deviations: Vec<Deviation> = path.nodes.iter().map(deviation_of_node).collect();
     let weights = path.weights_of_passes(&program.pens);
-    let mut figures = stepping(marked(&deviations, &weights, subject.limits), subject, plan);
+    let mut figures = with_times(marked(&deviations, &weights, subject.limits), subject, plan);
     if plan.overlap_mm > 0.0 {
         figures.notes.push(format!("{:.1} mm marked twice where blocks overlap", plan.overlap_mm));
     }
     figures
 }
 
+/// How far a place of a mark, mm, part frame, is from the ideal beam at the stop of its block.
+fn deviation([x, y, z]: [f64; 3], block: &Block, turn: &Turn, height_field: &HeightField) -> Deviation {
+    let stop = &block.stop;
+    let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
+    let centre = stop.centre.mm();
+    // On a slope a place that is some nanometres off lies at another height: no mark lies beyond its block's depth.
+    let height = p[2].clamp(block.z_lo.mm(), block.z_hi.mm());
+    Deviation {
+        focus: (height - stop.focus.mm()).abs(),
+        angle: turn.slope2(height_field.at([x, y]).normal()).sqrt().atan(),
+        lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
+    }
+}
+
 /// The strokes of all blocks where they lie on the untilted part, seen along z; points in the box of the texture.
 fn seen_from_above(program: &Program, turns: &[Turn], height_field: &HeightField, texture: Box2) -> OrderedStrokes {
-    // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
-    let met = |i: usize, FieldPoint { x, y }: FieldPoint| {
-        let (block, turn) = (&program.blocks[i], &turns[i]);
-        let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
-        let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - focus).mm());
-        let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus.0];
-        let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
-        let (mut way, mut p) = (0.0f64, from);
-        for _ in 0..4 {
-            let h = height_field.at([p[0], p[1]]);
-            let closing = up[2] - h.slope[0] * up[0] - h.slope[1] * up[1];
-            way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
-            p = [0, 1, 2].map(|k| from[k] + way * up[k]);
-        }
+    OrderedStrokes::placed(program, |i, point| {
+        let [x, y, _] = place_on_part(point, &program.blocks[i], &turns[i], height_field);
         // Rounding must put nothing beyond an edge of the part.
-        let [x, y] = [p[0], p[1]].map(|v| (v * NM_PER_MM).round() as i64);
+        let [x, y] = [x, y].map(|v| (v * NM_PER_MM).round() as i64);
         P2::new(x.clamp(texture.lo.x, texture.hi.x), y.clamp(texture.lo.y, texture.hi.y))
-    };
-    OrderedStrokes::placed(program, met)
+    })
+}
+
+/// Where the beam through a point of the focal plane meets the part, at no other height than the block's marks, mm.
+fn place_on_part(point: FieldPoint, block: &Block, turn: &Turn, height_field: &HeightField) -> [f64; 3] {
+    let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
+    let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - focus).mm());
+    let point = [centre.x + i64::from(point.x), centre.y + i64::from(point.y), focus.0];
+    let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
+    let (mut way, mut p) = (0.0f64, from);
+    // Newton's steps along the beam: it closes in on the height field by its direction against the slope.
+    for _ in 0..4 {
+        let h = height_field.at([p[0], p[1]]);
+        let closing = up[2] - h.slope[0] * up[0] - h.slope[1] * up[1];
+        way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
+        p = [0, 1, 2].map(|k| from[k] + way * up[k]);
+    }
+    p
 }
 
 /// The block of every stroke.
@@ -264,6 +292,7 @@ fn owners(program: &Program) -> Vec<u32> {
     out
 }
 
+/// Way of the stage from one position to another, mm.
 fn way(a: Commanded, b: Commanded) -> f64 {
     (0..3).map(|k| mm_from_nm(b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
 }

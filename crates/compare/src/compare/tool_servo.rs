@@ -59,7 +59,7 @@ impl Figures {
     }
 }
 
-/// Turning the surface.
+/// The figures of turning the surface.
 ///
 /// # Errors
 /// `compare-tool-servo` where the machine has no tool servo, no exact surface is named, or the spiral does not lie on
@@ -74,20 +74,16 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let servo = tool.servo.map(Servo::of).transpose()?;
     let drive = Drive::of(tool);
     let peaks = cut.peaks(&heights, servo, drive.rates);
-    let [counted, kept] = peaks.counts;
-    if counted == 0 {
+    if peaks.counted == 0 {
         let text = "the spiral of the tool has no four set-points in a row on the part";
         return Err(Diag::limit("compare-tool-servo", text).hint("check tool_servo.cycle, feed and spindle").into());
     }
     let (mut needs, beyond) = drive.needs(&peaks);
     needs.extend(cut.figures());
     if servo.is_some() {
-        needs.push(figure("worst following error", "um", 1000.0 * peaks.following[0]));
-        needs.push(figure("mean following error", "um", 1000.0 * peaks.following[1] / counted as f64));
+        needs.extend(peaks.following_figures());
     }
-    let full = full_stroke(tool);
-    needs.push(figure("time of the full stroke", "ms", 1000.0 * full.total_s()));
-    needs.push(figure("top speed of the full stroke", "m/s", full.peak() / 1000.0));
+    needs.extend(full_stroke_figures(tool));
     needs.extend(tool.oscillations.iter().map(|oscillation| jerk_of(oscillation, tool)));
     let mut notes = vec![cut.spiral.note(), fit.note(), heights.note()];
     notes.extend(cut.note());
@@ -96,7 +92,7 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         time: Split { mark: cut.time_s, ..Split::default() },
         stops: 1,
         speed: 100.0,
-        within: 100.0 * (kept as f64 / counted as f64),
+        within: 100.0 * (peaks.kept as f64 / peaks.counted as f64),
         beyond,
         tool: Some(ToolFigures { needs }),
         notes,
@@ -166,12 +162,13 @@ impl Spiral {
 struct Cut {
     spiral: Spiral,
     time_s: f64,
-    /// Set-points of the cut, and of a revolution.
+    /// Set-points of the cut.
     set_points: usize,
+    /// Set-points of a revolution.
     revolution: usize,
     /// Set-points of each run that is looked at: a revolution, where one is not too long.
     run: usize,
-    /// Of so many runs one is looked at.
+    /// One of so many runs is looked at.
     every: usize,
 }
 
@@ -185,17 +182,16 @@ impl Cut {
     }
 
     /// The peaks of all runs that are looked at, each by itself, against limits of speed, acceleration and jerk.
-    fn peaks(&self, heights: &Heights<'_>, servo: Option<Servo>, limits: [f64; 3]) -> Peaks {
+    fn peaks(&self, heights: &Heights<'_>, servo: Option<Servo>, limits: [f64; 3]) -> CutPeaks {
         let runs = self.set_points.div_ceil(self.run);
-        let of_run = |k: usize| {
+        let by_run = parallel::map(runs.div_ceil(self.every), |k| {
             let first = k * self.every * self.run;
             // The run before it lets a servo settle.
             let settle = servo.map_or(0, |_| self.run.min(first));
             let run = first..(first + self.run).min(self.set_points);
-            peaks(&self.spiral, first - settle, run, servo, limits, heights.along_a_way())
-        };
-        let found = parallel::map(runs.div_ceil(self.every), of_run);
-        found.into_iter().reduce(joined).expect("a cut has set-points")
+            run_peaks(&self.spiral, first - settle, run, servo, limits, heights.along_a_way())
+        });
+        by_run.into_iter().reduce(CutPeaks::joined).expect("a cut has set-points")
     }
 
     /// The figures that follow from spindle, feed and cycle alone.
@@ -259,10 +255,10 @@ impl Drive {
     }
 
     /// What the cut needs of it, and which of that it does not make.
-    fn needs(&self, peaks: &Peaks) -> (Vec<Need>, Vec<Beyond>) {
+    fn needs(&self, peaks: &CutPeaks) -> (Vec<Need>, Vec<Beyond>) {
         let [speed, acceleration, jerk] = [0, 1, 2].map(|k| [peaks.rates[k] / 1e3, self.rates[k] / 1e3]);
         let rows = [
-            ("stroke", "mm", [peaks.z[1] - peaks.z[0], self.stroke]),
+            ("stroke", "mm", [peaks.highest - peaks.lowest, self.stroke]),
             ("speed", "m/s", speed),
             ("acceleration", "m/s2", acceleration),
             ("jerk", "m/s3", jerk),
@@ -295,14 +291,14 @@ fn jerk_of(oscillation: &Oscillation, tool: &ToolServo) -> Need {
     Need { figure: format!("jerk of {}", name_of(oscillation)), unit: "m/s3", needed, limit: Some(limit) }
 }
 
-/// That the drive does not make an oscillation, where it does not.
+/// What is said of an oscillation that the drive does not make.
 fn beyond_the_drive(oscillation: &Oscillation, tool: &ToolServo) -> Option<String> {
     let [needed, jerk] = [oscillation.jerk_mm_s3(), tool.jerk_mm_s3()];
     let times = needed / jerk;
     (needed > jerk).then(|| format!("the drive does not make {}: {times:.2} times its jerk", name_of(oscillation)))
 }
 
-/// Of how many set-points each run is that is looked at, and of how many runs one.
+/// How many set-points each run has, and one of how many runs is looked at.
 fn looked_at(all: usize, revolution: usize) -> [usize; 2] {
     let run = revolution.min(MOST);
     [run, all.div_ceil(run).div_ceil(MOST / run)]
@@ -313,6 +309,15 @@ fn full_stroke(tool: &ToolServo) -> RestToRest {
     let speed = tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s());
     let acceleration = tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2());
     RestToRest::new(tool.stroke.as_mm(), speed, acceleration, Some(tool.jerk_mm_s3()))
+}
+
+/// The figures of the full stroke.
+fn full_stroke_figures(tool: &ToolServo) -> [Need; 2] {
+    let full = full_stroke(tool);
+    [
+        figure("time of the full stroke", "ms", 1000.0 * full.total_s()),
+        figure("top speed of the full stroke", "m/s", full.peak() / 1000.0),
+    ]
 }
 
 /// How well the exact surface is that of the part.
@@ -361,69 +366,109 @@ fn fit(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) ->
     Ok(fit)
 }
 
-/// Peaks of a run of set-points.
+/// Peaks of set-points of a cut.
 #[derive(Clone, Copy)]
-struct Peaks {
-    /// Least and largest height, mm.
-    z: [f64; 2],
+struct CutPeaks {
+    /// Least height, mm.
+    lowest: f64,
+    /// Largest height, mm.
+    highest: f64,
     /// Largest size of each difference: mm/s, mm/s², mm/s³.
     rates: [f64; 3],
-    /// Largest following error, and the sum of all, mm.
-    following: [f64; 2],
-    /// Set-points that count, and how many of them keep the limits.
-    counts: [usize; 2],
+    /// Largest following error, mm.
+    worst_following: f64,
+    /// Sum of all following errors, mm.
+    following_sum: f64,
+    /// Set-points that count: those with three before them on the part.
+    counted: usize,
+    /// How many of these keep the limits.
+    kept: usize,
 }
 
-/// Peaks of a run of set-points, of a servo that starts at rest at `settle`; `height` tells none where
-/// the tool may move as it likes.
-fn peaks(
+impl CutPeaks {
+    /// The peaks of no set-point.
+    const NONE: Self = Self {
+        lowest: f64::INFINITY,
+        highest: f64::NEG_INFINITY,
+        rates: [0.0; 3],
+        worst_following: 0.0,
+        following_sum: 0.0,
+        counted: 0,
+        kept: 0,
+    };
+
+    /// Adds a set-point: its height, the sizes of its differences, whether they keep the limits, and its following
+    /// error.
+    fn add(&mut self, z: f64, rates: [f64; 3], limits: [f64; 3], following: f64) {
+        self.lowest = self.lowest.min(z);
+        self.highest = self.highest.max(z);
+        self.rates = std::array::from_fn(|k| self.rates[k].max(rates[k]));
+        self.worst_following = self.worst_following.max(following);
+        self.following_sum += following;
+        self.counted += 1;
+        self.kept += usize::from(rates.iter().zip(limits).all(|(rate, limit)| *rate <= limit));
+    }
+
+    /// The peaks of two runs together.
+    fn joined(a: Self, b: Self) -> Self {
+        Self {
+            lowest: a.lowest.min(b.lowest),
+            highest: a.highest.max(b.highest),
+            rates: std::array::from_fn(|k| a.rates[k].max(b.rates[k])),
+            worst_following: a.worst_following.max(b.worst_following),
+            following_sum: a.following_sum + b.following_sum,
+            counted: a.counted + b.counted,
+            kept: a.kept + b.kept,
+        }
+    }
+
+    /// The figures of the following errors.
+    fn following_figures(&self) -> [Need; 2] {
+        [
+            figure("worst following error", "um", 1000.0 * self.worst_following),
+            figure("mean following error", "um", 1000.0 * self.following_sum / self.counted as f64),
+        ]
+    }
+}
+
+/// Peaks of a run of set-points, of a servo that starts at rest at `settle`; `height` is None where the tool may move
+/// as it likes.
+fn run_peaks(
     spiral: &Spiral,
     settle: usize,
     run: Range<usize>,
     servo: Option<Servo>,
     limits: [f64; 3],
     mut height: impl FnMut([f64; 2]) -> Option<f64>,
-) -> Peaks {
-    let none = [f64::INFINITY, f64::NEG_INFINITY];
-    let mut out = Peaks { z: none, rates: [0.0; 3], following: [0.0; 2], counts: [0; 2] };
+) -> CutPeaks {
+    let mut out = CutPeaks::NONE;
     let mut axis: Option<Axis> = None;
-    // The last three heights, and how many of them in a row are on the part.
-    let (mut before, mut row) = ([0.0; 3], 0);
+    // The last three heights, and how many set-points in a row are on the part.
+    let mut before = [0.0; 3];
+    let mut row = 0;
     // Three set-points of the run before, so that no difference is missed between runs.
     for i in settle.min(run.start.saturating_sub(3))..run.end {
         let Some(z) = height(spiral.at(i)) else {
             // It comes in at rest again.
-            (row, axis) = (0, None);
+            row = 0;
+            axis = None;
             continue;
         };
         row += 1;
-        let late = servo.map_or(0.0, |servo| {
+        let following = servo.map_or(0.0, |servo| {
             let axis = axis.get_or_insert_with(|| Axis::new(servo, spiral.cycle, z));
             (axis.step(z) - z).abs()
         });
         if i >= run.start && row > 3 {
+            // First to third differences over the cycle's powers.
             let [a, b, c] = before;
             let differences = [z - a, z - 2.0 * a + b, z - 3.0 * a + 3.0 * b - c];
             let rates: [f64; 3] = std::array::from_fn(|k| differences[k].abs() / spiral.cycle.powi(k as i32 + 1));
-            out.z = [out.z[0].min(z), out.z[1].max(z)];
-            out.rates = std::array::from_fn(|k| out.rates[k].max(rates[k]));
-            out.following = [out.following[0].max(late), out.following[1] + late];
-            let keeps = rates.iter().zip(limits).all(|(rate, limit)| *rate <= limit);
-            out.counts = [out.counts[0] + 1, out.counts[1] + usize::from(keeps)];
+            out.add(z, rates, limits, following);
         }
         before = [z, before[0], before[1]];
     }
     out
-}
-
-/// Peaks of two runs together.
-fn joined(a: Peaks, b: Peaks) -> Peaks {
-    Peaks {
-        z: [a.z[0].min(b.z[0]), a.z[1].max(b.z[1])],
-        rates: std::array::from_fn(|k| a.rates[k].max(b.rates[k])),
-        following: [a.following[0].max(b.following[0]), a.following[1] + b.following[1]],
-        counts: [0, 1].map(|k| a.counts[k] + b.counts[k]),
-    }
 }
 
 #[cfg(test)]

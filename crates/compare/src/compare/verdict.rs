@@ -75,7 +75,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Of a comparison.
+    /// The verdict on a comparison.
     pub fn of(c: &Comparison) -> Self {
         let rows = Rows(c);
         let best = rows.fastest(|f| f.hardware == Hardware::Own && f.job_key.is_some());
@@ -106,7 +106,7 @@ impl Verdict {
 
 /// A system with its figures.
 #[derive(Clone, Copy)]
-struct Timed<'a> {
+struct TimedSystem<'a> {
     system: &'static str,
     kind: Kind,
     figures: &'a Figures,
@@ -118,20 +118,20 @@ struct Rows<'a>(&'a Comparison);
 
 impl<'a> Rows<'a> {
     /// The rows that have figures.
-    fn timed(&self) -> impl Iterator<Item = Timed<'a>> {
+    fn timed(&self) -> impl Iterator<Item = TimedSystem<'a>> {
         self.0.rows.iter().filter_map(|row| {
             let figures = row.figures.as_ref().ok()?;
-            Some(Timed { system: row.system, kind: kind(row.system), figures, time_s: figures.counted_s() })
+            Some(TimedSystem { system: row.system, kind: kind(row.system), figures, time_s: figures.counted_s() })
         })
     }
 
     /// The fastest of those within the limits; of some that are as fast the first.
-    fn fastest(&self, also: impl Fn(&Figures) -> bool) -> Option<Timed<'a>> {
-        let fit = self.timed().filter(|t| t.figures.keeps_limits() && also(t.figures));
-        fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s))
+    fn fastest(&self, also: impl Fn(&Figures) -> bool) -> Option<TimedSystem<'a>> {
+        let usable = self.timed().filter(|t| t.figures.keeps_limits() && also(t.figures));
+        usable.min_by(|a, b| a.time_s.total_cmp(&b.time_s))
     }
 
-    fn assessed(&self, row: &Row, best: Option<Timed<'_>>) -> Assessed {
+    fn assessed(&self, row: &Row, best: Option<TimedSystem<'_>>) -> Assessed {
         let (standing, reasons) = match &row.figures {
             Err(e) => {
                 let why = e.diags().iter().map(|d| d.message.clone()).collect();
@@ -153,7 +153,7 @@ impl<'a> Rows<'a> {
         Assessed { system: row.system, standing, time_s, times_the_recommended, reasons }
     }
 
-    fn sentences(&self, best: Option<Timed<'_>>) -> Vec<String> {
+    fn sentences(&self, best: Option<TimedSystem<'_>>) -> Vec<String> {
         let mut out = match best {
             Some(best) => self.recommendation(best),
             None => self.no_recommendation(),
@@ -162,9 +162,9 @@ impl<'a> Rows<'a> {
             [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::HeadTilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes];
         for group in GROUPS {
             let is_recommended = best.is_some_and(|best| best.kind == group);
-            let fit = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());
-            if let Some(other) = fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !is_recommended) {
-                out.push(said(other, best));
+            let usable = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());
+            if let Some(other) = usable.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !is_recommended) {
+                out.push(comparison_with_best(other, best));
             }
         }
         let turned = self.timed().find(|t| t.kind == Kind::ToolServo && t.figures.keeps_limits());
@@ -179,7 +179,7 @@ impl<'a> Rows<'a> {
     }
 
     /// What to use.
-    fn recommendation(&self, best: Timed<'_>) -> Vec<String> {
+    fn recommendation(&self, best: TimedSystem<'_>) -> Vec<String> {
         let what = match best.kind {
             Kind::Stepped => format!("Step by {}", best.system),
             Kind::Zoom => "Step with the zoom optic".to_owned(),
@@ -206,13 +206,13 @@ impl<'a> Rows<'a> {
     }
 
     /// The keys of the job without which a system would be quicker, and by how much.
-    fn key_costs(&self, of: Timed<'_>) -> impl Iterator<Item = String> {
-        let costs = self.0.key_costs.iter().filter(move |cost| cost.system == of.system);
-        costs.filter(move |cost| of.time_s > ALIKE * cost.time_s).map(move |KeyCost { key, value, time_s, .. }| {
+    fn key_costs(&self, t: TimedSystem<'_>) -> impl Iterator<Item = String> {
+        let costs = self.0.key_costs.iter().filter(move |cost| cost.system == t.system);
+        costs.filter(move |cost| t.time_s > ALIKE * cost.time_s).map(move |KeyCost { key, value, time_s, .. }| {
             format!(
                 "Of this time {key} = {value:?} of the job file, not the machine, costs {}: without it {} takes {}.",
-                duration(of.time_s - time_s),
-                of.system,
+                duration(t.time_s - time_s),
+                t.system,
                 duration(*time_s)
             )
         })
@@ -220,11 +220,11 @@ impl<'a> Rows<'a> {
 
     /// The sentences that say that nothing can be recommended, and what comes nearest to it.
     fn no_recommendation(&self) -> Vec<String> {
-        let nearly = |t: &Timed<'_>| {
-            let made = t.figures.hardware == Hardware::Own && t.figures.job_key.is_some();
-            made && t.figures.is_yours_to_set()
+        let is_nearly_usable = |t: &TimedSystem<'_>| {
+            let is_compiled = t.figures.hardware == Hardware::Own && t.figures.job_key.is_some();
+            is_compiled && t.figures.is_yours_to_set()
         };
-        let Some(t) = self.timed().filter(nearly).min_by(|a, b| a.time_s.total_cmp(&b.time_s)) else {
+        let Some(t) = self.timed().filter(is_nearly_usable).min_by(|a, b| a.time_s.total_cmp(&b.time_s)) else {
             return vec![format!("None of these systems keeps all limits on {}.", self.0.machine)];
         };
         let [worst, allowed] = [t.figures.incidence_deg.worst, self.0.limits.angle.to_degrees()];
@@ -252,7 +252,7 @@ impl<'a> Rows<'a> {
 
     /// Which systems must not be used, those of one reason together.
     fn beyond_limits(&self) -> Option<String> {
-        let is_beyond = |t: &Timed<'_>| !t.figures.keeps_limits() && !t.figures.is_yours_to_set();
+        let is_beyond = |t: &TimedSystem<'_>| !t.figures.keeps_limits() && !t.figures.is_yours_to_set();
         let out = self.timed().filter(is_beyond).map(|t| {
             let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
             (t.system, reasons.join("; "))
@@ -293,8 +293,8 @@ fn kind(system: &str) -> Kind {
 }
 
 /// What a system would win or lose against the best, and why where the figures say so.
-fn said(other: Timed<'_>, best: Option<Timed<'_>>) -> String {
-    let Timed { figures, .. } = other;
+fn comparison_with_best(other: TimedSystem<'_>, best: Option<TimedSystem<'_>>) -> String {
+    let TimedSystem { figures, .. } = other;
     let (what, is_many) = subject(other);
     let Some(best) = best else {
         let verb = if is_many { "take" } else { "takes" };
@@ -314,7 +314,7 @@ fn said(other: Timed<'_>, best: Option<Timed<'_>>) -> String {
 }
 
 /// A system as the subject of a sentence, and whether that is a plural.
-fn subject(t: Timed<'_>) -> (String, bool) {
+fn subject(t: TimedSystem<'_>) -> (String, bool) {
     let what = match (t.kind, t.figures.hardware) {
         (Kind::Stepped, _) => format!("Stepping by {}", t.system),
         (Kind::Zoom, Hardware::Own) => "The zoom optic".to_owned(),
@@ -369,18 +369,20 @@ fn factor(v: f64) -> String {
 /// A value and its limit, each with three digits or as many more as tell them apart.
 fn apart(value: f64, limit: f64) -> [String; 2] {
     const MOST: usize = 4;
-    let shown = |v: f64, more: usize| {
-        let digits = match v.abs() {
-            ..0.1 => 3,
-            ..1.0 => 2,
-            ..100.0 => 1,
-            _ => 0,
-        };
-        let text = plain(v, digits + more);
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-    };
-    let both = |more: usize| [value, limit].map(|v| shown(v, more));
+    let both = |more: usize| [value, limit].map(|v| three_digits(v, more));
     (0..MOST).map(both).find(|[a, b]| a != b).unwrap_or_else(|| both(MOST))
+}
+
+/// A value with three digits and `more` after the point, without zeros at its end.
+fn three_digits(v: f64, more: usize) -> String {
+    let digits = match v.abs() {
+        ..0.1 => 3,
+        ..1.0 => 2,
+        ..100.0 => 1,
+        _ => 0,
+    };
+    let text = plain(v, digits + more);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Names that share a text, in the order in which they come.

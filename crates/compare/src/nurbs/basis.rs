@@ -16,7 +16,8 @@ pub(super) struct Basis<T> {
 }
 
 impl<T: Scalar> Basis<T> {
-    /// Of a degree and knots, at `t`, with derivatives up to `ORDER` (The NURBS Book, A2.2 and eq. 2.7).
+    /// The basis functions of a degree and knots, at `t`, with derivatives up to `ORDER` (The NURBS Book, A2.2 and eq.
+    /// 2.7).
     pub fn of<const ORDER: usize>(degree: usize, knots: &[f64], t: T) -> Self {
         let (p, count) = (degree, knots.len() - degree - 1);
         // The last span of the range holds its end too; spans without width hold nothing.

@@ -23,7 +23,7 @@ pub struct Decoupled<'a> {
 }
 
 impl<'a> Decoupled<'a> {
-    /// Of a surface.
+    /// The decoupled form of a surface.
     ///
     /// # Errors
     /// `nurbs-decoupled` where it is not one, with the control point that is farthest off.

@@ -1,6 +1,6 @@
 //! What a surface is like, and what the three algorithms make of it, at a grid of samples.
 
-use super::{Counted, Decoupled, HeightGrid, Inversion, Method, Scalar, Surface, counted};
+use super::{Counted, Decoupled, HeightGrid, Inversion, InvertedPoint, Method, NotConverged, Scalar, Surface, counted};
 use terrace_core::diag::{Diag, Error};
 
 /// Samples along each parameter.
@@ -30,7 +30,7 @@ pub struct Convergence {
     pub worst: f64,
 }
 
-/// What was found.
+/// A surface in figures, and the errors and costs of the three algorithms on it.
 #[derive(Debug)]
 pub struct Examination {
     /// Samples as x, y and z, mm.
@@ -47,19 +47,20 @@ pub struct Examination {
     pub decoupled_error: Result<f64, Error>,
     /// Algorithm III from the linear guess.
     pub cold: Convergence,
-    /// The same from the sample before.
+    /// Algorithm III from the sample before.
     pub warm: Convergence,
     /// Full Newton steps from the linear guess.
     pub newton: Convergence,
     /// Floating-point operations of a point of the surface.
     pub point_operations: u64,
-    /// Of a height by algorithm I.
+    /// Floating-point operations of a height by algorithm I.
     pub grid_operations: u64,
-    /// Of a height by algorithm II; as for any net of these degrees, whether or not this one is decoupled.
+    /// Floating-point operations of a height by algorithm II; as for any net of these degrees, whether or not this one
+    /// is decoupled.
     pub decoupled_operations: u64,
-    /// Of a Gauss-Newton step of algorithm III.
+    /// Floating-point operations of a Gauss-Newton step of algorithm III.
     pub step_operations: u64,
-    /// Of a full Newton step.
+    /// Floating-point operations of a full Newton step.
     pub newton_step_operations: u64,
 }
 
@@ -68,27 +69,13 @@ pub struct Examination {
 /// # Errors
 /// `nurbs-grid` where the grid of algorithm I cannot be made.
 pub fn examine(surface: &Surface, steps: GridSteps) -> Result<Examination, Error> {
-    let range = surface.range();
-    let parameter = |k: usize, i: usize| {
-        let [lo, hi] = range[k];
-        lo + (hi - lo) * (i as f64 + 0.5) / SAMPLES as f64
-    };
-    let uvs: Vec<[f64; 2]> = (0..SAMPLES * SAMPLES)
-        .map(|n| {
-            let (row, along) = (n / SAMPLES, n % SAMPLES);
-            [parameter(0, if row % 2 == 0 { along } else { SAMPLES - 1 - along }), parameter(1, row)]
-        })
-        .collect();
+    let uvs = parameters(surface);
     let samples: Vec<[f64; 3]> = uvs.iter().map(|&uv| surface.point(uv)).collect();
-    let turns = uvs.iter().map(|&uv| {
-        let [_, u, v, ..] = surface.derivatives::<f64, 1>(uv);
-        u[0] * v[1] - u[1] * v[0]
-    });
-    let (least, most) = turns.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), d| (lo.min(d), hi.max(d)));
     let [lo, hi] = surface.hull();
     let shorter = (hi[0] - lo[0]).min(hi[1] - lo[1]);
     let grid = HeightGrid::over(surface, steps.step.unwrap_or(shorter / 100.0), steps.kernel)?;
-    let of_grid: Vec<f64> = samples.iter().filter_map(|&[x, y, z]| Some((grid.height([x, y])? - z).abs())).collect();
+    let grid_errors: Vec<f64> =
+        samples.iter().filter_map(|&[x, y, z]| Some((grid.height([x, y])? - z).abs())).collect();
     let decoupled = Decoupled::of(surface);
     let decoupled_error = decoupled.as_ref().map_err(Clone::clone).map(|decoupled| {
         let off = |&[x, y, z]: &[f64; 3]| (decoupled.point([x, y])[2] - z).abs();
@@ -101,40 +88,80 @@ pub fn examine(surface: &Surface, steps: GridSteps) -> Result<Examination, Error
     let _ = warm.next([samples[0][0], samples[0][1]]);
     let operations = operations(surface, &grid)?;
     Ok(Examination {
-        is_height_map: least * most > 0.0,
-        grid_error: of_grid.iter().copied().reduce(f64::max),
-        grid_reaches: of_grid.len(),
-        cold: convergence(&samples, |xy| gauss_newton.cold(xy).map(|f| (f.steps, f.at[2])).ok()),
-        warm: convergence(&samples[1..], |xy| warm.next(xy).map(|f| (f.steps, f.at[2])).ok()),
-        newton: convergence(&samples, |xy| newton.cold(xy).map(|f| (f.steps, f.at[2])).ok()),
+        is_height_map: is_height_map(surface, &uvs),
+        grid_error: grid_errors.iter().copied().reduce(f64::max),
+        grid_reaches: grid_errors.len(),
+        cold: convergence(&samples, |xy| gauss_newton.cold(xy)),
+        warm: convergence(&samples[1..], |xy| warm.next(xy)),
+        newton: convergence(&samples, |xy| newton.cold(xy)),
         decoupled_error,
-        point_operations: operations[0],
-        grid_operations: operations[1],
-        decoupled_operations: operations[2],
-        step_operations: operations[3],
-        newton_step_operations: operations[4],
+        point_operations: operations.point,
+        grid_operations: operations.grid,
+        decoupled_operations: operations.decoupled,
+        step_operations: operations.gauss_newton_step,
+        newton_step_operations: operations.newton_step,
         grid,
         samples,
     })
 }
 
-/// What an inversion, which tells steps and height, makes of the samples.
-fn convergence(samples: &[[f64; 3]], mut invert: impl FnMut([f64; 2]) -> Option<(usize, f64)>) -> Convergence {
-    let found: Vec<(usize, f64)> = samples
-        .iter()
-        .filter_map(|&[x, y, z]| invert([x, y]).map(|(steps, height)| (steps, (height - z).abs())))
-        .collect();
-    Convergence {
-        samples: samples.len(),
-        converged: found.len(),
-        mean_steps: found.iter().map(|f| f.0 as f64).sum::<f64>() / found.len().max(1) as f64,
-        most_steps: found.iter().map(|f| f.0).max().unwrap_or(0),
-        worst: found.iter().map(|f| f.1).fold(0.0, f64::max),
-    }
+/// The parameters of the samples: even, without the rim, in a serpentine.
+fn parameters(surface: &Surface) -> Vec<[f64; 2]> {
+    let parameter = |[lo, hi]: [f64; 2], i: usize| lo + (hi - lo) * (i as f64 + 0.5) / SAMPLES as f64;
+    let [u_range, v_range] = surface.range();
+    (0..SAMPLES * SAMPLES)
+        .map(|n| {
+            let (row, along) = (n / SAMPLES, n % SAMPLES);
+            let column = if row % 2 == 0 { along } else { SAMPLES - 1 - along };
+            [parameter(u_range, column), parameter(v_range, row)]
+        })
+        .collect()
 }
 
-/// Operations of a point, of a height by I and by II, and of a step of III by Gauss-Newton and by Newton.
-fn operations(surface: &Surface, grid: &HeightGrid) -> Result<[u64; 5], Error> {
+/// Whether the map from u, v to x, y turns the same way everywhere.
+fn is_height_map(surface: &Surface, uvs: &[[f64; 2]]) -> bool {
+    let turns = uvs.iter().map(|&uv| {
+        let [_, u, v, ..] = surface.derivatives::<f64, 1>(uv);
+        u[0] * v[1] - u[1] * v[0]
+    });
+    let (least, most) = turns.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), d| (lo.min(d), hi.max(d)));
+    least * most > 0.0
+}
+
+/// How inversions of the samples end.
+fn convergence(
+    samples: &[[f64; 3]],
+    mut invert: impl FnMut([f64; 2]) -> Result<InvertedPoint<f64>, NotConverged>,
+) -> Convergence {
+    let mut out = Convergence { samples: samples.len(), ..Convergence::default() };
+    let mut steps = 0.0;
+    for &[x, y, z] in samples {
+        let Ok(point) = invert([x, y]) else { continue };
+        out.converged += 1;
+        steps += point.steps as f64;
+        out.most_steps = out.most_steps.max(point.steps);
+        out.worst = out.worst.max((point.at[2] - z).abs());
+    }
+    out.mean_steps = steps / out.converged.max(1) as f64;
+    out
+}
+
+/// Floating-point operations.
+struct Operations {
+    /// Of a point of the surface.
+    point: u64,
+    /// Of a height by algorithm I.
+    grid: u64,
+    /// Of a height by algorithm II.
+    decoupled: u64,
+    /// Of a step of algorithm III by Gauss-Newton.
+    gauss_newton_step: u64,
+    /// Of a step of algorithm III by Newton.
+    newton_step: u64,
+}
+
+/// What a point of the surface and the three algorithms cost.
+fn operations(surface: &Surface, grid: &HeightGrid) -> Result<Operations, Error> {
     let middle = surface.range().map(|[lo, hi]| 0.5 * (lo + hi));
     let (_, point) = counted(|| surface.point(middle.map(Counted::of)));
     let [x, y, _] = surface.point(middle);
@@ -148,7 +175,13 @@ fn operations(surface: &Surface, grid: &HeightGrid) -> Result<[u64; 5], Error> {
     let decoupled = Decoupled::of(&plane)?;
     let (_, by_decoupled) = counted(|| decoupled.point([Counted::of(0.5); 2]));
     let step = |method| Inversion::new(surface, method).operations_of_a_step();
-    Ok([point, by_grid, by_decoupled, step(Method::GaussNewton), step(Method::Newton)])
+    Ok(Operations {
+        point,
+        grid: by_grid,
+        decoupled: by_decoupled,
+        gauss_newton_step: step(Method::GaussNewton),
+        newton_step: step(Method::Newton),
+    })
 }
 
 /// A level square whose control points lie at the Greville abscissae.

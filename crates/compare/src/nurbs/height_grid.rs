@@ -28,8 +28,8 @@ pub struct HeightGrid {
 }
 
 impl HeightGrid {
-    /// Over a surface with nodes `step` mm apart and a kernel of `kernel` mm, by default 0.9 of `step`. Heights of the
-    /// nodes are those of algorithm III, exact.
+    /// The grid over a surface with nodes `step` mm apart and a kernel of `kernel` mm, by default 0.9 of `step`.
+    /// Heights of the nodes are those of algorithm III, exact.
     ///
     /// # Errors
     /// `nurbs-grid` where the grid is empty or has more than a million nodes, or a distance is not positive.
@@ -41,7 +41,7 @@ impl HeightGrid {
         })
     }
 
-    /// Over the box from `lo` to `hi` mm, of heights by (x, y); no number where there is none.
+    /// The grid over the box from `lo` to `hi` mm, of heights by (x, y); no number where there is none.
     ///
     /// # Errors
     /// As [`Self::over`], of 20 million nodes.

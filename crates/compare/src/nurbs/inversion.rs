@@ -16,9 +16,9 @@ pub enum Method {
     Newton,
 }
 
-/// Where the surface passes over a point.
+/// A point of the surface over (x, y), with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found<T> {
+pub struct InvertedPoint<T> {
     /// u and v.
     pub uv: [T; 2],
     /// The point; its z is the height.
@@ -36,7 +36,7 @@ pub struct NotConverged {
     pub off: f64,
 }
 
-/// Distance to (x, y) at which a point is found, mm.
+/// Distance to (x, y) at which a point counts as found, mm.
 const FOUND_MM: f64 = 1e-9;
 /// Most steps, halved ones among them.
 const MAX_STEPS: usize = 50;
@@ -47,6 +47,16 @@ struct Trial<T> {
     uv: [T; 2],
     /// From there to what is tried next.
     step: [T; 2],
+    /// Square of the distance to (x, y), mm².
+    distance2: T,
+}
+
+/// The surface at parameters, against the point that is looked for.
+struct Residual<T> {
+    /// The point and its derivatives: S, S_u, S_v, S_uu, S_uv, S_vv; the second ones for Newton's method alone.
+    s: [[T; 3]; 6],
+    /// S_xy - (x, y).
+    r: [T; 2],
     /// Square of the distance to (x, y), mm².
     distance2: T,
 }
@@ -62,7 +72,7 @@ pub struct Inversion<'a> {
 }
 
 impl<'a> Inversion<'a> {
-    /// Of a surface, by a method.
+    /// The inversion of a surface by a method.
     pub fn new(surface: &'a Surface, method: Method) -> Self {
         let [[u0, u1], [v0, v1]] = surface.range();
         let [a, b, c] = [[u0, v0], [u1, v0], [u0, v1]].map(|uv| surface.point(uv));
@@ -83,7 +93,7 @@ impl<'a> Inversion<'a> {
     ///
     /// # Errors
     /// That none was found.
-    pub fn cold<T: Scalar>(&self, xy: [T; 2]) -> Result<Found<T>, NotConverged> {
+    pub fn cold<T: Scalar>(&self, xy: [T; 2]) -> Result<InvertedPoint<T>, NotConverged> {
         let [origin, by_x, by_y] = self.guess.map(|uv| uv.map(T::of));
         self.from(std::array::from_fn(|k| origin[k] + by_x[k] * xy[0] + by_y[k] * xy[1]), xy)
     }
@@ -92,7 +102,7 @@ impl<'a> Inversion<'a> {
     ///
     /// # Errors
     /// That none was found; the next starts where the last good one was.
-    pub fn next(&mut self, xy: [f64; 2]) -> Result<Found<f64>, NotConverged> {
+    pub fn next(&mut self, xy: [f64; 2]) -> Result<InvertedPoint<f64>, NotConverged> {
         let near = self.last.map(|last| self.from(last, xy));
         let found = near.and_then(Result::ok).map_or_else(|| self.cold(xy), Ok)?;
         self.last = Some(found.uv);
@@ -103,16 +113,17 @@ impl<'a> Inversion<'a> {
     ///
     /// # Errors
     /// That none was found.
-    pub fn from<T: Scalar>(&self, from: [T; 2], xy: [T; 2]) -> Result<Found<T>, NotConverged> {
+    pub fn from<T: Scalar>(&self, from: [T; 2], xy: [T; 2]) -> Result<InvertedPoint<T>, NotConverged> {
         let range = self.surface.range();
         let inside = |uv: [T; 2]| [0, 1].map(|k| clamped(uv[k], range[k]));
         let mut uv = inside(from);
         let mut best = Trial { uv, step: [T::of(0.0); 2], distance2: T::of(f64::INFINITY) };
         let mut steps = 0;
         loop {
-            let (s, r, distance2) = self.look(uv, xy);
+            let residual = self.residual(uv, xy);
+            let distance2 = residual.distance2;
             if distance2.value() <= FOUND_MM * FOUND_MM {
-                return Ok(Found { uv, at: s[0], steps });
+                return Ok(InvertedPoint { uv, at: residual.s[0], steps });
             }
             if steps == MAX_STEPS {
                 return Err(NotConverged { steps, off: distance2.value().sqrt() });
@@ -120,10 +131,11 @@ impl<'a> Inversion<'a> {
             steps += 1;
             // Newton is here for comparison, and takes every step.
             let is_worse = self.method == Method::GaussNewton && distance2 >= best.distance2;
+            // Invariant: `best` is the nearest point so far, with the step that was last tried from there.
             best = if is_worse {
                 Trial { step: best.step.map(|d| T::of(0.5) * d), ..best }
             } else {
-                Trial { uv, step: self.step(&s, r), distance2 }
+                Trial { uv, step: self.step(&residual), distance2 }
             };
             uv = inside([best.uv[0] + best.step[0], best.uv[1] + best.step[1]]);
         }
@@ -132,27 +144,27 @@ impl<'a> Inversion<'a> {
     /// Operations on numbers that count them, of one whole step.
     pub(super) fn operations_of_a_step(&self) -> u64 {
         let middle = self.surface.range().map(|[lo, hi]| Counted::of(0.5 * (lo + hi)));
-        let work = || {
-            let (s, r, _) = self.look(middle, [Counted::of(0.0); 2]);
-            let step = self.step(&s, r);
+        let (_, operations) = counted(|| {
+            let step = self.step(&self.residual(middle, [Counted::of(0.0); 2]));
             [middle[0] + step[0], middle[1] + step[1]]
-        };
-        counted(work).1
+        });
+        operations
     }
 
-    /// Derivatives, distance from (x, y) and its square.
-    fn look<T: Scalar>(&self, uv: [T; 2], xy: [T; 2]) -> ([[T; 3]; 6], [T; 2], T) {
+    /// The surface at parameters, against (x, y).
+    fn residual<T: Scalar>(&self, uv: [T; 2], xy: [T; 2]) -> Residual<T> {
         let s = match self.method {
             Method::GaussNewton => self.surface.derivatives::<T, 1>(uv),
             Method::Newton => self.surface.derivatives::<T, 2>(uv),
         };
         let r = [s[0][0] - xy[0], s[0][1] - xy[1]];
-        (s, r, r[0] * r[0] + r[1] * r[1])
+        Residual { s, r, distance2: r[0] * r[0] + r[1] * r[1] }
     }
 
-    /// The step that the method makes with derivatives and distance.
-    fn step<T: Scalar>(&self, s: &[[T; 3]; 6], r: [T; 2]) -> [T; 2] {
-        let [_, u, v, uu, uv, vv] = s;
+    /// The step that the method makes.
+    fn step<T: Scalar>(&self, residual: &Residual<T>) -> [T; 2] {
+        let [_, u, v, uu, uv, vv] = &residual.s;
+        let r = residual.r;
         let dot = |a: &[T; 3], b: &[T; 3]| a[0] * b[0] + a[1] * b[1];
         let along = |a: &[T; 3]| r[0] * a[0] + r[1] * a[1];
         // Rows of a symmetric matrix (eq. 6) or of the plain derivatives, and what they must come to.

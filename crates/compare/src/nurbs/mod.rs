@@ -25,7 +25,7 @@ mod scalar;
 pub use decoupled::Decoupled;
 pub use examine::{Convergence, Examination, GridSteps, examine};
 pub use height_grid::HeightGrid;
-pub use inversion::{Found, Inversion, Method, NotConverged};
+pub use inversion::{Inversion, InvertedPoint, Method, NotConverged};
 pub use scalar::{Counted, Scalar, counted};
 
 use basis::{Basis, MAX_DEGREE};
@@ -55,8 +55,8 @@ const WEIGHTS: f64 = 1e6;
 const KNOTS: [f64; 2] = [1e6, 1e-9];
 
 impl Surface {
-    /// Of control points (`points[i][j]`: i along u, j along v), their weights, and knots as in STEP with every
-    /// multiplicity written out: as many as points and degree together and one.
+    /// The surface of control points (`points[i][j]`: i along u, j along v), their weights, and knots as in STEP with
+    /// every multiplicity written out: as many as points and degree together and one.
     ///
     /// # Errors
     /// `nurbs-surface` with what does not fit.

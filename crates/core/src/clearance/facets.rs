@@ -35,8 +35,8 @@ pub struct Entered {
     pub at: P3,
 }
 
-/// A place as a head sees it from the begin of its way, and in the part frame.
-type Seen = [f64; 6];
+/// A place from the begin of a head's way, part as turned, and the same place in the part frame.
+type HeadPoint = [f64; 6];
 
 impl Way {
     /// The highest place of a facet that enters the head by more than `least`.
@@ -49,11 +49,11 @@ impl Way {
         });
         let mut highest = highest(first, self.radius);
         if goes != [0.0; 3] {
-            let last = first.map(|s: Seen| [s[0] - goes[0], s[1] - goes[1], s[2] - goes[2], s[3], s[4], s[5]]);
+            let last = first.map(|s: HeadPoint| [s[0] - goes[0], s[1] - goes[1], s[2] - goes[2], s[3], s[4], s[5]]);
             let sides = [0, 1, 2].map(|i| (i, (i + 1) % 3));
             let swept = sides.iter().flat_map(|&(i, j)| [[first[i], first[j], last[i]], [first[j], last[j], last[i]]]);
-            let found = swept.chain([last]).filter_map(|triangle| self::highest(triangle, self.radius));
-            highest = highest.into_iter().chain(found).reduce(|a, b| if b[2] > a[2] { b } else { a });
+            let others = swept.chain([last]).filter_map(|triangle| self::highest(triangle, self.radius));
+            highest = highest.into_iter().chain(others).reduce(|a, b| if b[2] > a[2] { b } else { a });
         }
         let [_, _, by, x, y, z] = highest?;
         (by > least).then_some(Entered { by, at: P3::new([x, y, z]) })
@@ -83,13 +83,13 @@ impl Way {
 }
 
 /// The highest place of a triangle over the disc around the origin; None where none lies over it.
-fn highest(triangle: [Seen; 3], radius: f64) -> Option<Seen> {
+fn highest(triangle: [HeadPoint; 3], radius: f64) -> Option<HeadPoint> {
     let edges = [0, 1, 2].into_iter().flat_map(|i| over_disc(triangle[i], triangle[(i + 1) % 3], radius));
     edges.chain(uphill(triangle, radius)).reduce(|a, b| if b[2] > a[2] { b } else { a })
 }
 
 /// The two ends of what lies of an edge over the disc.
-fn over_disc(a: Seen, b: Seen, radius: f64) -> impl Iterator<Item = Seen> {
+fn over_disc(a: HeadPoint, b: HeadPoint, radius: f64) -> impl Iterator<Item = HeadPoint> {
     let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
     let (square, along) = (dx * dx + dy * dy, a[0] * dx + a[1] * dy);
     let beyond = a[0] * a[0] + a[1] * a[1] - radius * radius;
@@ -107,16 +107,16 @@ fn over_disc(a: Seen, b: Seen, radius: f64) -> impl Iterator<Item = Seen> {
 
 /// Where the rim of the disc lies farthest uphill, if that is in the triangle; the middle of the disc where the
 /// triangle is level.
-fn uphill([p, q, r]: [Seen; 3], radius: f64) -> Option<Seen> {
-    let [u, v]: [Seen; 2] = [q, r].map(|c| std::array::from_fn(|k| c[k] - p[k]));
+fn uphill([p, q, r]: [HeadPoint; 3], radius: f64) -> Option<HeadPoint> {
+    let [u, v]: [HeadPoint; 2] = [q, r].map(|c| std::array::from_fn(|k| c[k] - p[k]));
     let area = u[0] * v[1] - u[1] * v[0];
     let up = [u[2] * v[1] - v[2] * u[1], v[2] * u[0] - u[2] * v[0]].map(|v| v * area.signum());
     let steep = up[0].hypot(up[1]);
     let [x, y] = if steep == 0.0 { [0.0; 2] } else { up.map(|v| radius * v / steep) };
     let [x, y] = [x - p[0], y - p[1]];
     let [s, t] = [(x * v[1] - y * v[0]) / area, (u[0] * y - u[1] * x) / area];
-    let holds = area != 0.0 && s >= 0.0 && t >= 0.0 && s + t <= 1.0;
-    holds.then(|| std::array::from_fn(|k| p[k] + s * u[k] + t * v[k]))
+    let is_inside = area != 0.0 && s >= 0.0 && t >= 0.0 && s + t <= 1.0;
+    is_inside.then(|| std::array::from_fn(|k| p[k] + s * u[k] + t * v[k]))
 }
 
 /// A box around facets; the child that follows it in the list has the first half of them.
@@ -180,6 +180,7 @@ impl Facets {
         worst
     }
 
+    /// Looks below a node for a place that enters farther than `worst`.
     fn search(&self, node: usize, way: &Way, worst: &mut Option<Entered>) {
         let least = |worst: &Option<Entered>| worst.map_or(0.0, |w| w.by);
         let Node { around, facets, second } = &self.nodes[node];

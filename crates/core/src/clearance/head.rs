@@ -4,7 +4,7 @@
 //! over each the part is looked at as under a head that stands. While the tilt axes turn, each in its own time, the
 //! lower end of the head must stay above the highest place of the whole part.
 
-use super::{Clearance, turned};
+use super::{Clearance, TurnedTile};
 use crate::geom::{Box2, NM_PER_MM, Nm, P2, P3, Turned};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 
@@ -60,7 +60,7 @@ impl Way {
         [0, 1, 2].map(|k| self.ends[0][k] + t * (self.ends[1][k] - self.ends[0][k]))
     }
 
-    /// From one of these places to another.
+    /// The piece from one of these places to another.
     fn piece(&self, from: u32, to: u32) -> Piece {
         let (from, to) = (self.place(from), self.place(to));
         let mut path = Box2::<Turned>::EMPTY;
@@ -72,8 +72,9 @@ impl Way {
     }
 
     /// How far a tile rises into the head along a piece; None where it lies beside the head.
-    fn over(&self, &(tile, top): &(Box2<Turned>, Nm), Piece { path, limit }: &Piece) -> Option<Nm> {
-        let over = top - *limit;
+    fn over(&self, tile: &TurnedTile, Piece { path, limit }: &Piece) -> Option<Nm> {
+        let TurnedTile { area, top } = tile;
+        let over = *top - *limit;
         // What stands below the top of a tile, and still above the limit, lies beside it as the head sees it. As a
         // head lies down that is ever farther away.
         let down = over.max(Nm(0)).f64() / self.up.max(0.0);
@@ -83,15 +84,15 @@ impl Way {
             lo.saturating_add(d.min(0)).saturating_sub(1) <= to + r
                 && from - r <= hi.saturating_add(d.max(0)).saturating_add(1)
         };
-        let is_near = reaches(tile.lo.x, tile.hi.x, dx, path.lo.x, path.hi.x)
-            && reaches(tile.lo.y, tile.hi.y, dy, path.lo.y, path.hi.y);
+        let is_near = reaches(area.lo.x, area.hi.x, dx, path.lo.x, path.hi.x)
+            && reaches(area.lo.y, area.hi.y, dy, path.lo.y, path.hi.y);
         is_near.then_some(over)
     }
 }
 
 impl Head<'_> {
-    /// How far the head comes too near to the part on the straight way of the stage from `a` to `b` at one tilt; 0 or less
-    /// where it keeps clear, the least number where no tile is near.
+    /// How far the head comes too near to the part on the straight way of the stage from `a` to `b` at one tilt; 0 or
+    /// less where it keeps clear, the least number where no tile is near.
     pub(crate) fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
         let turn = self.machine.turn(tilt, self.origin);
         let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
@@ -103,8 +104,8 @@ impl Head<'_> {
         let whole = way.piece(0, PIECES).grown(Nm(1));
         let mut clear = Nm::MIN;
         let mut doubtful = Vec::new();
-        for tile in &self.clearance.tiles {
-            let tile = turned(tile, &turn);
+        for (area, top) in &self.clearance.tiles {
+            let tile = TurnedTile::new(area, *top, &turn);
             match way.over(&tile, &whole) {
                 // It may touch, and is looked at piece by piece.
                 Some(over) if over > Nm(0) => doubtful.push(tile),
@@ -117,12 +118,10 @@ impl Head<'_> {
             return clear;
         }
         let pieces = if a == b { 1 } else { PIECES };
-        let of_piece = |i: u32| {
-            // A piece more on both sides, so that another division of the way finds nothing nearer.
-            let piece = way.piece(i.saturating_sub(1), i + 2);
-            doubtful.iter().filter_map(|tile| way.over(tile, &piece)).max().unwrap_or(Nm::MIN)
-        };
-        (0..pieces).map(of_piece).max().unwrap_or(Nm::MIN)
+        // A piece more on both sides, so that another division of the way finds nothing nearer.
+        let wider = (0..pieces).map(|i| way.piece(i.saturating_sub(1), i + 2));
+        let over = |piece: Piece| doubtful.iter().filter_map(|tile| way.over(tile, &piece)).max();
+        wider.map(|piece| over(piece).unwrap_or(Nm::MIN)).max().unwrap_or(Nm::MIN)
     }
 
     /// How far the head comes too near, at most, to the highest place of the part while its axes turn from one tilt to

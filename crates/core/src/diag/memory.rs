@@ -49,17 +49,19 @@ fn tightest() -> Option<MemoryLimit> {
     let status = read(Path::new("/proc/self/status"))?;
     let addresses = read(Path::new("/proc/self/limits")).as_deref().and_then(address_space);
     let groups = read(Path::new("/proc/self/cgroup")).and_then(|text| group_limit(&text, &read));
-    let found = |limit: Option<u64>, used: &str, by| {
-        let (limit, used) = (limit?, field(&status, used)?);
-        Some(MemoryLimit { total: limit, left: limit.saturating_sub(used), by })
-    };
-    [
-        found(addresses, "VmSize:", "the limit of address space (ulimit -v)"),
-        found(groups, "VmRSS:", "its control group"),
-    ]
-    .into_iter()
-    .flatten()
-    .min_by_key(|limit| limit.left)
+    let limits = [
+        MemoryLimit::of(addresses, field(&status, "VmSize:"), "the limit of address space (ulimit -v)"),
+        MemoryLimit::of(groups, field(&status, "VmRSS:"), "its control group"),
+    ];
+    limits.into_iter().flatten().min_by_key(|limit| limit.left)
+}
+
+impl MemoryLimit {
+    /// A limit of which so much is used; None where either is not known.
+    fn of(limit: Option<u64>, used: Option<u64>, by: &'static str) -> Option<Self> {
+        let (total, used) = (limit?, used?);
+        Some(Self { total, left: total.saturating_sub(used), by })
+    }
 }
 
 /// A field of /proc/self/status, which counts in kB.

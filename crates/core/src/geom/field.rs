@@ -38,7 +38,7 @@ pub struct ControllerPoint {
 }
 
 impl ControllerPoint {
-    /// The same point, for boxes.
+    /// The point with coordinates as boxes have them.
     #[inline]
     pub fn p2(self) -> P2<Controller> {
         P2::new(self.x.into(), self.y.into())

@@ -22,14 +22,10 @@ impl Grid {
     /// up to one `step` below it: at the next lower point whose cell centres lie on multiples of
     /// `step` less `offset`, where stage targets can stand.
     pub fn over(area: Box2, pitch: [Nm; 2], step: Nm, offset: [Nm; 2]) -> Self {
-        let axis = |lo: i64, hi: i64, Nm(pitch): Nm, Nm(offset): Nm| {
-            let start = lo - (lo + pitch / 2 + offset).rem_euclid(step.0);
-            let count = ((hi - start) as u64).div_ceil(pitch as u64).max(1);
-            (start, u32::try_from(count).unwrap_or(u32::MAX))
-        };
-        let (x, nx) = axis(area.lo.x, area.hi.x, pitch[0], offset[0]);
-        let (y, ny) = axis(area.lo.y, area.hi.y, pitch[1], offset[1]);
-        Self { origin: P2::new(x, y), pitch, count: [nx, ny] }
+        let x = aligned_start(area.lo.x, pitch[0], step, offset[0]);
+        let y = aligned_start(area.lo.y, pitch[1], step, offset[1]);
+        let count = [cells_to(x, area.hi.x, pitch[0]), cells_to(y, area.hi.y, pitch[1])];
+        Self { origin: P2::new(x, y), pitch, count }
     }
 
     /// How many cells there are.
@@ -98,9 +94,9 @@ impl Grid {
     /// The columns (axis 0) or rows (axis 1) that hold something of the closed interval from `lo` to `hi`.
     #[inline]
     pub fn range(&self, axis: usize, lo: i64, hi: i64) -> Range<usize> {
-        let at = |v: i64| (v - self.start(axis)).div_euclid(self.pitch[axis].0);
-        let first = at(lo).max(0);
-        let last = at(hi).min(i64::from(self.count[axis]) - 1);
+        let index = |v: i64| (v - self.start(axis)).div_euclid(self.pitch[axis].0);
+        let first = index(lo).max(0);
+        let last = index(hi).min(i64::from(self.count[axis]) - 1);
         if first > last { 0..0 } else { first as usize..last as usize + 1 }
     }
 
@@ -134,8 +130,8 @@ impl Grid {
             // The stretch of the line in this row, a nanometre more at both ends.
             let y0 = (self.line(1, row) - 1).clamp(a.y, b.y);
             let y1 = (self.line(1, row + 1) + 1).clamp(a.y, b.y);
-            let at = |y: i64| a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy);
-            let (mut x0, mut x1) = if dy > 0.0 { (at(y0), at(y1)) } else { (a.x as f64, b.x as f64) };
+            let x_at = |y: i64| a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy);
+            let (mut x0, mut x1) = if dy > 0.0 { (x_at(y0), x_at(y1)) } else { (a.x as f64, b.x as f64) };
             if x0 > x1 {
                 std::mem::swap(&mut x0, &mut x1);
             }
@@ -154,6 +150,18 @@ impl Grid {
     fn start(&self, axis: usize) -> i64 {
         if axis == 0 { self.origin.x } else { self.origin.y }
     }
+}
+
+/// Where a grid starts along an axis: at `lo` or the next lower place with the centres of cells on multiples of `step`
+/// less `offset`.
+fn aligned_start(lo: i64, Nm(pitch): Nm, Nm(step): Nm, Nm(offset): Nm) -> i64 {
+    lo - (lo + pitch / 2 + offset).rem_euclid(step)
+}
+
+/// How many cells it takes along an axis to come from `start` to `hi`, one at least.
+fn cells_to(start: i64, hi: i64, Nm(pitch): Nm) -> u32 {
+    let count = ((hi - start) as u64).div_ceil(pitch as u64).max(1);
+    u32::try_from(count).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]

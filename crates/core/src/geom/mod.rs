@@ -70,8 +70,8 @@ impl<F> P2<F> {
     }
     /// The grid point nearest to the point at parameter `t` (0 to 1) of the segment from `self` to `o`.
     pub fn lerp(self, o: Self, t: f64) -> Self {
-        let at = |a: i64, b: i64| a + nearest((b - a) as f64 * t);
-        Self::new(at(self.x, o.x), at(self.y, o.y))
+        let between = |a: i64, b: i64| a + nearest((b - a) as f64 * t);
+        Self::new(between(self.x, o.x), between(self.y, o.y))
     }
 }
 

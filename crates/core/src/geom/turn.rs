@@ -20,9 +20,9 @@ impl Turn {
     /// Turns about the x, y or z axis (0, 1, 2) through `pivot` by angles in radians, right-handed; the
     /// last of them first.
     pub fn about(pivot: [f64; 3], turns: impl IntoIterator<Item = (usize, f64)>) -> Self {
-        let rotation = turns.into_iter().fold(Matrix3::identity(), |all, (axis, angle)| {
-            let one = Rotation3::from_axis_angle(&Vector3::ith_axis(axis), angle);
-            if angle == 0.0 { all } else { all * one.matrix() }
+        let rotation = turns.into_iter().fold(Matrix3::identity(), |product, (axis, angle)| {
+            let turn = Rotation3::from_axis_angle(&Vector3::ith_axis(axis), angle);
+            if angle == 0.0 { product } else { product * turn.matrix() }
         });
         let pivot = Vector3::from(pivot);
         Self { rotation, shift: pivot - rotation * pivot }
@@ -40,13 +40,13 @@ impl Turn {
         P3::new(self.rotation.tr_mul(&(Vector3::from(p.at) - self.shift)).into())
     }
 
-    /// The same point where the part is not tilted.
+    /// A point of the part as one of the turned part, where the part is not tilted.
     #[inline]
     pub const fn upright(p: P2) -> P2<Turned> {
         P2::new(p.x, p.y)
     }
 
-    /// The same point in space where the part is not tilted.
+    /// A point in space as one of the turned part, where the part is not tilted.
     #[inline]
     pub const fn upright_in_space(p: P3) -> P3<Turned> {
         P3::new(p.at)

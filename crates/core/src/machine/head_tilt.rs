@@ -1,10 +1,10 @@
 //! Where the stage stands for a head that its tilt axes turn.
 //!
-//! The stage carries the pivot. With the commands at which a head without a tilt has the centre of its field at S of the
-//! table frame, a head turned by R about the pivot q (from that centre) has it at F = S + q - R q. So the stage goes to
-//! S = F - (q - R q), which is rounded to its increments; F is then found back from what was commanded, and the stop
-//! takes it, to the nanometre, as its centre and focal plane. Sideways the field makes up for what rounding has moved;
-//! the height of the focal plane counts. A step of x or y raises or lowers a leaning focal plane by less than an
+//! The stage carries the pivot. With the commands at which a head without a tilt has the centre of its field at S of
+//! the table frame, a head turned by R about the pivot q (from that centre) has it at F = S + q - R q. So the stage
+//! goes to S = F - (q - R q), which is rounded to its increments; F is then found back from what was commanded, and the
+//! stop takes it, to the nanometre, as its centre and focal plane. Sideways the field makes up for what rounding has
+//! moved; the height of the focal plane counts. A step of x or y raises or lowers a leaning focal plane by less than an
 //! increment, so of the positions around the one that was wanted one is taken that meets the height.
 
 use super::{Carries, Commanded, Machine, Origin, TiltAngles};
@@ -31,8 +31,8 @@ impl Machine {
         self.tilt.as_ref().is_some_and(|tilt| tilt.carries == Carries::Head)
     }
 
-    /// How far from the place that is wanted a tilted head may stand sideways: where increments are coarser than a focal
-    /// plane is to be met, far enough to choose among positions.
+    /// How far from the place that is wanted a tilted head may stand sideways: where increments are coarser than a
+    /// focal plane is to be met, far enough to choose among positions.
     pub fn stand_room(&self) -> Nm {
         let step = self.increment_nm();
         if step.f64() <= 2.0 * MET { step * 2 } else { Nm(20_000).max(step * 8) }
@@ -52,28 +52,15 @@ impl Machine {
         let mut at = [0, 1, 2].map(|k| ((field[k] + origin[k] as f64 - swing[k]) / step).round() * step);
         let reached = |at: [f64; 3]| turn.apply(P3::new([0, 1, 2].map(|k| at[k] - origin[k] as f64 + swing[k]))).at;
         // What x and y are rounded by lifts or lowers the leaning focal plane too: z makes up for it.
-        let [ux, uy, uz] = turn.up();
-        let off = (wanted[2] - reached(at)[2]) / (uz * step);
-        let most = ((self.stand_room().f64() / step - 2.0) * uz).max(0.0) as i64;
-        // In steps of z: what is left after i steps of x and j of y, of which the fewest are taken.
-        let left = |[i, j]: [i64; 2]| off - (i as f64 * ux + j as f64 * uy) / uz;
-        let miss = |steps: [i64; 2]| (left(steps) - left(steps).round()).abs() * uz * step;
-        // Fewer steps do not move the height by what is missing.
-        let first = ((miss([0; 2]) - MET) / step / ux.abs().max(uy.abs())).max(0.0) as i64;
-        let mut best = [0; 2];
-        for steps in (first.min(most)..=most).flat_map(ring).take(TRIALS) {
-            if miss(steps) < miss(best) {
-                best = steps;
-            }
-            if miss(best) <= MET {
-                break;
-            }
-        }
-        for (k, n) in [best[0] as f64, best[1] as f64, left(best).round()].into_iter().enumerate() {
+        let up = turn.up();
+        let height = HeightSteps { off: (wanted[2] - reached(at)[2]) / (up[2] * step), up, step };
+        let most = ((self.stand_room().f64() / step - 2.0) * up[2]).max(0.0) as i64;
+        let [i, j] = height.fewest(most);
+        for (k, n) in [i as f64, j as f64, height.left([i, j]).round()].into_iter().enumerate() {
             at[k] += n * step;
         }
-        let found = reached(at);
-        let by = [0, 1, 2].map(|k| (found[k] - wanted[k]).round() as i64);
+        let place = reached(at);
+        let by = [0, 1, 2].map(|k| (place[k] - wanted[k]).round() as i64);
         let axes = self.axes();
         Stand { stage: Commanded([0, 1, 2].map(|k| axes[k].1.sign() * at[k].round() as i64)), by }
     }
@@ -84,8 +71,8 @@ impl Machine {
         if !self.tilts_head() || tilt.is_upright() {
             return stage == self.stage_from_part(p, focus, origin);
         }
-        let found = self.turn(tilt, origin).apply(self.field_centre(stage, tilt, origin));
-        [p.x, p.y, focus.0].iter().enumerate().all(|(k, &v)| (found[k] - v as f64).abs() <= 1.0)
+        let place = self.turn(tilt, origin).apply(self.field_centre(stage, tilt, origin));
+        [p.x, p.y, focus.0].iter().enumerate().all(|(k, &v)| (place[k] - v as f64).abs() <= 1.0)
     }
 
     /// Where commands bring the centre of the field, part frame, nm: x, y and the height of the focal plane.
@@ -93,6 +80,48 @@ impl Machine {
         let swing = self.tilt.as_ref().map_or([0.0; 3], |head| head.swing(tilt));
         let axes = self.axes();
         P3::new([0, 1, 2].map(|k| (axes[k].1.sign() * stage[k] - origin[k]) as f64 + swing[k]))
+    }
+}
+
+/// How steps of x and y move the height of a leaning focal plane, of which steps of z take up the rest.
+struct HeightSteps {
+    /// The height that is missing without any, in steps of z.
+    off: f64,
+    /// The direction to the lens.
+    up: [f64; 3],
+    /// The increment of the stage, nm.
+    step: f64,
+}
+
+impl HeightSteps {
+    /// The height that is missing after i steps of x and j of y, in steps of z.
+    fn left(&self, [i, j]: [i64; 2]) -> f64 {
+        let [ux, uy, uz] = self.up;
+        self.off - (i as f64 * ux + j as f64 * uy) / uz
+    }
+
+    /// The height that is missing with the nearest whole steps of z, nm.
+    fn miss(&self, steps: [i64; 2]) -> f64 {
+        let left = self.left(steps);
+        (left - left.round()).abs() * self.up[2] * self.step
+    }
+
+    /// The fewest steps of x and y, `most` together, with which the height is met; where none does, those that miss it
+    /// by least.
+    fn fewest(&self, most: i64) -> [i64; 2] {
+        let [ux, uy, _] = self.up;
+        // Fewer steps do not move the height by what is missing.
+        let first = ((self.miss([0; 2]) - MET) / self.step / ux.abs().max(uy.abs())).max(0.0) as i64;
+        let mut best = [0; 2];
+        for steps in (first.min(most)..=most).flat_map(ring).take(TRIALS) {
+            if self.miss(steps) < self.miss(best) {
+                best = steps;
+            }
+            if self.miss(best) <= MET {
+                break;
+            }
+        }
+        best
     }
 }
 

@@ -101,28 +101,59 @@ impl Machine {
     /// What is wrong with values that can be read.
     fn faults(&self) -> Vec<Fault> {
         let mut faults: Vec<Fault> = range::faults(self).collect();
-        let mut fault = |code, key: &str, text: String, hint: &str| {
-            faults.push((key.to_owned(), Diag::input(code, text).hint(hint)));
-        };
+        faults.extend(self.travel_faults());
+        faults.extend(self.lens_faults());
+        if !(1..=1_000_000).contains(&self.increment_nm().0) {
+            let text = "stage.increment is not between 1 nm and 1 mm";
+            faults.push(fault("machine-increment", "stage.increment", text, "0.1 um is usual"));
+        }
+        faults.extend(self.servo_faults());
+        if !(1.0..=1000.0).contains(&self.laser.m2) {
+            let text = "laser.m2 is not between 1 and 1000";
+            let hint = "1 is an ideal beam, single-mode fibre lasers have 1.1 to 1.3";
+            faults.push(fault("machine-m2", "laser.m2", text, hint));
+        }
+        if !(40..=1_000_000).contains(&self.controller.max_line) {
+            let text = "controller.max_line is not between 40 and 1000000 characters";
+            faults.push(fault("machine-line", "controller.max_line", text, "255 is usual, 80 with GRBL"));
+        }
+        faults.extend(self.card_faults());
+        faults.extend(self.dialect_faults());
+        faults.extend(self.tilt.iter().flat_map(Tilt::faults));
+        faults.extend(self.cost.iter().flat_map(Cost::faults));
+        faults.extend(self.tool_servo.iter().flat_map(ToolServo::faults));
+        faults
+    }
+
+    /// Travel of X, Y and Z that is empty or cannot be counted in nm.
+    fn travel_faults(&self) -> Vec<Fault> {
+        let mut faults = Vec::new();
         for (name, axis) in self.axes() {
             let key = format!("stage.{name}.travel");
             if axis.travel[0] >= axis.travel[1] {
                 let text = format!("{key} [{}, {}] is empty", axis.travel[0], axis.travel[1]);
-                fault("machine-travel", &key, text, "write the lower end first");
+                faults.push(fault("machine-travel", &key, text, "write the lower end first"));
             }
             if axis.travel.iter().any(|t| t.as_nm().is_none()) {
-                fault("machine-travel", &key, format!("{key} is beyond 4 m"), "check the unit");
+                faults.push(fault("machine-travel", &key, format!("{key} is beyond 4 m"), "check the unit"));
             }
         }
+        faults
+    }
+
+    /// Fields that no lens has, and figures over the field that do not reach its corners.
+    fn lens_faults(&self) -> Vec<Fault> {
         /// Below any lens: most often a slip of the unit.
         const LEAST_FIELD: Nm = Nm(5_000);
+        let mut faults = Vec::new();
         let usable = self.usable_field();
         if usable.iter().any(|&w| w < LEAST_FIELD) {
             let [w, h] = usable.map(Nm::mm);
             let text = format!("lens.field less lens.margin on every side leaves {w} x {h} mm, less than 0.005 mm");
-            fault("machine-field", "lens.field", text, "give the full sizes of the field; check their unit");
+            let hint = "give the full sizes of the field; check their unit";
+            faults.push(fault("machine-field", "lens.field", text, hint));
         } else if self.lens.field.iter().any(|f| f.as_mm() > 1000.0) {
-            fault("machine-field", "lens.field", "lens.field is beyond 1 m".into(), "check the unit");
+            faults.push(fault("machine-field", "lens.field", "lens.field is beyond 1 m", "check the unit"));
         }
         let farthest = self.farthest_in_field();
         let over_field = [
@@ -131,39 +162,30 @@ impl Machine {
         ];
         for (key, why) in over_field {
             if let Some(why) = why {
-                fault(
-                    "machine-over-field",
-                    key,
-                    format!("{key}: {why}"),
-                    "state it from the axis to the farthest corner",
-                );
+                let hint = "state it from the axis to the farthest corner";
+                faults.push(fault("machine-over-field", key, format!("{key}: {why}"), hint));
             }
         }
-        if !(1..=1_000_000).contains(&self.increment_nm().0) {
-            let text = "stage.increment is not between 1 nm and 1 mm";
-            fault("machine-increment", "stage.increment", text.into(), "0.1 um is usual");
-        }
+        faults
+    }
+
+    /// Damping that no servo has.
+    fn servo_faults(&self) -> Vec<Fault> {
+        let mut faults = Vec::new();
         let tool = self.tool_servo.as_ref().and_then(|tool| tool.servo);
         for (name, servo) in [("stage", self.stage.servo), ("scanner", self.scanner.servo), ("tool_servo", tool)] {
             if servo.is_some_and(|s| !(0.01..=10.0).contains(&s.damping)) {
                 let key = format!("{name}.servo.damping");
                 let text = format!("{key} is not between 0.01 and 10");
-                fault("machine-servo", &key, text, "0.7 is usual");
+                faults.push(fault("machine-servo", &key, text, "0.7 is usual"));
             }
         }
-        if !(1.0..=1000.0).contains(&self.laser.m2) {
-            let text = "laser.m2 is not between 1 and 1000";
-            fault(
-                "machine-m2",
-                "laser.m2",
-                text.into(),
-                "1 is an ideal beam, single-mode fibre lasers have 1.1 to 1.3",
-            );
-        }
-        if !(40..=1_000_000).contains(&self.controller.max_line) {
-            let text = "controller.max_line is not between 40 and 1000000 characters";
-            fault("machine-line", "controller.max_line", text.into(), "255 is usual, 80 with GRBL");
-        }
+        faults
+    }
+
+    /// Scales and list memory that no scan card has.
+    fn card_faults(&self) -> Vec<Fault> {
+        let mut faults = Vec::new();
         let scales = [
             ("lmc.units_per_mm", self.lmc.map(|lmc| lmc.units_per_mm)),
             ("rtc.bits_per_mm", self.rtc.map(|rtc| rtc.bits_per_mm)),
@@ -172,42 +194,43 @@ impl Machine {
         for (key, scale) in scales {
             if scale.is_some_and(|scale| !(1.0..=1e6).contains(&scale)) {
                 let hint = "it is the range of the card divided by the width of the field";
-                faults.push((
-                    key.into(),
-                    Diag::input("machine-scale", format!("{key} is not between 1 and 1e6")).hint(hint),
-                ));
+                faults.push(fault("machine-scale", key, format!("{key} is not between 1 and 1e6"), hint));
             }
         }
         if self.rtc.is_some_and(|rtc| !(100..=8_000_000).contains(&rtc.list_memory)) {
             let text = "rtc.list_memory is not between 100 and 8000000 commands";
-            faults.push((
-                "rtc.list_memory".into(),
-                Diag::input("machine-list", text).hint("4000 is the default of the boards"),
-            ));
+            faults.push(fault("machine-list", "rtc.list_memory", text, "4000 is the default of the boards"));
         }
+        faults
+    }
+
+    /// What the dialect of the stage's control cannot do, and what no control does.
+    fn dialect_faults(&self) -> Vec<Fault> {
+        let mut faults = Vec::new();
         if self.operator.way == Some(LoadingWay::Card) && self.controller.dialect != Dialect::Linuxcnc {
             let text = "operator.way is \"card\", but the handshake that starts the card is for LinuxCNC, and \
                         controller.dialect is another";
             let hint = "state operator.way = \"run\" or \"person\", or the control that moves the stage";
-            faults.push(("operator.way".into(), Diag::input("operator-way", text).hint(hint)));
+            faults.push(fault("operator-way", "operator.way", text, hint));
         }
         if self.controller.dialect == Dialect::Grbl && self.tilt.is_some() {
             let text =
                 "controller.dialect is \"grbl\", but GRBL has the axes X, Y and Z alone, and the machine has [tilt]";
             let hint = "state the control that moves the tilt axes: \"linuxcnc\" or \"mach\"";
-            faults.push(("controller.dialect".into(), Diag::input("machine-dialect", text).hint(hint)));
+            faults.push(fault("machine-dialect", "controller.dialect", text, hint));
         }
         if self.stage.diagonal && self.tilt.is_some() {
             let text =
                 "stage.diagonal moves x, y and z together, but the machine has [tilt], whose axes turn with x and y";
-            let hint = "leave out stage.diagonal";
-            faults.push(("stage.diagonal".into(), Diag::input("machine-diagonal", text).hint(hint)));
+            faults.push(fault("machine-diagonal", "stage.diagonal", text, "leave out stage.diagonal"));
         }
-        faults.extend(self.tilt.iter().flat_map(Tilt::faults));
-        faults.extend(self.cost.iter().flat_map(Cost::faults));
-        faults.extend(self.tool_servo.iter().flat_map(ToolServo::faults));
         faults
     }
+}
+
+/// A fault of the value of a key.
+fn fault(code: &'static str, key: &str, text: impl Into<String>, hint: &str) -> Fault {
+    (key.to_owned(), Diag::input(code, text).hint(hint))
 }
 
 /// The JSON schema of a machine file.

@@ -256,9 +256,6 @@ impl Tilt {
     /// What is wrong with the axes.
     pub(super) fn faults(&self) -> Vec<Fault> {
         let mut faults = Vec::new();
-        let mut fault = |key: String, text: String, hint: &str| {
-            faults.push((key, Diag::input("machine-tilt", text).hint(hint)));
-        };
         let [outer, inner] = self.axes.each_ref();
         let (leaning, hint) = match self.carries {
             Carries::Part => (outer, "a table that turns about z carries the part itself"),
@@ -269,7 +266,7 @@ impl Tilt {
                 Carries::Part => "tilt.axes must be A or B, and then another of A, B and C nearer to the part",
                 Carries::Head => "tilt.axes must be one of A, B and C, and then another, A or B, nearer to the head",
             };
-            fault("tilt.axes".into(), text.into(), hint);
+            faults.push(fault("tilt.axes", text, hint));
         }
         for (i, axis) in self.axes.iter().enumerate() {
             let letter = axis.letter.char();
@@ -280,27 +277,33 @@ impl Tilt {
                         "travel of tilt axis {letter} must hold 0 deg and end within {} deg either way",
                         360.0 * turns
                     );
-                    fault(format!("tilt.axes.{i}.travel"), text, "write the lower end first");
+                    faults.push(fault(&format!("tilt.axes.{i}.travel"), text, "write the lower end first"));
                 }
             } else if axis.letter != Letter::C {
                 let text = format!("travel of tilt axis {letter} cannot be continuous");
-                fault(format!("tilt.axes.{i}.travel"), text, "a turntable C can; give the others two angles");
+                let hint = "a turntable C can; give the others two angles";
+                faults.push(fault(&format!("tilt.axes.{i}.travel"), text, hint));
             }
             if axis.commands == AngleCommands::Modulo && (axis.travel.ends().is_some() || TURN % axis.step() != 0) {
                 let text = format!("tilt axis {letter} cannot be commanded modulo a turn");
                 let hint = "that takes travel = \"continuous\" and an increment that divides 360 deg";
-                fault(format!("tilt.axes.{i}.commands"), text, hint);
+                faults.push(fault(&format!("tilt.axes.{i}.commands"), text, hint));
             }
             if !(1e-6..=1.0).contains(&axis.increment.as_deg()) {
                 let text = format!("increment of tilt axis {} is not between 1e-6 and 1 deg", axis.letter.char());
-                fault(format!("tilt.axes.{i}.increment"), text, "0.0001 deg is usual");
+                faults.push(fault(&format!("tilt.axes.{i}.increment"), text, "0.0001 deg is usual"));
             }
         }
         if self.pivot.iter().any(|p| p.as_nm().is_none()) {
-            fault("tilt.pivot".into(), "tilt.pivot is beyond 4 m".into(), "check the unit");
+            faults.push(fault("tilt.pivot", "tilt.pivot is beyond 4 m", "check the unit"));
         }
         faults
     }
+}
+
+/// A fault of the value of a key of the tilt axes.
+fn fault(key: &str, text: impl Into<String>, hint: &str) -> Fault {
+    (key.to_owned(), Diag::input("machine-tilt", text).hint(hint))
 }
 
 /// The angles of a table's axes, outer and inner, in radians, that turn a direction of the part to the lens.

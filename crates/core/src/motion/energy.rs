@@ -52,35 +52,58 @@ pub struct LineEnergy {
     worst: Option<Overshoot>,
 }
 
+/// What lies next to a rest of the spot.
+#[derive(Clone, Copy, Default)]
+struct NearRest {
+    /// Way, mm.
+    way: f64,
+    /// Time that the spot takes for it, s.
+    time: f64,
+}
+
+impl NearRest {
+    /// What lies before a rest and after it.
+    fn and(self, after: Self) -> Self {
+        Self { way: self.way + after.way, time: self.time + after.time }
+    }
+}
+
 impl LineEnergy {
-    /// Adds one pass of a stroke. Adds nothing for a dot, nor where the model keeps the spot always at speed: the energy at
-    /// ends and corners is then not known.
+    /// Adds one pass of a stroke. Adds nothing for a dot, nor where the model keeps the spot always at speed: the
+    /// energy at ends and corners is then not known.
     pub fn add(&mut self, points: &[FieldPoint], beam: Beam) {
         let Some(&first) = points.first() else { return };
-        // Way and time next to the last rest, before and after it.
-        let mut before = [0.0; 2];
-        let mut rest = (first, Rest::End);
+        // What lies next to the last rest before it, and the rest.
+        let mut before = NearRest::default();
+        let mut at = first;
+        let mut rest = Rest::End;
         for (run, end) in pieces(points) {
             let Some(motion) = beam.model.motion(run, beam.speed) else { return };
             let total = motion.total_s();
+            // Half a spot, or half of a run that is shorter: no length counts at both of its ends.
             let way = (beam.spot / 2.0).min(run.length / 2.0);
-            let near = [way, motion.time_at(way)];
-            self.add_rest(rest, [before[0] + near[0], before[1] + near[1]], beam.speed);
+            let after = NearRest { way, time: motion.time_at(way) };
+            self.add_rest(at, rest, before.and(after), beam.speed);
             self.length += run.length;
             self.energy += beam.power * total;
             if motion.peak() >= beam.speed {
-                // T = L / v + ramp_s, and both ramps together are v * ramp_s long: L - v * ramp_s = 2 L - v T is at speed.
+                // T = L / v + ramp_s, and both ramps together are v * ramp_s long: L - v * ramp_s = 2 L - v T is at
+                // speed.
                 self.at_speed += (2.0 * run.length - beam.speed * total).max(0.0);
             }
-            (before, rest) = (near, (end, Rest::Corner));
+            // The way from rest and the way to it take the same time.
+            before = after;
+            at = end;
+            rest = Rest::Corner;
         }
-        if before[0] > 0.0 {
-            self.add_rest((rest.0, Rest::End), before, beam.speed);
+        if before.way > 0.0 {
+            self.add_rest(at, Rest::End, before, beam.speed);
         }
     }
 
-    fn add_rest(&mut self, (at, rest): (FieldPoint, Rest), [way, time]: [f64; 2], speed: f64) {
-        let ratio = speed * time / way;
+    /// Notes what a line gets next to a rest, where it is the most.
+    fn add_rest(&mut self, at: FieldPoint, rest: Rest, near: NearRest, speed: f64) {
+        let ratio = speed * near.time / near.way;
         if self.worst.is_none_or(|worst| ratio > worst.ratio) {
             self.worst = Some(Overshoot { ratio, at, rest });
         }
@@ -102,7 +125,8 @@ impl LineEnergy {
     }
 }
 
-/// Tells `visit` where, mm in the field, one pass of a stroke leaves how much energy, J, in steps of `step` mm or less.
+/// Calls `visit` with the place, mm in the field, and the energy, J, of every piece of `step` mm or less of one pass of
+/// a stroke.
 pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl FnMut([f64; 2], f64)) {
     let mut all = runs(points).map(|run| (run.length, beam.model.motion(run, beam.speed)));
     let (mut length, mut motion, mut way) = (0.0, None, 0.0);

@@ -123,7 +123,7 @@ pub(super) fn runs(points: &[FieldPoint]) -> impl Iterator<Item = Run> {
     pieces(points).map(|(run, _)| run)
 }
 
-/// The same with the point at which each ends.
+/// The runs of a stroke from corner to corner, each with the point at which it ends.
 pub(super) fn pieces(points: &[FieldPoint]) -> impl Iterator<Item = (Run, FieldPoint)> {
     let steps = points.windows(2).map(|w| (way_mm(w[0], w[1]), w[1]));
     let mut steps = steps.filter(|(step, _)| *step != [0.0; 2]).peekable();

@@ -23,8 +23,8 @@ pub struct RestToRest {
 }
 
 impl RestToRest {
-    /// Over `length` mm at most `speed` mm/s, `acceleration` mm/s² and `jerk` mm/s³; without a jerk limit the
-    /// acceleration steps.
+    /// The motion over `length` mm at most `speed` mm/s, `acceleration` mm/s² and `jerk` mm/s³; without a jerk limit
+    /// the acceleration steps.
     ///
     /// The profile is the symmetric S-curve that is fastest under its limits. Which of them bind:
     /// - neither speed nor acceleration: T = (32 L / j)^(1/3);
@@ -39,8 +39,8 @@ impl RestToRest {
             let peak = speed.min((length * a).sqrt());
             return Self { length, peak, acceleration: a, jerk: f64::INFINITY, rise_s: 0.0, ramp_s: peak / a };
         };
-        // Without a limit of speed nothing is marked at the peak p: length = p * ramp_s, which is p (p/a + a/j) where the
-        // ramps reach the acceleration and 2 p sqrt(p/j) where they do not. Solved for p:
+        // Without a limit of speed nothing is marked at the peak p: length = p * ramp_s, which is p (p/a + a/j) where
+        // the ramps reach the acceleration and 2 p sqrt(p/j) where they do not. Solved for p:
         let full_rise_s = a / j;
         let peak_with_acceleration = a / 2.0 * ((full_rise_s * full_rise_s + 4.0 * length / a).sqrt() - full_rise_s);
         // The lowest peak at which the ramps reach the acceleration.

@@ -30,14 +30,16 @@ impl Program {
     /// What energy the lines of each block get.
     pub fn line_energies(&self, machine: &Machine) -> Vec<LineEnergy> {
         let beams: Vec<Beam> = self.pens.iter().map(|pen| pen.beam(machine)).collect();
-        let of = |block: &Block| {
-            let mut out = LineEnergy::default();
-            for stroke in self.strokes_of(block) {
-                out.add(self.points_of(stroke), beams[stroke.pen.index()]);
-            }
-            out
-        };
-        parallel::map(self.blocks.len(), |i| of(&self.blocks[i]))
+        parallel::map(self.blocks.len(), |i| self.line_energy(&self.blocks[i], &beams))
+    }
+
+    /// What energy the lines of a block get from the beams of the pens.
+    fn line_energy(&self, block: &Block, beams: &[Beam]) -> LineEnergy {
+        let mut out = LineEnergy::default();
+        for stroke in self.strokes_of(block) {
+            out.add(self.points_of(stroke), beams[stroke.pen.index()]);
+        }
+        out
     }
 }
 

@@ -118,8 +118,8 @@ impl Block {
     }
     /// Whether the zoom optic alone goes to this block from the one before it; the stage stands still.
     pub fn is_reached_by_zoom(&self, before: &Block) -> bool {
-        let at = |b: &Block| (b.pass, b.setup, b.stage, b.stop.tilt);
-        at(self) == at(before) && self.focus_shift != before.focus_shift && !self.retract
+        let standstill = |b: &Block| (b.pass, b.setup, b.stage, b.stop.tilt);
+        standstill(self) == standstill(before) && self.focus_shift != before.focus_shift && !self.retract
     }
 }
 

@@ -26,7 +26,7 @@ const PARTS: usize = 256;
 const SHARE: f64 = 0.95;
 
 impl OffAxis {
-    /// Of all marks of a program.
+    /// The distances of all marks of a program from the optical axis.
     pub fn of(program: &Program) -> Self {
         let largest = Self::of_blocks(program).into_iter().fold(0.0, f64::max) * NM_PER_MM;
         let width = largest / RINGS as f64;
@@ -37,14 +37,9 @@ impl OffAxis {
         let parts: Vec<&[Block]> = program.blocks.chunks(at_once).collect();
         let counted = parallel::map(parts.len(), |i| rings(program, parts[i], width));
         let mut all = Rings::default();
-        counted.iter().for_each(|one| all.add(one));
-        let of = if all.lines.iter().any(|v| *v > 0.0) { &all.lines } else { &all.dots };
-        let (total, mut inside) = (of.iter().sum::<f64>(), 0.0);
-        let within = of.iter().position(|v| {
-            inside += v;
-            inside >= SHARE * total
-        });
-        let p95 = (within.unwrap_or(RINGS) + 1).min(RINGS) as f64 * width;
+        counted.iter().for_each(|part| all.add(part));
+        let rings = if all.lines.iter().any(|v| *v > 0.0) { &all.lines } else { &all.dots };
+        let p95 = (ring_of_share(rings, SHARE) + 1).min(RINGS) as f64 * width;
         Self { largest: largest / NM_PER_MM, p95: p95 / NM_PER_MM }
     }
 
@@ -87,16 +82,31 @@ impl Rings {
         let nearest = if from < 0.0 && to > 0.0 { 0.0 } else { from.abs().min(to.abs()) };
         let ring = |along: f64| ((foot.hypot(along) / width) as usize).min(RINGS - 1);
         let (first, last) = (ring(nearest), ring(from.abs().max(to.abs())));
+        // Invariant: `inside` is the length within the circle around the ring before.
         let mut inside = 0.0;
-        for at in first..last {
+        for ring in first..last {
             // The circle that is this ring's outer border.
-            let half = (((at + 1) as f64 * width).powi(2) - foot * foot).max(0.0).sqrt();
-            let now = (to.clamp(-half, half) - from.clamp(-half, half)).max(inside);
-            self.lines[at] += now - inside;
-            inside = now;
+            let half = (((ring + 1) as f64 * width).powi(2) - foot * foot).max(0.0).sqrt();
+            let within = (to.clamp(-half, half) - from.clamp(-half, half)).max(inside);
+            self.lines[ring] += within - inside;
+            inside = within;
         }
         self.lines[last] += length - inside;
     }
+}
+
+/// The innermost ring within which, itself included, a share of what is in all rings lies; [`RINGS`] where there is
+/// none.
+fn ring_of_share(rings: &[f64], share: f64) -> usize {
+    let total = rings.iter().sum::<f64>();
+    let mut inside = 0.0;
+    for (ring, v) in rings.iter().enumerate() {
+        inside += v;
+        if inside >= share * total {
+            return ring;
+        }
+    }
+    RINGS
 }
 
 /// The largest distance of a block's marks, nm.
@@ -105,12 +115,13 @@ fn farthest_nm(program: &Program, block: &Block) -> f64 {
     points.map(|p| f64::from(p.x).hypot(f64::from(p.y))).fold(0.0, f64::max)
 }
 
+/// What lies in the rings of some blocks.
 fn rings(program: &Program, blocks: &[Block], width: f64) -> Rings {
     let mut out = Rings::default();
     for points in blocks.iter().flat_map(|b| program.strokes_of(b)).map(|s| program.points_of(s)) {
         if let [dot] = points {
-            let at = (f64::from(dot.x).hypot(f64::from(dot.y)) / width) as usize;
-            out.dots[at.min(RINGS - 1)] += 1.0;
+            let ring = (f64::from(dot.x).hypot(f64::from(dot.y)) / width) as usize;
+            out.dots[ring.min(RINGS - 1)] += 1.0;
         }
         points.windows(2).for_each(|w| out.line(w[0], w[1], width));
     }
@@ -139,6 +150,12 @@ mod tests {
     fn near(found: OffAxis, largest: f64, p95: f64) {
         assert!((found.largest - largest).abs() < 1e-12, "{found:?}");
         assert!((p95..p95 + largest / 500.0).contains(&found.p95), "{found:?}, not {p95}");
+    }
+
+    #[test]
+    fn the_ring_of_a_share_is_the_first_that_reaches_it() {
+        assert_eq!([0.1, 0.25, 0.5, 1.0].map(|share| ring_of_share(&[1.0, 0.0, 3.0], share)), [0, 0, 2, 2]);
+        assert_eq!(ring_of_share(&[], 0.5), RINGS);
     }
 
     #[test]

@@ -21,7 +21,7 @@ const BUFFER: usize = 1 << 18;
 /// Writes the text of a program on a part whose origin lies at one of `origins` (nm, table frame) in every set-up.
 ///
 /// # Errors
-/// Those of `to`.
+/// Those of writing to `to`.
 pub fn write(to: &mut dyn Write, program: &Program, origins: &[Origin]) -> io::Result<()> {
     let mut out = Text { bytes: Vec::with_capacity(2 * BUFFER), digits: itoa::Buffer::new() };
     out.text(TITLE);

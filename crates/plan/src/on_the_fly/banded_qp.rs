@@ -171,10 +171,10 @@ pub(crate) fn minimise<const W: usize>(
             *x += length * d;
         }
         for (row, pair) in rows.iter().zip(&mut sides) {
-            let at = row.dot(&x);
-            for (side, end) in pair.iter_mut().zip([at - row.lo, row.hi - at]) {
+            let value = row.dot(&x);
+            for (side, slack) in pair.iter_mut().zip([value - row.lo, row.hi - value]) {
                 // Rounding must not take a slack to nothing or below.
-                side.slack = end.max(1e-3 * side.slack);
+                side.slack = slack.max(1e-3 * side.slack);
                 side.multiplier += length * side.d_multiplier;
                 side.second = 0.0;
             }
@@ -183,7 +183,7 @@ pub(crate) fn minimise<const W: usize>(
     x
 }
 
-/// One side of a row.
+/// One side of a row, with how its slack and its multiplier change in a step.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     binds: bool,
@@ -196,8 +196,9 @@ struct Side {
 }
 
 impl Side {
-    fn of<const W: usize>(row: &Row<W>, at: f64) -> [Self; 2] {
-        [at - row.lo, row.hi - at].map(|slack| Self {
+    /// Both sides of a row that has a value.
+    fn of<const W: usize>(row: &Row<W>, value: f64) -> [Self; 2] {
+        [value - row.lo, row.hi - value].map(|slack| Self {
             binds: slack.is_finite() && slack > 0.0,
             slack: if slack > 0.0 { slack } else { 1.0 },
             multiplier: 0.0,
@@ -207,10 +208,12 @@ impl Side {
         })
     }
 
+    /// Slack × multiplier.
     fn product(&self) -> f64 {
         if self.binds { self.slack * self.multiplier } else { 0.0 }
     }
 
+    /// Slack × multiplier after shares of their changes.
     fn product_after(&self, primal: f64, dual: f64) -> f64 {
         if !self.binds {
             return 0.0;

@@ -43,6 +43,14 @@ pub(crate) struct Miss {
     pub hit: BeamHit,
 }
 
+/// A place of a mark, and where its beam meets the part.
+#[derive(Clone, Copy, Debug, Default)]
+struct MarkHit {
+    /// In plan.
+    at: [f64; 2],
+    hit: BeamHit,
+}
+
 /// Focal offset and incidence of the marks of a program on the part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FocusOnPart {
@@ -63,21 +71,33 @@ struct Beam {
     up: [f64; 3],
 }
 
+/// The place of a segment that lies nearest to a beam.
+struct NearestPlace {
+    /// How far it is from the beam, across it.
+    distance: f64,
+    place: [f64; 3],
+}
+
 impl Beam {
-    /// The place of a segment that lies nearest to the beam, after how far that is, across the beam.
-    fn nearest(&self, a: [f64; 3], b: [f64; 3]) -> (f64, [f64; 3]) {
-        let across = |v: [f64; 3]| {
-            let along: f64 = (0..3).map(|k| v[k] * self.up[k]).sum();
-            [0, 1, 2].map(|k| v[k] - along * self.up[k])
-        };
-        let dot = |v: [f64; 3], w: [f64; 3]| v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
-        let to = across([0, 1, 2].map(|k| self.at[k] - a[k]));
-        let way = across([0, 1, 2].map(|k| b[k] - a[k]));
+    /// The place of a segment that lies nearest to the beam.
+    fn nearest(&self, a: [f64; 3], b: [f64; 3]) -> NearestPlace {
+        let to = self.across([0, 1, 2].map(|k| self.at[k] - a[k]));
+        let way = self.across([0, 1, 2].map(|k| b[k] - a[k]));
         let length2 = dot(way, way);
         let t = if length2 > 0.0 { (dot(to, way) / length2).clamp(0.0, 1.0) } else { 0.0 };
         let off = [0, 1, 2].map(|k| to[k] - t * way[k]);
-        (dot(off, off).sqrt(), [0, 1, 2].map(|k| a[k] + t * (b[k] - a[k])))
+        NearestPlace { distance: dot(off, off).sqrt(), place: [0, 1, 2].map(|k| a[k] + t * (b[k] - a[k])) }
     }
+
+    /// The part of a vector across the beam.
+    fn across(&self, v: [f64; 3]) -> [f64; 3] {
+        let along: f64 = (0..3).map(|k| v[k] * self.up[k]).sum();
+        [0, 1, 2].map(|k| v[k] - along * self.up[k])
+    }
+}
+
+fn dot(v: [f64; 3], w: [f64; 3]) -> f64 {
+    v[0] * w[0] + v[1] * w[1] + v[2] * w[2]
 }
 
 /// Where a beam meets the part.
@@ -104,12 +124,13 @@ impl BeamHit {
 }
 
 /// The path of one mark, and how far along it beams have come.
-struct Marked {
+struct MarkPath {
     nodes: Vec<[f64; 3]>,
+    /// The node before the last beam.
     at: usize,
 }
 
-impl Marked {
+impl MarkPath {
     /// The marks of a path, in its order.
     fn all(path: &Path) -> Vec<Self> {
         let mut out: Vec<Self> = Vec::new();
@@ -128,21 +149,23 @@ impl Marked {
     /// Where a beam passes through the path: on the segment of the last beam or the next that it passes [`THROUGH`];
     /// where there is none, on the one that it passes nearest.
     fn place(&mut self, beam: &Beam) -> [f64; 3] {
-        let mut best = (f64::INFINITY, self.nodes[self.at], self.at);
+        let mut best = NearestPlace { distance: f64::INFINITY, place: self.nodes[self.at] };
         for i in self.at..self.nodes.len() - 1 {
-            let (off, place) = beam.nearest(self.nodes[i], self.nodes[i + 1]);
-            if off < best.0 {
-                best = (off, place, i);
-            } else if best.0 < THROUGH {
+            let nearest = beam.nearest(self.nodes[i], self.nodes[i + 1]);
+            if nearest.distance < best.distance {
+                best = nearest;
+                self.at = i;
+            } else if best.distance < THROUGH {
+                // Farther on the path may come back to the beam.
                 break;
             }
         }
-        self.at = best.2;
-        best.1
+        best.place
     }
 }
 
-struct Finder<'a> {
+/// What follows beams to the part and judges where they meet it.
+struct BeamJudge<'a> {
     tracer: Tracer<'a>,
     limits: Limits,
     /// The part's highest place.
@@ -163,74 +186,91 @@ pub(crate) fn focus_on_part(
     around: f64,
 ) -> Result<FocusOnPart, Error> {
     let spot = program.spots(machine)?;
-    let beam = |to: &AxisCommands| {
-        let spot = spot(to);
+    let beam = |sample: &AxisCommands| {
+        let spot = spot(sample);
         Beam { at: spot.part, up: spot.up }
     };
     let top = surface.tiles().iter().map(|t| t.1.mm()).fold(f64::NEG_INFINITY, f64::max);
-    let mut finder = Finder { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
+    let mut judge = BeamJudge { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
     let mut out = FocusOnPart::default();
-    let (mut pieces, mut before, mut along) = (followed.marked.iter(), None, 0.0);
-    let mut paths = Marked::all(&followed.path).into_iter();
-    let (mut piece, mut path) = (None, None);
+    let mut pieces = followed.marked.iter();
+    let mut paths = MarkPath::all(&followed.path).into_iter();
+    let mut piece: Option<&Stretch> = None;
+    let mut path: Option<MarkPath> = None;
+    let mut mark_before = None;
+    // Length of the piece's stroke up to the move.
+    let mut along = 0.0;
     for (_, from, step) in program.steps() {
-        if step.mark.is_some() && step.mark != before {
-            (piece, path) = (pieces.next(), paths.next());
+        // The marks of a program follow each other as the pieces do.
+        if step.mark.is_some() && step.mark != mark_before {
+            piece = pieces.next();
+            path = paths.next();
             along = piece.map_or(0.0, |p| p.from);
         }
-        before = step.mark;
+        mark_before = step.mark;
         if step.mark.is_none() {
             continue;
         }
-        let [a, b] = [beam(from), beam(&step.to)];
-        let way = (b.at[0] - a.at[0]).hypot(b.at[1] - a.at[1]);
-        let (worst, at) = match program.kind {
-            Kind::Xyzuv => finder.upright(&a, &b),
+        let (a, b) = (beam(from), beam(&step.to));
+        let way = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
+        let worst = match program.kind {
+            Kind::Xyzuv => judge.upright(&a, &b),
             Kind::Xyzacuv => {
-                let axis = |k: usize, share: f64| from[k] as f64 + share * (step.to[k] - from[k]) as f64;
-                let beams = (0..=PLACES).map(|i| {
-                    let share = i as f64 / PLACES as f64;
-                    beam(&AxisCommands(std::array::from_fn(|k| axis(k, share).round() as i64)))
-                });
-                finder.leaning(beams, path.as_mut(), [b.at[0] - a.at[0], b.at[1] - a.at[1]])
+                let samples = (0..=PLACES).map(|i| sample_between(from, &step.to, i as f64 / PLACES as f64));
+                judge.leaning(samples.map(|sample| beam(&sample)), path.as_mut(), way)
             }
         };
-        (out.focus, out.angle) = (out.focus.max(worst.focus), out.angle.max(worst.angle));
-        if !finder.holds(worst) {
-            out.first.get_or_insert(Miss { at, hit: worst });
+        let length = way[0].hypot(way[1]);
+        out.focus = out.focus.max(worst.hit.focus);
+        out.angle = out.angle.max(worst.hit.angle);
+        if !judge.keeps_limits(worst.hit) {
+            out.first.get_or_insert(Miss { at: worst.at, hit: worst.hit });
             if let Some(piece) = piece {
-                let [from, to] = [along - around, along + way + around];
-                match out.beyond.last_mut() {
-                    Some(last) if last.stroke == piece.stroke && from <= last.to => last.to = to,
-                    _ => out.beyond.push(Stretch { stroke: piece.stroke, from, to }),
-                }
+                out.add_beyond(Stretch { stroke: piece.stroke, from: along - around, to: along + length + around });
             }
         }
-        along += way;
+        along += length;
     }
     Ok(out)
 }
 
-impl Finder<'_> {
-    fn holds(&self, BeamHit { focus, angle, beside }: BeamHit) -> bool {
+/// The sample at a share of the way of a move.
+fn sample_between(from: &AxisCommands, to: &AxisCommands, share: f64) -> AxisCommands {
+    let axis = |k: usize| from[k] as f64 + share * (to[k] - from[k]) as f64;
+    AxisCommands(std::array::from_fn(|k| axis(k).round() as i64))
+}
+
+impl FocusOnPart {
+    /// Adds a stretch beyond a limit, to the last one where it overlaps that.
+    fn add_beyond(&mut self, stretch: Stretch) {
+        match self.beyond.last_mut() {
+            Some(last) if last.stroke == stretch.stroke && stretch.from <= last.to => last.to = stretch.to,
+            _ => self.beyond.push(stretch),
+        }
+    }
+}
+
+impl BeamJudge<'_> {
+    fn keeps_limits(&self, BeamHit { focus, angle, beside }: BeamHit) -> bool {
         focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED && beside <= self.limits.beside
     }
 
-    /// The worse of two hits: one that keeps its limits is never worse than one that does not.
-    fn worse(&self, a: (BeamHit, [f64; 2]), b: (BeamHit, [f64; 2])) -> (BeamHit, [f64; 2]) {
-        (a.0.max(b.0), if self.holds(a.0) { b.1 } else { a.1 })
+    /// The worse of two hits, at the place of the first that does not keep its limits; where both do, of the second.
+    fn worse(&self, a: MarkHit, b: MarkHit) -> MarkHit {
+        MarkHit { hit: a.hit.max(b.hit), at: if self.keeps_limits(a.hit) { b.at } else { a.at } }
     }
 
     /// The worst of an upright move, on the line or just next to it where it runs along a border.
-    fn upright(&mut self, a: &Beam, b: &Beam) -> (BeamHit, [f64; 2]) {
+    fn upright(&mut self, a: &Beam, b: &Beam) -> MarkHit {
         let [p, q] = [a, b].map(|beam| [beam.at[0], beam.at[1]].map(|v| v * NM_PER_MM));
         let way = [q[0] - p[0], q[1] - p[1]];
         let length = way[0].hypot(way[1]);
         let side = if length > 0.0 { [-way[1] / length, way[0] / length] } else { [1.0, 0.0] };
         let mut first = None;
         for by in [0.0, BORDER, -BORDER] {
-            let worst = self.along([0, 1].map(|k| p[k] + by * side[k]), [0, 1].map(|k| q[k] + by * side[k]), a, b);
-            if self.holds(worst.0) {
+            let shifted = |p: [f64; 2]| [0, 1].map(|k| p[k] + by * side[k]);
+            let worst = self.worst_along(shifted(p), shifted(q), [a.at[2], b.at[2]]);
+            if self.keeps_limits(worst.hit) {
                 return worst;
             }
             first.get_or_insert(worst);
@@ -238,25 +278,23 @@ impl Finder<'_> {
         first.unwrap_or_default()
     }
 
-    fn along(&mut self, p: [f64; 2], q: [f64; 2], a: &Beam, b: &Beam) -> (BeamHit, [f64; 2]) {
-        let grid = |p: [f64; 2]| P2::new(p[0].round() as i64, p[1].round() as i64);
-        let (p, mut q) = (grid(p), grid(q));
-        if p == q {
-            q.x += 1;
-        }
+    /// The worst of upright beams from one point to another, nm, whose focal planes lie at `plane_z` at both, mm.
+    fn worst_along(&mut self, p: [f64; 2], q: [f64; 2], plane_z: [f64; 2]) -> MarkHit {
+        let (p, q) = on_grid(p, q);
         let normals = self.tracer.normals();
-        let mut pieces = Vec::new();
+        // Height and normal at both ends of every facet on the way.
+        let mut ends = Vec::new();
         self.tracer.segment(p, q, |piece| {
             if piece.skip.is_none() {
-                pieces.push((piece.t0, piece.z0, normals.under(&piece)));
-                pieces.push((piece.t1, piece.z1, normals.under(&piece)));
+                ends.push((piece.t0, piece.z0, normals.under(&piece)));
+                ends.push((piece.t1, piece.z1, normals.under(&piece)));
             }
         });
-        let start = (BeamHit::default(), p.mm());
-        pieces.into_iter().fold(start, |worst, (t, z, normal)| {
-            let focus = (z / NM_PER_MM - (a.at[2] + t * (b.at[2] - a.at[2]))).abs();
+        let start = MarkHit { hit: BeamHit::default(), at: p.mm() };
+        ends.into_iter().fold(start, |worst, (t, z, normal)| {
+            let focus = (z / NM_PER_MM - (plane_z[0] + t * (plane_z[1] - plane_z[0]))).abs();
             let hit = BeamHit { focus, angle: normal[2].clamp(-1.0, 1.0).acos(), beside: 0.0 };
-            self.worse(worst, (hit, p.lerp(q, t).mm()))
+            self.worse(worst, MarkHit { hit, at: p.lerp(q, t).mm() })
         })
     }
 
@@ -264,14 +302,14 @@ impl Finder<'_> {
     fn leaning(
         &mut self,
         beams: impl Iterator<Item = Beam>,
-        mut path: Option<&mut Marked>,
+        mut path: Option<&mut MarkPath>,
         way: [f64; 2],
-    ) -> (BeamHit, [f64; 2]) {
-        let mut worst = (BeamHit::default(), [0.0; 2]);
+    ) -> MarkHit {
+        let mut worst = MarkHit::default();
         for beam in beams {
             let place = path.as_mut().map_or(beam.at, |path| path.place(&beam));
             let hit = self.near(&beam, [place[0], place[1]], way);
-            worst = self.worse(worst, (hit, [beam.at[0], beam.at[1]]));
+            worst = self.worse(worst, MarkHit { hit, at: [beam.at[0], beam.at[1]] });
         }
         worst
     }
@@ -280,7 +318,7 @@ impl Finder<'_> {
     /// [`BORDER`] that does not.
     fn near(&mut self, beam: &Beam, place: [f64; 2], way: [f64; 2]) -> BeamHit {
         let straight = self.hit(beam, place);
-        if let Some(hit) = straight.filter(|&f| self.holds(f)) {
+        if let Some(hit) = straight.filter(|&hit| self.keeps_limits(hit)) {
             return hit;
         }
         let length = way[0].hypot(way[1]);
@@ -290,11 +328,11 @@ impl Finder<'_> {
             for t in [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0] {
                 let by = [s * along[0] - t * along[1], s * along[1] + t * along[0]].map(|v| v * BORDER / NM_PER_MM);
                 let beam = Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up };
-                let found = self.hit(&beam, [place[0] + by[0], place[1] + by[1]]);
-                if let Some(hit) = found.filter(|&f| self.holds(f)) {
+                let beside = self.hit(&beam, [place[0] + by[0], place[1] + by[1]]);
+                if let Some(hit) = beside.filter(|&hit| self.keeps_limits(hit)) {
                     return hit;
                 }
-                first = first.or(found);
+                first = first.or(beside);
             }
         }
         first.unwrap_or(BeamHit::MISSED)
@@ -308,40 +346,52 @@ impl Finder<'_> {
         }
         // From above the part down to twice the limit below the focal plane; what lies lower is missed.
         let heights = [self.top.max(beam.at[2]) + self.limits.focus, beam.at[2] - 2.0 * self.limits.focus];
-        let place = |z: f64| [0, 1].map(|k| (beam.at[k] + up[k] / up[2] * (z - beam.at[2])) * NM_PER_MM);
-        let [p, mut q] = heights.map(place).map(|p| P2::new(p[0].round() as i64, p[1].round() as i64));
-        if p == q {
-            q.x += 1;
-        }
-        let still = place(heights[0]).iter().zip(place(heights[1])).all(|(a, b)| (a - b).abs() < 1.0);
+        let [high, low] = heights.map(|z| [0, 1].map(|k| (beam.at[k] + up[k] / up[2] * (z - beam.at[2])) * NM_PER_MM));
+        let (p, q) = on_grid(high, low);
+        // A beam that is upright to the nanometre meets what lies first under it.
+        let is_upright = high.iter().zip(low).all(|(a, b)| (a - b).abs() < 1.0);
         let normals = self.tracer.normals();
         let mut found = None;
         self.tracer.segment(p, q, |piece| {
             if piece.skip.is_some() || found.is_some() {
                 return;
             }
-            let height = |t: f64| heights[0] + t * (heights[1] - heights[0]);
+            let beam_z = |t: f64| heights[0] + t * (heights[1] - heights[0]);
             let z = [piece.z0, piece.z1].map(|z| z / NM_PER_MM);
-            let share = if still {
-                0.0
+            let hit_z = if is_upright {
+                z[0]
             } else {
-                let over = [z[0] - height(piece.t0), z[1] - height(piece.t1)];
-                if over[0] >= 0.0 {
-                    0.0
-                } else if over[1] >= 0.0 {
-                    over[0] / (over[0] - over[1])
-                } else {
-                    return;
-                }
+                let over = [z[0] - beam_z(piece.t0), z[1] - beam_z(piece.t1)];
+                let Some(share) = share_below(over) else { return };
+                beam_z(piece.t0 + share * (piece.t1 - piece.t0))
             };
-            let t = piece.t0 + share * (piece.t1 - piece.t0);
-            let z = if still { z[0] } else { height(t) };
-            found = Some(((z - beam.at[2]) / up[2], normals.under(&piece)));
+            found = Some(((hit_z - beam.at[2]) / up[2], normals.under(&piece)));
         });
         let (off, normal) = found?;
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
         let [x, y] = [0, 1].map(|k| beam.at[k] + off * up[k] - meant[k]);
         Some(BeamHit { focus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
+    }
+}
+
+/// Two points on the grid, nm, not the same: the tracer needs a direction.
+fn on_grid(p: [f64; 2], q: [f64; 2]) -> (P2, P2) {
+    let [p, mut q] = [p, q].map(|p| P2::new(p[0].round() as i64, p[1].round() as i64));
+    if p == q {
+        q.x += 1;
+    }
+    (p, q)
+}
+
+/// The share of a stretch at which a beam comes below the part, which is `over` it by so much at both ends; None where
+/// it stays above.
+fn share_below(over: [f64; 2]) -> Option<f64> {
+    if over[0] >= 0.0 {
+        Some(0.0)
+    } else if over[1] >= 0.0 {
+        Some(over[0] / (over[0] - over[1]))
+    } else {
+        None
     }
 }
 
@@ -368,22 +418,29 @@ mod tests {
     fn a_leaning_beam_that_passes_an_edge_meets_the_part_beside_its_path() {
         let surface = ledge();
         let limits = Limits { focus: 0.1, angle: 1.0, beside: 1e-3 };
-        let mut finder = Finder { tracer: Tracer::new(&surface, f64::INFINITY), limits, top: 0.0 };
-        let hit = finder.hit(&through(0.9), [0.9, 0.0]).expect("the upper plate");
+        let mut judge = BeamJudge { tracer: Tracer::new(&surface, f64::INFINITY), limits, top: 0.0 };
+        let hit = judge.hit(&through(0.9), [0.9, 0.0]).expect("the upper plate");
         assert!(hit.focus < 1e-9 && hit.beside < 1e-9 && (hit.angle.to_degrees() - 30.0).abs() < 1e-6, "{hit:?}");
-        assert!(finder.holds(hit));
+        assert!(judge.keeps_limits(hit));
         // Past the edge it falls on the lower one: 0.05 tan 30 deg farther on.
-        let hit = finder.hit(&through(1.01), [1.01, 0.0]).expect("the lower plate");
+        let hit = judge.hit(&through(1.01), [1.01, 0.0]).expect("the lower plate");
         assert!((hit.beside - 0.05 / 3f64.sqrt()).abs() < 1e-6, "{hit:?}");
-        assert!((hit.focus - 0.05 / 0.75f64.sqrt()).abs() < 1e-6 && !finder.holds(hit), "{hit:?}");
+        assert!((hit.focus - 0.05 / 0.75f64.sqrt()).abs() < 1e-6 && !judge.keeps_limits(hit), "{hit:?}");
         // Past it by less than rounding, a beam beside it counts.
-        let near = finder.near(&through(1.0 + 5e-5), [1.0 + 5e-5, 0.0], [1.0, 0.0]);
-        assert!(finder.holds(near), "{near:?}");
+        let near = judge.near(&through(1.0 + 5e-5), [1.0 + 5e-5, 0.0], [1.0, 0.0]);
+        assert!(judge.keeps_limits(near), "{near:?}");
+    }
+
+    #[test]
+    fn a_beam_comes_below_the_part_where_it_crosses_it() {
+        assert_eq!(share_below([0.5, 2.0]), Some(0.0));
+        assert_eq!(share_below([-1.0, 3.0]), Some(0.25));
+        assert_eq!(share_below([-1.0, -0.5]), None);
     }
 
     #[test]
     fn beams_are_followed_along_the_path_of_their_mark() {
-        let mut mark = Marked { nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]], at: 0 };
+        let mut mark = MarkPath { nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]], at: 0 };
         // There and back: the path continues, though the first leg is as near.
         for (x, leg) in [(0.2, 0), (0.9, 0), (1.0, 0), (0.9, 1), (0.2, 1)] {
             let y = if leg == 0 { 0.0 } else { 1e-3 * (1.0 - x) };

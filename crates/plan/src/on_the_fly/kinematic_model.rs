@@ -42,8 +42,8 @@ pub struct BeyondTravel {
 }
 
 impl<'a> KinematicModel<'a> {
-    /// Of a part whose origin lies at `origin` in the machine; None where the machine is not one of a swivel A under a
-    /// turntable C that states what all its axes can do.
+    /// The model of a part whose origin lies at `origin` in the machine; None where the machine is not a swivel A under
+    /// a turntable C that states what all its axes can do.
     pub fn of(machine: &'a Machine, pens: &'a [Pen], origin: [f64; 3]) -> Option<Self> {
         let linear = machine.axes().map(|(_, axis)| Limit {
             speed: axis.speed.as_mm_s(),
@@ -77,7 +77,7 @@ impl<'a> KinematicModel<'a> {
     /// when both run at top speed, but half of it at least.
     ///
     /// # Errors
-    /// As [`Servo::new`].
+    /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn scanner_margin(&self) -> Result<f64, Error> {
         let (reach, [x, y]) = (self.machine.field_reach(), Servo::following_error(self.machine)?);
         Ok(reach - x.hypot(y).min(reach / 2.0))
@@ -109,17 +109,18 @@ impl<'a> KinematicModel<'a> {
 
     /// The rotary axes that a motion turns beyond their travel.
     pub fn beyond_travel(&self, axes: &[Axes]) -> Vec<BeyondTravel> {
+        /// What rounding may add to a command, deg: programs count in millionths.
+        const ROUNDED: f64 = 1e-6;
         // A positive C of the motion turns the part the other way than a positive command.
-        type Pick = fn(&Axes) -> f64;
-        let picks: [(Pick, f64); 2] = [(|a| a.a, 1.0), (|a| a.c, -1.0)];
+        let angles: [fn(&Axes) -> f64; 2] = [|axes| axes.a, |axes| -axes.c];
         let table = self.machine.tilt.iter().flat_map(|table| &table.axes);
-        let beyond = table.zip(picks).filter_map(|(axis, (pick, sign))| {
+        let beyond = table.zip(angles).filter_map(|(axis, angle)| {
             let travel = axis.travel.ends()?.map(|end| end.as_deg());
-            let sign = if axis.reversed { -sign } else { sign };
-            let commands = axes.iter().map(|axes| (sign * pick(axes)).to_degrees());
+            let sign = if axis.reversed { -1.0 } else { 1.0 };
+            let commands = axes.iter().map(|axes| (sign * angle(axes)).to_degrees());
             let needed = commands.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(v), hi.max(v)]);
-            let holds = needed[0] >= travel[0] - 1e-6 && needed[1] <= travel[1] + 1e-6;
-            (!holds).then_some(BeyondTravel { letter: axis.letter, needed, travel })
+            let is_within = needed[0] >= travel[0] - ROUNDED && needed[1] <= travel[1] + ROUNDED;
+            (!is_within).then_some(BeyondTravel { letter: axis.letter, needed, travel })
         });
         beyond.collect()
     }
@@ -133,7 +134,7 @@ impl<'a> KinematicModel<'a> {
 
     /// The path with run-ups before and after the marks of pens that ask for skywriting, where the spot needs any.
     pub fn with_run_ups(&self, path: &Path, skywriting: &[bool]) -> Path {
-        /// Of the way to the pen's speed: the stage takes a share of the scanner's limits meanwhile.
+        /// How many times longer than the way to the pen's speed: the stage takes a share of the scanner's limits.
         const LONGER: f64 = 1.5;
         let galvo = GalvoModel::of(self.machine);
         let way = |(pen, asks): (&Pen, &bool)| if *asks { LONGER * galvo.run_up_mm(pen.speed.as_mm_s()) } else { 0.0 };

@@ -13,7 +13,7 @@ use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
 use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{NodeKind, Path};
-use crate::on_the_fly::topp::{self, Timed};
+use crate::on_the_fly::topp::{self, TimedPath};
 use terrace_core::diag::Error;
 use terrace_core::motion::GalvoModel;
 
@@ -38,19 +38,19 @@ impl Rests {
     }
 }
 
-/// Where the spot waits for a stage that is slower than it.
+/// What bounds the speed of the spot between two rests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Waits {
-    /// Where it rests: between rests it is as fast as it can.
-    AtRests,
-    /// On its way: it is no faster than the stage can be from node to node.
-    OnTheWay,
+pub enum SpotPace {
+    /// Scanner and pen: a stage that is slower makes the spot wait at its rests.
+    Scanner,
+    /// The stage too, from node to node: the spot waits for it on its way.
+    ScannerAndStage,
 }
 
 /// When the spot is where on its path, in its own time.
 #[derive(Clone, Debug)]
 pub struct SpotMotion {
-    law: Law,
+    law: MotionLaw,
     /// When it comes to each node, and when it leaves.
     times: Vec<[f64; 2]>,
     /// Way along the path to each node.
@@ -59,9 +59,9 @@ pub struct SpotMotion {
 
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "one to a job")]
-enum Law {
+enum MotionLaw {
     /// From rest to rest.
-    Profiled(Timed),
+    Profiled(TimedPath),
     /// Evenly from node to node.
     Even,
 }
@@ -69,8 +69,12 @@ enum Law {
 /// A run is straight where no node is farther from its chord, mm: vertices lie on a grid of nanometres.
 const STRAIGHT: f64 = 5e-6;
 
-/// By how much the speeds along a straight run may differ that is taken as one of a single speed.
+/// Along a straight run speeds that differ by less than this factor are replaced by one, so that the run has a closed
+/// form.
 const UNEVEN: f64 = 1.2;
+
+/// Gain of the spot's time, relative, for which its search makes no more steps.
+const GAIN: f64 = 5e-3;
 
 /// The largest speed of the spot, seen from the lens, with which the stage comes to a node in time, mm/s.
 fn stage_cap(model: &KinematicModel<'_>, way: &[f64], axes: &[Axes], i: usize) -> f64 {
@@ -81,15 +85,15 @@ fn stage_cap(model: &KinematicModel<'_>, way: &[f64], axes: &[Axes], i: usize) -
 }
 
 impl SpotMotion {
-    /// Of a spot that rests in the field while the stage carries it: its own time is the way, mm.
+    /// The motion of a spot that rests in the field while the stage carries it: its own time is the way, mm.
     pub fn carried(way: &[f64]) -> Self {
-        Self { law: Law::Even, times: way.iter().map(|&s| [s; 2]).collect(), way: way.to_vec() }
+        Self { law: MotionLaw::Even, times: way.iter().map(|&s| [s; 2]).collect(), way: way.to_vec() }
     }
 
-    /// Under the limits of U and V, or at speed, with the stage at `axes` over each node.
+    /// The motion under the limits of U and V, or at speed, with the stage at `axes` over each node.
     ///
-    /// Of run number i between `rests` the limits are taken as so many times smaller as `shares` says; none: the
-    /// scanner has all of them.
+    /// In run number i between `rests` the limits are as many times smaller as `shares[i]`; without shares the scanner
+    /// has all of them.
     ///
     /// # Errors
     /// Those of [`topp::time_optimal`], which are faults of the program.
@@ -99,30 +103,26 @@ impl SpotMotion {
         model: &KinematicModel<'_>,
         rests: &[usize],
         shares: &[f64],
-        waits: Waits,
+        pace: SpotPace,
     ) -> Result<Self, Error> {
         let way = path.distances();
-        let Some(limit) = model.spot else {
-            let visits = Schedule::of(path, model.machine, model.pens, 0.0).visits;
-            return Ok(Self { law: Law::Even, times: visits.iter().map(|v| [v.arrive, v.leave]).collect(), way });
-        };
-        let mut course = Course::new(path, axes, model, &way, waits);
+        let Some(limit) = model.spot else { return Ok(Self::at_speed(path, model, way)) };
+        let mut course = Course::new(path, axes, model, &way, pace);
         for (run, ends) in rests.windows(2).enumerate() {
             course.add_run(ends[0], ends[1], shares.get(run).copied().unwrap_or(1.0));
         }
-        let all = topp::Path { positions: &course.positions, s: &way, caps: &course.caps, stops: rests };
-        let timed = topp::time_optimal(&all, &[limit; 2], &topp::Options { gain: 5e-3, ..topp::Options::default() })?;
-        // Before a mark the mirrors settle, as after any jump.
-        let settle = GalvoModel::of(model.machine).delays(model.machine).jump;
-        let mut settled = 0.0;
-        let mut times = Vec::with_capacity(path.len());
-        for (i, t) in timed.node_times().enumerate() {
-            let arrives = t + settled;
-            let begins = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).or(path.run_at(i + 1)).is_some();
-            settled += if begins { settle } else { 0.0 };
-            times.push([arrives, t + settled]);
-        }
-        Ok(Self { law: Law::Profiled(timed), times, way })
+        let course = topp::Path { positions: &course.positions, s: &way, caps: &course.caps, stops: rests };
+        let timed =
+            topp::time_optimal(&course, &[limit; 2], &topp::Options { gain: GAIN, ..topp::Options::default() })?;
+        let settle_s = GalvoModel::of(model.machine).delays(model.machine).jump;
+        let times = settled_times(path, &timed, settle_s);
+        Ok(Self { law: MotionLaw::Profiled(timed), times, way })
+    }
+
+    /// The motion of a spot that is always at speed and waits as the machine's delays say.
+    fn at_speed(path: &Path, model: &KinematicModel<'_>, way: Vec<f64>) -> Self {
+        let visits = Schedule::of(path, model.machine, model.pens, 0.0).visits;
+        Self { law: MotionLaw::Even, times: visits.iter().map(|v| [v.arrive, v.leave]).collect(), way }
     }
 
     /// The time of the whole path at the spot's own speed.
@@ -140,35 +140,51 @@ impl SpotMotion {
         &self.way
     }
 
-    /// The node that it leaves at or before a time, from 0 to the last but one; `hint` is that of the last call.
+    /// The last node that it has come to at a time, from 0 to the last but one; `hint` is that of the last call.
     pub(crate) fn node_at(&self, time: f64, hint: &mut usize) -> usize {
         let last = self.times.len() - 2;
-        let begins = |i: usize| self.times[i][0] <= time;
-        if !begins(*hint) || *hint < last && begins(*hint + 2) {
+        let is_reached = |i: usize| self.times[i][0] <= time;
+        // Times mostly rise from call to call: the node is that of the last call or the next. Else it is searched.
+        if !is_reached(*hint) || *hint < last && is_reached(*hint + 2) {
             *hint = self.times.partition_point(|t| t[0] <= time).clamp(1, last + 1) - 1;
-        } else if *hint < last && begins(*hint + 1) {
+        } else if *hint < last && is_reached(*hint + 1) {
             *hint += 1;
         }
         *hint = (*hint).min(last);
         *hint
     }
 
-    /// Way along the path at a time of its own; `hint` as for `node_at`, `cell` of its own.
-    pub fn way_at(&self, time: f64, hint: &mut usize, cell: &mut usize) -> f64 {
-        let i = self.node_at(time, hint);
+    /// Way along the path at a time of the spot; `node` and `cell` are hints, those of the last call.
+    pub fn way_at(&self, time: f64, node: &mut usize, cell: &mut usize) -> f64 {
+        let i = self.node_at(time, node);
         let [from, to] = [self.way[i], self.way[i + 1]];
         match &self.law {
-            // Rests are not part of the profile.
-            Law::Profiled(timed) if time > self.times[i][1] => {
+            // The profile is of the motion alone: its time stands still while the spot waits at a node.
+            MotionLaw::Profiled(timed) if time > self.times[i][1] => {
                 timed.parameter_at(timed.node_time(i) + (time - self.times[i][1]), cell).clamp(from, to)
             }
-            Law::Profiled(_) => from,
-            Law::Even => {
+            MotionLaw::Profiled(_) => from,
+            MotionLaw::Even => {
                 let (begin, end) = (self.times[i][1], self.times[i + 1][0]);
                 from + ((time - begin) / (end - begin)).clamp(0.0, 1.0) * (to - from)
             }
         }
     }
+}
+
+/// When the spot comes to each node and leaves it, if it waits before every mark until the mirrors have settled, as
+/// after any jump.
+fn settled_times(path: &Path, timed: &TimedPath, settle_s: f64) -> Vec<[f64; 2]> {
+    let mut waited_s = 0.0;
+    let mut times = Vec::with_capacity(path.len());
+    for (i, moved_s) in timed.node_times().enumerate() {
+        let arrives = moved_s + waited_s;
+        // A mark begins with its run-in, where it has one.
+        let begins_mark = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).or(path.run_at(i + 1)).is_some();
+        waited_s += if begins_mark { settle_s } else { 0.0 };
+        times.push([arrives, moved_s + waited_s]);
+    }
+    times
 }
 
 /// What U and V go along a path, and how fast the spot may be on it.
@@ -178,7 +194,7 @@ struct Course<'a> {
     model: &'a KinematicModel<'a>,
     /// Way along the path to each node, mm.
     way: &'a [f64],
-    waits: Waits,
+    pace: SpotPace,
     /// U and V at each node so far, mm, one pair after another; from 0.
     positions: Vec<f64>,
     /// Largest speed to each node but the first, mm/s.
@@ -186,38 +202,63 @@ struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    fn new(path: &'a Path, axes: &'a [Axes], model: &'a KinematicModel<'a>, way: &'a [f64], waits: Waits) -> Self {
-        Self { path, axes, model, way, waits, positions: vec![0.0; 2], caps: Vec::with_capacity(path.len()) }
+    fn new(path: &'a Path, axes: &'a [Axes], model: &'a KinematicModel<'a>, way: &'a [f64], pace: SpotPace) -> Self {
+        Self { path, axes, model, way, pace, positions: vec![0.0; 2], caps: Vec::with_capacity(path.len()) }
     }
 
     /// Adds the nodes after `first` up to `last`, between which the spot does not rest.
     fn add_run(&mut self, first: usize, last: usize, share: f64) {
         let caps: Vec<f64> = (first + 1..=last).map(|i| self.cap(i)).collect();
         if !is_straight(self.path, first, last) {
-            for i in first + 1..=last {
-                let [u, v] = self.step(i - 1, i, share);
-                let [.., from_u, from_v] = self.positions[..] else { unreachable!("it begins with a pair") };
-                self.positions.extend([from_u + u, from_v + v]);
-            }
+            self.add_curve(first, last, share);
             self.caps.extend(caps);
             return;
         }
-        let [.., from_u, from_v] = self.positions[..] else { unreachable!("it begins with a pair") };
-        let ([u, v], length) = (self.step(first, last, share), self.way[last] - self.way[first]);
-        for at in &self.way[first + 1..=last] {
-            let t = (at - self.way[first]) / length;
+        self.add_line(first, last, share);
+        match self.even_cap(first, last, &caps) {
+            Some(cap) => self.caps.resize(last, cap),
+            None => self.caps.extend(caps),
+        }
+    }
+
+    /// Adds the positions of a run whose stage poses, and with them the steps of U and V, change from node to node.
+    fn add_curve(&mut self, first: usize, last: usize, share: f64) {
+        for i in first + 1..=last {
+            let [u, v] = self.step(i - 1, i, share);
+            let [from_u, from_v] = self.last_position();
+            self.positions.extend([from_u + u, from_v + v]);
+        }
+    }
+
+    /// Adds the positions of a straight run, evenly along its way.
+    fn add_line(&mut self, first: usize, last: usize, share: f64) {
+        let [from_u, from_v] = self.last_position();
+        let [u, v] = self.step(first, last, share);
+        let length = self.way[last] - self.way[first];
+        for s in &self.way[first + 1..=last] {
+            let t = (s - self.way[first]) / length;
             self.positions.extend([from_u + t * u, from_v + t * v]);
         }
+    }
+
+    /// One speed for all of a straight run, with which it takes as long as with `caps`, but no faster than pen and
+    /// scanner allow anywhere; None where `caps` differ too much for that.
+    fn even_cap(&self, first: usize, last: usize, caps: &[f64]) -> Option<f64> {
         let [least, most] = caps.iter().fold([f64::INFINITY, 0.0f64], |[l, m], &c| [l.min(c), m.max(c)]);
         if most < UNEVEN * least {
-            // One speed for all of it, that of the same time.
             let time: f64 =
                 caps.iter().enumerate().map(|(k, c)| (self.way[first + k + 1] - self.way[first + k]) / c).sum();
-            let own = (first + 1..=last).map(|i| self.model.cap(self.path, self.way, i));
-            self.caps.resize(last, own.fold(length / time, f64::min));
-        } else {
-            self.caps.extend(caps);
+            let length = self.way[last] - self.way[first];
+            let own_caps = (first + 1..=last).map(|i| self.model.cap(self.path, self.way, i));
+            return Some(own_caps.fold(length / time, f64::min));
         }
+        None
+    }
+
+    /// U and V at the last node so far, mm.
+    fn last_position(&self) -> [f64; 2] {
+        let [.., u, v] = self.positions[..] else { unreachable!("it begins with a pair") };
+        [u, v]
     }
 
     /// What U and V have to go from one node to another, of which they have a share, mm: with the stage half-way
@@ -225,7 +266,8 @@ impl<'a> Course<'a> {
     fn step(&self, i: usize, j: usize, share: f64) -> [f64; 2] {
         let (nodes, axes) = (&self.path.nodes, self.axes);
         let d = [0, 1, 2].map(|k| nodes[j].at[k] - nodes[i].at[k]);
-        let [a, c] = [0.5 * (axes[i].a + axes[j].a), 0.5 * (axes[i].c + axes[j].c)];
+        let a = 0.5 * (axes[i].a + axes[j].a);
+        let c = 0.5 * (axes[i].c + axes[j].c);
         let [u, v, _] = machine_from_part(a, c, d);
         [share * u, share * v]
     }
@@ -233,9 +275,9 @@ impl<'a> Course<'a> {
     /// The largest speed of the spot to a node, mm/s.
     fn cap(&self, i: usize) -> f64 {
         let own = self.model.cap(self.path, self.way, i);
-        match self.waits {
-            Waits::AtRests => own,
-            Waits::OnTheWay => own.min(stage_cap(self.model, self.way, self.axes, i)),
+        match self.pace {
+            SpotPace::Scanner => own,
+            SpotPace::ScannerAndStage => own.min(stage_cap(self.model, self.way, self.axes, i)),
         }
     }
 }
@@ -243,8 +285,30 @@ impl<'a> Course<'a> {
 /// Whether the nodes between two others lie on the line between them, seen from the lens.
 fn is_straight(path: &Path, first: usize, last: usize) -> bool {
     let [a, b] = [first, last].map(|i| path.nodes[i].at);
-    let d = [b[0] - a[0], b[1] - a[1]];
-    let length = d[0].hypot(d[1]);
-    let off = |p: [f64; 3]| ((p[0] - a[0]) * d[1] - (p[1] - a[1]) * d[0]).abs() / length;
-    last == first + 1 || length > 0.0 && path.nodes[first + 1..last].iter().all(|node| off(node.at) <= STRAIGHT)
+    let chord = [b[0] - a[0], b[1] - a[1]];
+    let length = chord[0].hypot(chord[1]);
+    let distance = |p: [f64; 3]| ((p[0] - a[0]) * chord[1] - (p[1] - a[1]) * chord[0]).abs() / length;
+    last == first + 1 || length > 0.0 && path.nodes[first + 1..last].iter().all(|node| distance(node.at) <= STRAIGHT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::on_the_fly::path::Node;
+    use terrace_core::program::PieceId;
+
+    #[test]
+    fn run_is_straight_where_its_nodes_lie_within_rounding_of_the_chord() {
+        let through = |points: &[[f64; 3]]| Path {
+            nodes: points
+                .iter()
+                .map(|&at| Node { at, pen: None, kind: NodeKind::Between, stroke: PieceId(0), run: None })
+                .collect(),
+        };
+        // Heights do not count: the scanner sees the plan.
+        assert!(is_straight(&through(&[[0.0; 3], [1.0, 4e-6, 7.0], [2.0, 0.0, 0.0]]), 0, 2));
+        assert!(!is_straight(&through(&[[0.0; 3], [1.0, 6e-6, 0.0], [2.0, 0.0, 0.0]]), 0, 2));
+        assert!(is_straight(&through(&[[0.0; 3], [0.0; 3]]), 0, 1));
+        assert!(!is_straight(&through(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0; 3]]), 0, 2));
+    }
 }

@@ -14,13 +14,17 @@ use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::spline;
 use crate::on_the_fly::spot::SpotMotion;
+use crate::on_the_fly::topp::Limit;
 use terrace_core::parallel;
 
-/// Nodes of the path per window, and the fewest of a leg.
+/// Nodes of the stage's path per window of time.
 const NODES: f64 = 12.0;
+/// Fewest nodes of a leg.
 const FEWEST: usize = 8;
 /// Most nodes of a path: those of longer ones lie farther apart.
 const MOST: f64 = 400_000.0;
+/// Nodes that the spot reaches within this share of a leg's time of each other count as one.
+const SAME_TIME: f64 = 1e-9;
 
 /// Stage axes over a rising parameter, a natural cubic spline between stops.
 #[derive(Clone, Debug, Default)]
@@ -36,7 +40,7 @@ pub(crate) struct StagePath {
 }
 
 impl StagePath {
-    /// Through positions, from stop to stop.
+    /// The spline through positions, from stop to stop.
     fn new(at: Vec<f64>, positions: Vec<f64>, stops: Vec<usize>) -> Self {
         let mut bends = vec![0.0; positions.len()];
         for w in stops.windows(2) {
@@ -46,21 +50,21 @@ impl StagePath {
         Self { at, positions, bends, stops }
     }
 
-    /// Over the spot's own time through all tools, at rest at `stops`.
+    /// The path through all tools over the spot's own time, at rest at `stops`.
     pub(crate) fn through_stops(spot: &SpotMotion, axes: &[Axes], stops: Vec<usize>) -> Self {
         Self::new(spot.times().iter().map(|t| t[0]).collect(), axes.iter().flat_map(listed).collect(), stops)
     }
 
-    /// Over the spot's own time through the tool of every node of the path, but for nodes that are all but at one time.
+    /// The path through the tool of every node over the spot's own time; of nodes at all but the same time through one.
     pub(crate) fn through_nodes(spot: &SpotMotion, axes: &[Axes], rewinds: &[[usize; 2]]) -> Self {
         let mut out = Legs::default();
         for Leg { first, last, .. } in legs(axes.len(), rewinds) {
-            out.by_nodes(spot, axes, first, last);
+            out.add_nodes(spot, axes, first, last);
         }
         out.spline()
     }
 
-    /// Over the spot's own time at a pace averaged over a `window` of it.
+    /// The path over the spot's own time at a pace averaged over a `window` of it. C is rewound at the spot's own pace.
     pub fn evened(spot: &SpotMotion, axes: &[Axes], rewinds: &[[usize; 2]], window: f64) -> Self {
         let mut stops: Vec<usize> = rewinds.iter().flatten().copied().chain([0, axes.len() - 1]).collect();
         stops.sort_unstable();
@@ -69,9 +73,9 @@ impl StagePath {
         let mut out = Legs::default();
         for Leg { first, last, rewinds } in legs(axes.len(), rewinds) {
             if rewinds {
-                out.by_nodes(spot, axes, first, last);
+                out.add_nodes(spot, axes, first, last);
             } else {
-                out.evened(spot, &tools, first, last, window);
+                out.add_evened(spot, &tools, first, last, window);
             }
         }
         out.spline()
@@ -104,48 +108,92 @@ impl StagePath {
     /// How many times smaller the limits of U and V are in each run of the spot for what they take to hold the spot on
     /// the part while the stage moves. What the stage cannot do it will not.
     pub fn shares(&self, path: &Path, spot: &SpotMotion, model: &KinematicModel<'_>, rests: &[usize]) -> Vec<f64> {
-        /// Between samples of which accelerations and jerks are taken, s.
-        const APART: [f64; 2] = [5e-3, 1e-2];
-        /// No more than half is taken: what is left of such a run is slowed down.
-        const MOST: f64 = 2.0;
-        let Some(limit) = model.spot else { return vec![1.0; rests.len() - 1] };
-        let of = |run: usize| {
-            let (first, last) = (rests[run], rests[run + 1]);
-            let [begin, end] = [spot.times()[first][0], spot.times()[last][0]];
-            let count = (((end - begin) / APART[1]).ceil() as usize).clamp(2, 1000);
-            let (mut acceleration, mut jerk) = (0.0f64, 0.0f64);
-            let (mut hint, mut node) = (self.at.partition_point(|&x| x <= begin).max(1) - 1, first);
-            for k in 0..=count {
-                let now = begin + (end - begin) * k as f64 / count as f64;
-                let p = model.from_pivot(path.nodes[spot.node_at(now, &mut node)].at);
-                let mut held = |at: f64| {
-                    let [u, v, _] = self.axes(now + at, &mut hint).field_from_part(p);
-                    [u, v]
-                };
-                let [h, j] = APART;
-                let three = [-h, 0.0, h].map(&mut held);
-                let four = [-1.5 * j, -0.5 * j, 0.5 * j, 1.5 * j].map(&mut held);
-                for k in 0..2 {
-                    let [a, b, c] = three.map(|p| p[k]);
-                    acceleration = acceleration.max((a - 2.0 * b + c).abs() / (h * h));
-                    let [a, b, c, d] = four.map(|p| p[k]);
-                    jerk = jerk.max((d - a - 3.0 * (c - b)).abs() / (j * j * j));
-                }
-            }
-            let share = |limit: f64, taken: f64| (limit / (limit - taken).max(0.0)).min(MOST);
-            // X and Y take no more than they can.
-            let [x, y] = [&model.limits[0], &model.limits[1]];
-            let acceleration = acceleration.min(2.0 * x.acceleration.hypot(y.acceleration));
-            let jerk = match (x.jerk, y.jerk) {
-                (Some(x), Some(y)) => jerk.min(2.0 * x.hypot(y)),
-                _ => jerk,
-            };
-            share(limit.acceleration, acceleration).max(limit.jerk.map_or(1.0, |most| share(most, jerk)))
-        };
+        /// Runs that a thread takes at a time.
+        const CHUNK: usize = 256;
         let runs = rests.len() - 1;
-        let chunks = runs.div_ceil(256);
-        parallel::map(chunks, |c| (256 * c..(256 * (c + 1)).min(runs)).map(of).collect::<Vec<_>>()).concat()
+        let Some(limit) = model.spot else { return vec![1.0; runs] };
+        let share = |run: usize| {
+            let taken = self.holding_peaks(path, spot, model, rests[run], rests[run + 1]);
+            taken.within_reach_of_stage(model).share(&limit)
+        };
+        let chunks = runs.div_ceil(CHUNK);
+        parallel::map(chunks, |c| (CHUNK * c..(CHUNK * (c + 1)).min(runs)).map(share).collect::<Vec<_>>()).concat()
     }
+
+    /// What U and V do to hold the spot on the node that it comes from, while the stage moves as it does between two
+    /// nodes of the path.
+    fn holding_peaks(
+        &self,
+        path: &Path,
+        spot: &SpotMotion,
+        model: &KinematicModel<'_>,
+        first: usize,
+        last: usize,
+    ) -> HoldingPeaks {
+        /// Between the samples of which an acceleration is taken, s.
+        const H: f64 = 5e-3;
+        /// Between the samples of which a jerk is taken, and between the times that are looked at, s.
+        const J: f64 = 1e-2;
+        /// Most times that are looked at.
+        const MOST_TIMES: usize = 1000;
+        let [begin, end] = [spot.times()[first][0], spot.times()[last][0]];
+        let count = (((end - begin) / J).ceil() as usize).clamp(2, MOST_TIMES);
+        let mut peaks = HoldingPeaks { acceleration: 0.0, jerk: 0.0 };
+        let mut hint = self.at.partition_point(|&x| x <= begin).max(1) - 1;
+        let mut node = first;
+        for k in 0..=count {
+            let now = begin + (end - begin) * k as f64 / count as f64;
+            let p = model.from_pivot(path.nodes[spot.node_at(now, &mut node)].at);
+            let three = [-H, 0.0, H].map(|after| self.field_point(p, now + after, &mut hint));
+            let four = [-1.5 * J, -0.5 * J, 0.5 * J, 1.5 * J].map(|after| self.field_point(p, now + after, &mut hint));
+            for k in 0..2 {
+                // Second and third central differences.
+                let [a, b, c] = three.map(|uv| uv[k]);
+                peaks.acceleration = peaks.acceleration.max((a - 2.0 * b + c).abs() / (H * H));
+                let [a, b, c, d] = four.map(|uv| uv[k]);
+                peaks.jerk = peaks.jerk.max((d - a - 3.0 * (c - b)).abs() / (J * J * J));
+            }
+        }
+        peaks
+    }
+
+    /// U and V over a point of the part, seen from the pivot, with the stage where it is at a time.
+    fn field_point(&self, p: [f64; 3], time: f64, hint: &mut usize) -> [f64; 2] {
+        let [u, v, _] = self.axes(time, hint).field_from_part(p);
+        [u, v]
+    }
+}
+
+/// The largest acceleration and jerk of U or V that hold the spot in its place while the stage moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct HoldingPeaks {
+    acceleration: f64,
+    jerk: f64,
+}
+
+impl HoldingPeaks {
+    /// No more than X and Y can cause.
+    fn within_reach_of_stage(self, model: &KinematicModel<'_>) -> Self {
+        let [x, y] = [&model.limits[0], &model.limits[1]];
+        let jerk = match (x.jerk, y.jerk) {
+            (Some(x), Some(y)) => self.jerk.min(2.0 * x.hypot(y)),
+            _ => self.jerk,
+        };
+        Self { acceleration: self.acceleration.min(2.0 * x.acceleration.hypot(y.acceleration)), jerk }
+    }
+
+    /// How many times smaller what is left of a limit is than the limit.
+    fn share(self, limit: &Limit) -> f64 {
+        let of_acceleration = share_left(limit.acceleration, self.acceleration);
+        of_acceleration.max(limit.jerk.map_or(1.0, |most| share_left(most, self.jerk)))
+    }
+}
+
+/// How many times smaller what is left of a limit is than the limit, where so much of it is taken.
+fn share_left(limit: f64, taken: f64) -> f64 {
+    /// No more than half of a limit is taken: a run that would need more is slowed down.
+    const MOST: f64 = 2.0;
+    (limit / (limit - taken).max(0.0)).min(MOST)
 }
 
 /// X, Y, Z, A, C.
@@ -167,6 +215,7 @@ struct Leg {
     rewinds: bool,
 }
 
+/// The legs of a path with so many nodes: its rewinds, and what lies between them.
 fn legs(nodes: usize, rewinds: &[[usize; 2]]) -> Vec<Leg> {
     let mut out = Vec::new();
     let mut from = 0;
@@ -183,7 +232,7 @@ fn legs(nodes: usize, rewinds: &[[usize; 2]]) -> Vec<Leg> {
     out
 }
 
-/// A path while it grows, leg by leg.
+/// The nodes of a stage path while it grows, leg by leg. A leg begins with the node that ends the leg before.
 #[derive(Default)]
 struct Legs {
     at: Vec<f64>,
@@ -197,14 +246,18 @@ impl Legs {
         self.positions.extend(position);
     }
 
-    fn by_nodes(&mut self, spot: &SpotMotion, axes: &[Axes], first: usize, last: usize) {
+    /// Adds a leg through the tools of its nodes, as the spot reaches them.
+    fn add_nodes(&mut self, spot: &SpotMotion, axes: &[Axes], first: usize, last: usize) {
         let times = spot.times();
-        let end = if last + 1 == times.len() { spot.total() } else { times[last][0] };
-        let apart = 1e-9 * (end - times[first][0]).max(1e-3);
+        let end = end_of_leg(spot, last);
+        let apart = SAME_TIME * (end - times[first][0]).max(1e-3);
         let arrives = times[last][0];
         for (i, axes) in axes.iter().enumerate().take(last + 1).skip(first) {
             let (at, is_first) = (times[i][0], i == first);
-            if is_first && !self.at.is_empty() || !is_first && i < last && arrives - at <= apart {
+            let is_end_of_leg_before = is_first && !self.at.is_empty();
+            // The last node is a stop and is kept rather than one at the same time.
+            let is_at_time_of_last = !is_first && i < last && arrives - at <= apart;
+            if is_end_of_leg_before || is_at_time_of_last {
                 continue;
             }
             if self.at.last().is_some_and(|before| at - before <= apart) {
@@ -220,35 +273,20 @@ impl Legs {
         }
     }
 
-    fn evened(&mut self, spot: &SpotMotion, tools: &StagePath, first: usize, last: usize, window: f64) {
-        let (times, way) = (spot.times(), spot.way());
-        let end = if last + 1 == times.len() { spot.total() } else { times[last][0] };
-        let [begin, s0, s1] = [times[first][0], way[first], way[last]];
+    /// Adds a leg along the path of the tools, as far along it as the spot is, averaged over a `window` of its time.
+    fn add_evened(&mut self, spot: &SpotMotion, tools: &StagePath, first: usize, last: usize, window: f64) {
+        let [s0, s1] = [spot.way()[first], spot.way()[last]];
+        let [begin, end] = [spot.times()[first][0], end_of_leg(spot, last)];
         let window = window.min(end - begin);
         let least = (window / NODES).max(spot.total() / MOST);
         let count = (((end - begin) / least).ceil() as usize).max(FEWEST);
         let step = (end - begin) / count as f64;
+        // Three averages of a third of the window each, of an odd number of samples.
         let samples = 2 * (window / 3.0 / step / 2.0) as usize + 1;
         let reach = 3 * (samples / 2);
-        let (mut node, mut cell) = (first, 0);
-        // Before the leg's begin and after its end the spot continues as it came: the averages keep both ends in place.
-        let mut reached = |at: f64| {
-            if at < begin {
-                2.0 * s0 - spot.way_at((2.0 * begin - at).min(end), &mut node, &mut cell)
-            } else if at > end {
-                2.0 * s1 - spot.way_at((2.0 * end - at).max(begin), &mut node, &mut cell)
-            } else {
-                spot.way_at(at, &mut node, &mut cell)
-            }
-        };
-        // The mean over a step, so that what is faster than the steps is not seen at all.
-        const PARTS: usize = 4;
+        let mut way = ContinuedWay { spot, times: [begin, end], ways: [s0, s1], node: first, cell: 0 };
         let mut pace: Vec<[f64; 1]> = (0..count + 1 + 2 * reach)
-            .map(|k| {
-                let at = begin + (k as f64 - reach as f64) * step;
-                let part = |m: usize| ((m as f64 + 0.5) / PARTS as f64 - 0.5) * step;
-                [(0..PARTS).map(|m| reached(at + part(m))).sum::<f64>() / PARTS as f64]
-            })
+            .map(|k| [way.mean_over_step(begin + (k as f64 - reach as f64) * step, step)])
             .collect();
         for _ in 0..3 {
             pace = stage(&pace, Method::MovingAverage { samples });
@@ -256,6 +294,7 @@ impl Legs {
         let mut hint = 0;
         for (k, pace) in pace[reach..=reach + count].iter().enumerate() {
             if k > 0 || self.at.is_empty() {
+                // Both ends exactly: the next leg begins where this one ends.
                 let s = if k == 0 {
                     s0
                 } else if k == count {
@@ -270,6 +309,7 @@ impl Legs {
         self.end();
     }
 
+    /// Ends a leg: the stage stops at the last node so far.
     fn end(&mut self) {
         if self.stops.is_empty() {
             self.stops.push(0);
@@ -279,5 +319,76 @@ impl Legs {
 
     fn spline(self) -> StagePath {
         StagePath::new(self.at, self.positions, self.stops)
+    }
+}
+
+/// When a leg that ends at a node ends: as the spot comes to it; at the end of the path after the spot's wait there.
+fn end_of_leg(spot: &SpotMotion, last: usize) -> f64 {
+    let times = spot.times();
+    if last + 1 == times.len() { spot.total() } else { times[last][0] }
+}
+
+/// How far the spot has come along its path at times of a leg, and before and after it. There the way continues as it
+/// came, mirrored in the leg's ends, so that averages keep both ends in place.
+struct ContinuedWay<'a> {
+    spot: &'a SpotMotion,
+    /// When the leg begins and ends.
+    times: [f64; 2],
+    /// Way along the path at its begin and its end.
+    ways: [f64; 2],
+    /// Hints of [`SpotMotion::way_at`].
+    node: usize,
+    cell: usize,
+}
+
+impl ContinuedWay<'_> {
+    fn at(&mut self, time: f64) -> f64 {
+        let [begin, end] = self.times;
+        if time < begin {
+            2.0 * self.ways[0] - self.spot.way_at((2.0 * begin - time).min(end), &mut self.node, &mut self.cell)
+        } else if time > end {
+            2.0 * self.ways[1] - self.spot.way_at((2.0 * end - time).max(begin), &mut self.node, &mut self.cell)
+        } else {
+            self.spot.way_at(time, &mut self.node, &mut self.cell)
+        }
+    }
+
+    /// The mean over a step around a time, so that what is faster than the steps is not seen at all.
+    fn mean_over_step(&mut self, time: f64, step: f64) -> f64 {
+        const PARTS: usize = 4;
+        let part = |m: usize| ((m as f64 + 0.5) / PARTS as f64 - 0.5) * step;
+        (0..PARTS).map(|m| self.at(time + part(m))).sum::<f64>() / PARTS as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn legs_tile_the_path_and_rewinds_are_legs_of_their_own() {
+        let ends = |rewinds: &[[usize; 2]]| {
+            legs(10, rewinds).iter().map(|leg| (leg.first, leg.last, leg.rewinds)).collect::<Vec<_>>()
+        };
+        assert_eq!(ends(&[]), [(0, 9, false)]);
+        assert_eq!(ends(&[[2, 4], [4, 5]]), [(0, 2, false), (2, 4, true), (4, 5, true), (5, 9, false)]);
+        assert_eq!(ends(&[[0, 9]]), [(0, 9, true)]);
+    }
+
+    #[test]
+    fn way_continues_past_a_leg_mirrored_in_its_ends() {
+        // A carried spot: its own time is the way.
+        let spot = SpotMotion::carried(&[0.0, 1.0, 5.0]);
+        let mut way = ContinuedWay { spot: &spot, times: [1.0, 5.0], ways: [1.0, 5.0], node: 1, cell: 0 };
+        assert_eq!([0.5, 1.0, 2.5, 5.0, 6.5].map(|time| way.at(time)), [0.5, 1.0, 2.5, 5.0, 6.5]);
+        assert_eq!(way.mean_over_step(2.0, 0.5), 2.0);
+    }
+
+    #[test]
+    fn no_more_than_half_of_a_limit_is_taken() {
+        assert_eq!(
+            [0.0, 25.0, 50.0, 99.0, 200.0].map(|taken| share_left(100.0, taken)),
+            [1.0, 4.0 / 3.0, 2.0, 2.0, 2.0]
+        );
     }
 }

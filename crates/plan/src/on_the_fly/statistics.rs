@@ -16,26 +16,32 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Of figures and their weights; of weight 0 they do not count.
+    /// The spread of figures with their weights; those of weight 0 do not count.
     pub fn of(figures: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        let mut list: Vec<(f64, f64)> =
-            figures.into_iter().map(|(f, w)| (f.abs(), w)).filter(|&(_, w)| w > 0.0).collect();
-        list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let total: f64 = list.iter().map(|&(_, w)| w).sum();
-        let Some(&(worst, _)) = list.last() else { return Self::default() };
-        let mut below = 0.0;
-        let mut at = |share: f64| {
-            let mut sum = 0.0;
-            let found = list.iter().find(|&&(_, w)| {
-                sum += w;
-                sum >= share * total
-            });
-            below = sum;
-            found.map_or(worst, |&(f, _)| f)
-        };
-        let (median, p95) = (at(0.5), at(0.95));
-        Self { mean: list.iter().map(|&(f, w)| f * w).sum::<f64>() / total, median, p95, worst }
+        let mut sorted: Vec<(f64, f64)> =
+            figures.into_iter().map(|(figure, weight)| (figure.abs(), weight)).filter(|&(_, w)| w > 0.0).collect();
+        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let Some(&(worst, _)) = sorted.last() else { return Self::default() };
+        let total: f64 = sorted.iter().map(|&(_, w)| w).sum();
+        Self {
+            mean: sorted.iter().map(|&(f, w)| f * w).sum::<f64>() / total,
+            median: quantile(&sorted, 0.5 * total).unwrap_or(worst),
+            p95: quantile(&sorted, 0.95 * total).unwrap_or(worst),
+            worst,
+        }
     }
+}
+
+/// The figure up to which sorted figures weigh `weight` together; None where rounding leaves their sum below it.
+fn quantile(sorted: &[(f64, f64)], weight: f64) -> Option<f64> {
+    let mut sum = 0.0;
+    for &(figure, own) in sorted {
+        sum += own;
+        if sum >= weight {
+            return Some(figure);
+        }
+    }
+    None
 }
 
 #[cfg(test)]

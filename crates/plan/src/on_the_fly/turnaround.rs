@@ -2,8 +2,8 @@
 //!
 //! Consumes a path, the machine and what scanner and focus allow; promises the path with the turnarounds chosen for it,
 //! its schedule and its decomposition ([`xyzuv`](super::xyzuv)). The beam may run on with the laser off before and
-//! after every mark, or wait at its ends, so that the stage turns where focus is free. One choice holds for all marks;
-//! it is made on the middle of the path and confirmed on the whole. Units: mm, s.
+//! after every mark, or wait at its ends, so that the stage turns where nothing has to be in focus. One choice holds
+//! for all marks; it is made on the middle of the path and confirmed on the whole. Units: mm, s.
 //!
 //! The articles have no turnarounds: skywriting and longer waits are ours.
 
@@ -15,11 +15,13 @@ use terrace_core::machine::Machine;
 use terrace_core::program::Pen;
 use terrace_core::progress::Task;
 
-/// Shortest and longest turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
+/// Shortest turnaround that is tried, s at the pens' speeds.
 const SHORTEST: f64 = 5e-4;
+/// Longest turnaround that is tried, s at the pens' speeds.
 const LONGEST: f64 = 0.6;
-const TRIED: usize = 50_000;
-/// How many of the best turns are tried on the whole path.
+/// Turnarounds are tried on a piece of the path of so many samples.
+const TRIAL_SAMPLES: usize = 50_000;
+/// So many of the best turnarounds are tried on the whole path.
 const SERIOUS: usize = 3;
 
 /// What the scanner does at the ends of marks, with the laser off, while the stage turns; s at the pens' speeds.
@@ -32,6 +34,7 @@ pub enum Turnaround {
 }
 
 impl Turnaround {
+    /// How long it lasts at each end of a mark, s.
     fn s(self) -> f64 {
         let (Self::Skywriting(s) | Self::Dwell(s)) = self;
         s
@@ -42,6 +45,7 @@ impl Turnaround {
         if let Self::Dwell(s) = self { s } else { 0.0 }
     }
 
+    /// The same kind of turnaround, `by` times as long.
     fn times(self, by: f64) -> Self {
         match self {
             Self::Skywriting(s) => Self::Skywriting(by * s),
@@ -51,10 +55,10 @@ impl Turnaround {
 }
 
 /// A path, when the beam is where on it, and its motion.
-pub struct Timed {
-    /// What was found best.
+pub struct SynchronisedPath {
+    /// What the beam does at the ends of the path's marks.
     pub turn: Turnaround,
-    /// With the runs of that.
+    /// The path, with run-ins and run-outs if `turn` is skywriting.
     pub path: Path,
     /// Times at the pens' speeds.
     pub schedule: Schedule,
@@ -74,50 +78,48 @@ pub fn quickest(
     most: usize,
     travels: &dyn Fn(BoxMm<3>) -> bool,
     task: Task<'_>,
-) -> Timed {
-    let [plainly, trying, whole] = task.split([2, 4, 2]);
-    let marking = Marking { machine, pens, allowed, travels };
-    let plain = marking.without_turnaround(path, most);
-    drop(plainly);
-    // Where the pens' speeds are kept no turn can be a better one.
+) -> SynchronisedPath {
+    let [plain_task, trial_task, whole_task] = task.split([2, 4, 2]);
+    let search = TurnaroundSearch { machine, pens, allowed, travels };
+    let plain = search.without_turnaround(path, most);
+    drop(plain_task);
+    // Where the pens' speeds are kept no turnaround can save time.
     if plain.sync.fits && plain.sync.slower <= 1.0 {
         return plain;
     }
-    // Turns are tried on the middle of the path, in steps as fine as it needs without them.
+    // Turnarounds are tried on the middle of the path, in steps as fine as it needs without them.
     let step_s = plain.sync.step_s / plain.sync.slower;
-    let middle = path.middle(TRIED as f64 * step_s / plain.schedule.total_s());
-    let tried = marking.tried(&middle, step_s, trying);
-    // What is best there may not be possible everywhere.
-    let whole = whole.of_steps(SERIOUS);
-    let before = marking.total_s(&plain.schedule, &plain.sync);
-    for Trial { turn, .. } in tried.into_iter().filter(|trial| trial.time_s.is_finite()).take(SERIOUS) {
-        let (path, schedule) = marking.turned(path, turn);
-        let sync = decomposed(&path, &schedule, machine, allowed, step_s, f64::INFINITY);
-        if marking.total_s(&schedule, &sync) < before {
-            return Timed { turn, path, schedule, sync };
-        }
-        whole.step();
-    }
-    plain
+    let middle = path.middle(TRIAL_SAMPLES as f64 * step_s / plain.schedule.total_s());
+    let candidates = search.quickest_of(&middle, step_s, trial_task);
+    // What is best on the middle may not be possible everywhere.
+    search.first_to_save_time(path, step_s, &candidates, &plain, whole_task).unwrap_or(plain)
 }
 
-/// A turnaround and the time of the path with it, s; infinite where it is not possible or cannot be among the best.
+/// A turnaround and the time of the trial path with it, s; None where it is not possible or cannot be among the best.
 struct Trial {
-    time_s: f64,
+    time_s: Option<f64>,
     turn: Turnaround,
 }
 
-/// By what paths are marked, whatever their turnarounds.
-struct Marking<'a> {
+impl Trial {
+    /// The time by which trials are ordered: those without one come last.
+    fn order_s(&self) -> f64 {
+        self.time_s.unwrap_or(f64::INFINITY)
+    }
+}
+
+/// What is the same for every turnaround that is tried.
+struct TurnaroundSearch<'a> {
     machine: &'a Machine,
     pens: &'a [Pen],
     allowed: ScannerLimits,
+    /// Whether the stage can go between some ends of X, Y and Z.
     travels: &'a dyn Fn(BoxMm<3>) -> bool,
 }
 
-impl Marking<'_> {
+impl TurnaroundSearch<'_> {
     /// A path with a turnaround at the ends of all marks, and when the beam is where on it.
-    fn turned(&self, path: &Path, turn: Turnaround) -> (Path, Schedule) {
+    fn with_turnaround(&self, path: &Path, turn: Turnaround) -> (Path, Schedule) {
         let path = match turn {
             Turnaround::Skywriting(run_s) => path.with_skywriting(run_s, self.pens),
             Turnaround::Dwell(_) => path.clone(),
@@ -127,61 +129,91 @@ impl Marking<'_> {
         (path, schedule)
     }
 
-    /// The time of a motion, s; infinite where it is out of focus, or the stage does not travel so far.
-    fn total_s(&self, schedule: &Schedule, sync: &Decomposition) -> f64 {
+    /// The time of a motion, s; None where it is out of focus, or the stage does not travel so far.
+    fn total_s(&self, schedule: &Schedule, sync: &Decomposition) -> Option<f64> {
         let is_possible = sync.fits && (self.travels)(BoxMm::of(sync.stage.iter().copied()));
-        if is_possible { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
+        let total_s = || schedule.total_s() * sync.slower + 2.0 * sync.lead_s;
+        is_possible.then(total_s).filter(|s| s.is_finite())
     }
 
     /// The path as it is: the spot turns at the very ends of marks.
-    fn without_turnaround(&self, path: &Path, most: usize) -> Timed {
+    fn without_turnaround(&self, path: &Path, most: usize) -> SynchronisedPath {
         let turn = Turnaround::Dwell(0.0);
-        let (path, schedule) = self.turned(path, turn);
+        let (path, schedule) = self.with_turnaround(path, turn);
         let sync = synchronise(&path, &schedule, self.machine, self.allowed, schedule.step_s(most));
-        Timed { turn, path, schedule, sync }
+        SynchronisedPath { turn, path, schedule, sync }
     }
 
-    /// Turnarounds of many lengths tried on a piece of the path, the quickest first: both kinds in steps of four, then
-    /// lengths about the best.
-    fn tried(&self, piece: &Path, step_s: f64, task: Task<'_>) -> Vec<Trial> {
+    /// The turnarounds that are possible on a piece of the path, the quickest first. Both kinds are tried in steps of
+    /// four, then lengths about the best.
+    fn quickest_of(&self, piece: &Path, step_s: f64, task: Task<'_>) -> Vec<Turnaround> {
         // The scanner's own delays must fit into a run.
         let delays = &self.machine.delays;
         let least = delays.jump.as_s().max(delays.mark.as_s()).max(SHORTEST);
-        let lengths = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
-        let task = task.of_steps(2 * lengths().count() + 4);
-        let mut tried = Vec::new();
-        for turn in lengths().map(Turnaround::Skywriting).chain(lengths().map(Turnaround::Dwell)) {
-            self.try_turn(piece, step_s, turn, &mut tried);
+        let lengths = lengths_in_steps_of_four(least);
+        // Besides, two lengths in each of two steps about the best.
+        let task = task.of_steps(2 * lengths.len() + 4);
+        let mut trials = Vec::new();
+        let skywriting = lengths.iter().copied().map(Turnaround::Skywriting);
+        for turn in skywriting.chain(lengths.iter().copied().map(Turnaround::Dwell)) {
+            trials.push(self.attempt(piece, step_s, turn, &trials));
             task.step();
         }
-        for share in [2.0, 1.4] {
-            let Some(&Trial { turn: best, .. }) = tried.iter().min_by(|a, b| a.time_s.total_cmp(&b.time_s)) else {
-                break;
-            };
-            for turn in [1.0 / share, share].map(|by| best.times(by)).into_iter().filter(|turn| turn.s() >= least) {
-                self.try_turn(piece, step_s, turn, &mut tried);
+        // Half of a step of four, then about half of that, as factors.
+        for factor in [2.0, 1.4] {
+            let best = trials.iter().min_by(|a, b| a.order_s().total_cmp(&b.order_s()));
+            let Some(&Trial { turn: best, .. }) = best else { break };
+            for turn in [1.0 / factor, factor].map(|by| best.times(by)).into_iter().filter(|turn| turn.s() >= least) {
+                trials.push(self.attempt(piece, step_s, turn, &trials));
                 task.step();
             }
         }
-        tried.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        tried
+        trials.sort_by(|a, b| a.order_s().total_cmp(&b.order_s()));
+        trials.into_iter().filter(|trial| trial.time_s.is_some()).map(|trial| trial.turn).collect()
     }
 
-    /// Tries one more turnaround. It is given up early where it cannot be among the best few, which are tried on the
-    /// whole path.
-    fn try_turn(&self, piece: &Path, step_s: f64, turn: Turnaround, tried: &mut Vec<Trial>) {
-        let (path, schedule) = self.turned(piece, turn);
-        let mut times: Vec<f64> = tried.iter().map(|trial| trial.time_s).collect();
+    /// Tries one more turnaround. It is given up early where it cannot be among the best few of all `trials`, which are
+    /// tried on the whole path.
+    fn attempt(&self, piece: &Path, step_s: f64, turn: Turnaround, trials: &[Trial]) -> Trial {
+        let (path, schedule) = self.with_turnaround(piece, turn);
+        let mut times: Vec<f64> = trials.iter().filter_map(|trial| trial.time_s).collect();
         times.sort_by(f64::total_cmp);
-        let cutoff = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
-        let time_s = if cutoff <= 1.0 {
-            f64::INFINITY
-        } else {
-            let sync = decomposed(&path, &schedule, self.machine, self.allowed, step_s, cutoff);
-            self.total_s(&schedule, &sync)
-        };
-        tried.push(Trial { time_s, turn });
+        // Slowed down by this, it takes as long as the last of the best few.
+        let cutoff = times.get(SERIOUS - 1).map_or(f64::INFINITY, |last| last / schedule.total_s());
+        if cutoff <= 1.0 {
+            return Trial { time_s: None, turn };
+        }
+        let sync = decomposed(&path, &schedule, self.machine, self.allowed, step_s, cutoff);
+        Trial { time_s: self.total_s(&schedule, &sync), turn }
     }
+
+    /// The whole path with the first of the turnarounds that makes it quicker than it is without one, of the best few.
+    fn first_to_save_time(
+        &self,
+        path: &Path,
+        step_s: f64,
+        turns: &[Turnaround],
+        plain: &SynchronisedPath,
+        task: Task<'_>,
+    ) -> Option<SynchronisedPath> {
+        let task = task.of_steps(SERIOUS);
+        let plain_s = self.total_s(&plain.schedule, &plain.sync);
+        for &turn in turns.iter().take(SERIOUS) {
+            let (path, schedule) = self.with_turnaround(path, turn);
+            let sync = decomposed(&path, &schedule, self.machine, self.allowed, step_s, f64::INFINITY);
+            let saves_time = |total_s| plain_s.is_none_or(|plain_s| total_s < plain_s);
+            if self.total_s(&schedule, &sync).is_some_and(saves_time) {
+                return Some(SynchronisedPath { turn, path, schedule, sync });
+            }
+            task.step();
+        }
+        None
+    }
+}
+
+/// Lengths of turnarounds from `least` on, each four times the one before, up to the longest that is tried, s.
+fn lengths_in_steps_of_four(least: f64) -> Vec<f64> {
+    std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST).collect()
 }
 
 #[cfg(test)]
@@ -224,7 +256,7 @@ mod tests {
     fn stage_keeps_its_limits_and_marks_stay_in_field_and_focus() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));
-        let Timed { turn, path, schedule, sync } =
+        let SynchronisedPath { turn, path, schedule, sync } =
             quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true, Task::silent());
         assert!(turn.s() > 0.0 && sync.fits && sync.slower > 1.0, "{turn:?} {}", sync.slower);
         let limits = Peaks::limits(&machine);
@@ -252,7 +284,7 @@ mod tests {
     #[test]
     fn skywriting_is_used_on_slopes_only_and_saves_time() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
-        let total = |t: &Timed| t.schedule.total_s() * t.sync.slower;
+        let total = |t: &SynchronisedPath| t.schedule.total_s() * t.sync.slower;
         let (path, fast) = (lines(5, 200.0), pens(1000.0));
         let schedule = Schedule::of(&path, &machine, &fast, 0.0);
         let plain = synchronise(&path, &schedule, &machine, ROOM, schedule.step_s(100_000));
@@ -261,6 +293,12 @@ mod tests {
         // What lies within the field needs no stage: the pens' speed is kept.
         let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true, Task::silent());
         assert!(small.turn == Turnaround::Dwell(0.0) && small.sync.slower == 1.0, "{}", small.sync.slower);
+    }
+
+    #[test]
+    fn lengths_grow_by_four_up_to_the_longest() {
+        assert_eq!(lengths_in_steps_of_four(0.01), [0.01, 0.04, 0.16]);
+        assert!(lengths_in_steps_of_four(2.0 * LONGEST).is_empty());
     }
 
     #[test]

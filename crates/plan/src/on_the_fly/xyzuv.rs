@@ -10,14 +10,15 @@
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
 //! step; where the machine states a jerk two more averages make it a ramp.
 
+mod average_search;
+
 use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
-use crate::on_the_fly::decompose::{Method, stage};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::xyzuv::average_search::{AverageSearch, RampedAverage, slowdown, with_ends_held};
 use terrace_core::diag::Error;
 use terrace_core::machine::Machine;
-use terrace_core::parallel;
 use terrace_core::program::{PenId, PieceId};
 
 /// Time of a job that steps through `stops` and processes between moves (eq. 8).
@@ -51,26 +52,30 @@ impl Peaks {
         })
     }
 
-    /// Of one coordinate of positions at even steps, by their differences.
+    /// The peaks of one coordinate of positions at even steps, by their differences.
     pub fn of<const N: usize>(positions: &[[f64; N]], axis: usize, step_s: f64) -> Self {
-        let (mut most, mut last) = ([0.0f64; 3], [0.0; 2]);
+        // Largest first to third differences.
+        let [mut most_d1, mut most_d2, mut most_d3] = [0.0f64; 3];
+        let [mut last_d1, mut last_d2] = [0.0; 2];
         for (i, w) in positions.windows(2).enumerate() {
-            let speed = w[1][axis] - w[0][axis];
-            let (acceleration, jerk) = (speed - last[0], speed - last[0] - last[1]);
-            most[0] = most[0].max(speed.abs());
-            // It begins at rest where it begins to be seen.
+            let d1 = w[1][axis] - w[0][axis];
+            let d2 = d1 - last_d1;
+            let d3 = d2 - last_d2;
+            most_d1 = most_d1.max(d1.abs());
+            // What was before the samples is not known: a difference counts from where it lies within them.
             if i > 0 {
-                most[1] = most[1].max(acceleration.abs());
+                most_d2 = most_d2.max(d2.abs());
             }
             if i > 1 {
-                most[2] = most[2].max(jerk.abs());
+                most_d3 = most_d3.max(d3.abs());
             }
-            last = [speed, acceleration];
+            last_d1 = d1;
+            last_d2 = d2;
         }
-        Self { speed: most[0] / step_s, acceleration: most[1] / step_s.powi(2), jerk: most[2] / step_s.powi(3) }
+        Self { speed: most_d1 / step_s, acceleration: most_d2 / step_s.powi(2), jerk: most_d3 / step_s.powi(3) }
     }
 
-    /// How much slower the motion must run to keep `limits`; 1 where it keeps them.
+    /// How many times slower the motion must run to keep `limits`; 1 where it keeps them.
     pub fn slowed(&self, limits: &Self) -> f64 {
         // Run k times slower, speed falls by k, acceleration by k² and jerk by k³.
         let jerk = if limits.jerk.is_finite() { (self.jerk / limits.jerk).cbrt() } else { 0.0 };
@@ -88,47 +93,51 @@ pub struct ScannerLimits {
 }
 
 impl ScannerLimits {
-    /// What a machine leaves: of its field less the following error of its stage at top speed, but half of it at
-    /// least, since that is the scanner's to take up too.
+    /// What a machine allows: its field less the following error of its stage at top speed, which the scanner makes up
+    /// too, but half of the field at least.
     ///
     /// # Errors
-    /// As [`Servo::new`].
+    /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn of(machine: &Machine, focus: f64) -> Result<Self, Error> {
-        let [x, y] = Servo::following_error(machine)?;
-        let [w, h] = machine.usable_field().map(|f| f.mm() / 2.0);
-        Ok(Self { half_field: [w - x.min(w / 2.0), h - y.min(h / 2.0)], focus })
+        let [error_x, error_y] = Servo::following_error(machine)?;
+        let [half_x, half_y] = machine.usable_field().map(|f| f.mm() / 2.0);
+        Ok(Self { half_field: [half_x - error_x.min(half_x / 2.0), half_y - error_y.min(half_y / 2.0)], focus })
     }
 }
 
 /// A path decomposed between stage and scanner.
 #[derive(Clone, Debug, Default)]
 pub struct Decomposition {
-    /// Samples of the averages of x and y together, and of z.
+    /// Samples of the average of x and y together, and of that of z.
     pub samples: [usize; 2],
-    /// All marks are in focus; without, they are as near to it as the samples allow.
+    /// All marks are in focus; otherwise they are as near to it as the samples allow.
     pub fits: bool,
-    /// Whether it is z that is too slow for more.
+    /// Whether z is slower than x and y, so that it sets the speed.
     pub z_is_slowest: bool,
-    /// How much slower than the pens ask for everything runs, 1 or more.
+    /// How many times slower than the pens ask for everything runs, 1 or more.
     pub slower: f64,
     /// How long the stage moves before the beam does, and after it, s.
     pub lead_s: f64,
     /// Where the stage is at even steps, from rest to rest.
     pub stage: Vec<[f64; 3]>,
-    /// Time between these, slowed.
+    /// Time between two samples of `stage`, at the slowed speed.
     pub step_s: f64,
-    /// Where the beam is at the same times, and whether it marks.
+    /// Where the beam is at the same times.
     pub beam: Vec<[f64; 3]>,
-    /// See `beam`.
+    /// Whether the beam marks at the same times.
     pub on: Vec<bool>,
 }
 
-/// How much finer than asked a path may be sampled.
+/// How many times finer than asked a path may be sampled for the average of z, one after the other.
 const FINER: [f64; 2] = [3.0, 8.0];
 /// A sample nearer to a node than this is left out of a motion, s: programs count in microseconds.
 const BESIDE: f64 = 5e-6;
-/// Samples that averages in plan are looked for with.
+/// About so many samples are enough to look for the average of x and y.
 const COARSE: usize = 50_000;
+/// All samples are searched too if they ask for more slowing down than the coarse ones by this factor.
+const SHARPER: f64 = 1.02;
+/// Share of a limit that rounding may add at a node, where the stage lies between two samples.
+const ROUNDED: f64 = 1e-9;
 
 /// Divides a scheduled path between stage and scanner, in even steps of `step_s` or less: where marks turn sharply on a
 /// slope the average of z is so short that its samples must lie closer.
@@ -139,10 +148,11 @@ pub fn synchronise(
     allowed: ScannerLimits,
     step_s: f64,
 ) -> Decomposition {
-    /// With fewer samples in the window of z, its length changes in steps of a third and more.
+    /// Lengths of averages are odd: below 7 samples the next one is longer by a third and more.
     const ENOUGH: usize = 7;
     let mut best = decomposed(path, schedule, machine, allowed, step_s, f64::INFINITY);
     for finer in FINER {
+        // Finer samples help only where z sets the speed, with an average of few samples.
         if best.fits && (best.samples[1] >= ENOUGH || best.slower <= 1.0 || !best.z_is_slowest) {
             break;
         }
@@ -165,278 +175,220 @@ pub(super) fn decomposed(
     cutoff: f64,
 ) -> Decomposition {
     let [x, y, z] = Peaks::limits(machine);
-    let beam = Beam::new(path, schedule, step_s);
-    let xy = xy_average(&beam, [x, y], allowed.half_field);
-    if xy.slower >= cutoff {
-        return Decomposition { slower: xy.slower, ..Decomposition::default() };
+    let beam = ScheduledBeam::new(path, schedule, step_s);
+    let xy_average = find_xy_average(&beam, [x, y], allowed.half_field);
+    if xy_average.slower >= cutoff {
+        return Decomposition { slower: xy_average.slower, ..Decomposition::default() };
     }
-    // What x and y are slowed down to is slow enough for z.
-    let focused = |stage: &[[f64; 1]]| beam.is_in_focus(stage, allowed.focus);
-    let search = Search { path: &beam.height, step_s: beam.step_s, limits: [z], enough: xy.slower, fits: focused };
-    let z_average = search.run();
-    // Both rest at both ends for as long as the longer average reaches, so that they begin and end together.
-    let lead = xy.reach().max(z_average.reach());
-    let (stage_xy, stage_z) = (xy.of(&beam.plan, lead), z_average.of(&beam.height, lead));
-    let slower = xy.slower.max(slowed(&stage_z, beam.step_s, &[z]));
-    let step_s = beam.step_s * slower;
-    Decomposition {
-        samples: [xy.samples, z_average.samples],
-        fits: z_average.slower.is_finite(),
-        z_is_slowest: slower > xy.slower,
-        slower,
-        lead_s: lead as f64 * step_s,
-        stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
-        step_s,
-        beam: held(&beam.at, lead),
-        on: [vec![false; lead], beam.on, vec![false; lead]].concat(),
-    }
+    let z_average = find_z_average(&beam, z, allowed.focus, xy_average.slower);
+    decomposed_by(beam, xy_average, z_average, z)
 }
 
 /// The shortest average of x and y with which the stage keeps up and the scanner stays in its field; where there is
 /// none, the one with which least has to be slowed down.
-fn xy_average(beam: &Beam<'_>, limits: [Peaks; 2], half_field: [f64; 2]) -> Choice {
-    // The field is wide, so the average is looked for on fewer samples first.
-    let every = (beam.plan.len() / COARSE).max(1);
-    let few: Vec<[f64; 2]> = beam.plan.iter().copied().step_by(every).collect();
-    let fits = |stage: &[[f64; 2]]| beam.is_in_field(stage, &few, every, half_field);
-    let coarse = Search { path: &few, step_s: beam.step_s * every as f64, limits, enough: 1.0, fits }.run();
-    let fine = Choice { samples: (coarse.samples * every) | 1, ramp: (coarse.ramp * every) | 1, ..coarse };
-    let mut xy = shortened_into_field(beam, fine, half_field);
-    xy.slower = slowed(&xy.of(&beam.plan, xy.reach()), beam.step_s, &limits);
-    // All samples may see sharper turns than few.
-    if xy.slower > 1.02 * coarse.slower {
-        let fits = |stage: &[[f64; 2]]| beam.is_in_field(stage, &beam.plan, 1, half_field);
-        let search = Search { path: &beam.plan, step_s: beam.step_s, limits, enough: coarse.slower, fits };
-        xy = search.polished(xy);
+fn find_xy_average(beam: &ScheduledBeam<'_>, limits: [Peaks; 2], half_field: [f64; 2]) -> RampedAverage {
+    let coarse = find_coarse_xy_average(beam, limits, half_field);
+    let mut average = shortened_into_field(beam, coarse, half_field);
+    average.slower = slowdown(&average.of(&beam.plan, average.reach()), beam.step_s, &limits);
+    // All samples may show sharper turns than the coarse ones.
+    if average.slower > SHARPER * coarse.slower {
+        average = polished_on_all_samples(beam, average, coarse.slower, limits, half_field);
     }
-    xy
+    average
 }
 
-/// The average shortened until the scanner stays in its field at all samples and all nodes: with one of a single
-/// sample the stage carries the beam itself.
-fn shortened_into_field(beam: &Beam<'_>, mut xy: Choice, half_field: [f64; 2]) -> Choice {
-    let fits = |c: &Choice| {
-        let stage = c.of(&beam.plan, c.reach());
-        beam.is_in_field(&stage[c.reach()..], &beam.plan, 1, half_field)
+/// The average of x and y that is best on some of the samples, in samples of the whole plan. The field is wide, so its
+/// average is long, and coarse samples show it.
+fn find_coarse_xy_average(beam: &ScheduledBeam<'_>, limits: [Peaks; 2], half_field: [f64; 2]) -> RampedAverage {
+    let every = (beam.plan.len() / COARSE).max(1);
+    let coarse_plan: Vec<[f64; 2]> = beam.plan.iter().copied().step_by(every).collect();
+    let search = AverageSearch {
+        path: &coarse_plan,
+        step_s: beam.step_s * every as f64,
+        limits,
+        enough: 1.0,
+        accepts: |stage: &[[f64; 2]]| beam.is_in_field(stage, &coarse_plan, every, half_field),
     };
-    while xy.samples > 1 && !fits(&xy) {
-        (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
+    let found = search.run();
+    // Lengths stay odd, so that an average has a sample in its middle.
+    RampedAverage { samples: (found.samples * every) | 1, ramp: (found.ramp * every) | 1, ..found }
+}
+
+/// The average shortened until the scanner stays in its field at all samples and all nodes. An average of one sample is
+/// always short enough: with it the stage carries the beam itself.
+fn shortened_into_field(beam: &ScheduledBeam<'_>, mut average: RampedAverage, half_field: [f64; 2]) -> RampedAverage {
+    while average.samples > 1 && !keeps_scanner_in_field(beam, &average, half_field) {
+        average.samples = average.samples * 19 / 20;
+        average.ramp = (average.ramp * 19 / 20).max(1);
     }
-    xy
+    average
+}
+
+/// Whether the scanner stays in its field at all samples and all nodes if the stage follows an average.
+fn keeps_scanner_in_field(beam: &ScheduledBeam<'_>, average: &RampedAverage, half_field: [f64; 2]) -> bool {
+    let lead = average.reach();
+    let stage = average.of(&beam.plan, lead);
+    beam.is_in_field(&stage[lead..], &beam.plan, 1, half_field)
+}
+
+/// The average of x and y made better on all samples, until it needs no more slowing down than `enough`.
+fn polished_on_all_samples(
+    beam: &ScheduledBeam<'_>,
+    average: RampedAverage,
+    enough: f64,
+    limits: [Peaks; 2],
+    half_field: [f64; 2],
+) -> RampedAverage {
+    let search = AverageSearch {
+        path: &beam.plan,
+        step_s: beam.step_s,
+        limits,
+        enough,
+        accepts: |stage: &[[f64; 2]]| beam.is_in_field(stage, &beam.plan, 1, half_field),
+    };
+    search.polished(average)
+}
+
+/// The average of z that keeps all marks in focus, with which least has to be slowed down; infinitely slow where none
+/// does. What x and y are slowed down to, `enough`, is slow enough.
+fn find_z_average(beam: &ScheduledBeam<'_>, limits: Peaks, focus: f64, enough: f64) -> RampedAverage {
+    let search = AverageSearch {
+        path: &beam.height,
+        step_s: beam.step_s,
+        limits: [limits],
+        enough,
+        accepts: |stage: &[[f64; 1]]| beam.is_in_focus(stage, focus),
+    };
+    search.run()
+}
+
+/// A beam's path divided by averages, with everything slowed down to the slowest of X, Y and Z.
+fn decomposed_by(
+    beam: ScheduledBeam<'_>,
+    xy_average: RampedAverage,
+    z_average: RampedAverage,
+    z_limits: Peaks,
+) -> Decomposition {
+    // All axes rest at both ends for as long as the longer average reaches, so that they begin and end together.
+    let lead = xy_average.reach().max(z_average.reach());
+    let stage_xy = xy_average.of(&beam.plan, lead);
+    let stage_z = z_average.of(&beam.height, lead);
+    let slower = xy_average.slower.max(slowdown(&stage_z, beam.step_s, &[z_limits]));
+    let step_s = beam.step_s * slower;
+    Decomposition {
+        samples: [xy_average.samples, z_average.samples],
+        fits: z_average.slower.is_finite(),
+        z_is_slowest: slower > xy_average.slower,
+        slower,
+        lead_s: lead as f64 * step_s,
+        stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
+        step_s,
+        beam: with_ends_held(&beam.positions, lead),
+        on: [vec![false; lead], beam.is_on, vec![false; lead]].concat(),
+    }
 }
 
 /// Where the beam is along a scheduled path.
-struct Beam<'a> {
-    /// At even steps, mm; in plan and in height too.
-    at: Vec<[f64; 3]>,
+struct ScheduledBeam<'a> {
+    /// At even steps, mm.
+    positions: Vec<[f64; 3]>,
+    /// x and y of `positions`.
     plan: Vec<[f64; 2]>,
+    /// z of `positions`.
     height: Vec<[f64; 1]>,
-    /// Whether it marks there.
-    on: Vec<bool>,
+    /// Whether the beam marks at each sample.
+    is_on: Vec<bool>,
+    /// Time between samples, at the pens' speeds.
     step_s: f64,
-    nodes: Nodes<'a>,
+    nodes: NodeTimes<'a>,
 }
 
-impl<'a> Beam<'a> {
+impl<'a> ScheduledBeam<'a> {
     fn new(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
-        let even = schedule.samples(path, step_s);
+        let samples = schedule.samples(path, step_s);
         Self {
-            plan: even.at.iter().map(|p| [p[0], p[1]]).collect(),
-            height: even.at.iter().map(|p| [p[2]]).collect(),
-            nodes: Nodes::of(path, schedule, even.step_s),
-            at: even.at,
-            on: even.on,
-            step_s: even.step_s,
+            plan: samples.at.iter().map(|p| [p[0], p[1]]).collect(),
+            height: samples.at.iter().map(|p| [p[2]]).collect(),
+            nodes: NodeTimes::new(path, schedule, samples.step_s),
+            positions: samples.at,
+            is_on: samples.on,
+            step_s: samples.step_s,
         }
     }
 
-    /// Whether what a stage leaves of x and y lies in the field, at the samples `path` of the plan, every `every`th of
-    /// all, and at all nodes.
-    fn is_in_field(&self, stage: &[[f64; 2]], path: &[[f64; 2]], every: usize, half: [f64; 2]) -> bool {
-        stage.iter().zip(path).all(|(m, p)| (0..2).all(|k| (p[k] - m[k]).abs() <= half[k]))
-            && self.nodes.all(false, |at, p| {
-                let m = between(stage, at / every as f64);
-                (0..2).all(|k| (p[k] - m[k]).abs() <= half[k] * (1.0 + 1e-9))
+    /// Whether what a stage leaves of x and y lies in the field, at the samples `plan`, every `every`th of all, and at
+    /// all nodes: these lie between samples, and a corner there would be missed.
+    fn is_in_field(&self, stage: &[[f64; 2]], plan: &[[f64; 2]], every: usize, half_field: [f64; 2]) -> bool {
+        stage.iter().zip(plan).all(|(m, p)| (0..2).all(|k| (p[k] - m[k]).abs() <= half_field[k]))
+            && self.nodes.all(|sample, p| {
+                let m = interpolated(stage, sample / every as f64);
+                (0..2).all(|k| (p[k] - m[k]).abs() <= half_field[k] * (1.0 + ROUNDED))
             })
     }
 
     /// Whether what a stage leaves of z is in focus, at all samples and nodes of marks.
     fn is_in_focus(&self, stage: &[[f64; 1]], focus: f64) -> bool {
-        (0..stage.len()).all(|i| !self.on[i] || (self.height[i][0] - stage[i][0]).abs() <= focus)
-            && self.nodes.all(true, |at, p| (p[2] - between(stage, at)[0]).abs() <= focus * (1.0 + 1e-9))
+        (0..stage.len()).all(|i| !self.is_on[i] || (self.height[i][0] - stage[i][0]).abs() <= focus)
+            && self
+                .nodes
+                .all_of_marks(|sample, p| (p[2] - interpolated(stage, sample)[0]).abs() <= focus * (1.0 + ROUNDED))
     }
 }
 
-/// When the beam comes to the nodes of its path and leaves them, in samples.
-struct Nodes<'a> {
+/// When the beam comes to the nodes of its path and leaves them, counted in samples.
+struct NodeTimes<'a> {
     path: &'a Path,
+    /// Arrival at each node and departure from it.
     times: Vec<[f64; 2]>,
 }
 
-impl<'a> Nodes<'a> {
-    fn of(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
+impl<'a> NodeTimes<'a> {
+    fn new(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
         let times = schedule.visits.iter().map(|v| [v.arrive / step_s, v.leave / step_s]).collect();
         Self { path, times }
     }
 
-    /// Whether all nodes hold, or all of marks.
-    fn all(&self, marks: bool, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
-        let lit = |i: usize| self.path.pen_at(i).is_some();
-        self.times.iter().enumerate().all(|(i, [arrive, leave])| {
-            // A mark ends as the beam comes and begins as it goes.
-            let come = !marks || lit(i);
-            let go = !marks || lit(i + 1);
-            let at = &self.path.nodes[i].at;
-            (!come || holds(*arrive, at)) && (!go || (come && arrive == leave) || holds(*leave, at))
+    /// Whether a condition on time, in samples, and place holds at all nodes, as the beam comes and as it leaves.
+    fn all(&self, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
+        self.times
+            .iter()
+            .zip(&self.path.nodes)
+            .all(|(&[arrive, leave], node)| holds(arrive, &node.at) && (arrive == leave || holds(leave, &node.at)))
+    }
+
+    /// Whether the condition holds wherever a mark ends or begins: one ends as the beam comes to a node, and one begins
+    /// as it leaves.
+    fn all_of_marks(&self, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
+        self.times.iter().enumerate().all(|(i, &[arrive, leave])| {
+            let mark_ends = self.path.pen_at(i).is_some();
+            let mark_begins = self.path.pen_at(i + 1).is_some();
+            let place = &self.path.nodes[i].at;
+            let is_same_time = mark_ends && arrive == leave;
+            (!mark_ends || holds(arrive, place)) && (!mark_begins || is_same_time || holds(leave, place))
         })
     }
 }
 
-/// A value between samples.
+/// A value between samples; before the first and after the last, theirs.
 #[inline]
-fn between<const N: usize>(made: &[[f64; N]], at: f64) -> [f64; N] {
-    let last = made.len() - 1;
+fn interpolated<const N: usize>(samples: &[[f64; N]], at: f64) -> [f64; N] {
+    let last = samples.len() - 1;
     let at = at.clamp(0.0, last as f64);
     let i = (at as usize).min(last.saturating_sub(1));
-    let (a, b, t) = (made[i], made[(i + 1).min(last)], at - i as f64);
+    let (a, b) = (samples[i], samples[(i + 1).min(last)]);
+    let t = at - i as f64;
     std::array::from_fn(|k| a[k] + t * (b[k] - a[k]))
-}
-
-/// How much slower than asked some axes follow their positions.
-fn slowed<const N: usize>(made: &[[f64; N]], step_s: f64, limits: &[Peaks; N]) -> f64 {
-    (0..N).map(|k| Peaks::of(made, k, step_s).slowed(&limits[k])).fold(1.0, f64::max)
-}
-
-/// Samples of the averages that are tried: every odd number at first, then in steps of four tenths.
-fn back_off(longest: usize) -> Vec<usize> {
-    let next = |p: &usize| Some((p + 2).max((p * 7 / 5) | 1)).filter(|p| *p <= longest);
-    std::iter::successors(Some(1), next).collect()
-}
-
-/// An average, averaged twice more.
-fn with_ramp<const N: usize>(once: Vec<[f64; N]>, ramp: usize) -> Vec<[f64; N]> {
-    if ramp < 2 {
-        return once;
-    }
-    let twice = Method::MovingAverage { samples: ramp };
-    stage(&stage(&once, twice), twice)
-}
-
-/// Both ends repeated.
-fn held<T: Copy>(list: &[T], by: usize) -> Vec<T> {
-    let [first, last] = [list[0], list[list.len() - 1]].map(|end| std::iter::repeat_n(end, by));
-    first.chain(list.iter().copied()).chain(last).collect()
-}
-
-/// An average and its ramp in samples, and how much slower than asked the stage follows it.
-#[derive(Clone, Copy, Debug)]
-struct Choice {
-    samples: usize,
-    ramp: usize,
-    slower: f64,
-}
-
-impl Choice {
-    /// Samples to each side that a sample of the stage depends on.
-    fn reach(&self) -> usize {
-        self.samples / 2 + 2 * (self.ramp / 2)
-    }
-
-    /// A path that rests for `lead` samples at both ends, averaged, and twice more: a step of speed becomes a ramp of
-    /// acceleration, and a step of place, as a quick jump is, one of speed. It begins and ends at rest where `lead` is
-    /// [`Choice::reach`] or more.
-    fn of<const N: usize>(&self, path: &[[f64; N]], lead: usize) -> Vec<[f64; N]> {
-        // Each average turns a step of one derivative into a ramp of it over its samples.
-        with_ramp(stage(&held(path, lead), Method::MovingAverage { samples: self.samples }), self.ramp)
-    }
-}
-
-/// A search for the average of some coordinates together.
-struct Search<'a, const N: usize, F> {
-    path: &'a [[f64; N]],
-    step_s: f64,
-    limits: [Peaks; N],
-    /// What is slow enough.
-    enough: f64,
-    /// Whether what is left for the others is little enough.
-    fits: F,
-}
-
-impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, N, F> {
-    /// What comes of an average with ramps from short to long, up to the first that does not fit; the best of them.
-    fn attempt(&self, samples: usize, ramps: &[usize]) -> Option<Choice> {
-        // Before and after these samples the stage rests.
-        let once = stage(&held(self.path, samples / 2), Method::MovingAverage { samples });
-        let with = |&ramp: &usize| {
-            let choice = Choice { samples, ramp, slower: f64::INFINITY };
-            let lead = choice.reach();
-            let made = with_ramp(held(&once, lead - samples / 2), ramp);
-            let fits = (self.fits)(&made[lead..made.len() - lead]);
-            fits.then(|| Choice { slower: slowed(&made, self.step_s, &self.limits), ..choice })
-        };
-        ramps.iter().map_while(with).min_by(|a, b| a.slower.total_cmp(&b.slower))
-    }
-
-    /// The shortest average with which the stage keeps up at full speed; where there is none, the one with
-    /// which least has to be slowed down.
-    ///
-    /// Axes that may step their acceleration need no ramp. Of the others every ramp is tried that is no longer
-    /// than the average, and the best pair is then made better by steps to its neighbours.
-    fn run(&self) -> Choice {
-        // Some at a time, in order: what ends the search does not depend on the number of threads.
-        const SOME: usize = 8;
-        let jerks = self.limits.iter().any(|l| l.jerk.is_finite());
-        let mut best = Choice { samples: 1, ramp: 1, slower: f64::INFINITY };
-        for some in back_off(2 * self.path.len() + 1).chunks(SOME) {
-            let of = |&samples: &usize| self.attempt(samples, &back_off(if jerks { samples } else { 1 }));
-            let found: Vec<Option<Choice>> = parallel::map(some.len(), |i| of(&some[i]));
-            let misses = found.iter().all(Option::is_none);
-            for choice in found.into_iter().flatten() {
-                if choice.slower < best.slower {
-                    best = choice;
-                }
-                if best.slower <= self.enough {
-                    return best;
-                }
-            }
-            // Far beyond what fits nothing will fit again that slows less.
-            if misses && (best.slower.is_finite() || some[0] > self.path.len() / 2) {
-                break;
-            }
-        }
-        self.polished(best)
-    }
-
-    /// Steps to neighbours, smaller and smaller ones, while that is quicker.
-    fn polished(&self, mut best: Choice) -> Choice {
-        for share in [0.2, 0.1, 0.05] {
-            let by = |n: usize| (((n as f64 * share) as usize) & !1).max(2);
-            loop {
-                let (p, r) = (by(best.samples), by(best.ramp));
-                let longer = |n: usize, by: usize| [Some(n + by), n.checked_sub(by).filter(|n| *n > 0)];
-                let mut near: Vec<(usize, usize)> = Vec::new();
-                near.extend(longer(best.samples, p).into_iter().flatten().map(|p| (p, best.ramp)));
-                near.extend(longer(best.ramp, r).into_iter().flatten().map(|r| (best.samples, r)));
-                let found: Vec<Option<Choice>> = parallel::map(near.len(), |i| self.attempt(near[i].0, &[near[i].1]));
-                let next = found.into_iter().flatten().min_by(|a, b| a.slower.total_cmp(&b.slower));
-                // Gains of a thousandth are not worth a step.
-                match next.filter(|n| n.slower < 0.999 * best.slower) {
-                    Some(next) => best = next,
-                    None => break,
-                }
-                if best.slower <= self.enough {
-                    return best;
-                }
-            }
-        }
-        best
-    }
 }
 
 impl Decomposition {
     /// Where the stage is at a time: straight between its samples.
     fn stage_at(&self, time: f64) -> [f64; 3] {
-        between(&self.stage, time / self.step_s)
+        interpolated(&self.stage, time / self.step_s)
+    }
+
+    /// A time of the schedule, at the pens' speeds, as one of the motion, which begins before it and is slowed down.
+    fn motion_time(&self, scheduled_s: f64) -> f64 {
+        self.lead_s + scheduled_s * self.slower
     }
 
     /// Where the stage is when the beam comes to each node of its path, or leaves it where a mark begins.
@@ -446,46 +398,60 @@ impl Decomposition {
             .iter()
             .zip(&path.nodes)
             .map(|(v, node)| if node.pen.is_some() { v.arrive } else { v.leave });
-        time.map(|t| self.stage_at(self.lead_s + t * self.slower)).collect()
+        time.map(|t| self.stage_at(self.motion_time(t))).collect()
     }
 
     /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
     pub fn motion(&self, path: &Path, schedule: &Schedule) -> Motion {
-        let mut motion = Motion::default();
-        let mut sample = 0;
-        let mut until = |time: f64, pen: Option<PenId>, stroke: PieceId, motion: &mut Motion| {
-            while sample < self.stage.len() && sample as f64 * self.step_s < time {
-                let now = sample as f64 * self.step_s;
-                // Beside a node a sample says nothing.
-                if time - now > BESIDE && now - motion.waypoints.last().map_or(f64::NEG_INFINITY, |w| w.time) > BESIDE {
-                    push(motion, now, self.stage[sample], self.beam[sample], pen, stroke);
-                }
-                sample += 1;
-            }
-        };
-        for i in 0..path.len() {
-            let (pen, stroke) = (path.nodes[i].pen, path.nodes[i].stroke);
-            let [come, go] =
-                [schedule.visits[i].arrive, schedule.visits[i].leave].map(|t| self.lead_s + t * self.slower);
-            until(come, pen, stroke, &mut motion);
-            push(&mut motion, come, self.stage_at(come), path.nodes[i].at, pen, stroke);
-            if go > come {
-                until(go, None, stroke, &mut motion);
-                push(&mut motion, go, self.stage_at(go), path.nodes[i].at, None, stroke);
+        let mut motion = GrowingMotion { decomposition: self, motion: Motion::default(), next_sample: 0 };
+        for (node, visit) in path.nodes.iter().zip(&schedule.visits) {
+            let arrive = self.motion_time(visit.arrive);
+            let leave = self.motion_time(visit.leave);
+            motion.add_samples_before(arrive, node.pen, node.stroke);
+            motion.add_waypoint(arrive, self.stage_at(arrive), node.at, node.pen, node.stroke);
+            // The beam waits at the node with the laser off, while the stage moves on.
+            if leave > arrive {
+                motion.add_samples_before(leave, None, node.stroke);
+                motion.add_waypoint(leave, self.stage_at(leave), node.at, None, node.stroke);
             }
         }
-        until(f64::INFINITY, None, path.nodes[path.len() - 1].stroke, &mut motion);
-        motion
+        // After the last node the stage comes to rest.
+        motion.add_samples_before(f64::INFINITY, None, path.nodes[path.len() - 1].stroke);
+        motion.motion
     }
 }
 
-fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Option<PenId>, stroke: PieceId) {
-    if motion.waypoints.last().is_some_and(|w| w.time == time) {
-        return;
+/// The motion of a decomposition up to a time.
+struct GrowingMotion<'a> {
+    decomposition: &'a Decomposition,
+    motion: Motion,
+    /// The first of the stage's samples that the motion has not come to.
+    next_sample: usize,
+}
+
+impl GrowingMotion<'_> {
+    /// Adds the stage's samples before a time, all on a stretch of the pen and the stroke.
+    fn add_samples_before(&mut self, time: f64, pen: Option<PenId>, stroke: PieceId) {
+        let Decomposition { stage, beam, step_s, .. } = self.decomposition;
+        while self.next_sample < stage.len() && self.next_sample as f64 * step_s < time {
+            let now = self.next_sample as f64 * step_s;
+            let last = self.motion.waypoints.last().map_or(f64::NEG_INFINITY, |w| w.time);
+            if time - now > BESIDE && now - last > BESIDE {
+                self.add_waypoint(now, stage[self.next_sample], beam[self.next_sample], pen, stroke);
+            }
+            self.next_sample += 1;
+        }
     }
-    let [x, y, z] = stage;
-    let axes = [x, y, z, 0.0, 0.0, at[0] - x, at[1] - y];
-    motion.waypoints.push(Waypoint { time, axes, pen, stroke });
+
+    /// Adds where the stage and the beam are at a time, unless the motion has come to that time before.
+    fn add_waypoint(&mut self, time: f64, stage: [f64; 3], beam: [f64; 3], pen: Option<PenId>, stroke: PieceId) {
+        if self.motion.waypoints.last().is_some_and(|w| w.time == time) {
+            return;
+        }
+        let [x, y, z] = stage;
+        let axes = [x, y, z, 0.0, 0.0, beam[0] - x, beam[1] - y];
+        self.motion.waypoints.push(Waypoint { time, axes, pen, stroke });
+    }
 }
 
 #[cfg(test)]

@@ -36,18 +36,18 @@ impl Servo {
         Err(Diag::bug("fly-servo", "a servo's natural frequency or damping is not positive".to_owned()).into())
     }
 
-    /// Of every axis of a machine's stage: as its file states it, else of 20 Hz, well damped.
+    /// The servo loop of every axis of a machine's stage: as its file states it, else of 20 Hz, well damped.
     ///
     /// # Errors
-    /// As [`Servo::new`].
+    /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn of_stage(machine: &Machine) -> Result<Self, Error> {
         Self::stated(machine.stage.servo, 20.0)
     }
 
-    /// Of its scanner, else of 1 kHz.
+    /// The servo loop of a machine's scanner: as its file states it, else of 1 kHz, well damped.
     ///
     /// # Errors
-    /// As [`Servo::new`].
+    /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn of_scanner(machine: &Machine) -> Result<Self, Error> {
         Self::stated(machine.scanner.servo, 1000.0)
     }
@@ -56,7 +56,7 @@ impl Servo {
     /// compensating it.
     ///
     /// # Errors
-    /// As [`Servo::new`].
+    /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn following_error(machine: &Machine) -> Result<[f64; 2], Error> {
         let servo = Self::of_stage(machine)?;
         Ok([&machine.stage.x, &machine.stage.y].map(|axis| servo.lag(axis.speed.as_mm_s())))
@@ -65,7 +65,7 @@ impl Servo {
     /// The servo loop as a machine file states it.
     ///
     /// # Errors
-    /// As [`Servo::new`].
+    /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn of(servo: machine::Servo) -> Result<Self, Error> {
         let alone = Self::new(servo.frequency.as_khz() * 1000.0, servo.damping)?;
         Ok(Self { feed_forward: servo.feed_forward, ..alone })
@@ -105,7 +105,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// At rest at `at`; steps are `dt` s apart.
+    /// An axis at rest at `at`; steps are `dt` s apart.
     pub fn new(servo: Servo, dt: f64, at: f64) -> Self {
         let (w, z) = (servo.omega, servo.damping);
         let rest = 1.0 - z * z;
@@ -159,7 +159,7 @@ impl Protection {
     /// error of some millimetres.
     pub(crate) const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
 
-    /// The same with the limit that a machine states.
+    /// The protection with the limit that a machine states, where it has one.
     pub fn on(self, machine: &Machine) -> Self {
         match (self, machine.scanner.accumulated_error) {
             (Self::Accumulated { sum, .. }, Some(limit)) => Self::Accumulated { sum, limit: limit.as_mm_s() },
@@ -203,7 +203,7 @@ pub struct Scanner {
 }
 
 impl Scanner {
-    /// At rest at `at`; `mirror` is its servo, steps are `dt` s apart.
+    /// A scanner at rest at `at`; `mirror` is its servo, steps are `dt` s apart.
     pub fn new(mirror: Servo, feed: Option<Protection>, dt: f64, at: f64) -> Self {
         Self { mirror: Axis::new(mirror, dt, at), feed, sum: 0.0, residual: 0.0, behind: 0.0 }
     }
@@ -215,13 +215,13 @@ impl Scanner {
             None => planned,
             Some(Protection::Off) => planned + missed,
             Some(Protection::Saturate) => (planned + missed).clamp(-half_field, half_field),
-            Some(Protection::Accumulated { sum: of, limit }) => {
-                self.sum += self.mirror.dt
-                    * match of {
-                        Sum::Signed => missed,
-                        Sum::Absolute => missed.abs(),
-                        Sum::Residual => self.residual,
-                    };
+            Some(Protection::Accumulated { sum, limit }) => {
+                let error = match sum {
+                    Sum::Signed => missed,
+                    Sum::Absolute => missed.abs(),
+                    Sum::Residual => self.residual,
+                };
+                self.sum += self.mirror.dt * error;
                 if self.sum.abs() <= limit { planned + missed } else { planned }
             }
         };

@@ -92,7 +92,7 @@ pub(crate) fn part_from_machine(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3]
 }
 
 impl Axes {
-    /// With the tool at a pose; C is `held` where its axis is upright.
+    /// The axes with the tool at a pose; C is `held` where the tool's axis is upright.
     pub fn at(tool: &Pose, branch: Branch, held: f64) -> Self {
         let (a, c) = turn_for(tool.n, branch, held);
         Self { xyz: machine_from_part(a, c, tool.p), a, c }
@@ -128,7 +128,7 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    /// Of a mark from a tool.
+    /// The deviation of a mark from a tool.
     pub fn of(mark: &Pose, tool: &Pose) -> Self {
         let d = [0, 1, 2].map(|i| mark.p[i] - tool.p[i]);
         let focus = dot(d, tool.n);
@@ -193,6 +193,17 @@ fn nearest_turn(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }
 
+/// The quickest way to one branch of a tool.
+#[derive(Clone, Copy)]
+struct BranchState {
+    a: f64,
+    c: f64,
+    /// Summed times of the slower axis, s.
+    time: f64,
+    /// The branch of the tool before.
+    from: u8,
+}
+
 /// Branch of every tool, by dynamic programming over the two of them: a path through both kinds of states whose
 /// summed times of the slower axis are least.
 fn quickest(tools: &[Pose], speed_a: f64, speed_c: f64) -> Vec<Branch> {
@@ -200,31 +211,31 @@ fn quickest(tools: &[Pose], speed_a: f64, speed_c: f64) -> Vec<Branch> {
     let Some(first) = tools.iter().find(|t| t.n[0].hypot(t.n[1]) >= UPRIGHT) else {
         return vec![Branch::Positive; tools.len()];
     };
-    let mut states = BOTH.map(|b| (0.0, turn_for(first.n, b, 0.0).1));
-    let mut cost = [0.0; 2];
-    // From which state each came, per tool after the first.
+    // Invariant: for either branch of the last tool the quickest way there, with its A and C and its time.
+    let mut states = BOTH.map(|b| BranchState { a: 0.0, c: turn_for(first.n, b, 0.0).1, time: 0.0, from: 0 });
+    // From which branch each state came, per tool.
     let mut from: Vec<[u8; 2]> = Vec::with_capacity(tools.len());
     for (i, tool) in tools.iter().enumerate() {
-        let mut next = states;
-        let mut sum = [f64::INFINITY; 2];
-        let mut came = [0, 0];
+        let mut next = states.map(|state| BranchState { time: f64::INFINITY, from: 0, ..state });
         for (to, branch) in BOTH.into_iter().enumerate() {
             // What does not change is looked at first, so that it wins a tie.
             for s in [to, 1 - to] {
-                let (a, c) = turn_for(tool.n, branch, states[s].1);
-                let step = ((a - states[s].0).abs() / speed_a).max(nearest_turn(c - states[s].1).abs() / speed_c);
-                let total = cost[s] + if i == 0 { 0.0 } else { step };
-                if total < sum[to] {
-                    (sum[to], next[to], came[to]) = (total, (a, c), s as u8);
+                let state = states[s];
+                let (a, c) = turn_for(tool.n, branch, state.c);
+                let step = ((a - state.a).abs() / speed_a).max(nearest_turn(c - state.c).abs() / speed_c);
+                // To the first tool the axes need not go.
+                let time = state.time + if i == 0 { 0.0 } else { step };
+                if time < next[to].time {
+                    next[to] = BranchState { a, c, time, from: s as u8 };
                 }
             }
         }
-        (states, cost) = (next, sum);
-        from.push(came);
+        states = next;
+        from.push(states.map(|state| state.from));
     }
     // Where neither is quicker but for rounding, A ≥ 0.
     const ROUNDING: f64 = 1e-9;
-    let mut state = usize::from(cost[1] < cost[0] * (1.0 - ROUNDING));
+    let mut state = usize::from(states[1].time < states[0].time * (1.0 - ROUNDING));
     let mut out = vec![Branch::Positive; tools.len()];
     for i in (0..tools.len()).rev() {
         out[i] = BOTH[state];

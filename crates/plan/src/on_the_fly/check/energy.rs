@@ -27,100 +27,130 @@ pub struct LineEnergy {
     pub worst_at: [f64; 2],
 }
 
+/// The end of a move of a piece, or its begin.
+#[derive(Clone, Copy)]
+struct PiecePoint {
+    /// Way since the piece began, mm.
+    way: f64,
+    /// How long the pen's own power would have taken since then, s.
+    full_s: f64,
+    /// Where it is, part frame.
+    at: [f64; 2],
+}
+
 /// The marks as they are gone through, one piece after the other.
 pub(super) struct Marks<'a> {
     machine: &'a Machine,
+    /// Size of the spot, mm.
     spot: f64,
-    /// Way and time since the piece began at the end of each of its moves, and where that is.
-    piece: Vec<([f64; 2], [f64; 2])>,
+    /// The piece so far, from its begin.
+    piece: Vec<PiecePoint>,
     pen: Option<&'a Pen>,
     /// Whether the power follows the speed.
     by_speed: bool,
-    /// Energy, J, and length, mm, of all marks.
-    sums: [f64; 2],
+    /// Energy of all marks, J.
+    joule: f64,
+    /// Length of all marks, mm.
+    length: f64,
+    /// Length that is marked at the speed of its pen, mm.
     at_speed: f64,
     out: LineEnergy,
 }
 
 impl<'a> Marks<'a> {
     pub(super) fn new(machine: &'a Machine, by_speed: bool) -> Self {
-        let (spot, out) = (machine.lens.spot.as_mm(), LineEnergy::default());
-        Self { machine, spot, piece: Vec::new(), pen: None, by_speed, sums: [0.0; 2], at_speed: 0.0, out }
+        Self {
+            machine,
+            spot: machine.lens.spot.as_mm(),
+            piece: Vec::new(),
+            pen: None,
+            by_speed,
+            joule: 0.0,
+            length: 0.0,
+            at_speed: 0.0,
+            out: LineEnergy::default(),
+        }
     }
 
     /// A piece begins at `at` with this pen.
     pub(super) fn begin(&mut self, pen: &'a Pen, at: [f64; 2]) {
         self.end();
         self.pen = Some(pen);
-        self.piece.push(([0.0; 2], at));
+        self.piece.push(PiecePoint { way: 0.0, full_s: 0.0, at });
     }
 
     /// The piece continues by `way` to `at` in `s`.
     pub(super) fn go(&mut self, way: f64, s: f64, at: [f64; 2]) {
-        let (Some(pen), Some(&([length, time], _))) = (self.pen, self.piece.last()) else { return };
+        let (Some(pen), Some(&last)) = (self.pen, self.piece.last()) else { return };
         let speed = pen.speed.as_mm_s();
         // How long the pen's own power would take for as much energy.
         let full_s = if self.by_speed { way / speed } else { s };
-        self.sums[0] += pen.power.as_w(self.machine.laser.max_power) * full_s;
-        self.sums[1] += way;
+        self.joule += pen.power.as_w(self.machine.laser.max_power) * full_s;
+        self.length += way;
         if way >= (1.0 - AT_SPEED) * speed * s {
             self.at_speed += way;
         }
         if 2.0 * way < speed * s {
             self.out.slow_s += s;
         }
-        self.piece.push(([length + way, time + full_s], at));
+        self.piece.push(PiecePoint { way: last.way + way, full_s: last.full_s + full_s, at });
     }
 
     /// The piece ends.
     fn end(&mut self) {
         let piece = std::mem::take(&mut self.piece);
-        let (Some(pen), Some(&([length, time], _))) = (self.pen.take(), piece.last()) else { return };
+        let (Some(pen), Some(&last)) = (self.pen.take(), piece.last()) else { return };
+        let length = last.way;
         let window = self.spot.min(length);
         if window <= 0.0 {
             return;
         }
-        let mut meet = |seconds: f64, at: [f64; 2]| {
-            let share = pen.speed.as_mm_s() * seconds / window;
-            if share > self.out.worst_share {
-                (self.out.worst_share, self.out.worst_at) = (share, at);
-            }
-        };
+        let speed = pen.speed.as_mm_s();
         if window >= length {
-            return meet(time, piece[piece.len() / 2].1);
+            self.raise_worst(speed * last.full_s / window, piece[piece.len() / 2].at);
+            return;
         }
         // The time for a window is largest where it begins or ends with a move: it is linear in between.
         let (mut ahead, mut behind) = (0, 0);
-        for &([way, seconds], at) in &piece {
+        for &PiecePoint { way, full_s, at } in &piece {
             if way + window <= length {
-                meet(time_at(&piece, way + window, &mut ahead) - seconds, at);
+                let seconds = time_at(&piece, way + window, &mut ahead) - full_s;
+                self.raise_worst(speed * seconds / window, at);
             }
             if way >= window {
-                meet(seconds - time_at(&piece, way - window, &mut behind), at);
+                let seconds = full_s - time_at(&piece, way - window, &mut behind);
+                self.raise_worst(speed * seconds / window, at);
             }
         }
     }
 
-    /// What it comes to.
+    /// Notes what a line gets over the length of a spot, as a multiple of P / v of its pen, where it is the most.
+    fn raise_worst(&mut self, share: f64, at: [f64; 2]) {
+        if share > self.out.worst_share {
+            self.out.worst_share = share;
+            self.out.worst_at = at;
+        }
+    }
+
+    /// The line energy of all pieces.
     pub(super) fn energy(mut self) -> LineEnergy {
         self.end();
-        let [joule, length] = self.sums;
-        if length > 0.0 {
-            self.out.mean_j_per_m = 1e3 * joule / length;
-            self.out.at_speed = self.at_speed / length;
+        if self.length > 0.0 {
+            self.out.mean_j_per_m = 1e3 * self.joule / self.length;
+            self.out.at_speed = self.at_speed / self.length;
         }
         self.out
     }
 }
 
 /// The time at which a piece has gone so far; `hint` is a move at or before it, and moves on.
-fn time_at(piece: &[([f64; 2], [f64; 2])], way: f64, hint: &mut usize) -> f64 {
-    while *hint + 2 < piece.len() && piece[*hint + 1].0[0] < way {
+fn time_at(piece: &[PiecePoint], way: f64, hint: &mut usize) -> f64 {
+    while *hint + 2 < piece.len() && piece[*hint + 1].way < way {
         *hint += 1;
     }
-    let ([from, begun], [to, ended]) = (piece[*hint].0, piece[*hint + 1].0);
-    let share = if to > from { ((way - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-    begun + share * (ended - begun)
+    let (from, to) = (piece[*hint], piece[*hint + 1]);
+    let share = if to.way > from.way { ((way - from.way) / (to.way - from.way)).clamp(0.0, 1.0) } else { 1.0 };
+    from.full_s + share * (to.full_s - from.full_s)
 }
 
 #[cfg(test)]

@@ -26,18 +26,18 @@ use terrace_core::machine::Machine;
 /// Share of a limit that may be exceeded: the rounding of sums.
 pub const OVER: f64 = 1e-6;
 
-/// What a program comes to.
+/// Times, lengths and peaks of a program.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Figures {
     /// Time of all moves, s.
     pub time_s: f64,
-    /// Of it with the laser on, s.
+    /// Time of moves with the laser on, s.
     pub mark_s: f64,
     /// Pieces of strokes that are marked one by one.
     pub marks: usize,
     /// Way of the spot in the focal plane with the laser on, mm.
     pub mark_mm: f64,
-    /// The same with it off, mm.
+    /// Way of the spot in the focal plane with the laser off, mm.
     pub jump_mm: f64,
     /// Fastest mark across its beam, mm/s.
     pub mark_speed: f64,
@@ -99,7 +99,7 @@ impl Checked {
     pub fn program(&self) -> &Program {
         &self.program
     }
-    /// What it comes to.
+    /// Its times, lengths and peaks.
     pub fn figures(&self) -> &Figures {
         &self.figures
     }
@@ -129,38 +129,54 @@ fn invariants(program: &Program) -> Vec<Diag> {
         faults.push(Diag::limit("job-empty", text).hint(hint));
     }
     for (us, from, to) in program.steps() {
-        let mut broken = |what: &str| faults.push(Diag::bug("fly-invariant", format!("{what} {}", at(us))));
+        let broken = |what: &str| Diag::bug("fly-invariant", format!("{what} {}", at(us)));
         if to.us <= us {
-            broken("a move takes no time");
+            faults.push(broken("a move takes no time"));
         }
         let Some(mark) = to.mark else { continue };
         if mark.pen.index() >= program.pens.len() {
-            broken("a mark has no pen");
+            faults.push(broken("a mark has no pen"));
         }
         if *from == to.to {
-            broken("a mark does not move");
+            faults.push(broken("a mark does not move"));
         }
     }
     faults
 }
 
-/// Degrees or mm of a command.
-fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
-    let mut ends: Vec<(usize, char, [i64; 2], &str)> = Vec::new();
+/// The travel of one axis.
+struct AxisTravelEnds {
+    /// The place of the axis among the axes.
+    axis: usize,
+    name: char,
+    /// nm, or millionths of a degree.
+    ends: [i64; 2],
+    unit: &'static str,
+}
+
+/// The travel of all axes of a program that have ends.
+fn travel_ends(program: &Program, machine: &Machine) -> Vec<AxisTravelEnds> {
+    let mut out = Vec::new();
     for (k, (_, axis)) in machine.axes().into_iter().enumerate() {
-        ends.push((k, ['X', 'Y', 'Z'][k], axis.travel_nm().map(|Nm(end)| end), "mm"));
+        let ends = axis.travel_nm().map(|Nm(end)| end);
+        out.push(AxisTravelEnds { axis: k, name: ['X', 'Y', 'Z'][k], ends, unit: "mm" });
     }
     if let (Kind::Xyzacuv, Some(table)) = (program.kind, &machine.tilt) {
         for (k, axis) in table.axes.iter().enumerate() {
             let Some(travel) = axis.travel.ends() else { continue };
-            let travel = travel.map(|t| (t.as_deg() * 1e6).round() as i64);
-            ends.push((3 + k, axis.letter.char(), travel, "deg"));
+            let ends = travel.map(|t| (t.as_deg() * 1e6).round() as i64);
+            out.push(AxisTravelEnds { axis: 3 + k, name: axis.letter.char(), ends, unit: "deg" });
         }
     }
+    out
+}
+
+/// Refuses axes that leave their travel, each with what would let it fit.
+fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
     let samples = || std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
     let mut faults = Vec::new();
-    for (k, name, [lo, hi], unit) in ends {
-        let reach = Reach::of(samples().map(|(_, to)| to[k]), [lo, hi]);
+    for AxisTravelEnds { axis: k, name, ends, unit } in travel_ends(program, machine) {
+        let reach = Reach::of(samples().map(|(_, to)| to[k]), ends);
         if reach.holds() {
             continue;
         }
@@ -181,15 +197,18 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
     faults
 }
 
+/// Refuses positions of the scanner outside the usable field, with the worst.
 fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     let field = program.fields(machine)?;
     let samples = || std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
-    let outside = |at: [i64; 2]| {
+    // A field point is counted in i32: what does not fit into one lies far outside.
+    let is_outside = |at: [i64; 2]| {
         at.map(i32::try_from).iter().any(Result::is_err) || !machine.field_holds(at.map(|v| v as i32).into())
     };
-    let far = |to: &AxisCommands| field(to).map(|v| v.abs()).into_iter().max();
-    let outside: Vec<(i64, &AxisCommands)> = samples().filter(|(_, to)| outside(field(to))).collect();
-    Ok(outside.iter().max_by_key(|(us, to)| (far(to), -us)).map(|&(us, to)| {
+    let farther_coordinate = |to: &AxisCommands| field(to).map(|v| v.abs()).into_iter().max();
+    let outside: Vec<(i64, &AxisCommands)> = samples().filter(|(_, to)| is_outside(field(to))).collect();
+    // Of positions equally far out, the first.
+    Ok(outside.iter().max_by_key(|(us, to)| (farther_coordinate(to), -us)).map(|&(us, to)| {
         let [u, v] = field(to).map(mm_from_nm);
         let [w, h] = machine.usable_field().map(Nm::mm);
         let text = format!(
@@ -203,26 +222,26 @@ fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     }))
 }
 
-/// One axis whose motion has limits.
-struct Limited {
+/// What the machine allows one axis.
+struct AxisLimits {
     /// The place of the axis among the axes.
     axis: usize,
     name: char,
     unit: &'static str,
-    /// Of speed, acceleration and jerk, where the machine states them.
+    /// Largest speed, acceleration and jerk, where the machine states them.
     most: [Option<f64>; 3],
 }
 
 /// The limits of the stage, of rotary axes and of the scanner.
-fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
-    let stage = machine.axes().into_iter().enumerate().map(|(axis, (_, a))| Limited {
+fn axis_limits(program: &Program, machine: &Machine) -> Vec<AxisLimits> {
+    let stage = machine.axes().into_iter().enumerate().map(|(axis, (_, a))| AxisLimits {
         axis,
         name: ['X', 'Y', 'Z'][axis],
         unit: "mm",
         most: [Some(a.speed.as_mm_s()), Some(a.acceleration.as_mm_s2()), a.jerk.map(|j| j.as_mm_s3())],
     });
     let table = machine.tilt.iter().filter(|_| program.kind == Kind::Xyzacuv);
-    let table = table.flat_map(|t| &t.axes).enumerate().map(|(k, a)| Limited {
+    let table = table.flat_map(|t| &t.axes).enumerate().map(|(k, a)| AxisLimits {
         axis: 3 + k,
         name: a.letter.char(),
         unit: "deg",
@@ -237,31 +256,46 @@ fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
     let most = [None, scanner.acceleration.map(|a| a.as_mm_s2()), scanner.jerk.map(|j| j.as_mm_s3())];
     // With five axes its delays stand for what it loses at ends and corners, as in stepped jobs.
     let mirrors = [(5, 'U'), (6, 'V')].into_iter().filter(|_| program.kind == Kind::Xyzacuv);
-    let mirrors = mirrors.map(|(axis, name)| Limited { axis, name, unit: "mm", most });
+    let mirrors = mirrors.map(|(axis, name)| AxisLimits { axis, name, unit: "mm", most });
     stage.chain(table).chain(mirrors).collect()
+}
+
+impl AxisLimits {
+    /// How many times slower the axis must run to keep its limits; less than 1 where it does.
+    fn slower(&self, peaks: &Peaks) -> f64 {
+        let share = |k: usize, peak: Peak| self.most[k].map_or(0.0, |most| peak.size / (most * (1.0 + OVER)));
+        // Run k times slower, speed falls by k, acceleration by k² and jerk by k³.
+        share(0, peaks.speed).max(share(1, peaks.acceleration).sqrt()).max(share(2, peaks.jerk).cbrt())
+    }
 }
 
 /// How much slower all of a program must run for its axes to keep speed, acceleration and jerk, and for the scanner to
 /// keep its speeds; 1 where they do.
 pub fn slower(program: &Program, machine: &Machine) -> f64 {
     let peaks = peaks::peaks(program);
-    let of = |l: &Limited| {
-        let p = &peaks[l.axis];
-        let over = |k: usize, peak: Peak| l.most[k].map_or(0.0, |most| peak.size / (most * (1.0 + OVER)));
-        over(0, p.speed).max(over(1, p.acceleration).sqrt()).max(over(2, p.jerk).cbrt())
+    let axes = axis_limits(program, machine).iter().map(|l| l.slower(&peaks[l.axis])).fold(1.0, f64::max);
+    let scanner = ScannerSpeeds::of(machine);
+    let scanner_slower = |(us, from, to): (i64, &AxisCommands, &Move)| {
+        (scanner_way(from, to) - ROUNDING) / (scanner.limit(to) * (1.0 + OVER) * (to.us - us) as f64 * 1e-6)
     };
-    let fast = limited(program, machine).iter().map(of).fold(1.0, f64::max);
-    let scanner = scanner_limits(machine);
-    let of = |us: i64, from: &AxisCommands, to: &Move| {
-        let limit = scanner[usize::from(to.mark.is_some())];
-        (scanner_way(from, to) - ROUNDING) / (limit * (1.0 + OVER) * (to.us - us) as f64 * 1e-6)
-    };
-    program.steps().map(|(us, from, to)| of(us, from, to)).fold(fast, f64::max)
+    program.steps().map(scanner_slower).fold(axes, f64::max)
 }
 
-/// Largest speed of the scanner in jumps and in marks, mm/s.
-fn scanner_limits(machine: &Machine) -> [f64; 2] {
-    [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s())
+/// Largest speeds of the scanner, mm/s.
+struct ScannerSpeeds {
+    jump: f64,
+    mark: f64,
+}
+
+impl ScannerSpeeds {
+    fn of(machine: &Machine) -> Self {
+        Self { jump: machine.scanner.jump_speed.as_mm_s(), mark: machine.scanner.max_mark_speed.as_mm_s() }
+    }
+
+    /// The largest speed in a move.
+    fn limit(&self, to: &Move) -> f64 {
+        if to.mark.is_some() { self.mark } else { self.jump }
+    }
 }
 
 /// How far a move takes the scanner, mm.
@@ -273,7 +307,7 @@ fn scanner_way(from: &AxisCommands, to: &Move) -> f64 {
 /// Speed, acceleration and jerk of the stage, of rotary axes and of the scanner.
 fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
-    for Limited { axis, name, unit, most } in limited(program, machine) {
+    for AxisLimits { axis, name, unit, most } in axis_limits(program, machine) {
         let p = &peaks[axis];
         for (k, peak) in [p.speed, p.acceleration, p.jerk].into_iter().enumerate() {
             let Some(limit) = most[k].filter(|limit| peak.size > limit * (1.0 + OVER)) else { continue };
@@ -302,9 +336,10 @@ fn is_fast(way: f64, us: i64, limit: f64) -> bool {
 
 /// Speed of the scanner, in marks and jumps.
 fn scanner(program: &Program, machine: &Machine) -> Option<Diag> {
-    let limits = scanner_limits(machine);
+    let scanner = ScannerSpeeds::of(machine);
     program.steps().find_map(|(us, from, to)| {
-        let (way, limit) = (scanner_way(from, to), limits[usize::from(to.mark.is_some())]);
+        let way = scanner_way(from, to);
+        let limit = scanner.limit(to);
         is_fast(way, to.us - us, limit).then(|| {
             let speed = way / (to.us - us) as f64 * 1e6;
             let text =
@@ -359,42 +394,43 @@ fn figures(program: &Program, machine: &Machine, power_by_speed: bool) -> Result
     let field = program.fields(machine)?;
     let mut out = Figures { time_s: program.total_s(), peaks: peaks::peaks(program), ..Figures::default() };
     out.shortest_us = program.steps().map(|(us, _, to)| to.us - us).min().unwrap_or(0);
-    let (mut piece, mut before, mut was_on) = (None, [0.0; AXES], false);
     let mut marks = Marks::new(machine, power_by_speed);
+    // Of the move before.
+    let mut piece_before = None;
+    let mut speeds_before = [0.0; AXES];
     for (us, from, to) in program.steps() {
         let s = (to.us - us) as f64 * 1e-6;
         let (p, q) = (spot(from), spot(&to.to));
         let way = p.way(&q);
-        let on = to.mark.is_some();
-        if on {
-            (out.mark_s, out.mark_mm) = (out.mark_s + s, out.mark_mm + way);
+        let piece = to.mark.map(|m| m.piece);
+        if let Some(mark) = to.mark.filter(|_| piece != piece_before) {
+            out.marks += 1;
+            marks.begin(&program.pens[mark.pen.index()], [p.part[0], p.part[1]]);
+        }
+        if to.mark.is_some() {
+            out.mark_s += s;
+            out.mark_mm += way;
             out.mark_speed = out.mark_speed.max(way / s);
             for at in [from, &to.to] {
                 let [u, v] = field(at).map(mm_from_nm);
                 out.displacement_mm = out.displacement_mm.max(u.hypot(v));
             }
+            marks.go(way, s, [q.part[0], q.part[1]]);
         } else {
             out.jump_mm += way;
         }
-        let mark = to.mark.map(|m| m.piece);
-        if let Some(mark) = to.mark.filter(|_| mark != piece) {
-            out.marks += 1;
-            marks.begin(&program.pens[mark.pen.index()], [p.part[0], p.part[1]]);
+        let speeds: [f64; AXES] = std::array::from_fn(|k| mm_from_nm(to.to[k] - from[k]) / s);
+        // A corner next to a mark, on either side of it.
+        if piece.is_some() || piece_before.is_some() {
+            out.corner_mm_s = out.corner_mm_s.max(corner(speeds_before, speeds, q.lever));
         }
-        if on {
-            marks.go(way, s, [q.part[0], q.part[1]]);
-        }
-        piece = mark;
-        let speed: [f64; AXES] = std::array::from_fn(|k| mm_from_nm(to.to[k] - from[k]) / s);
-        if on || was_on {
-            out.corner_mm_s = out.corner_mm_s.max(corner(before, speed, q.lever));
-        }
-        (before, was_on) = (speed, on);
+        piece_before = piece;
+        speeds_before = speeds;
     }
-    if was_on {
+    if piece_before.is_some() {
         // The last mark ends in a stop.
         let lever = program.moves.last().map_or(0.0, |m| spot(&m.to).lever);
-        out.corner_mm_s = out.corner_mm_s.max(corner(before, [0.0; AXES], lever));
+        out.corner_mm_s = out.corner_mm_s.max(corner(speeds_before, [0.0; AXES], lever));
     }
     out.energy = marks.energy();
     Ok(out)

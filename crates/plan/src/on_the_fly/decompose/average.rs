@@ -96,38 +96,57 @@ pub fn choose_average<const N: usize>(
     most: f64,
     half_field: [f64; N],
 ) -> Result<Average<N>, Infeasible<N>> {
-    let n = path.len() as isize;
-    let acceleration = |samples: usize, i: isize| {
-        // The second difference of a mean telescopes: only the differences at both ends of its window are left.
-        let half = (samples / 2) as isize;
-        let x = [i + half + 1, i + half, i - half, i - half - 1].map(|j| at_or_end(path, j));
-        let ahead = (0..N).map(|k| ((x[0][k] - x[1][k]) - (x[2][k] - x[3][k])).abs()).fold(0.0, f64::max);
-        ahead / (samples as f64 * step_s * step_s)
-    };
-    let worst = |samples: usize| {
-        (1..n - 1).map(|i| (acceleration(samples, i), i)).fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a })
-    };
-    // Where one average fails the next one often fails too: look there first.
-    let mut sore = 0;
     let mut samples = 1;
-    let found = loop {
-        let ends = samples as isize > 2 * n;
-        if ends || sore == 0 || acceleration(samples, sore) <= most {
-            let (largest, i) = worst(samples);
-            if largest <= most || ends {
-                break largest;
+    // Where one average fails the next one often fails too: that sample is looked at first.
+    let mut last_failure = None;
+    let acceleration = loop {
+        // Over twice the path the mean moves evenly: there is nothing longer to try.
+        let is_longest = samples as isize > 2 * path.len() as isize;
+        let fails_again = |i: usize| acceleration_of_mean(path, samples, step_s, i) > most;
+        if is_longest || !last_failure.is_some_and(fails_again) {
+            let largest = largest_acceleration(path, samples, step_s);
+            if largest.acceleration <= most || is_longest {
+                break largest.acceleration;
             }
-            sore = i;
+            last_failure = Some(largest.sample);
         }
         samples += 2;
     };
     let reach = peak(&rest(path, &moving_average(path, samples)));
-    let average = Average { samples, acceleration: found, reach };
-    let over = |k: usize| reach[k] / half_field[k];
-    let axis = (0..N).fold(0, |most, k| if over(k) > over(most) { k } else { most });
+    let average = Average { samples, acceleration, reach };
+    let share_of_field = |k: usize| reach[k] / half_field[k];
+    let axis = (0..N).fold(0, |most, k| if share_of_field(k) > share_of_field(most) { k } else { most });
     if N > 0 && reach[axis] > half_field[axis] {
+        // At a corner the reach is as the square of the jump of velocity.
         let speed_share = (half_field[axis] / reach[axis]).sqrt();
         return Err(Infeasible { average, axis, half_field: half_field[axis], speed_share });
     }
     Ok(average)
+}
+
+/// The largest acceleration of a mean, and the sample at which it is.
+struct LargestAcceleration {
+    acceleration: f64,
+    sample: usize,
+}
+
+/// The largest acceleration of the mean over `samples` at any sample but the ends, along one axis.
+fn largest_acceleration<const N: usize>(path: &[[f64; N]], samples: usize, step_s: f64) -> LargestAcceleration {
+    let mut largest = LargestAcceleration { acceleration: 0.0, sample: 0 };
+    for i in 1..path.len().saturating_sub(1) {
+        let acceleration = acceleration_of_mean(path, samples, step_s, i);
+        if acceleration > largest.acceleration {
+            largest = LargestAcceleration { acceleration, sample: i };
+        }
+    }
+    largest
+}
+
+/// The largest acceleration along one axis that the mean over `samples` has at sample `i`.
+fn acceleration_of_mean<const N: usize>(path: &[[f64; N]], samples: usize, step_s: f64, i: usize) -> f64 {
+    // The second difference of a mean telescopes: only the differences at both ends of its window are left.
+    let (i, half) = (i as isize, (samples / 2) as isize);
+    let x = [i + half + 1, i + half, i - half, i - half - 1].map(|j| at_or_end(path, j));
+    let change = (0..N).map(|k| ((x[0][k] - x[1][k]) - (x[2][k] - x[3][k])).abs()).fold(0.0, f64::max);
+    change / (samples as f64 * step_s * step_s)
 }

@@ -11,8 +11,8 @@ pub(super) fn least_acceleration<const N: usize>(path: &[[f64; N]], half: [f64; 
     for k in 0..N {
         let along: Vec<f64> = path.iter().map(|x| x[k]).collect();
         let ends: Vec<[f64; 2]> = along.iter().map(|x| [x - half[k], x + half[k]]).collect();
-        for (x, found) in out.iter_mut().zip(within(along, &[], &ends)) {
-            x[k] = found;
+        for (x, value) in out.iter_mut().zip(within(along, &[], &ends)) {
+            x[k] = value;
         }
     }
     out
@@ -29,7 +29,8 @@ pub fn within(start: Vec<f64>, steps: &[f64], ends: &[[f64; 2]]) -> Vec<f64> {
     clamped(&start, &moved, ends)
 }
 
-/// The same where first and second differences must not be larger than `most`, those of the start included.
+/// The values of least summed squared second differences between two ends of their own for every sample, as [`within`],
+/// where first and second differences must not be larger than `most`, those of the start included.
 pub fn paced(start: &[f64], ends: &[[f64; 2]], most: [f64; 2]) -> Vec<f64> {
     let [first, second] = most;
     let mut rows: Vec<Row<3>> = Vec::with_capacity(3 * start.len());
@@ -73,39 +74,58 @@ pub(super) fn least_from<const L: usize, const W: usize>(
     usual: f64,
 ) -> Vec<f64> {
     let seconds = seconds(start.len() / L, steps);
-    let second = |x: &[f64], i: usize| {
-        let [a, _, c] = seconds[i / L - 2];
-        a * (x[i - 2 * L] - x[i - L]) + c * (x[i] - x[i - L])
-    };
-    let bend: Vec<f64> = (2 * L..start.len()).map(|i| second(start, i)).collect();
-    let begin: f64 = bend.iter().map(|d| d * d).sum();
+    let bends: Vec<f64> = (2 * L..start.len()).map(|i| second_difference::<L>(&seconds, start, i)).collect();
+    let begin: f64 = bends.iter().map(|d| d * d).sum();
     if begin == 0.0 || start.len() < 3 * L {
         return vec![0.0; start.len()];
     }
     // The measure begins at a number that is large against the 1 in the tolerance.
-    let weight = 1e6 / begin;
-    let measure = |x: &[f64], gradient: &mut [f64], matrix: &mut Band| {
-        // ½ Σ d² with d = a x[i - 2L] + b x[i - L] + c x[i]: its gradient is d (a, b, c), its matrix the outer product.
-        for i in 2 * L..x.len() {
-            let d = weight * (bend[i - 2 * L] + second(x, i));
-            let [a, b, c] = seconds[i / L - 2];
-            let of = [(i - 2 * L, a), (i - L, b), (i, c)];
-            for (m, (j, a)) in of.into_iter().enumerate() {
-                gradient[j] += a * d;
-                for (k, b) in of.into_iter().take(m + 1) {
-                    matrix.add(j, k, weight * a * b);
-                }
-            }
-        }
-    };
+    let measure = SquaredBends::<L> { seconds, bends, weight: 1e6 / begin };
     for row in &mut rows {
         let shift: f64 = row.a.iter().map(|a| a * usual).sum();
         row.lo += shift;
         row.hi += shift;
     }
-    let mut moved = minimise(vec![usual; start.len()], 2 * L, &rows, measure, NEAR);
+    let add = |x: &[f64], gradient: &mut [f64], matrix: &mut Band| measure.add(x, gradient, matrix);
+    let mut moved = minimise(vec![usual; start.len()], 2 * L, &rows, add, NEAR);
     moved.iter_mut().for_each(|x| *x -= usual);
     moved
+}
+
+/// The divided second difference that ends at value `i`, of `L` coordinates that lie one after the other in each
+/// sample.
+#[inline]
+fn second_difference<const L: usize>(seconds: &[[f64; 3]], x: &[f64], i: usize) -> f64 {
+    let [a, _, c] = seconds[i / L - 2];
+    a * (x[i - 2 * L] - x[i - L]) + c * (x[i] - x[i - L])
+}
+
+/// Half the weighted sum of squared second differences after a move, as a function of the move.
+struct SquaredBends<const L: usize> {
+    /// Factors of the second differences.
+    seconds: Vec<[f64; 3]>,
+    /// Second differences before the move.
+    bends: Vec<f64>,
+    weight: f64,
+}
+
+impl<const L: usize> SquaredBends<L> {
+    /// Adds its gradient and its second derivatives at a move.
+    #[inline]
+    fn add(&self, x: &[f64], gradient: &mut [f64], matrix: &mut Band) {
+        // ½ Σ d² with d = a x[i - 2L] + b x[i - L] + c x[i]: its gradient is d (a, b, c), its matrix the outer product.
+        for i in 2 * L..x.len() {
+            let d = self.weight * (self.bends[i - 2 * L] + second_difference::<L>(&self.seconds, x, i));
+            let [a, b, c] = self.seconds[i / L - 2];
+            let terms = [(i - 2 * L, a), (i - L, b), (i, c)];
+            for (m, (j, a)) in terms.into_iter().enumerate() {
+                gradient[j] += a * d;
+                for (k, b) in terms.into_iter().take(m + 1) {
+                    matrix.add(j, k, self.weight * a * b);
+                }
+            }
+        }
+    }
 }
 
 /// Root of the mean squared second derivative of positions by the way along them, whose steps need not be even; those

@@ -60,13 +60,10 @@ pub fn seven_axes(marks: &[Pose], steps: &[f64], limits: Limits) -> Vec<Axes> {
     let c = turntable(marks, steps, angle);
     let a = swivel(marks, steps, &c, angle);
     let seen: Vec<[f64; 3]> = marks.iter().zip(&a).zip(&c).map(|((m, &a), &c)| machine_from_part(a, c, m.p)).collect();
-    let in_focus = || {
-        let heights: Vec<f64> = seen.iter().map(|q| q[2]).collect();
-        let focus = limits.focus * INSIDE;
-        let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
-        within(heights, steps, &ends)
-    };
-    let (plan, z) = parallel::both(|| in_field(&seen, steps, limits.field * INSIDE), in_focus);
+    let (plan, z) = parallel::both(
+        || in_field(&seen, steps, limits.field * INSIDE),
+        || in_focus(&seen, steps, limits.focus * INSIDE),
+    );
     (0..marks.len()).map(|i| Axes { xyz: [plan[2 * i], plan[2 * i + 1], z[i]], a: a[i], c: c[i] }).collect()
 }
 
@@ -76,6 +73,7 @@ fn turntable(marks: &[Pose], steps: &[f64], angle: f64) -> Vec<f64> {
     // The C of each mark that needs one, with how far it may be off, and between them straight lines.
     let mut start = vec![0.0; marks.len()];
     let mut ends = vec![[f64::NEG_INFINITY, f64::INFINITY]; marks.len()];
+    // Invariant: up to `last`, the last mark that needs a C, `start` is known.
     let mut last: Option<usize> = None;
     for (i, mark) in marks.iter().enumerate() {
         let tilt = mark.n[0].hypot(mark.n[1]);
@@ -116,6 +114,13 @@ fn swivel(marks: &[Pose], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
         })
         .unzip::<_, _, Vec<_>, Vec<_>>();
     within(start, steps, &ends)
+}
+
+/// Z along the path, within `focus` of the marks in the turned frame.
+fn in_focus(seen: &[[f64; 3]], steps: &[f64], focus: f64) -> Vec<f64> {
+    let heights: Vec<f64> = seen.iter().map(|q| q[2]).collect();
+    let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
+    within(heights, steps, &ends)
 }
 
 /// X and Y along the path, one after the other, within `field` of the marks in the turned frame.

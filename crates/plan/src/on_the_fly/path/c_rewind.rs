@@ -6,6 +6,7 @@
 //! that takes, over which X, Y and Z go round with the part. Units: mm, rad.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
 use crate::on_the_fly::path::{Node, NodeKind, Path};
@@ -15,8 +16,8 @@ const STEP: f64 = 0.08;
 /// Jumps shorter than this are no place to turn, mm.
 const SHORTEST: f64 = 1e-3;
 
-/// A path with the nodes that turning back needs.
-pub(crate) struct Rewound {
+/// A path with the nodes that rewinds of C need.
+pub(crate) struct PathWithRewinds {
     /// The path.
     pub path: Path,
     /// The axes at each node.
@@ -25,127 +26,143 @@ pub(crate) struct Rewound {
     pub rewinds: Vec<[usize; 2]>,
 }
 
-/// The path with the nodes that turning back needs, and its axes.
-pub(crate) fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
-    // A mark goes with its run-ups.
-    let marks = |i: usize| path.pen_at(i).or(path.run_at(i)).is_some();
-    let mut rewinding = Rewinding::new(path, axes, travel);
-    let mut turns = Revolutions { by: 0.0, fit: true };
-    let mut at = 0;
-    // Invariant: all nodes before `at` are made, with `turns.by` whole turns added to C at the last of them, which
-    // ends a mark (or begins the path).
-    while at < axes.len() {
-        // From the end of a mark, or the path's start, to the start of the next.
-        let begin = (at..axes.len()).find(|&i| marks(i + 1));
-        let first = begin.unwrap_or(axes.len() - 1);
-        let end = (first + 1..axes.len()).find(|&i| !marks(i)).unwrap_or(axes.len());
-        let mut next = if begin.is_some() { turns.next(&axes[first..end], travel) } else { turns };
-        let from = at.saturating_sub(1);
-        if at == 0 {
+/// The path and its axes with C rewound in jumps wherever the next mark would leave its travel, rad.
+pub(crate) fn with_rewinds(path: &Path, axes: &[Axes], travel: [f64; 2]) -> PathWithRewinds {
+    let mut divider = JumpDivider::new(path, axes, travel);
+    let mut turns = WholeTurns { count: 0.0, fits: true };
+    let mut done = 0;
+    // Invariant: all nodes before `done` are in the result. The last of them ends a mark, with `turns` added to its C.
+    while done < axes.len() {
+        let next_mark = next_mark(path, done);
+        let mut next_turns = match &next_mark {
+            Some(mark) => turns.for_mark(&axes[mark.clone()], travel),
+            None => turns,
+        };
+        // After the last mark the path may end with a jump.
+        let Range { start: first, end } = next_mark.unwrap_or(axes.len() - 1..axes.len());
+        let from = done.saturating_sub(1);
+        if done == 0 {
             // The path begins with the turns of its first mark.
-            turns = next;
-            rewinding.keep(0, turns);
-        } else if rewinding.way[first] - rewinding.way[from] < SHORTEST {
+            turns = next_turns;
+            divider.keep(0, turns);
+        } else if divider.way[first] - divider.way[from] < SHORTEST {
             // A rewind takes way: a mark that begins where the last one ended keeps its turns, whether they fit or not.
-            next = Revolutions { by: turns.by, fit: next.fit && next.by == turns.by };
+            let fits = next_turns.fits && next_turns.count == turns.count;
+            next_turns = WholeTurns { count: turns.count, fits };
         }
-        rewinding.jump([from, first], [turns, next]);
-        (first + 1..end).for_each(|k| rewinding.keep(k, next));
-        (turns, at) = (next, end);
+        divider.add_jump(from, first, turns, next_turns);
+        (first + 1..end).for_each(|k| divider.keep(k, next_turns));
+        turns = next_turns;
+        done = end;
     }
-    rewinding.made
+    divider.result
 }
 
-/// A path while nodes are added to its jumps.
-struct Rewinding<'a> {
+/// The nodes of the first marks from a node on that follow each other without a jump; their run-ups are nodes of them.
+fn next_mark(path: &Path, from: usize) -> Option<Range<usize>> {
+    let begin = (from..path.len()).find(|&i| path.is_mark_or_run(i + 1))?;
+    let end = (begin + 1..path.len()).find(|&i| !path.is_mark_or_run(i)).unwrap_or(path.len());
+    Some(begin..end)
+}
+
+/// A path and its axes while nodes are added to its jumps.
+struct JumpDivider<'a> {
     path: &'a Path,
     axes: &'a [Axes],
     travel: [f64; 2],
     /// Distance of each node along the path, mm.
     way: Vec<f64>,
-    made: Rewound,
+    result: PathWithRewinds,
 }
 
-impl<'a> Rewinding<'a> {
+impl<'a> JumpDivider<'a> {
     fn new(path: &'a Path, axes: &'a [Axes], travel: [f64; 2]) -> Self {
-        let made = Rewound { path: Path::default(), axes: Vec::with_capacity(axes.len()), rewinds: Vec::new() };
-        Self { path, axes, travel, way: path.distances(), made }
+        let result =
+            PathWithRewinds { path: Path::default(), axes: Vec::with_capacity(axes.len()), rewinds: Vec::new() };
+        Self { path, axes, travel, way: path.distances(), result }
     }
 
-    /// Node `k` with so many turns added to C.
-    fn keep(&mut self, k: usize, turns: Revolutions) {
+    /// Adds node `k` as it is, with so many turns added to C.
+    fn keep(&mut self, k: usize, turns: WholeTurns) {
         let axes = self.axes[k];
-        self.made.path.nodes.push(self.path.nodes[k]);
-        self.made.axes.push(Axes { c: axes.c + TAU * turns.by, ..axes });
+        self.result.path.nodes.push(self.path.nodes[k]);
+        self.result.axes.push(Axes { c: axes.c + TAU * turns.count, ..axes });
     }
 
-    /// The nodes after the first of a jump. C goes from one count of turns to the other evenly along it, and the tool
-    /// stays over its place, so the jump gets as many nodes as C's turn takes.
-    fn jump(&mut self, [from, to]: [usize; 2], [turns, next]: [Revolutions; 2]) {
-        let change = next.by - turns.by;
+    /// Adds the nodes after `from` up to `to`, between which the path jumps. C goes evenly along the jump from the
+    /// turns before it to those after it, and the tool stays over its place, so the jump gets as many nodes as C's turn
+    /// takes.
+    fn add_jump(&mut self, from: usize, to: usize, before: WholeTurns, after: WholeTurns) {
+        let change = after.count - before.count;
         let length = self.way[to] - self.way[from];
-        let begin = self.made.axes.len() - 1;
+        let begin = self.result.axes.len() - 1;
         for k in from + 1..=to {
             let edge = self.way[k] - self.way[k - 1];
             let pieces = ((change * TAU / STEP).abs() * edge / length.max(SHORTEST)).ceil().max(1.0) as usize;
             for j in 1..=pieces {
                 let t = j as f64 / pieces as f64;
-                let share = if length > 0.0 { (self.way[k - 1] + t * edge - self.way[from]) / length } else { 1.0 };
-                let mut c = between(self.axes[k - 1].c, self.axes[k].c, t) + TAU * (turns.by + share * change);
-                // Between two marks within its travel C stays there too.
-                if turns.fit && next.fit && k < to {
+                let share_of_jump =
+                    if length > 0.0 { (self.way[k - 1] + t * edge - self.way[from]) / length } else { 1.0 };
+                let turns = before.count + share_of_jump * change;
+                let mut c = interpolated(self.axes[k - 1].c, self.axes[k].c, t) + TAU * turns;
+                // Between two marks within its travel C stays there too; at `to` it is the second mark's own.
+                if before.fits && after.fits && k < to {
                     c = c.clamp(self.travel[0], self.travel[1]);
                 }
-                self.divide(k, t, c);
+                self.add_node_between(k, t, c);
             }
         }
         if change != 0.0 {
-            self.made.rewinds.push([begin, self.made.axes.len() - 1]);
+            self.result.rewinds.push([begin, self.result.axes.len() - 1]);
         }
     }
 
-    /// A node at the share `t` of the way from node `k - 1` to node `k`, C at `c`.
-    fn divide(&mut self, k: usize, t: f64, c: f64) {
+    /// Adds a node at the share `t` of the way from node `k - 1` to node `k`, with C at `c`.
+    fn add_node_between(&mut self, k: usize, t: f64, c: f64) {
         let (nodes, axes) = (&self.path.nodes, self.axes);
-        let at = [0, 1, 2].map(|i| between(nodes[k - 1].at[i], nodes[k].at[i], t));
+        let at = [0, 1, 2].map(|i| interpolated(nodes[k - 1].at[i], nodes[k].at[i], t));
+        // The tool goes straight over the part; where X, Y and Z must go for that follows from A and C.
         let [p, q] = [k - 1, k].map(|i| axes[i].tool().p);
-        let tool = [0, 1, 2].map(|i| between(p[i], q[i], t));
-        let a = between(axes[k - 1].a, axes[k].a, t);
+        let tool = [0, 1, 2].map(|i| interpolated(p[i], q[i], t));
+        let a = interpolated(axes[k - 1].a, axes[k].a, t);
         let kind = if t < 1.0 { NodeKind::Between } else { nodes[k].kind };
-        self.made.path.nodes.push(Node { at, kind, ..nodes[k] });
-        self.made.axes.push(Axes { xyz: machine_from_part(a, c, tool), a, c });
+        self.result.path.nodes.push(Node { at, kind, ..nodes[k] });
+        self.result.axes.push(Axes { xyz: machine_from_part(a, c, tool), a, c });
     }
 }
 
-fn between(a: f64, b: f64, t: f64) -> f64 {
+/// The value at a share of the way from `a` to `b`: at its end exactly `b`, so that marks begin where they did.
+fn interpolated(a: f64, b: f64, t: f64) -> f64 {
     if t >= 1.0 { b } else { a + t * (b - a) }
 }
 
-/// Whole turns that are added to C, and whether its travel holds the mark with them.
-#[derive(Clone, Copy)]
-struct Revolutions {
-    by: f64,
-    fit: bool,
+/// Whole turns that are added to C in a mark, and whether the mark is within its travel with them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct WholeTurns {
+    count: f64,
+    fits: bool,
 }
 
-impl Revolutions {
-    /// The revolutions of the next mark.
-    fn next(self, axes: &[Axes], [lo, hi]: [f64; 2]) -> Self {
-        let none = [f64::INFINITY, f64::NEG_INFINITY];
-        let needs = axes.iter().fold(none, |e, a| [e[0].min(a.c), e[1].max(a.c)]);
-        let [fewest, most] = [((lo - needs[0]) / TAU).ceil(), ((hi - needs[1]) / TAU).floor()];
+impl WholeTurns {
+    /// The turns of the next mark, which has these axes. A mark that no count of turns brings into the travel keeps the
+    /// turns of the one before.
+    fn for_mark(self, axes: &[Axes], [lo, hi]: [f64; 2]) -> Self {
+        let empty = [f64::INFINITY, f64::NEG_INFINITY];
+        let [least_c, most_c] = axes.iter().fold(empty, |[least, most], a| [least.min(a.c), most.max(a.c)]);
+        let fewest = ((lo - least_c) / TAU).ceil();
+        let most = ((hi - most_c) / TAU).floor();
         if fewest > most {
-            return Self { fit: false, ..self };
+            return Self { fits: false, ..self };
         }
         // As few changes as possible: where one is needed, as far as the travel goes.
-        let by = if self.by > most {
+        let count = if self.count > most {
             fewest
-        } else if self.by < fewest {
+        } else if self.count < fewest {
             most
         } else {
-            self.by
+            self.count
         };
-        Self { by, fit: true }
+        Self { count, fits: true }
     }
 }
 
@@ -175,10 +192,22 @@ mod tests {
     }
 
     #[test]
+    fn turns_change_only_where_a_mark_leaves_the_travel_and_then_as_far_as_it_goes() {
+        let mark = |from: f64, to: f64| [from, to].map(|turns| Axes { xyz: [0.0; 3], a: 0.0, c: TAU * turns });
+        let travel = [-3.0 * TAU, 3.0 * TAU];
+        let none = WholeTurns { count: 0.0, fits: true };
+        assert_eq!(none.for_mark(&mark(-2.9, 2.9), travel), none);
+        assert_eq!(none.for_mark(&mark(3.1, 4.2), travel), WholeTurns { count: -6.0, fits: true });
+        assert_eq!(none.for_mark(&mark(-4.2, -3.1), travel), WholeTurns { count: 6.0, fits: true });
+        // A mark of more than all of the travel keeps the turns.
+        assert_eq!(none.for_mark(&mark(0.0, 6.1), travel), WholeTurns { count: 0.0, fits: false });
+    }
+
+    #[test]
     fn rewinding_c_during_jumps_keeps_the_pose_at_marks() {
         for (travel, jump) in [([-TAU, TAU], 1.0), ([-0.2, TAU + 0.2], 0.05), ([-4.5 * TAU, -1.5 * TAU], 0.3)] {
             let (path, axes) = rings(7, jump);
-            let Rewound { path: out, axes: turned, rewinds } = rewound(&path, &axes, travel);
+            let PathWithRewinds { path: out, axes: turned, rewinds } = with_rewinds(&path, &axes, travel);
             let turns_back = |r: &[usize; 2]| (turned[r[1]].c - turned[r[0]].c).abs() > 0.9 * TAU;
             assert!(!rewinds.is_empty() && rewinds.iter().all(turns_back));
             assert!(turned.iter().all(|a| (travel[0] - 1e-9..=travel[1] + 1e-9).contains(&a.c)), "{travel:?}");
@@ -199,14 +228,14 @@ mod tests {
     fn rewind_leaves_paths_that_fit_or_cannot_fit_unchanged() {
         let (path, axes) = rings(2, 1.0);
         for travel in [[-9.0 * TAU, 9.0 * TAU], [-1.0, 1.0]] {
-            let Rewound { path: out, axes: same, rewinds } = rewound(&path, &axes, travel);
+            let PathWithRewinds { path: out, axes: same, rewinds } = with_rewinds(&path, &axes, travel);
             assert!(rewinds.is_empty());
             assert_eq!(out.nodes, path.nodes);
             assert!(same.iter().zip(&axes).all(|(a, b)| (a.c - b.c).abs() < 1e-12));
         }
         // A jump of a nanometre is not a place to turn.
         let (path, axes) = rings(3, 1e-6);
-        assert_eq!(rewound(&path, &axes, [-0.1, TAU + 0.1]).path.len(), path.len());
-        assert!(rewound(&Path::default(), &[], [0.0, 1.0]).axes.is_empty());
+        assert_eq!(with_rewinds(&path, &axes, [-0.1, TAU + 0.1]).path.len(), path.len());
+        assert!(with_rewinds(&Path::default(), &[], [0.0, 1.0]).axes.is_empty());
     }
 }

@@ -13,8 +13,8 @@ use terrace_core::program::PieceId;
 const BESIDE_STEP: f64 = 5e-5;
 /// Pieces that are shorter are left out.
 const SHORTEST: f64 = 2e-3;
-/// Nodes of a segment are farther apart, mm, but for its ends: over less, a line is as near to the part as its ends, and
-/// nodes may be one on the grid.
+/// Nodes of a segment are farther apart, mm, but for its ends: over less, a line is as near to the part as its ends,
+/// and nodes may be one on the grid.
 const APART: f64 = 1e-5;
 
 /// A stretch of a stroke of the program.
@@ -33,7 +33,7 @@ pub struct Follow<'a> {
     /// Largest distance in height of the part from the line between two nodes; infinite: nodes lie evenly, and nothing
     /// is cut.
     pub near: f64,
-    /// Whether a point of the part with its normal can be marked.
+    /// Whether a point of the part with its normal, in this order, can be marked.
     pub holds: &'a dyn Fn([f64; 3], [f64; 3]) -> bool,
     /// Stretches that are left out besides.
     pub without: &'a [Stretch],
@@ -84,15 +84,21 @@ impl Segment {
         [ax + t * (bx - ax), ay + t * (by - ay)]
     }
 
-    /// The same on the grid.
+    /// A point of it on the grid.
     pub(super) fn point(&self, t: f64) -> P2 {
         self.a.lerp(self.b, t)
     }
 
-    /// What lies under a parameter: before it, or after it.
-    pub(super) fn under(&self, t: f64, after: bool) -> &Under {
+    /// What lies under the segment just before a parameter.
+    pub(super) fn under_before(&self, t: f64) -> &Under {
         let last = self.under.len() - 1;
-        &self.under[self.under.partition_point(|u| if after { u.t[1] <= t } else { u.t[1] < t }).min(last)]
+        &self.under[self.under.partition_point(|u| u.t[1] < t).min(last)]
+    }
+
+    /// What lies under the segment just after a parameter.
+    pub(super) fn under_after(&self, t: f64) -> &Under {
+        let last = self.under.len() - 1;
+        &self.under[self.under.partition_point(|u| u.t[1] <= t).min(last)]
     }
 
     fn along(&self, t: f64) -> f64 {
@@ -120,7 +126,8 @@ impl Segment {
 pub(super) fn segments(points: &[P2], tracer: &mut Tracer<'_>, height_field: &HeightField) -> Vec<Segment> {
     let mut out: Vec<Segment> = Vec::with_capacity(points.len() - 1);
     let mut before = 0.0;
-    let mut seen: Option<([f64; 2], f64)> = None;
+    // The last place whose height is known, and the height.
+    let mut last_known: Option<([f64; 2], f64)> = None;
     for w in points.windows(2) {
         let (a, b) = (w[0], w[1]);
         let mut segment = Segment { a, b, before, length: a.distance(b) / NM_PER_MM, under: Vec::new() };
@@ -130,11 +137,12 @@ pub(super) fn segments(points: &[P2], tracer: &mut Tracer<'_>, height_field: &He
             let under = if p.skip.is_none() {
                 Under { t, z: [p.z0, p.z1].map(|z| z / NM_PER_MM), normal: Some(normals.under(&p)) }
             } else {
-                let z = ends.map(|xy| seen.map_or(0.0, |(at, z)| z - height_field.at(at).z) + height_field.at(xy).z);
+                let offset = |(at, z): ([f64; 2], f64)| z - height_field.at(at).z;
+                let z = ends.map(|xy| last_known.map_or(0.0, offset) + height_field.at(xy).z);
                 Under { t, z, normal: None }
             };
             if p.skip.is_none() {
-                seen = Some((ends[1], under.z[1]));
+                last_known = Some((ends[1], under.z[1]));
             }
             segment.under.push(under);
         });
@@ -153,15 +161,20 @@ pub(super) fn pieces(
     spacing: f64,
 ) -> (Vec<Stretch>, Vec<Stretch>) {
     let length = segments.last().map_or(0.0, |s| s.along(1.0));
-    let mut out: Vec<[f64; 2]> = follow.without.iter().filter(|w| w.stroke == stroke).map(|w| [w.from, w.to]).collect();
+    let mut cuts: Vec<[f64; 2]> =
+        follow.without.iter().filter(|w| w.stroke == stroke).map(|w| [w.from, w.to]).collect();
     if follow.near.is_finite() {
-        steps(segments, follow.near, &mut out);
-        unfollowed(segments, follow, spacing, &mut out);
+        steps(segments, follow.near, &mut cuts);
+        unfollowed(segments, follow, spacing, &mut cuts);
     }
-    out.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let (mut marked, mut left, mut at) = (Vec::new(), Vec::new(), 0.0f64);
+    cuts.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let (mut marked, mut left_out) = (Vec::new(), Vec::new());
+    let mut at = 0.0f64;
     let mut gap = [0.0f64, 0.0];
-    for [from, to] in out.into_iter().chain([[length, length]]) {
+    // Invariant: the pieces and stretches so far tile the stroke up to the begin of `gap`, which is left out up to
+    // `at`.
+    for [from, to] in cuts.into_iter().chain([[length, length]]) {
+        // What is too short to be marked joins the gap; a stroke that is short as a whole is marked.
         if from - at > SHORTEST || (from >= length && at == 0.0) {
             let last: Option<&Stretch> = marked.last();
             if last.is_some_and(|last| point_at(segments, last.to) == point_at(segments, at)) {
@@ -171,7 +184,7 @@ pub(super) fn pieces(
                 gap[1] = at;
             }
             if gap[1] > gap[0] {
-                left.push(Stretch { stroke, from: gap[0], to: gap[1] });
+                left_out.push(Stretch { stroke, from: gap[0], to: gap[1] });
             }
             marked.push(Stretch { stroke, from: at, to: from.min(length) });
             gap = [from, from];
@@ -180,9 +193,9 @@ pub(super) fn pieces(
         gap[1] = at;
     }
     if gap[1] > gap[0] {
-        left.push(Stretch { stroke, from: gap[0], to: gap[1] });
+        left_out.push(Stretch { stroke, from: gap[0], to: gap[1] });
     }
-    (marked, left)
+    (marked, left_out)
 }
 
 /// The point of a stroke at a length along it.
@@ -191,7 +204,7 @@ fn point_at(segments: &[Segment], along: f64) -> Option<P2> {
     Some(segment.point(((along - segment.before) / segment.length).clamp(0.0, 1.0)))
 }
 
-/// Where the part steps.
+/// Adds a cut wherever the part steps by more than a line between two nodes may pass it on both sides.
 fn steps(segments: &[Segment], near: f64, out: &mut Vec<[f64; 2]>) {
     let mut before: Option<f64> = None;
     for segment in segments {
@@ -205,7 +218,7 @@ fn steps(segments: &[Segment], near: f64, out: &mut Vec<[f64; 2]>) {
     }
 }
 
-/// Where no mark holds: from the last place that does to the next one.
+/// Adds where the part cannot be marked: from the last place that can to the next one.
 fn unfollowed(segments: &[Segment], follow: &Follow<'_>, spacing: f64, out: &mut Vec<[f64; 2]>) {
     let (mut last, mut left_out) = (0.0, None);
     for segment in segments {
@@ -240,38 +253,48 @@ pub(super) fn nodes(segment: &Segment, from: f64, to: f64, spacing: f64, near: f
         return even;
     }
     let mut out = Vec::with_capacity(even.len());
-    // From the last node: the slopes of lines that pass all borders of facets since near enough.
-    let mut begin = (from, segment.under(from, true).z(from));
+    let mut last = ProfilePoint { t: from, z: segment.under_after(from).z(from) };
     for end in even {
-        loop {
-            let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-            let mut cut = None;
-            let mut passed = begin;
-            let first = segment.under.partition_point(|u| u.t[1] <= begin.0);
-            let borders = segment.under[first..].iter().map(|u| u.t[1]).take_while(|&t| t < end - apart);
-            let borders = borders.filter(|&t| t > begin.0 + apart);
-            for t in borders.chain([end]) {
-                let z = segment.under(t, false).z(t);
-                let (run, rise) = (t - begin.0, z - begin.1);
-                if passed.0 > begin.0 && !(low..=high).contains(&(rise / run)) {
-                    cut = Some(passed);
-                    break;
-                }
-                (low, high) = (low.max((rise - near) / run), high.min((rise + near) / run));
-                passed = (t, z);
-            }
-            match cut {
-                Some(at) => {
-                    out.push(at.0);
-                    begin = at;
-                }
-                None => break,
-            }
+        while let Some(node) = end_of_near_line(segment, last, end, near) {
+            out.push(node.t);
+            last = node;
         }
         out.push(end);
-        begin = (end, segment.under(end, false).z(end));
+        last = ProfilePoint { t: end, z: segment.under_before(end).z(end) };
     }
     out
+}
+
+/// A place of a segment and the height of the part there.
+#[derive(Clone, Copy)]
+struct ProfilePoint {
+    t: f64,
+    z: f64,
+}
+
+/// The last border of facets up to which one line from `begin` is within `near` of the part; None where one is up to
+/// `end`.
+fn end_of_near_line(segment: &Segment, begin: ProfilePoint, end: f64, near: f64) -> Option<ProfilePoint> {
+    let apart = APART / segment.length;
+    let first = segment.under.partition_point(|u| u.t[1] <= begin.t);
+    let borders = segment.under[first..].iter().map(|u| u.t[1]).take_while(|&t| t < end - apart);
+    let borders = borders.filter(|&t| t > begin.t + apart);
+    // Invariant: lines of slopes from `low` to `high` pass all borders so far near enough. One to the next border must
+    // have such a slope.
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    let mut passed = begin;
+    for t in borders.chain([end]) {
+        let z = segment.under_before(t).z(t);
+        let (run, rise) = (t - begin.t, z - begin.z);
+        // The first border is always reached, so that a node is farther on than the last.
+        if passed.t > begin.t && !(low..=high).contains(&(rise / run)) {
+            return Some(passed);
+        }
+        low = low.max((rise - near) / run);
+        high = high.min((rise + near) / run);
+        passed = ProfilePoint { t, z };
+    }
+    None
 }
 
 #[cfg(test)]

@@ -50,13 +50,14 @@ const STEPS: f64 = 1024.0;
 /// Rings of nodes around the area.
 const RINGS: usize = 3;
 
-/// Finest step of the grid for axes that follow a part, mm, and the share of the focal offset that smoothing may use.
+/// Finest step of the grid for axes that follow a part, mm.
 const FINEST: f64 = 0.05;
+/// Share of the focal offset that smoothing may use for axes that follow a part.
 const SHARE: f64 = 0.1;
 
 impl HeightField {
-    /// The height field for axes that follow a part over `area`, where marks may be `focus` mm out of focus; None as
-    /// [`Self::over`].
+    /// The height field for axes that follow a part over `area`, where marks may be `focus` mm out of focus; None where
+    /// no node of the grid lies on the part.
     pub fn followed(surface: &Surface, area: Box2, focus: f64) -> Option<Self> {
         Self::over(surface, area, FINEST, SHARE * focus)
     }
@@ -94,8 +95,8 @@ impl HeightField {
         Some(Self { origin, step, count, heights, steepest: f64::INFINITY })
     }
 
-    /// The same with slopes of at most `steepest`: steeper ones are those of a smeared cliff, on which nothing is
-    /// marked and no axis should lean.
+    /// The height field with slopes of at most `steepest`: steeper ones are those of a smeared cliff, on which nothing
+    /// is marked and no axis should lean.
     pub(crate) fn no_steeper_than(self, steepest: f64) -> Self {
         Self { steepest, ..self }
     }
@@ -103,11 +104,15 @@ impl HeightField {
     /// Largest angle between its normal and the vertical at a node of the grid, rad.
     pub(crate) fn steepest_lean(&self) -> f64 {
         let [columns, rows] = self.count;
-        let slope = |row: usize| {
-            let at = |i: usize| [self.origin[0] + i as f64 * self.step, self.origin[1] + row as f64 * self.step];
-            (0..columns).map(|i| self.at(at(i)).slope).fold(0.0, |most: f64, [x, y]| most.max(x.hypot(y)))
-        };
-        (0..rows).map(slope).fold(0.0, f64::max).atan()
+        let node = |i: usize, j: usize| [self.origin[0] + i as f64 * self.step, self.origin[1] + j as f64 * self.step];
+        let mut steepest = 0.0f64;
+        for j in 0..rows {
+            for i in 0..columns {
+                let [x, y] = self.at(node(i, j)).slope;
+                steepest = steepest.max(x.hypot(y));
+            }
+        }
+        steepest.atan()
     }
 
     /// Distance of the grid's nodes.
@@ -117,12 +122,8 @@ impl HeightField {
 
     /// Height and slope at a point; beyond the grid those of its border.
     pub fn at(&self, [x, y]: [f64; 2]) -> Height {
-        let along = |axis: usize, v: f64| {
-            let at = ((v - self.origin[axis]) / self.step).clamp(1.0, (self.count[axis] - 2) as f64);
-            let first = (at.floor() as usize).min(self.count[axis] - 3) - 1;
-            (first, at - (first + 1) as f64)
-        };
-        let ((i, u), (j, v)) = (along(0, x), along(1, y));
+        let (i, u) = self.spline_cell(0, x);
+        let (j, v) = self.spline_cell(1, y);
         let (wx, dx, wy, dy) = (weights(u), slopes(u), weights(v), slopes(v));
         let mut out = Height::default();
         for (row, (wy, dy)) in wy.into_iter().zip(dy).enumerate() {
@@ -139,9 +140,16 @@ impl HeightField {
         }
         out
     }
+
+    /// The first of the four nodes around a coordinate along an axis, and the part of a step beyond the second of them.
+    fn spline_cell(&self, axis: usize, v: f64) -> (usize, f64) {
+        let at = ((v - self.origin[axis]) / self.step).clamp(1.0, (self.count[axis] - 2) as f64);
+        let first = (at.floor() as usize).min(self.count[axis] - 3) - 1;
+        (first, at - (first + 1) as f64)
+    }
 }
 
-/// Weights of the four nodes around a point, `t` of a step beyond the second.
+/// Weights of the four nodes around a point, `t` of a step beyond the second: the uniform cubic B-spline.
 fn weights(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [s * s * s / 6.0, (4.0 + 3.0 * t * t * (t - 2.0)) / 6.0, (4.0 + 3.0 * s * s * (s - 2.0)) / 6.0, t * t * t / 6.0]
@@ -204,57 +212,82 @@ fn blurred(i: usize, count: usize, line: impl Fn(usize) -> f64) -> f64 {
     if (2..count.saturating_sub(2)).contains(&i) {
         return (line(i - 2) + line(i + 2) + 4.0 * (line(i - 1) + line(i + 1)) + 6.0 * line(i)) / 16.0;
     }
-    let at = |by: isize| match i.wrapping_add_signed(by) {
+    let neighbour = |by: isize| match i.wrapping_add_signed(by) {
         k if k <= last => line(k),
         k if k > isize::MAX as usize => 2.0 * line(0) - line(k.wrapping_neg().min(last)),
         k => 2.0 * line(last) - line((2 * last).saturating_sub(k)),
     };
-    (at(-2) + at(2) + 4.0 * (at(-1) + at(1)) + 6.0 * at(0)) / 16.0
+    (neighbour(-2) + neighbour(2) + 4.0 * (neighbour(-1) + neighbour(1)) + 6.0 * neighbour(0)) / 16.0
+}
+
+/// The directions to the eight neighbours of a node.
+const AROUND: [[i64; 2]; 8] = [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
+
+/// The node so many steps from another in a direction; None beyond the grid of so many columns and rows.
+fn node_from(node: usize, [dx, dy]: [i64; 2], steps: i64, count: [usize; 2]) -> Option<usize> {
+    let [columns, rows] = count.map(|c| c as i64);
+    let (x, y) = (node as i64 % columns + dx * steps, node as i64 / columns + dy * steps);
+    ((0..columns).contains(&x) && (0..rows).contains(&y)).then_some((y * columns + x) as usize)
 }
 
 /// Fills unknown nodes ring by ring from known ones; false where none is known.
 fn fill(heights: &mut [f64], count: [usize; 2]) -> bool {
-    const AROUND: [[i64; 2]; 8] = [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
-    let [columns, rows] = count.map(|c| c as i64);
-    let step = |node: usize, [dx, dy]: [i64; 2], times: i64| {
-        let (x, y) = (node as i64 % columns + dx * times, node as i64 / columns + dy * times);
-        ((0..columns).contains(&x) && (0..rows).contains(&y)).then_some((y * columns + x) as usize)
-    };
+    let neighbours = |node: usize| AROUND.iter().filter_map(move |&d| node_from(node, d, 1, count));
     let mut ring: Vec<usize> = (0..heights.len())
         .filter(|&i| heights[i].is_nan())
-        .filter(|&i| AROUND.iter().any(|&d| step(i, d, 1).is_some_and(|n| heights[n].is_finite())))
+        .filter(|&i| neighbours(i).any(|n| heights[n].is_finite()))
         .collect();
-    // The part continues as it ends for a few rings; farther out only its height does.
+    // Invariant: `ring` are the unknown nodes next to known ones. The part continues as it ends for a few rings;
+    // farther out only its height does.
     for number in 0.. {
         if ring.is_empty() {
             break;
         }
-        let found: Vec<f64> = ring
-            .iter()
-            .map(|&i| {
-                let (mut level, mut sloped) = ([0.0; 2], [0.0; 2]);
-                for d in AROUND {
-                    let known = |times| step(i, d, times).map(|n| heights[n]).filter(|z| z.is_finite());
-                    let Some(near) = known(1) else { continue };
-                    level = [level[0] + near, level[1] + 1.0];
-                    if let Some(far) = known(2).filter(|_| number <= RINGS) {
-                        sloped = [sloped[0] + 2.0 * near - far, sloped[1] + 1.0];
-                    }
-                }
-                if sloped[1] > 0.0 { sloped[0] / sloped[1] } else { level[0] / level[1] }
-            })
-            .collect();
-        ring.iter().zip(found).for_each(|(&i, z)| heights[i] = z);
-        let mut next: Vec<usize> = ring
-            .iter()
-            .flat_map(|&i| AROUND.iter().filter_map(move |&d| step(i, d, 1)))
-            .filter(|&n| heights[n].is_nan())
-            .collect();
+        let keeps_slope = number <= RINGS;
+        // All of a ring from what was known before it, so that its order does not matter.
+        let filled: Vec<f64> = ring.iter().map(|&i| continued(heights, count, i, keeps_slope)).collect();
+        ring.iter().zip(filled).for_each(|(&i, z)| heights[i] = z);
+        let mut next: Vec<usize> = ring.iter().flat_map(|&i| neighbours(i)).filter(|&n| heights[n].is_nan()).collect();
         next.sort_unstable();
         next.dedup();
         ring = next;
     }
     heights.first().is_some_and(|z| z.is_finite())
+}
+
+/// The height of a node from its known neighbours: the mean of the lines through pairs of them if it keeps the slope
+/// and there are any, else of their heights.
+fn continued(heights: &[f64], count: [usize; 2], node: usize, keeps_slope: bool) -> f64 {
+    let (mut level, mut sloped) = (Mean::default(), Mean::default());
+    for d in AROUND {
+        let known = |steps| node_from(node, d, steps, count).map(|n| heights[n]).filter(|z| z.is_finite());
+        let Some(near) = known(1) else { continue };
+        level.add(near);
+        if let Some(far) = known(2).filter(|_| keeps_slope) {
+            sloped.add_line(near, far);
+        }
+    }
+    if sloped.count > 0.0 { sloped.sum / sloped.count } else { level.sum / level.count }
+}
+
+/// A mean of heights.
+#[derive(Default)]
+struct Mean {
+    sum: f64,
+    count: f64,
+}
+
+impl Mean {
+    fn add(&mut self, z: f64) {
+        self.sum += z;
+        self.count += 1.0;
+    }
+
+    /// Adds what the line through two nodes has one step before the nearer one.
+    fn add_line(&mut self, near: f64, far: f64) {
+        self.sum = self.sum + 2.0 * near - far;
+        self.count += 1.0;
+    }
 }
 
 #[cfg(test)]

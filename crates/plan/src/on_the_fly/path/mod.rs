@@ -80,7 +80,7 @@ impl Path {
         Self::following(ordered, range, surface, height_field, spacing, &Follow::EVENLY).path
     }
 
-    /// The same, cut and with nodes as `follow` has it.
+    /// The path of some of the strokes, cut and with nodes as `follow` has it.
     pub fn following(
         ordered: &OrderedStrokes,
         range: std::ops::Range<usize>,
@@ -90,59 +90,76 @@ impl Path {
         follow: &Follow<'_>,
     ) -> Followed {
         let mut out = Followed::default();
-        let path = &mut out.path;
+        let mut follower =
+            PathFollower { path: Self::default(), reached: None, height_field, spacing, near: follow.near };
         let mut tracer = Tracer::new(surface, f64::INFINITY);
-        let mut from: Option<P2> = None;
         for (number, stroke) in range.clone().zip(&ordered.strokes[range]) {
             let segments = follow::segments(ordered.points_of(stroke), &mut tracer, height_field);
             let (marked, left_out) = follow::pieces(PieceId(number as u32), &segments, follow, spacing);
             for piece in &marked {
-                path.piece_of(&segments, piece, &mut from, stroke.pen, (height_field, spacing, follow.near));
+                follower.add_piece(&segments, piece, stroke.pen);
             }
             out.marked.extend(marked);
             out.left_out.extend(left_out);
         }
+        out.path = follower.path;
         out
     }
 
-    /// The same with no more nodes than a smooth path needs: between two corners or ends one for every
+    /// The path with no more nodes than a smooth path needs: between two corners or ends one for every
     /// `step` mm of way and every turn of a corner's angle, evenly spread over both; no more than there were.
     pub fn evened(&self, step: f64) -> Self {
         let mut out = Self::default();
         out.nodes.extend(self.nodes.first());
-        let (way, mut from) = (self.distances(), 0);
+        let way = self.distances();
+        let mut from = 0;
         for to in 1..self.len() {
-            let of = |i: usize| self.nodes.get(i).map(|node| (node.pen, node.stroke));
-            let goes_on = of(to) == of(to + 1);
-            if goes_on && !matches!(self.nodes[to].kind, NodeKind::Corner | NodeKind::End) {
-                continue;
+            if !self.runs_on_past(to) {
+                out.add_evened(self, &way, from, to, step);
+                from = to;
             }
-            // Nodes go where there is way, and where there are turns.
-            let heading = |i: usize| [0, 1].map(|k| self.nodes[i + 1].at[k] - self.nodes[i].at[k]);
-            let turn = |i: usize| if i > from && i < to { angle(heading(i - 1), heading(i)) } else { 0.0 };
-            let weight = |i: usize| (way[i + 1] - way[i]) / step + (turn(i) + turn(i + 1)) / (2.0 * CORNER);
-            let all: f64 = (from..to).map(weight).sum();
-            let count = all.ceil() as usize;
-            let (mut i, mut before) = (from, 0.0);
-            for n in 1..count.min(to - from) {
-                if count >= to - from {
-                    out.nodes.push(self.nodes[from + n]);
-                    continue;
-                }
-                let at = all * n as f64 / count as f64;
-                while i + 1 < to && before + weight(i) < at {
-                    before += weight(i);
-                    i += 1;
-                }
-                let share = ((at - before) / weight(i)).clamp(0.0, 1.0);
-                let [a, b] = [i, i + 1].map(|i| self.nodes[i].at);
-                let spot = [0, 1, 2].map(|k| a[k] + share * (b[k] - a[k]));
-                out.node(spot, self.nodes[to].pen, self.nodes[to].stroke);
-            }
-            out.nodes.push(self.nodes[to]);
-            from = to;
         }
         out
+    }
+
+    /// Whether the path neither turns sharply at a node nor ends there, and keeps its pen and its stroke.
+    fn runs_on_past(&self, i: usize) -> bool {
+        let pen_and_stroke = |i: usize| self.nodes.get(i).map(|node| (node.pen, node.stroke));
+        pen_and_stroke(i) == pen_and_stroke(i + 1) && !matches!(self.nodes[i].kind, NodeKind::Corner | NodeKind::End)
+    }
+
+    /// Adds what a path has after its node `from` up to `to`, with as many nodes as `step` mm of `way` and its turns
+    /// ask for.
+    fn add_evened(&mut self, path: &Self, way: &[f64], from: usize, to: usize, step: f64) {
+        let weights: Vec<f64> = (from..to).map(|i| path.weight_for_nodes(way, from, to, i, step)).collect();
+        let total: f64 = weights.iter().sum();
+        let count = total.ceil() as usize;
+        if count >= to - from {
+            self.nodes.extend_from_slice(&path.nodes[from + 1..=to]);
+            return;
+        }
+        let (mut i, mut before) = (from, 0.0);
+        for n in 1..count {
+            let at = total * n as f64 / count as f64;
+            // Invariant: `before` is the weight of the stretches from `from` up to node i, and less than `at`.
+            while i + 1 < to && before + weights[i - from] < at {
+                before += weights[i - from];
+                i += 1;
+            }
+            let share = ((at - before) / weights[i - from]).clamp(0.0, 1.0);
+            let [a, b] = [i, i + 1].map(|i| path.nodes[i].at);
+            let place = [0, 1, 2].map(|k| a[k] + share * (b[k] - a[k]));
+            self.node(place, path.nodes[to].pen, path.nodes[to].stroke);
+        }
+        self.nodes.push(path.nodes[to]);
+    }
+
+    /// How many nodes the stretch after node `i` asks for, of those from `from` to `to`: nodes go where there is way,
+    /// and where there are turns, half of one at either end.
+    fn weight_for_nodes(&self, way: &[f64], from: usize, to: usize, i: usize, step: f64) -> f64 {
+        let heading = |i: usize| [0, 1].map(|k| self.nodes[i + 1].at[k] - self.nodes[i].at[k]);
+        let turn = |i: usize| if i > from && i < to { angle(heading(i - 1), heading(i)) } else { 0.0 };
+        (way[i + 1] - way[i]) / step + (turn(i) + turn(i + 1)) / (2.0 * CORNER)
     }
 
     /// A share of its nodes, from the middle, that begins where a mark begins and ends where one ends, where marks are
@@ -153,17 +170,21 @@ impl Path {
             return Self::default();
         }
         let first = (self.len() - count) / 2;
-        let marks = |i: usize| self.pen_at(i).is_some();
-        let runs = |i: usize| self.run_at(i).is_some();
-        // A mark goes with its runs, where it has any: these have no ends of their own.
-        let goes = |i: usize| marks(i) || runs(i);
-        let is_end = |i: usize| self.nodes[i].kind == NodeKind::End;
-        let begins = |i: &usize| goes(i + 1) && (is_end(*i) || !goes(*i));
-        let ends = |i: &usize| goes(*i) && (is_end(*i) || !goes(i + 1));
-        let from = (first..first + count).find(begins).unwrap_or(first);
+        let from = (first..first + count).find(|&i| self.begins_mark(i)).unwrap_or(first);
         let enough = (from + count).min(self.len());
-        let to = (enough..(from + 2 * count).min(self.len() + 1)).find(|to| ends(&(to - 1))).unwrap_or(enough);
+        let to = (enough..(from + 2 * count).min(self.len() + 1)).find(|to| self.ends_mark(to - 1)).unwrap_or(enough);
         self.piece(from..to)
+    }
+
+    /// Whether a mark, or its run-in, begins at a node.
+    fn begins_mark(&self, i: usize) -> bool {
+        // A run-in and its mark have no end between them, but two marks on one line may have.
+        self.is_mark_or_run(i + 1) && (self.nodes[i].kind == NodeKind::End || !self.is_mark_or_run(i))
+    }
+
+    /// Whether a mark, or its run-out, ends at a node.
+    fn ends_mark(&self, i: usize) -> bool {
+        self.is_mark_or_run(i) && (self.nodes[i].kind == NodeKind::End || !self.is_mark_or_run(i + 1))
     }
 
     /// Some of its nodes, as a path of their own.
@@ -190,9 +211,14 @@ impl Path {
         self.nodes.get(i)?.pen
     }
 
-    /// Pen whose speed that stretch keeps with the laser off, if it runs out of a mark or into one.
+    /// Pen whose speed the stretch that ends at a node keeps with the laser off, if it runs out of a mark or into one.
     pub(crate) fn run_at(&self, i: usize) -> Option<PenId> {
         self.nodes.get(i)?.run
+    }
+
+    /// Whether the stretch that ends at a node is a mark, or a run-in or run-out of one; the others are jumps.
+    pub(crate) fn is_mark_or_run(&self, i: usize) -> bool {
+        self.pen_at(i).or(self.run_at(i)).is_some()
     }
 
     /// Length of the path seen from the lens up to each node.
@@ -210,11 +236,12 @@ impl Path {
         self.weighted(|_| 1.0)
     }
 
-    /// The same with every pass of the pens counted.
+    /// Half of the marked length on either side of each node, every pass of the pens counted.
     pub fn weights_of_passes(&self, pens: &[Pen]) -> Vec<f64> {
         self.weighted(|pen| f64::from(pens[pen.index()].passes))
     }
 
+    /// Half of the marked length on either side of each node, each stretch counted as often as its pen says.
     fn weighted(&self, times: impl Fn(PenId) -> f64) -> Vec<f64> {
         let mut out = vec![0.0; self.len()];
         for (i, w) in self.nodes.windows(2).enumerate() {
@@ -227,15 +254,15 @@ impl Path {
         out
     }
 
-    /// The same marks with run-ins and run-outs of `time_s` at the pen's speed, straight on at every end and straight
+    /// The marks with run-ins and run-outs of `time_s` at the pen's speed, straight on at every end and straight
     /// towards every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one
     /// line that leave no room for that the path runs on. Of no time, the path as it is.
     pub(crate) fn with_skywriting(&self, time_s: f64, pens: &[Pen]) -> Self {
         self.with_runs(&pens.iter().map(|pen| time_s * pen.speed.as_mm_s()).collect::<Vec<_>>())
     }
 
-    /// The same with run-ins and run-outs of so many mm for each pen, 0 for none, at whose far ends the spot rests. The
-    /// jumps between them get nodes.
+    /// The marks with run-ins and run-outs of so many mm for each pen, 0 for none, at whose far ends the spot rests.
+    /// The jumps between them get nodes.
     pub fn with_run_ups(&self, run_mm: &[f64]) -> Self {
         /// Between nodes of a jump, mm.
         const STEP: f64 = 1.0;
@@ -243,12 +270,12 @@ impl Path {
             return self.clone();
         }
         let runs = self.with_runs(run_mm);
-        let jumps = |i: usize| runs.pen_at(i).or(runs.run_at(i)).is_none();
+        let is_jump = |i: usize| !runs.is_mark_or_run(i);
         let mut out = Self::default();
         for (i, node) in runs.nodes.iter().enumerate() {
-            let rests = i == 0 || i + 1 == runs.len() || jumps(i) != jumps(i + 1);
+            let rests = i == 0 || i + 1 == runs.len() || is_jump(i) != is_jump(i + 1);
             let kind = if rests { NodeKind::End } else { node.kind };
-            if let Some(last) = out.nodes.last().map(|last| last.at).filter(|_| jumps(i)) {
+            if let Some(last) = out.nodes.last().map(|last| last.at).filter(|_| is_jump(i)) {
                 let count = ((node.at[0] - last[0]).hypot(node.at[1] - last[1]) / STEP).ceil();
                 for k in 1..count as usize {
                     let at = [0, 1, 2].map(|c| last[c] + k as f64 / count * (node.at[c] - last[c]));
@@ -260,87 +287,107 @@ impl Path {
         out
     }
 
-    /// The same with run-ins and run-outs of so many mm for each pen.
+    /// The marks with run-ins and run-outs of so many mm for each pen, and straight jumps between them.
     fn with_runs(&self, run_mm: &[f64]) -> Self {
         if run_mm.iter().all(|mm| *mm <= 0.0) {
             return self.clone();
         }
         let mut out = Self::default();
-        // The length of the run-in or run-out of a pen's mark, in the direction of the stretch between two nodes of it.
-        let run = |from: usize, to: usize, pen: PenId| {
-            let (a, b) = (self.nodes[from].at, self.nodes[to].at);
-            let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-            let share = if length > 0.0 { run_mm[pen.index()] / length } else { 0.0 };
-            [0, 1, 2].map(|k| share * (b[k] - a[k]))
-        };
-        let mut ended: Option<([f64; 3], [f64; 3], PenId)> = None;
-        for i in 0..self.len() {
-            let begins = self.pen_at(i + 1).filter(|_| self.nodes[i].kind == NodeKind::End);
-            if let Some(pen) = self.nodes[i].pen {
-                out.node(self.nodes[i].at, Some(pen), self.nodes[i].stroke);
-                if self.nodes[i].kind == NodeKind::End {
-                    ended = Some((self.nodes[i].at, run(self.along(i, false), i, pen), pen));
+        // The end of the last mark. Its run-out is added once the next mark is known, which may run on from it.
+        let mut ended: Option<MarkEnd> = None;
+        for (i, node) in self.nodes.iter().enumerate() {
+            if let Some(pen) = node.pen {
+                out.node(node.at, Some(pen), node.stroke);
+                if node.kind == NodeKind::End {
+                    ended = Some(self.mark_end(i, pen, run_mm));
                     if run_mm[pen.index()] <= 0.0 {
                         out.turn(NodeKind::End);
                     }
                 } else if let Some(last) = out.nodes.last_mut() {
-                    last.kind = self.nodes[i].kind;
+                    last.kind = node.kind;
                 }
             }
-            if let Some(pen) = begins {
-                let (at, stroke, before) = (
-                    self.nodes[i].at,
-                    self.nodes[i + 1].stroke,
-                    out.nodes.last().map(|node| node.stroke).unwrap_or_default(),
-                );
-                let into = run(i, self.along(i, true), pen);
-                if !ended.is_some_and(|(from, way, _)| on_one_line(from, way, at, into)) {
-                    if let Some((from, way, pen)) = ended.filter(|(_, way, _)| *way != [0.0; 3]) {
-                        out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), before);
-                    }
-                    let begin = [0, 1, 2].map(|k| at[k] - into[k]);
-                    if out.nodes.last().is_none_or(|last| last.at != begin) {
-                        out.node(begin, None, stroke);
-                    }
+            if let Some(pen) = self.pen_at(i + 1).filter(|_| node.kind == NodeKind::End) {
+                let begin = self.mark_begin(i, pen, run_mm);
+                let stroke = self.nodes[i + 1].stroke;
+                if !ended.is_some_and(|ended| on_one_line(&ended, &begin)) {
+                    let stroke_before = out.nodes.last().map(|node| node.stroke).unwrap_or_default();
+                    out.add_run_out(ended, stroke_before);
+                    out.add_jump_to_run_in(&begin, stroke);
                     if run_mm[pen.index()] <= 0.0 {
                         out.turn(NodeKind::End);
                     }
                 }
-                if out.nodes.last().is_none_or(|last| last.at != at) {
-                    out.laser_off(at, Some(pen), stroke);
+                // The path is at the mark already after a run-in of no length, or where the last mark ended there.
+                if out.nodes.last().is_none_or(|last| last.at != begin.at) {
+                    out.laser_off(begin.at, Some(pen), stroke);
                 }
             }
         }
-        if let Some((from, way, pen)) = ended.filter(|(_, way, _)| *way != [0.0; 3]) {
-            out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), self.nodes[self.len() - 1].stroke);
+        if let Some(last) = self.nodes.last() {
+            out.add_run_out(ended, last.stroke);
         }
         out
     }
 
-    /// The nearest node of the same mark after one, or before it, that shows the direction there.
-    fn along(&self, i: usize, after: bool) -> usize {
+    /// The end of a mark of a pen at a node.
+    fn mark_end(&self, i: usize, pen: PenId, run_mm: &[f64]) -> MarkEnd {
+        let before = self.farther_along_mark(i, |j| self.pen_at(j).map(|_| j - 1));
+        MarkEnd { at: self.nodes[i].at, run: self.run(before, i, run_mm[pen.index()]), pen }
+    }
+
+    /// The begin of a mark of a pen at a node.
+    fn mark_begin(&self, i: usize, pen: PenId, run_mm: &[f64]) -> MarkEnd {
+        let after = self.farther_along_mark(i, |j| self.pen_at(j + 1).map(|_| j + 1));
+        MarkEnd { at: self.nodes[i].at, run: self.run(i, after, run_mm[pen.index()]), pen }
+    }
+
+    /// A run of so many mm, seen from the lens, in the direction from one node to another.
+    fn run(&self, from: usize, to: usize, mm: f64) -> [f64; 3] {
+        let (a, b) = (self.nodes[from].at, self.nodes[to].at);
+        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let share = if length > 0.0 { mm / length } else { 0.0 };
+        [0, 1, 2].map(|k| share * (b[k] - a[k]))
+    }
+
+    /// The nearest node of the same mark that shows the direction at its end `i`; `next` gives the node after one,
+    /// away from that end.
+    fn farther_along_mark(&self, i: usize, next: impl Fn(usize) -> Option<usize>) -> usize {
         /// So far from the node, mm, rounding to nanometres no longer turns the direction.
         const ENOUGH: f64 = 0.1;
-        let next = |j: usize| {
-            let (next, pen) = if after { (j + 1, self.pen_at(j + 1)) } else { (j.wrapping_sub(1), self.pen_at(j)) };
-            pen.map(|_| next)
-        };
-        let mut found = i;
-        while let Some(j) = next(found) {
+        let mut node = i;
+        while let Some(j) = next(node) {
             let (a, b) = (self.nodes[i].at, self.nodes[j].at);
-            found = j;
+            node = j;
+            // Past a vertex the mark has another direction.
             if (b[0] - a[0]).hypot(b[1] - a[1]) >= ENOUGH || self.nodes[j].kind != NodeKind::Between {
                 break;
             }
         }
-        found
+        node
     }
 
+    /// Adds the run-out of a mark, where there is one of any length.
+    fn add_run_out(&mut self, ended: Option<MarkEnd>, stroke: PieceId) {
+        if let Some(MarkEnd { at, run, pen }) = ended.filter(|ended| ended.run != [0.0; 3]) {
+            self.laser_off([0, 1, 2].map(|k| at[k] + run[k]), Some(pen), stroke);
+        }
+    }
+
+    /// Adds the jump to where the run-in of a mark begins.
+    fn add_jump_to_run_in(&mut self, begin: &MarkEnd, stroke: PieceId) {
+        let run_in_begins = [0, 1, 2].map(|k| begin.at[k] - begin.run[k]);
+        if self.nodes.last().is_none_or(|last| last.at != run_in_begins) {
+            self.node(run_in_begins, None, stroke);
+        }
+    }
+
+    /// Adds a node that a mark of a pen comes to, or a jump.
     fn node(&mut self, at: [f64; 3], pen: Option<PenId>, stroke: PieceId) {
         self.nodes.push(Node { at, pen, kind: NodeKind::Between, stroke, run: None });
     }
 
-    /// A node that is run to at a pen's speed.
+    /// Adds a node that is run to with the laser off at a pen's speed.
     fn laser_off(&mut self, at: [f64; 3], run: Option<PenId>, stroke: PieceId) {
         self.nodes.push(Node { at, pen: None, kind: NodeKind::Between, stroke, run });
     }
@@ -351,84 +398,106 @@ impl Path {
             last.kind = kind.max(last.kind);
         }
     }
+}
 
-    fn jump(&mut self, a: P2, b: P2, height_field: &HeightField, spacing: f64, stroke: PieceId) {
-        let count = pieces(a, b, spacing);
-        let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
-        for i in 1..=count {
-            let t = i as f64 / count as f64;
-            let xy = [ax + t * (bx - ax), ay + t * (by - ay)];
-            self.node([xy[0], xy[1], height_field.at(xy).z], None, stroke);
-        }
-    }
+/// A path while it follows the pieces of strokes one after the other.
+struct PathFollower<'a> {
+    path: Path,
+    /// Where the path has come to, on the grid.
+    reached: Option<P2>,
+    height_field: &'a HeightField,
+    /// Largest distance of two nodes, mm.
+    spacing: f64,
+    /// Largest distance in height of the part from the line between two nodes of a mark, mm.
+    near: f64,
+}
 
-    /// A piece of a stroke, with the jump to it; `from` is where the path has come to.
-    fn piece_of(
-        &mut self,
-        segments: &[Segment],
-        piece: &Stretch,
-        from: &mut Option<P2>,
-        pen: PenId,
-        (height_field, spacing, near): (&HeightField, f64, f64),
-    ) {
+impl PathFollower<'_> {
+    /// Adds a piece of a stroke, with the jump to it.
+    fn add_piece(&mut self, segments: &[Segment], piece: &Stretch, pen: PenId) {
         let mut direction = None;
         for segment in segments {
             let Some([t0, t1]) = segment.share(piece) else { continue };
             if direction.is_none() {
-                let first = segment.point(t0);
-                match *from {
-                    Some(from) if from != first => self.jump(from, first, height_field, spacing, piece.stroke),
-                    Some(_) => {}
-                    None => self.node([first.mm()[0], first.mm()[1], 0.0], None, piece.stroke),
-                }
-                if let Some(last) = self.nodes.last_mut().filter(|last| last.pen.is_none()) {
+                self.jump_to(segment.point(t0), piece.stroke);
+                if let Some(last) = self.path.nodes.last_mut().filter(|last| last.pen.is_none()) {
                     // The stroke begins at the part's own height.
-                    last.at[2] = segment.under(t0, true).z(t0);
+                    last.at[2] = segment.under_after(t0).z(t0);
                 }
             }
             let heading = heading(segment.a, segment.b);
-            self.turn(match direction {
+            self.path.turn(match direction {
                 None => NodeKind::End,
                 Some(d) if is_corner(d, heading) => NodeKind::Corner,
                 Some(_) => NodeKind::Vertex,
             });
-            for t in follow::nodes(segment, t0, t1, spacing, near) {
+            for t in follow::nodes(segment, t0, t1, self.spacing, self.near) {
                 let [x, y] = segment.at(t);
-                self.node([x, y, segment.under(t, false).z(t)], Some(pen), piece.stroke);
+                self.path.node([x, y, segment.under_before(t).z(t)], Some(pen), piece.stroke);
             }
             direction = Some(heading);
-            *from = Some(segment.point(t1));
+            self.reached = Some(segment.point(t1));
         }
-        self.turn(NodeKind::End);
+        self.path.turn(NodeKind::End);
         // A cut lies on the grid of the jump that begins there.
-        if let (Some(last), Some(p)) = (self.nodes.last_mut(), from) {
+        if let (Some(last), Some(p)) = (self.path.nodes.last_mut(), self.reached) {
             [last.at[0], last.at[1]] = p.mm();
+        }
+    }
+
+    /// Adds the jump to a place, at which the path may be already; the first place begins the path.
+    fn jump_to(&mut self, to: P2, stroke: PieceId) {
+        let Some(from) = self.reached else {
+            let [x, y] = to.mm();
+            return self.path.node([x, y, 0.0], None, stroke);
+        };
+        if from == to {
+            return;
+        }
+        let count = pieces(from, to, self.spacing);
+        let ([ax, ay], [bx, by]) = (from.mm(), to.mm());
+        for i in 1..=count {
+            let t = i as f64 / count as f64;
+            let xy = [ax + t * (bx - ax), ay + t * (by - ay)];
+            self.path.node([xy[0], xy[1], self.height_field.at(xy).z], None, stroke);
         }
     }
 }
 
-/// Whether a mark that ends at `from` and one that begins at `to` lie on one line, nearer than the run-in and run-out
-/// both, `out` and `into`.
-fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> bool {
+/// One end of a mark, and the run with the laser off beyond it.
+#[derive(Clone, Copy)]
+struct MarkEnd {
+    /// Where the mark ends or begins.
+    at: [f64; 3],
+    /// The run-out from there or the run-in to there, in the direction of marking; of no length for pens without.
+    run: [f64; 3],
+    pen: PenId,
+}
+
+/// Whether a mark that ends and one that begins lie on one line, nearer than run-out and run-in both.
+fn on_one_line(end: &MarkEnd, begin: &MarkEnd) -> bool {
     /// What two pieces of one line may differ by, in direction, rad, and in length of their runs, as a share.
     const STRAIGHT: f64 = 1e-3;
-    /// Height between them, mm, and slope beside that of the mark, up to which the part does not step there.
+    /// Height between them, mm, up to which the part does not step there, beside the slope of the mark.
     const FLAT: f64 = 1e-3;
+    /// Slope beside that of the mark up to which the part does not step there.
     const STEEPER: f64 = 0.2;
-    let gap = [to[0] - from[0], to[1] - from[1]];
-    let ([a, b], [c, d]) = ([out[0], out[1]], [into[0], into[1]]);
-    let far = gap[0].hypot(gap[1]);
-    let (l, m) = (a.hypot(b), c.hypot(d));
+    let gap = [begin.at[0] - end.at[0], begin.at[1] - end.at[1]];
+    let run_out = [end.run[0], end.run[1]];
+    let run_in = [begin.run[0], begin.run[1]];
+    let gap_mm = gap[0].hypot(gap[1]);
+    let run_out_mm = run_out[0].hypot(run_out[1]);
+    let run_in_mm = run_in[0].hypot(run_in[1]);
     // Where the part steps between them a way that runs on would have to rise like a wall.
-    let step = (to[2] - from[2] - out[2] / l * far).abs();
-    if step > FLAT + STEEPER * far {
+    let step = (begin.at[2] - end.at[2] - end.run[2] / run_out_mm * gap_mm).abs();
+    if step > FLAT + STEEPER * gap_mm {
         return false;
     }
     // Another pen's speed is another length.
-    (l - m).abs() <= STRAIGHT * l
-        && angle([a, b], [c, d]) < STRAIGHT
-        && far < l + m
-        && (far == 0.0 || angle([a, b], gap) < STRAIGHT)
+    (run_out_mm - run_in_mm).abs() <= STRAIGHT * run_out_mm
+        && angle(run_out, run_in) < STRAIGHT
+        && gap_mm < run_out_mm + run_in_mm
+        && (gap_mm == 0.0 || angle(run_out, gap) < STRAIGHT)
 }
 
 /// Length between two neighbouring nodes, seen from the lens.
@@ -436,6 +505,7 @@ fn stretch(w: &[Node]) -> f64 {
     (w[1].at[0] - w[0].at[0]).hypot(w[1].at[1] - w[0].at[1])
 }
 
+/// How many pieces of `spacing` mm or less a line between two points is divided into.
 fn pieces(a: P2, b: P2, spacing: f64) -> usize {
     ((a.distance(b) / NM_PER_MM / spacing).ceil() as usize).max(1)
 }
@@ -527,6 +597,20 @@ mod tests {
         assert_eq!(lit(&out), lit(&two));
         let rests = out.nodes.iter().filter(|node| node.kind == NodeKind::End).map(|node| node.at[0]);
         assert_eq!(rests.collect::<Vec<_>>(), [-1.5, 6.5, 5.0, 9.0]);
+    }
+
+    #[test]
+    fn marks_run_on_where_they_lie_on_one_line_within_reach_of_their_runs() {
+        let mark_end = |at: [f64; 3], run: [f64; 3]| MarkEnd { at, run, pen: PenId(0) };
+        let end = mark_end([0.0; 3], [2.0, 0.0, 0.2]);
+        let runs_on = |at: [f64; 3], run: [f64; 3]| on_one_line(&end, &mark_end(at, run));
+        assert!(runs_on([3.0, 0.0, 0.3], [2.0, 0.0, 0.2]));
+        assert!(runs_on([0.0; 3], [2.0, 0.0, 0.2]), "without a gap");
+        assert!(!runs_on([5.0, 0.0, 0.5], [2.0, 0.0, 0.2]), "farther than both runs");
+        assert!(!runs_on([3.0, 0.1, 0.3], [2.0, 0.0, 0.2]), "beside the line");
+        assert!(!runs_on([3.0, 0.0, 0.3], [-2.0, 0.0, -0.2]), "back");
+        assert!(!runs_on([3.0, 0.0, 0.3], [1.0, 0.0, 0.1]), "another speed");
+        assert!(!runs_on([3.0, 0.0, 1.3], [2.0, 0.0, 0.2]), "over a step");
     }
 
     #[test]

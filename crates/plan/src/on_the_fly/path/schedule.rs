@@ -43,25 +43,38 @@ pub struct Schedule {
 /// The runs of the spot from rest to rest.
 #[derive(Clone, Debug, Default)]
 struct Runs {
-    /// The node that each begins at, and its motion.
-    all: Vec<(usize, RestToRest)>,
-    /// Of the stretch that ends at each node: its run, and the way of that up to both ends, mm.
-    of_stretch: Vec<(usize, [f64; 2])>,
+    runs: Vec<SpotRun>,
+    /// What stretch of a run ends at each node; of the first node none.
+    stretches: Vec<StretchOfRun>,
+}
+
+/// A run of the spot from rest to rest.
+#[derive(Clone, Debug)]
+struct SpotRun {
+    /// The node that it begins at.
+    first: usize,
+    motion: RestToRest,
+}
+
+/// A stretch between two nodes as a part of its run.
+#[derive(Clone, Debug)]
+struct StretchOfRun {
+    /// Index of the run.
+    run: usize,
+    /// Way of the run up to both ends of the stretch, mm.
+    way: [f64; 2],
 }
 
 impl Runs {
-    /// Of a path whose stretches have the speeds given; with the time of each, s.
+    /// The runs of a path whose stretches have the speeds given, and the time of each stretch, s. Both are empty where
+    /// the spot is always at speed.
     fn of(path: &Path, model: GalvoModel, speeds: &[f64]) -> (Self, Vec<f64>) {
         let step = |i: usize| [0, 1].map(|k| path.nodes[i].at[k] - path.nodes[i - 1].at[k]);
-        let is_jump = |i: usize| path.pen_at(i).is_none() && path.run_at(i).is_none();
-        let rests = |&i: &usize| {
-            matches!(path.nodes[i].kind, NodeKind::Corner | NodeKind::End)
-                || i + 1 == path.len()
-                || is_jump(i) != is_jump(i + 1)
-        };
-        let (mut out, mut times) = (Self { all: Vec::new(), of_stretch: vec![(0, [0.0; 2])] }, vec![0.0]);
+        // The first node ends no stretch.
+        let mut out = Self { runs: Vec::new(), stretches: vec![StretchOfRun { run: 0, way: [0.0; 2] }] };
+        let mut times = vec![0.0];
         let mut first = 0;
-        for last in (1..path.len()).filter(rests) {
+        for last in (1..path.len()).filter(|&i| spot_rests(path, i)) {
             let stretches = first + 1..=last;
             let run = stretches.clone().fold(Run::default(), |run, i| run.then(step(i)));
             let speed = speeds[stretches.clone()].iter().copied().fold(f64::INFINITY, f64::min);
@@ -69,13 +82,14 @@ impl Runs {
             let (mut way, mut time) = (0.0, 0.0);
             for i in stretches {
                 let [x, y] = step(i);
-                let before = (way, time);
+                let (way_before, time_before) = (way, time);
                 way += x.hypot(y);
+                // The sum of the ways is rounded: the run ends when it ends.
                 time = if i == last { motion.total_s() } else { motion.time_at(way) };
-                out.of_stretch.push((out.all.len(), [before.0, way]));
-                times.push(time - before.1);
+                out.stretches.push(StretchOfRun { run: out.runs.len(), way: [way_before, way] });
+                times.push(time - time_before);
             }
-            out.all.push((first, motion));
+            out.runs.push(SpotRun { first, motion });
             first = last;
         }
         (out, times)
@@ -83,11 +97,18 @@ impl Runs {
 
     /// The share of the way from the node before `next` to it that the spot has come at a time, s.
     fn share(&self, next: usize, now: f64, visits: &[Visit]) -> Option<f64> {
-        let &(run, [from, to]) = self.of_stretch.get(next)?;
-        let (first, motion) = &self.all[run];
+        let &StretchOfRun { run, way: [from, to] } = self.stretches.get(next)?;
+        let SpotRun { first, motion } = &self.runs[run];
         let way = motion.way_at(now - visits[*first].leave);
         Some(if to > from { ((way - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 })
     }
+}
+
+/// Whether the spot comes to rest at a node: where the path turns sharply or ends, and between a mark and a jump.
+fn spot_rests(path: &Path, i: usize) -> bool {
+    matches!(path.nodes[i].kind, NodeKind::Corner | NodeKind::End)
+        || i + 1 == path.len()
+        || path.is_mark_or_run(i) != path.is_mark_or_run(i + 1)
 }
 
 /// The path at even steps of time.
@@ -106,8 +127,7 @@ fn jumps(path: &Path) -> Vec<[usize; 2]> {
     let mut out = Vec::new();
     let mut i = 1;
     while i < path.len() {
-        let end =
-            (i..path.len()).find(|&j| path.nodes[j].pen.is_some() || path.nodes[j].run.is_some()).unwrap_or(path.len());
+        let end = (i..path.len()).find(|&j| path.is_mark_or_run(j)).unwrap_or(path.len());
         if end > i {
             out.push([i - 1, end - 1]);
         }
@@ -127,6 +147,22 @@ fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
     out
 }
 
+/// The largest speed of the spot on the stretch that ends at each node, mm/s.
+fn speeds(path: &Path, machine: &Machine, pens: &[Pen]) -> Vec<f64> {
+    let jump_speed = machine.scanner.jump_speed.as_mm_s();
+    let carried = carried(path, machine);
+    // A jump that the stage carries runs no faster than the quickest pen, or the stage.
+    let fastest = pens.iter().map(|p| p.speed.as_mm_s()).fold(0.0, f64::max);
+    let stage = machine.stage.x.speed.as_mm_s().min(machine.stage.y.speed.as_mm_s());
+    let carry_speed = fastest.max(stage).min(jump_speed);
+    let speed = |i: usize| match path.nodes[i].pen.or(path.nodes[i].run) {
+        Some(pen) => pens[pen.index()].speed.as_mm_s(),
+        None if carried[i] => carry_speed,
+        None => jump_speed,
+    };
+    (0..path.len()).map(speed).collect()
+}
+
 /// The least time in which z rises or falls by a height along [`ease`], within its limits, s.
 fn lift_s(z: &Axis, height: f64) -> f64 {
     // Peaks of the first three derivatives of `ease`: 15/8, 10/sqrt 3 and 60.
@@ -136,7 +172,7 @@ fn lift_s(z: &Axis, height: f64) -> f64 {
     by_speed.max(by_acceleration).max(by_jerk)
 }
 
-/// From 0 to 1, at rest and without acceleration at both ends: the polynomial of least degree.
+/// A rise from 0 to 1, at rest and without acceleration at both ends: the polynomial of least degree.
 fn ease(t: f64) -> f64 {
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
@@ -147,36 +183,30 @@ impl Schedule {
         let mut out = Self::default();
         let model = GalvoModel::of(machine);
         let delays = model.delays(machine);
-        let jump_speed = machine.scanner.jump_speed.as_mm_s();
-        let carried = carried(path, machine);
-        let fastest = pens.iter().map(|p| p.speed.as_mm_s()).fold(0.0, f64::max);
-        let stage = machine.stage.x.speed.as_mm_s().min(machine.stage.y.speed.as_mm_s());
-        let carry_speed = fastest.max(stage).min(jump_speed);
-        let speed = |i: usize| match path.nodes[i].pen.or(path.nodes[i].run) {
-            Some(pen) => pens[pen.index()].speed.as_mm_s(),
-            None if carried[i] => carry_speed,
-            None => jump_speed,
-        };
-        let speeds: Vec<f64> = (0..path.len()).map(speed).collect();
+        let speeds = speeds(path, machine, pens);
         let times: Vec<f64>;
         (out.runs, times) = Runs::of(path, model, &speeds);
         let mut now = 0.0;
         for (i, speed) in speeds.iter().enumerate() {
-            let here = path.nodes[i].pen;
+            let ends_mark = path.nodes[i].pen.is_some();
             if i > 0 {
                 let (a, b) = (path.nodes[i - 1].at, path.nodes[i].at);
                 let at_speed = || (b[0] - a[0]).hypot(b[1] - a[1]) / speed;
                 let time = times.get(i).copied().unwrap_or_else(at_speed);
-                *(if here.is_some() { &mut out.mark_s } else { &mut out.jump_s }) += time;
+                *(if ends_mark { &mut out.mark_s } else { &mut out.jump_s }) += time;
                 now += time;
             }
             let arrive = now;
-            let next = path.pen_at(i + 1);
+            let begins_mark = path.pen_at(i + 1).is_some();
             let wait = match path.nodes[i].kind {
                 NodeKind::Between => 0.0,
                 NodeKind::Vertex | NodeKind::Corner => delays.polygon,
                 // The end of a mark, the begin of one, or both.
-                NodeKind::End => (here.map_or(0.0, |_| delays.mark) + next.map_or(0.0, |_| delays.jump)).max(wait_s),
+                NodeKind::End => {
+                    let mark_delay = if ends_mark { delays.mark } else { 0.0 };
+                    let jump_delay = if begins_mark { delays.jump } else { 0.0 };
+                    (mark_delay + jump_delay).max(wait_s)
+                }
             };
             out.delay_s += wait;
             now += wait;
@@ -185,18 +215,21 @@ impl Schedule {
         out
     }
 
-    /// The same with heights in jumps that z can follow. Where the marks before and after a jump cannot be in focus
+    /// The schedule with heights in jumps that z can follow. Where the marks before and after a jump cannot be in focus
     /// together the beam waits before it until z has gone on; otherwise z goes straight from one to the other. Where
     /// the part between them rises so far that the lens might come too near, jumps follow it.
     pub fn lifted(mut self, path: &Path, machine: &Machine, focus: f64) -> Self {
-        let gap = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
+        // So far the part may rise above the focal plane before the lens comes too near.
+        let headroom = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
         let mut waits = vec![0.0; path.len()];
         for [from, to] in jumps(path) {
             let [z0, z1] = [path.nodes[from].at[2], path.nodes[to].at[2]];
             let highest = path.nodes[from..=to].iter().fold(f64::NEG_INFINITY, |z, node| z.max(node.at[2]));
-            if highest - z0.min(z1) > gap {
+            if highest - z0.min(z1) > headroom {
                 continue;
             }
+            // Half-way between their heights both marks are in focus if they are no farther apart than twice the
+            // offset.
             let is_step = (z1 - z0).abs() > 2.0 * focus;
             if is_step {
                 waits[from] = lift_s(&machine.stage.z, (z1 - z0).abs());
@@ -208,6 +241,7 @@ impl Schedule {
                 visit.z = [z0 + share * (z1 - z0); 2];
             }
         }
+        // Every wait puts off all that comes after it.
         let mut later = 0.0;
         for (visit, wait) in self.visits.iter_mut().zip(waits) {
             visit.arrive += later;
@@ -242,22 +276,32 @@ impl Schedule {
             }
             let next = (i + 1).min(path.len() - 1);
             let (from, to) = (self.visits[i], self.visits[next]);
-            let moving = i + 1 < path.len() && now > from.leave;
-            let by_time = || (now - from.leave) / (to.arrive - from.leave);
-            let t = if moving { self.runs.share(next, now, &self.visits).unwrap_or_else(by_time) } else { 0.0 };
+            let is_moving = i + 1 < path.len() && now > from.leave;
+            let t = if is_moving { self.share_of_stretch(next, now) } else { 0.0 };
             let (a, b) = (path.nodes[i].at, path.nodes[next].at);
-            let z = if moving {
-                from.z[1] + t * (to.z[0] - from.z[1])
-            } else {
-                let wait = from.leave - from.arrive;
-                let share = if wait > 0.0 { ((now - from.arrive) / wait).clamp(0.0, 1.0) } else { 1.0 };
-                from.z[0] + ease(share) * (from.z[1] - from.z[0])
-            };
+            let z = if is_moving { from.z[1] + t * (to.z[0] - from.z[1]) } else { from.z_at(now) };
             out.at.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z]);
-            let waits = path.nodes[i].kind == NodeKind::End;
-            out.on.push(if moving { path.nodes[i + 1].pen.is_some() } else { !waits && path.nodes[i].pen.is_some() });
+            // At an end the laser is off while the beam waits; at other nodes of a mark it stays on.
+            let waits_with_laser_on = path.nodes[i].kind != NodeKind::End && path.nodes[i].pen.is_some();
+            out.on.push(if is_moving { path.nodes[next].pen.is_some() } else { waits_with_laser_on });
         }
         out
+    }
+
+    /// The share of the way from the node before `next` to it that the spot has come at a time between them, s.
+    fn share_of_stretch(&self, next: usize, now: f64) -> f64 {
+        let (from, to) = (self.visits[next - 1], self.visits[next]);
+        let at_even_speed = || (now - from.leave) / (to.arrive - from.leave);
+        self.runs.share(next, now, &self.visits).unwrap_or_else(at_even_speed)
+    }
+}
+
+impl Visit {
+    /// The height of z at a time of the visit, s: eased from that of the arrival to that of the departure.
+    fn z_at(&self, now: f64) -> f64 {
+        let wait = self.leave - self.arrive;
+        let share = if wait > 0.0 { ((now - self.arrive) / wait).clamp(0.0, 1.0) } else { 1.0 };
+        self.z[0] + ease(share) * (self.z[1] - self.z[0])
     }
 }
 

@@ -15,7 +15,7 @@ const MOST_TURNED: f64 = 3.6e13;
 /// Where a part lies on a machine.
 pub(super) struct Frame {
     kind: Kind,
-    /// Of X, Y, Z, A and C.
+    /// Signs of X, Y, Z, A and C.
     signs: [f64; 5],
     /// The part frame's origin in the table frame, or from the pivot where axes turn.
     origin: [f64; 3],
@@ -156,8 +156,8 @@ impl Frame {
             let (a, c) = (axis(3, share), axis(4, share));
             let meant =
                 self.table(a, c, machine_from_part(a, c, std::array::from_fn(|k| p[k] + share * (q[k] - p[k]))));
-            let is = [0, 1].map(|k| ends[0][k] + share * (ends[1][k] - ends[0][k]));
-            let off = (is[0] - meant[0]).hypot(is[1] - meant[1]);
+            let reached = [0, 1].map(|k| ends[0][k] + share * (ends[1][k] - ends[0][k]));
+            let off = (reached[0] - meant[0]).hypot(reached[1] - meant[1]);
             // At a quarter of its length an even bow has three quarters of its height.
             worst = worst.max(if share == 0.5 { off } else { off / 0.75 });
         }

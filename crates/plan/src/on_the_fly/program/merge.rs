@@ -3,21 +3,23 @@
 use super::{AxisCommands, Move, NEAR, NEAR_TURN};
 use crate::on_the_fly::axes::motion::AXES;
 
-/// The same moves, those joined that run on in one line within the tolerances. What is kept is kept as it was.
+/// Moves with those joined that run on in one line within the tolerances. What is kept is kept as it was.
 ///
 /// From a kept sample a cone is left open for every axis: the slopes of lines that pass all samples since. The
 /// move continues as long as the line to the next sample stays within all tolerances.
 ///
-/// Where axes start slowly, a mark may stand still for some milliseconds: such a sample is left out too if the mark goes
-/// on, and the laser is off meanwhile if it ends there.
+/// Where axes start slowly, a mark may stand still for some milliseconds: such a sample is left out too if the mark
+/// goes on, and the laser is off meanwhile if it ends there.
 pub(super) fn merged(start: AxisCommands, moves: Vec<Move>) -> Vec<Move> {
     let mut out: Vec<Move> = Vec::with_capacity(moves.len() / 2);
     let mut from = Move { us: 0, to: start, mark: None };
     let mut cone = SlopeCone::open();
     let mut last: Option<Move> = None;
     for next in moves {
-        let goes_on = last.is_some_and(|l: Move| l.mark == next.mark) && cone.passes(&from, &next);
-        if let Some(l) = last.filter(|_| !goes_on) {
+        // Invariant: the cone is that of the lines from `from`, the last move that is kept, past all samples up to
+        // `last`.
+        let runs_on = last.is_some_and(|l: Move| l.mark == next.mark) && cone.passes(&from, &next);
+        if let Some(l) = last.filter(|_| !runs_on) {
             cone = SlopeCone::open();
             let rests = l.mark.is_some() && l.to == from.to;
             if !(rests && l.mark == next.mark) {
@@ -32,6 +34,7 @@ pub(super) fn merged(start: AxisCommands, moves: Vec<Move>) -> Vec<Move> {
     out
 }
 
+/// Slopes of lines, by axis.
 struct SlopeCone {
     lo: [f64; AXES],
     hi: [f64; AXES],
@@ -42,12 +45,14 @@ impl SlopeCone {
         Self { lo: [f64::NEG_INFINITY; AXES], hi: [f64::INFINITY; AXES] }
     }
 
+    /// Whether the line from one sample to another lies in the cone.
     fn passes(&self, from: &Move, to: &Move) -> bool {
         let time = (to.us - from.us) as f64;
         let within = |k: usize| (self.lo[k]..=self.hi[k]).contains(&((to.to[k] - from.to[k]) as f64 / time));
         (0..AXES).all(within)
     }
 
+    /// Leaves the slopes of lines from one sample that pass another near enough.
     fn narrow(&mut self, from: &Move, to: &Move) {
         let time = (to.us - from.us) as f64;
         for k in 0..AXES {

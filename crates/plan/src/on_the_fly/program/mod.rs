@@ -37,7 +37,7 @@ use terrace_core::program::{Pen, PenId, PieceId, StrokeId};
 pub(crate) const BOW: f64 = 20.0;
 /// How far a linear axis may be from a sample that was left out, nm.
 pub const NEAR: i64 = 5;
-/// The same of a turning axis, millionths of a degree.
+/// How far a turning axis may be from a sample that was left out, millionths of a degree.
 pub(crate) const NEAR_TURN: i64 = 2;
 /// The stage stops where it would move slower than this, nm/us: 0.12 mm/min.
 const CREEP: f64 = 2e-3;
@@ -57,7 +57,7 @@ const HALVINGS: u32 = 10;
 pub enum Kind {
     /// A stage of X, Y, Z and a scanner of U and V.
     Xyzuv,
-    /// The same with a swivel A and a turntable C under the part.
+    /// A stage of X, Y, Z with a swivel A and a turntable C under the part, and a scanner of U and V.
     Xyzacuv,
 }
 
@@ -135,6 +135,17 @@ pub struct Marked {
     pub to: [f64; 2],
 }
 
+impl Marked {
+    /// A move that begins at `from` at a time, us; None with the laser off.
+    fn of_move(frame: &Frame, us: i64, from: &AxisCommands, to: &Move) -> Option<Self> {
+        let mark = to.mark?;
+        let [from, at] = [from, &to.to].map(|sample| frame.spot(sample));
+        let way_mm = from.way(&at);
+        let [from, at] = [from.part, at.part].map(|[x, y, _]| [x, y]);
+        Some(Self { pen: mark.pen, s: (to.us - us) as f64 * 1e-6, way_mm, from, to: at })
+    }
+}
+
 /// A program of moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
@@ -163,42 +174,47 @@ impl Program {
         origin: Origin,
         kind: Kind,
     ) -> Result<(Self, f64), Error> {
-        is_sound(motion, strokes)?;
+        check_motion(motion, strokes)?;
         if kind == Kind::Xyzuv && motion.waypoints.iter().any(|w| w.axes[3] != 0.0 || w.axes[4] != 0.0) {
             return Err(Diag::bug("fly-motion", "a motion turns axes that the program does not have").into());
         }
         let frame = Frame::new(machine, origin, kind)?;
-        let pens = strokes.pens.iter().map(|p| p.speed.as_mm_s()).collect();
-        let scanner = [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s());
-        let speeds = Speeds { pens, scanner };
+        let speeds = Speeds {
+            pens: strokes.pens.iter().map(|p| p.speed.as_mm_s()).collect(),
+            scanner_jump: machine.scanner.jump_speed.as_mm_s(),
+            scanner_mark: machine.scanner.max_mark_speed.as_mm_s(),
+        };
         let moves = Vec::with_capacity(motion.waypoints.len());
-        let mut maker = Maker { motion, frame, speeds, hint: 0, delay: Delay::default(), moves };
+        let mut sampler = MotionSampler { motion, frame, speeds, hint: 0, delay: Delay::default(), moves };
         let (pens, start) = (strokes.pens.clone(), AxisCommands::default());
         let mut program = Self { kind, pens, origin, start, moves: Vec::new() };
         if motion.waypoints.is_empty() {
-            return Ok((program, maker.delay.slower));
+            return Ok((program, sampler.delay.slower));
         }
-        program.start = maker.commanded(0, maker.spot(0))?;
+        program.start = sampler.commanded(0, sampler.spot(0))?;
         let mut last = Move { us: 0, to: program.start, mark: None };
         for (i, w) in motion.waypoints.iter().enumerate().skip(1) {
             let piece = w.stroke;
             let mark = w.pen.map(|pen| Mark { pen, source: strokes.strokes[piece.index()].source, piece });
-            maker.stretch(i, mark, &mut last)?;
+            sampler.add_stretch(i, mark, &mut last)?;
         }
-        program.moves = merge::merged(program.start, maker.moves);
+        program.moves = merge::merged(program.start, sampler.moves);
         if kind == Kind::Xyzuv {
-            hold(&mut program, &maker.frame);
+            hold_creeping_stage(&mut program, &sampler.frame);
         }
-        Ok((program, maker.delay.slower))
+        Ok((program, sampler.delay.slower))
     }
 
-    /// Where the beam of a sample meets the focal plane.
+    /// The function that says where the beam of a sample meets the focal plane.
+    ///
+    /// # Errors
+    /// `fly-axes` where the machine does not have the axes.
     pub fn spots(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> Spot, Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
         Ok(move |at: &AxisCommands| frame.spot(at))
     }
 
-    /// The point of the field of a sample, nm.
+    /// The function that says at which point of the field a sample is, nm.
     pub(super) fn fields(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> [i64; 2], Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
         Ok(move |at: &AxisCommands| frame.field(at))
@@ -207,14 +223,7 @@ impl Program {
     /// The moves with the laser on, none where the machine does not have the axes.
     pub fn marked(&self, machine: &Machine) -> impl Iterator<Item = Marked> + use<'_> {
         let frame = Frame::new(machine, self.origin, self.kind).ok();
-        let of = move |(us, from, to): (i64, &AxisCommands, &Move)| {
-            let (mark, frame) = (to.mark?, frame.as_ref()?);
-            let [from, at] = [from, &to.to].map(|sample| frame.spot(sample));
-            let way_mm = from.way(&at);
-            let [from, at] = [from.part, at.part].map(|[x, y, _]| [x, y]);
-            Some(Marked { pen: mark.pen, s: (to.us - us) as f64 * 1e-6, way_mm, from, to: at })
-        };
-        self.steps().filter_map(of)
+        self.steps().filter_map(move |(us, from, to)| Marked::of_move(frame.as_ref()?, us, from, to))
     }
 
     /// When the last move ends, s.
@@ -231,7 +240,7 @@ impl Program {
 
 /// Stops the stage in moves in which it would creep, and lets the scanner compensate for it: LinuxCNC takes the time of
 /// a move from X, Y and Z wherever they move, and none slower than 0.1 mm/min.
-fn hold(program: &mut Program, frame: &Frame) {
+fn hold_creeping_stage(program: &mut Program, frame: &Frame) {
     let (mut from, mut us) = (program.start, 0);
     for m in &mut program.moves {
         let way: f64 = (0..3).map(|k| ((m.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
@@ -247,7 +256,7 @@ fn hold(program: &mut Program, frame: &Frame) {
 }
 
 /// Refuses what is not a motion.
-fn is_sound(motion: &Motion, strokes: &OrderedStrokes) -> Result<(), Error> {
+fn check_motion(motion: &Motion, strokes: &OrderedStrokes) -> Result<(), Error> {
     let waypoints = &motion.waypoints;
     let bug = |text: &str| Err(Diag::bug("fly-motion", text).into());
     let finite = waypoints.iter().all(|w| w.time.is_finite() && w.axes.iter().all(|v| v.is_finite()));
@@ -266,7 +275,7 @@ fn is_sound(motion: &Motion, strokes: &OrderedStrokes) -> Result<(), Error> {
 }
 
 /// A sample that is due at a time of the motion, s, on the way to a node from `from` to `to`.
-struct Due {
+struct DueSample {
     /// Node of the motion at which the way ends.
     i: usize,
     /// Time in the motion, s.
@@ -279,21 +288,42 @@ struct Due {
     to: [f64; 3],
 }
 
+/// Where the spot is for a sample, part frame.
+struct SpotAtTime {
+    spot: [f64; 3],
+    /// Whether that is where the motion has it at the time.
+    keeps_pace: bool,
+}
+
+/// How far `spot`, on the way to a corner or after it, lies off the other leg of the corner: the distance from the
+/// corner times the sine of its angle.
+fn corner_cut(before: [f64; 3], corner: [f64; 3], after: [f64; 3], spot: [f64; 3]) -> f64 {
+    let [way, on, off] =
+        [[before, corner], [corner, after], [corner, spot]].map(|[a, b]| [0, 1, 2].map(|k| b[k] - a[k]));
+    let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];
+    norm(off) * norm(cross) / (norm(way) * norm(on))
+}
+
 fn lerp(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     let share = share.clamp(0.0, 1.0);
     std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
 }
 
-/// Largest speeds, mm/s: of marks across the beam by their pens, and of the scanner in jumps and marks.
+/// Largest speeds, mm/s.
 struct Speeds {
+    /// Of marks across the beam, by their pens.
     pens: Vec<f64>,
-    scanner: [f64; 2],
+    /// Of the scanner with the laser off.
+    scanner_jump: f64,
+    /// Of the scanner with the laser on.
+    scanner_mark: f64,
 }
 
 /// How late the spot is, us.
 struct Delay {
     by: f64,
-    /// When it was last in time.
+    /// When it was last in time, us.
     since: f64,
     /// How much slower the motion should run.
     slower: f64,
@@ -307,20 +337,20 @@ impl Default for Delay {
 
 impl Delay {
     /// The spot is late by `by` at a sample that was due at `due`.
-    fn record(&mut self, by: f64, due: f64, marks: bool) {
+    fn record(&mut self, by: f64, due: f64, mark: Option<Mark>) {
         self.by = by.max(0.0);
         // Half a microsecond is the rounding of a time.
         if by <= 0.5 {
             self.since = due;
-        } else if marks && by > LATE {
+        } else if mark.is_some() && by > LATE {
             // Stretched by this, all since it was last in time would have taken as long as it did.
             self.slower = self.slower.max(1.0 + by / (due - self.since).max(1.0));
         }
     }
 }
 
-/// The program while it grows.
-struct Maker<'a> {
+/// The samples of a motion while the program grows.
+struct MotionSampler<'a> {
     motion: &'a Motion,
     frame: Frame,
     speeds: Speeds,
@@ -330,7 +360,7 @@ struct Maker<'a> {
     moves: Vec<Move>,
 }
 
-impl Maker<'_> {
+impl MotionSampler<'_> {
     /// Where the beam meets the focal plane at a node, part frame.
     fn spot(&self, node: usize) -> [f64; 3] {
         let [x, y, z, a, c, u, v] = self.motion.waypoints[node].axes;
@@ -360,8 +390,8 @@ impl Maker<'_> {
         self.frame.commanded(&axes, spot).ok_or_else(far)
     }
 
-    /// The moves to node `i`; `last` is the one before.
-    fn stretch(&mut self, i: usize, mark: Option<Mark>, last: &mut Move) -> Result<(), Error> {
+    /// Adds the moves to node `i`; `last` is the one before.
+    fn add_stretch(&mut self, i: usize, mark: Option<Mark>, last: &mut Move) -> Result<(), Error> {
         let [before, here] = [self.motion.waypoints[i - 1], self.motion.waypoints[i]];
         let [t0, t1] = [before.time, here.time];
         let [from, to] = [self.spot(i - 1), self.spot(i)];
@@ -370,56 +400,57 @@ impl Maker<'_> {
         }
         let halvings = if mark.is_some() && self.frame.turns() { self.halvings(i, from, to) } else { 0 };
         let count = 1u32 << halvings;
+        let moves = (to[0] - from[0]).hypot(to[1] - from[1]) > 1e-9;
+        let is_wait = mark.is_none() && !moves && !self.frame.turns();
+        // A wait may be no shorter than it was meant, to the microsecond that its begin was rounded by.
+        let least = if is_wait { ((t1 - t0) * 1e6 / f64::from(count)).floor() as i64 } else { 0 };
         for k in 1..=count {
             let share = f64::from(k) / f64::from(count);
-            let node = Due { i, at: t0 + share * (t1 - t0), is_node: k == count, from, to };
-            // A wait may be no shorter than it was meant, to the microsecond that its begin was rounded by.
-            let moves = (to[0] - from[0]).hypot(to[1] - from[1]) > 1e-9;
-            let rests = mark.is_none() && !moves && !self.frame.turns();
-            let wait = if rests { ((t1 - t0) * 1e6 / f64::from(count)).floor() as i64 } else { 0 };
-            *last = self.sample(&node, mark, last, wait.max(1))?;
+            let due = DueSample { i, at: t0 + share * (t1 - t0), is_node: k == count, from, to };
+            *last = self.sample(&due, mark, last, least.max(1))?;
             self.moves.push(*last);
         }
         Ok(())
     }
 
     /// The sample at a node: in time where that is not too fast, as late as the one before it on a straight run, or at
-    /// the node as soon as it can be.
-    fn sample(&mut self, node: &Due, mark: Option<Mark>, last: &Move, least: i64) -> Result<Move, Error> {
+    /// the node as soon as it can be. The move to it takes `least` us or more.
+    fn sample(&mut self, node: &DueSample, mark: Option<Mark>, last: &Move, least: i64) -> Result<Move, Error> {
         let start = self.motion.waypoints[0].time;
         let due = (node.at - start) * 1e6;
         for delay in [0.0, self.delay.by] {
             // A sample needs a time of its own; what waits for one is caught up by the next.
             let us = ((due + delay).round() as i64).max(last.us + least);
             let time = start + (us as f64 - delay) * 1e-6;
-            let (spot, keeps_pace) = self.end(node, time);
+            let SpotAtTime { spot, keeps_pace } = self.spot_at_time(node, time);
             let to = self.commanded(us, spot)?;
-            if us - last.us >= self.needed(&last.to, &to, mark) {
-                self.delay.record(if keeps_pace { delay } else { us as f64 - due }, due, mark.is_some());
+            if us - last.us >= self.least_us(&last.to, &to, mark) {
+                self.delay.record(if keeps_pace { delay } else { us as f64 - due }, due, mark);
                 return Ok(Move { us, to, mark });
             }
         }
-        let spot = if node.is_node { node.to } else { self.end(node, node.at).0 };
+        let spot = if node.is_node { node.to } else { self.spot_at_time(node, node.at).spot };
         let mut us = last.us + least;
         // The stage moves on meanwhile, and the scanner has to compensate for that too.
         let mut round = 0;
         loop {
             let to = self.commanded(us, spot)?;
-            let needed = last.us + self.needed(&last.to, &to, mark);
+            let earliest = last.us + self.least_us(&last.to, &to, mark);
             // After all rounds the move stays too fast, and the check of the program refuses it.
-            if needed <= us || round == ROUNDS {
-                self.delay.record(us as f64 - due, due, mark.is_some());
+            if earliest <= us || round == ROUNDS {
+                self.delay.record(us as f64 - due, due, mark);
                 return Ok(Move { us, to, mark });
             }
-            us = needed;
+            us = earliest;
             round += 1;
         }
     }
 
     /// The least time of a move, us.
-    fn needed(&self, from: &AxisCommands, to: &AxisCommands, mark: Option<Mark>) -> i64 {
+    fn least_us(&self, from: &AxisCommands, to: &AxisCommands, mark: Option<Mark>) -> i64 {
         let [u, v] = [5, 6].map(|k| mm_from_nm(to[k] - from[k]));
-        let scanner = (u.hypot(v) - ROUNDING) / self.speeds.scanner[usize::from(mark.is_some())];
+        let speed = if mark.is_some() { self.speeds.scanner_mark } else { self.speeds.scanner_jump };
+        let scanner = (u.hypot(v) - ROUNDING) / speed;
         let pen = mark.map_or(0.0, |mark| {
             let way = self.frame.spot(from).way(&self.frame.spot(to));
             (way - ROUNDING) / self.speeds.pens[mark.pen.index()]
@@ -427,29 +458,25 @@ impl Maker<'_> {
         (scanner.max(pen) * 1e6).ceil() as i64
     }
 
-    /// Where the spot is at a node, asked for at a time that was rounded, and whether that is where it is at that time.
-    /// On a straight run the spot keeps its pace and is; at a corner and where the pen changes it is at the node.
-    fn end(&self, node: &Due, time: f64) -> ([f64; 3], bool) {
-        let &Due { i, from, to: at, .. } = node;
+    /// Where the spot is for a sample whose time was rounded. On a straight run it is where the motion has it at that
+    /// time; at a corner and where the pen changes it is at the node.
+    fn spot_at_time(&self, node: &DueSample, time: f64) -> SpotAtTime {
+        let &DueSample { i, from, to, .. } = node;
         let (waypoints, here) = (&self.motion.waypoints, &self.motion.waypoints[i]);
         let begin = waypoints[i - 1].time;
         let passed = |time: f64| (time - begin) / (here.time - begin);
         if !node.is_node {
-            return (lerp(from, at, passed(time)), true);
+            return SpotAtTime { spot: lerp(from, to, passed(time)), keeps_pace: true };
         }
+        let at_node = SpotAtTime { spot: to, keeps_pace: false };
         let Some(after) = waypoints.get(i + 1).filter(|w| w.pen == here.pen && w.stroke == here.stroke) else {
-            return (at, false);
+            return at_node;
         };
         let next = self.spot(i + 1);
         let (t0, t1) = (here.time, after.time);
-        let after = time > t0;
-        let spot = if after { lerp(at, next, (time - t0) / (t1 - t0)) } else { lerp(from, at, passed(time)) };
-        let [way, on, off] = [[from, at], [at, next], [at, spot]].map(|[a, b]| [0, 1, 2].map(|k| b[k] - a[k]));
-        let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-        let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];
-        let cut = norm(off) * norm(cross) / (norm(way) * norm(on));
+        let spot = if time > t0 { lerp(to, next, (time - t0) / (t1 - t0)) } else { lerp(from, to, passed(time)) };
         // Not of NaN, which a spot at rest gives: then it is at the node.
-        if cut < CUT { (spot, true) } else { (at, false) }
+        if corner_cut(from, to, next, spot) < CUT { SpotAtTime { spot, keeps_pace: true } } else { at_node }
     }
 
     /// How often the move to node `i` is halved until no part of it bows too far.

@@ -213,3 +213,12 @@ fn short_moves_keep_the_pens_speed_to_the_microsecond_and_the_spot_is_not_late()
     }
     panic!("the spot stays late");
 }
+
+#[test]
+fn a_corner_is_cut_by_what_the_spot_lies_off_its_other_leg() {
+    let (before, corner, after) = ([-1.0, 0.0, 0.0], [0.0; 3], [0.0, 2.0, 0.0]);
+    assert_eq!(corner_cut(before, corner, after, [0.0, 0.5, 0.0]), 0.5);
+    assert_eq!(corner_cut(before, corner, after, corner), 0.0);
+    assert_eq!(corner_cut(before, corner, [3.0, 0.0, 0.0], [0.5, 0.0, 0.0]), 0.0, "no corner");
+    assert!(corner_cut(before, corner, corner, corner).is_nan(), "a spot at rest");
+}

@@ -1,13 +1,13 @@
 //! Runs whose axes are all linear in s: one rest-to-rest move in closed form.
 
-use super::{Limit, Path, Ratio, Report, Solved};
+use super::{Limit, Path, Ratio, Report, TimedRun};
 use terrace_core::motion::RestToRest;
 
 /// Share of a limit that a bend may use up in a run that still counts as straight.
 const STRAIGHT: f64 = 1e-4;
 
 /// The run `first..=last` in closed form, where it has one.
-pub(super) fn solve(path: &Path, limits: &[Limit], first: usize, last: usize, bends: &[f64]) -> Option<Solved> {
+pub(super) fn solve(path: &Path, limits: &[Limit], first: usize, last: usize, bends: &[f64]) -> Option<TimedRun> {
     let k = limits.len();
     let length = path.s[last] - path.s[first];
     let mut along = Limit { speed: f64::INFINITY, acceleration: f64::INFINITY, jerk: None };
@@ -49,9 +49,9 @@ fn is_straight(path: &Path, limits: &[Limit], first: usize, last: usize, bends: 
 }
 
 /// Borders at the nodes and wherever the jerk changes.
-fn lay(path: &Path, curve: &RestToRest, first: usize, last: usize) -> Solved {
+fn lay(path: &Path, curve: &RestToRest, first: usize, last: usize) -> TimedRun {
     let mut out =
-        Solved { x: Vec::new(), rate: Vec::new(), time: Vec::new(), segment: Vec::new(), report: Report::default() };
+        TimedRun { x: Vec::new(), rate: Vec::new(), time: Vec::new(), segment: Vec::new(), report: Report::default() };
     let corners = curve.corners();
     let mut next = 0;
     let length = path.s[last] - path.s[first];

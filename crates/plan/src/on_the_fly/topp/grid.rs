@@ -123,12 +123,14 @@ impl Grid {
 
     /// Times at the borders.
     pub fn times(&self, b: &[f64]) -> Vec<f64> {
+        let mut out = Vec::with_capacity(self.x.len());
         let mut t = 0.0;
-        let step = |cell| {
+        out.push(t);
+        for cell in 0..self.cells() {
             t += self.time(cell, [b[cell], b[cell + 1]]);
-            t
-        };
-        std::iter::once(0.0).chain((0..self.cells()).map(step)).collect()
+            out.push(t);
+        }
+        out
     }
 }
 
@@ -162,17 +164,14 @@ fn cells(s: &[f64], options: &Options, first: usize, fine: f64) -> (Vec<f64>, Ve
     let refine = options.refine.max(1) as f64;
     let length = s[s.len() - 1] - s[0];
     let half = 0.5 * refine * fine;
-    // Count of the fine cells up to x, its two halves mirrored.
-    let count = |x: f64| {
-        let part = |x: f64| half * (x / (0.5 * length)).max(0.0).cbrt();
-        if x <= 0.5 * length { part(x) } else { 2.0 * half - part(length - x) }
-    };
-    let (mut x, mut segment) = (vec![0.0], Vec::new());
+    let count = |x: f64| fine_cells_up_to(x, length, half);
+    let mut x = vec![0.0];
+    let mut segment = Vec::new();
     for (i, w) in s.windows(2).enumerate() {
         let (from, to) = (w[0] - s[0], w[1] - s[0]);
         let measure = |x: f64| count(x) - count(from) + refine * (x - from) / (to - from);
         let n = measure(to).round().max(1.0);
-        // Far from the stops the fine cells no longer show.
+        // Far from the stops the fine cells no longer show: the cells of a segment are even.
         let is_even = measure(to) < 1.02 * refine;
         for j in 1..n as usize {
             if is_even {
@@ -180,6 +179,7 @@ fn cells(s: &[f64], options: &Options, first: usize, fine: f64) -> (Vec<f64>, Ve
                 continue;
             }
             let want = measure(to) * j as f64 / n;
+            // The measure grows with x: bisection to the last bits that matter.
             let (mut lo, mut hi) = (from, to);
             for _ in 0..50 {
                 let mid = 0.5 * (lo + hi);
@@ -192,4 +192,10 @@ fn cells(s: &[f64], options: &Options, first: usize, fine: f64) -> (Vec<f64>, Ve
     }
     segment.push((first + s.len() - 2) as u32);
     (x, segment)
+}
+
+/// Fine cells of a run up to x, of `half` up to its middle; its two halves are mirrored.
+fn fine_cells_up_to(x: f64, length: f64, half: f64) -> f64 {
+    let from_stop = |x: f64| half * (x / (0.5 * length)).max(0.0).cbrt();
+    if x <= 0.5 * length { from_stop(x) } else { 2.0 * half - from_stop(length - x) }
 }

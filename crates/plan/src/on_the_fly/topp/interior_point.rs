@@ -32,13 +32,21 @@ const KEPT: f64 = 0.1;
 
 type Lanes = [f64; LANES];
 
+/// What bounds a constraint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bounded {
+    /// 1: speed and acceleration.
+    ByOne,
+    /// The time around the second border: jerk.
+    ByTime,
+}
+
 /// A few constraints over the same three borders; lanes that are not used have no factors and never bind.
 #[derive(Clone, Debug)]
 struct Pack {
     /// The first of the borders.
     at: u32,
-    /// Whether the bound is the time around the second border rather than 1.
-    is_jerk: bool,
+    bounded: Bounded,
     /// What the bound is wider than the limit, as long as the start breaks it.
     excess: f64,
     factors: [Lanes; 3],
@@ -50,7 +58,10 @@ struct Pack {
 impl Pack {
     #[inline]
     fn bound<'a>(&self, bounds: &'a [Bound]) -> &'a Bound {
-        if self.is_jerk { &bounds[self.at as usize] } else { &ONE }
+        match self.bounded {
+            Bounded::ByOne => &ONE,
+            Bounded::ByTime => &bounds[self.at as usize],
+        }
     }
 }
 
@@ -137,7 +148,7 @@ impl<'a> Stretch<'a> {
             if cell + 1 < until {
                 rows.push([0.0, most[cell + 1].recip(), 0.0]);
             }
-            out.pack(cell, false, &rows);
+            out.pack(cell, Bounded::ByOne, &rows);
         }
         // Every border whose two references see an unknown one: jerk.
         for i in (at - 1).max(1)..(until + 1).min(grid.cells()) {
@@ -146,13 +157,13 @@ impl<'a> Stretch<'a> {
             rows.extend(limited.map(|axis| jerk_rows::change(grid, i, axis)));
             let most = [most[i - 1], most[i], most[i + 1]];
             leave_out(&mut rows, most, jerk_rows::time_around(grid, i, most).0);
-            out.pack(i - 1, true, &rows);
+            out.pack(i - 1, Bounded::ByTime, &rows);
         }
         out
     }
 
     /// Puts constraints over the borders from `from` on into packs.
-    fn pack(&mut self, from: usize, is_jerk: bool, rows: &[[f64; 3]]) {
+    fn pack(&mut self, from: usize, bounded: Bounded, rows: &[[f64; 3]]) {
         let at = (from - self.origin) as u32;
         let mut lane = LANES;
         for row in rows {
@@ -160,7 +171,7 @@ impl<'a> Stretch<'a> {
                 let empty = [[0.0; LANES]; 2];
                 self.packs.push(Pack {
                     at,
-                    is_jerk,
+                    bounded,
                     excess: 0.0,
                     factors: [[0.0; LANES]; 3],
                     multipliers: empty,
@@ -194,7 +205,8 @@ impl<'a> Stretch<'a> {
             if gap.max(unbalanced) <= 2.0 * accuracy * total && excess <= EXCESS {
                 return Some((round, self.b[self.free.clone()].to_vec()));
             }
-            // Predictor: Newton's step towards products slack × multiplier of zero. One factorisation serves both solves.
+            // Predictor: Newton's step towards products slack × multiplier of zero. One factorisation serves both
+            // solves.
             self.factor();
             for i in self.free.clone() {
                 self.predictor[i] = self.target[i];
@@ -217,7 +229,7 @@ impl<'a> Stretch<'a> {
             if !(primal > 1e-9 && self.step.iter().all(|s| s.is_finite())) {
                 break;
             }
-            self.go(primal, dual);
+            self.take_step(primal, dual);
         }
         (excess <= EXCESS).then(|| (STEPS, self.b[self.free.clone()].to_vec()))
     }
@@ -257,9 +269,10 @@ impl<'a> Stretch<'a> {
             pack.excess = 0.0;
             let view = View::of(pack, &self.b, &self.bounds);
             let least = view.slack.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-            let one = if pack.is_jerk { self.bounds[pack.at as usize].value } else { 1.0 };
+            let bound = pack.bound(&self.bounds).value;
             pack.excess = 0.0;
-            let allowed = ROOM * (2.0 * one - least);
+            // Both slacks of a row are twice the bound together.
+            let allowed = ROOM * (2.0 * bound - least);
             pack.excess = (allowed - least).max(0.0);
             let view = View::of(pack, &self.b, &self.bounds);
             for side in 0..2 {
@@ -289,8 +302,8 @@ impl<'a> Stretch<'a> {
             let tau = &view.slope;
             let (weight, lift) = (total(&sum), total(&lift));
             let lean = [0, 1, 2].map(|k| dot(&turn, &c[k]));
-            // Both sides of a row are τ · b ∓ c · b, so with their quotients multiplier / slack u and d the normal matrix
-            // gets u (τ - c)(τ - c)ᵀ + d (τ + c)(τ + c)ᵀ, multiplied out here.
+            // Both sides of a row are τ · b ∓ c · b, so with their quotients multiplier / slack u and d the normal
+            // matrix gets u (τ - c)(τ - c)ᵀ + d (τ + c)(τ + c)ᵀ, multiplied out here.
             for i in 0..3 {
                 self.target[at + i] += pack.excess * (tau[i] * weight - lean[i]);
                 self.rest[at + i] -= tau[i] * lift - dot(&force, &c[i]);
@@ -368,7 +381,8 @@ impl<'a> Stretch<'a> {
         Sums { slack_fall: most(&fall), multiplier_fall: most(&drop), ..Sums::default() }
     }
 
-    fn go(&mut self, primal: f64, dual: f64) {
+    /// Moves b by a share of the step, and the multipliers by one of their changes; the bounds shrink with b.
+    fn take_step(&mut self, primal: f64, dual: f64) {
         for i in self.free.clone() {
             self.b[i] *= 1.0 + primal * self.step[i];
         }

@@ -39,30 +39,58 @@ pub(super) fn smooth(grid: &Grid, mut most: Vec<f64>, b: &mut [f64], options: &O
     let seams: Vec<usize> = windows.windows(2).map(|w| w[0].end).collect();
     // What is held in the second round must not lean on its limits, or next to nothing fits between.
     let rounds = if seams.is_empty() {
-        vec![(windows, options.gain, false)]
+        vec![Round { windows, gain: options.gain, beginning: Beginning::FromHeld }]
     } else {
-        vec![(windows, LOOSE.max(options.gain), false), (shifted, options.gain, true)]
+        let first = Round { windows, gain: LOOSE.max(options.gain), beginning: Beginning::FromHeld };
+        let beginning = Beginning::AcrossSeams { seams: &seams, reach: reach as f64 };
+        vec![first, Round { windows: shifted, gain: options.gain, beginning }]
     };
-    for (round, gain, again) in rounds {
-        let solve = |range: &Range<usize>| {
+    for Round { windows, gain, beginning } in rounds {
+        let lowered: Vec<Option<(usize, Vec<f64>)>> = parallel::map(windows.len(), |i| {
+            let range = &windows[i];
             let mut stretch = Stretch::new(grid, &most, b, range.clone());
-            // Where one beginning does not settle, another does.
-            let begin = |fast: &[f64]| match again {
-                false => from_held(grid, fast, b, range),
-                true => across(fast, b, range, &seams, reach as f64),
-            };
-            let quick = fast.iter().map(|fast| begin(fast));
+            // Where one beginning does not settle, another does; the motion that is held is the last.
+            let quick = fast.iter().map(|fast| beginning.motion(grid, fast, b, range));
             quick.chain([b[range.clone()].to_vec()]).find_map(|start| stretch.descend(&start, gain))
-        };
-        let solved: Vec<Option<(usize, Vec<f64>)>> = parallel::map(round.len(), |i| solve(&round[i]));
-        for (range, found) in round.into_iter().zip(solved) {
-            if let Some((count, found)) = found {
-                b[range].copy_from_slice(&found);
+        });
+        for (range, window) in windows.into_iter().zip(lowered) {
+            if let Some((count, values)) = window {
+                b[range].copy_from_slice(&values);
                 steps = steps.max(count);
             }
         }
     }
     steps
+}
+
+/// Windows that are solved independently of each other.
+struct Round<'a> {
+    windows: Vec<Range<usize>>,
+    /// Gain of time, relative, for which a window makes no more steps.
+    gain: f64,
+    beginning: Beginning<'a>,
+}
+
+/// Where the descent of a window begins.
+enum Beginning<'a> {
+    /// At a fast motion, but near what is held next to the window no faster than even jerk reaches from there.
+    FromHeld,
+    /// At what was found, but at a fast motion about the seams of the round before.
+    AcrossSeams {
+        /// The borders held between the windows of the round before.
+        seams: &'a [usize],
+        /// Borders to each side of a seam that begin anew.
+        reach: f64,
+    },
+}
+
+impl Beginning<'_> {
+    fn motion(&self, grid: &Grid, fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<f64> {
+        match self {
+            Self::FromHeld => from_held(grid, fast, b, range),
+            Self::AcrossSeams { seams, reach } => across(fast, b, range, seams, *reach),
+        }
+    }
 }
 
 /// The unknown borders in windows; two are held between any two of these.

@@ -56,12 +56,14 @@ fn end_factor(grid: &Grid, cell: usize, axis: usize) -> f64 {
     let (stop, sign) = if cell == 0 { (0, 1.0) } else { (2 * cell + 2, -1.0) };
     let halves = if cell == 0 { [0, 1, 2] } else { [2 * cell + 2, 2 * cell + 1, 2 * cell] };
     let third = (grid.shape(halves[2], axis).1 - grid.shape(stop, axis).1) / h;
-    let at = |(n, half): (usize, usize)| {
+    let mut most = 0.0f64;
+    // At the stop, in the middle of the cell and at its other end.
+    for (n, half) in halves.into_iter().enumerate() {
         let x = 0.5 * h * n as f64;
         let (d1, d2) = grid.shape(half, axis);
-        (d1 + sign * 9.0 * d2 * x + sign * 4.5 * third * x * x).abs()
-    };
-    halves.into_iter().enumerate().map(at).fold(0.0, f64::max) * grid.ramp[axis]
+        most = most.max((d1 + sign * 9.0 * d2 * x + sign * 4.5 * third * x * x).abs());
+    }
+    most * grid.ramp[axis]
 }
 
 /// The largest share of the jerk limits that b reaches.
@@ -77,7 +79,7 @@ pub(super) fn ratio(grid: &Grid, b: &[f64]) -> f64 {
     (1..n).fold(most, |m, i| m.max(ratio_at(grid, i, [b[i - 1], b[i], b[i + 1]])))
 }
 
-/// The same at one border.
+/// The largest share of the jerk limits that b reaches at one border.
 fn ratio_at(grid: &Grid, i: usize, b: [f64; 3]) -> f64 {
     let (time, _) = time_around(grid, i, b);
     let share = |axis| {

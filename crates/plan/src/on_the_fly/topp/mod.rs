@@ -92,11 +92,11 @@ impl Default for Options {
 /// cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ratio {
-    /// Of speed, caps of ds/dt included.
+    /// Share of speed, caps of ds/dt included.
     pub speed: f64,
-    /// Of acceleration.
+    /// Share of acceleration.
     pub acceleration: f64,
-    /// Of jerk, from middle to middle; 0 without limit.
+    /// Share of jerk, from middle to middle; 0 without limit.
     pub jerk: f64,
 }
 
@@ -122,7 +122,7 @@ pub struct Report {
     pub total_s: f64,
     /// What it would be without jerk limits on the same cells, s.
     pub without_jerk_s: f64,
-    /// Runs, and how many of them in closed form.
+    /// Runs.
     pub runs: usize,
     /// Runs in closed form.
     pub straight: usize,
@@ -130,10 +130,23 @@ pub struct Report {
     pub cells: usize,
     /// Most steps of descent of any window.
     pub steps: usize,
-    /// Of the final motion.
+    /// What of its limits the final motion reaches.
     pub ratio: Ratio,
     /// Largest factor by which a run's time was stretched to keep limits between borders of cells.
     pub stretch: f64,
+}
+
+impl Report {
+    /// Adds all of a run but its time.
+    fn add_run(&mut self, run: &Self) {
+        self.without_jerk_s += run.without_jerk_s;
+        self.runs += 1;
+        self.straight += run.straight;
+        self.cells += run.cells;
+        self.steps = self.steps.max(run.steps);
+        self.ratio = self.ratio.worst(run.ratio);
+        self.stretch = self.stretch.max(run.stretch);
+    }
 }
 
 /// Axes at a time.
@@ -153,7 +166,7 @@ pub struct State {
 
 /// A path with its motion.
 #[derive(Clone, Debug)]
-pub struct Timed {
+pub struct TimedPath {
     axes: usize,
     positions: Vec<f64>,
     /// Second derivatives at the nodes.
@@ -169,8 +182,8 @@ pub struct Timed {
     report: Report,
 }
 
-/// One solved run: borders of its cells.
-struct Solved {
+/// A run with its motion: borders of its cells.
+struct TimedRun {
     /// Offsets from the run's start.
     x: Vec<f64>,
     rate: Vec<f64>,
@@ -184,7 +197,7 @@ struct Solved {
 ///
 /// # Errors
 /// `fly-path` where numbers of the path or the limits do not fit together, which a caller must not let happen.
-pub fn time_optimal(path: &Path, limits: &[Limit], options: &Options) -> Result<Timed, Error> {
+pub fn time_optimal(path: &Path, limits: &[Limit], options: &Options) -> Result<TimedPath, Error> {
     validate(path, limits)?;
     let (axes, last) = (limits.len(), path.s.len() - 1);
     let mut stops: Vec<usize> = vec![0];
@@ -201,40 +214,41 @@ pub fn time_optimal(path: &Path, limits: &[Limit], options: &Options) -> Result<
         parts.push((w[0], w[1], part));
         rest = tail;
     }
-    let solved: Vec<Solved> = parallel::map_items(parts, |_, (first, last, bends)| {
+    let runs: Vec<TimedRun> = parallel::map_items(parts, |_, (first, last, bends)| {
         spline::bends(&path.positions[first * axes..(last + 1) * axes], &path.s[first..=last], axes, bends);
         run(path, limits, options, first, last, bends)
     });
-    Ok(join(path, axes, bends, &solved))
+    Ok(join(path, axes, bends, &runs))
 }
 
+/// Refuses numbers that do not fit together.
 fn validate(path: &Path, limits: &[Limit]) -> Result<(), Error> {
-    let bad = |what: &str| Err(Diag::bug("fly-path", format!("a path cannot be timed: {what}")).into());
+    let refused = |what: &str| Err(Diag::bug("fly-path", format!("a path cannot be timed: {what}")).into());
     let (axes, nodes) = (limits.len(), path.s.len());
     let positive = |v: f64| v > 0.0 && v.is_finite();
     if !(1..=AXES).contains(&axes) || nodes < 2 || nodes > u32::MAX as usize / 64 {
-        return bad("it needs one to seven axes and two or more nodes");
+        return refused("it needs one to seven axes and two or more nodes");
     }
     if path.positions.len() != nodes * axes || path.caps.len() != nodes - 1 {
-        return bad("positions, nodes and segments differ in number");
+        return refused("positions, nodes and segments differ in number");
     }
     if !path.s.windows(2).all(|w| positive(w[1] - w[0])) || !path.positions.iter().all(|p| p.is_finite()) {
-        return bad("its parameter does not increase, or a number is not finite");
+        return refused("its parameter does not increase, or a number is not finite");
     }
     if !path.caps.iter().all(|&c| positive(c)) {
-        return bad("a largest speed is not positive");
+        return refused("a largest speed is not positive");
     }
     if !limits.iter().all(|l| positive(l.speed) && positive(l.acceleration) && l.jerk.is_none_or(positive)) {
-        return bad("a limit is not positive");
+        return refused("a limit is not positive");
     }
     if !path.stops.windows(2).all(|w| w[0] < w[1]) {
-        return bad("its stops are not in order");
+        return refused("its stops are not in order");
     }
     Ok(())
 }
 
 /// Solves one run from rest to rest.
-fn run(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> Solved {
+fn run(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> TimedRun {
     if let Some(solved) = closed_form::solve(path, limits, first, last, bends) {
         return solved;
     }
@@ -242,7 +256,7 @@ fn run(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usi
 }
 
 /// Solves any run on cells.
-fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> Solved {
+fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> TimedRun {
     let grid = Grid::lay(path, limits, options, first, last, bends);
     let Reach { most, greatest: mut b } = reachability::reach(&grid);
     let without_jerk_s = grid.times(&b).last().copied().unwrap_or(0.0);
@@ -270,13 +284,13 @@ fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last:
         stretch,
     };
     let rate = b.iter().map(|b| b.sqrt()).collect();
-    Solved { x: grid.x, rate, time, segment: grid.segment, report }
+    TimedRun { x: grid.x, rate, time, segment: grid.segment, report }
 }
 
 /// Puts the runs one after the other.
-fn join(path: &Path, axes: usize, bends: Vec<f64>, runs: &[Solved]) -> Timed {
+fn join(path: &Path, axes: usize, bends: Vec<f64>, runs: &[TimedRun]) -> TimedPath {
     let borders = 1 + runs.iter().map(|r| r.x.len() - 1).sum::<usize>();
-    let mut out = Timed {
+    let mut out = TimedPath {
         axes,
         positions: path.positions.to_vec(),
         bends,
@@ -303,14 +317,7 @@ fn join(path: &Path, axes: usize, bends: Vec<f64>, runs: &[Solved]) -> Timed {
             out.segment.push(segment);
         }
         start_s += run.report.total_s;
-        let (all, one) = (&mut out.report, &run.report);
-        all.without_jerk_s += one.without_jerk_s;
-        all.runs += 1;
-        all.straight += one.straight;
-        all.cells += one.cells;
-        all.steps = all.steps.max(one.steps);
-        all.ratio = all.ratio.worst(one.ratio);
-        all.stretch = all.stretch.max(one.stretch);
+        out.report.add_run(&run.report);
     }
     out.report.total_s = start_s;
     out.at_node.push(out.s.len() as u32);
@@ -321,7 +328,17 @@ fn join(path: &Path, axes: usize, bends: Vec<f64>, runs: &[Solved]) -> Timed {
     out
 }
 
-impl Timed {
+/// A motion within a cell.
+struct PlaceInCell {
+    /// Way since the cell began, mm.
+    way: f64,
+    /// ds/dt, mm/s.
+    rate: f64,
+    /// d²s/dt², mm/s².
+    s_acceleration: f64,
+}
+
+impl TimedPath {
     /// How it was solved.
     pub fn report(&self) -> &Report {
         &self.report
@@ -353,20 +370,22 @@ impl Timed {
     /// `hint` is the cell of the last call, and becomes that of this one: rising times cost no search.
     pub fn at(&self, time: f64, hint: &mut usize, state: &mut State) {
         let (i, t) = cell(&self.time, time, hint);
-        let (x, rate, s_acceleration) = self.along(i, t - self.time[i]);
-        (state.s, state.rate) = (self.s[i] + x, rate);
-        self.state_at(self.segment[i] as usize, s_acceleration, state);
+        let place = self.place_in_cell(i, t - self.time[i]);
+        state.s = self.s[i] + place.way;
+        state.rate = place.rate;
+        self.state_at(self.segment[i] as usize, place.s_acceleration, state);
     }
 
-    /// The parameter at `time`, as [`Timed::at`] has it.
+    /// The parameter at `time`, as [`TimedPath::at`] has it.
     pub(crate) fn parameter_at(&self, time: f64, hint: &mut usize) -> f64 {
         let (i, t) = cell(&self.time, time, hint);
-        self.s[i] + self.along(i, t - self.time[i]).0
+        self.s[i] + self.place_in_cell(i, t - self.time[i]).way
     }
 
-    /// When the parameter is reached, s; `hint` as in [`Timed::at`].
+    /// When the parameter is reached, s; `hint` as in [`TimedPath::at`].
     pub fn time_at(&self, s: f64, hint: &mut usize) -> f64 {
         let (i, s) = cell(&self.s, s, hint);
+        // Invariant: the time in the cell lies between these.
         let (mut lo, mut hi) = (0.0, self.time[i + 1] - self.time[i]);
         let x = s - self.s[i];
         if x <= 0.0 || s >= self.s[i + 1] {
@@ -375,9 +394,9 @@ impl Timed {
         // Newton's steps, by bisection where one leaves what is left of the cell.
         let mut t = hi * x / (self.s[i + 1] - self.s[i]);
         for _ in 0..60 {
-            let (at, rate, _) = self.along(i, t);
-            *(if at < x { &mut lo } else { &mut hi }) = t;
-            let next = t + (x - at) / rate;
+            let PlaceInCell { way, rate, .. } = self.place_in_cell(i, t);
+            *(if way < x { &mut lo } else { &mut hi }) = t;
+            let next = t + (x - way) / rate;
             let next = if lo < next && next < hi { next } else { 0.5 * (lo + hi) };
             if (next - t).abs() <= 1e-15 * self.time[i + 1].max(1.0) {
                 break;
@@ -387,19 +406,22 @@ impl Timed {
         self.time[i] + t
     }
 
-    /// Within a cell: way, ds/dt and its change after `t`. Both ends give a cubic, which is exact for even
-    /// acceleration and for even jerk.
-    fn along(&self, i: usize, t: f64) -> (f64, f64, f64) {
+    /// Where the motion is in a cell after `t`, s. Both ends give a cubic, which is exact for even acceleration and for
+    /// even jerk.
+    fn place_in_cell(&self, i: usize, t: f64) -> PlaceInCell {
         let d = self.time[i + 1] - self.time[i];
         let (v0, v1, h) = (self.rate[i], self.rate[i + 1], self.s[i + 1] - self.s[i]);
         let (mean, u) = (h / d, t / d);
         let (c2, c3) = (3.0 * mean - 2.0 * v0 - v1, v0 + v1 - 2.0 * mean);
-        let x = t * (v0 + u * (c2 + u * c3));
-        (x, v0 + u * (2.0 * c2 + 3.0 * u * c3), (2.0 * c2 + 6.0 * u * c3) / d)
+        PlaceInCell {
+            way: t * (v0 + u * (c2 + u * c3)),
+            rate: v0 + u * (2.0 * c2 + 3.0 * u * c3),
+            s_acceleration: (2.0 * c2 + 6.0 * u * c3) / d,
+        }
     }
 
-    /// Position, velocity and acceleration of every axis in a segment, by the chain rule, from `state.s` (mm), `state.rate`
-    /// (ds/dt) and `s_acceleration` (d2s/dt2, mm/s2).
+    /// Position, velocity and acceleration of every axis in a segment, by the chain rule, from `state.s` (mm),
+    /// `state.rate` (ds/dt) and `s_acceleration` (d2s/dt2, mm/s2).
     fn state_at(&self, segment: usize, s_acceleration: f64, state: &mut State) {
         let k = self.axes;
         for list in [&mut state.position, &mut state.velocity, &mut state.acceleration] {

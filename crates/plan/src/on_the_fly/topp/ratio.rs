@@ -12,8 +12,8 @@ pub(super) fn of(grid: &Grid, b: &[f64]) -> Ratio {
         speed = speed.max(b[cell] / grid.cap[cell]).max(b[cell + 1] / grid.cap[cell + 1]);
         let ends = [b[cell], b[cell + 1]];
         for axis in 0..grid.axes {
-            let found = grid.accelerations(cell, axis).map(|[l, r]| (l * ends[0] + r * ends[1]).abs());
-            out.acceleration = found.fold(out.acceleration, f64::max);
+            let shares = grid.accelerations(cell, axis).map(|[l, r]| (l * ends[0] + r * ends[1]).abs());
+            out.acceleration = shares.fold(out.acceleration, f64::max);
         }
     }
     out.speed = speed.sqrt();

@@ -56,37 +56,67 @@ fn halves(grid: &Grid, cell: usize, out: &mut Vec<Half>) {
 /// other, each that is broken is leant on (Seidel).
 fn widest(halves: &[Half], x_most: f64, y_most: f64) -> f64 {
     let (mut x, mut y) = (x_most, y_most);
-    // Which y is chosen does not matter where x is the same, as long as the half-planes before hold.
+    // Invariant: x is the greatest in the half-planes before `i`, with y in them. Which y is chosen does not matter
+    // where x is the same.
     for (i, &[p, r]) in halves.iter().enumerate() {
         if p * x + r * y <= 1.0 + 1e-12 {
             continue;
         }
         // On the line p x + r y = 1, by y, where x is not fixed by it.
         let by_y = p.abs() * x_most >= r.abs() * y_most;
-        let (mut lo, mut hi) = (0.0, if by_y { y_most } else { x_most });
-        let (own, other) = if by_y { (p, r) } else { (r, p) };
-        let mut clip = |f: f64, g: f64, most: f64| {
-            // f * free + g * fixed ≤ most with fixed = (1 - other * free) / own.
-            let (slope, rest) = (f - g * other / own, most - g / own);
-            if slope > 0.0 {
-                hi = f64::min(hi, rest / slope);
-            } else if slope < 0.0 {
-                lo = f64::max(lo, rest / slope);
-            }
-        };
-        clip(0.0, 1.0, if by_y { x_most } else { y_most });
-        clip(0.0, -1.0, 0.0);
-        for &[a, c] in &halves[..i] {
-            if by_y { clip(c, a, 1.0) } else { clip(a, c, 1.0) }
-        }
         if by_y {
-            y = if -other / own > 0.0 { hi } else { lo };
-            x = (1.0 - other * y) / own;
+            let mut interval = LineInterval { lo: 0.0, hi: y_most, own: p, other: r };
+            interval.clip(0.0, 1.0, x_most);
+            interval.clip(0.0, -1.0, 0.0);
+            halves[..i].iter().for_each(|&[a, c]| interval.clip(c, a, 1.0));
+            // x rises along the line with y, or falls.
+            y = if -r / p > 0.0 { interval.hi } else { interval.lo };
+            x = (1.0 - r * y) / p;
         } else {
-            x = hi;
-            y = (1.0 - other * x) / own;
+            let mut interval = LineInterval { lo: 0.0, hi: x_most, own: r, other: p };
+            interval.clip(0.0, 1.0, y_most);
+            interval.clip(0.0, -1.0, 0.0);
+            halves[..i].iter().for_each(|&[a, c]| interval.clip(a, c, 1.0));
+            x = interval.hi;
+            y = (1.0 - p * x) / r;
         }
         (x, y) = (x.clamp(0.0, x_most), y.clamp(0.0, y_most));
     }
     x
+}
+
+/// What half-planes leave of the line own * fixed + other * free = 1, as an interval of the free coordinate.
+struct LineInterval {
+    lo: f64,
+    hi: f64,
+    own: f64,
+    other: f64,
+}
+
+impl LineInterval {
+    /// Keeps f * free + g * fixed ≤ `most`, with fixed = (1 - other * free) / own.
+    #[inline]
+    fn clip(&mut self, f: f64, g: f64, most: f64) {
+        let (slope, rest) = (f - g * self.other / self.own, most - g / self.own);
+        if slope > 0.0 {
+            self.hi = f64::min(self.hi, rest / slope);
+        } else if slope < 0.0 {
+            self.lo = f64::max(self.lo, rest / slope);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn widest_is_the_corner_of_a_polygon() {
+        assert_eq!(widest(&[], 3.0, 2.0), 3.0);
+        // x - y <= 1 and x + y <= 2: the greatest x is 1.5, at y = 0.5.
+        let halves = [[1.0, -1.0], [0.5, 0.5]];
+        assert!((widest(&halves, 3.0, 2.0) - 1.5).abs() < 1e-12);
+        // With y up to 0.2 only.
+        assert!((widest(&halves, 3.0, 0.2) - 1.2).abs() < 1e-12);
+    }
 }

@@ -32,7 +32,7 @@ impl Owned {
         Path { positions: &self.positions, s: &self.s, caps: &self.caps, stops: &self.stops }
     }
 
-    fn timed(&self, limits: &[Limit], options: &Options) -> Timed {
+    fn timed(&self, limits: &[Limit], options: &Options) -> TimedPath {
         time_optimal(&self.path(), limits, options).expect("a sound path")
     }
 }

@@ -18,7 +18,7 @@ fn pens(speed: f64) -> Vec<Pen> {
 
 /// The first points of the article's curve on its part, and the stage over them at sigma 13,750 um. With `every` a node
 /// at every point, else at corners alone.
-fn ma(count: usize, every: bool) -> Decomposed {
+fn ma(count: usize, every: bool) -> UntimedAxes {
     let part = sample::Part::stored();
     let plan: Vec<[f64; 2]> = part.hilbert()[..count].to_vec();
     let sigma = part.json["sigma_points"].as_f64().expect("sigma");
@@ -33,7 +33,7 @@ fn ma(count: usize, every: bool) -> Decomposed {
         _ if turns(i) => NodeKind::Corner,
         _ => NodeKind::Vertex,
     };
-    let mut out = Decomposed {
+    let mut out = UntimedAxes {
         back_off: BackOff::new(),
         strength: Some(13.75),
         path: Path::default(),
@@ -54,7 +54,7 @@ fn ma(count: usize, every: bool) -> Decomposed {
 }
 
 /// What U and V have to go from node to node.
-fn ways(made: &Decomposed, model: &KinematicModel<'_>) -> Vec<[f64; 2]> {
+fn ways(made: &UntimedAxes, model: &KinematicModel<'_>) -> Vec<[f64; 2]> {
     let at = |i: usize, axes: &Axes| {
         let [u, v, _] = axes.field_from_part(model.from_pivot(made.path.nodes[i].at));
         [u, v]
@@ -154,7 +154,7 @@ fn times_of_the_articles_part_match_the_reference() {
     let mut machine = Machine::built_in("xyzac-galvo-10").expect("a profile");
     let pens = pens(100.0);
     let (every, corners) = (ma(1 << 16, true), ma(1 << 16, false));
-    let minutes = |machine: &Machine, made: &Decomposed, rests| {
+    let minutes = |machine: &Machine, made: &UntimedAxes, rests| {
         let model = KinematicModel::of(machine, &pens, [0.0; 3]).expect("seven axes");
         let (alone, in_step) = made.in_step_s(&model, rests).expect("times");
         let got = [alone, in_step.expect("it converges")].map(|s| s / 60.0);
@@ -209,7 +209,7 @@ fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
         let axes = vec![Axes { xyz: [0.0; 3], a: 0.0, c: 0.0 }; path.len()];
         let tools = ToolPath::Gaussian { sigma: 1.0 };
         let (back_off, rewinds) = (BackOff::new(), Vec::new());
-        let all = Decomposed { back_off, strength: None, path, axes, marks, tools, rewinds, limits: WIDE };
+        let all = UntimedAxes { back_off, strength: None, path, axes, marks, tools, rewinds, limits: WIDE };
         all.timed(&model, 1).expect("a motion")
     };
     // Speeds of the first and of the last tenth of a mm of every mark.
@@ -237,4 +237,9 @@ fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
     };
     assert_eq!(lit(&plain), lit(&skywriting));
     assert!(made(true).path.len() > path.len() && model.with_run_ups(&path, &[false]).nodes == path.nodes);
+}
+
+#[test]
+fn cells_are_cut_into_four_parts_at_most_for_the_jerk() {
+    assert_eq!([0.0, FINE, 1.01 * FINE, 3.5 * FINE, 100.0 * FINE].map(parts_of_cell), [1, 1, 2, 4, 4]);
 }
