@@ -33,7 +33,7 @@ pub(super) enum RuleCode {
 /// The rules of one kind of job in the order in which its proof lists them: each with its name and what it asks.
 type RuleTable = [(RuleCode, &'static str, &'static str)];
 
-/// What the rule `curves` asks of either.
+/// The demand of the rule `curves`, of stepped and of on-the-fly jobs.
 const CURVES: &str = "space curves are those of their file and lie on the surface";
 
 /// The rules of a stepped job.

@@ -22,8 +22,8 @@ impl Inputs {
         Self { job }
     }
 
-    /// What a job is read from, for the verdict. A file lies elsewhere that is not beside the job folder, nor below where
-    /// that lies.
+    /// The files that a job is read from, for the verdict. A file lies elsewhere that is not beside the job folder, nor
+    /// below where that lies.
     pub(super) fn used(&self, job: &Job, folder: &Path) -> Vec<Input> {
         let whole =
             |path: &Path| std::fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or(path.into());

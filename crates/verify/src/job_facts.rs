@@ -25,7 +25,7 @@ pub(super) struct JobFacts {
     pub(super) machine: Machine,
     /// Processing depth of focus.
     pub(super) pdof: Nm,
-    /// What the job takes off it for errors.
+    /// The part of it that the job keeps for errors.
     pub(super) reserve: Nm,
     /// Largest depth range of a block.
     pub(super) depth_range: Nm,
@@ -35,7 +35,7 @@ pub(super) struct JobFacts {
     pub(super) min_mark_nm: f64,
     /// Whether only slivers next to a mark may be left out, not every mark shorter than `min_mark_nm`.
     pub(super) only_slivers: bool,
-    /// What two blocks may both mark at a cut, nm.
+    /// Length that two blocks may both mark at a cut, nm.
     pub(super) overlap_nm: f64,
     /// How far before a border a cut may fall at random, nm.
     pub(super) zone_nm: f64,
@@ -61,7 +61,8 @@ pub(super) struct JobFacts {
     pub(super) frames: Option<Option<String>>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,
-    /// What the job reads, each with what it is for, as the manifest names it; None where the job could not be read.
+    /// The files that the job reads, each with its role, as the manifest names them; None where the job could not be
+    /// read.
     pub(super) inputs: Option<Vec<(&'static str, String)>>,
     /// Whether the power of marks on the fly follows the speed of the spot.
     pub(super) power_by_speed: bool,
@@ -70,7 +71,7 @@ pub(super) struct JobFacts {
 }
 
 impl JobFacts {
-    /// What the manifest says of the job, where the job itself cannot be had. Enough for the rules
+    /// The facts that the manifest states, where the job itself cannot be had. Enough for the rules
     /// that need no inputs.
     pub(super) fn from_manifest(m: &Manifest) -> Self {
         Self {
@@ -180,7 +181,7 @@ fn named(file: &Path) -> String {
     if cfg!(windows) { text.replace('\\', "/") } else { text.into_owned() }
 }
 
-/// What a job reads, as a manifest lists it: a file that follows on itself once.
+/// The files that a job reads, as a manifest lists them: a file that follows on itself once.
 fn inputs_of(job: &Job) -> Vec<(&'static str, String)> {
     let mut all: Vec<_> = job.input_files().into_iter().map(|(role, file)| (role, named(file))).collect();
     all.dedup();
@@ -203,7 +204,7 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, BoxMm<2>), Error> {
     // Points are laid by their reader, before they are triangulated; all else by the verifier's own arithmetic.
     let laid = job.placement.laid.filter(|_| !surface::is_cloud(&path));
     let mut options = job.surface.options.clone();
-    let Some(rotation) = laid.map(|laid| Rotation::of(&laid)) else {
+    let Some(rotation) = laid.map(|laid| Rotation::new(&laid)) else {
         let content = surface::read(&path, &options, &mut Vec::new(), &mut |f| builder.push(f))?;
         return finished(builder, content, turn, &path);
     };

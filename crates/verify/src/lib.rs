@@ -1,16 +1,16 @@
 //! The independent proof: re-reads an emitted job folder and holds every rule against it.
 //!
 //! Consumes a job folder, and the job file and inputs that it names; promises a [`Proof`] with each rule, what was
-//! checked against it and where it is broken. Files are read by readers of this module's own (`read`), heights are
-//! found on the surface file's own facets (`depth`), texture strokes are placed anew; nothing here calls what divided,
-//! cut, ordered or wrote the program.
+//! checked against it and where it is broken. Files are read by readers of this crate's own (`read`), heights are
+//! found on the surface file's own facets (`geometry`), texture strokes are placed again; nothing here calls what
+//! divided, cut, ordered or wrote the program.
 //!
 //! Every fault is reported by one rule. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
 //! the stage programs, the OVF and the manifest to it, number by number; `hash` ties bytes to the
 //! manifest. So a damaged drawing breaks agreement and leaves depth alone. `docs/verify.md` lists the
 //! rules with their tolerances and limits.
 //!
-//! Units: nm, integer in files and f64 under `depth`; mm and um only in the proof.
+//! Units: nm, integer in files and f64 in `geometry`; mm and um only in the proof.
 
 mod findings;
 mod geometry;
@@ -38,32 +38,42 @@ use job_facts::JobFacts;
 use read::manifest::Manifest;
 use read::program::ProgramFile;
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::P2;
+use terrace_core::geom::{BoxMm, P2};
 use terrace_core::parallel;
 use terrace_core::program::{PassId, PenId};
-use terrace_input::job::Mode;
+use terrace_core::progress::Task;
+use terrace_input::job::{Job, Mode};
 use terrace_input::texture::Texture;
 
-/// Writes the points of a stroke into the cleared buffer and returns its pen.
-type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> PenId + 'a;
+/// Writes the points of a stroke, given by its number, into the cleared buffer and returns its pen.
+type PlaceStroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> PenId + 'a;
 
-/// The texture strokes of one pass as placed anew, by number.
+/// The texture strokes of one pass, placed again from the job, by number.
 pub(crate) struct Drawing<'a> {
     /// How many strokes there are.
     len: usize,
-    stroke: Box<Stroke<'a>>,
-    /// What a stroke comes from, for messages.
+    stroke: Box<PlaceStroke<'a>>,
+    /// The element that a stroke comes from, for messages.
     element: Box<dyn Fn(usize) -> String + 'a>,
 }
 
 impl<'a> Drawing<'a> {
-    fn of(texture: &'a Texture) -> Self {
+    fn from_texture(texture: &'a Texture) -> Self {
         Self {
             len: texture.len(),
             stroke: Box::new(|i, out| texture.stroke(i, out)),
             element: Box::new(|i| texture.element(i)),
         }
     }
+}
+
+/// A job as loaded again from its job file and inputs.
+pub(crate) struct LoadedJob<'a> {
+    facts: &'a JobFacts,
+    /// The facets of its surface file.
+    geometry: &'a Geometry,
+    /// The strokes of its texture, pass by pass.
+    drawings: &'a [Drawing<'a>],
 }
 
 /// Verifies the job folder at `folder`. Job file and inputs are where the manifest says, or in
@@ -77,10 +87,10 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     verify_with_progress(folder, inputs_override, &|_, _| {})
 }
 
-/// [`verify`] that reports how far it is.
+/// Verifies a job folder like [`verify`], and reports to `progress` how far it is.
 ///
 /// # Errors
-/// As [`verify`].
+/// The same as those of [`verify`].
 pub fn verify_with_progress(
     folder: &Path,
     inputs_override: Option<&Path>,
@@ -89,13 +99,14 @@ pub fn verify_with_progress(
     if read::manifest::is_on_the_fly(folder) {
         return on_the_fly::verify(folder, inputs_override, progress);
     }
+    // The shares of each step in the time of this phase.
     let [listed, written, read, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
     let manifest: read::manifest::Manifest = read::manifest::read(folder, &read::leaves::STEPPED)?;
     let mut findings = Findings::new(findings::STEPPED);
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let (unchanged, program) = parallel::both(
         || {
-            findings.not_proved = rules::stated::of(&manifest.listed(), &read::leaves::STEPPED);
+            findings.not_proved = rules::stated::not_proved(&manifest.listed(), &read::leaves::STEPPED);
             rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash])
         },
         || read::program::read(&folder.join("program.txt")),
@@ -115,7 +126,7 @@ pub fn verify_with_progress(
     let (job, facts) = job_facts::load(&inputs, Mode::Stepped)?;
     findings.against = inputs.used(&job, folder);
     let Some(mut program) = program else { return Ok(findings.into_proof()) };
-    // Neither needs the other.
+    // The surface is read while the files of the folder are compared with each other.
     let (shaped, stages) = parallel::both(
         || {
             let (shape, box_mm) = job_facts::shape(&job)?;
@@ -126,46 +137,64 @@ pub fn verify_with_progress(
     );
     let (geometry, box_mm) = shaped?;
     rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.rules[RuleCode::Summary]);
+    let Some(textures) = place_textures(&job, &manifest, &facts, &geometry, box_mm, &mut findings, drawn)? else {
+        return Ok(findings.into_proof());
+    };
+    let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::from_texture).collect();
+    let job = LoadedJob { facts: &facts, geometry: &geometry, drawings: &drawings };
+    check_folder(&stages, &manifest, &mut program, &job, &mut findings, progress);
+    Ok(findings.into_proof())
+}
+
+/// Places the textures of every pass again, and holds the rules that compare them with their own files. Returns None
+/// where the manifest does not give the lines along contours: without these the texture is not known.
+fn place_textures(
+    job: &Job,
+    manifest: &Manifest,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    box_mm: BoxMm<2>,
+    findings: &mut Findings,
+    task: Task<'_>,
+) -> Result<Option<Vec<Texture>>, Error> {
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
+    let spot_mm = facts.machine.lens.spot.as_mm();
     let mut files = rules::drawing_files::Files::default();
     let mut textures = Vec::new();
-    let drawn = drawn.of_steps(facts.passes.count as usize);
+    let task = task.of_steps(facts.passes.count as usize);
     for pass in (0..facts.passes.count).map(PassId) {
-        let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
-        if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.rules[RuleCode::Fill]) {
-            // Without its lines the texture is not known.
-            return Ok(findings.into_proof());
+        let mut texture = job_facts::texture(job, &facts.machine, pass, box_mm)?;
+        if !rules::fill::check(manifest, facts, pass, &mut texture, &mut findings.rules[RuleCode::Fill]) {
+            return Ok(None);
         }
-        let drawing = Drawing::of(&texture);
-        let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
-        let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
+        let drawing = Drawing::from_texture(&texture);
+        let placed = rules::drawing::PlacedTextures { job, texture: &texture, drawing: &drawing, site };
+        let requests = job.textures_of_pass(pass);
         rules::drawing::check(&placed, spot_mm, &mut files, &mut findings.rules[RuleCode::Drawing]);
         rules::bitmap::check(&placed, &requests, spot_mm, &mut files, &mut findings.rules[RuleCode::Bitmap]);
         rules::mask::check(&placed, &mut files, &mut findings.rules[RuleCode::Mask]);
         drop(drawing);
+        // Every pass marks the same space curves, and the manifest counts each curve once.
         if pass == PassId(0) {
             let rules = findings.rules.several([RuleCode::Curves, RuleCode::Summary]);
-            rules::curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
+            rules::curves::check(job, &texture, geometry, manifest.summary.curves.as_ref(), rules);
         }
         textures.push(texture);
-        drawn.step();
+        task.step();
     }
-    drop(drawn);
-    let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
-    check_folder(&stages, &manifest, &mut program, &facts, (&drawings, &geometry), &mut findings, progress);
-    Ok(findings.into_proof())
+    Ok(Some(textures))
 }
 
-/// The rules that need the job and its inputs, on what was read and loaded again.
+/// Holds the rules that need the job and its inputs.
 fn check_folder(
     stages: &rules::Stages,
     manifest: &Manifest,
     program: &mut ProgramFile,
-    facts: &JobFacts,
-    (drawings, geometry): (&[Drawing<'_>], &Geometry),
+    job: &LoadedJob<'_>,
     findings: &mut Findings,
     progress: Progress<'_>,
 ) {
+    let LoadedJob { facts, geometry, .. } = *job;
     let moves = Phase::Files.task(progress);
     rules::moves(stages, manifest, program, facts, geometry, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.rules[RuleCode::Agreement]);
@@ -175,14 +204,13 @@ fn check_folder(
     rules::dose::check(program, facts, geometry, findings);
     drop(dose);
     let [pieces, sums] = Phase::Coverage.task(progress).split([9, 1]);
-    let drawn = (drawings, &marks.drawn);
-    let pieces = rules::coverage::check(manifest, program, facts, drawn, geometry, findings, pieces);
+    let pieces = rules::coverage::check(manifest, program, job, &marks.drawn, findings, pieces);
     rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
     rules::summary::slopes(manifest, program, facts, geometry, &marks, findings);
     drop(sums);
 }
 
-/// `program.txt` as it was read; one that cannot be read agrees with nothing.
+/// The program that was read from `program.txt`; a fault in reading it is reported by `agreement`.
 fn readable(program: Result<ProgramFile, read::Fault>, findings: &mut Findings) -> Option<ProgramFile> {
     match program {
         Ok(program) => Some(program),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-/// How many violations of one rule are kept in full; the rest is counted.
+/// How many violations of one rule are kept in full; the rest is counted. docs/verify.md promises the first 20.
 const KEPT: usize = 20;
 
 /// One place where a rule is broken.
@@ -24,7 +24,7 @@ pub struct Violation {
 pub struct Rule {
     /// Stable short name.
     pub code: &'static str,
-    /// What the rule asks.
+    /// The demand of the rule, in one sentence.
     pub what: &'static str,
     /// Whether it could be checked: an input that is missing or changed proves nothing.
     pub ran: bool,
@@ -34,7 +34,7 @@ pub struct Rule {
     pub violated: u64,
     /// The first of them, at most 20.
     pub violations: Vec<Violation>,
-    /// What it could not be checked for, and why.
+    /// Files that it could not be checked for, each with the reason.
     pub left_out: Vec<String>,
 }
 
@@ -63,6 +63,24 @@ impl Rule {
             .extend(after.left_out.into_iter().filter(|text| !self.left_out.contains(text)).collect::<Vec<_>>());
     }
 
+    /// Counts one check, and notes a violation at `place` where it failed.
+    pub(super) fn require(&mut self, place: &str, is_met: bool, message: &str) {
+        self.checked += 1;
+        if !is_met {
+            self.broken("", place, message);
+        }
+    }
+
+    /// Counts one figure of the manifest, and notes a violation where it is farther than `tolerance` from what was
+    /// found. A NaN on either side is a violation.
+    pub(super) fn require_figure(&mut self, block: &str, name: &str, stated: f64, found: f64, tolerance: f64) {
+        self.checked += 1;
+        let is_near = (stated - found).abs() <= tolerance; // never of a NaN
+        if !is_near {
+            self.broken(block, "manifest.json", format!("{name} is given as {stated}, but is {found}"));
+        }
+    }
+
     /// Notes a violation; beyond the first ones only their number is kept.
     pub(super) fn broken(&mut self, block: &str, place: impl Into<String>, message: impl Into<String>) {
         self.violated += 1;
@@ -80,9 +98,9 @@ pub struct Lengths {
     pub texture_mm: f64,
     /// All marks.
     pub mark_mm: f64,
-    /// What is marked again in the same pass.
+    /// Length that is marked again in the same pass.
     pub overlap_mm: f64,
-    /// What is not marked: the sum of the next three.
+    /// Length that is not marked: the sum of the next three.
     pub skipped_mm: f64,
     /// Off the part.
     pub skipped_off_part_mm: f64,
@@ -103,7 +121,7 @@ pub struct Input {
     pub is_elsewhere: bool,
 }
 
-/// What of a folder is not proved.
+/// A part of a folder that is not proved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotProved {
     /// A file of the folder.
@@ -129,9 +147,9 @@ pub struct Proof {
     pub worst_defocus_um: f64,
     /// Steepest facet under a mark, degrees.
     pub worst_incidence_deg: f64,
-    /// What the folder was held against, each with what it is for.
+    /// The files that the folder was held against, each with its role.
     pub against: Vec<Input>,
-    /// What nobody has proved: files and keys that are read by people or scripts and by no rule.
+    /// Files and keys that people or scripts read, and that no rule holds.
     pub not_proved: Vec<NotProved>,
     /// Largest distance of an on-the-fly mark from the texture, um; None of stepped jobs, whose marks are the
     /// texture's to the nanometre.

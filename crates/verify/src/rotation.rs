@@ -5,7 +5,7 @@ use terrace_input::job::Laid;
 
 type Point = [f64; 3];
 
-/// What takes points of the surface file to the part frame.
+/// The rotation from the surface file to the part frame.
 pub(super) enum Rotation {
     /// About x, y and z, in this order: cosine and sine of each.
     Axes([[f64; 2]; 3]),
@@ -15,7 +15,7 @@ pub(super) enum Rotation {
 
 impl Rotation {
     /// The rotation of a job that was accepted.
-    pub(super) fn of(laid: &Laid) -> Self {
+    pub(super) fn new(laid: &Laid) -> Self {
         let up = match *laid {
             Laid::Rotated(angles) => return Self::Axes(angles.map(|a| cos_sin(a.as_rad()))),
             Laid::Up(up) => up,
@@ -76,7 +76,7 @@ mod tests {
                 Laid::Up([0.0, 0.0, -1.0]),
                 Laid::Up([0.0, 0.0, 3.0]),
             ] {
-                let (own, other) = (Rotation::of(&laid).point(p), laid.pose().expect("a rotation").apply(p));
+                let (own, other) = (Rotation::new(&laid).point(p), laid.pose().expect("a rotation").apply(p));
                 assert!(own.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-10), "{laid:?}: {own:?} {other:?}");
             }
         }

@@ -24,6 +24,7 @@ impl Grid {
         let mut cell = [self.index(0, p[0]), self.index(1, p[1])];
         loop {
             visit(cell[0], cell[1]);
+            // The next cell lies beyond the border that the line meets first; of two at once, x comes first.
             let next = [0, 1].map(|k| self.border(line, cell, k));
             let k = usize::from(next[1] < next[0]);
             if next[k] > to {

@@ -37,12 +37,13 @@ impl Map {
                 nodes = [nodes[0].min(first), nodes[1].min(row), nodes[2].max(last), nodes[3].max(row)];
             }
         }
-        let at = |k: usize, i: usize| map.origin_mm[k] + i as f64 * map.pixel_mm;
-        let corner = |[i, j]: [usize; 2]| [at(0, i), at(1, j)];
+        let coordinate = |k: usize, i: usize| map.origin_mm[k] + i as f64 * map.pixel_mm;
+        let corner = |[i, j]: [usize; 2]| [coordinate(0, i), coordinate(1, j)];
         let [i0, j0, i1, j1] = nodes;
         (i0 != usize::MAX).then(|| BoxMm { lo: corner([i0, j0]), hi: corner([i1, j1]) })
     }
 
+    /// The smallest height of a triangle in plan: that over its diagonal.
     pub(super) fn altitude(&self) -> f64 {
         self.grid.size * std::f64::consts::FRAC_1_SQRT_2
     }
@@ -71,20 +72,23 @@ impl Map {
 
     /// Hands the corners of the triangles of some columns and rows of cells to `sink`.
     fn facets_of(&self, [columns, rows]: [Range<usize>; 2], sink: &mut dyn FnMut([[f64; 3]; 3])) {
-        let [cos, sin] = self.turn;
-        let node = |column: usize, row: usize| {
-            let value = self.map.samples.value(row * self.map.columns + column)?;
-            let at = |k: usize, i: usize| self.grid.lo[k] + i as f64 * self.grid.size;
-            let (x, y, z) = (at(0, column), at(1, row), nm(self.map.z_mm[0] + value * self.map.z_mm[1]));
-            Some([x * cos - y * sin, x * sin + y * cos, z])
-        };
         for row in rows {
             for column in columns.clone() {
-                let (Some(a), Some(d)) = (node(column, row), node(column + 1, row + 1)) else { continue };
-                node(column + 1, row).into_iter().for_each(|b| sink([a, b, d]));
-                node(column, row + 1).into_iter().for_each(|c| sink([a, d, c]));
+                let (Some(a), Some(d)) = (self.node(column, row), self.node(column + 1, row + 1)) else { continue };
+                self.node(column + 1, row).into_iter().for_each(|b| sink([a, b, d]));
+                self.node(column, row + 1).into_iter().for_each(|c| sink([a, d, c]));
             }
         }
+    }
+
+    /// The place of a sample on the turned part, nm; None of a hole.
+    fn node(&self, column: usize, row: usize) -> Option<[f64; 3]> {
+        let [cos, sin] = self.turn;
+        let value = self.map.samples.value(row * self.map.columns + column)?;
+        let coordinate = |k: usize, i: usize| self.grid.lo[k] + i as f64 * self.grid.size;
+        let (x, y) = (coordinate(0, column), coordinate(1, row));
+        let z = nm(self.map.z_mm[0] + value * self.map.z_mm[1]);
+        Some([x * cos - y * sin, x * sin + y * cos, z])
     }
 
     /// Cuts both triangles of every cell under the line.
@@ -93,14 +97,15 @@ impl Map {
         let back = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
         let line = Line { start: back(line.start), dir: back(line.dir), len: line.len };
         self.grid.along(&line, |column, row| {
-            for upper in [false, true] {
-                self.triangle(&line, [column, row], upper, out);
+            for half in [CellHalf::LowerRight, CellHalf::UpperLeft] {
+                self.triangle(&line, [column, row], half, out);
             }
         });
     }
 
-    /// The triangle right below or left above the diagonal.
-    fn triangle(&self, line: &Line, [column, row]: [usize; 2], upper: bool, out: &mut Scratch) {
+    /// Cuts one triangle of a cell under the line.
+    fn triangle(&self, line: &Line, [column, row]: [usize; 2], half: CellHalf, out: &mut Scratch) {
+        let upper = half == CellHalf::UpperLeft;
         let z = |dx: usize, dy: usize| {
             let value = self.map.samples.value((row + dy) * self.map.columns + column + dx);
             value.map(|v| nm(self.map.z_mm[0] + v * self.map.z_mm[1]))
@@ -126,13 +131,13 @@ impl Map {
         if d[0] < d[1] {
             let is_along = |&(rate, least): &(f64, f64)| rate.abs() * line.len + least.abs() <= HAIR / 2.0;
             out.is_along_edge |= sides.iter().any(is_along);
-            let at = |d: f64| z00 + grad[0] * (d * line.dir[0] - lo[0]) + grad[1] * (d * line.dir[1] - lo[1]);
+            let z_at = |d: f64| z00 + grad[0] * (d * line.dir[0] - lo[0]) + grad[1] * (d * line.dir[1] - lo[1]);
             let slope2 = grad[0] * grad[0] + grad[1] * grad[1];
             let ([cos, sin], [gx, gy]) = (self.turn, grad);
             let grad = [cos * gx - sin * gy, sin * gx + cos * gy];
             out.crossings.push(Crossing {
                 d,
-                z: d.map(at),
+                z: d.map(z_at),
                 slope2,
                 grad,
                 unturned_slope2: slope2,
@@ -140,6 +145,13 @@ impl Map {
             });
         }
     }
+}
+
+/// One of the triangles into which the diagonal divides a cell.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum CellHalf {
+    LowerRight,
+    UpperLeft,
 }
 
 /// Keeps the stretch of `d` on which `d * rate >= least`.

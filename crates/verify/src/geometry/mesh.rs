@@ -29,8 +29,8 @@ const RIM: f64 = 1.0;
 /// Collects the facets of a file.
 pub(crate) struct MeshBuilder {
     facets: Vec<Facet>,
-    /// Corners of facets too thin in plan view to have a height there, nm, upright ones among them: a turned part may show
-    /// them.
+    /// Corners of facets too thin in plan view to have a height there, nm, upright ones among them: a turned part may
+    /// show them.
     walls: Vec<[[f64; 3]; 3]>,
     turn: [f64; 2],
     thinnest: f64,
@@ -267,7 +267,8 @@ pub(crate) struct Mesh {
 }
 
 impl Mesh {
-    /// Lists for every cell the facets that touch it, in ascending order. Every thread fills the lists of a band of rows.
+    /// Lists for every cell the facets that touch it, in ascending order. Every thread fills the lists of a band of
+    /// rows.
     fn with_cell_lists(facets: Vec<Facet>, grid: Grid) -> Self {
         let [columns, rows] = grid.count;
         let rows_per_band = rows.div_ceil(parallel::threads()).max(1);

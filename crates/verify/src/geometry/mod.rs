@@ -64,7 +64,7 @@ pub(super) struct Sheet {
 pub(super) struct Piece {
     /// Where it begins and ends, nm from the line's start.
     pub(super) d: [f64; 2],
-    /// What lies there; None where the line is off the part.
+    /// The topmost sheet there; None where the line is off the part.
     pub(super) sheet: Option<Sheet>,
     /// Whether the line runs along an edge there, and what lies on either side has been compared.
     pub(super) is_along_edge: bool,
@@ -76,7 +76,7 @@ impl Piece {
         self.d[1] - self.d[0]
     }
 
-    /// What of it lies in a stretch.
+    /// The part of it that lies in a stretch.
     fn within(&self, d: [f64; 2]) -> Self {
         let len = self.len();
         let z = |s: &Sheet| d.map(|d| s.z[0] + (s.z[1] - s.z[0]) * ((d - self.d[0]) / len).clamp(0.0, 1.0));
@@ -216,7 +216,8 @@ impl Geometry {
 
     /// The geometry as a turned part shows it, under and around an area of the part.
     pub(super) fn turned(&self, turn: &Turn, area: BoxNm) -> Self {
-        // What hides a place from a leaning beam lies next to it by as much as it is higher.
+        // A place that hides another from a leaning beam lies beside it by their difference in height times the tangent
+        // of the tilt, which is kept finite.
         let [lowest, highest] = self.shape.heights();
         let around = (highest - lowest) * turn.lean() / (1.0 - turn.lean().powi(2)).max(1e-6).sqrt() + 1e5;
         let mut builder = MeshBuilder::new(0.0, 2.0);
@@ -248,6 +249,7 @@ impl Geometry {
     /// Lengths up to this, in nm, decide nothing: two edges, each off by rounding and welding, that the line crosses at
     /// 30 degrees, and next to which a mark on a tilted part may run.
     pub(super) fn grain(&self) -> f64 {
+        // Two edges, each by 1 / sin 30 deg = 2.
         4.0 * (ROUNDING + 0.5 + self.weld + self.beside)
     }
 
@@ -342,8 +344,8 @@ impl Geometry {
         });
     }
 
-    /// What a point may lie on, to what rounding decides: the piece under it first, then those within the grain, which
-    /// is as wide as the gaps that walls leave.
+    /// The pieces that a point may lie on, as far as rounding decides: the piece under it first, then those within the
+    /// grain, which is as wide as the gaps that walls leave.
     pub(super) fn around(&self, [x, y]: [f64; 2], scratch: &mut Scratch) -> Vec<Piece> {
         let reach = self.grain();
         let mut out = Vec::new();
@@ -369,17 +371,21 @@ impl Geometry {
         self.doubt(sheet.facet, sheet.slope2.sqrt())
     }
 
+    /// [`Geometry::slope_doubt`] of a facet of this slope.
     fn doubt(&self, facet: u32, slope: f64) -> f64 {
         let altitude = match &self.shape {
             Shape::Mesh(mesh) => mesh.altitude(facet),
             Shape::Map(map) => map.altitude(),
         };
+        // docs/verify.md states this bound: a vertex that moves in height turns the facet by as much over its altitude,
+        // and one that moves in the plane by the slope times that.
         4.0 * (ROUNDING + self.weld) / altitude * (1.0 + slope)
     }
 
     /// Judges a facet's slope; near the limit by how far the rounding of its vertices may turn it.
     fn slope(&self, c: &Crossing) -> Slope {
         let steepest2 = c.slope2.max(c.unturned_slope2);
+        // So far below the limit the altitude of the facet is not looked up.
         if steepest2 < 0.25 * self.limit2 {
             return Slope::Gentle;
         }

@@ -84,11 +84,11 @@ fn visit_upper_envelope(
     [from, to]: [f64; 2],
     visit: &mut impl FnMut([f64; 2], Option<(&Crossing, [f64; 2])>),
 ) {
-    let all = || active.iter().map(|&i| &crossings[i as usize]);
+    let spanning = || active.iter().map(|&i| &crossings[i as usize]);
     // Of equally high ones the steeper is on top right after `from`.
     let height_then_rise = |c: &Crossing| (c.z_at(from), c.rise());
     let higher = |a: (f64, f64), b: (f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).is_ge();
-    let Some(mut top) = all().reduce(|a, b| if higher(height_then_rise(a), height_then_rise(b)) { a } else { b })
+    let Some(mut top) = spanning().reduce(|a, b| if higher(height_then_rise(a), height_then_rise(b)) { a } else { b })
     else {
         return;
     };
@@ -97,7 +97,7 @@ fn visit_upper_envelope(
         // The envelope is convex, so `top` only ever gets steeper along the line.
         // Only a steeper one can overtake; where several do so at one place, the steepest continues.
         let mut overtaken: Option<(f64, &Crossing)> = None;
-        for c in all().filter(|c| c.rise() > top.rise()) {
+        for c in spanning().filter(|c| c.rise() > top.rise()) {
             // By rounding `c` may lie above `top` already: then it overtakes here.
             let d = at + (top.z_at(at) - c.z_at(at)).max(0.0) / (c.rise() - top.rise());
             if overtaken.is_none_or(|(nearest, by)| d < nearest || (d == nearest && c.rise() > by.rise())) {

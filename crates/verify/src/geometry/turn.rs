@@ -14,7 +14,7 @@ pub(crate) struct Turn {
     pivot: [f64; 3],
 }
 
-/// What the commands (millionths of a degree) turn what the axes carry by: the second axis turns it first.
+/// The rotation, by commands in millionths of a degree, of what the axes carry: the second axis turns it first.
 fn carried(axes: &Tilt, commands: TiltAngles) -> Rows {
     let [outer, inner] = [0, 1].map(|k| {
         let axis = &axes.axes[k];
@@ -30,8 +30,8 @@ fn carried(axes: &Tilt, commands: TiltAngles) -> Rows {
 }
 
 impl Turn {
-    /// What the commands make of a part whose origin lies at `origin` (nm).
-    pub(crate) fn of(axes: &Tilt, commands: TiltAngles, origin: Origin) -> Self {
+    /// The turn of a part whose origin lies at `origin`, nm, by commands of the axes.
+    pub(crate) fn new(axes: &Tilt, commands: TiltAngles, origin: Origin) -> Self {
         let turned = carried(axes, commands);
         match axes.carries {
             Carries::Part => {
@@ -75,7 +75,7 @@ pub(crate) struct HeadPose {
 
 impl HeadPose {
     /// Of a part whose origin lies at `origin`.
-    pub(crate) fn of(machine: &Machine, stage: Commanded, tilt: TiltAngles, origin: Origin) -> Self {
+    pub(crate) fn new(machine: &Machine, stage: Commanded, tilt: TiltAngles, origin: Origin) -> Self {
         let axes = [&machine.stage.x, &machine.stage.y, &machine.stage.z];
         let stands = [0, 1, 2].map(|k| {
             let ahead = (axes[k].carries == Carries::Head) != axes[k].reversed;
@@ -84,7 +84,7 @@ impl HeadPose {
         let Some(table) = machine.tilt.as_ref().filter(|_| !tilt.is_upright()) else {
             return Self { centre: stands, axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
         };
-        let turn = Turn::of(table, tilt, origin);
+        let turn = Turn::new(table, tilt, origin);
         let centre = match table.carries {
             Carries::Part => turn.back(P3::new(stands)).at,
             Carries::Head => {

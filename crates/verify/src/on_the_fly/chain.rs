@@ -51,7 +51,7 @@ struct Turns {
 
 impl Chain {
     /// None where the machine does not have these axes.
-    pub(super) fn of(machine: &Machine, Origin(origin): Origin, axes: &str) -> Option<Self> {
+    pub(super) fn new(machine: &Machine, Origin(origin): Origin, axes: &str) -> Option<Self> {
         let stage = [&machine.stage.x, &machine.stage.y, &machine.stage.z].map(|axis: &Axis| {
             let carried = if axis.carries == Carries::Head { 1.0 } else { -1.0 };
             if axis.reversed { -carried } else { carried }

@@ -9,30 +9,30 @@ use super::chain::{Beam, Chain};
 use super::track::{Stroke, Trace};
 use crate::geometry::{Geometry, Line, Scratch, Sheet};
 use crate::proof::Rule;
-use crate::read::on_the_fly::{Commands, Step};
+use crate::read::on_the_fly::{Commands, FlyStep};
 
-/// Largest distance of places that are looked at, nm.
+/// Largest distance of places that are looked at, nm, as docs/verify.md states.
 const APART: f64 = 50_000.0;
 /// Largest distance of a mark from the texture, nm: 1 um, and the nanometre of every axis that takes part.
 pub(super) const STRAY: f64 = 1_002.0;
 /// A beam this far next to an edge may be on either side of it, nm: what marks may stray from rounding. Where corners
 /// are welded, that much more.
 const EDGE: f64 = 150.0;
-/// What the merging and rounding of samples may add to a focal offset, nm.
+/// Focal offset that the merging and rounding of samples may add, nm.
 const FOCUS: f64 = 100.0;
 /// The same of an angle, rad.
 const LEAN: f64 = 1e-3;
 
-/// Limits of the job.
+/// Limits of the job for focus and angle.
 #[derive(Clone, Copy)]
-pub(super) struct Wanted {
+pub(super) struct FocusLimits {
     /// Largest distance from the focal plane along the beam, nm.
     pub(super) defocus: f64,
     /// Largest angle between beam and normal, rad.
     pub(super) lean: f64,
 }
 
-impl Wanted {
+impl FocusLimits {
     /// Whether a hit keeps focus and angle.
     fn holds(&self, hit: &BeamHit) -> bool {
         self.holds_focus(hit) && self.holds_lean(hit)
@@ -48,7 +48,7 @@ impl Wanted {
 }
 
 /// The rules that look at marks.
-pub(super) struct Rules<'a> {
+pub(super) struct MarkRules<'a> {
     pub(super) position: &'a mut Rule,
     pub(super) focus: &'a mut Rule,
     pub(super) surface: &'a mut Rule,
@@ -56,7 +56,7 @@ pub(super) struct Rules<'a> {
 
 /// The worst of all marks.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Worst {
+pub(super) struct WorstFigures {
     pub(super) stray: f64,
     pub(super) defocus: f64,
     pub(super) lean: f64,
@@ -75,6 +75,15 @@ struct BeamHit {
     runs: f64,
 }
 
+impl BeamHit {
+    /// Whether it lies as near to the hit of another beam as the beams do to each other: no farther than twice their
+    /// distance, and what a mark may stray.
+    fn is_near(&self, beam: &Beam, there: &Self, other: &Beam) -> bool {
+        let doubt = self.doubt.xy + there.doubt.xy;
+        (self.xy[0] - there.xy[0]).hypot(self.xy[1] - there.xy[1]) <= STRAY + doubt + 2.0 * beam.distance(other)
+    }
+}
+
 /// How far focal offset (nm), angle (rad) and place (nm) of a hit may be off where corners of facets are welded.
 #[derive(Clone, Copy, Debug, Default)]
 struct Doubt {
@@ -84,7 +93,7 @@ struct Doubt {
 }
 
 impl Doubt {
-    fn of(sheet: &Sheet, geometry: &Geometry) -> Self {
+    fn new(sheet: &Sheet, geometry: &Geometry) -> Self {
         if geometry.weld() == 0.0 {
             return Self::default();
         }
@@ -98,7 +107,7 @@ impl Doubt {
 }
 
 /// Where a mark lies on its stroke.
-pub(super) struct Traced {
+pub(super) struct MarkTraces {
     /// All places on the stroke that it may be, the best first.
     pub(super) traces: Vec<Trace>,
     /// How far it may lie from there where corners of facets are welded, nm: as far as leaning beams meet another
@@ -106,84 +115,69 @@ pub(super) struct Traced {
     pub(super) loose: f64,
 }
 
+/// A mark while its leaning beam is followed from sample to sample.
+struct LeaningBeam {
+    /// The last beam that met the part, and where.
+    last: Option<(Beam, BeamHit)>,
+    /// See [`MarkTraces`].
+    loose: f64,
+    /// Whether a beam of the mark has missed the part.
+    is_off_part: bool,
+}
+
 /// Looks at marks.
 pub(super) struct MarkChecker<'a> {
     chain: &'a Chain,
     geometry: &'a Geometry,
     heights: [f64; 2],
-    wanted: Wanted,
+    limits: FocusLimits,
     /// [`EDGE`] of this part.
     edge: f64,
     scratch: Scratch,
     hit_points: Vec<[f64; 2]>,
-    pub(super) worst: Worst,
+    pub(super) worst: WorstFigures,
 }
 
 impl<'a> MarkChecker<'a> {
-    pub(super) fn new(chain: &'a Chain, geometry: &'a Geometry, wanted: Wanted) -> Self {
+    pub(super) fn new(chain: &'a Chain, geometry: &'a Geometry, limits: FocusLimits) -> Self {
         let heights = geometry.heights();
         let scratch = Scratch::default();
         let edge = EDGE + geometry.weld();
-        Self { chain, geometry, heights, wanted, edge, scratch, hit_points: Vec::new(), worst: Worst::default() }
+        Self { chain, geometry, heights, limits, edge, scratch, hit_points: Vec::new(), worst: WorstFigures::default() }
     }
 
     /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims.
     pub(super) fn mark(
         &mut self,
         place: &str,
-        moves: &[(Commands, Step)],
+        moves: &[(Commands, FlyStep)],
         stroke: &Stroke,
-        rules: &mut Rules<'_>,
-    ) -> Traced {
+        rules: &mut MarkRules<'_>,
+    ) -> MarkTraces {
         self.hit_points.clear();
-        let mut loose = 0.0f64;
-        let mut off_part = false;
-        let mut last: Option<(Beam, BeamHit)> = None;
+        let mut following = LeaningBeam { last: None, loose: 0.0, is_off_part: false };
         for (i, (from, step)) in moves.iter().enumerate() {
-            let [a, b] = [from, &step.to].map(|to| to.float());
+            let ends = [from, &step.to].map(|to| to.float());
             let place = || format!("{place}:{}", step.line);
-            let [start, end] = [&a, &b].map(|to| self.chain.beam(to));
-            let length = start.distance(&end);
-            let count =
-                if self.chain.leans() { ((length / APART) as usize + 1).max(4) } else { (length / APART) as usize + 2 };
-            let way = [0, 1].map(|k| end.at[k] - start.at[k]);
-            // A leaning beam is followed at samples, closer than the facets bend; an upright one facet by facet below.
             // The first sample of a later move is the last one of the move before.
-            for k in usize::from(i > 0)..=count {
-                let at = |k: usize| self.chain.beam(&a.between(&b, k as f64 / count as f64));
-                let beam = at(k);
-                if !self.chain.leans() {
+            let first = usize::from(i > 0);
+            if self.chain.leans() {
+                self.leaning(&ends, first, &mut following, &place, rules);
+            } else {
+                let [start, end] = [&ends[0], &ends[1]].map(|to| self.chain.beam(to));
+                let count = (start.distance(&end) / APART) as usize + 2;
+                for k in first..=count {
+                    let beam = self.chain.beam(&ends[0].between(&ends[1], k as f64 / count as f64));
                     self.hit_points.push([beam.at[0], beam.at[1]]);
-                    continue;
                 }
-                rules.surface.checked += 1;
-                // The first sample is held to the next one.
-                let beside = last.or_else(|| {
-                    let next = at(k + 1);
-                    self.hit(&next, way, None).map(|hit| (next, hit))
-                });
-                match self.hit(&beam, way, beside) {
-                    Some(hit) => {
-                        last = Some((beam, hit));
-                        self.hit_points.push(hit.xy);
-                        loose = loose.max(hit.doubt.xy);
-                        self.hold(&hit, &place, rules.focus);
-                    }
-                    None if !off_part => {
-                        off_part = true;
-                        rules.surface.broken("", place(), format!("the beam misses the part, near {}", shown(&beam)));
-                    }
-                    None => {}
-                }
-            }
-            if !self.chain.leans() {
                 self.upright(&start, &end, &place, rules);
             }
         }
+        let loose = following.loose;
         // Position: the hit points on the part against the stroke as it is drawn.
         let most = STRAY + loose;
         let traces = stroke.follow(&self.hit_points, most, loose);
-        let Some(trace) = traces.first() else { return Traced { traces, loose } };
+        let Some(trace) = traces.first() else { return MarkTraces { traces, loose } };
         rules.position.checked += self.hit_points.len() as u64;
         self.worst.stray = self.worst.stray.max(trace.worst);
         let first = moves.first().map_or(0, |l| l.1.line);
@@ -192,7 +186,46 @@ impl<'a> MarkChecker<'a> {
             let text = format!("a mark is {:.4} um off its stroke at ({x:.6}, {y:.6}) mm", trace.worst / 1e3);
             rules.position.broken("", format!("{place}:{first}"), text);
         }
-        Traced { traces, loose }
+        MarkTraces { traces, loose }
+    }
+
+    /// A move of a leaning beam, at samples from number `first` on: closer than the facets bend, four steps at least.
+    fn leaning(
+        &mut self,
+        ends: &[Commands<f64>; 2],
+        first: usize,
+        following: &mut LeaningBeam,
+        place: &dyn Fn() -> String,
+        rules: &mut MarkRules<'_>,
+    ) {
+        let [start, end] = [&ends[0], &ends[1]].map(|to| self.chain.beam(to));
+        let count = ((start.distance(&end) / APART) as usize + 1).max(4);
+        let way = [0, 1].map(|k| end.at[k] - start.at[k]);
+        let chain = self.chain;
+        let sample = |k: usize| chain.beam(&ends[0].between(&ends[1], k as f64 / count as f64));
+        for k in first..=count {
+            let beam = sample(k);
+            rules.surface.checked += 1;
+            // The first sample is held to the next one.
+            let beside = following.last.or_else(|| {
+                let next = sample(k + 1);
+                self.hit(&next, way, None).map(|hit| (next, hit))
+            });
+            match self.hit(&beam, way, beside) {
+                Some(hit) => {
+                    following.last = Some((beam, hit));
+                    self.hit_points.push(hit.xy);
+                    following.loose = following.loose.max(hit.doubt.xy);
+                    self.hold(&hit, place, rules.focus);
+                }
+                // Of a mark one miss is reported.
+                None if !following.is_off_part => {
+                    following.is_off_part = true;
+                    rules.surface.broken("", place(), format!("the beam misses the part, near {}", shown(&beam)));
+                }
+                None => {}
+            }
+        }
     }
 
     /// Checks focal offset and angle at a hit point.
@@ -200,18 +233,18 @@ impl<'a> MarkChecker<'a> {
         rule.checked += 1;
         self.worst.defocus = self.worst.defocus.max(hit.off.abs());
         self.worst.lean = self.worst.lean.max(hit.lean);
-        if !self.wanted.holds_focus(hit) {
-            let (off, most) = (hit.off.abs() / 1e3, self.wanted.defocus / 1e3);
+        if !self.limits.holds_focus(hit) {
+            let (off, most) = (hit.off.abs() / 1e3, self.limits.defocus / 1e3);
             rule.broken("", place(), format!("a mark is {off:.4} um out of focus ({most:.4} um allowed)"));
         }
-        if !self.wanted.holds_lean(hit) {
-            let (is, most) = (hit.lean.to_degrees(), self.wanted.lean.to_degrees());
+        if !self.limits.holds_lean(hit) {
+            let (is, most) = (hit.lean.to_degrees(), self.limits.lean.to_degrees());
             rule.broken("", place(), format!("the beam is at {is:.4} deg to the surface normal ({most} deg allowed)"));
         }
     }
 
     /// A move of an upright beam, facet by facet.
-    fn upright(&mut self, start: &Beam, end: &Beam, place: &dyn Fn() -> String, rules: &mut Rules<'_>) {
+    fn upright(&mut self, start: &Beam, end: &Beam, place: &dyn Fn() -> String, rules: &mut MarkRules<'_>) {
         let ends = [start, end].map(|b| [b.at[0], b.at[1]]);
         let still = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) < 1.0;
         let line = if still { point(ends[0]) } else { Line::new(ends[0], ends[1]) };
@@ -220,8 +253,8 @@ impl<'a> MarkChecker<'a> {
         // A mark along an edge: either side of it will do.
         for side in [0.0, self.edge, -self.edge] {
             let doubt = Doubt::default();
-            let (mut bare, mut worst) =
-                (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false, doubt, runs: 0.0 });
+            let mut bare = 0.0;
+            let mut worst = BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false, doubt, runs: 0.0 };
             let edge = self.edge;
             let shifted = line.part([0.0, line.len], side);
             self.geometry.along(&shifted, &mut self.scratch, |piece| {
@@ -248,11 +281,11 @@ impl<'a> MarkChecker<'a> {
                     }
                 }
                 worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
-                let doubt = Doubt::of(&sheet, self.geometry);
+                let doubt = Doubt::new(&sheet, self.geometry);
                 worst.doubt.off = worst.doubt.off.max(doubt.off);
                 worst.doubt.lean = worst.doubt.lean.max(doubt.lean);
             });
-            let over = |f: &BeamHit| !self.wanted.holds(f);
+            let over = |f: &BeamHit| !self.limits.holds(f);
             let is_better = best.as_ref().is_none_or(|(b, f)| bare < *b || (bare == *b && over(f) && !over(&worst)));
             if is_better {
                 best = Some((bare, worst));
@@ -275,21 +308,19 @@ impl<'a> MarkChecker<'a> {
     /// rounding of its axes, any place within [`EDGE`] along and across the mark counts: at a corner of the part both
     /// are needed, and across it less where the corner is sharp.
     fn hit(&mut self, beam: &Beam, way: [f64; 2], beside: Option<(Beam, BeamHit)>) -> Option<BeamHit> {
-        let is_near = |hit: &BeamHit| {
-            beside.is_none_or(|(other, there)| {
-                let doubt = hit.doubt.xy + there.doubt.xy;
-                (hit.xy[0] - there.xy[0]).hypot(hit.xy[1] - there.xy[1]) <= STRAY + doubt + 2.0 * beam.distance(&other)
-            })
-        };
-        let wanted = self.wanted;
-        let is_sure = |hit: &BeamHit| !hit.aside && wanted.holds(hit) && is_near(hit);
+        let limits = self.limits;
+        let is_near = |hit: &BeamHit| beside.is_none_or(|(other, there)| hit.is_near(beam, &there, &other));
+        let is_sure = |hit: &BeamHit| !hit.aside && limits.holds(hit) && is_near(hit);
         let straight = self.met(beam);
         if straight.as_ref().is_some_and(is_sure) {
             return straight;
         }
         let length = way[0].hypot(way[1]);
         let [x, y] = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
-        let (mut first, edge, across) = (straight, self.edge, [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0]);
+        let mut first = straight;
+        let edge = self.edge;
+        // Nearer places across the mark come first, for sharp corners.
+        let across = [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0];
         for (s, t) in [0.0, -edge, edge].into_iter().flat_map(|s| across.map(|t| (s, t * edge))) {
             let shift = [s * x - t * y, s * y + t * x];
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
@@ -302,11 +333,13 @@ impl<'a> MarkChecker<'a> {
                 return Some(hit);
             }
             // One that keeps the limits is better than one that does not.
-            first = first.filter(|first| self.wanted.holds(first) || !self.wanted.holds(&hit)).or(Some(hit));
+            first = first.filter(|first| self.limits.holds(first) || !self.limits.holds(&hit)).or(Some(hit));
         }
         first
     }
 
+    /// Where a beam meets the part, seen from above: it is followed along its line in plan, from over the highest place
+    /// of the part to under the lowest.
     fn met(&mut self, beam: &Beam) -> Option<BeamHit> {
         let [lo, hi] = self.heights;
         let up = beam.up;
@@ -314,8 +347,10 @@ impl<'a> MarkChecker<'a> {
             return None;
         }
         let over = |z: f64| [0, 1].map(|k| beam.at[k] + up[k] / up[2] * (z - beam.at[2]));
+        // 1 um beyond both, so that the beam begins above the part and ends below it.
         let (top, bottom) = (hi + 1e3, lo - 1e3);
         let (a, b) = (over(top), over(bottom));
+        // A beam that moves by less than a nanometre in the plane is as good as upright.
         let across = (b[0] - a[0]).hypot(b[1] - a[1]);
         let line = if across < 1.0 { point(over(0.5 * (top + bottom))) } else { Line::new(a, b) };
         // How high the beam is at the beginning of the line, and how it falls along it.
@@ -338,7 +373,7 @@ impl<'a> MarkChecker<'a> {
             found = Some(([x, y, z], sheet, across >= 1.0 && over[0] > self.edge));
         });
         let (p, sheet, aside) = found?;
-        let (grad, mut doubt) = (sheet.grad, Doubt::of(&sheet, self.geometry));
+        let (grad, mut doubt) = (sheet.grad, Doubt::new(&sheet, self.geometry));
         let off = (0..3).map(|k| (p[k] - beam.at[k]) * up[k]).sum();
         let size = (1.0 + grad[0] * grad[0] + grad[1] * grad[1]).sqrt();
         let normal = [-grad[0] / size, -grad[1] / size, 1.0 / size];
@@ -352,6 +387,7 @@ impl<'a> MarkChecker<'a> {
         // A sheet that is higher by some height is met that much earlier along the beam.
         let lean = sin.atan2(cos);
         let slope = sheet.slope2.sqrt() + if doubt.off > 0.0 { self.geometry.slope_doubt(&sheet) } else { 0.0 };
+        // A beam that grazes the sheet meets it anywhere: the divisor is kept from 0.
         let by_height = normal[2] / (lean + doubt.lean).cos().max(0.1) * up[0].hypot(up[1]);
         doubt.xy = if doubt.off > 0.0 { self.geometry.z_tolerance(slope * slope) * by_height } else { 0.0 };
         Some(BeamHit { xy: [p[0], p[1]], off, lean, aside, doubt, runs: slope * by_height })
@@ -380,12 +416,12 @@ mod tests {
     }
 
     fn checker<'a>(chain: &'a Chain, geometry: &'a Geometry) -> MarkChecker<'a> {
-        MarkChecker::new(chain, geometry, Wanted { defocus: 250e3, lean: 60f64.to_radians() })
+        MarkChecker::new(chain, geometry, FocusLimits { defocus: 250e3, lean: 60f64.to_radians() })
     }
 
     fn chain() -> Chain {
         let machine = Machine::built_in("xyz-galvo-40").expect("a built-in machine");
-        Chain::of(&machine, Origin::default(), "XYZUV").expect("five axes")
+        Chain::new(&machine, Origin::default(), "XYZUV").expect("five axes")
     }
 
     #[test]
@@ -422,7 +458,7 @@ mod tests {
             let [start, end] = [0.2e6, 0.8e6].map(|x| Beam { at: [x, -2.0, 0.0], up: [0.0, 0.0, 1.0] });
             let [mut position, mut focus, mut surface] =
                 ["position", "focus", "surface"].map(|code| Rule::new(code, ""));
-            let mut rules = Rules { position: &mut position, focus: &mut focus, surface: &mut surface };
+            let mut rules = MarkRules { position: &mut position, focus: &mut focus, surface: &mut surface };
             checker.upright(&start, &end, &|| String::new(), &mut rules);
             (focus.violated, surface.violated)
         };

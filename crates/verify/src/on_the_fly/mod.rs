@@ -19,8 +19,8 @@ mod turntable;
 use std::path::Path;
 
 use chain::Chain;
-use cover::{Cover, CoverageChecker, Covers};
-use marks::{MarkChecker, Rules, Traced, Wanted};
+use cover::{CoverageChecker, CoveredStretch, Covers};
+use marks::{FocusLimits, MarkChecker, MarkRules, MarkTraces};
 use track::Stroke;
 
 use super::findings::{self, Findings, RuleCode};
@@ -32,7 +32,7 @@ use super::proof::{Lengths, Proof, Rule};
 use super::read::leaves;
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
-use super::read::on_the_fly::{Commands, FlyProgram, Step};
+use super::read::on_the_fly::{Commands, FlyProgram, FlyStep};
 use super::rules::{curves, hash, stated, summary};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Nm, P2};
@@ -45,6 +45,14 @@ use terrace_input::texture::Texture;
 /// Marks and strokes that are counted as one step.
 const COUNTED: usize = 64;
 
+/// A job as loaded again from its job file and inputs.
+struct LoadedFlyJob<'a> {
+    facts: &'a JobFacts,
+    texture: &'a Texture,
+    /// The facets of its surface file.
+    geometry: &'a Geometry,
+}
+
 /// Verifies an on-the-fly job folder.
 pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
     let reading = Phase::Read.task(progress);
@@ -52,7 +60,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     let mut findings = Findings::new(findings::ON_THE_FLY);
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };
-    findings.not_proved = stated::of(&listed, &leaves::ON_THE_FLY);
+    findings.not_proved = stated::not_proved(&listed, &leaves::ON_THE_FLY);
     let unchanged = hash::check(folder, &listed, &inputs, &mut findings.rules[RuleCode::Hash]);
     let mut programs = agree::read(folder, &manifest, &mut findings.rules[RuleCode::Agreement]);
     for (name, program) in &mut programs {
@@ -61,20 +69,16 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     drop(reading);
     let comparing = Phase::Files.task(progress);
     agree::programs(&programs, &mut findings.rules[RuleCode::Agreement]);
-    programs.iter().for_each(|program| agree::comments(program, &manifest, &mut findings.rules[RuleCode::Agreement]));
-    findings.rules[RuleCode::Laser].ran = !programs.is_empty();
     for (name, program) in &programs {
-        findings.rules[RuleCode::Laser].checked += program.steps.len() as u64;
-        for fault in &program.faults {
-            findings.rules[RuleCode::Laser].broken("", format!("{name}:{}", fault.line), &fault.message);
-        }
+        agree::comments(name, program, &manifest, &mut findings.rules[RuleCode::Agreement]);
     }
+    check_laser(&programs, &mut findings.rules[RuleCode::Laser]);
     let origin = Origin(manifest.placement.origin_mm.map(|v| Nm::from_mm(v).unwrap_or_default().0));
     let Some((name, program)) = programs.first() else {
         findings.rules[RuleCode::Agreement].broken("", "manifest.json", "no program is listed that can be read");
         return Ok(findings.into_proof());
     };
-    let Some(chain) = Chain::of(&manifest.machine, origin, &manifest.axes) else {
+    let Some(chain) = Chain::new(&manifest.machine, origin, &manifest.axes) else {
         findings.rules[RuleCode::Agreement].broken(
             "",
             "manifest.json",
@@ -84,7 +88,8 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     };
     findings.fragments = program.powers.len();
     if !unchanged {
-        check_program(name, program, &chain, &manifest, &[], &mut findings);
+        // The job cannot be loaded again, but the machine of the manifest has the limits of the axes.
+        check_limits(name, program, &chain, &manifest, &[], &mut findings.rules[RuleCode::Limits]);
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
@@ -92,7 +97,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     agree::with_job(&manifest, &facts, program, &chain, &mut findings.rules[RuleCode::Agreement]);
     agree::sheet(folder, &manifest, &facts, &mut findings.rules[RuleCode::Agreement]);
     let pens = facts.pens.clone().unwrap_or_default();
-    check_program(name, program, &chain, &manifest, &pens, &mut findings);
+    check_limits(name, program, &chain, &manifest, &pens, &mut findings.rules[RuleCode::Limits]);
     drop(comparing);
     let [shaped, drawn, marks] = Phase::Marks.task(progress).split([3, 1, 12]);
     let (shape, box_mm) = job_facts::shape(&job)?;
@@ -103,83 +108,83 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     let rules = findings.rules.several([RuleCode::Curves, RuleCode::Summary]);
     curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
     drop(drawn);
-    let checked = (&facts, &texture, &geometry);
-    let covers = check_marks(name, program, &chain, checked, &mut findings, marks);
-    check_coverage(covers, &manifest, checked, &mut findings, Phase::Coverage.task(progress));
-    let lengths = (&findings.lengths, findings.doubt_mm);
+    let job = LoadedFlyJob { facts: &facts, texture: &texture, geometry: &geometry };
+    let covers = check_marks(name, program, &chain, &job, &mut findings, marks);
+    check_coverage(covers, &manifest, &job, &mut findings, Phase::Coverage.task(progress));
+    let lengths = &agree::MeasuredLengths { lengths: &findings.lengths, doubt_mm: findings.doubt_mm };
     agree::summary(&manifest, &facts, program, &chain, lengths, &mut findings.rules[RuleCode::Summary]);
     Ok(findings.into_proof())
 }
 
-fn check_program(
-    name: &str,
-    program: &FlyProgram,
-    chain: &Chain,
-    manifest: &Manifest,
-    pens: &[Pen],
-    findings: &mut Findings,
-) {
-    findings.rules[RuleCode::Limits].ran = true;
-    limits::check(program, name, chain, &manifest.machine, pens, &mut findings.rules[RuleCode::Limits]);
+/// Reports what the readers of the programs found of the laser while they followed it.
+fn check_laser(programs: &[(&'static str, FlyProgram)], rule: &mut Rule) {
+    rule.ran = !programs.is_empty();
+    for (name, program) in programs {
+        rule.checked += program.steps.len() as u64;
+        for fault in &program.faults {
+            rule.broken("", format!("{name}:{}", fault.line), &fault.message);
+        }
+    }
 }
 
-/// The rules of geometry.
+fn check_limits(name: &str, program: &FlyProgram, chain: &Chain, manifest: &Manifest, pens: &[Pen], rule: &mut Rule) {
+    rule.ran = true;
+    limits::check(program, name, chain, &manifest.machine, pens, rule);
+}
+
+/// The rules of geometry, mark by mark; returns what the marks cover of the strokes.
 fn check_marks(
     name: &str,
     program: &FlyProgram,
     chain: &Chain,
-    (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
+    job: &LoadedFlyJob<'_>,
     findings: &mut Findings,
     task: Task<'_>,
 ) -> Covers {
+    let LoadedFlyJob { facts, texture, geometry } = *job;
     let task = task.of_steps(program.powers.len() / COUNTED);
     let judged = [RuleCode::Position, RuleCode::Focus, RuleCode::Surface, RuleCode::Once, RuleCode::Coverage];
     let [position, focus, bare, once, coverage] = findings.rules.several(judged);
     for rule in [&mut *position, &mut *focus, &mut *bare, &mut *once, &mut *coverage] {
         rule.ran = true;
     }
-    let wanted = Wanted { defocus: facts.defocus_limit_nm(), lean: facts.max_incidence_rad };
-    let mut checker = MarkChecker::new(chain, geometry, wanted);
+    let limits = FocusLimits { defocus: facts.defocus_limit_nm(), lean: facts.max_incidence_rad };
+    let mut checker = MarkChecker::new(chain, geometry, limits);
     let mut covers = Covers::default();
-    let mut points: Vec<P2> = Vec::new();
-    let mut kept: Option<(StrokeId, PenId, Stroke)> = None;
-    let mut moves: Vec<(Commands, Step)> = Vec::new();
+    let mut strokes = StrokeCache { texture, points: Vec::new(), last: None };
+    let mut moves: Vec<(Commands, FlyStep)> = Vec::new();
     let mut marks = 0usize;
-    let mut all = program.moves().map(|(_, from, step)| (*from, *step)).peekable();
-    while let Some((from, step)) = all.next() {
+    let mut all_moves = program.moves().map(|(_, from, step)| (*from, *step)).peekable();
+    while let Some((from, step)) = all_moves.next() {
         let Some(claim) = step.mark else { continue };
+        // A mark is all moves that follow each other with the same claim.
         moves.push((from, step));
-        if all.peek().is_some_and(|(_, next)| next.mark == step.mark) {
+        if all_moves.peek().is_some_and(|(_, next)| next.mark == step.mark) {
             continue;
         }
         let place = || format!("{name}:{}", step.line);
-        if claim.stroke.index() >= texture.len() {
+        let Some((pen, stroke)) = strokes.get(claim.stroke) else {
             position.broken("", place(), format!("the texture has no stroke {}", claim.stroke.0));
             moves.clear();
             continue;
-        }
-        if kept.as_ref().is_none_or(|k| k.0 != claim.stroke) {
-            let pen = texture.stroke(claim.stroke.index(), &mut points);
-            kept = Some((claim.stroke, pen, Stroke::new(&points)));
-        }
-        let Some((_, pen, stroke)) = &kept else { continue };
-        if *pen != claim.pen {
+        };
+        if pen != claim.pen {
             position.broken(
                 "",
                 place(),
                 format!("a mark has pen {}, its stroke is drawn with pen {}", claim.pen.number(), pen.number()),
             );
         }
-        let mut rules = Rules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };
-        let Traced { traces, loose } = checker.mark(name, &moves, stroke, &mut rules);
+        let mut rules = MarkRules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };
+        let MarkTraces { traces, loose } = checker.mark(name, &moves, stroke, &mut rules);
         let stray = marks::STRAY + loose;
         let back = traces.first().map_or(0.0, |t| t.back);
         if back > stray {
             once.broken("", place(), format!("a mark runs back over {:.6} mm", back / 1e6));
         }
         // What lies elsewhere covers nothing.
-        let places = traces.iter().filter(|t| t.worst <= stray).map(|t| cover::of(claim.stroke.0, stroke, t, loose));
-        covers.add(places.collect());
+        let on_stroke = traces.iter().filter(|t| t.worst <= stray);
+        covers.add(on_stroke.map(|t| cover::of_trace(claim.stroke.0, stroke, t, loose)).collect());
         moves.clear();
         marks += 1;
         if marks.is_multiple_of(COUNTED) {
@@ -192,30 +197,53 @@ fn check_marks(
     covers
 }
 
-/// What the manifest says is left out, by strokes and places.
-fn left_out(manifest: &Manifest, texture: &Texture, coverage: &mut Rule) -> Vec<Cover> {
+/// The strokes of a texture, of which the last is kept: marks of one stroke follow each other.
+struct StrokeCache<'a> {
+    texture: &'a Texture,
+    points: Vec<P2>,
+    last: Option<(StrokeId, PenId, Stroke)>,
+}
+
+impl StrokeCache<'_> {
+    /// A stroke and its pen; None where the texture has no such stroke.
+    fn get(&mut self, id: StrokeId) -> Option<(PenId, &Stroke)> {
+        if id.index() >= self.texture.len() {
+            return None;
+        }
+        if self.last.as_ref().is_none_or(|(last, ..)| *last != id) {
+            let pen = self.texture.stroke(id.index(), &mut self.points);
+            self.last = Some((id, pen, Stroke::new(&self.points)));
+        }
+        self.last.as_ref().map(|(_, pen, stroke)| (*pen, stroke))
+    }
+}
+
+/// The stretches that the manifest states as left out, by strokes and places.
+fn left_out(manifest: &Manifest, texture: &Texture, coverage: &mut Rule) -> Vec<CoveredStretch> {
     let mut points: Vec<P2> = Vec::new();
-    let mut out: Vec<Cover> = Vec::new();
-    for l in &manifest.left_out {
-        if l.stroke as usize >= texture.len() {
+    let mut out: Vec<CoveredStretch> = Vec::new();
+    for stretch in &manifest.left_out {
+        if stretch.stroke as usize >= texture.len() {
             coverage.broken("", "manifest.json", "`left_out` names strokes that the texture does not have");
             continue;
         }
-        texture.stroke(l.stroke as usize, &mut points);
-        out.extend(cover::between(l.stroke, &Stroke::new(&points), l.from_mm * 1e6, l.to_mm * 1e6));
+        texture.stroke(stretch.stroke as usize, &mut points);
+        let stroke = Stroke::new(&points);
+        out.extend(cover::between(stretch.stroke, &stroke, stretch.from_mm * 1e6, stretch.to_mm * 1e6));
     }
     out.sort_by(|a, b| a.stroke.cmp(&b.stroke).then(a.from.total_cmp(&b.from)));
     out
 }
 
-/// What the marks cover of every stroke, against what the manifest says is left out.
+/// Holds that marks cover every stroke, but for the stretches that the manifest states as left out.
 fn check_coverage(
     covers: Covers,
     manifest: &Manifest,
-    (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
+    job: &LoadedFlyJob<'_>,
     findings: &mut Findings,
     task: Task<'_>,
 ) {
+    let LoadedFlyJob { facts, texture, geometry } = *job;
     let task = task.of_steps(texture.len() / COUNTED);
     let [once, coverage] = findings.rules.several([RuleCode::Once, RuleCode::Coverage]);
     let mut points: Vec<P2> = Vec::new();
@@ -224,21 +252,23 @@ fn check_coverage(
     let mut coverage_checker =
         CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default(), doubt_mm: 0.0 };
     let (mut rest, mut stated) = (covers.as_slice(), left_out.as_slice());
-    // What of a list in the order of strokes belongs to stroke `i`, the next one.
-    let own = |list: &mut &[Cover], i: usize| {
-        let (own, others) = list.split_at(list.iter().take_while(|c| c.stroke as usize == i).count());
-        *list = others;
-        own.to_vec()
-    };
     for i in 0..texture.len() {
         texture.stroke(i, &mut points);
-        let (own, left_out) = (own(&mut rest, i), own(&mut stated, i));
+        let own = take_of_stroke(&mut rest, i);
+        let left_out = take_of_stroke(&mut stated, i);
         let rules = [&mut *once, &mut *coverage];
-        coverage_checker.stroke(&Stroke::new(&points), &own, &left_out, &texture.element(i), rules);
+        coverage_checker.stroke(&Stroke::new(&points), own, left_out, &texture.element(i), rules);
         if i % COUNTED == COUNTED - 1 {
             task.step();
         }
     }
     findings.lengths = coverage_checker.lengths;
     findings.doubt_mm = coverage_checker.doubt_mm;
+}
+
+/// Takes what belongs to stroke `i`, the next one, from a list in the order of strokes.
+fn take_of_stroke<'a>(list: &mut &'a [CoveredStretch], i: usize) -> &'a [CoveredStretch] {
+    let (own, others) = list.split_at(list.iter().take_while(|c| c.stroke as usize == i).count());
+    *list = others;
+    own
 }

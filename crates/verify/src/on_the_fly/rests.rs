@@ -2,8 +2,8 @@
 //!
 //! Consumes a program whose beams are vertical; holds that between two sharp turns the spot takes as long as each axis
 //! of the field needs for its way from rest to rest, under the acceleration and jerk of the scanner and no faster than
-//! the pen in a mark, or than the scanner. That is a lower bound for any motion through these places, whatever the stage
-//! does. Turns are looked for over steps of [`APART`]; the time next to a rest counts for the runs on both sides.
+//! the pen in a mark, or than the scanner. That is a lower bound for any motion through these places, whatever the
+//! stage does. Turns are looked for over steps of [`APART`]; the time next to a rest counts for the runs on both sides.
 
 use super::chain::Chain;
 use crate::proof::Rule;
@@ -12,16 +12,16 @@ use crate::rest_to_rest::{CORNER, profile_time};
 use terrace_core::machine::Machine;
 use terrace_core::program::Pen;
 
-/// The spot is looked at again when it is so far away, nm.
+/// The spot is looked at again when it is so far away, nm, as docs/verify.md states.
 const APART: f64 = 100.0;
-/// What the rounding of two samples may turn a step of that by, rad.
+/// How far the rounding of two samples may turn such a step, rad.
 const ROUNDED: f64 = 0.05;
-/// Sums of times are rounded: so much less than is needed is let pass.
+/// Sums of times are rounded: a time that is too short by this share is allowed.
 const OVER: f64 = 1.0 + 1e-6;
 
 /// A place of the spot, nm, with the times at which it comes within [`APART`] of it and leaves that, us.
 #[derive(Clone, Copy)]
-struct Place {
+struct SpotPlace {
     at: [f64; 2],
     us: [f64; 2],
     line: usize,
@@ -41,6 +41,7 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
     if places.is_empty() {
         return;
     }
+    // The spot rests where it turns sharply, however the rounding of two samples has turned it; and at the end.
     let turns = places.windows(3).map(|w| {
         let [a, b] = [0, 1].map(|i| [0, 1].map(|k| w[i + 1].at[k] - w[i].at[k]));
         (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1]) > CORNER + ROUNDED
@@ -52,9 +53,11 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
         let speed = places[first + 1..=last].iter().fold(0.0, |speed: f64, place| speed.max(place.speed));
         rule.checked += 1;
         let needed = [0, 1].map(|k| {
+            // The spot may rest anywhere within `APART` of either place.
             let way = ((rest.at[k] - from.at[k]).abs() - 2.0 * APART).max(0.0) * 1e-6;
             profile_time(way, speed, acceleration, jerk)
         });
+        // Both axes go at once: the one that takes longer decides.
         let needed = needed[0].max(needed[1]);
         let taken = (rest.us[1] - from.us[0] + 1.0) * 1e-6;
         if taken * OVER < needed {
@@ -70,12 +73,12 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
 }
 
 /// The places of the spot, one after the other.
-fn places(program: &FlyProgram, chain: &Chain, speed: impl Fn(Option<usize>) -> f64) -> Vec<Place> {
+fn places(program: &FlyProgram, chain: &Chain, speed: impl Fn(Option<usize>) -> f64) -> Vec<SpotPlace> {
     let spot = |at: &crate::read::on_the_fly::Commands| {
         let [x, y, _] = chain.beam(&at.float()).at;
         [x, y]
     };
-    let mut out = vec![Place { at: spot(&program.start), us: [0.0; 2], line: 0, speed: 0.0 }];
+    let mut out = vec![SpotPlace { at: spot(&program.start), us: [0.0; 2], line: 0, speed: 0.0 }];
     let mut fastest = 0.0f64;
     for (us, from, step) in program.moves() {
         let (before, at) = (spot(from), spot(&step.to));
@@ -96,7 +99,7 @@ fn places(program: &FlyProgram, chain: &Chain, speed: impl Fn(Option<usize>) -> 
         // A move that begins near the new place came near it before: no earlier than it came near the last one.
         let near = 1.0 - APART / square.sqrt();
         let entered = if near > 0.0 { us + near * (until - us) } else { last.us[0] };
-        out.push(Place { at, us: [entered, until], line: step.line, speed: fastest });
+        out.push(SpotPlace { at, us: [entered, until], line: step.line, speed: fastest });
         fastest = 0.0;
     }
     out
@@ -105,7 +108,7 @@ fn places(program: &FlyProgram, chain: &Chain, speed: impl Fn(Option<usize>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::on_the_fly::{Commands, Step};
+    use crate::read::on_the_fly::{Commands, FlyStep};
     use terrace_core::machine::Origin;
 
     /// A way of the spot there and up, 0.5 mm each, every side taking so many times as long as it must, by moves of the
@@ -122,7 +125,7 @@ mod tests {
                 let total = slower * (f64::from(side) * motion.total_s() + time);
                 let mut to = Commands::default();
                 (to.0[5], to.0[6]) = if side == 0 { (way, 0) } else { (500_000, way) };
-                out.steps.push(Step {
+                out.steps.push(FlyStep {
                     line: out.steps.len() + 1,
                     us: (total * 1e6).ceil() as i64,
                     to,
@@ -137,7 +140,7 @@ mod tests {
     #[test]
     fn a_spot_that_turns_without_the_time_for_a_rest_is_found() {
         let machine = Machine::built_in("xyzac-galvo-10").expect("a profile");
-        let chain = Chain::of(&machine, Origin([0; 3]), "XYZUV").expect("axes");
+        let chain = Chain::new(&machine, Origin([0; 3]), "XYZUV").expect("axes");
         let found = |slower: f64, machine: &Machine| {
             let mut rule = Rule::new("limits", "");
             check(&program(machine, slower), "fly.ngc", &chain, machine, &[], &mut rule);

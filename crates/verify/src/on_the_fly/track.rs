@@ -19,7 +19,34 @@ pub(super) struct Stroke {
     closed: bool,
 }
 
-/// What a mark covers.
+/// The place of a stroke that is nearest to a point, and how far from it.
+#[derive(Clone, Copy)]
+struct NearestPlace {
+    along: f64,
+    off: f64,
+}
+
+/// In which direction a mark runs along its stroke.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Direction {
+    Forward,
+    Backward,
+}
+
+impl Direction {
+    fn between(from: f64, to: f64) -> Self {
+        if to > from { Self::Forward } else { Self::Backward }
+    }
+
+    fn reversed(self) -> Self {
+        match self {
+            Self::Forward => Self::Backward,
+            Self::Backward => Self::Forward,
+        }
+    }
+}
+
+/// The stretch of a stroke that a mark covers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trace {
     /// The place where it begins.
@@ -77,25 +104,25 @@ impl Stroke {
         self.along.partition_point(|&a| a <= place).saturating_sub(1).min(self.points.len() - 2)
     }
 
-    /// Place and distance of the point of segment `i` nearest to `p`, no farther than from `lo` to `hi` along.
-    fn on(&self, i: usize, p: [f64; 2], lo: f64, hi: f64) -> (f64, f64) {
+    /// The place of segment `i` nearest to `p`, between `lo` and `hi` along the stroke.
+    fn nearest_on_segment(&self, i: usize, p: [f64; 2], lo: f64, hi: f64) -> NearestPlace {
         let (a, b) = (self.points[i], self.points[i + 1]);
         let length = self.along[i + 1] - self.along[i];
         let dir = [0, 1].map(|k| (b[k] - a[k]) / length);
         let along = (p[0] - a[0]) * dir[0] + (p[1] - a[1]) * dir[1];
         let along = along.clamp((lo - self.along[i]).max(0.0), (hi - self.along[i]).min(length));
-        (self.along[i] + along, distance(p, [0, 1].map(|k| a[k] + along * dir[k])))
+        NearestPlace { along: self.along[i] + along, off: distance(p, [0, 1].map(|k| a[k] + along * dir[k])) }
     }
 
     /// The place nearest to `p` on the way from one place to another, forward or back; None where the stroke has none
     /// there. Of places that are equally near the first on the way: next to a turn, a stroke that runs back over itself
     /// is as near beyond the turn as before it.
-    fn nearest(&self, p: [f64; 2], from: f64, to: f64) -> Option<(f64, f64)> {
+    fn nearest(&self, p: [f64; 2], from: f64, to: f64) -> Option<NearestPlace> {
         let (lo, hi, forward) = (from.min(to), from.max(to), from <= to);
         let ordered = |first: i64, end: i64| (first..end).map(move |i| if forward { i } else { first + end - 1 - i });
         let length = self.len();
         let turn = |place: f64| if self.closed { (place / length).floor() as i64 } else { 0 };
-        let mut best: Option<(f64, f64)> = None;
+        let mut best: Option<NearestPlace> = None;
         for turn in ordered(turn(lo), turn(hi) + 1) {
             let shift = turn as f64 * length;
             let (lo, hi) = ((lo - shift).max(0.0), (hi - shift).min(length));
@@ -104,9 +131,9 @@ impl Stroke {
             }
             let end = self.along.partition_point(|&a| a <= hi).min(self.points.len() - 1);
             for i in ordered(self.segment(lo) as i64, end as i64) {
-                let (place, off) = self.on(i as usize, p, lo, hi);
-                if best.is_none_or(|b| off < b.1 - EQUAL) {
-                    best = Some((place + shift, off));
+                let NearestPlace { along, off } = self.nearest_on_segment(i as usize, p, lo, hi);
+                if best.is_none_or(|b| off < b.off - EQUAL) {
+                    best = Some(NearestPlace { along: along + shift, off });
                 }
             }
         }
@@ -119,76 +146,92 @@ impl Stroke {
     /// itself has more than one place for a mark.
     pub(super) fn follow(&self, foot_points: &[[f64; 2]], limit: f64, loose: f64) -> Vec<Trace> {
         let Some(&first) = foot_points.first() else { return Vec::new() };
-        let mut starts: Vec<(f64, f64)> = Vec::new();
-        let mut nearest: Option<(f64, f64)> = None;
+        let cost = |t: &Trace| t.worst.max(t.back);
+        let mut traces: Vec<Trace> = Vec::new();
+        for start in self.starts(first, limit, loose) {
+            let trace = self.followed(foot_points, start, None, loose);
+            let other_way = Direction::between(trace.from, trace.to).reversed();
+            let other = self.followed(foot_points, start, Some(other_way), loose);
+            traces.extend([trace, other]);
+        }
+        traces.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+        let mut seen = 0;
+        traces.retain(|t| {
+            seen += 1;
+            seen == 1 || cost(t) <= limit
+        });
+        traces
+    }
+
+    /// The places within `limit` of the first hit point from which a mark is followed: those next to each other are
+    /// one, the nearest of them. A mark that lies nowhere on the stroke is followed from the nearest place, so that the
+    /// fault can be reported with its distance.
+    fn starts(&self, first: [f64; 2], limit: f64, loose: f64) -> Vec<NearestPlace> {
+        let mut starts: Vec<NearestPlace> = Vec::new();
+        let mut nearest: Option<NearestPlace> = None;
         for i in 0..self.points.len() - 1 {
-            let (place, off) = self.on(i, first, 0.0, f64::INFINITY);
-            if nearest.is_none_or(|n| off < n.1) {
-                nearest = Some((place, off));
+            let place = self.nearest_on_segment(i, first, 0.0, f64::INFINITY);
+            if nearest.is_none_or(|n| place.off < n.off) {
+                nearest = Some(place);
             }
-            if off <= limit && starts.last().is_none_or(|s| place - s.0 > SPARE + 2.0 * loose) {
-                starts.push((place, off));
-            } else if off <= limit
-                && let Some(last) = starts.last_mut()
-                && off < last.1
-            {
-                *last = (place, off);
+            let is_near = place.off <= limit; // never of a NaN
+            if !is_near {
+                continue;
+            }
+            match starts.last_mut() {
+                Some(last) if place.along - last.along <= SPARE + 2.0 * loose => {
+                    if place.off < last.off {
+                        *last = place;
+                    }
+                }
+                _ => starts.push(place),
             }
         }
-        // Places next to each other are one start, the nearest of them. A mark that lies nowhere on the stroke is
-        // followed from the nearest place, so that the fault can be reported with its distance.
         if starts.is_empty() {
             starts.extend(nearest);
         }
-        let cost = |t: &Trace| t.worst.max(t.back);
-        let mut out: Vec<Trace> = Vec::new();
-        for start in starts {
-            let trace = self.followed(foot_points, start, None, loose);
-            let other = self.followed(foot_points, start, Some(trace.to <= trace.from), loose);
-            out.extend([trace, other]);
-        }
-        out.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
-        let mut kept = 0;
-        out.retain(|t| {
-            kept += 1;
-            kept == 1 || cost(t) <= limit
-        });
-        out
+        starts
     }
 
-    /// From a place on, one way or the one that is nearer.
+    /// Follows a mark from a place of its first hit point on, in a direction or in the one that is nearer.
     fn followed(
         &self,
         foot_points: &[[f64; 2]],
-        (from, off): (f64, f64),
-        mut forward: Option<bool>,
+        start: NearestPlace,
+        mut direction: Option<Direction>,
         loose: f64,
     ) -> Trace {
-        let mut trace = Trace { from, to: from, worst: off, at: foot_points[0], back: 0.0 };
+        let mut trace = Trace { from: start.along, to: start.along, worst: start.off, at: foot_points[0], back: 0.0 };
         for pair in foot_points.windows(2) {
             let (before, hit) = (pair[0], pair[1]);
             let reach = 1.5 * distance(before, hit) + SPARE + 2.0 * loose;
             let here = trace.to;
             let ahead = self.nearest(hit, here, here + reach);
             let behind = self.nearest(hit, here, here - reach);
-            let of = |n: Option<(f64, f64)>| n.map_or(f64::INFINITY, |n| n.1);
+            let off = |place: Option<NearestPlace>| place.map_or(f64::INFINITY, |place| place.off);
             // The mark keeps its way: it has turned back only where what lies behind is nearer by more than rounding.
-            let goes = match forward {
-                Some(true) => of(ahead) <= of(behind) + BEHIND,
-                Some(false) => of(ahead) + BEHIND < of(behind),
-                None => of(ahead) <= of(behind),
+            let is_ahead = match direction {
+                Some(Direction::Forward) => off(ahead) <= off(behind) + BEHIND,
+                Some(Direction::Backward) => off(ahead) + BEHIND < off(behind),
+                None => off(ahead) <= off(behind),
             };
-            let Some((to, off)) = (if goes { ahead.or(behind) } else { behind.or(ahead) }) else { continue };
-            if forward.is_none() && (to - trace.from).abs() > 10.0 * BEHIND {
-                forward = Some(to > trace.from);
+            let next = if is_ahead { ahead.or(behind) } else { behind.or(ahead) };
+            let Some(NearestPlace { along: to, off }) = next else { continue };
+            if direction.is_none() && (to - trace.from).abs() > 10.0 * BEHIND {
+                direction = Some(Direction::between(trace.from, to));
             }
             // Against its way: that is marked twice.
-            if forward.is_some_and(|f| f != (to >= here)) {
+            let is_back = match direction {
+                Some(Direction::Forward) => to < here,
+                Some(Direction::Backward) => to >= here,
+                None => false,
+            };
+            if is_back {
                 trace.back += (to - here).abs();
             }
-            let mut stray = |off: f64, at: [f64; 2]| {
+            let mut stray = |off: f64, place: [f64; 2]| {
                 if off > trace.worst {
-                    (trace.worst, trace.at) = (off, at);
+                    (trace.worst, trace.at) = (off, place);
                 }
             };
             stray(off, hit);

@@ -4,7 +4,7 @@
 //! in millionths of a degree.
 
 use crate::proof::Rule;
-use crate::read::on_the_fly::{FlyProgram, Step};
+use crate::read::on_the_fly::{FlyProgram, FlyStep};
 use terrace_core::machine::{AngleCommands, Machine};
 
 /// A whole turn, millionths of a degree.
@@ -24,7 +24,7 @@ pub(super) fn unwind(program: &mut FlyProgram, name: &str, machine: &Machine, ru
             rule.broken("", name.to_owned(), format!("{letter} begins at {} deg, not 0 to 360", at as f64 / 1e6));
             return;
         }
-        for Step { line, to, .. } in &mut program.steps {
+        for FlyStep { line, to, .. } in &mut program.steps {
             rule.checked += 1;
             let (commanded, deg) = (to.0[slot], to.0[slot] as f64 / 1e6);
             let way = (commanded - at).rem_euclid(TURN);
@@ -57,7 +57,7 @@ mod tests {
         let axis = &mut machine.tilt.as_mut().expect("a table").axes[1];
         (axis.travel, axis.commands) = (AxisTravel::CONTINUOUS, AngleCommands::Modulo);
         let at = |deg: i64| Commands([0, 0, 0, 0, 1_000_000 * deg, 0, 0]);
-        let step = |deg| Step { line: 1, us: 1, to: at(deg), mark: None, power: None };
+        let step = |deg| FlyStep { line: 1, us: 1, to: at(deg), mark: None, power: None };
         let program = |list: &[i64]| FlyProgram {
             start: at(350),
             steps: list.iter().map(|&deg| step(deg)).collect(),

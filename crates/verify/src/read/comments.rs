@@ -6,7 +6,7 @@
 
 use super::Fault;
 
-/// What begins a further line of a comment that was too long for one.
+/// The beginning of a further line of a comment that was too long for one.
 const FURTHER: &str = "... ";
 
 /// Sentences of stepped programs; `*` stands for names and figures.
@@ -28,24 +28,27 @@ const STEPPED: [&str; 14] = [
 ];
 
 /// Sentences of on-the-fly programs, with what their figures are.
-const ON_THE_FLY: [(&str, Kind); 12] = [
-    ("terrace: on-the-fly program for LinuxCNC, X Y Z stage and U V scanner, absolute, mm", Kind::Words),
-    ("terrace: on-the-fly program for Power PMAC, axes *, absolute, mm and degrees", Kind::Words),
-    ("machine: \"*\"", Kind::Words),
-    ("# moves, # marks, # s", Kind::Size),
-    ("laser switched up to one servo period of # ms early: # mm/s x period", Kind::Switch),
-    ("LASER ERROR # mm", Kind::LaserError),
-    ("pen #: \"*\", # mm/s, # * at # kHz", Kind::Pen),
-    ("digital output 0 is the laser, analogue output 0 its power in percent", Kind::Words),
-    ("corners are rounded by 0.0002 mm at most, times hold where the limits of the axes allow them", Kind::Words),
-    ("M1 is the laser, M2 its power in percent", Kind::Words),
-    ("blending rounds corners of marks by # mm at most", Kind::Blend),
-    ("not a safety system: the laser needs its own interlock", Kind::Words),
+const ON_THE_FLY: [(&str, CommentKind); 12] = [
+    ("terrace: on-the-fly program for LinuxCNC, X Y Z stage and U V scanner, absolute, mm", CommentKind::Words),
+    ("terrace: on-the-fly program for Power PMAC, axes *, absolute, mm and degrees", CommentKind::Words),
+    ("machine: \"*\"", CommentKind::Words),
+    ("# moves, # marks, # s", CommentKind::Size),
+    ("laser switched up to one servo period of # ms early: # mm/s x period", CommentKind::Switch),
+    ("LASER ERROR # mm", CommentKind::LaserError),
+    ("pen #: \"*\", # mm/s, # * at # kHz", CommentKind::Pen),
+    ("digital output 0 is the laser, analogue output 0 its power in percent", CommentKind::Words),
+    (
+        "corners are rounded by 0.0002 mm at most, times hold where the limits of the axes allow them",
+        CommentKind::Words,
+    ),
+    ("M1 is the laser, M2 its power in percent", CommentKind::Words),
+    ("blending rounds corners of marks by # mm at most", CommentKind::Blend),
+    ("not a safety system: the laser needs its own interlock", CommentKind::Words),
 ];
 
-/// What the figures of a sentence of an on-the-fly program are.
+/// The figures of a sentence of an on-the-fly program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum CommentKind {
     /// A comment without a value.
     Words,
     /// Moves, marks, time in s.
@@ -103,9 +106,9 @@ impl Sentence {
     }
 }
 
-/// What a comment of an on-the-fly program says, maybe cut, with its figures as they stand there; None where it is no
+/// The kind of a comment of an on-the-fly program, maybe cut, with its figures as they stand there; None where it is no
 /// sentence of ours.
-pub(super) fn on_the_fly(comment: &str) -> Option<(Kind, Vec<String>)> {
+pub(super) fn on_the_fly(comment: &str) -> Option<(CommentKind, Vec<String>)> {
     let is_long = comment.len() >= CUT;
     ON_THE_FLY.iter().find_map(|(sentence, kind)| {
         let mut figures = Vec::new();
@@ -191,13 +194,13 @@ mod tests {
         assert_eq!(on_the_fly("pen 1: \"fine, (?)\", 800 mm/s, 50 percent at 60 kHz"), None);
         assert_eq!(on_the_fly("pen 1: \"f"), None, "cut too short");
         for (text, kind, figures) in [
-            ("pen 1: \"fine\", 800 mm/s, 50 percent at 60 kHz", Kind::Pen, &["1", "800", "50", "60"][..]),
-            ("pen 1: \"pen 2: , 3 mm/s\", 800 mm/s, 50 W at 60 kHz", Kind::Pen, &["1", "800", "50", "60"]),
-            ("pen 1: \"fine\", 800 mm/s, 50 perc", Kind::Pen, &["1", "800", "50"]),
-            ("pen 1: \"fine fine\", 800 mm/s, 50 percent at 6", Kind::Pen, &["1", "800", "50"]),
-            ("12 moves, 3 marks, 1.250 s", Kind::Size, &["12", "3", "1.250"]),
-            ("LASER ERROR 0.388047 mm", Kind::LaserError, &["0.388047"]),
-            ("M1 is the laser, M2 its power in percent", Kind::Words, &[]),
+            ("pen 1: \"fine\", 800 mm/s, 50 percent at 60 kHz", CommentKind::Pen, &["1", "800", "50", "60"][..]),
+            ("pen 1: \"pen 2: , 3 mm/s\", 800 mm/s, 50 W at 60 kHz", CommentKind::Pen, &["1", "800", "50", "60"]),
+            ("pen 1: \"fine\", 800 mm/s, 50 perc", CommentKind::Pen, &["1", "800", "50"]),
+            ("pen 1: \"fine fine\", 800 mm/s, 50 percent at 6", CommentKind::Pen, &["1", "800", "50"]),
+            ("12 moves, 3 marks, 1.250 s", CommentKind::Size, &["12", "3", "1.250"]),
+            ("LASER ERROR 0.388047 mm", CommentKind::LaserError, &["0.388047"]),
+            ("M1 is the laser, M2 its power in percent", CommentKind::Words, &[]),
         ] {
             assert_eq!(on_the_fly(text), Some((kind, figures.iter().map(|f| (*f).to_owned()).collect())), "{text}");
         }

@@ -43,7 +43,7 @@ struct TableLayer {
     is_used: bool,
 }
 
-/// What stands before the entities: the version, one line type, and the layers.
+/// The part before the entities: the version, one line type, and the layers.
 struct Head<'p, 'a> {
     pairs: &'p mut Pairs<'a>,
 }

@@ -33,7 +33,7 @@ pub(crate) struct BlockFiles {
     pub(crate) repeats: bool,
     /// The settings that a stroke with a pen should have.
     pub(crate) settings: fn(&BlockOf<'_>, &Pen) -> Vec<i64>,
-    /// What a dot has besides.
+    /// The setting that a dot has besides.
     pub(crate) dwell: fn(&Pen) -> Option<i64>,
 }
 
@@ -69,7 +69,7 @@ pub(crate) enum Stepped {
     Blocks(BlockFiles),
     /// A program of the stage: its moves and what fires the laser between them, over a handshake with the scan card or
     /// by an operator.
-    Stage { file: &'static str, handshake: bool, read: fn(&[u8]) -> Result<gcode::Program, Fault> },
+    Stage { file: &'static str, handshake: bool, read: fn(&[u8]) -> Result<gcode::StageProgram, Fault> },
     /// The whole job: a work plane for every block, with its place, strokes and settings.
     Planes { file: &'static str, open: for<'a> fn(&'a [u8]) -> Result<ovf::OvfFile<'a>, String> },
     /// Where the head is at every block.

@@ -1,7 +1,7 @@
 //! Reader of the stage programs: LinuxCNC with its handshake, and the plain M0 variant.
 //!
 //! Consumes the text; promises one [`Statement`] per thing that the controller does, in order, with
-//! its line. Coordinates are exact nanometres. What it does not know becomes [`Step::Unknown`], so that
+//! its line. Coordinates are exact nanometres. What it does not know becomes [`StageStep::Unknown`], so that
 //! the laser rule can refuse it: nothing is skipped that might move an axis or switch an output.
 
 use super::Fault;
@@ -9,9 +9,12 @@ use super::comments::{self, Sentence};
 use super::number::nm_from_decimal;
 use terrace_core::geom::Nm;
 
-/// What one line asks for.
+/// Axis values of a move: x, y and z in nm, a, b and c in millionths of a degree; None of an axis that is not named.
+pub(crate) type AxisWords = [Option<i64>; 6];
+
+/// A thing that a stage program does or states.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Step {
+pub(crate) enum StageStep {
     /// The comment that begins a block, with the block's name and the file that is marked there, if it names one.
     Block(String, Option<String>),
     /// The comment that begins a set-up, with its number.
@@ -25,11 +28,11 @@ pub(crate) enum Step {
     /// The comment that states the z to lift to first where the program is begun here, nm.
     EntryLift(i64),
     /// The comment that states axis values to go to after that, as those of a move.
-    EntryGo([Option<i64>; 6]),
+    EntryGo(AxisWords),
     /// Modal G words, in tenths: G61.1 is 611.
     Modal(Vec<u32>),
-    /// A rapid move to the axis values given: x, y and z in nm, a, b and c in millionths of a degree.
-    Move([Option<i64>; 6]),
+    /// A rapid move to the axis values given.
+    Move(AxisWords),
     /// A wait, s.
     Dwell(f64),
     /// M64 P0: START on.
@@ -54,7 +57,7 @@ pub(crate) enum Step {
     Unknown(String),
 }
 
-impl Step {
+impl StageStep {
     /// Whether it may stand between the title of a block and its moves.
     pub(crate) fn is_before_moves(&self) -> bool {
         matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_)) || self.is_entry()
@@ -74,14 +77,14 @@ impl Step {
 pub(crate) struct Statement {
     /// Line, from 1.
     pub(crate) line: usize,
-    /// What it asks for.
-    pub(crate) step: Step,
+    /// The step.
+    pub(crate) step: StageStep,
 }
 
 /// A stage program.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Program {
-    /// What it does.
+pub(crate) struct StageProgram {
+    /// Its steps, in order.
     pub(crate) statements: Vec<Statement>,
     /// Blocks that comments name in addition to those that begin a block, each with its line.
     pub(crate) names: Vec<(usize, String)>,
@@ -90,7 +93,7 @@ pub(crate) struct Program {
 }
 
 /// Reads a stage program.
-pub(crate) fn read(bytes: &[u8]) -> Result<Program, Fault> {
+pub(crate) fn read(bytes: &[u8]) -> Result<StageProgram, Fault> {
     let text = comments::printable(bytes)?;
     let mut reader = Reader::default();
     for (i, line) in text.lines().enumerate() {
@@ -98,7 +101,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Program, Fault> {
     }
     let last = reader.sentence.end();
     reader.unknown(last);
-    Ok(Program { statements: reader.statements, names: reader.names, numbers: reader.numbers })
+    Ok(StageProgram { statements: reader.statements, names: reader.names, numbers: reader.numbers })
 }
 
 #[derive(Default)]
@@ -107,7 +110,7 @@ struct Reader {
     names: Vec<(usize, String)>,
     numbers: Vec<(usize, u64)>,
     sentence: Sentence,
-    /// What the message at the next stop says: its set-up or registration point.
+    /// The message that the next stop must have: its set-up or registration point.
     stop: String,
 }
 
@@ -118,8 +121,10 @@ impl Reader {
             match statement(comment) {
                 Some(step) => {
                     match &step {
-                        Step::Setup(_) => self.stop = comment.replace("SETUP ", "MSG, set-up ").replace(" OF ", " of "),
-                        Step::Registration(_) => {
+                        StageStep::Setup(_) => {
+                            self.stop = comment.replace("SETUP ", "MSG, set-up ").replace(" OF ", " of ")
+                        }
+                        StageStep::Registration(_) => {
                             self.stop = comment.replace("REGISTRATION ", "MSG, registration point ")
                         }
                         _ => {}
@@ -146,12 +151,12 @@ impl Reader {
         let (number, code) = numbered(code.trim());
         self.numbers.extend(number.map(|n| (line, n)));
         if !code.is_empty() {
-            self.push(line, step(code).unwrap_or_else(|| Step::Unknown(code.to_owned())));
+            self.push(line, step(code).unwrap_or_else(|| StageStep::Unknown(code.to_owned())));
         }
         Ok(())
     }
 
-    fn push(&mut self, line: usize, step: Step) {
+    fn push(&mut self, line: usize, step: StageStep) {
         let before = self.sentence.end();
         self.unknown(before);
         self.statements.push(Statement { line, step });
@@ -160,40 +165,40 @@ impl Reader {
     /// A comment that is not a sentence of ours.
     fn unknown(&mut self, found: Option<(usize, String)>) {
         if let Some((line, text)) = found {
-            self.statements.push(Statement { line, step: Step::Unknown(format!("({text})")) });
+            self.statements.push(Statement { line, step: StageStep::Unknown(format!("({text})")) });
         }
     }
 }
 
-/// What a comment states, if it states something of the program.
-fn statement(comment: &str) -> Option<Step> {
-    let unknown = || Step::Unknown(format!("({comment})"));
+/// The step that a comment states, if it states one.
+fn statement(comment: &str) -> Option<StageStep> {
+    let unknown = || StageStep::Unknown(format!("({comment})"));
     if let Some(rest) = comment.strip_prefix("BLOCK ") {
         let (id, file) = match rest.split_once(" FILE ") {
             Some((id, file)) => (id, Some(file.to_owned())),
             None => (rest, None),
         };
-        Some(if is_block(id) { Step::Block(id.to_owned(), file) } else { unknown() })
+        Some(if is_block(id) { StageStep::Block(id.to_owned(), file) } else { unknown() })
     } else if let Some(rest) = comment.strip_prefix("SETUP ") {
         let numbers =
             rest.split_once(" OF ").and_then(|(n, count)| Some((n.parse().ok()?, count.parse::<u32>().ok()?)));
-        Some(numbers.map_or_else(unknown, |(number, _)| Step::Setup(number)))
+        Some(numbers.map_or_else(unknown, |(number, _)| StageStep::Setup(number)))
     } else if let Some(rest) = comment.strip_prefix("REGISTRATION ") {
-        Some(rest.parse().map_or_else(|_| unknown(), Step::Registration))
+        Some(rest.parse().map_or_else(|_| unknown(), StageStep::Registration))
     } else if let Some(rest) = comment.strip_prefix("PASS ") {
-        Some(rest.parse().map_or_else(|_| unknown(), Step::Pass))
+        Some(rest.parse().map_or_else(|_| unknown(), StageStep::Pass))
     } else if let Some(rest) = comment.strip_prefix("FOCUS SHIFT ") {
-        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::FocusShift))
+        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, StageStep::FocusShift))
     } else if let Some(rest) = comment.strip_prefix("ENTRY GO ") {
-        Some(axis_values(rest).map_or_else(unknown, Step::EntryGo))
+        Some(axis_values(rest).map_or_else(unknown, StageStep::EntryGo))
     } else {
         let rest = comment.strip_prefix("ENTRY LIFT Z")?;
-        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, Step::EntryLift))
+        Some(nm_from_decimal(rest.as_bytes()).map_or_else(unknown, StageStep::EntryLift))
     }
 }
 
 /// Words of axes, each at most once.
-fn axis_values(text: &str) -> Option<[Option<i64>; 6]> {
+fn axis_values(text: &str) -> Option<AxisWords> {
     let mut to = [None; 6];
     for word in text.split(' ') {
         let axis = "XYZABC".find(word.chars().next()?)?;
@@ -256,7 +261,7 @@ pub(super) fn split_comments(line: &str) -> Result<(String, Vec<&str>), &'static
     Ok((code, comments))
 }
 
-fn step(code: &str) -> Option<Step> {
+fn step(code: &str) -> Option<StageStep> {
     if code.starts_with(['o', 'O']) {
         return o_word(code);
     }
@@ -264,24 +269,24 @@ fn step(code: &str) -> Option<Step> {
     let &[(letter, number), ref rest @ ..] = words.as_slice() else { return None };
     let rest: &[(char, &str)] = rest;
     match (letter, number, rest) {
-        ('G', "4" | "04", [('P', seconds)]) => Some(Step::Dwell(positive(seconds)?)),
+        ('G', "4" | "04", [('P', seconds)]) => Some(StageStep::Dwell(positive(seconds)?)),
         ('G', "0" | "00", [_, ..]) => moved(rest),
         ('G', ..) if words.iter().all(|w| w.0 == 'G') => {
-            Some(Step::Modal(words.iter().map(|w| tenths(w.1)).collect::<Option<_>>()?))
+            Some(StageStep::Modal(words.iter().map(|w| tenths(w.1)).collect::<Option<_>>()?))
         }
-        ('M', "64", [('P', "0")]) => Some(Step::OutputOn),
-        ('M', "65", [('P', "0")]) => Some(Step::OutputOff),
+        ('M', "64", [('P', "0")]) => Some(StageStep::OutputOn),
+        ('M', "65", [('P', "0")]) => Some(StageStep::OutputOff),
         ('M', "66", [('P', "0"), ('L', level @ ("3" | "4")), ('Q', seconds)]) => {
-            Some(Step::Wait { high: *level == "3", seconds: positive(seconds)? })
+            Some(StageStep::Wait { high: *level == "3", seconds: positive(seconds)? })
         }
-        ('M', "0" | "00", []) => Some(Step::Pause),
-        ('M', "5" | "05", []) => Some(Step::SpindleOff),
-        ('M', "2" | "02" | "30", []) => Some(Step::End),
+        ('M', "0" | "00", []) => Some(StageStep::Pause),
+        ('M', "5" | "05", []) => Some(StageStep::SpindleOff),
+        ('M', "2" | "02" | "30", []) => Some(StageStep::End),
         _ => None,
     }
 }
 
-fn moved(words: &[(char, &str)]) -> Option<Step> {
+fn moved(words: &[(char, &str)]) -> Option<StageStep> {
     let mut to = [None; 6];
     for (letter, number) in words {
         let axis = "XYZABC".find(*letter)?;
@@ -290,22 +295,22 @@ fn moved(words: &[(char, &str)]) -> Option<Step> {
         }
         to[axis] = Some(nm_from_decimal(number.as_bytes())?);
     }
-    Some(Step::Move(to))
+    Some(StageStep::Move(to))
 }
 
 /// `o101 if [#5399 LT 0]`, `o101 if [#5210 NE 0]` or `o101 endif`; other conditions are unknown.
-fn o_word(code: &str) -> Option<Step> {
+fn o_word(code: &str) -> Option<StageStep> {
     let code = code[1..].trim_start();
     let digits = code.find(|c: char| !c.is_ascii_digit())?;
     let label: u32 = code[..digits].parse().ok()?;
     let rest: String = code[digits..].split_whitespace().collect::<String>().to_ascii_uppercase();
     match rest.as_str() {
-        "IF[#5399LT0]" => Some(Step::IfTimeout(label)),
-        "ENDIF" => Some(Step::EndIf(label)),
+        "IF[#5399LT0]" => Some(StageStep::IfTimeout(label)),
+        "ENDIF" => Some(StageStep::EndIf(label)),
         other => {
             let parameter = other.strip_prefix("IF[#")?.strip_suffix("NE0]")?;
             let is_plain = parameter.bytes().all(|c| c.is_ascii_digit());
-            Some(Step::IfOffset(label, parameter.parse().ok().filter(|_| is_plain)?))
+            Some(StageStep::IfOffset(label, parameter.parse().ok().filter(|_| is_plain)?))
         }
     }
 }
@@ -343,7 +348,7 @@ fn tenths(number: &str) -> Option<u32> {
 mod tests {
     use super::*;
 
-    fn steps(text: &str) -> Vec<Step> {
+    fn steps(text: &str) -> Vec<StageStep> {
         read(text.as_bytes()).expect("text").statements.into_iter().map(|s| s.step).collect()
     }
 
@@ -352,19 +357,19 @@ mod tests {
         let text = "(PASS 1)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 FILE x.dxf)\nG0 Z5\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
             M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY, block B0002)\nM2\no101 endif\nM30\n";
         let expected = [
-            Step::Pass(1),
-            Step::Modal(vec![210, 900, 611]),
-            Step::OutputOff,
-            Step::Block("B0001".into(), Some("x.dxf".into())),
-            Step::Move([None, None, Some(5_000_000), None, None, None]),
-            Step::Move([Some(10_000_000), Some(-20_000_001), None, None, Some(-1_500_000), None]),
-            Step::Dwell(0.1),
-            Step::OutputOn,
-            Step::Wait { high: true, seconds: 5.0 },
-            Step::IfTimeout(101),
-            Step::End,
-            Step::EndIf(101),
-            Step::End,
+            StageStep::Pass(1),
+            StageStep::Modal(vec![210, 900, 611]),
+            StageStep::OutputOff,
+            StageStep::Block("B0001".into(), Some("x.dxf".into())),
+            StageStep::Move([None, None, Some(5_000_000), None, None, None]),
+            StageStep::Move([Some(10_000_000), Some(-20_000_001), None, None, Some(-1_500_000), None]),
+            StageStep::Dwell(0.1),
+            StageStep::OutputOn,
+            StageStep::Wait { high: true, seconds: 5.0 },
+            StageStep::IfTimeout(101),
+            StageStep::End,
+            StageStep::EndIf(101),
+            StageStep::End,
         ];
         assert_eq!(steps(text), expected);
         let read = read(text.as_bytes()).expect("text");
@@ -373,8 +378,8 @@ mod tests {
 
     #[test]
     fn a_set_up_is_read_by_its_number() {
-        assert_eq!(steps("(SETUP 2 OF 3)\nM0\n"), [Step::Setup(2), Step::Pause]);
-        assert_eq!(steps("(SETUP two)\n"), [Step::Unknown("(SETUP two)".into())]);
+        assert_eq!(steps("(SETUP 2 OF 3)\nM0\n"), [StageStep::Setup(2), StageStep::Pause]);
+        assert_eq!(steps("(SETUP two)\n"), [StageStep::Unknown("(SETUP two)".into())]);
     }
 
     #[test]
@@ -398,7 +403,7 @@ mod tests {
             "(MSG, no BUSY, block 7)",
             "(PASS one)",
         ] {
-            assert_eq!(steps(&format!("{line}\n")), [Step::Unknown(line.into())], "{line}");
+            assert_eq!(steps(&format!("{line}\n")), [StageStep::Unknown(line.into())], "{line}");
         }
         assert!(read(b"G0 X5").is_err(), "a cut line");
         assert!(read(b"(open\n").is_err());

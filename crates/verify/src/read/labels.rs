@@ -4,7 +4,7 @@
 //! an id of its own in a copy of the text ([`Labels::tagged`]), by which what usvg answers is found again here.
 //!
 //! A label holds for all that its element holds. What a use shows has the labels of the use and of what it refers to;
-//! labels below that are not told apart, and count as [`Known::Maybe`], as those of elements with one id do.
+//! labels below that are not told apart, and count as [`Truth::Maybe`], as those of elements with one id do.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ pub(crate) const UNKNOWN: u32 = u32::MAX;
 
 /// Whether an element has a label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Known {
+pub(crate) enum Truth {
     Yes,
     No,
     Maybe,
@@ -37,7 +37,7 @@ struct Element {
     /// The element after the last that it holds.
     end: u32,
     own: Vec<String>,
-    /// What it shows a copy of.
+    /// The element that it shows a copy of.
     refers_to: Option<u32>,
     has_arcs: bool,
     /// Whether another one has its id.
@@ -108,42 +108,42 @@ impl Labels {
     }
 
     /// Of every element, whether it has a label that `is_meant`.
-    pub(crate) fn having(&self, is_meant: impl Fn(&str) -> bool) -> Having {
+    pub(crate) fn having(&self, is_meant: impl Fn(&str) -> bool) -> LabelledElements {
         let own: Vec<bool> = self.elements.iter().map(|e| e.own.iter().any(|l| is_meant(l))).collect();
-        let mut all: Vec<Known> = Vec::with_capacity(own.len());
+        let mut all: Vec<Truth> = Vec::with_capacity(own.len());
         for (k, element) in self.elements.iter().enumerate() {
-            let above = element.parent.map_or(Known::No, |p| all[p as usize]);
-            all.push(if own[k] { Known::Yes } else { above });
+            let above = element.parent.map_or(Truth::No, |p| all[p as usize]);
+            all.push(if own[k] { Truth::Yes } else { above });
         }
         for (k, element) in self.elements.iter().enumerate() {
             let mut shown = element.refers_to;
             // A use that refers to a use, and so on; circles are not drawn.
             for _ in 0..self.elements.len().min(100) {
-                let Some(target) = shown.filter(|_| all[k] == Known::No) else { break };
+                let Some(target) = shown.filter(|_| all[k] == Truth::No) else { break };
                 let held = target as usize + 1..self.elements[target as usize].end as usize;
                 let may_hold = held.clone().any(|e| own[e] || self.elements[e].refers_to.is_some());
                 all[k] = match (own[target as usize], may_hold && own.contains(&true)) {
-                    (true, _) => Known::Yes,
-                    (false, true) => Known::Maybe,
-                    (false, false) => Known::No,
+                    (true, _) => Truth::Yes,
+                    (false, true) => Truth::Maybe,
+                    (false, false) => Truth::No,
                 };
                 shown = self.elements[target as usize].refers_to;
             }
         }
         for (known, element) in all.iter_mut().zip(&self.elements) {
-            *known = if element.is_double { Known::Maybe } else { *known };
+            *known = if element.is_double { Truth::Maybe } else { *known };
         }
-        Having(all)
+        LabelledElements(all)
     }
 }
 
 /// Which elements have a label.
-pub(crate) struct Having(Vec<Known>);
+pub(crate) struct LabelledElements(Vec<Truth>);
 
-impl Having {
+impl LabelledElements {
     /// Whether this one has.
-    pub(crate) fn of(&self, element: u32) -> Known {
-        self.0.get(element as usize).copied().unwrap_or(Known::Maybe)
+    pub(crate) fn has(&self, element: u32) -> Truth {
+        self.0.get(element as usize).copied().unwrap_or(Truth::Maybe)
     }
 }
 
@@ -184,14 +184,14 @@ mod tests {
         let (r, copy, group) = (labels.element("r"), labels.element("v0-8"), labels.element("v0-9"));
         let twin = labels.element("twin");
         for (label, want) in [
-            ("layer:A", [Known::Yes, Known::Yes, Known::No, Known::No, Known::Maybe]),
-            ("class:x", [Known::No, Known::Yes, Known::No, Known::Maybe, Known::Maybe]),
-            ("id:r", [Known::No, Known::Yes, Known::Yes, Known::No, Known::Maybe]),
-            ("id:held", [Known::No, Known::No, Known::No, Known::Yes, Known::Maybe]),
+            ("layer:A", [Truth::Yes, Truth::Yes, Truth::No, Truth::No, Truth::Maybe]),
+            ("class:x", [Truth::No, Truth::Yes, Truth::No, Truth::Maybe, Truth::Maybe]),
+            ("id:r", [Truth::No, Truth::Yes, Truth::Yes, Truth::No, Truth::Maybe]),
+            ("id:held", [Truth::No, Truth::No, Truth::No, Truth::Yes, Truth::Maybe]),
         ] {
             let having = labels.having(|l| l == label);
-            assert_eq!([path, r, copy, group, twin].map(|e| having.of(e)), want, "{label}");
-            assert_eq!(having.of(UNKNOWN), Known::Maybe);
+            assert_eq!([path, r, copy, group, twin].map(|e| having.has(e)), want, "{label}");
+            assert_eq!(having.has(UNKNOWN), Truth::Maybe);
         }
         assert!(labels.has_arcs(twin) && labels.has_arcs(copy) && !labels.has_arcs(path));
     }

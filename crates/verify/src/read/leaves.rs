@@ -9,9 +9,9 @@ use std::fmt;
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 
-/// What a kind of manifest may hold.
+/// The keys that a kind of manifest may have.
 pub(crate) struct Leaves {
-    /// Compared with other files or computed anew.
+    /// Compared with other files, or computed again.
     pub(crate) proved: &'static [&'static str],
     /// Taken as stated.
     pub(crate) not_proved: &'static [&'static str],

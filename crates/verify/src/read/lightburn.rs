@@ -62,14 +62,6 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
     if !has_values || root.attributes().len() != PROJECT.len() {
         return Err(fault(&root, "the attributes of the project are not those of a plain one"));
     }
-    // Text holds places alone; comments and instructions nothing.
-    let is_foreign = |node: &Node<'_, '_>| {
-        let is_blank = node.text().is_some_and(|text| text.bytes().all(|c| c == b'\n'));
-        let holds_places =
-            node.parent().is_some_and(|of| ["XForm", "VertList", "PrimList"].contains(&of.tag_name().name()));
-        !(node.is_root() || node.is_element() || node.is_text() && (is_blank || holds_places))
-            || node.is_element() && node.tag_name().namespace().is_some()
-    };
     if let Some(node) = document.descendants().find(is_foreign) {
         return Err(fault(&node, "is neither a setting nor a shape"));
     }
@@ -106,6 +98,15 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
         Some(index) => Err(fault(&root, &format!("layer {index} holds nothing"))),
         None => Ok(()),
     }
+}
+
+/// Whether a node has no place in a project: text holds places alone, and comments and instructions nothing.
+fn is_foreign(node: &Node<'_, '_>) -> bool {
+    let is_blank = node.text().is_some_and(|text| text.bytes().all(|c| c == b'\n'));
+    let holds_places =
+        node.parent().is_some_and(|parent| ["XForm", "VertList", "PrimList"].contains(&parent.tag_name().name()));
+    !(node.is_root() || node.is_element() || node.is_text() && (is_blank || holds_places))
+        || node.is_element() && node.tag_name().namespace().is_some()
 }
 
 /// Index and settings of a layer of block `id`.
@@ -207,9 +208,9 @@ mod tests {
         <VertList>V-1 0c0x1c1x1V2 0.000001c0x1c1x1V3 3c0x1c1x1V5 5c0x1c1x1V6 6c0x1c1x1</VertList>\n\
         <PrimList>L0 1L1 2L3 4</PrimList>\n</Shape>\n</LightBurnProject>\n";
 
-    type Found = (Option<usize>, Vec<[i64; 2]>, Vec<i64>);
+    type ReadStroke = (Option<usize>, Vec<[i64; 2]>, Vec<i64>);
 
-    fn read(text: &str) -> Result<Vec<Found>, Fault> {
+    fn read(text: &str) -> Result<Vec<ReadStroke>, Fault> {
         let mut out = Vec::new();
         let mut machine = Machine::built_in("xyz-galvo-40").expect("profile");
         machine.lens.field[1] = terrace_core::units::Length::mm(41.0);

@@ -11,18 +11,44 @@ use terrace_core::geom::{ControllerPoint, NM_PER_MM};
 use terrace_core::machine::{LmcLaser, Machine};
 use terrace_core::program::Pen;
 
-/// Commands that set a value, in the order in which settings are handed over; power and frequency of a fibre and of a
-/// CO2 laser are each other's places.
+// The commands of a list.
+const JUMP_TO: u16 = 0x8001;
+const END_OF_LIST: u16 = 0x8002;
+const LASER_ON_POINT: u16 = 0x8003;
+const WAIT: u16 = 0x8004;
+const MARK_TO: u16 = 0x8005;
+const JUMP_SPEED: u16 = 0x8006;
+const LASER_ON_DELAY: u16 = 0x8007;
+const LASER_OFF_DELAY: u16 = 0x8008;
+const FREQUENCY: u16 = 0x800A;
+const POWER_RATIO: u16 = 0x800B;
+const MARK_SPEED: u16 = 0x800C;
+const JUMP_DELAY: u16 = 0x800D;
+const POLYGON_DELAY: u16 = 0x800F;
+const WRITE_PORT: u16 = 0x8011;
+const CURRENT: u16 = 0x8012;
+const Q_SWITCH_PERIOD: u16 = 0x801B;
+const READY_MARK: u16 = 0x8051;
+
+/// Commands that set a value, in the order in which settings are handed over: of a fibre laser, and of a CO2 laser.
+/// They differ in power and frequency.
 const SET: [[u16; 2]; 8] = [
-    [0x8006, 0x8006],
-    [0x8012, 0x800B],
-    [0x801B, 0x800A],
-    [0x800C, 0x800C],
-    [0x8007, 0x8007],
-    [0x8008, 0x8008],
-    [0x800F, 0x800F],
-    [0x800D, 0x800D],
+    [JUMP_SPEED, JUMP_SPEED],
+    [CURRENT, POWER_RATIO],
+    [Q_SWITCH_PERIOD, FREQUENCY],
+    [MARK_SPEED, MARK_SPEED],
+    [LASER_ON_DELAY, LASER_ON_DELAY],
+    [LASER_OFF_DELAY, LASER_OFF_DELAY],
+    [POLYGON_DELAY, POLYGON_DELAY],
+    [JUMP_DELAY, JUMP_DELAY],
 ];
+
+/// The places in [`SET`] of power and frequency, and those of the delays, which may be negative.
+const OF_LASER: [usize; 2] = [1, 2];
+const DELAYS: std::ops::Range<usize> = 4..8;
+
+/// The wait until a fibre laser has opened, in 10 us.
+const OPEN: i64 = 800;
 
 /// A point in units of the card, of which 0x8000 is the optical axis.
 pub(super) fn units(machine: &Machine, ControllerPoint { x, y }: ControllerPoint) -> [i64; 2] {
@@ -61,30 +87,31 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
         let fault = |what: &str| Fault::new(number, what);
         let w: Vec<i64> = words.as_chunks().0.iter().map(|&pair| i64::from(u16::from_le_bytes(pair))).collect();
         let &[command, a, b, c, d, e] = w.as_slice() else { return Err(fault("is cut")) };
-        if ended && (command != 0x8002) {
+        if ended && command != i64::from(END_OF_LIST) {
             return Err(fault("something follows the end of the list"));
         }
         match command as u16 {
-            0x8002 if w[1..] == [0; 5] => {
+            // The last packet is filled with ends.
+            END_OF_LIST if w[1..] == [0; 5] => {
                 if !ended {
                     reader.finish(number)?;
                 }
                 ended = true;
             }
-            0x8051 if number == 1 && w[1..] == [0; 5] => {}
-            0x8004 if [b, c, d, e] == [0; 4] && number == 2 => opened = a,
-            0x8011 if number <= 3 && w[1..] == [1, 0, 0, 0, 0] => {}
-            0x8004 if [b, c, d, e] == [0; 4] && reader.is_whole() && reader.wait == 0 => reader.wait = a,
-            0x8003 if [b, c, d, e] == [0; 4] && reader.points.len() == 1 && reader.dwell.is_none() && a > 0 => {
+            READY_MARK if number == 1 && w[1..] == [0; 5] => {}
+            WAIT if [b, c, d, e] == [0; 4] && number == 2 => opened = a,
+            WRITE_PORT if number <= 3 && w[1..] == [1, 0, 0, 0, 0] => {}
+            WAIT if [b, c, d, e] == [0; 4] && reader.is_whole() && reader.wait == 0 => reader.wait = a,
+            LASER_ON_POINT if [b, c, d, e] == [0; 4] && reader.points.len() == 1 && reader.dwell.is_none() && a > 0 => {
                 reader.dwell = Some(a);
             }
-            0x8001 | 0x8005 => {
+            JUMP_TO | MARK_TO => {
                 let way = ((a - at[0]) as f64).hypot((b - at[1]) as f64).floor().min(65535.0) as i64;
                 if [c, e] != [0, 0] || d != way {
                     return Err(fault("the way or the angle of a move is not its own"));
                 }
                 at = [a, b];
-                if command == 0x8001 {
+                if command == i64::from(JUMP_TO) {
                     reader.finish(number)?;
                 } else if reader.points.is_empty() || reader.wait > 0 || reader.dwell.is_some() {
                     return Err(fault("a mark follows no jump"));
@@ -94,7 +121,8 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
             code => {
                 let place = SET.iter().position(|pair| pair.contains(&code)).filter(|_| [c, d, e] == [0; 3]);
                 let place = place.ok_or_else(|| fault("is not a command that is expected here"))?;
-                let signed = (4..8).contains(&place) && b == 0x8000;
+                // A negative delay has its size first, and its sign second.
+                let signed = DELAYS.contains(&place) && b == 0x8000;
                 if b != 0 && !signed {
                     return Err(fault("a setting has a second value"));
                 }
@@ -103,8 +131,8 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
             }
         }
     }
-    let is_co2 = reader.set.get(&2).is_some_and(|s| s.0 == 0x800A);
-    if !ended || (opened == 800) == is_co2 {
+    let is_co2 = reader.set.get(&2).is_some_and(|s| s.0 == FREQUENCY);
+    if !ended || (opened == OPEN) == is_co2 {
         return Err(Fault::new(0, "the list does not end, or does not wait for its laser to open"));
     }
     Ok(())
@@ -131,7 +159,7 @@ impl Reader<'_, '_> {
             return Ok(());
         }
         let mut settings: Vec<i64> = self.set.values().map(|s| s.1).collect();
-        let lasers = [1, 2].map(|place| self.set.get(&place).map(|s| s.0 < 0x800C));
+        let lasers = OF_LASER.map(|place| self.set.get(&place).map(|s| s.0 == SET[place][1]));
         if settings.len() != SET.len() || lasers[0] != lasers[1] {
             return Err(Fault::new(number, "a stroke is marked before all settings of one laser are set"));
         }
@@ -166,9 +194,9 @@ mod tests {
     }
 
     type Change = &'static dyn Fn(&mut Vec<[u16; 6]>);
-    type Found = (Vec<[i64; 2]>, Vec<i64>);
+    type ReadStroke = (Vec<[i64; 2]>, Vec<i64>);
 
-    fn read(bytes: &[u8]) -> Result<Vec<Found>, Fault> {
+    fn read(bytes: &[u8]) -> Result<Vec<ReadStroke>, Fault> {
         let mut out = Vec::new();
         strokes(bytes, &mut |s| out.push((s.points.to_vec(), s.settings.to_vec())))?;
         Ok(out)

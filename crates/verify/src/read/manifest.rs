@@ -26,7 +26,7 @@ const MAX_FILE: u64 = 1 << 30;
 pub(crate) struct Manifest {
     /// The job file, relative to the folder.
     pub(crate) job: JobRef,
-    /// What the job reads, relative to the job file.
+    /// The files that the job reads, relative to the job file.
     pub(crate) inputs: Vec<InputEntry>,
     pub(crate) machine: Machine,
     pub(crate) placement: Placement,
@@ -55,7 +55,7 @@ pub(crate) struct JobRef {
 /// A file that the job reads.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct InputEntry {
-    /// What it is for.
+    /// Its role.
     pub(crate) role: String,
     pub(crate) file: String,
     pub(crate) bytes: u64,
@@ -286,7 +286,7 @@ pub(crate) struct Times {
     pub(crate) total: f64,
 }
 
-/// What a manifest of either mode lists.
+/// The files that a manifest of either mode lists.
 pub(crate) struct Listed<'a> {
     pub(crate) job: &'a JobRef,
     pub(crate) inputs: &'a [InputEntry],
@@ -300,7 +300,7 @@ impl Manifest {
     }
 }
 
-/// What every manifest says first.
+/// The keys by which every manifest is known.
 #[derive(Deserialize)]
 struct Head {
     schema: u32,

@@ -150,7 +150,7 @@ pub(crate) struct FileStroke<'a> {
 /// Takes the strokes of a block one by one.
 pub(crate) type Strokes<'v> = dyn FnMut(FileStroke<'_>) + 'v;
 
-/// What is wrong with a text file, and in which line (from 1).
+/// A fault of a text file, and its line, from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Fault {
     /// Line, from 1.

@@ -7,14 +7,14 @@
 use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
 
-use super::picture::{Clip, Contours, Picture, Piece};
+use super::picture::{Clip, Contours, Picture, ShapeOutline};
 
 type Point = [f64; 2];
 
 /// An edge and the area that it bounds.
 type Edge = GeomWithData<Line<Point>, usize>;
 
-/// What an edge bounds that is not an area but cuts others.
+/// The number of edges that bound no area, but cut others.
 const CUT: usize = usize::MAX;
 
 /// An area.
@@ -54,17 +54,19 @@ impl<'a> Outline<'a> {
             if piece.is_masked {
                 fault = Some("a mask or a pattern of the drawing cuts its area");
             }
-            match piece.is {
-                Piece::Fill { contours, is_evenodd } => {
+            match piece.outline {
+                ShapeOutline::Fill { contours, is_evenodd } => {
                     let clips: Vec<&Clip> = clips.to_vec();
                     sides(&scaled(contours), true, |side| edges.push(Edge::new(side, areas.len())));
                     let mut cut = |c: &Contours| sides(&scaled(c), true, |side| edges.push(Edge::new(side, CUT)));
                     clips.iter().for_each(|clip| clip.contours(&mut cut));
                     areas.push(Area { is_evenodd, clips, scale });
                 }
-                Piece::Line { is_dashed: true, .. } => fault = Some("the border of its area is dashed"),
-                Piece::Line { .. } if !clips.is_empty() => fault = Some("the border of its area is cut by a clip path"),
-                Piece::Line { centre, .. } => lines.extend(scaled(centre)),
+                ShapeOutline::Line { is_dashed: true, .. } => fault = Some("the border of its area is dashed"),
+                ShapeOutline::Line { .. } if !clips.is_empty() => {
+                    fault = Some("the border of its area is cut by a clip path")
+                }
+                ShapeOutline::Line { centre, .. } => lines.extend(scaled(centre)),
             }
         });
         if let Some(fault) = fault {

@@ -69,7 +69,7 @@ struct Job {
     planes: i32,
 }
 
-/// What the job says of itself.
+/// The metadata of the job.
 #[derive(Clone, PartialEq, Message)]
 pub(crate) struct About {
     #[prost(string, tag = "3")]
@@ -143,7 +143,7 @@ pub(crate) struct WorkPlane {
     pub(crate) about: Option<PlaneAbout>,
 }
 
-/// What a work plane says of itself.
+/// The metadata of a work plane.
 #[derive(Clone, PartialEq, Message)]
 pub(crate) struct PlaneAbout {
     #[prost(double, tag = "1")]
@@ -196,7 +196,7 @@ struct VectorBlock {
     structuring: Option<Empty>,
 }
 
-/// What a vector block says of itself.
+/// The metadata of a vector block.
 #[derive(Clone, Copy, PartialEq, Message)]
 struct VectorsAbout {
     #[prost(double, tag = "1")]
@@ -219,7 +219,7 @@ const PART: i32 = 1;
 const SINGLE: f64 = 5e-5;
 
 /// One mark of a vector block.
-pub(crate) struct Mark<'a> {
+pub(crate) struct OvfMark<'a> {
     /// x0 y0 x1 y1 ..., mm.
     pub(crate) xy: &'a [f32],
     /// Key of its marking parameters.
@@ -273,7 +273,7 @@ impl<'a> OvfFile<'a> {
     }
 
     /// Reads work plane `i` (below [`OvfFile::len`]); its marks go to `visit` in file order.
-    pub(crate) fn plane(&self, i: usize, mut visit: impl FnMut(Mark<'_>)) -> Result<WorkPlane, String> {
+    pub(crate) fn plane(&self, i: usize, mut visit: impl FnMut(OvfMark<'_>)) -> Result<WorkPlane, String> {
         let start = place(self.planes[i])?;
         let table_at = offset(self.bytes, start)?;
         let (table, end) = message::<PlaneTable>(self.bytes, table_at)?;
@@ -359,8 +359,8 @@ impl Way {
     }
 }
 
-fn hand_over(block: &VectorBlock, visit: &mut impl FnMut(Mark<'_>)) -> Result<(), String> {
-    let mut mark = |xy| visit(Mark { xy, params: block.params, repeats: block.repeats });
+fn hand_over(block: &VectorBlock, visit: &mut impl FnMut(OvfMark<'_>)) -> Result<(), String> {
+    let mut mark = |xy| visit(OvfMark { xy, params: block.params, repeats: block.repeats });
     match &block.vectors {
         Some(Vectors::Sequence(p)) if p.xy.len() >= 4 && p.xy.len().is_multiple_of(2) => mark(&p.xy),
         Some(Vectors::Hatches(p)) if p.xy.len().is_multiple_of(4) => p.xy.chunks_exact(4).for_each(mark),

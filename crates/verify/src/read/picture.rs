@@ -12,11 +12,13 @@ use rstar::{AABB, RTree};
 use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Transform};
 use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
 
-use super::labels::{Known, Labels, UNKNOWN};
+use super::labels::{Labels, Truth, UNKNOWN};
 use super::unread::unread;
 
 /// Most nodes of a drawing.
 const MAX_NODES: u32 = 2_000_000;
+
+// The next three bound the time and memory that usvg takes; docs/verify.md states them.
 
 /// Most elements of a drawing once what they refer to is expanded.
 const MAX_ELEMENTS: u32 = 300_000;
@@ -33,7 +35,7 @@ const MAX_OPEN: usize = 32;
 /// The least width of a line, px: usvg leaves out what is shorter than 1/4096.
 const LEAST_WIDTH: f32 = 0.02;
 
-/// Largest number of a drawing: of larger ones f32 leaves too little.
+/// Largest number of a drawing, as docs/verify.md states: beyond it f32 has steps of 1/16 and more.
 const LARGEST: f64 = 1e6;
 
 /// How much finer than for pixels of a px outlines of strokes are.
@@ -65,12 +67,12 @@ pub(crate) struct Picture {
     pub(crate) labels: Labels,
     /// How far outlines may lie off those of the drawing, px.
     pub(crate) slack: f64,
-    /// What usvg does not read of it, for the proof.
+    /// The features of it that usvg does not read, for the proof.
     pub(crate) unread: Vec<&'static str>,
     root: Layer,
 }
 
-/// What is seen at a point.
+/// The paint that is seen at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ink {
     pub(crate) colour: [u8; 3],
@@ -99,12 +101,24 @@ struct Layer {
 }
 
 enum Item {
-    Area { contours: Contours, band: Option<Band>, is_evenodd: bool, paint: Paint, opacity: f32, element: u32, of: Of },
-    Group { layer: Layer, clip: Option<Box<Clip>>, mask: Option<Box<Mask>> },
+    Area {
+        contours: Contours,
+        band: Option<Band>,
+        is_evenodd: bool,
+        paint: Paint,
+        opacity: f32,
+        element: u32,
+        kind: AreaKind,
+    },
+    Group {
+        layer: Layer,
+        clip: Option<Box<Clip>>,
+        mask: Option<Box<Mask>>,
+    },
 }
 
-/// What an area is.
-enum Of {
+/// The kinds of areas.
+enum AreaKind {
     Fill,
     /// The stroke of a path that has a fill.
     Border,
@@ -123,14 +137,14 @@ struct Band {
 }
 
 /// A shape, for its area.
-pub(super) struct Shown<'a> {
+pub(super) struct PictureShape<'a> {
     pub(super) element: u32,
-    pub(super) is: Piece<'a>,
+    pub(super) outline: ShapeOutline<'a>,
     /// Whether a mask holds a part of it back, or a pattern shows a part of it.
     pub(super) is_masked: bool,
 }
 
-pub(super) enum Piece<'a> {
+pub(super) enum ShapeOutline<'a> {
     Fill { contours: &'a Contours, is_evenodd: bool },
     Line { centre: &'a Contours, is_dashed: bool },
 }
@@ -178,16 +192,16 @@ impl Picture {
         Some(Self { size, labels, slack, unread: unread(&doc), root })
     }
 
-    /// What may be the topmost at a point of the elements that exist, the upper ones first: some of which it is not
-    /// known, and the first that does.
-    pub(crate) fn inks_at(&self, p: [f64; 2], exists: &dyn Fn(Ink) -> Known) -> Vec<Ink> {
+    /// The inks that may be topmost at a point, of the elements that exist, the upper ones first: some of which it is
+    /// not known, and the first that does.
+    pub(crate) fn inks_at(&self, p: [f64; 2], exists: &dyn Fn(Ink) -> Truth) -> Vec<Ink> {
         let mut found = Vec::new();
         self.root.find(p, &mut |ink| {
             let known = exists(ink);
-            if known != Known::No {
+            if known != Truth::No {
                 found.push(ink);
             }
-            known == Known::Yes
+            known == Truth::Yes
         });
         found
     }
@@ -207,7 +221,7 @@ impl Picture {
     }
 
     /// Offers every shape with the clip paths that cut it.
-    pub(super) fn pieces<'a>(&'a self, take: &mut dyn FnMut(Shown<'a>, &[&'a Clip])) {
+    pub(super) fn pieces<'a>(&'a self, take: &mut dyn FnMut(PictureShape<'a>, &[&'a Clip])) {
         self.root.pieces(&mut Vec::new(), false, take);
     }
 }
@@ -216,17 +230,11 @@ impl Picture {
 /// markers, not too many elements once uses and patterns are expanded, and not too long a style sheet for them.
 fn is_plain(doc: &Document<'_>) -> bool {
     let text = doc.input_text();
-    let is_simple = |css: &str| {
-        let selectors = css.split('}').filter_map(|rule| rule.split('{').next());
-        selectors.flat_map(|s| s.split(',')).all(|s| {
-            !s.trim().contains([' ', '\t', '\n', '\r', '>', '+', '~', '@', ':', '/', '[', '(', '|', '*', '\\'])
-        })
-    };
     let styles = doc.descendants().filter(|n| n.tag_name().name() == "style");
     if !doc.descendants().flat_map(|n| n.attributes()).all(|a| is_near(a.name(), a.value())) {
         return false;
     }
-    if text.contains("marker") || !styles.clone().all(|n| n.text().is_none_or(is_simple)) {
+    if text.contains("marker") || !styles.clone().all(|n| n.text().is_none_or(has_simple_selectors)) {
         return false;
     }
     let ids: HashMap<&str, XmlNode<'_, '_>> = doc.descendants().filter_map(|n| Some((n.attribute("id")?, n))).collect();
@@ -235,6 +243,15 @@ fn is_plain(doc: &Document<'_>) -> bool {
     // Each rule is tried on each element, and copies its declarations.
     let css: usize = styles.filter_map(|n| n.text()).map(str::len).sum();
     is_small && css <= MAX_SHEET && css.saturating_mul(count as usize) <= MAX_CSS
+}
+
+/// Whether the selectors of a style sheet are single words: nothing is combined, and there are no pseudo-classes,
+/// at-rules or comments.
+fn has_simple_selectors(css: &str) -> bool {
+    let selectors = css.split('}').filter_map(|rule| rule.split('{').next());
+    selectors
+        .flat_map(|s| s.split(','))
+        .all(|s| !s.trim().contains([' ', '\t', '\n', '\r', '>', '+', '~', '@', ':', '/', '[', '(', '|', '*', '\\']))
 }
 
 /// Whether an attribute holds no number that f32 has too few digits for.
@@ -320,7 +337,15 @@ impl Reader<'_> {
             if let Some(paint) = self.paint(fill.paint(), here) {
                 let contours = contours(path.data(), here, self.fine);
                 let opacity = self.opacity * fill.opacity().get();
-                items.push(Item::Area { contours, band: None, is_evenodd, paint, opacity, element, of: Of::Fill });
+                items.push(Item::Area {
+                    contours,
+                    band: None,
+                    is_evenodd,
+                    paint,
+                    opacity,
+                    element,
+                    kind: AreaKind::Fill,
+                });
             }
         }
         let stroke = path.stroke().filter(|stroke| !is_clip && is_seen(stroke.opacity()));
@@ -333,9 +358,9 @@ impl Reader<'_> {
             // Outlines are approximated for a picture of this many pixels a px.
             let scale = FINE * PathStroker::compute_resolution_scale(&here);
             let is_dashed = dashed.is_some();
-            let of = match items.is_empty() {
-                true => Of::Line { centre: contours(path.data(), here, self.fine), is_dashed },
-                false => Of::Border,
+            let kind = match items.is_empty() {
+                true => AreaKind::Line { centre: contours(path.data(), here, self.fine), is_dashed },
+                false => AreaKind::Border,
             };
             let line = match dashed {
                 Some(dash) => path.data().dash(&dash, scale),
@@ -346,7 +371,7 @@ impl Reader<'_> {
                 let band = Some(Band { lines: contours(&line, here, self.fine), half });
                 let contours = contours(&outline, here, self.fine);
                 let opacity = self.opacity * stroke.opacity().get();
-                items.push(Item::Area { contours, band, is_evenodd: false, paint, opacity, element, of });
+                items.push(Item::Area { contours, band, is_evenodd: false, paint, opacity, element, kind });
             }
         }
         if path.paint_order() == PaintOrder::StrokeAndFill {
@@ -389,17 +414,22 @@ impl Reader<'_> {
 }
 
 impl Layer {
-    fn pieces<'a>(&'a self, clips: &mut Vec<&'a Clip>, is_masked: bool, take: &mut dyn FnMut(Shown<'a>, &[&'a Clip])) {
+    fn pieces<'a>(
+        &'a self,
+        clips: &mut Vec<&'a Clip>,
+        is_masked: bool,
+        take: &mut dyn FnMut(PictureShape<'a>, &[&'a Clip]),
+    ) {
         for item in &self.items {
             match item {
-                Item::Area { contours, is_evenodd, element, of, paint, .. } => {
-                    let is = match of {
-                        Of::Fill => Piece::Fill { contours, is_evenodd: *is_evenodd },
-                        Of::Border => continue,
-                        Of::Line { centre, is_dashed } => Piece::Line { centre, is_dashed: *is_dashed },
+                Item::Area { contours, is_evenodd, element, kind, paint, .. } => {
+                    let outline = match kind {
+                        AreaKind::Fill => ShapeOutline::Fill { contours, is_evenodd: *is_evenodd },
+                        AreaKind::Border => continue,
+                        AreaKind::Line { centre, is_dashed } => ShapeOutline::Line { centre, is_dashed: *is_dashed },
                     };
                     let is_masked = is_masked || matches!(paint, Paint::Pattern { .. });
-                    take(Shown { element: *element, is, is_masked }, clips);
+                    take(PictureShape { element: *element, outline, is_masked }, clips);
                 }
                 Item::Group { layer, clip, mask } => {
                     clips.extend(clip.as_deref());
@@ -439,8 +469,8 @@ impl Layer {
     fn has_contour(&self, p: [f64; 2], reach: f64, exists: &dyn Fn(Ink) -> bool) -> bool {
         let about = AABB::from_corners([p[0] - reach, p[1] - reach], [p[0] + reach, p[1] + reach]);
         self.index.locate_in_envelope_intersecting(&about).any(|e| match &self.items[e.data] {
-            Item::Area { contours, paint, opacity, element, of, .. } => nearest(contours, p, reach)
-                .is_some_and(|(q, _)| paint.find(q, &mut |own| exists(own.within(*opacity, *element, of)))),
+            Item::Area { contours, paint, opacity, element, kind, .. } => nearest(contours, p, reach)
+                .is_some_and(|(q, _)| paint.find(q, &mut |own| exists(own.within(*opacity, *element, kind)))),
             Item::Group { layer, clip, mask } => {
                 let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
                 shows && layer.has_contour(p, reach, exists)
@@ -474,11 +504,11 @@ impl Item {
 
     fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         match self {
-            Self::Area { contours, band, is_evenodd, paint, opacity, element, of } => {
+            Self::Area { contours, band, is_evenodd, paint, opacity, element, kind } => {
                 let turns = turns(contours, p);
                 let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 }
                     || band.as_ref().is_some_and(|band| band.holds(p));
-                is_inside && paint.find(p, &mut |own| take(own.within(*opacity, *element, of)))
+                is_inside && paint.find(p, &mut |own| take(own.within(*opacity, *element, kind)))
             }
             Self::Group { layer, clip, mask } => {
                 let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
@@ -530,8 +560,8 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 impl Ink {
     /// The ink as the paint of an area of an element, of this opacity.
-    fn within(self, opacity: f32, element: u32, of: &Of) -> Self {
-        let is_plain_fill = self.is_plain_fill && matches!(of, Of::Fill);
+    fn within(self, opacity: f32, element: u32, kind: &AreaKind) -> Self {
+        let is_plain_fill = self.is_plain_fill && matches!(kind, AreaKind::Fill);
         Self { opacity: self.opacity * opacity, element, is_plain_fill, ..self }
     }
 }
@@ -554,8 +584,8 @@ impl Paint {
 impl Clip {
     /// Offers the contours of all its areas, and of the clip paths that cut it.
     pub(super) fn contours(&self, take: &mut dyn FnMut(&Contours)) {
-        self.layer.pieces(&mut Vec::new(), false, &mut |shown, clips| {
-            if let Piece::Fill { contours, .. } = shown.is {
+        self.layer.pieces(&mut Vec::new(), false, &mut |shape, clips| {
+            if let ShapeOutline::Fill { contours, .. } = shape.outline {
                 take(contours);
             }
             clips.iter().for_each(|clip| clip.contours(take));
@@ -592,44 +622,57 @@ fn least_scale(map: &Transform) -> f64 {
 
 /// The contours of a path as polylines, each closed by its last side.
 fn contours(path: &Path, map: Transform, fine: f64) -> Contours {
-    let at = |p: Point| mapped(&map, [f64::from(p.x), f64::from(p.y)]);
+    let mapped_point = |p: Point| mapped(&map, [f64::from(p.x), f64::from(p.y)]);
     let mut out: Contours = Vec::new();
+    // Where the segment at hand begins.
     let mut last = [0.0; 2];
     for segment in path.segments() {
-        let mut curve = |controls: &[[f64; 2]]| {
-            let contour = out.last_mut().expect("paths begin with a move");
-            let from = last;
-            let steps = steps(from, controls, fine);
-            for k in 1..=steps {
-                let t = f64::from(k) / f64::from(steps);
-                // De Casteljau.
-                let mut points = [from].iter().chain(controls).copied().collect::<Vec<_>>();
-                while points.len() > 1 {
-                    points = points.windows(2).map(|w| [0, 1].map(|i| w[0][i] + t * (w[1][i] - w[0][i]))).collect();
-                }
-                contour.push(points[0]);
-            }
-            last = controls[controls.len() - 1];
-        };
         match segment {
             PathSegment::MoveTo(p) => {
-                last = at(p);
+                last = mapped_point(p);
                 out.push(vec![last]);
             }
             PathSegment::LineTo(p) => {
-                last = at(p);
-                out.last_mut().expect("paths begin with a move").push(last);
+                last = mapped_point(p);
+                open_contour(&mut out).push(last);
             }
-            PathSegment::QuadTo(c, p) => curve(&[at(c), at(p)]),
-            PathSegment::CubicTo(c, d, p) => curve(&[at(c), at(d), at(p)]),
+            PathSegment::QuadTo(c, p) => {
+                let controls = [c, p].map(mapped_point);
+                follow(open_contour(&mut out), last, &controls, fine);
+                last = controls[1];
+            }
+            PathSegment::CubicTo(c, d, p) => {
+                let controls = [c, d, p].map(mapped_point);
+                follow(open_contour(&mut out), last, &controls, fine);
+                last = controls[2];
+            }
             PathSegment::Close => {
-                let contour = out.last_mut().expect("paths begin with a move");
+                let contour = open_contour(&mut out);
                 last = contour[0];
                 contour.push(last);
             }
         }
     }
     out
+}
+
+/// The contour at hand, which has a point.
+fn open_contour(contours: &mut Contours) -> &mut Vec<[f64; 2]> {
+    contours.last_mut().expect("paths begin with a move")
+}
+
+/// Appends a Bézier curve from a point to a contour, in steps that lie no farther than `fine` off the curve.
+fn follow(contour: &mut Vec<[f64; 2]>, from: [f64; 2], controls: &[[f64; 2]], fine: f64) {
+    let steps = steps(from, controls, fine);
+    for k in 1..=steps {
+        let t = f64::from(k) / f64::from(steps);
+        // De Casteljau.
+        let mut points = [from].iter().chain(controls).copied().collect::<Vec<_>>();
+        while points.len() > 1 {
+            points = points.windows(2).map(|w| [0, 1].map(|i| w[0][i] + t * (w[1][i] - w[0][i]))).collect();
+        }
+        contour.push(points[0]);
+    }
 }
 
 /// In how many steps a curve from a point is followed: each lies an eighth of its square times the second derivative

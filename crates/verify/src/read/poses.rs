@@ -26,16 +26,18 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Pose>, Fault> {
     if lines.next().map(|(_, head)| head) != Some("block,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg") {
         return Err(Fault::new(1, "is not the header block,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg"));
     }
-    let line = |(number, line): (usize, &str)| {
-        let fields: Vec<&str> = line.split(',').collect();
-        let [block, values @ ..] = &fields[..] else { return Err(Fault::new(number, "is empty")) };
-        let values: Option<Vec<i64>> = values.iter().map(|v| nm_from_decimal(v.as_bytes())).collect();
-        match values.as_deref() {
-            Some(&[x, y, z, c, b, a]) => Ok(Pose { block: (*block).to_owned(), at: [x, y, z], turns: [c, b, a] }),
-            _ => Err(Fault::new(number, "is not a block and six decimals")),
-        }
-    };
-    lines.map(line).collect()
+    lines.map(|(number, line)| pose(number, line)).collect()
+}
+
+/// Reads one line, numbered from 1.
+fn pose(number: usize, line: &str) -> Result<Pose, Fault> {
+    let fields: Vec<&str> = line.split(',').collect();
+    let [block, values @ ..] = &fields[..] else { return Err(Fault::new(number, "is empty")) };
+    let values: Option<Vec<i64>> = values.iter().map(|v| nm_from_decimal(v.as_bytes())).collect();
+    match values.as_deref() {
+        Some(&[x, y, z, c, b, a]) => Ok(Pose { block: (*block).to_owned(), at: [x, y, z], turns: [c, b, a] }),
+        _ => Err(Fault::new(number, "is not a block and six decimals")),
+    }
 }
 
 #[cfg(test)]

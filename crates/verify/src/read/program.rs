@@ -23,7 +23,7 @@ const MAX_TURN: i64 = 360_000_000;
 /// Longest line, in bytes: a stroke of some ten million points.
 const MAX_LINE: u64 = 1 << 28;
 
-/// What `program.txt` says.
+/// The contents of `program.txt`.
 #[derive(Debug)]
 pub(crate) struct ProgramFile {
     /// Part-frame origins in the table frame, nm, by set-up; at least one.

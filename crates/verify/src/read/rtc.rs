@@ -42,6 +42,7 @@ pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
     };
     let d = &machine.delays;
     let laser = |t: Time| (t.as_us() * delay).round() as i64;
+    // Scanner delays are in 10 us: rounded up, none is shorter than asked.
     let scanner = |t: Time| (t.as_us() / 10.0).ceil() as i64;
     let speed = |mm_s: f64| (mm_s * rtc.bits_per_mm / 1000.0 * 1e6).round() as i64;
     let power = pen.power.share(machine.laser.max_power) * 4095.0;
@@ -71,71 +72,127 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
     let Some(rest) = text.strip_prefix(head.as_str()).filter(|_| text.ends_with('\n')) else {
         return Err(Fault::new(1, format!("does not begin as lists of block {id} for {board}, or is cut")));
     };
-    let (mut lists, mut open, mut commands, mut strokes) = (0, false, 0, 0);
-    let mut set: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
-    // Those that were set since the last stroke.
-    let mut fresh: BTreeSet<usize> = BTreeSet::new();
-    let mut points: Vec<[i64; 2]> = Vec::new();
-    let mut dwell: Option<i64> = None;
+    let mut reader = Reader {
+        memory,
+        visit,
+        lists: 0,
+        is_open: false,
+        commands: 0,
+        strokes: 0,
+        set: BTreeMap::new(),
+        fresh: BTreeSet::new(),
+        points: Vec::new(),
+        dwell: None,
+    };
+    // Three lines are the head.
     for (number, line) in (4..).zip(rest.lines()) {
-        let fault = |what: String| Fault::new(number, what);
+        reader.line(line).map_err(|what| Fault::new(number, what))?;
+    }
+    if reader.is_open || reader.lists == 0 {
+        Err(Fault::new(text.lines().count(), "the last list has no end"))
+    } else {
+        Ok(())
+    }
+}
+
+/// Reads lists command by command.
+struct Reader<'a, 'v> {
+    /// Most commands of a list.
+    memory: usize,
+    visit: &'a mut Strokes<'v>,
+    /// How many lists have begun.
+    lists: usize,
+    is_open: bool,
+    /// Commands and strokes of the open list.
+    commands: usize,
+    strokes: usize,
+    /// By place in [`SET`], the settings of the open list.
+    set: BTreeMap<usize, Vec<i64>>,
+    /// Those that were set since the last stroke.
+    fresh: BTreeSet<usize>,
+    /// The stroke that is still open: its points, and of a dot the dwell.
+    points: Vec<[i64; 2]>,
+    dwell: Option<i64>,
+}
+
+impl Reader<'_, '_> {
+    /// Takes one command; returns what is wrong with it.
+    fn line(&mut self, line: &str) -> Result<(), String> {
         let words: Vec<&str> = line.split(' ').collect();
-        if words[0] == "laser_on" && points.len() == 1 && dwell.is_none() {
-            dwell = words.get(1).filter(|_| words.len() == 2).and_then(|ticks| integer(ticks.as_bytes()));
-            if dwell.is_none_or(|ticks| ticks <= 0) {
-                return Err(fault("laser_on does not say how long".into()));
+        if words[0] == "laser_on" && self.points.len() == 1 && self.dwell.is_none() {
+            self.dwell = words.get(1).filter(|_| words.len() == 2).and_then(|ticks| integer(ticks.as_bytes()));
+            if self.dwell.is_none_or(|ticks| ticks <= 0) {
+                return Err("laser_on does not say how long".into());
             }
-            commands += 1;
-            continue;
+            self.commands += 1;
+            return Ok(());
         }
-        if (words[0] != "mark" || dwell.is_some()) && !points.is_empty() {
-            let settings: Vec<i64> = set.values().flatten().copied().chain(dwell).collect();
-            if points.len() < 2 && dwell.take().is_none() || (0..SET.len() - 1).any(|place| !set.contains_key(&place)) {
-                return Err(fault("the stroke before has one point, or not all settings".into()));
-            }
-            visit(FileStroke { pen: None, points: &points, settings: &settings });
-            strokes += 1;
-            fresh.clear();
-            points.clear();
-            dwell = None;
+        // A stroke ends before what is not a mark; a dot before anything.
+        if (words[0] != "mark" || self.dwell.is_some()) && !self.points.is_empty() {
+            self.end_stroke()?;
         }
-        commands += 1;
-        if open && commands > memory {
-            return Err(fault(format!("the list has more than {memory} commands")));
+        self.commands += 1;
+        if self.is_open && self.commands > self.memory {
+            return Err(format!("the list has more than {} commands", self.memory));
         }
         match words[..] {
-            ["list", n] if !open && n.parse() == Ok(lists + 1) => {
-                (lists, open, commands, strokes) = (lists + 1, true, 0, 0);
+            ["list", n] if !self.is_open && n.parse() == Ok(self.lists + 1) => {
+                self.lists += 1;
+                (self.is_open, self.commands, self.strokes) = (true, 0, 0);
+                Ok(())
             }
-            ["end"] if open && strokes == 0 => return Err(fault("the list marks nothing".into())),
-            ["end"] if open && !fresh.is_empty() => {
-                return Err(fault("a setting is set and nothing marked with it".into()));
+            ["end"] if self.is_open => self.end_list(),
+            ["jump" | "mark", x, y] if self.is_open && (words[0] == "jump" || !self.points.is_empty()) => {
+                let point = integer(x.as_bytes()).zip(integer(y.as_bytes()));
+                let (x, y) = point.ok_or("a coordinate is not a whole number")?;
+                self.points.push([x, y]);
+                Ok(())
             }
-            ["end"] if open => {
-                open = false;
-                set.clear();
-            }
-            ["jump" | "mark", x, y] if open && (words[0] == "jump" || !points.is_empty()) => {
-                let at = integer(x.as_bytes()).zip(integer(y.as_bytes()));
-                let (x, y) = at.ok_or_else(|| fault("a coordinate is not a whole number".into()))?;
-                points.push([x, y]);
-            }
-            [name, ref values @ ..] if open => {
-                let place = SET.iter().position(|s| *s == (name, values.len()));
-                let place = place.ok_or_else(|| fault(format!("{name:?} is not expected here")))?;
-                let number = |v: &&str| {
-                    if name.ends_with("speed") { millionths(v.as_bytes()) } else { integer(v.as_bytes()) }
-                };
-                let values: Option<Vec<i64>> = values.iter().map(number).collect();
-                if !fresh.insert(place) {
-                    return Err(fault(format!("{name} is set twice before a stroke")));
-                }
-                set.insert(place, values.ok_or_else(|| fault(format!("a value of {name} is not a number")))?);
-            }
-            _ => return Err(fault(format!("{line:?} is not expected here"))),
+            [name, ref values @ ..] if self.is_open => self.setting(name, values),
+            _ => Err(format!("{line:?} is not expected here")),
         }
     }
-    if open || lists == 0 { Err(Fault::new(text.lines().count(), "the last list has no end")) } else { Ok(()) }
+
+    /// Hands over the open stroke with the settings that are in force.
+    fn end_stroke(&mut self) -> Result<(), String> {
+        let settings: Vec<i64> = self.set.values().flatten().copied().chain(self.dwell).collect();
+        // The focus, the last of them, is not set on every machine.
+        let has_all = (0..SET.len() - 1).all(|place| self.set.contains_key(&place));
+        if self.points.len() < 2 && self.dwell.is_none() || !has_all {
+            return Err("the stroke before has one point, or not all settings".into());
+        }
+        (self.visit)(FileStroke { pen: None, points: &self.points, settings: &settings });
+        self.strokes += 1;
+        self.fresh.clear();
+        self.points.clear();
+        self.dwell = None;
+        Ok(())
+    }
+
+    fn end_list(&mut self) -> Result<(), String> {
+        if self.strokes == 0 {
+            return Err("the list marks nothing".into());
+        }
+        if !self.fresh.is_empty() {
+            return Err("a setting is set and nothing marked with it".into());
+        }
+        self.is_open = false;
+        // Settings do not outlive their list.
+        self.set.clear();
+        Ok(())
+    }
+
+    fn setting(&mut self, name: &str, values: &[&str]) -> Result<(), String> {
+        let place = SET.iter().position(|s| *s == (name, values.len()));
+        let place = place.ok_or_else(|| format!("{name:?} is not expected here"))?;
+        let number = |v: &&str| if name.ends_with("speed") { millionths(v.as_bytes()) } else { integer(v.as_bytes()) };
+        let values: Option<Vec<i64>> = values.iter().map(number).collect();
+        if !self.fresh.insert(place) {
+            return Err(format!("{name} is set twice before a stroke"));
+        }
+        self.set.insert(place, values.ok_or_else(|| format!("a value of {name} is not a number"))?);
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -146,9 +203,9 @@ mod tests {
         jump_speed 100000.5\npower 2457\nhalf_period 533\nmark_speed 20000.000001\njump -1 0\nmark 2 -3\nmark 4 5\n\
         jump 7 7\nmark 8 8\nend\n";
 
-    type Found = (Vec<[i64; 2]>, Vec<i64>);
+    type ReadStroke = (Vec<[i64; 2]>, Vec<i64>);
 
-    fn read(text: &str) -> Result<Vec<Found>, Fault> {
+    fn read(text: &str) -> Result<Vec<ReadStroke>, Fault> {
         let mut out = Vec::new();
         lists(text.as_bytes(), "B0001", "rtc5", 20, &mut |s| out.push((s.points.to_vec(), s.settings.to_vec())))?;
         Ok(out)

@@ -19,10 +19,10 @@ impl Table {
     }
 }
 
-/// What begins a part of the sheet.
+/// Words that begin a part of the sheet.
 const HEADINGS: [&str; 7] = ["PENS", "SET-UPS", "BLOCKS", "BEFORE", "HOW", "PEAKS", "FILES"];
 
-/// What stands behind some of these.
+/// Notes that stand behind some of these.
 const NOTES: [(&str, &[&str]); 3] = [
     (
         "PENS",
@@ -51,9 +51,9 @@ pub(crate) struct SheetSetup {
     pub(crate) points: Vec<[Vec<f64>; 2]>,
 }
 
-/// What `runsheet.txt` says.
+/// The contents of `runsheet.txt`.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Sheet {
+pub(crate) struct RunSheet {
     /// Part zero where there is one set-up, mm.
     pub(crate) zero: Option<Vec<f64>>,
     /// The sides of the part, mm, the name of the machine, and how the part is laid, degrees.
@@ -120,124 +120,179 @@ pub(crate) fn csv(bytes: &[u8]) -> Result<Table, Fault> {
 }
 
 /// Reads `runsheet.txt`.
-pub(crate) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
-    let mut out = Sheet::default();
-    let mut part = "";
-    let (mut pass, mut setup, mut lift) = (1, None, None);
-    let (mut before, mut has_pens) = ("", false);
-    let mut headings: Vec<&str> = Vec::new();
-    for (i, line) in text(bytes)?.lines().enumerate() {
-        let fault = |what: &str| Fault::new(i + 1, what);
+pub(crate) fn txt(bytes: &[u8]) -> Result<RunSheet, Fault> {
+    let mut reader = SheetReader { pass: 1, ..SheetReader::default() };
+    for (number, line) in (1..).zip(text(bytes)?.lines()) {
+        reader.line(number, line).map_err(|what| Fault::new(number, what))?;
+    }
+    Ok(reader.sheet)
+}
+
+/// Reads `runsheet.txt` line by line.
+#[derive(Default)]
+struct SheetReader<'a> {
+    sheet: RunSheet,
+    /// The heading under which the line at hand stands; empty in the head.
+    part: &'a str,
+    /// The headings so far.
+    headings: Vec<&'a str>,
+    /// The line before.
+    before: &'a str,
+    /// Whether the columns of pens have come.
+    has_pens: bool,
+    /// Pass and set-up under whose headings the next row of the table stands, and the lift that a line before it
+    /// states.
+    pass: u32,
+    setup: Option<u32>,
+    lift: Option<(f64, String)>,
+}
+
+impl<'a> SheetReader<'a> {
+    /// Reads a line, numbered from 1; returns what is wrong with it.
+    fn line(&mut self, number: usize, line: &'a str) -> Result<(), String> {
         // Two inputs may be warned of in the same words.
-        if !line.is_empty() && line == std::mem::replace(&mut before, line) && !line.starts_with("WARNING ") {
-            return Err(fault("stands there twice"));
+        if !line.is_empty() && line == std::mem::replace(&mut self.before, line) && !line.starts_with("WARNING ") {
+            return Err("stands there twice".into());
         }
-        // Headings in capitals part the sheet; what a part does not know is text for people.
+        // Headings in capitals divide the sheet; what a part does not know is text for people.
         if let Some(head) = HEADINGS.into_iter().find(|h| line.starts_with(h)) {
-            let note = &line[head.len()..];
-            if let Some((_, notes)) = NOTES.iter().find(|(of, notes)| *of == head && !notes.contains(&note)) {
-                return Err(fault(&format!("is not the heading {head}{}", notes[0])));
-            }
-            if headings.contains(&head) {
-                return Err(fault("is a heading that was before"));
-            }
-            headings.push(head);
-            part = head;
-            continue;
+            return self.heading(head, &line[head.len()..]);
         }
         // A box to tick stands before each block.
         let line = line.strip_prefix("[ ]").unwrap_or(line);
         let words: Vec<&str> = line.split_whitespace().collect();
-        // In the head each key stands once.
-        let once = |is_new: bool| if is_new { Ok(()) } else { Err(fault("is said twice")) };
-        match (part, words.as_slice()) {
-            ("", ["size", w, "x", d, "x", h, "mm", "as", "it", "is", "laid"]) => {
-                once(out.size.is_none())?;
-                out.size = numbers([w, d, h]);
-            }
-            ("", ["machine", _, ..]) => {
-                once(out.machine.is_none())?;
-                out.machine = line.trim_start().strip_prefix("machine").map(|name| name.trim().to_owned());
-            }
-            ("", ["part", "laid", "rotated", x, "deg", "about", "x,", y, "deg", "about", "y,", z, rest @ ..])
-                if rest == ["deg", "about", "z", "of", "its", "file"] =>
-            {
-                once(out.laid.is_none())?;
-                out.laid = numbers([x, y, z]);
-            }
-            ("", ["part", "zero", zero @ .., "mm", "in", "the", "table", "frame"]) => {
-                once(out.zero.is_none())?;
-                out.zero = axes(zero);
-            }
-            ("", ["part", "zero", count, "set-ups,", "each", "with", "its", "own:", "see", "SET-UPS"]) => {
-                once(out.setups_stated.is_none())?;
-                out.setups_stated = count.parse().ok();
-            }
-            ("", ["zero", stage_zero @ ..]) => {
-                once(out.stage_zero.is_empty())?;
-                out.stage_zero = stage_zero.join(" ");
-            }
-            ("", ["part", "turn", turn, "deg", "about", "z"]) => {
-                once(out.turn.is_none())?;
-                out.turn = turn.parse().ok();
-            }
-            ("", ["loading", words @ ..]) => {
-                once(out.loading.is_none())?;
-                out.loading = Some(words.join(" "));
-            }
-            ("", ["in", "all", time, ..]) => {
-                once(out.in_all.is_none())?;
-                out.in_all = Some(time.trim_end_matches(';').to_owned());
-            }
-            ("PENS", PEN_COLUMNS) if !has_pens => has_pens = true,
-            // A line of the head that is read is known to the last word.
-            ("", ["size" | "machine", ..] | ["part", "zero" | "laid" | "turn", ..]) => {
-                return Err(fault("cannot be read"));
-            }
-            ("PENS", ["dots", "of", "pen", number, "dwell", us, "us"]) => {
-                let found = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());
-                out.dwells.push(found.ok_or_else(|| fault("the dwell of a pen is not a number"))?);
-            }
-            ("PENS", [number, ..]) if has_pens && number.parse::<u32>().is_ok() => out.pens.push(cells(line, 6)),
-            ("SET-UPS", ["SET-UP", number, "OF", count, "part", "zero", x, y, z, "blocks", blocks @ ..]) => {
-                let zero = axes(&[x, y, z]).filter(|zero| zero.len() == 3);
-                let numbers = number.parse().ok().zip(count.parse().ok());
-                let found = zero.zip(numbers).ok_or_else(|| fault("a set-up cannot be read"))?;
-                let (zero, (number, count)) = found;
-                out.setups.push(SheetSetup { number, count, zero, blocks: blocks.join(" "), points: Vec::new() });
-            }
-            ("SET-UPS", ["SET-UP" | "point", ..]) if !is_point(&words) => return Err(fault("cannot be read")),
-            ("SET-UPS", ["point", x, y, "of", "the", "part:", "stage", at @ ..]) => {
-                let point: Option<Vec<f64>> = [x, y].into_iter().map(|v| v.parse().ok()).collect();
-                let found = point.zip(axes(at)).zip(out.setups.last_mut());
-                let ((point, at), setup) = found.ok_or_else(|| fault("a registration point cannot be read"))?;
-                setup.points.push([point, at]);
-            }
-            ("BLOCKS", ["block", ..]) if out.blocks.columns.is_empty() => {
-                out.blocks.columns = cells(line, usize::MAX);
-            }
-            ("BLOCKS", ["PASS", number]) => pass = number.parse().map_err(|_| fault("the pass has no number"))?,
-            ("BLOCKS", ["LIFT", "to", z, "then", "go", "to", id]) => {
-                let z = z.strip_prefix('Z').and_then(|z| z.strip_suffix(',')).and_then(|z| z.parse().ok());
-                lift = Some((z.ok_or_else(|| fault("the z of a lift cannot be read"))?, (*id).to_owned()));
-            }
-            ("BLOCKS", ["SET-UP", number]) => {
-                setup = Some(number.parse().map_err(|_| fault("the set-up has no number"))?);
-            }
-            ("BLOCKS", [id, ..]) if id.starts_with('B') => {
-                let row = row(&out.blocks.columns, &words).ok_or_else(|| fault("a block has too few cells"))?;
-                out.blocks.rows.push((i + 1, row));
-                out.under.push((pass, setup));
-                out.lifts.push(lift.take());
-            }
-            // What a stage is moved by is known to the last word.
-            ("PENS" | "BLOCKS", [_, ..]) => return Err(fault("is not a line of this table")),
-            _ => {}
+        match self.part {
+            "" => self.head(line, &words),
+            "PENS" => self.pens(line, &words),
+            "SET-UPS" => self.setups(&words),
+            "BLOCKS" => self.blocks(number, line, &words),
+            _ => Ok(()),
         }
     }
-    Ok(out)
+
+    /// Begins a part of the sheet by its heading, after which a note stands.
+    fn heading(&mut self, head: &'a str, note: &str) -> Result<(), String> {
+        if let Some((_, notes)) = NOTES.iter().find(|(heading, notes)| *heading == head && !notes.contains(&note)) {
+            return Err(format!("is not the heading {head}{}", notes[0]));
+        }
+        if self.headings.contains(&head) {
+            return Err("is a heading that was before".into());
+        }
+        self.headings.push(head);
+        self.part = head;
+        Ok(())
+    }
+
+    /// A line of the head, in which each key stands once.
+    fn head(&mut self, line: &str, words: &[&str]) -> Result<(), String> {
+        let sheet = &mut self.sheet;
+        match words {
+            ["size", w, "x", d, "x", h, "mm", "as", "it", "is", "laid"] => {
+                set_once(&mut sheet.size, numbers([w, d, h]))
+            }
+            ["machine", _, ..] => {
+                let name = line.trim_start().strip_prefix("machine").map(|name| name.trim().to_owned());
+                set_once(&mut sheet.machine, name)
+            }
+            ["part", "laid", "rotated", x, "deg", "about", "x,", y, "deg", "about", "y,", z, rest @ ..]
+                if *rest == ["deg", "about", "z", "of", "its", "file"] =>
+            {
+                set_once(&mut sheet.laid, numbers([x, y, z]))
+            }
+            ["part", "zero", zero @ .., "mm", "in", "the", "table", "frame"] => set_once(&mut sheet.zero, axes(zero)),
+            ["part", "zero", count, "set-ups,", "each", "with", "its", "own:", "see", "SET-UPS"] => {
+                set_once(&mut sheet.setups_stated, count.parse().ok())
+            }
+            ["zero", stage_zero @ ..] => {
+                if !sheet.stage_zero.is_empty() {
+                    return Err(TWICE.into());
+                }
+                sheet.stage_zero = stage_zero.join(" ");
+                Ok(())
+            }
+            ["part", "turn", turn, "deg", "about", "z"] => set_once(&mut sheet.turn, turn.parse().ok()),
+            ["loading", words @ ..] => set_once(&mut sheet.loading, Some(words.join(" "))),
+            ["in", "all", time, ..] => set_once(&mut sheet.in_all, Some(time.trim_end_matches(';').to_owned())),
+            // A line of the head that is read is known to the last word.
+            ["size" | "machine", ..] | ["part", "zero" | "laid" | "turn", ..] => Err("cannot be read".into()),
+            _ => Ok(()),
+        }
+    }
+
+    /// A line of the table of pens, known to the last word: whoever marks sets the laser by it.
+    fn pens(&mut self, line: &str, words: &[&str]) -> Result<(), String> {
+        match words {
+            [] => {}
+            PEN_COLUMNS if !self.has_pens => self.has_pens = true,
+            ["dots", "of", "pen", number, "dwell", us, "us"] => {
+                let dwell = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());
+                self.sheet.dwells.push(dwell.ok_or("the dwell of a pen is not a number")?);
+            }
+            [number, ..] if self.has_pens && number.parse::<u32>().is_ok() => self.sheet.pens.push(cells(line, 6)),
+            _ => return Err(NOT_OF_TABLE.into()),
+        }
+        Ok(())
+    }
+
+    /// A line about set-ups.
+    fn setups(&mut self, words: &[&str]) -> Result<(), String> {
+        match words {
+            ["SET-UP", number, "OF", count, "part", "zero", x, y, z, "blocks", blocks @ ..] => {
+                let zero = axes(&[x, y, z]).filter(|zero| zero.len() == 3);
+                let numbers = number.parse().ok().zip(count.parse().ok());
+                let (zero, (number, count)) = zero.zip(numbers).ok_or("a set-up cannot be read")?;
+                let blocks = blocks.join(" ");
+                self.sheet.setups.push(SheetSetup { number, count, zero, blocks, points: Vec::new() });
+            }
+            ["SET-UP" | "point", ..] if !is_point(words) => return Err("cannot be read".into()),
+            ["point", x, y, "of", "the", "part:", "stage", stage @ ..] => {
+                let point: Option<Vec<f64>> = [x, y].into_iter().map(|v| v.parse().ok()).collect();
+                let found = point.zip(axes(stage)).zip(self.sheet.setups.last_mut());
+                let ((point, stage), setup) = found.ok_or("a registration point cannot be read")?;
+                setup.points.push([point, stage]);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// A line of the table of blocks, known to the last word: whoever moves the stage by hand goes by it.
+    fn blocks(&mut self, number: usize, line: &str, words: &[&str]) -> Result<(), String> {
+        let sheet = &mut self.sheet;
+        match words {
+            [] => {}
+            ["block", ..] if sheet.blocks.columns.is_empty() => sheet.blocks.columns = cells(line, usize::MAX),
+            ["PASS", number] => self.pass = number.parse().map_err(|_| "the pass has no number")?,
+            ["LIFT", "to", z, "then", "go", "to", id] => {
+                let z = z.strip_prefix('Z').and_then(|z| z.strip_suffix(',')).and_then(|z| z.parse().ok());
+                self.lift = Some((z.ok_or("the z of a lift cannot be read")?, (*id).to_owned()));
+            }
+            ["SET-UP", number] => self.setup = Some(number.parse().map_err(|_| "the set-up has no number")?),
+            [id, ..] if id.starts_with('B') => {
+                let row = row(&sheet.blocks.columns, words).ok_or("a block has too few cells")?;
+                sheet.blocks.rows.push((number, row));
+                sheet.under.push((self.pass, self.setup));
+                sheet.lifts.push(self.lift.take());
+            }
+            _ => return Err(NOT_OF_TABLE.into()),
+        }
+        Ok(())
+    }
 }
 
+const TWICE: &str = "is said twice";
+const NOT_OF_TABLE: &str = "is not a line of this table";
+
+/// Fills a field of the head that is still empty.
+fn set_once<T>(field: &mut Option<T>, value: Option<T>) -> Result<(), String> {
+    if field.is_some() {
+        return Err(TWICE.into());
+    }
+    *field = value;
+    Ok(())
+}
+
+/// The text of a sheet, which ends with a line.
 fn text(bytes: &[u8]) -> Result<&str, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
     if text.ends_with('\n') { Ok(text) } else { Err(Fault::new(text.lines().count(), "ends in the middle of a line")) }

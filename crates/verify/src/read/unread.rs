@@ -23,7 +23,7 @@ const KEYWORDS: [&str; 12] = [
 const WITH_KEYWORDS: [&str; 8] =
     ["fill", "stroke", "display", "visibility", "fill-rule", "clip-rule", "stroke-linecap", "stroke-linejoin"];
 
-/// What usvg does not read, each kind once.
+/// The features that usvg does not read, each kind once.
 pub(super) fn unread(doc: &Document<'_>) -> Vec<&'static str> {
     let mut out = Vec::new();
     let mut add = |why: Option<&'static str>| out.extend(why.filter(|why| !out.contains(why)));
@@ -57,7 +57,7 @@ pub(super) fn unread(doc: &Document<'_>) -> Vec<&'static str> {
     out
 }
 
-/// What usvg does not read of an element as such.
+/// The feature of an element as such that usvg does not read.
 fn in_element(node: Node<'_, '_>) -> Option<&'static str> {
     let link = node.attributes().find(|a| a.name() == "href").map(|a| a.value()).unwrap_or_default();
     let kind = node.attribute("type").unwrap_or("text/css");
@@ -71,7 +71,7 @@ fn in_element(node: Node<'_, '_>) -> Option<&'static str> {
     }
 }
 
-/// What usvg does not read of the size of the page.
+/// The feature of the size of the page that usvg does not read.
 fn in_size(root: Node<'_, '_>) -> Option<&'static str> {
     let is_plain = |text: &str| {
         let number = text.trim_end_matches(|c: char| c.is_ascii_lowercase());
@@ -84,8 +84,8 @@ fn in_size(root: Node<'_, '_>) -> Option<&'static str> {
     (!is_read).then_some("usvg reads the size of the page otherwise")
 }
 
-/// What usvg does not read of the declarations of a block together: of two of one property it takes the last, whether it
-/// is valid or not.
+/// What usvg does not read of the declarations of a block together: of two of one property it takes the last, whether
+/// it is valid or not.
 fn in_block(block: &str) -> Option<&'static str> {
     let is_unread = |part: &&str| block.contains(*part);
     if ["/*", "\\", "{", ";;"].iter().any(is_unread) || block.trim_start().starts_with(';') {
@@ -100,7 +100,7 @@ fn is_in_switch(node: Node<'_, '_>) -> bool {
     node.parent_element().is_some_and(|parent| parent.tag_name().name() == "switch")
 }
 
-/// What usvg does not read of a declaration.
+/// The feature of a declaration that usvg does not read.
 fn in_style(declaration: &str) -> Option<&'static str> {
     let (name, value) = declaration.split_once(':')?;
     let name = name.trim();
@@ -116,7 +116,7 @@ fn in_style(declaration: &str) -> Option<&'static str> {
     in_value(name, value)
 }
 
-/// What usvg does not read of the value of a property or of an attribute.
+/// The feature of the value of a property or of an attribute that usvg does not read.
 fn in_value(name: &str, value: &str) -> Option<&'static str> {
     let value = value.trim();
     if value.contains("URL(") {

@@ -21,8 +21,10 @@ use terrace_core::parallel;
 use terrace_core::program::{Block, BlockId, PassId, Pen, Program, Stroke};
 use terrace_core::units::Power;
 
-/// Relative difference at which two stated lengths or angles are still the same number.
+/// Relative difference at which two stated lengths or angles are still the same number: of 4 m it is 0.004 nm.
 const SAME: f64 = 1e-12;
+
+const PLACE: &str = "manifest.json";
 
 /// Holds the manifest against the program; the folder has files of the `chosen` blocks.
 pub(crate) fn check(manifest: &Manifest, file: &ProgramFile, chosen: &[usize], facts: &JobFacts, rule: &mut Rule) {
@@ -34,7 +36,6 @@ pub(crate) fn check(manifest: &Manifest, file: &ProgramFile, chosen: &[usize], f
     if !manifest.setups.iter().map(|s| s.origin_mm.map(nm_from_mm)).eq(file.origins.iter().map(|o| o.0.map(Some))) {
         rule.broken("", "manifest.json", "its set-ups differ from those of program.txt");
     }
-    let mut begun = BTreeSet::new();
     let pens = manifest.pens.iter().zip(&program.pens);
     if manifest.pens.len() != program.pens.len() || !pens.into_iter().all(|(e, pen)| is_pen(e, pen, &facts.machine)) {
         rule.broken("", "manifest.json", "its pens differ from those of program.txt");
@@ -43,6 +44,8 @@ pub(crate) fn check(manifest: &Manifest, file: &ProgramFile, chosen: &[usize], f
         let text = format!("lists {} blocks, program.txt has {}", manifest.blocks.len(), program.blocks.len());
         rule.broken("", "manifest.json", text);
     }
+    // The passes and set-ups that have begun: none of them begins a second time.
+    let mut begun = BTreeSet::new();
     for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate() {
         rule.checked += 1;
         if *id != BlockId::new(i).to_string() {
@@ -51,13 +54,15 @@ pub(crate) fn check(manifest: &Manifest, file: &ProgramFile, chosen: &[usize], f
         if i > 0 && block.pass < program.blocks[i - 1].pass {
             rule.broken(id, "program.txt", "a block of an earlier pass stands after a later one");
         }
-        let place = |b: &Block| (b.pass, b.setup);
-        if (i == 0 || place(block) != place(&program.blocks[i - 1])) && !begun.insert(place(block)) {
+        let pass_and_setup = |b: &Block| (b.pass, b.setup);
+        let begins = i == 0 || pass_and_setup(block) != pass_and_setup(&program.blocks[i - 1]);
+        if begins && !begun.insert(pass_and_setup(block)) {
             rule.broken(id, "program.txt", "the blocks of its set-up are not consecutive");
         }
         let entry = manifest.blocks.get(i);
         let place = chosen.binary_search(&i).ok();
-        let follows = i > 0 && place.is_none_or(|at| at > 0 && chosen[at - 1] + 1 == i);
+        // A block that does not follow on the one before it is entered by a lift, whether it asks for one or not.
+        let follows = i > 0 && place.is_none_or(|k| k > 0 && chosen[k - 1] + 1 == i);
         let lift = (!follows || block.retract).then(|| facts.machine.retract_z());
         if entry.is_some_and(|e| place.is_none() && !e.files.is_empty()) {
             rule.broken(id, "manifest.json", "it is not of the subset, but has files");
@@ -69,11 +74,13 @@ pub(crate) fn check(manifest: &Manifest, file: &ProgramFile, chosen: &[usize], f
     }
 }
 
-/// Holds drawings and OVF against the blocks of which the folder has files, and their places in the whole program.
+/// Holds drawings, OVF and poses against the blocks of which the folder has files; `places` are the numbers of these
+/// blocks in the whole program.
 pub(crate) fn files(
     folder: &Path,
     manifest: &Manifest,
-    (file, places): (&ProgramFile, &[usize]),
+    file: &ProgramFile,
+    places: &[usize],
     facts: &JobFacts,
     rule: &mut Rule,
 ) {
@@ -82,14 +89,14 @@ pub(crate) fn files(
         match files {
             Stepped::Blocks(files) => {
                 let drawings = Drawings { folder, files, program, machine: &facts.machine };
-                let found = parallel::map(program.blocks.len().min(places.len()), |k| {
+                let rules = parallel::map(program.blocks.len().min(places.len()), |k| {
                     let (id, mut rule) = (&file.ids[k], Rule::new(rule.code, rule.what));
                     let named = manifest.blocks.get(places[k]).and_then(|e| e.files.get(row.name));
                     let name = named.cloned().unwrap_or_else(|| formats::of_block(id, files.ending));
                     drawings.check(&name, id, &program.blocks[k], &mut rule);
                     rule
                 });
-                found.into_iter().for_each(|one| rule.add(one));
+                rules.into_iter().for_each(|of_block| rule.add(of_block));
             }
             Stepped::Planes { file: name, open } => whole(folder, name, open, file, &facts.machine, rule),
             Stepped::Poses { file: name, read } => poses::check(folder, name, read, file, &facts.machine, rule),
@@ -176,45 +183,63 @@ pub(super) fn whole(folder: &Path, name: &str, open: Open, file: &ProgramFile, m
 
 /// Holds manifest and program against the job file.
 pub(crate) fn with_job(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
-    let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs().max(1.0);
+    let is_near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs().max(1.0);
     let f = &manifest.focus;
-    let mut hold = |holds: bool, text: &str| {
-        rule.checked += 1;
-        if !holds {
-            rule.broken("", "manifest.json", text);
-        }
-    };
-    hold(manifest.machine == facts.machine, "its machine differs from the job file");
+    rule.require(PLACE, manifest.machine == facts.machine, "its machine differs from the job file");
     let inputs = manifest.inputs.iter().map(|i| (i.role.as_str(), i.file.as_str()));
     let asked = facts.inputs.as_deref().unwrap_or_default().iter().map(|(role, file)| (*role, file.as_str()));
-    hold(facts.inputs.is_none() || inputs.eq(asked), "its inputs are not those of the job file");
-    hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof differs from the job file");
-    hold(near(f.reserve_mm, facts.reserve.mm()), "its focus reserve differs from the job file");
+    rule.require(PLACE, facts.inputs.is_none() || inputs.eq(asked), "its inputs are not those of the job file");
+    rule.require(PLACE, is_near(f.pdof_mm, facts.pdof.mm()), "its pdof differs from the job file");
+    rule.require(PLACE, is_near(f.reserve_mm, facts.reserve.mm()), "its focus reserve differs from the job file");
     // The depth range is used rounded down to an even number of increments.
     let lost = Nm::from_mm(f.depth_range_mm).map_or(Nm(-1), |used| facts.depth_range - used);
     let grain = facts.machine.increment_nm() * 2;
-    hold((Nm(0)..grain).contains(&lost), "its depth range differs from the job file");
-    hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule differs from the job file");
-    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap differs from the job file");
-    hold(near(manifest.seams.zone_mm, facts.zone_nm / NM_PER_MM), "its zone of seams differs from the job file");
+    rule.require(PLACE, (Nm(0)..grain).contains(&lost), "its depth range differs from the job file");
+    rule.require(
+        PLACE,
+        f.level == facts.level && f.rule == facts.rule,
+        "its focus level or rule differs from the job file",
+    );
+    rule.require(
+        PLACE,
+        is_near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM),
+        "its overlap differs from the job file",
+    );
+    rule.require(
+        PLACE,
+        is_near(manifest.seams.zone_mm, facts.zone_nm / NM_PER_MM),
+        "its zone of seams differs from the job file",
+    );
     let passes = &facts.passes;
     let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
         let turn = f64::from(k) * passes.rotate.as_deg();
-        near(p.turn_deg, turn) && Nm::from_mm(p.lowered_mm) == Some(passes.lowered(PassId(k)))
+        is_near(p.turn_deg, turn) && Nm::from_mm(p.lowered_mm) == Some(passes.lowered(PassId(k)))
     });
-    let all = manifest.passes.len() == passes.count as usize;
-    hold(all && declared.into_iter().all(|same| same), "its passes differ from those of the job file");
-    hold(setups::are_the_jobs(manifest, file, facts), "its set-ups are not those that the job asks for");
-    hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn differs from the job file");
-    hold(manifest.placement.laid_deg == facts.laid_deg, "its part is laid otherwise than the job file says");
-    hold(facts.origin.is_none_or(|o| o == file.origins[0]), "its origin differs from the job file");
+    let is_complete = manifest.passes.len() == passes.count as usize;
+    rule.require(
+        PLACE,
+        is_complete && declared.into_iter().all(|same| same),
+        "its passes differ from those of the job file",
+    );
+    rule.require(PLACE, setups::are_the_jobs(manifest, file, facts), "its set-ups are not those that the job asks for");
+    rule.require(PLACE, is_near(manifest.placement.turn_deg, facts.turn_deg), "its turn differs from the job file");
+    rule.require(
+        PLACE,
+        manifest.placement.laid_deg == facts.laid_deg,
+        "its part is laid otherwise than the job file says",
+    );
+    rule.require(PLACE, facts.origin.is_none_or(|o| o == file.origins[0]), "its origin differs from the job file");
     let pens = &file.program.pens;
     let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));
     let own = facts.pens.as_ref();
-    hold(own.is_none_or(|p| pens.starts_with(p) && is_made), "its pens differ from those of the job file");
+    rule.require(
+        PLACE,
+        own.is_none_or(|p| pens.starts_with(p) && is_made),
+        "its pens differ from those of the job file",
+    );
     let drawn_with = manifest.frames.as_ref().map(|frames| &frames.pen);
     let asked = facts.frames.as_ref().is_none_or(|asked| asked.as_ref() == drawn_with);
-    hold(asked, "its frames differ from those of the job file");
+    rule.require(PLACE, asked, "its frames differ from those of the job file");
 }
 
 /// The first thing that differs between a block of the manifest and of the program.
@@ -242,17 +267,17 @@ fn differs(e: &BlockEntry, id: &str, b: &Block, lift: Option<Nm>) -> Option<&'st
 
 /// Whether an entry of the manifest is this pen.
 fn is_pen(e: &PenEntry, pen: &Pen, machine: &Machine) -> bool {
-    let near = |stated: f64, found: f64| (stated - found).abs() <= SAME * found.abs();
+    let is_near = |stated: f64, found: f64| (stated - found).abs() <= SAME * found.abs();
     let dwell = match (e.dwell_us, pen.dwell) {
-        (Some(stated), Some(dwell)) => near(stated, dwell.as_us()),
+        (Some(stated), Some(dwell)) => is_near(stated, dwell.as_us()),
         (stated, dwell) => stated.is_none() && dwell.is_none(),
     };
     e.name == pen.name
         && e.passes == pen.passes
         && dwell
-        && near(e.speed_mm_s, pen.speed.as_mm_s())
-        && near(e.frequency_khz, pen.frequency.as_khz())
-        && near(e.power_w, pen.power.as_w(machine.laser.max_power))
+        && is_near(e.speed_mm_s, pen.speed.as_mm_s())
+        && is_near(e.frequency_khz, pen.frequency.as_khz())
+        && is_near(e.power_w, pen.power.as_w(machine.laser.max_power))
         && e.power.parse::<Power>().is_ok_and(|power| power == pen.power)
 }
 

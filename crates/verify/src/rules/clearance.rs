@@ -1,28 +1,30 @@
 //! `clearance`: the head keeps `stage.clearance` from the part wherever the stage goes.
 //!
-//! The head is what the machine file makes of it: round, of `lens.diameter` around the optical axis, with its lower end
-//! `lens.working_distance` above the focal plane. Nothing of the surface file under what it sweeps along a move may rise
-//! above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are cut at that height, and what
-//! is left of them must lie outside of the sweep: exact, not bounded. Each pass is checked against the surface before it
-//! was lowered. Fixtures are not known.
+//! The head is a cylinder of the machine file: of `lens.diameter` around the optical axis, with its lower end
+//! `lens.working_distance` above the focal plane. Nothing of the surface file under what it sweeps along a move may
+//! rise above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are cut at that height, and
+//! what is left of them must lie outside of the sweep: exact, not bounded. Each pass is checked against the surface
+//! before it was lowered. Fixtures are not known.
 //!
-//! Moves are those of the stage programs, and those of `program.txt` as run sheets, OVF and `terrace run` give them: a lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position
-//! (at the start, after a stop at which the part is moved) a move is checked at its end point.
+//! Moves are those of the stage programs, and those of `program.txt` as run sheets, OVF and `terrace run` give them: a
+//! lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position (at the
+//! start, after a stop at which the part is moved) a move is checked at its end point.
 //!
 //! While tilt axes turn, each in its own time, the part may be at any pair of angles between the two ends. Over a range
 //! of angles no place comes higher than it does in the middle of the range plus its distance from the pivot times half
 //! the range. Where this bound leaves doubt the middle is looked at exactly and the range is halved, [`HALVINGS`]
 //! times. What is then still in doubt is nearer to the limit than the bound resolves, and passes.
 //!
-//! A head that is turned itself moves through the part as it sees it, in any direction. While its axes turn it must stay
-//! above the highest place of the part.
+//! A head that is turned itself moves through the part as it sees it, in any direction. While its axes turn it must
+//! stay above the highest place of the part.
 
-use super::stage::{Positions, StageFile};
+use super::stage::{Moves, StageFile};
 use super::sweep::Sweep;
 use crate::findings::{Findings, RuleCode};
 use crate::geometry::{BoxNm, Geometry, HeadPose, Turn};
 use crate::job_facts::JobFacts;
 use crate::proof::Rule;
+use crate::read::gcode::AxisWords;
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{NM_PER_MM, Nm, P3};
 use terrace_core::machine::{Carries, Commanded, Machine, Origin, Tilt, TiltAngles};
@@ -31,7 +33,8 @@ use terrace_core::program::{Block, SetupId};
 /// Most columns and rows of tiles.
 const TILES: f64 = 128.0;
 
-/// How often a range of angles is halved.
+/// How often a range of angles is halved: one axis alone is then left in 1/1024 of its range, two in 1/32 each, as
+/// docs/verify.md states.
 const HALVINGS: u32 = 10;
 
 /// Rounding of vertices, commands and f64 moves a place of the part by at most this, nm.
@@ -47,32 +50,33 @@ pub(crate) fn check(
 ) {
     let rule = &mut findings.rules[RuleCode::Clearance];
     rule.ran = true;
-    let tiles = Tiles::of(geometry, &facts.machine);
-    let mut head = Head { geometry, tiles, machine: &facts.machine, file, rule };
-    head.program();
-    stages.iter().for_each(|stage| head.stage_program(stage));
+    let tiles = Tiles::new(geometry, &facts.machine);
+    let mut checker = HeadChecker { geometry, tiles, machine: &facts.machine, file, rule };
+    checker.program();
+    stages.iter().for_each(|stage| checker.stage_program(stage));
 }
 
 /// Commands of x, y, z in nm and of the tilt axes in millionths of a degree.
 #[derive(Clone, Copy, PartialEq)]
-struct Pose {
+struct CommandedPose {
     at: Commanded,
     tilt: TiltAngles,
 }
 
 /// A head that its own axes turn, on one move.
-struct Leaning<'a> {
+struct LeaningHead<'a> {
     axes: &'a Tilt,
     /// Half its width, and how far its lower end less the clearance stands from the focal plane, nm.
     reach: f64,
     gap: f64,
-    /// What rounding moves, nm.
+    /// How far rounding and welding may move a height, nm.
     slack: f64,
     /// The lowest height of the focal plane on the move if the head were not turned, part frame, nm.
     stands: f64,
 }
 
-struct Head<'a> {
+/// Follows the head through the moves of a job.
+struct HeadChecker<'a> {
     geometry: &'a Geometry,
     tiles: Tiles,
     machine: &'a Machine,
@@ -80,67 +84,72 @@ struct Head<'a> {
     rule: &'a mut Rule,
 }
 
-impl Head<'_> {
+impl HeadChecker<'_> {
     /// The moves of `program.txt`.
     fn program(&mut self) {
         let Nm(top) = self.machine.retract_z();
-        let mut before: Option<(Pose, SetupId)> = None;
+        let mut before: Option<(CommandedPose, SetupId)> = None;
         for (i, block) in self.file.program.blocks.iter().enumerate() {
-            let to = Pose { at: block.stage, tilt: block.stop.tilt };
+            let to = CommandedPose { at: block.stage, tilt: block.stop.tilt };
+            // In another set-up the part lies elsewhere: it is moved with the head lifted, from an unknown position.
             let from = before.filter(|b| b.1 == block.setup).map_or(to, |b| b.0);
             let lifted = block.retract || before.is_none_or(|b| b.1 != block.setup);
             let z = if lifted { top } else { from.at[2] };
             if self.machine.stage.diagonal && !lifted && from.at[2] != top {
-                self.go(i, from, to, "program.txt");
+                self.check_move(i, from, to, "program.txt");
                 before = Some((to, block.setup));
                 continue;
             }
-            let over = Pose { at: Commanded([to.at[0], to.at[1], z]), ..to };
-            let start = Pose { at: Commanded([from.at[0], from.at[1], z]), ..from };
-            self.go(i, start, over, "program.txt");
-            self.go(i, over, to, "program.txt");
+            let over = CommandedPose { at: Commanded([to.at[0], to.at[1], z]), ..to };
+            let start = CommandedPose { at: Commanded([from.at[0], from.at[1], z]), ..from };
+            self.check_move(i, start, over, "program.txt");
+            self.check_move(i, over, to, "program.txt");
             before = Some((to, block.setup));
         }
     }
 
     /// The moves of a stage program as written.
     fn stage_program(&mut self, stage: &StageFile) {
-        let letters = self.machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter as usize));
-        let mut at: [Option<i64>; 6] = [None; 6];
+        let mut axes: AxisWords = [None; 6];
         // Whatever else is moved by hand at a stop, the tilt axes stand as they were.
         let mut tilted: Option<TiltAngles> = None;
         let mut block = 0;
-        for moved in Positions::of(stage) {
+        for moved in Moves::new(stage) {
             if moved.is_anew {
-                at = [None; 6];
+                axes = [None; 6];
             }
-            let from = at;
-            for (now, to) in at.iter_mut().zip(moved.to) {
+            let from = axes;
+            for (now, to) in axes.iter_mut().zip(moved.to) {
                 *now = to.or(*now);
             }
             if let Some(found) = self.file.ids.iter().skip(block).position(|id| id == moved.block) {
                 block += found;
             }
-            let pose = |at: &[Option<i64>; 6]| {
-                let tilt = letters.map_or([Some(0); 2], |l| l.map(|k| at[3 + k]));
-                Some(Pose { at: Commanded([at[0]?, at[1]?, at[2]?]), tilt: TiltAngles([tilt[0]?, tilt[1]?]) })
-            };
             // A move on the way to the first block of a set-up belongs to that block.
-            let is_of = |b: &&Block| moved.setup.is_none_or(|setup| b.setup.number() == setup);
-            if self.file.program.blocks.get(block).filter(is_of).is_none() {
-                let found = self.file.program.blocks[block..].iter().position(|b| is_of(&b));
+            let is_of_setup = |b: &&Block| moved.setup.is_none_or(|setup| b.setup.number() == setup);
+            if self.file.program.blocks.get(block).filter(is_of_setup).is_none() {
+                let found = self.file.program.blocks[block..].iter().position(|b| is_of_setup(&b));
                 block += found.unwrap_or_default();
             }
-            if let Some(to) = pose(&at) {
-                let anew = Pose { tilt: tilted.unwrap_or(to.tilt), ..to };
-                self.go(block, pose(&from).unwrap_or(anew), to, &stage.place(moved.line));
+            if let Some(to) = self.pose(&axes) {
+                let anew = CommandedPose { tilt: tilted.unwrap_or(to.tilt), ..to };
+                self.check_move(block, self.pose(&from).unwrap_or(anew), to, &stage.place(moved.line));
                 tilted = Some(to.tilt);
             }
         }
     }
 
+    /// The pose of known axes; None where that of one is not known.
+    fn pose(&self, axes: &AxisWords) -> Option<CommandedPose> {
+        let tilt = match &self.machine.tilt {
+            Some(tilt) => tilt.axes.each_ref().map(|axis| axes[3 + axis.letter as usize]),
+            None => [Some(0); 2],
+        };
+        Some(CommandedPose { at: Commanded([axes[0]?, axes[1]?, axes[2]?]), tilt: TiltAngles([tilt[0]?, tilt[1]?]) })
+    }
+
     /// Holds one move on the way to block `i`.
-    fn go(&mut self, i: usize, from: Pose, to: Pose, place: &str) {
+    fn check_move(&mut self, i: usize, from: CommandedPose, to: CommandedPose, place: &str) {
         self.rule.checked += 1;
         let Some(block) = self.file.program.blocks.get(i) else { return };
         let origin = self.file.origin(block);
@@ -161,7 +170,7 @@ impl Head<'_> {
         let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.geometry.weld();
         if let Some(axes) = self.machine.tilt.as_ref().filter(|axes| axes.carries == Carries::Head && !level) {
             let slack = ROUNDING + 2.0 * self.geometry.weld();
-            let head = Leaning { axes, reach, gap, slack, stands: a[2].min(b[2]) };
+            let head = LeaningHead { axes, reach, gap, slack, stands: a[2].min(b[2]) };
             let near = if from.tilt == to.tilt {
                 self.through(&head, block, [from, to])
             } else {
@@ -179,6 +188,7 @@ impl Head<'_> {
         }
     }
 
+    /// Reports that the head comes `near` nm too near to the part on the way to block `i`.
     fn too_near(&mut self, i: usize, place: &str, near: f64) {
         let near = near / NM_PER_MM;
         let text = format!(
@@ -188,16 +198,15 @@ impl Head<'_> {
     }
 
     /// How much too near a head comes that moves straight, turned as it is; None where it keeps clear.
-    fn through(&self, head: &Leaning<'_>, block: &Block, [from, to]: [Pose; 2]) -> Option<f64> {
+    fn through(&self, head: &LeaningHead<'_>, block: &Block, [from, to]: [CommandedPose; 2]) -> Option<f64> {
         let origin = self.file.origin(block);
-        let turn = Turn::of(head.axes, from.tilt, origin);
-        let ends = [from, to].map(|p| turn.apply(P3::new(HeadPose::of(self.machine, p.at, p.tilt, origin).centre)).at);
+        let turn = Turn::new(head.axes, from.tilt, origin);
+        let ends = [from, to].map(|p| turn.apply(P3::new(HeadPose::new(self.machine, p.at, p.tilt, origin).centre)).at);
         let sweep = Sweep::new(ends.map(|[x, y, z]| [x, y, z + head.gap + head.slack]), head.reach);
         let mut worst = 0.0f64;
         for tile in &self.tiles.boxes {
             let (mut around, mut top) = (BoxNm::EMPTY, f64::NEG_INFINITY);
-            for i in 0..8 {
-                let p = [0, 1, 2].map(|k| tile[if i >> k & 1 == 0 { k } else { k + 3 }]);
+            for p in corners(tile) {
                 let [x, y, z] = turn.apply(P3::new(p)).at;
                 around.add([x, y]);
                 top = top.max(z);
@@ -214,12 +223,12 @@ impl Head<'_> {
 
     /// How much too near a head comes to the highest place of the part while its axes turn, each within a range of
     /// commands: the corners of its lower end go round the pivot. Branch and bound, as below.
-    fn swings(&self, head: &Leaning<'_>, range: [[f64; 2]; 2], halvings: u32) -> Option<f64> {
+    fn swings(&self, head: &LeaningHead<'_>, range: [[f64; 2]; 2], halvings: u32) -> Option<f64> {
         let q = head.axes.pivot.map(|v| v.as_mm() * NM_PER_MM);
         let r = head.reach;
         let corners = [[-r, -r], [r, -r], [-r, r], [r, r]].map(|[x, y]| [x - q[0], y - q[1], head.gap - q[2]]);
         let middle = TiltAngles(range.map(|[a, b]| f64::midpoint(a, b).round() as i64));
-        let turn = Turn::of(head.axes, middle, Origin::default());
+        let turn = Turn::new(head.axes, middle, Origin::default());
         let lowest = corners.iter().map(|&d| turn.back(P3::new(d)).at[2]).fold(f64::INFINITY, f64::min);
         let lower_end = head.stands + q[2] + lowest + head.slack;
         if lower_end < self.tiles.highest {
@@ -243,7 +252,7 @@ impl Head<'_> {
         let half = range.map(|[lo, hi]| ((hi - lo) / 2.0 / 1e6).to_radians());
         let turn = match &self.machine.tilt {
             Some(table) if middle != [0.0; 2] => {
-                Some(Turn::of(table, TiltAngles(middle.map(|v| v.round() as i64)), self.file.origin(block)))
+                Some(Turn::new(table, TiltAngles(middle.map(|v| v.round() as i64)), self.file.origin(block)))
             }
             _ => None,
         };
@@ -298,7 +307,7 @@ struct Tiles {
 
 impl Tiles {
     /// Tiles of an eighth of the head's diameter, or larger where these were too many.
-    fn of(geometry: &Geometry, machine: &Machine) -> Self {
+    fn new(geometry: &Geometry, machine: &Machine) -> Self {
         let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let mut highest = f64::NEG_INFINITY;
         geometry.each_facet(&mut |corners| {
@@ -354,8 +363,8 @@ impl Tiles {
     fn under(&self, sweep: &Sweep) -> impl Iterator<Item = &[f64; 6]> {
         let ([x0, y0], [x1, y1]) = (sweep.bounds.lo, sweep.bounds.hi);
         let range = |k: usize, from: f64, to: f64, count: usize| {
-            let at = |v: f64| ((v - self.lo[k]) / self.size).floor().clamp(-1.0, count as f64) as i64;
-            at(from).max(0)..(at(to) + 1).min(count as i64)
+            let tile = |v: f64| ((v - self.lo[k]) / self.size).floor().clamp(-1.0, count as f64) as i64;
+            tile(from).max(0)..(tile(to) + 1).min(count as i64)
         };
         let (rows, columns) = (self.of_tile.len() / self.columns, range(0, x0, x1, self.columns));
         let cells = range(1, y0, y1, rows).flat_map(move |row| columns.clone().map(move |column| [row, column]));
@@ -363,6 +372,7 @@ impl Tiles {
         tiles.filter(|&t| t != u32::MAX).map(|t| &self.boxes[t as usize])
     }
 
+    /// The boxes of [`Tiles::doubtful`] on a part that is turned, or turns.
     fn swung(
         &self,
         turn: impl Fn([f64; 3]) -> [f64; 3],
@@ -371,22 +381,29 @@ impl Tiles {
         sweep: &Sweep,
         limit: f64,
     ) -> Vec<BoxNm> {
-        let is_doubtful = |b: &&[f64; 6]| {
+        let mut doubtful = Vec::new();
+        for tile in &self.boxes {
             // A box turned about the pivot lies within the box of its turned corners, and that widened by the farthest
             // way.
             let (mut around, mut highest, mut far) = (BoxNm::EMPTY, f64::NEG_INFINITY, 0.0f64);
-            for i in 0..8 {
-                let p = [0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]);
+            for p in corners(tile) {
                 far = far.max((0..3).map(|k| (p[k] - pivot[k]).powi(2)).sum::<f64>().sqrt());
                 let [x, y, z] = turn(p);
                 around.add([x, y]);
                 highest = highest.max(z);
             }
             let way = far * spread;
-            highest + way > limit && around.grown(way).touches(&sweep.bounds)
-        };
-        self.boxes.iter().filter(is_doubtful).map(in_plane).collect()
+            if highest + way > limit && around.grown(way).touches(&sweep.bounds) {
+                doubtful.push(in_plane(tile));
+            }
+        }
+        doubtful
     }
+}
+
+/// The corners of a box of [`Tiles`].
+fn corners(tile: &[f64; 6]) -> impl Iterator<Item = [f64; 3]> {
+    (0..8).map(|i| [0, 1, 2].map(|k| tile[if i >> k & 1 == 0 { k } else { k + 3 }]))
 }
 
 /// A tile's box in the plane.

@@ -15,13 +15,17 @@ use terrace_input::job::Job;
 use terrace_input::texture::{Kind, OnDistance, SpacePoint, Texture};
 
 use super::part_place_nm;
+use super::slopes::Sides;
 use super::stretch::{Parallel, Parts, Stretch, confirmed_along, note};
 
 /// Points of a stroke lie this near to those of its curve in x and y, nm: both are rounded.
 const SAME: i64 = 1;
 
-/// Lengths and distances agree to this share.
+/// Lengths and distances agree to this share, as docs/verify.md states.
 const SHARE: f64 = 1e-9;
+
+/// A curve that is no wider than this in x and y, nm, may be left out.
+const DOT: i64 = 3;
 
 /// Holds `curves` for the textures of a pass, and what the manifest states of them by `summary`.
 pub(crate) fn check(
@@ -32,7 +36,7 @@ pub(crate) fn check(
     [rule, summary]: [&mut Rule; 2],
 ) {
     rule.ran = true;
-    let mut found = search(job, texture, geometry, Aside::Ignored, rule);
+    let mut found = search(job, texture, geometry, Sides::Ignored, rule);
     // A curve that broke the rule has figures of its own.
     if rule.violated > 0 {
         return;
@@ -42,23 +46,16 @@ pub(crate) fn check(
     }
     if !faults(stated, found.as_ref()).is_empty() {
         // Which facet counts along an edge may explain them.
-        found = search(job, texture, geometry, Aside::Followed, &mut Rule::new("", ""));
+        found = search(job, texture, geometry, Sides::Followed, &mut Rule::new("", ""));
     }
     for fault in faults(stated, found.as_ref()) {
         summary.broken("", "manifest.json", fault);
     }
 }
 
-/// Whether what lies on both sides of a curve is looked at, where rounding decides between them.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Aside {
-    Ignored,
-    Followed,
-}
-
-/// Holds all curves to their files and to the surface; returns what they came to, if there are any.
-fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule: &mut Rule) -> Option<Found> {
-    let mut found: Option<Found> = None;
+/// Holds all curves to their files and to the surface; returns their figures, if there are any.
+fn search(job: &Job, texture: &Texture, geometry: &Geometry, sides: Sides, rule: &mut Rule) -> Option<CurveFigures> {
+    let mut found: Option<CurveFigures> = None;
     for (k, of_texture) in texture.curves() {
         let Kind::Curves { path, unit_mm, marking, max_distance, on_distance, .. } = &job.textures[k].kind else {
             continue;
@@ -67,9 +64,9 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule:
         let may_skip = !(marking.only.is_empty() && marking.except.is_empty());
         let mut rest = own.as_deref().unwrap_or_default();
         let allowed = (*on_distance == OnDistance::Error).then_some(max_distance.f64());
-        let mut search = Search {
+        let mut search = CurveSearch {
             geometry,
-            aside,
+            sides,
             allowed: allowed.unwrap_or(f64::INFINITY),
             found: found.get_or_insert_default(),
             scratch: Scratch::default(),
@@ -83,8 +80,8 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule:
             let curve: &[SpacePoint] = match &own {
                 None => of_texture.points(i),
                 Some(_) => match rest.iter().position(|curve| is_same(curve, &points)) {
-                    Some(at) => {
-                        let (skipped, next) = rest.split_at(at);
+                    Some(place) => {
+                        let (skipped, next) = rest.split_at(place);
                         if !may_skip && skipped.iter().any(|curve| has_extent(curve)) {
                             rule.broken("", &element, "a curve of the file before it is not marked");
                         }
@@ -107,36 +104,42 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule:
     found
 }
 
-/// What is wrong with the figures that the manifest states.
-fn faults(stated: Option<&Stated>, found: Option<&Found>) -> Vec<String> {
+/// The faults of the figures that the manifest states.
+fn faults(stated: Option<&Stated>, found: Option<&CurveFigures>) -> Vec<String> {
     let (stated, found) = match (stated, found) {
         (Some(stated), Some(found)) => (stated, found),
         (None, None) => return Vec::new(),
         _ => return vec!["it states space curves that the job does not have, or leaves them out".into()],
     };
-    let mut faults = Vec::new();
-    let mut hold = |name: &str, value: f64, [lo, hi]: [f64; 2], tolerance: f64| {
-        let near = lo - tolerance <= value && value <= hi + tolerance; // never of a NaN
-        if !near {
-            faults.push(format!("curves.{name} is given as {value}, but is {lo} to {hi}"));
-        }
-    };
-    hold("count", stated.count as f64, [found.count as f64; 2], 0.0);
     let mm = |nm: f64| nm / NM_PER_MM;
-    let doubt = mm(found.doubt);
-    hold("plan_mm", stated.plan_mm, [mm(found.plan); 2], doubt + SHARE * mm(found.plan));
-    let doubt = doubt * found.steepest + mm(found.rounding);
-    hold("surface_mm", stated.surface_mm, [mm(found.surface); 2], doubt + SHARE * mm(found.surface));
     let um = |nm: f64| nm / 1e3;
-    let tolerance = um(found.tolerance) + SHARE * um(found.farthest);
-    hold("worst_distance_um", stated.worst_distance_um, [um(found.surely), um(found.farthest)], tolerance);
-    faults
+    let doubt_in_plan = mm(found.doubt);
+    // A length in plan is longer on the surface, by the steepest ratio at most.
+    let doubt_on_surface = doubt_in_plan * found.steepest + mm(found.rounding);
+    let distance_tolerance = um(found.tolerance) + SHARE * um(found.farthest);
+    let (plan, surface) = (mm(found.plan), mm(found.surface));
+    let distances = [um(found.surely), um(found.farthest)];
+    [
+        figure_fault("count", stated.count as f64, [found.count as f64; 2], 0.0),
+        figure_fault("plan_mm", stated.plan_mm, [plan; 2], doubt_in_plan + SHARE * plan),
+        figure_fault("surface_mm", stated.surface_mm, [surface; 2], doubt_on_surface + SHARE * surface),
+        figure_fault("worst_distance_um", stated.worst_distance_um, distances, distance_tolerance),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The fault of a stated figure that should lie between two values, to a tolerance; a NaN is one.
+fn figure_fault(name: &str, stated: f64, [lo, hi]: [f64; 2], tolerance: f64) -> Option<String> {
+    let is_near = lo - tolerance <= stated && stated <= hi + tolerance; // never of a NaN
+    (!is_near).then(|| format!("curves.{name} is given as {stated}, but is {lo} to {hi}"))
 }
 
 /// Curves in the turned part frame.
 fn placed(list: &[Curve], job: &Job) -> Vec<Vec<SpacePoint>> {
     let [c, s] = cos_sin(job.placement.turn.as_rad());
-    let rotation = job.placement.laid.map(|laid| Rotation::of(&laid));
+    let rotation = job.placement.laid.map(|laid| Rotation::new(&laid));
     let nm = |mm: f64| (mm * NM_PER_MM).round() as i64;
     let point = |p: &[f64; 3]| {
         let [x, y, z] = rotation.as_ref().map_or(*p, |rotation| rotation.point(*p));
@@ -145,34 +148,34 @@ fn placed(list: &[Curve], job: &Job) -> Vec<Vec<SpacePoint>> {
     list.iter().map(|curve| curve.iter().map(point).collect()).collect()
 }
 
+/// Whether a curve is wide enough in plan to be a stroke.
 fn has_extent(curve: &[SpacePoint]) -> bool {
-    // What is no wider than this may be left out.
-    const DOT: i64 = 3;
     let first = curve.first().map_or(P2::new(0, 0), |p| p.at);
     curve.iter().any(|p| (p.at.x - first.x).abs() > DOT || (p.at.y - first.y).abs() > DOT)
 }
 
 /// Whether a stroke has the points of a curve, those above each other and repeated ones once.
 fn is_same(curve: &[SpacePoint], stroke: &[P2]) -> bool {
-    let near = |a: P2, b: P2| (a.x - b.x).abs() <= SAME && (a.y - b.y).abs() <= SAME;
-    let mut at = 0;
+    let is_near = |a: P2, b: P2| (a.x - b.x).abs() <= SAME && (a.y - b.y).abs() <= SAME;
+    // The points of the stroke before `next` are those of the curve so far.
+    let mut next = 0;
     for (i, p) in curve.iter().enumerate() {
         if i > 0 && curve[i - 1].at == p.at {
             continue;
         }
         // Of neighbours a nanometre apart rounding may leave one.
-        match stroke.get(at) {
-            Some(&q) if near(p.at, q) => at += 1,
-            _ if at > 0 && near(p.at, stroke[at - 1]) => {}
+        match stroke.get(next) {
+            Some(&q) if is_near(p.at, q) => next += 1,
+            _ if next > 0 && is_near(p.at, stroke[next - 1]) => {}
             _ => return false,
         }
     }
-    at == stroke.len()
+    next == stroke.len()
 }
 
-/// What the curves came to; nm.
+/// Figures of all curves, nm.
 #[derive(Default)]
-struct Found {
+struct CurveFigures {
     count: usize,
     plan: f64,
     surface: f64,
@@ -189,39 +192,42 @@ struct Found {
     tolerance: f64,
 }
 
-struct Search<'a> {
+/// Follows curves over the surface.
+struct CurveSearch<'a> {
     geometry: &'a Geometry,
-    aside: Aside,
+    sides: Sides,
     /// Largest distance that the job allows.
     allowed: f64,
-    found: &'a mut Found,
+    found: &'a mut CurveFigures,
     scratch: Scratch,
+    /// The segments of the curve at hand.
     lines: Vec<Line>,
 }
 
 /// The heights of a segment of a curve: at its start, and how much it rises for 1 along it.
 #[derive(Clone, Copy)]
-struct Slanted {
+struct SlantedLine {
     z: f64,
     rise: f64,
 }
 
-impl Slanted {
+impl SlantedLine {
     /// Distances above the sheet at both ends of a piece of a line that begins `from` along the segment.
     fn above(&self, p: &Piece, sheet: &Sheet, from: f64) -> [f64; 2] {
         [0, 1].map(|k| self.z + self.rise * (from + p.d[k]) - sheet.z[k])
     }
 }
 
-impl Search<'_> {
+impl CurveSearch<'_> {
+    /// Follows a curve, and reports where it lies too far from the surface.
     fn curve(&mut self, curve: &[SpacePoint], element: &str, rule: &mut Rule) {
         self.found.count += 1;
         self.lines.clear();
-        let mut heights: Vec<Slanted> = Vec::new();
+        let mut heights: Vec<SlantedLine> = Vec::new();
         let mut far: Vec<Stretch> = Vec::new();
         for w in curve.windows(2).filter(|w| w[0].at != w[1].at) {
             let line = Line::new(nm(w[0].at), nm(w[1].at));
-            let slanted = Slanted { z: w[0].z, rise: (w[1].z - w[0].z) / line.len };
+            let slanted = SlantedLine { z: w[0].z, rise: (w[1].z - w[0].z) / line.len };
             self.segment(&line, slanted, &mut far);
             self.lines.push(line);
             heights.push(slanted);
@@ -230,13 +236,14 @@ impl Search<'_> {
             return;
         }
         let (geometry, lines, allowed) = (self.geometry, &self.lines, self.allowed);
-        let bad = |p: &Piece, Parallel { segment, from, .. }: Parallel| match &p.sheet {
+        let too_far = |p: &Piece, parallel: Parallel| match &p.sheet {
             Some(s) if s.slope == Slope::Gentle => {
-                beyond(p.d, heights[segment].above(p, s, from), allowed + geometry.z_tolerance(s.slope2))
+                let above = heights[parallel.segment].above(p, s, parallel.from);
+                beyond(p.d, above, allowed + geometry.z_tolerance(s.slope2))
             }
             _ => [[0.0; 2]; 2],
         };
-        let runs = confirmed_along(&far, geometry, &mut self.scratch, |i| lines[i], bad);
+        let runs = confirmed_along(&far, geometry, &mut self.scratch, |i| lines[i], too_far);
         if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
             let length: f64 = runs.iter().map(|r| r.len).sum();
             let text = format!(
@@ -249,7 +256,7 @@ impl Search<'_> {
     }
 
     /// Follows one segment, and notes in `far`, as segment number `lines.len()`, where it is too far from the surface.
-    fn segment(&mut self, line: &Line, slanted: Slanted, far: &mut Vec<Stretch>) {
+    fn segment(&mut self, line: &Line, slanted: SlantedLine, far: &mut Vec<Stretch>) {
         let (geometry, allowed, number) = (self.geometry, self.allowed, self.lines.len());
         let grain = geometry.grain();
         let found = &mut *self.found;
@@ -264,6 +271,8 @@ impl Search<'_> {
             found.plan += p.len();
             found.surface += stretched;
             let tolerance = geometry.z_tolerance(sheet.slope2);
+            // The length on the surface changes with the rise by rise over length, and both ends of the piece may be
+            // higher or lower by the tolerance.
             found.rounding += 2.0 * tolerance * (sheet.z[1] - sheet.z[0]).abs() / stretched.max(1.0);
             found.steepest = found.steepest.max((1.0 + sheet.slope2).sqrt());
             if sheet.slope == Slope::Doubtful {
@@ -285,9 +294,9 @@ impl Search<'_> {
             let sure = self.surely(line, d, slanted).min(distance);
             self.found.surely = self.found.surely.max(sure);
         }
-        // The ends of what is left out.
+        // Both ends of each stretch that is left out are known to the grain.
         self.found.doubt += 2.0 * grain * f64::from(off);
-        if self.aside == Aside::Followed {
+        if self.sides == Sides::Followed {
             let reach = self.geometry.reach();
             let [here, left, right] = [0.0, reach, -reach].map(|side| self.beside(line, side, slanted));
             self.found.doubt += (left - here).abs().max((right - here).abs());
@@ -297,7 +306,7 @@ impl Search<'_> {
     }
 
     /// How much of a line at a distance from its own may be marked, nm; what lies there is met.
-    fn beside(&mut self, line: &Line, side: f64, slanted: Slanted) -> f64 {
+    fn beside(&mut self, line: &Line, side: f64, slanted: SlantedLine) -> f64 {
         let (mut sum, mut farthest) = (0.0, 0.0f64);
         self.geometry.along(&line.part([0.0, line.len], side), &mut self.scratch, |p| {
             let Some(sheet) = p.sheet.filter(|s| s.slope != Slope::Steep) else { return };
@@ -310,7 +319,7 @@ impl Search<'_> {
     }
 
     /// The least of the largest distances on a stretch and on parallels on both sides.
-    fn surely(&mut self, line: &Line, d: [f64; 2], slanted: Slanted) -> f64 {
+    fn surely(&mut self, line: &Line, d: [f64; 2], slanted: SlantedLine) -> f64 {
         let reach = self.geometry.reach();
         let mut least = f64::INFINITY;
         for side in [reach, -reach] {
@@ -336,7 +345,7 @@ fn beyond(d: [f64; 2], above: [f64; 2], limit: f64) -> Parts {
     if above[0].abs() <= limit && above[1].abs() <= limit {
         return [[0.0; 2]; 2];
     }
-    let at = |value: f64| {
+    let place_of = |value: f64| {
         let share = (value - above[0]) / (above[1] - above[0]);
         if share.is_finite() { d[0] + share.clamp(0.0, 1.0) * (d[1] - d[0]) } else { d[0] }
     };
@@ -344,7 +353,8 @@ fn beyond(d: [f64; 2], above: [f64; 2], limit: f64) -> Parts {
         return [d, [0.0; 2]];
     }
     // Within the limit between the places where the distance is -limit and limit.
-    let (first, last) = if above[0] < above[1] { (at(-limit), at(limit)) } else { (at(limit), at(-limit)) };
+    let (first, last) =
+        if above[0] < above[1] { (place_of(-limit), place_of(limit)) } else { (place_of(limit), place_of(-limit)) };
     [[d[0], first], [last, d[1]]]
 }
 

@@ -5,10 +5,12 @@
 //! its focal plane, and the marks of a block within the depth range. Where there is a zoom optic, the plane that the
 //! stage sets and the focus shift sum to the focal plane, and the optic reaches it. Heights carry the tolerance
 //! [`Geometry::z_tolerance`].
+//!
+//! Units: nm, but for lengths in mm where the name says so.
 
-use super::slopes::{Along, Bounds};
+use super::slopes::{BlockSlopes, Bounds};
 use super::stretch::{Parallel, Parts, Stretch, confirmed, confirmed_along, note, whole};
-use super::turned::{Drawn, Turned};
+use super::turned::{PointsInDrawing, Turned};
 use super::{part_place, part_place_nm};
 use crate::findings::{Findings, RuleCode};
 use crate::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
@@ -21,9 +23,9 @@ use terrace_core::parallel;
 use terrace_core::program::{Block, Stroke};
 use terrace_core::progress::Task;
 
-/// What the marks came to.
+/// Figures of the marks of all blocks.
 #[derive(Default)]
-pub(crate) struct Marks {
+pub(crate) struct MarkFigures {
     /// Marked length of each block in mm, passes counted.
     pub(super) block_mm: Vec<f64>,
     /// Largest distance from a focal plane, nm.
@@ -31,9 +33,23 @@ pub(crate) struct Marks {
     /// How far it may be off, nm.
     pub(super) worst_tolerance: f64,
     /// Where the points of tilted blocks lie in the drawing.
-    pub(crate) drawn: Drawn,
+    pub(crate) drawn: PointsInDrawing,
     /// The slopes under the marks of each upright block, where what lies under them gives them.
     pub(super) slopes: Vec<Option<Bounds>>,
+    /// Square of the steepest slope under a mark.
+    steepest2: f64,
+}
+
+impl MarkFigures {
+    /// Adds those of the next block.
+    fn add(&mut self, block: BlockMarks) {
+        self.block_mm.push(block.mark_mm);
+        if block.worst > self.worst_defocus {
+            (self.worst_defocus, self.worst_tolerance) = (block.worst, block.worst_tolerance);
+        }
+        self.steepest2 = self.steepest2.max(block.slope2);
+        self.slopes.push(block.slopes);
+    }
 }
 
 /// Holds `field`: every point of every stroke.
@@ -60,76 +76,107 @@ pub(crate) fn check(
     geometry: &Geometry,
     findings: &mut Findings,
     task: Task<'_>,
-) -> Marks {
+) -> MarkFigures {
     let task = task.of_steps(file.program.blocks.len());
-    let [depth, solid, source] = findings.rules.several([RuleCode::Depth, RuleCode::Surface, RuleCode::Source]);
-    (depth.ran, solid.ran) = (true, true);
-    let mut out = Marks::default();
-    let mut slope2 = 0.0f64;
-    let mut add = |found: Found| {
-        out.block_mm.push(found.mark_mm);
-        if found.worst > out.worst_defocus {
-            (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
-        }
-        slope2 = slope2.max(found.slope2);
-        out.slopes.push(found.slopes);
+    let [depth, surface, source] = findings.rules.several([RuleCode::Depth, RuleCode::Surface, RuleCode::Source]);
+    (depth.ran, surface.ran) = (true, true);
+    let figures = if file.program.blocks.iter().all(|b| b.stop.tilt.is_upright()) {
+        check_upright(file, facts, geometry, [depth, surface], &task)
+    } else {
+        check_tilted(file, facts, geometry, [depth, surface, source], &task)
     };
+    findings.worst_defocus_um = figures.worst_defocus / 1e3;
+    findings.worst_incidence_deg = figures.steepest2.sqrt().atan().to_degrees();
+    figures
+}
+
+/// Holds both rules for a program without tilted blocks, [`AT_ONCE`] blocks to a thread.
+fn check_upright(
+    file: &ProgramFile,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    [depth, surface]: [&mut Rule; 2],
+    task: &Task<'_>,
+) -> MarkFigures {
     let blocks = &file.program.blocks;
-    if blocks.iter().all(|b| b.stop.tilt.is_upright()) {
-        let parts = parallel::map(blocks.len().div_ceil(AT_ONCE), |n| {
-            let (mut deep, mut whole) = (Rule::new(depth.code, depth.what), Rule::new(solid.code, solid.what));
-            let mut search = Search::new(file, facts, geometry, &mut deep, &mut whole);
-            let range = n * AT_ONCE..blocks.len().min((n + 1) * AT_ONCE);
-            let of = |i: usize| {
+    let parts = parallel::map(blocks.len().div_ceil(AT_ONCE), |n| {
+        let mut own_depth = Rule::new(depth.code, depth.what);
+        let mut own_surface = Rule::new(surface.code, surface.what);
+        let mut search = DepthSearch::new(file, facts, geometry, &mut own_depth, &mut own_surface);
+        let range = n * AT_ONCE..blocks.len().min((n + 1) * AT_ONCE);
+        let marks: Vec<BlockMarks> = range
+            .map(|i| {
                 task.step();
                 search.block(&file.ids[i], &blocks[i])
-            };
-            let found: Vec<Found> = range.map(of).collect();
-            (found, deep, whole)
-        });
-        for (found, deep, whole) in parts {
-            found.into_iter().for_each(&mut add);
-            depth.add(deep);
-            solid.add(whole);
-        }
-    } else {
-        let mut drawn = Drawn::default();
-        let mut search = Search::new(file, facts, geometry, depth, solid);
-        let mut turned: Option<Turned> = None;
-        for (id, block) in file.ids.iter().zip(blocks) {
-            let found = if Turned::of(file, block, facts, geometry, &mut turned)
-                && let Some(here) = &turned
-            {
-                here.draw(id, file, &facts.raised(block), &mut drawn, source);
-                search.on(&here.geometry).block(id, block)
-            } else {
-                search.block(id, block)
-            };
-            add(found);
-            task.step();
-        }
-        out.drawn = drawn;
+            })
+            .collect();
+        (marks, own_depth, own_surface)
+    });
+    let mut figures = MarkFigures::default();
+    for (marks, own_depth, own_surface) in parts {
+        marks.into_iter().for_each(|block| figures.add(block));
+        depth.add(own_depth);
+        surface.add(own_surface);
     }
-    findings.worst_defocus_um = out.worst_defocus / 1e3;
-    findings.worst_incidence_deg = slope2.sqrt().atan().to_degrees();
-    out
+    figures
+}
+
+/// Holds both rules for a program with tilted blocks, one after another, since blocks of one tilt share its geometry.
+/// Finds where the points of tilted blocks lie in the drawing, which counts as a check of `source`.
+fn check_tilted(
+    file: &ProgramFile,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    [depth, surface, source]: [&mut Rule; 3],
+    task: &Task<'_>,
+) -> MarkFigures {
+    let mut figures = MarkFigures::default();
+    let mut search = DepthSearch::new(file, facts, geometry, depth, surface);
+    let mut turned: Option<Turned> = None;
+    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
+        let marks = if Turned::prepare(file, block, facts, geometry, &mut turned)
+            && let Some(here) = &turned
+        {
+            here.draw(id, file, &facts.raised(block), &mut figures.drawn, source);
+            search.on(&here.geometry).block(id, block)
+        } else {
+            search.block(id, block)
+        };
+        figures.add(marks);
+        task.step();
+    }
+    figures
 }
 
 /// Blocks that a thread looks at one after another.
 const AT_ONCE: usize = 16;
 
-/// What the marks of one block came to; heights in nm.
-struct Found {
+/// Figures of the marks of one block.
+struct BlockMarks {
+    /// Lowest and highest place that they reach for certain.
     lo: f64,
     hi: f64,
+    /// Largest distance from the focal plane, and how far it may be off.
     worst: f64,
     worst_tolerance: f64,
+    /// Square of the steepest slope.
     slope2: f64,
     mark_mm: f64,
     slopes: Option<Bounds>,
 }
 
-impl Found {
+impl BlockMarks {
+    const NONE: Self = Self {
+        lo: f64::INFINITY,
+        hi: f64::NEG_INFINITY,
+        worst: 0.0,
+        worst_tolerance: 0.0,
+        slope2: 0.0,
+        mark_mm: 0.0,
+        slopes: None,
+    };
+
+    /// Adds a piece on a sheet that lies within the block's heights.
     fn add(&mut self, s: &Sheet, focus: f64, geometry: &Geometry) {
         self.slope2 = self.slope2.max(s.slope2);
         let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
@@ -146,12 +193,13 @@ impl Found {
     }
 }
 
-struct Search<'a> {
+/// Follows the marks of blocks over the surface.
+struct DepthSearch<'a> {
     file: &'a ProgramFile,
     facts: &'a JobFacts,
     geometry: &'a Geometry,
     depth: &'a mut Rule,
-    solid: &'a mut Rule,
+    surface: &'a mut Rule,
     scratch: Scratch,
     /// The segments of the stroke at hand.
     lines: Vec<Line>,
@@ -160,7 +208,7 @@ struct Search<'a> {
     off: Vec<Stretch>,
 }
 
-/// What is wrong with the focus shift of a block, whose heights are those of the program.
+/// The fault of the focus shift of a block, whose heights are those of the program.
 fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<String> {
     let mm = |nm: i64| terrace_core::geom::mm_from_nm(nm);
     let Some(zoom) = &machine.zoom else {
@@ -168,6 +216,8 @@ fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<St
         return (shift != 0)
             .then(|| format!("the focus is shifted by {} mm, the machine has no zoom optic", mm(shift)));
     };
+    // The optic reaches half its range to either side. 1e-9 mm are the rounding of both to f64, far below the
+    // nanometre.
     let reach = zoom.range.as_mm() / 2.0;
     if block.focus_shift.mm().abs() > reach + 1e-9 {
         let text = format!("the focus is shifted by {} mm, the optic reaches {reach} mm", block.focus_shift.mm());
@@ -185,39 +235,52 @@ fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<St
     })
 }
 
-impl<'a> Search<'a> {
+impl<'a> DepthSearch<'a> {
     fn new(
         file: &'a ProgramFile,
         facts: &'a JobFacts,
         geometry: &'a Geometry,
         depth: &'a mut Rule,
-        solid: &'a mut Rule,
+        surface: &'a mut Rule,
     ) -> Self {
         let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
-        Self { file, facts, geometry, depth, solid, scratch: Scratch::default(), lines, low, off }
+        Self { file, facts, geometry, depth, surface, scratch: Scratch::default(), lines, low, off }
     }
 
     /// The same search on another geometry.
-    fn on<'b>(&'b mut self, geometry: &'b Geometry) -> Search<'b> {
-        Search::new(self.file, self.facts, geometry, self.depth, self.solid)
+    fn on<'b>(&'b mut self, geometry: &'b Geometry) -> DepthSearch<'b> {
+        DepthSearch::new(self.file, self.facts, geometry, self.depth, self.surface)
     }
 
-    fn block(&mut self, id: &str, block: &Block) -> Found {
+    /// Holds the marks of a block.
+    fn block(&mut self, id: &str, block: &Block) -> BlockMarks {
         let zoom_fault = zoom_fault(block, self.file, &self.facts.machine);
         // Heights are compared on the surface as the file has it.
         let block = &self.facts.raised(block);
         let focus = block.stop.focus.f64();
         let limit = self.facts.defocus_limit_nm();
         let allowed = [block.z_lo.f64().max(focus - limit), block.z_hi.f64().min(focus + limit)];
-        let mut found = Found {
-            lo: f64::INFINITY,
-            hi: f64::NEG_INFINITY,
-            worst: 0.0,
-            worst_tolerance: 0.0,
-            slope2: 0.0,
-            mark_mm: 0.0,
-            slopes: None,
-        };
+        self.check_intervals(id, block);
+        if let Some(fault) = zoom_fault {
+            self.depth.broken(id, part_place(block.stop.centre), fault);
+        }
+        let mut marks = BlockMarks::NONE;
+        let mut slopes = BlockSlopes::NONE;
+        for stroke in self.file.program.strokes_of(block) {
+            self.stroke(id, block, stroke, allowed, &mut marks, &mut slopes);
+        }
+        marks.slopes = slopes.bounds().filter(|_| block.stop.tilt.is_upright());
+        // Both ends have their tolerances already, see [`BlockMarks::add`].
+        let range = self.facts.depth_range_nm();
+        if marks.hi - marks.lo > range + 1.0 {
+            let text = format!("its marks span {:.4} um, more than {:.4} um", (marks.hi - marks.lo) / 1e3, range / 1e3);
+            self.depth.broken(id, part_place(block.stop.centre), text);
+        }
+        marks
+    }
+
+    /// Holds the interval that a block states of its marks to that of its stop, and this to the depth range.
+    fn check_intervals(&mut self, id: &str, block: &Block) {
         let slack = self.geometry.z_tolerance_at_limit();
         if (block.stop.z_lo - block.z_lo).f64() > slack || (block.z_hi - block.stop.z_hi).f64() > slack {
             let text = "the stated interval of its marks is not inside the one that the stop admits";
@@ -226,29 +289,17 @@ impl<'a> Search<'a> {
         if block.stop.z_hi - block.stop.z_lo > self.facts.depth_range {
             self.depth.broken(id, part_place(block.stop.centre), "its stop admits more than the depth range");
         }
-        if let Some(fault) = zoom_fault {
-            self.depth.broken(id, part_place(block.stop.centre), fault);
-        }
-        let mut slopes = Along::NONE;
-        for stroke in self.file.program.strokes_of(block) {
-            self.stroke(id, block, stroke, allowed, (&mut found, &mut slopes));
-        }
-        found.slopes = slopes.bounds().filter(|_| block.stop.tilt.is_upright());
-        let range = self.facts.depth_range_nm();
-        if found.hi - found.lo > range + 1.0 {
-            let text = format!("its marks span {:.4} um, more than {:.4} um", (found.hi - found.lo) / 1e3, range / 1e3);
-            self.depth.broken(id, part_place(block.stop.centre), text);
-        }
-        found
     }
 
+    /// Holds a stroke, and adds its figures to those of its block.
     fn stroke(
         &mut self,
         id: &str,
         block: &Block,
         stroke: &Stroke,
         allowed: [f64; 2],
-        (found, slopes): (&mut Found, &mut Along),
+        marks: &mut BlockMarks,
+        slopes: &mut BlockSlopes,
     ) {
         let c = block.stop.centre;
         let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
@@ -270,7 +321,7 @@ impl<'a> Search<'a> {
                     Some(s) if s.slope != Slope::Steep => {
                         let parts = beyond(&p, s, 0.0, allowed, geometry);
                         if parts.iter().all(|d| d[0] >= d[1]) {
-                            found.add(s, focus, geometry);
+                            marks.add(s, focus, geometry);
                         }
                         for d in parts.into_iter().filter(|d| d[0] < d[1]) {
                             note(low, segment, d, line.len);
@@ -281,18 +332,18 @@ impl<'a> Search<'a> {
             });
             slopes.line(line.len, geometry);
             self.depth.checked += cut;
-            self.solid.checked += 1;
+            self.surface.checked += 1;
             length += line.len;
             self.lines.push(line);
         }
         slopes.stroke(self.file, stroke, self.facts);
         if let [dot] = points {
-            self.dot(id, part(*dot), allowed, focus, found);
+            self.dot(id, part(*dot), allowed, focus, marks);
         }
-        found.mark_mm +=
+        marks.mark_mm +=
             length * f64::from(self.file.program.pens[stroke.pen.index()].passes) / terrace_core::geom::NM_PER_MM;
         if !self.low.is_empty() {
-            self.report_depth(id, block, allowed, found);
+            self.report_depth(id, block, allowed, marks);
         }
         if !self.off.is_empty() {
             self.report_off_surface(id);
@@ -300,36 +351,39 @@ impl<'a> Search<'a> {
     }
 
     /// Judges a dot by what it may lie on.
-    fn dot(&mut self, id: &str, at: [f64; 2], allowed: [f64; 2], focus: f64, found: &mut Found) {
+    fn dot(&mut self, id: &str, p_part: [f64; 2], allowed: [f64; 2], focus: f64, marks: &mut BlockMarks) {
         let geometry = self.geometry;
-        (self.depth.checked, self.solid.checked) = (self.depth.checked + 1, self.solid.checked + 1);
-        let around = geometry.around(at, &mut self.scratch);
+        self.depth.checked += 1;
+        self.surface.checked += 1;
+        let around = geometry.around(p_part, &mut self.scratch);
         let sheets = || around.iter().filter_map(|p| p.sheet.filter(|s| s.slope != Slope::Steep));
         let is_within = |s: &Sheet| {
             let tolerance = geometry.z_tolerance(s.slope2);
             s.z.iter().any(|&z| allowed[0] - tolerance <= z && z <= allowed[1] + tolerance)
         };
         match (sheets().find(is_within), sheets().next()) {
-            (Some(sheet), _) => found.add(&sheet, focus, geometry),
+            (Some(sheet), _) => marks.add(&sheet, focus, geometry),
             (None, Some(sheet)) => {
                 let [z, lo, hi] = [sheet.z[0], allowed[0], allowed[1]].map(|z| z / 1e6);
                 let text = format!("a dot lies at z {z:.6} mm on the part; {lo:.6} to {hi:.6} mm is allowed");
-                found.worst = found.worst.max((sheet.z[0] - focus).abs());
-                self.depth.broken(id, part_place_nm(at), text);
+                marks.worst = marks.worst.max((sheet.z[0] - focus).abs());
+                self.depth.broken(id, part_place_nm(p_part), text);
             }
             (None, None) => {
-                self.solid.broken(id, part_place_nm(at), "a dot lies off the part or beyond the incidence limit");
+                self.surface.broken(id, part_place_nm(p_part), "a dot lies off the part or beyond the incidence limit");
             }
         }
     }
 
-    fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], found: &mut Found) {
+    /// Reports what of a stroke is too high or too low on the line and on the parallels beside it: the place farthest
+    /// from the focal plane.
+    fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], marks: &mut BlockMarks) {
         let (geometry, lines) = (self.geometry, &self.lines);
-        let bad = |p: &Piece, side: f64| {
+        let beyond_on_sheet = |p: &Piece, side: f64| {
             let sheet = p.sheet.as_ref().filter(|s| s.slope != Slope::Steep);
             sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, side, allowed, geometry))
         };
-        let beside = |p: &Piece, parallel: Parallel| bad(p, parallel.side);
+        let beside = |p: &Piece, parallel: Parallel| beyond_on_sheet(p, parallel.side);
         let runs = confirmed_along(&self.low, geometry, &mut self.scratch, |i| lines[i], beside);
         let focus = block.stop.focus.f64();
         let mut worst: Option<([f64; 2], f64)> = None;
@@ -337,7 +391,9 @@ impl<'a> Search<'a> {
         for s in runs.iter().flat_map(|r| &r.stretches) {
             let part = lines[s.segment].part(s.d, 0.0);
             geometry.along(&part, &mut self.scratch, |p| {
-                let Some(sheet) = p.sheet.filter(|_| bad(&p, 0.0).iter().any(|d| d[0] < d[1])) else { return };
+                let Some(sheet) = p.sheet.filter(|_| beyond_on_sheet(&p, 0.0).iter().any(|d| d[0] < d[1])) else {
+                    return;
+                };
                 for (d, z) in p.d.into_iter().zip(sheet.z) {
                     if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
                         worst = Some((part.at(d), z));
@@ -345,10 +401,11 @@ impl<'a> Search<'a> {
                 }
             });
         }
-        let Some((at, z)) = worst else { return };
-        if (z - focus).abs() > found.worst {
-            found.worst = (z - focus).abs();
+        let Some((p_part, z)) = worst else { return };
+        if (z - focus).abs() > marks.worst {
+            marks.worst = (z - focus).abs();
         }
+        // The message states heights as program.txt does, on the surface that earlier passes have lowered.
         let [z, focus, lo, hi] =
             [z, focus, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered(block.pass).f64());
         let text = format!(
@@ -359,23 +416,24 @@ impl<'a> Search<'a> {
             lo / 1e6,
             hi / 1e6
         );
-        self.depth.broken(id, part_place_nm(at), text);
+        self.depth.broken(id, part_place_nm(p_part), text);
     }
 
+    /// Reports what of a stroke lies off the part or on too steep a slope on the line and on the parallels beside it.
     fn report_off_surface(&mut self, id: &str) {
         let lines = &self.lines;
-        let bad = |p: &Piece| whole(p, p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep));
-        let runs = confirmed(&self.off, self.geometry, &mut self.scratch, |i| lines[i], bad);
+        let off_or_steep = |p: &Piece| whole(p, p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep));
+        let runs = confirmed(&self.off, self.geometry, &mut self.scratch, |i| lines[i], off_or_steep);
         let len: f64 = runs.iter().map(|r| r.len).sum();
         if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
             let text = format!("{:.6} mm of a mark lie off the part or beyond the incidence limit", len / 1e6);
-            self.solid.broken(id, part_place_nm(lines[s.segment].at(s.d[0])), text);
+            self.surface.broken(id, part_place_nm(lines[s.segment].at(s.d[0])), text);
         }
     }
 }
 
-/// Where a piece lies too low or too high. One that lies `side` nm beside the mark is as much higher or lower as its
-/// slope makes it.
+/// The parts of a piece that lie too low or too high, nm along its line. The height of a piece that lies `side` nm
+/// beside the mark differs from that under the mark by up to `side` times its slope.
 fn beyond(p: &Piece, s: &Sheet, side: f64, allowed: [f64; 2], geometry: &Geometry) -> Parts {
     let [z0, z1] = s.z;
     if z0.min(z1) >= allowed[0] && z0.max(z1) <= allowed[1] {

@@ -14,10 +14,10 @@ use terrace_core::geom::FieldPoint;
 use terrace_core::program::{Block, Pen, Stroke};
 use terrace_input::job::{Compensate, Dose};
 
-/// What rounding of vertices and ends of marks may do to a factor.
+/// How far rounding of vertices and ends of marks may move a factor, as docs/verify.md states.
 const NEAR: f64 = 0.002;
 
-/// Marks shorter than this, nm, lie where they are rounded to.
+/// Marks shorter than this, nm, lie where they are rounded to: docs/verify.md states 1 um.
 const SHORTEST: f64 = 1000.0;
 
 /// The job's pen of which a pen says that it is made, and its factor; the pen itself and 1 where it is the
@@ -37,16 +37,16 @@ pub(super) fn origin(pens: &[Pen], pen: usize, facts: &JobFacts) -> Option<(usiz
 pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &JobFacts) -> bool {
     let Some((base, factor)) = origin(pens, pen, facts) else { return false };
     let (made, base) = (&pens[pen], &pens[base]);
-    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
+    let is_same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
     let watts = |p: &Pen| p.power.as_w(facts.machine.laser.max_power);
     let by_speed = facts.dose.is_none_or(|d| d.compensate == Compensate::Speed);
     let [speed, power] = if by_speed { [factor, 1.0] } else { [1.0, factor] };
-    near(made.speed.as_mm_s(), base.speed.as_mm_s() * speed)
-        && near(watts(made), watts(base) * power)
+    is_same(made.speed.as_mm_s(), base.speed.as_mm_s() * speed)
+        && is_same(watts(made), watts(base) * power)
         && made.frequency == base.frequency
         && made.passes == base.passes
         && match (made.dwell, base.dwell) {
-            (Some(made), Some(base)) => near(made.as_s(), base.as_s() / speed),
+            (Some(made), Some(base)) => is_same(made.as_s(), base.as_s() / speed),
             (made, base) => made == base,
         }
 }
@@ -65,7 +65,7 @@ pub(crate) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &Geometry, f
     let mut scratch = Scratch::default();
     let mut turned: Option<Turned> = None;
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
-        let is_turned = Turned::of(file, block, facts, geometry, &mut turned);
+        let is_turned = Turned::prepare(file, block, facts, geometry, &mut turned);
         let geometry = turned.as_ref().filter(|_| is_turned).map_or(geometry, |t| &t.geometry);
         for stroke in file.program.strokes_of(block) {
             let Some(factor) = factors[stroke.pen.index()] else { continue };
@@ -91,6 +91,7 @@ pub(crate) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &Geometry, f
     }
 }
 
+/// The factor of the pen that a slope needs, within the cap.
 fn ideal(dose: &Dose, cos: f64) -> f64 {
     match dose.compensate {
         Compensate::Speed => cos.max(1.0 / dose.cap),
@@ -98,15 +99,18 @@ fn ideal(dose: &Dose, cos: f64) -> f64 {
     }
 }
 
+/// Whether a factor is the step next to one of an interval.
 fn is_near(dose: &Dose, factor: f64, [lo, hi]: [f64; 2]) -> bool {
-    // At the cap and at 1 a factor may be a whole step off: it is rounded to one side there.
+    // Factors are rounded to the nearest step, half a step away. At the cap and at 1 a factor may be a whole step off:
+    // it is rounded to one side there.
     let cap = if dose.compensate == Compensate::Speed { 1.0 / dose.cap } else { dose.cap };
     let at_end = [lo, hi].iter().any(|v| (v - cap).abs() < dose.step || (v - 1.0).abs() < dose.step);
     let slack = NEAR + if at_end { dose.step } else { dose.step / 2.0 };
     lo - slack <= factor && factor <= hi + slack
 }
 
-/// Mean cosine of the slope over a mark moved sideways by `shift`; None where there is none to speak of.
+/// Mean cosine of the slope over a mark moved sideways by `shift`; None where what lies
+/// under it is too short.
 fn mean_cos(
     file: &ProgramFile,
     block: &Block,
@@ -123,6 +127,7 @@ fn mean_cos(
         let sheet = around.iter().find_map(|p| p.sheet.filter(|s| s.slope != Slope::Steep))?;
         return Some(1.0 / (1.0 + sheet.slope2).sqrt());
     }
+    // What is off the part or too steep is left out: a mark there breaks the rule `surface`.
     let (mut length, mut sum) = (0.0, 0.0);
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
         let line = Line::new(part(w[0]), part(w[1]));

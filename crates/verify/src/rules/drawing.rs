@@ -7,31 +7,32 @@
 
 mod shown;
 
-use shown::Shown;
+use shown::FillCheck;
 
 use super::drawing_files::{Content, Files};
 use super::page::{Page, Site};
 use super::paper::{Hides, hides, is_page};
 use crate::Drawing;
 use crate::proof::Rule;
-use crate::read::labels::{Having, Known};
+use crate::read::labels::{LabelledElements, Truth};
 use crate::read::picture::{Ink, Picture};
 use terrace_core::geom::{NM_PER_MM, P2};
 use terrace_core::program::PenId;
 use terrace_input::job::Job;
-use terrace_input::texture::{FillMode, Kind, Marking, Paper, Request, Selector, Texture};
+use terrace_input::texture::{FillMode, Kind, Marking, Paper, Selector, Texture};
 
-/// Most lines of one drawing that are looked at.
+/// Most lines of one drawing that are looked at, as docs/verify.md states.
 const MAX_LINES: usize = 30_000;
 
-/// Coordinates of the reader are f32: a share of the drawing's size.
+/// Coordinates of the reader are f32, which holds 24 bits: a share of the drawing's size, some 16 steps of the last
+/// bit.
 pub(super) const F32: f64 = 1e-6;
 
-/// Reach of a search for contours from a point and from eight about it, in units of their distance along x and y: so
-/// far that what lies between them is found.
+/// Reach of a search for contours from a point and from eight about it, in units of their distance along x and y: above
+/// the square root of 2, so that what lies between them is found.
 const DIAGONAL: f64 = 1.5;
 
-/// CSS pixels in a mm.
+/// CSS pixels in a mm: 96 to the inch.
 const PX_PER_MM: f64 = 96.0 / 25.4;
 
 impl Picture {
@@ -41,8 +42,8 @@ impl Picture {
     }
 }
 
-/// The textures of a pass as they were placed anew, and their strokes.
-pub(crate) struct Placed<'a> {
+/// The textures of a pass, placed again from the job, and their strokes.
+pub(crate) struct PlacedTextures<'a> {
     pub(crate) job: &'a Job,
     pub(crate) texture: &'a Texture,
     pub(crate) drawing: &'a Drawing<'a>,
@@ -50,16 +51,15 @@ pub(crate) struct Placed<'a> {
 }
 
 /// Holds the rule for the textures of a pass.
-pub(crate) fn check(placed: &Placed<'_>, spot_mm: f64, files: &mut Files, rule: &mut Rule) {
-    let Placed { job, texture, drawing, site } = placed;
+pub(crate) fn check(placed: &PlacedTextures<'_>, spot_mm: f64, files: &mut Files, rule: &mut Rule) {
     rule.ran = true;
-    for (number, request) in job.textures.iter().enumerate() {
+    for (number, request) in placed.job.textures.iter().enumerate() {
         let Kind::Drawing { path, .. } = &request.kind else { continue };
         match files.get(path) {
             // See `bitmap`.
             Ok(Content::Bitmap(_)) => {}
             Ok(Content::Picture(picture)) if picture.unread.is_empty() => {
-                one(picture, (request, number), (drawing, texture.strokes_of(number)), (site, spot_mm), rule);
+                check_texture(placed, number, picture, spot_mm, rule);
             }
             // What viewers show is not what is read.
             Ok(Content::Picture(picture)) => picture.unread.iter().for_each(|why| rule.leaves_out(path, number, why)),
@@ -68,78 +68,101 @@ pub(crate) fn check(placed: &Placed<'_>, spot_mm: f64, files: &mut Files, rule: 
     }
 }
 
-/// Holds the rule for one texture.
-fn one(
-    picture: &Picture,
-    (request, number): (&Request, usize),
-    (drawing, strokes): (&Drawing<'_>, std::ops::Range<usize>),
-    (site, spot_mm): (&Site, f64),
-    rule: &mut Rule,
-) {
+/// Holds the rule for one texture, counted from 0.
+fn check_texture(placed: &PlacedTextures<'_>, number: usize, picture: &Picture, spot_mm: f64, rule: &mut Rule) {
+    let PlacedTextures { job, texture, drawing, site } = placed;
+    let request = &job.textures[number];
     let Kind::Drawing { marking, .. } = &request.kind else { return };
     let Some(page) = Page::new(&request.kind, &request.area, site, picture.sides_mm()) else { return };
-    let choice = Choice::new(marking, request.pen, picture);
+    let choice = InkChoice::new(marking, request.pen, picture);
     let scale = [0, 1].map(|k| picture.size[k] / page.size[k]);
     // Contours and centre lines may lie on a border, curves off it by the tolerance.
-    let slack =
+    let slack_mm =
         2.0 * request.tolerance_mm + page.size[0].max(page.size[1]) * F32 + picture.slack / scale[0].min(scale[1]);
-    let stride = strokes.len().div_ceil(MAX_LINES).max(1);
     let is_outline = marking.fill == FillMode::Outline;
+    let on_page = DrawingOnPage { picture, page: &page, choice: &choice, scale, slack_mm, is_outline };
+    let strokes = texture.strokes_of(number);
+    let stride = strokes.len().div_ceil(MAX_LINES).max(1);
     let mut points = Vec::new();
     for i in strokes.clone().step_by(stride) {
         let pen = (drawing.stroke)(i, &mut points);
         for p in samples(&points) {
             rule.checked += 1;
-            let px = |q: [f64; 2]| {
-                let q = page.at(q);
-                [q[0] * scale[0], (page.size[1] - q[1]) * scale[1]]
-            };
-            let inks_at = |px: [f64; 2]| {
-                let inks = picture.inks_at(px, &|ink| choice.exists(ink)).into_iter();
-                inks.filter(|&ink| choice.is_marked(ink))
-            };
-            // Nearly all marks are right, and where they are the point itself decides.
-            if inks_at(px(p)).any(|ink| choice.may_have(ink, pen)) {
-                continue;
-            }
-            // Of tiles, what lies beside a point near a border lies on the next one. A line or
-            // a narrow area may lie between the points.
-            let beside = || around(p, slack * NM_PER_MM).map(px);
-            let reach = slack * scale[0].max(scale[1]);
-            let on_edges = picture.points_near(px(p), reach);
-            let seen: Vec<Ink> = beside().chain(on_edges).flat_map(inks_at).collect();
-            let is_marked = |ink| choice.exists(ink) != Known::No && choice.is_marked(ink);
-            let is_contour =
-                || is_outline && beside().any(|q| picture.has_bare_contour(q, DIAGONAL * reach, &is_marked));
-            if seen.is_empty() && !is_contour() {
-                let [x, y] = page.at(p);
-                let text = format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page");
-                rule.broken("", (drawing.element)(i), text);
-            } else if !is_outline && !seen.iter().any(|&ink| choice.may_have(ink, pen)) {
-                rule.broken("", (drawing.element)(i), "its pen is not that of its colour or label");
+            if let Some(fault) = on_page.fault(p, pen) {
+                rule.broken("", (drawing.element)(i), fault);
             }
         }
     }
-    let shown = Shown { picture, page: &page, choice: &choice, site, spot_mm, slack_mm: slack };
-    shown.check(request, (drawing, strokes), number, rule);
+    let fills = FillCheck { picture, page: &page, choice: &choice, site, spot_mm, slack_mm };
+    fills.check(request, drawing, strokes, number, rule);
 }
 
-/// What a texture chooses of a drawing, and by which pens.
-struct Choice<'a> {
-    pens: Vec<(Chosen<'a>, PenId)>,
-    only: Vec<Chosen<'a>>,
-    except: Vec<Chosen<'a>>,
+/// A drawing where a texture places it, and what the texture chooses of it.
+struct DrawingOnPage<'a> {
+    picture: &'a Picture,
+    page: &'a Page,
+    choice: &'a InkChoice<'a>,
+    /// Px of the drawing in a mm of its page.
+    scale: [f64; 2],
+    /// How far marks may lie from what the drawing shows, mm.
+    slack_mm: f64,
+    is_outline: bool,
+}
+
+impl DrawingOnPage<'_> {
+    /// The fault of a mark that passes a point of the part, nm, with this pen.
+    fn fault(&self, p: [f64; 2], pen: PenId) -> Option<String> {
+        // Nearly all marks are right, and where they are the point itself decides.
+        if self.inks_at(self.px(p)).any(|ink| self.choice.may_have(ink, pen)) {
+            return None;
+        }
+        // Of tiles, what lies beside a point near a border lies on the next one. A line or a narrow area may lie
+        // between the points.
+        let beside = || around(p, self.slack_mm * NM_PER_MM).map(|q| self.px(q));
+        let reach = self.slack_mm * self.scale[0].max(self.scale[1]);
+        let on_edges = self.picture.points_near(self.px(p), reach);
+        let shown: Vec<Ink> = beside().chain(on_edges).flat_map(|px| self.inks_at(px)).collect();
+        let is_marked = |ink| self.choice.exists(ink) != Truth::No && self.choice.is_marked(ink);
+        let is_contour =
+            || self.is_outline && beside().any(|q| self.picture.has_bare_contour(q, DIAGONAL * reach, &is_marked));
+        if shown.is_empty() && !is_contour() {
+            let [x, y] = self.page.at(p);
+            return Some(format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page"));
+        }
+        // With `fill = "outline"` pens are not told apart, as docs/verify.md states.
+        let has_own_pen = self.is_outline || shown.iter().any(|&ink| self.choice.may_have(ink, pen));
+        (!has_own_pen).then(|| "its pen is not that of its colour or label".to_owned())
+    }
+
+    /// Where a point of the part, nm, lies in the drawing, px.
+    fn px(&self, p: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.page.at(p);
+        [x * self.scale[0], (self.page.size[1] - y) * self.scale[1]]
+    }
+
+    /// The inks that may be topmost at a point of the drawing and are marked.
+    fn inks_at(&self, px: [f64; 2]) -> impl Iterator<Item = Ink> {
+        let inks = self.picture.inks_at(px, &|ink| self.choice.exists(ink)).into_iter();
+        inks.filter(|&ink| self.choice.is_marked(ink))
+    }
+}
+
+/// The inks of a drawing that a texture marks, and their pens.
+struct InkChoice<'a> {
+    pens: Vec<(InkSelector<'a>, PenId)>,
+    only: Vec<InkSelector<'a>>,
+    except: Vec<InkSelector<'a>>,
     paper: Paper,
     pen: PenId,
 }
 
-/// What one of its selectors chooses.
-enum Chosen<'a> {
+/// A selector of a texture: a colour, or the elements that have a label.
+enum InkSelector<'a> {
     Colour(&'a [u8; 3]),
-    Label(Having),
+    Label(LabelledElements),
 }
 
-impl<'a> Chosen<'a> {
+impl<'a> InkSelector<'a> {
     fn new(selector: &'a Selector, picture: &Picture) -> Self {
         match selector {
             Selector::Colour(colour) => Self::Colour(colour),
@@ -147,73 +170,74 @@ impl<'a> Chosen<'a> {
         }
     }
 
-    fn holds(&self, ink: Ink) -> Known {
+    /// Whether it chooses what shows an ink.
+    fn chooses(&self, ink: Ink) -> Truth {
         match self {
-            Self::Colour(colour) if **colour == ink.colour => Known::Yes,
-            Self::Colour(_) => Known::No,
-            Self::Label(having) => having.of(ink.element),
+            Self::Colour(colour) if **colour == ink.colour => Truth::Yes,
+            Self::Colour(_) => Truth::No,
+            Self::Label(having) => having.has(ink.element),
         }
     }
 }
 
 /// Whether one of them chooses it.
-fn any(all: &[Chosen<'_>], ink: Ink) -> Known {
+fn any(all: &[InkSelector<'_>], ink: Ink) -> Truth {
     any_of(all.iter(), ink)
 }
 
-fn any_of<'a>(all: impl Iterator<Item = &'a Chosen<'a>>, ink: Ink) -> Known {
+fn any_of<'a>(all: impl Iterator<Item = &'a InkSelector<'a>>, ink: Ink) -> Truth {
     let either = |a, b| match (a, b) {
-        (Known::Yes, _) | (_, Known::Yes) => Known::Yes,
-        (Known::No, Known::No) => Known::No,
-        _ => Known::Maybe,
+        (Truth::Yes, _) | (_, Truth::Yes) => Truth::Yes,
+        (Truth::No, Truth::No) => Truth::No,
+        _ => Truth::Maybe,
     };
-    all.map(|c| c.holds(ink)).fold(Known::No, either)
+    all.map(|c| c.chooses(ink)).fold(Truth::No, either)
 }
 
-fn both(a: Known, b: Known) -> Known {
+fn both(a: Truth, b: Truth) -> Truth {
     match (a, b) {
-        (Known::No, _) | (_, Known::No) => Known::No,
-        (Known::Yes, Known::Yes) => Known::Yes,
-        _ => Known::Maybe,
+        (Truth::No, _) | (_, Truth::No) => Truth::No,
+        (Truth::Yes, Truth::Yes) => Truth::Yes,
+        _ => Truth::Maybe,
     }
 }
 
-fn not(known: Known) -> Known {
+fn not(known: Truth) -> Truth {
     match known {
-        Known::Yes => Known::No,
-        Known::No => Known::Yes,
-        Known::Maybe => Known::Maybe,
+        Truth::Yes => Truth::No,
+        Truth::No => Truth::Yes,
+        Truth::Maybe => Truth::Maybe,
     }
 }
 
-impl<'a> Choice<'a> {
+impl<'a> InkChoice<'a> {
     fn new(marking: &'a Marking, pen: PenId, picture: &Picture) -> Self {
-        let all = |list: &'a [Selector]| list.iter().map(|s| Chosen::new(s, picture)).collect();
+        let selectors = |list: &'a [Selector]| list.iter().map(|s| InkSelector::new(s, picture)).collect();
         Self {
-            pens: marking.pens.iter().map(|(s, pen)| (Chosen::new(s, picture), *pen)).collect(),
-            only: all(&marking.only),
-            except: all(&marking.except),
+            pens: marking.pens.iter().map(|(s, pen)| (InkSelector::new(s, picture), *pen)).collect(),
+            only: selectors(&marking.only),
+            except: selectors(&marking.except),
             paper: marking.paper,
             pen,
         }
     }
 
     /// Whether what `only` and `except` leave holds it.
-    fn is_chosen(&self, ink: Ink) -> Known {
-        let only = if self.only.is_empty() { Known::Yes } else { any(&self.only, ink) };
+    fn is_chosen(&self, ink: Ink) -> Truth {
+        let only = if self.only.is_empty() { Truth::Yes } else { any(&self.only, ink) };
         both(only, not(any(&self.except, ink)))
     }
 
     /// Whether it is there, marked or not: of what is left out by its colour, what has a colour of the page still
     /// hides; and what has one and is translucent may hide nothing.
-    fn exists(&self, ink: Ink) -> Known {
+    fn exists(&self, ink: Ink) -> Truth {
         let marked = self.marked(ink);
-        if marked == Known::Yes || !is_page(self.paper, ink.colour) {
+        if marked == Truth::Yes || !is_page(self.paper, ink.colour) {
             return self.is_chosen(ink);
         }
         let shown = match hides(ink.opacity) {
-            Hides::All => Known::Yes,
-            Hides::Either => Known::Maybe,
+            Hides::All => Truth::Yes,
+            Hides::Either => Truth::Maybe,
             // Where a label may give it a pen it may be there.
             Hides::Nothing => marked,
         };
@@ -221,40 +245,39 @@ impl<'a> Choice<'a> {
     }
 
     /// Whether no label leaves it out.
-    fn is_read(&self, ink: Ink) -> Known {
-        let is_label = |c: &&Chosen<'_>| matches!(c, Chosen::Label(_));
+    fn is_read(&self, ink: Ink) -> Truth {
+        let is_label = |c: &&InkSelector<'_>| matches!(c, InkSelector::Label(_));
         let except = any_of(self.except.iter().filter(is_label), ink);
         let only = match self.only.iter().all(|c| is_label(&c)) && !self.only.is_empty() {
             true => any(&self.only, ink),
-            false => Known::Yes,
+            false => Truth::Yes,
         };
         both(only, not(except))
     }
 
     /// Whether it is chosen and not the page: of the colours of the page those that `only` or `pens` name, and those
     /// that have a pen by their label.
-    fn marked(&self, ink: Ink) -> Known {
-        let by_name = self.only.iter().any(|c| matches!(c, Chosen::Colour(colour) if **colour == ink.colour));
+    fn marked(&self, ink: Ink) -> Truth {
+        let by_name = self.only.iter().any(|c| matches!(c, InkSelector::Colour(colour) if **colour == ink.colour));
         let shown = match is_page(self.paper, ink.colour) && !by_name {
             true => any_of(self.pens.iter().map(|(c, _)| c), ink),
-            false => Known::Yes,
+            false => Truth::Yes,
         };
         both(self.is_chosen(ink), shown)
     }
 
     fn is_marked(&self, ink: Ink) -> bool {
-        self.marked(ink) != Known::No
+        self.marked(ink) != Truth::No
     }
 
     /// Whether it may be marked with a pen.
     fn may_have(&self, ink: Ink, pen: PenId) -> bool {
-        let is_named = self.pens.iter().any(|(c, _)| c.holds(ink) == Known::Yes);
-        let may = |k: Known| k == Known::Yes || (k == Known::Maybe && !is_named);
-        (!is_named && pen == self.pen) || self.pens.iter().any(|(c, own)| *own == pen && may(c.holds(ink)))
+        let is_named = self.pens.iter().any(|(c, _)| c.chooses(ink) == Truth::Yes);
+        let may = |k: Truth| k == Truth::Yes || (k == Truth::Maybe && !is_named);
+        (!is_named && pen == self.pen) || self.pens.iter().any(|(c, own)| *own == pen && may(c.chooses(ink)))
     }
 }
 
-/// The picture of an SVG drawing, if it can be read.
 /// Points of a line, not at its ends; of a dot its point.
 pub(super) fn samples(points: &[P2]) -> impl Iterator<Item = [f64; 2]> + '_ {
     let sides = points.len().saturating_sub(1);
@@ -329,7 +352,7 @@ mod tests {
         std::fs::write(&drawing, after).expect("written");
         let mut rule = Rule::new("drawing", "");
         let site = Site { part_box: area, turn_rad: 0.3 };
-        let placed = Placed { job: &job, texture: &texture, drawing: &Drawing::of(&texture), site };
+        let placed = PlacedTextures { job: &job, texture: &texture, drawing: &Drawing::from_texture(&texture), site };
         check(&placed, 0.03, &mut Files::default(), &mut rule);
         rule
     }
@@ -455,7 +478,7 @@ mod tests {
 
     #[test]
     fn translucent_page_hides_from_half_opacity_on() {
-        // Placed where the square is opaque, or is not there; then the drawing changes.
+        // PlacedTextures where the square is opaque, or is not there; then the drawing changes.
         let (opaque, absent) = (on_black("fill=\"white\""), on_black("fill=\"none\""));
         for (inner, hides) in [
             ("fill=\"white\" fill-opacity=\"0.6\"", true),

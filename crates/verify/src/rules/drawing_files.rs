@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::read::picture::Picture;
 use terrace_input::texture::{DrawingFormat, Image, decode_bitmap, read_drawing};
 
-/// What a file holds.
+/// The content of a file.
 pub(super) enum Content {
     Picture(Picture),
     Bitmap(Image),
@@ -16,7 +16,7 @@ pub(super) enum Content {
 pub(crate) struct Files(Vec<(PathBuf, Result<Content, &'static str>)>);
 
 impl Files {
-    /// What a file holds, read the first time that it is asked for.
+    /// The content of a file, read the first time that it is asked for.
     pub(super) fn get(&mut self, path: &Path) -> Result<&Content, &'static str> {
         let known = self.0.iter().position(|(known, _)| known == path);
         let place = known.unwrap_or_else(|| {

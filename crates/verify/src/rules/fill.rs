@@ -16,15 +16,15 @@ use terrace_input::texture::{Contour, ContourAreas, Directions, Figure, Texture}
 
 const PLACE: &str = "manifest.json";
 
-/// A point rounded to the grid lies this near to its place; the distance of two lines changes by up to
-/// twice as much.
+/// A point rounded to the grid lies this near to its place (0.71 nm, half the diagonal of the grid); the distance of
+/// two lines changes by up to twice as much.
 const ROUNDED: f64 = 1.0;
 
-/// In corners, lines are left out whose ends are nearer than this in x or in y.
+/// In corners, lines are left out whose ends are nearer than this in x or in y, nm.
 const SHORT: f64 = 2.0;
 
 /// An area that is filled along contours.
-struct Area {
+struct FilledArea {
     corners: [[f64; 2]; 4],
     pitch: f64,
 }
@@ -58,14 +58,14 @@ pub(crate) fn check(
     for contour in texture.whole_contours() {
         follow(contour, &directions, rule);
     }
-    texture.contour_areas().for_each(|areas| drawn(areas, &directions, rule));
+    texture.contour_areas().for_each(|areas| check_areas_of_drawing(areas, &directions, rule));
     true
 }
 
-/// Follows all lines of an area; answers as [`Lines::finish`].
+/// Follows all lines of an area; returns the places of the first lines of its sections, see [`LineFollower::finish`].
 fn follow(contour: &Contour, directions: &Directions, rule: &mut Rule) -> Vec<Option<f64>> {
-    let area = Area { corners: contour.corners(), pitch: contour.pitch() };
-    let mut lines = Lines::new(&area, directions, rule);
+    let area = FilledArea { corners: contour.corners(), pitch: contour.pitch() };
+    let mut lines = LineFollower::new(&area, directions, rule);
     let mut points = Vec::new();
     for i in 0..contour.line_count() {
         contour.line_ends(i, &mut points);
@@ -74,13 +74,21 @@ fn follow(contour: &Contour, directions: &Directions, rule: &mut Rule) -> Vec<Op
     lines.finish()
 }
 
+/// The lines over the box of all areas of a drawing in one direction of hatch, from which lines of areas are cut.
+struct Lattice {
+    directions: Directions,
+    pitch: f64,
+    /// Where the first line of each section lies, across, seen from the centre of the section.
+    firsts: Vec<Option<f64>>,
+}
+
 /// Holds the lines that areas of a drawing are cut from to the same, and each piece to lie on one of them.
-fn drawn(areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
+fn check_areas_of_drawing(areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
     let mut lattices = Vec::new();
     for (k, contour) in areas.lattices().iter().enumerate() {
         let directions = directions.turned(k);
         let firsts = follow(contour, &directions, rule);
-        lattices.push((directions, contour.pitch(), firsts));
+        lattices.push(Lattice { directions, pitch: contour.pitch(), firsts });
     }
     let mut points = Vec::new();
     for i in areas.own() {
@@ -91,26 +99,33 @@ fn drawn(areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
             rule.broken("", areas.element(i), "a line of an area has more than two points");
             continue;
         };
-        let fault = |(directions, pitch, firsts): &(Directions, f64, Vec<Option<f64>>)| {
-            let grid = directions.grid;
-            let section = section(&grid, a, b);
-            let centre = grid.centre(section);
-            let direction = Directions::cos_sin(directions.hundredths[section]);
-            let [oa, ob] = [a, b].map(|p| across(direction, [p.x as f64, p.y as f64], centre));
-            let lines = firsts[section].map(|first| ((oa + ob) / 2.0 - first) / pitch);
-            if (oa - ob).abs() > 2.0 * ROUNDED {
-                Some("a line of an area does not run in the direction of its section")
-            } else if !(grid.area(section).holds(a) && grid.area(section).holds(b)) {
-                Some("a line of an area leaves its section")
-            } else if !areas.is_between(i) && lines.is_none_or(|n| (n - n.round()).abs() * pitch > 3.0 * ROUNDED) {
-                Some("a line of an area is not a whole number of pitches from the others of its section")
-            } else {
-                None
-            }
-        };
-        let mut faults: Vec<_> = lattices.iter().map(fault).collect();
+        // A line may lie on any of the lattices; where it lies on none the last says why.
+        let mut faults: Vec<_> = lattices.iter().map(|lattice| lattice.fault(a, b, areas.is_between(i))).collect();
         if let Some(fault) = faults.pop().flatten().filter(|_| faults.iter().all(Option::is_some)) {
             rule.broken("", areas.element(i), fault);
+        }
+    }
+}
+
+impl Lattice {
+    /// Why a line from `a` to `b` is not a piece of a line of the lattice. One that lies `between` these is a line of
+    /// its own in an area that none of them meets: it keeps direction and section alone.
+    fn fault(&self, a: P2, b: P2, between: bool) -> Option<&'static str> {
+        let grid = self.directions.grid;
+        let section = section(&grid, a, b);
+        let centre = grid.centre(section);
+        let direction = Directions::cos_sin(self.directions.hundredths[section]);
+        let [oa, ob] = [a, b].map(|p| across(direction, [p.x as f64, p.y as f64], centre));
+        let lines = self.firsts[section].map(|first| ((oa + ob) / 2.0 - first) / self.pitch);
+        if (oa - ob).abs() > 2.0 * ROUNDED {
+            Some("a line of an area does not run in the direction of its section")
+        } else if !(grid.area(section).holds(a) && grid.area(section).holds(b)) {
+            Some("a line of an area leaves its section")
+        // The first line and both ends of this one are rounded.
+        } else if !between && lines.is_none_or(|n| (n - n.round()).abs() * self.pitch > 3.0 * ROUNDED) {
+            Some("a line of an area is not a whole number of pitches from the others of its section")
+        } else {
+            None
         }
     }
 }
@@ -163,23 +178,26 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: PassId, bounds: Box2)
     Ok(Directions { grid, hundredths: hundredths.collect::<Result<_, _>>()? })
 }
 
-/// The lines of an area while they are followed, section by section.
-struct Lines<'a> {
-    area: &'a Area,
+/// Follows the lines of an area, section by section.
+struct LineFollower<'a> {
+    area: &'a FilledArea,
     grid: Sections,
     hundredths: &'a [u16],
     rule: &'a mut Rule,
-    seen: Vec<bool>,
+    /// The sections that have begun.
+    begun: Vec<bool>,
     firsts: Vec<Option<f64>>,
-    run: Option<Run>,
+    /// The lines of the section at hand.
+    lines: Option<SectionLines>,
 }
 
 /// The lines of one section.
-struct Run {
+struct SectionLines {
     section: usize,
+    /// The part of the area that lies in the section.
     outline: Vec<[f64; 2]>,
     direction: [f64; 2],
-    /// Length of the shortest line.
+    /// Length of the shortest line that is not left out.
     short: f64,
     /// Distances of the first and the last line so far from the section's centre, across.
     first: f64,
@@ -188,10 +206,11 @@ struct Run {
     length: f64,
 }
 
-impl<'a> Lines<'a> {
-    fn new(area: &'a Area, directions: &'a Directions, rule: &'a mut Rule) -> Self {
+impl<'a> LineFollower<'a> {
+    fn new(area: &'a FilledArea, directions: &'a Directions, rule: &'a mut Rule) -> Self {
         let Directions { grid, ref hundredths } = *directions;
-        Self { area, grid, hundredths, rule, seen: vec![false; grid.len()], firsts: vec![None; grid.len()], run: None }
+        let (begun, firsts) = (vec![false; grid.len()], vec![None; grid.len()]);
+        Self { area, grid, hundredths, rule, begun, firsts, lines: None }
     }
 
     /// Takes the next line.
@@ -199,28 +218,28 @@ impl<'a> Lines<'a> {
         self.rule.checked += 1;
         let &[a, b] = points else { return self.rule.broken("", "texture", "a line has more than two points") };
         let section = section(&self.grid, a, b);
-        if self.run.as_ref().is_none_or(|run| run.section != section) {
+        if self.lines.as_ref().is_none_or(|lines| lines.section != section) {
             self.end_section();
-            if std::mem::replace(&mut self.seen[section], true) {
+            if std::mem::replace(&mut self.begun[section], true) {
                 self.fault(a, "the lines of a section are not consecutive");
             }
-            self.run = Some(Run::new(self.area, &self.grid, section, self.hundredths[section]));
+            self.lines = Some(SectionLines::new(self.area, &self.grid, section, self.hundredths[section]));
         }
-        let Some(run) = &mut self.run else { return };
-        if let Some(fault) = run.add(a, b, self.grid.centre(section), self.area.pitch) {
+        let Some(lines) = &mut self.lines else { return };
+        if let Some(fault) = lines.add(a, b, self.grid.centre(section), self.area.pitch) {
             self.fault(a, fault);
         }
     }
 
-    fn fault(&mut self, at: P2, fault: &str) {
-        self.rule.broken("", part_place_nm([at.x as f64, at.y as f64]), fault);
+    fn fault(&mut self, p: P2, fault: &str) {
+        self.rule.broken("", part_place_nm([p.x as f64, p.y as f64]), fault);
     }
 
     fn end_section(&mut self) {
-        let Some(run) = self.run.take() else { return };
-        self.firsts[run.section] = Some(run.first);
-        if let Some(fault) = run.end(self.grid.centre(run.section), self.area.pitch) {
-            self.fault(self.grid.centre(run.section), fault);
+        let Some(lines) = self.lines.take() else { return };
+        self.firsts[lines.section] = Some(lines.first);
+        if let Some(fault) = lines.end(self.grid.centre(lines.section), self.area.pitch) {
+            self.fault(self.grid.centre(lines.section), fault);
         }
     }
 
@@ -229,11 +248,13 @@ impl<'a> Lines<'a> {
     fn finish(mut self) -> Vec<Option<f64>> {
         self.end_section();
         for section in 0..self.grid.len() {
-            if self.seen[section] {
+            if self.begun[section] {
                 continue;
             }
-            let run = Run::new(self.area, &self.grid, section, self.hundredths[section]);
-            if run.reach(self.grid.centre(section)).is_some_and(|[lo, hi]| hi - lo > self.area.pitch + 2.0 * ROUNDED) {
+            let lines = SectionLines::new(self.area, &self.grid, section, self.hundredths[section]);
+            // Where there is less room than a pitch, a line may lie on either side of it.
+            if lines.reach(self.grid.centre(section)).is_some_and(|[lo, hi]| hi - lo > self.area.pitch + 2.0 * ROUNDED)
+            {
                 self.fault(self.grid.centre(section), "a section of the area holds no line");
             }
         }
@@ -241,8 +262,8 @@ impl<'a> Lines<'a> {
     }
 }
 
-impl Run {
-    fn new(area: &Area, grid: &Sections, section: usize, hundredths: u16) -> Self {
+impl SectionLines {
+    fn new(area: &FilledArea, grid: &Sections, section: usize, hundredths: u16) -> Self {
         let outline = outline(&area.corners, grid.area(section));
         let direction = Directions::cos_sin(hundredths);
         let short = SHORT / direction.map(f64::abs).into_iter().filter(|&v| v > 0.0).fold(1.0, f64::min);
@@ -258,10 +279,10 @@ impl Run {
     fn add(&mut self, a: P2, b: P2, centre: P2, pitch: f64) -> Option<&'static str> {
         let [pa, pb] = [a, b].map(|p| [p.x as f64, p.y as f64]);
         let (oa, ob) = (self.across(pa, centre), self.across(pb, centre));
-        let at = (oa + ob) / 2.0;
-        let step = at - self.last;
-        self.first = if self.count == 0 { at } else { self.first };
-        self.last = at;
+        let middle = (oa + ob) / 2.0;
+        let step = middle - self.last;
+        self.first = if self.count == 0 { middle } else { self.first };
+        self.last = middle;
         self.count += 1;
         self.length += a.distance(b);
         let on_border = |p: [f64; 2]| depth(&self.outline, p).abs() <= ROUNDED;
@@ -276,7 +297,7 @@ impl Run {
         }
     }
 
-    /// What is wrong with all lines of the section together.
+    /// The fault of all lines of the section together.
     fn end(&self, centre: P2, pitch: f64) -> Option<&'static str> {
         let Some([lo, hi]) = self.reach(centre) else { return Some("lines lie outside the area") };
         if self.first - lo > pitch + 2.0 * ROUNDED || hi - self.last > pitch + 2.0 * ROUNDED {
@@ -302,8 +323,8 @@ impl Run {
             ((c0 < short) != (c1 < short)).then(|| o0 + (o1 - o0) * (short - c0) / (c1 - c0))
         };
         let long = chords.iter().filter(|c| c.1 >= short).map(|c| c.0);
-        let all = long.chain(chords.windows(2).filter_map(passing));
-        all.fold(None, |r: Option<[f64; 2]>, o| Some(r.map_or([o, o], |[lo, hi]| [lo.min(o), hi.max(o)])))
+        let ends = long.chain(chords.windows(2).filter_map(passing));
+        ends.fold(None, |r: Option<[f64; 2]>, o| Some(r.map_or([o, o], |[lo, hi]| [lo.min(o), hi.max(o)])))
     }
 
     /// Length of the line at `offset` across.
@@ -312,8 +333,8 @@ impl Run {
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for (a, b) in sides(&self.outline) {
             let (oa, ob) = (self.across(a, centre) - offset, self.across(b, centre) - offset);
-            let mut meet = |at: f64| (lo, hi) = (lo.min(at), hi.max(at));
-            // Corners at this place, to what f64 makes of metres, belong to the line.
+            let mut meet = |along: f64| (lo, hi) = (lo.min(along), hi.max(along));
+            // Corners at this place belong to the line: f64 holds 4 m to 5e-7 nm.
             let is_at = |o: f64| o.abs() < 1e-3;
             if is_at(oa) {
                 meet(along(a));
@@ -342,7 +363,7 @@ fn sides(outline: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
     outline.iter().copied().zip(outline.iter().copied().cycle().skip(1))
 }
 
-/// What a convex area, counter-clockwise, has in a cell: cut at one side of the cell after the other.
+/// The part of a convex area, counter-clockwise, that lies in a cell: cut at one side of the cell after the other.
 fn outline(corners: &[[f64; 2]], cell: Box2) -> Vec<[f64; 2]> {
     let Box2 { lo, hi } = cell;
     // Half-planes: normal and offset.
@@ -412,9 +433,9 @@ mod tests {
         let mut lines: Vec<[P2; 2]> = lines.collect();
         change(&mut lines);
         let contour = texture.contours().next().expect("one");
-        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
+        let area = FilledArea { corners: contour.corners(), pitch: contour.pitch() };
         let mut rule = Rule::new("fill", "");
-        let mut found = Lines::new(&area, &directions, &mut rule);
+        let mut found = LineFollower::new(&area, &directions, &mut rule);
         lines.iter().for_each(|l| found.add(l));
         found.finish();
         rule.violations.into_iter().map(|v| v.message).collect()

@@ -33,7 +33,8 @@ impl Frames {
     pub(super) fn read(
         folder: &Path,
         manifest: &Manifest,
-        (file, chosen): (&ProgramFile, &[usize]),
+        file: &ProgramFile,
+        chosen: &[usize],
         facts: &JobFacts,
         rule: &mut Rule,
     ) -> Option<Self> {
@@ -57,38 +58,56 @@ impl Frames {
             rule.broken("", "manifest.json", "its outline does not hold the marks that lie farthest out");
         }
         let mut all = framed(file, PenId(pen as u16), &facts.machine);
-        for (id, block) in all.ids.iter().zip(&all.program.blocks) {
-            let mut points = all.program.strokes_of(block).iter().flat_map(|stroke| all.program.points_of(stroke));
-            if points.any(|&p| !facts.machine.field_holds(p)) {
-                rule.broken(id, "frames", "its frame leaves the usable field");
-            }
-        }
-        for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
-            let Stepped::Blocks(files) = files else { continue };
-            let drawings = Drawings { folder, files, program: &all.program, machine: &facts.machine };
-            for &i in chosen {
-                let id = &all.ids[i];
-                drawings.check(&formats::of_frame(id, files.ending), id, &all.program.blocks[i], rule);
-            }
-        }
-        let stages = stage::read(folder, manifest, facts, true, rule);
-        let outline = subset::with(&mut all, &places, |outline| {
-            for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
-                match files {
-                    Stepped::Planes { file: name, open } => {
-                        agreement::whole(folder, &formats::of_frames(name), open, outline, &facts.machine, rule);
-                    }
-                    Stepped::Poses { file: name, read } => {
-                        poses::check(folder, &formats::of_frames(name), read, outline, &facts.machine, rule);
-                    }
-                    Stepped::Blocks(_) | Stepped::Stage { .. } => {}
-                }
-            }
+        check_drawings(folder, manifest, &all, chosen, facts, rule);
+        let stages = stage::read(folder, manifest, facts, stage::Targets::Frames, rule);
+        let outline = subset::on_chosen(&mut all, &places, |outline| {
+            check_whole_files(folder, manifest, outline, facts, rule);
             stage::agreement(&stages, manifest, outline, &facts.machine, rule);
             let program = Program { blocks: outline.program.blocks.clone(), ..Program::default() };
             ProgramFile { origins: outline.origins.clone(), program, ids: outline.ids.clone() }
         });
         Some(Self { outline, stages })
+    }
+}
+
+/// Holds that every frame lies in the field, and the drawings of frames of the chosen blocks.
+fn check_drawings(
+    folder: &Path,
+    manifest: &Manifest,
+    frames: &ProgramFile,
+    chosen: &[usize],
+    facts: &JobFacts,
+    rule: &mut Rule,
+) {
+    let program = &frames.program;
+    for (id, block) in frames.ids.iter().zip(&program.blocks) {
+        let mut points = program.strokes_of(block).iter().flat_map(|stroke| program.points_of(stroke));
+        if points.any(|&p| !facts.machine.field_holds(p)) {
+            rule.broken(id, "frames", "its frame leaves the usable field");
+        }
+    }
+    for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+        let Stepped::Blocks(files) = files else { continue };
+        let drawings = Drawings { folder, files, program, machine: &facts.machine };
+        for &i in chosen {
+            let id = &frames.ids[i];
+            drawings.check(&formats::of_frame(id, files.ending), id, &program.blocks[i], rule);
+        }
+    }
+}
+
+/// Holds the files that have the frames of all blocks of the outline.
+fn check_whole_files(folder: &Path, manifest: &Manifest, outline: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
+    for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+        match files {
+            Stepped::Planes { file: name, open } => {
+                agreement::whole(folder, &formats::of_frames(name), open, outline, &facts.machine, rule);
+            }
+            Stepped::Poses { file: name, read } => {
+                poses::check(folder, &formats::of_frames(name), read, outline, &facts.machine, rule);
+            }
+            Stepped::Blocks(_) | Stepped::Stage { .. } => {}
+        }
     }
 }
 
@@ -109,6 +128,7 @@ fn framed(file: &ProgramFile, pen: PenId, machine: &Machine) -> ProgramFile {
         let [[left, right], [low, high]] = box_nm;
         let first = program.points.len();
         let round = [(left, low), (right, low), (right, high), (left, high), (left, low)];
+        // Marks in a line have a frame without width, whose corners coincide: each point comes once.
         for (x, y) in round {
             let point = FieldPoint::new(x, y);
             if program.points.len() == first || program.points.last() != Some(&point) {
@@ -124,17 +144,17 @@ fn framed(file: &ProgramFile, pen: PenId, machine: &Machine) -> ProgramFile {
     ProgramFile { origins: file.origins.clone(), program, ids: file.ids.clone() }
 }
 
-/// A square of one spot, for marks that would be hidden by it: around their middle, unless it leaves the field there; then
-/// by one spot nearer to the axis.
+/// A square of one spot, for marks that would be hidden by it: around their middle, unless it leaves the field there;
+/// then by one spot nearer to the axis.
 fn square(middle: [i32; 2], spot: i32, machine: &Machine) -> [[i32; 2]; 2] {
-    let at = |middle: [i32; 2]| middle.map(|v| v - spot / 2).map(|from| [from, from + spot]);
-    let [[left, right], [low, high]] = at(middle);
+    let around = |middle: [i32; 2]| middle.map(|v| v - spot / 2).map(|from| [from, from + spot]);
+    let [[left, right], [low, high]] = around(middle);
     let is_inside =
         [left, right].iter().all(|&x| [low, high].iter().all(|&y| machine.field_holds(FieldPoint::new(x, y))));
     if is_inside {
-        return at(middle);
+        return around(middle);
     }
-    at(middle.map(|v| if v.abs() <= spot { 0 } else { v - spot * v.signum() }))
+    around(middle.map(|v| if v.abs() <= spot { 0 } else { v - spot * v.signum() }))
 }
 
 /// Whether in no direction of eight a mark of the chosen blocks, of the pass of the first of them, lies farther out in
@@ -144,8 +164,8 @@ fn is_outline(file: &ProgramFile, chosen: &[usize], places: &[usize], facts: &Jo
     let of_pass: Vec<usize> = chosen.iter().copied().filter(|&i| file.program.blocks[i].pass == pass).collect();
     let all = farthest(file, &of_pass, facts);
     let shown = farthest(file, places, facts);
-    let near = |(all, shown): (&i64, &i64)| (all - shown).abs() <= ROUNDING;
-    places.iter().all(|i| of_pass.binary_search(i).is_ok()) && all.iter().zip(&shown).all(near)
+    places.iter().all(|i| of_pass.binary_search(i).is_ok())
+        && all.iter().zip(&shown).all(|(all, shown)| (all - shown).abs() <= ROUNDING)
 }
 
 /// How far out the marks of some blocks lie on the part, by set-up and direction, nm.
@@ -154,7 +174,7 @@ fn farthest(file: &ProgramFile, places: &[usize], facts: &JobFacts) -> Vec<i64> 
     for block in places.iter().map(|&i| &file.program.blocks[i]) {
         let upright = block.stop.tilt.is_upright();
         let table = facts.machine.tilt.as_ref().filter(|_| !upright);
-        let turn = table.map(|table| Turn::of(table, block.stop.tilt, file.origin(block)));
+        let turn = table.map(|table| Turn::new(table, block.stop.tilt, file.origin(block)));
         let most = &mut most[8 * block.setup.index()..];
         for p in file.program.strokes_of(block).iter().flat_map(|stroke| file.program.points_of(stroke)) {
             let flat = [block.stop.centre.x + i64::from(p.x), block.stop.centre.y + i64::from(p.y)];

@@ -26,7 +26,7 @@ pub(crate) fn check(folder: &Path, manifest: &Listed<'_>, inputs: &Inputs, rule:
         if !listed.insert(entry.file.clone()) {
             rule.broken("", &entry.file, "is listed twice");
         }
-        hold(&folder.join(path), entry, &entry.file, rule);
+        check_file(&folder.join(path), entry, &entry.file, rule);
     }
     // What is not listed has no hash, and an operator might load it.
     walk(folder, "", 0, &listed, rule);
@@ -59,7 +59,8 @@ fn missing_input(e: &io::Error) -> String {
     format!("this input cannot be read: {e}; name the folder that holds the job file and its inputs")
 }
 
-fn hold(path: &Path, entry: &FileEntry, name: &str, rule: &mut Rule) {
+/// Holds a file of the folder to its entry in the manifest.
+fn check_file(path: &Path, entry: &FileEntry, name: &str, rule: &mut Rule) {
     rule.checked += 1;
     // What a link leads to can change under whoever loads it.
     if path.symlink_metadata().is_ok_and(|found| found.file_type().is_symlink()) {

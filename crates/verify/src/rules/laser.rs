@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use super::stage::StageFile;
 use crate::proof::Rule;
-use crate::read::gcode::{Statement, Step};
+use crate::read::gcode::{AxisWords, StageStep, Statement};
 use crate::read::manifest::BlockEntry;
 use terrace_core::machine::Machine;
 use terrace_core::units::Time;
@@ -16,22 +16,23 @@ use terrace_core::units::Time;
 /// `agreement`.
 const HARMLESS: [u32; 14] = [170, 200, 210, 400, 490, 540, 610, 611, 690, 800, 900, 910, 921, 940];
 
-/// A dwell may be shorter than the settling time by this, s: it is written in decimals.
+/// A dwell may be shorter than the settling time by this, s: it is written in decimals of a second.
 const DWELL_ROUNDING: f64 = 1e-6;
 
-/// The shortest settling time of a program, s, and by how much a dwell in whole milliseconds may be longer.
+/// The shortest settling time of a program, s (docs/formats.md), and by how much a dwell in whole milliseconds may be
+/// longer.
 const LEAST_SETTLE: f64 = 0.05;
 const MILLISECOND: f64 = 1e-3;
 
-/// Waits for BUSY, s: before START, and for its rise. A longer one leaves the beam where it should not be; a shorter
-/// one ends the program although all is well.
+/// Waits for BUSY, s, as docs/formats.md states them: before START, and for its rise. A longer one leaves the beam
+/// where it should not be; a shorter one ends the program although all is well.
 const BEFORE_START: f64 = 2.0;
 const FOR_RISE: f64 = 5.0;
 
-/// The dwell after which BUSY must be low once more, s.
+/// The dwell after which BUSY must be low once more, s: a contact may bounce for less (docs/formats.md).
 const BOUNCE: f64 = 0.05;
 
-/// The wait for the end of a block, s: of its estimate twice that and this, rounded up.
+/// The wait for the end of a block, s, as docs/formats.md states: of its estimate twice that and this, rounded up.
 const FOR_END: f64 = 10.0;
 
 /// How far the estimate of the manifest may lie from that of the program, s.
@@ -42,7 +43,7 @@ pub(super) fn check(stages: &[StageFile], blocks: &[BlockEntry], machine: &Machi
     rule.ran = true;
     let estimates: BTreeMap<&str, f64> = blocks.iter().map(|b| (b.id.as_str(), b.time_s)).collect();
     for stage in stages {
-        let run = Run {
+        let state = LaserState {
             stage,
             rule,
             settle: machine.stage.settle.by_axis().map(Time::as_s),
@@ -53,23 +54,24 @@ pub(super) fn check(stages: &[StageFile], blocks: &[BlockEntry], machine: &Machi
             settled: true,
             idle: false,
             fired: true,
-            part: Part::Lies,
+            part: PartState::InPlace,
         };
-        if stage.handshake && !stage.is_frames { run.handshake() } else { run.operator() }
+        if stage.handshake && !stage.is_frames { state.handshake() } else { state.operator() }
     }
 }
 
 /// Whether the part lies as the blocks need it.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
-    Lies,
+enum PartState {
+    InPlace,
     /// A set-up has begun, the stop at which the part is moved is still to come.
-    Moves,
+    ToBeMoved,
     /// The stop has come, the set-up's first block is still to come.
     Moved,
 }
 
-struct Run<'a> {
+/// The state of laser, stage and part while a stage program is followed.
+struct LaserState<'a> {
     stage: &'a StageFile,
     rule: &'a mut Rule,
     /// Settling time of x and y with the axes that turn, and of z, s.
@@ -87,10 +89,10 @@ struct Run<'a> {
     idle: bool,
     /// Whether the block has fired.
     fired: bool,
-    part: Part,
+    part: PartState,
 }
 
-impl<'a> Run<'a> {
+impl<'a> LaserState<'a> {
     fn broken(&mut self, line: usize, message: impl Into<String>) {
         let place = self.stage.place(line);
         self.rule.broken(self.block, place, message);
@@ -101,12 +103,12 @@ impl<'a> Run<'a> {
             self.broken(line, "this block ends without START or M0");
         }
         self.is_placed(line);
-        (self.block, self.fired, self.part) = (id, false, Part::Lies);
+        (self.block, self.fired, self.part) = (id, false, PartState::InPlace);
     }
 
     /// Holds that the stop of a set-up has come.
     fn is_placed(&mut self, line: usize) {
-        if self.part == Part::Moves {
+        if self.part == PartState::ToBeMoved {
             self.broken(line, "the set-up begins without a stop (M0) at which the part is moved");
         }
     }
@@ -115,18 +117,18 @@ impl<'a> Run<'a> {
         if !self.fired {
             self.broken(line, "a set-up begins before the block has its START or M0");
         }
-        self.part = Part::Moves;
+        self.part = PartState::ToBeMoved;
     }
 
     /// The stop at which the part is moved; returns whether it is one.
     fn is_moved(&mut self, line: usize) -> bool {
-        if self.part != Part::Moves {
+        if self.part != PartState::ToBeMoved {
             return false;
         }
         if !self.off {
             self.broken(line, "the part is moved while the laser output is not known to be off");
         }
-        self.part = Part::Moved;
+        self.part = PartState::Moved;
         true
     }
 
@@ -145,7 +147,7 @@ impl<'a> Run<'a> {
         self.settled = true;
     }
 
-    fn moves(&mut self, to: &[Option<i64>; 6], line: usize) {
+    fn moves(&mut self, to: &AxisWords, line: usize) {
         self.moved[1] |= to[2].is_some();
         self.moved[0] |= [0, 1, 3, 4, 5].iter().any(|&axis| to[axis].is_some());
         if !self.off {
@@ -176,26 +178,26 @@ impl<'a> Run<'a> {
         let mut ended = false;
         while let Some(Statement { line, step }) = statements.get(i) {
             self.rule.checked += 1;
-            if ended && !matches!(step, Step::Block(..)) {
+            if ended && !matches!(step, StageStep::Block(..)) {
                 self.broken(*line, "something follows the end of the program");
             }
             i += 1;
             match step {
-                Step::Block(id, _) => self.begin(id, *line),
-                Step::Setup(_) => self.setup(*line),
-                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) | Step::EntryGo(_) => {}
-                Step::Pause if self.is_moved(*line) => {}
-                Step::Modal(codes) => self.modal(codes, *line),
-                Step::Move(to) => self.moves(to, *line),
-                Step::Dwell(seconds) => self.dwell(*seconds, *line),
-                Step::OutputOff => self.off = true,
-                Step::Wait { high: false, .. } => {
+                StageStep::Block(id, _) => self.begin(id, *line),
+                StageStep::Setup(_) => self.setup(*line),
+                StageStep::Pass(_) | StageStep::FocusShift(_) | StageStep::EntryLift(_) | StageStep::EntryGo(_) => {}
+                StageStep::Pause if self.is_moved(*line) => {}
+                StageStep::Modal(codes) => self.modal(codes, *line),
+                StageStep::Move(to) => self.moves(to, *line),
+                StageStep::Dwell(seconds) => self.dwell(*seconds, *line),
+                StageStep::OutputOff => self.off = true,
+                StageStep::Wait { high: false, .. } => {
                     i = self.wait(i - 1, false, [BEFORE_START; 2], *line);
                     self.idle = true;
                 }
-                Step::OutputOn => i = self.fire(i, *line),
-                Step::IfOffset(label, _) => i = self.branch(i, *label, *line, "an active offset"),
-                Step::End => {
+                StageStep::OutputOn => i = self.fire(i, *line),
+                StageStep::IfOffset(label, _) => i = self.branch(i, *label, *line, "an active offset"),
+                StageStep::End => {
                     self.end(*line);
                     ended = true;
                 }
@@ -213,13 +215,13 @@ impl<'a> Run<'a> {
         if !self.idle {
             self.broken(line, "START comes without a wait for BUSY low: a card that marks, or an inverted BUSY");
         }
-        if self.part != Part::Lies {
+        if self.part != PartState::InPlace {
             self.broken(line, "START comes while the part is moved to its next set-up");
         }
         (self.off, self.idle, self.fired) = (false, false, true);
         let i = self.wait(i, true, [FOR_RISE; 2], line);
         let i = match self.stage.statements.get(i) {
-            Some(Statement { step: Step::OutputOff, .. }) => {
+            Some(Statement { step: StageStep::OutputOff, .. }) => {
                 self.off = true;
                 i + 1
             }
@@ -233,7 +235,7 @@ impl<'a> Run<'a> {
         let i = self.wait(i, false, times, line);
         // A contact that bounces while it closes is low for a moment.
         match self.stage.statements.get(i).map(|s| &s.step) {
-            Some(Step::Dwell(seconds)) if (BOUNCE..=BOUNCE + MILLISECOND).contains(seconds) => {
+            Some(StageStep::Dwell(seconds)) if (BOUNCE..=BOUNCE + MILLISECOND).contains(seconds) => {
                 self.wait(i + 1, false, times, line)
             }
             _ => {
@@ -249,7 +251,7 @@ impl<'a> Run<'a> {
         let level = if wanted { "high" } else { "low" };
         let statements = &self.stage.statements;
         match statements.get(i).map(|s| &s.step) {
-            Some(Step::Wait { high, seconds }) if *high == wanted => {
+            Some(StageStep::Wait { high, seconds }) if *high == wanted => {
                 if !(least..=most).contains(seconds) {
                     let at = statements[i].line;
                     let text = format!("the wait for BUSY {level} lasts {seconds} s, and not {most} s");
@@ -262,7 +264,7 @@ impl<'a> Run<'a> {
             }
         }
         let at = statements[i].line;
-        let Some(Step::IfTimeout(label)) = statements.get(i + 1).map(|s| &s.step) else {
+        let Some(StageStep::IfTimeout(label)) = statements.get(i + 1).map(|s| &s.step) else {
             self.broken(at, "this wait is not tested for a timeout");
             return i + 1;
         };
@@ -277,14 +279,14 @@ impl<'a> Run<'a> {
         let (mut off, mut stops) = (self.off, false);
         for (k, s) in statements.iter().enumerate().skip(i) {
             match &s.step {
-                Step::EndIf(end) if *end == label => {
+                StageStep::EndIf(end) if *end == label => {
                     if !stops {
                         self.broken(at, format!("{what} does not end the program with the output off"));
                     }
                     return k + 1;
                 }
-                Step::OutputOff => off = true,
-                Step::End if !stops => stops = off,
+                StageStep::OutputOff => off = true,
+                StageStep::End if !stops => stops = off,
                 other => {
                     self.broken(s.line, format!("{} is not expected in this branch", name(other)));
                     return k;
@@ -301,34 +303,34 @@ impl<'a> Run<'a> {
         while let Some(Statement { line, step }) = statements.get(i) {
             i += 1;
             self.rule.checked += 1;
-            if ended && !matches!(step, Step::Block(..)) {
+            if ended && !matches!(step, StageStep::Block(..)) {
                 self.broken(*line, "something follows the end of the program");
             }
             match step {
-                Step::Block(id, _) => self.begin(id, *line),
-                Step::Setup(_) => self.setup(*line),
-                Step::Pass(_) | Step::FocusShift(_) | Step::EntryLift(_) | Step::EntryGo(_) => {}
-                Step::Pause if self.is_moved(*line) => {}
-                Step::Modal(codes) => self.modal(codes, *line),
-                Step::Move(to) => self.moves(to, *line),
-                Step::Dwell(seconds) => self.dwell(*seconds, *line),
-                Step::Registration(_) => {
+                StageStep::Block(id, _) => self.begin(id, *line),
+                StageStep::Setup(_) => self.setup(*line),
+                StageStep::Pass(_) | StageStep::FocusShift(_) | StageStep::EntryLift(_) | StageStep::EntryGo(_) => {}
+                StageStep::Pause if self.is_moved(*line) => {}
+                StageStep::Modal(codes) => self.modal(codes, *line),
+                StageStep::Move(to) => self.moves(to, *line),
+                StageStep::Dwell(seconds) => self.dwell(*seconds, *line),
+                StageStep::Registration(_) => {
                     self.is_placed(*line);
                     self.setup(*line);
                 }
                 // What switches off is what switches on in the program that marks.
-                Step::SpindleOff if !self.stage.handshake => self.off = true,
-                Step::OutputOff if self.stage.handshake => self.off = true,
-                Step::IfOffset(label, _) if self.stage.handshake => {
+                StageStep::SpindleOff if !self.stage.handshake => self.off = true,
+                StageStep::OutputOff if self.stage.handshake => self.off = true,
+                StageStep::IfOffset(label, _) if self.stage.handshake => {
                     i = self.branch(i, *label, *line, "an active offset");
                 }
-                Step::Pause => {
+                StageStep::Pause => {
                     if self.fired {
                         self.broken(*line, "the program stops here, where nothing is to be done");
                     }
                     self.fired = true;
                 }
-                Step::End => {
+                StageStep::End => {
                     self.end(*line);
                     ended = true;
                 }
@@ -349,28 +351,28 @@ impl<'a> Run<'a> {
     }
 }
 
-/// What a step is called in messages.
-fn name(step: &Step) -> String {
+/// The name of a step in messages.
+fn name(step: &StageStep) -> String {
     match step {
-        Step::Block(..) => "a block".into(),
-        Step::Setup(_) => "a set-up".into(),
-        Step::Registration(_) => "a registration point".into(),
-        Step::Pass(_) => "a pass".into(),
-        Step::FocusShift(_) => "a focus shift".into(),
-        Step::EntryLift(_) => "a lift to begin with".into(),
-        Step::EntryGo(_) => "a place to begin at".into(),
-        Step::Modal(_) => "a modal word".into(),
-        Step::Move(_) => "a move".into(),
-        Step::Dwell(_) => "a dwell".into(),
-        Step::OutputOn => "M64 P0".into(),
-        Step::OutputOff => "M65 P0".into(),
-        Step::Wait { .. } => "a wait (M66)".into(),
-        Step::IfTimeout(_) => "a test for a timeout".into(),
-        Step::IfOffset(..) => "a test for an offset".into(),
-        Step::EndIf(_) => "endif".into(),
-        Step::Pause => "M0".into(),
-        Step::SpindleOff => "M5".into(),
-        Step::End => "the end".into(),
-        Step::Unknown(text) => format!("{text:?}"),
+        StageStep::Block(..) => "a block".into(),
+        StageStep::Setup(_) => "a set-up".into(),
+        StageStep::Registration(_) => "a registration point".into(),
+        StageStep::Pass(_) => "a pass".into(),
+        StageStep::FocusShift(_) => "a focus shift".into(),
+        StageStep::EntryLift(_) => "a lift to begin with".into(),
+        StageStep::EntryGo(_) => "a place to begin at".into(),
+        StageStep::Modal(_) => "a modal word".into(),
+        StageStep::Move(_) => "a move".into(),
+        StageStep::Dwell(_) => "a dwell".into(),
+        StageStep::OutputOn => "M64 P0".into(),
+        StageStep::OutputOff => "M65 P0".into(),
+        StageStep::Wait { .. } => "a wait (M66)".into(),
+        StageStep::IfTimeout(_) => "a test for a timeout".into(),
+        StageStep::IfOffset(..) => "a test for an offset".into(),
+        StageStep::EndIf(_) => "endif".into(),
+        StageStep::Pause => "M0".into(),
+        StageStep::SpindleOff => "M5".into(),
+        StageStep::End => "the end".into(),
+        StageStep::Unknown(text) => format!("{text:?}"),
     }
 }

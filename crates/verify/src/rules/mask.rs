@@ -9,19 +9,19 @@
 //! one random place of each stroke, as strokes are left out independently: the sum of marked - c(d) over all places has
 //! the variance c (1 - c) of each, and must not be more than [`SIGMAS`] deviations off.
 
-use super::drawing::{F32, Placed, samples};
+use super::drawing::{F32, PlacedTextures, samples};
 use super::drawing_files::{Content, Files};
 use super::page::{Page, Site};
 use crate::Drawing;
 use crate::proof::Rule;
-use crate::read::labels::Known;
+use crate::read::labels::Truth;
 use crate::read::outline::Outline;
 use terrace_core::geom::P2;
 use terrace_input::texture::{Kind, Mask, Request, Uncut};
 
 type Point = [f64; 2];
 
-/// Most strokes of a texture that are looked at.
+/// Most strokes of a texture that are looked at, as docs/verify.md states.
 const MAX_STROKES: u64 = 30_000;
 
 /// Places of a whole stroke at least, and of all strokes together.
@@ -34,13 +34,16 @@ const MAX_SIDES: u64 = 5_000_000;
 /// A place is marked where a piece is this near, nm: its ends are rounded to the grid.
 const ON_PIECE: f64 = 2.0;
 
-/// How far from its mean the number of marked places in a soft border may be, and the fewest that are compared.
+/// How far from its mean the number of marked places in a soft border may be, in standard deviations: of a normal
+/// distribution one in 5 x 10^8 lies farther off.
 const SIGMAS: f64 = 6.0;
+
+/// The fewest places in a soft border whose number is compared, as docs/verify.md states.
 const FEWEST: usize = 200;
 
 /// Holds the rule for the textures of a pass.
-pub(crate) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mut Rule) {
-    let Placed { job, texture, drawing, site } = placed;
+pub(crate) fn check(placed: &PlacedTextures<'_>, files: &mut Files, rule: &mut Rule) {
+    let PlacedTextures { job, texture, drawing, site } = placed;
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
         let Some(uncut) = texture.uncut(number) else {
@@ -64,7 +67,7 @@ pub(crate) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mut Rule) {
         }
         let known = borders.iter().filter_map(|&(path, keeps_inside, mask)| {
             let picture = files.picture(path)?;
-            match Border::new(picture, mask, keeps_inside, request.tolerance_mm, site) {
+            match MaskBorder::new(picture, mask, keeps_inside, request.tolerance_mm, site) {
                 Ok(border) => Some(border),
                 Err(why) => {
                     rule.leaves_out(path, number, why);
@@ -72,19 +75,19 @@ pub(crate) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mut Rule) {
                 }
             }
         });
-        let borders: Vec<Border<'_>> = known.collect();
+        let borders: Vec<MaskBorder<'_>> = known.collect();
         // Where one of two is not known, nothing has to be marked, and what lies beyond the other must not be.
         let is_whole = borders.len() == request.masks.list().count();
-        let limits = Limits { borders, soft: request.masks.soft_mm };
+        let limits = MaskBorders { borders, soft: request.masks.soft_mm };
         limits.pieces(drawing, texture.strokes_of(number), rule);
         if is_whole {
-            limits.strokes(drawing, uncut, (number, request), rule);
+            limits.strokes(drawing, uncut, number, request, rule);
         }
     }
 }
 
 /// The border of `inside` or `outside`.
-struct Border<'a> {
+struct MaskBorder<'a> {
     outline: Outline<'a>,
     page: Page,
     keeps_inside: bool,
@@ -94,7 +97,7 @@ struct Border<'a> {
 
 /// On which side of the border a point lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Side {
+enum MaskSide {
     /// Within what is kept, this far from the border or farther, mm.
     Kept(f64),
     /// Too near to tell.
@@ -102,7 +105,7 @@ enum Side {
     Lost,
 }
 
-impl<'a> Border<'a> {
+impl<'a> MaskBorder<'a> {
     fn new(
         picture: &'a crate::read::picture::Picture,
         mask: &Mask,
@@ -115,10 +118,10 @@ impl<'a> Border<'a> {
         let name = mask.name.as_deref();
         let is_meant = |l: &str| Some(l) == name || l.split_once(':').is_some_and(|(_, own)| Some(own) == name);
         let having = picture.labels.having(is_meant);
-        let counts = |element: u32| match (name, having.of(element)) {
-            (None, _) | (_, Known::Yes) => Some(true),
-            (_, Known::No) => Some(false),
-            (_, Known::Maybe) => None,
+        let counts = |element: u32| match (name, having.has(element)) {
+            (None, _) | (_, Truth::Yes) => Some(true),
+            (_, Truth::No) => Some(false),
+            (_, Truth::Maybe) => None,
         };
         let slack = 2.0 * tolerance + page.size[0].max(page.size[1]) * F32 + picture.slack * scale[0].max(scale[1]);
         let outline = Outline::new(picture, &counts, scale, slack)?;
@@ -126,15 +129,15 @@ impl<'a> Border<'a> {
     }
 
     /// The side of a point, nm.
-    fn side(&self, p: Point) -> Side {
+    fn side(&self, p: Point) -> MaskSide {
         let at = self.on_page(p);
         let away = self.distance(at);
         if away <= self.slack {
-            Side::Border
+            MaskSide::Border
         } else if self.outline.holds(at) == self.keeps_inside {
-            Side::Kept(away)
+            MaskSide::Kept(away)
         } else {
-            Side::Lost
+            MaskSide::Lost
         }
     }
 
@@ -160,22 +163,22 @@ impl<'a> Border<'a> {
 }
 
 /// All borders of a texture.
-struct Limits<'a> {
-    borders: Vec<Border<'a>>,
+struct MaskBorders<'a> {
+    borders: Vec<MaskBorder<'a>>,
     /// Width over which marks fade, mm.
     soft: f64,
 }
 
-impl Limits<'_> {
-    fn side(&self, p: Point) -> Side {
-        self.borders.iter().map(|b| b.side(p)).fold(Side::Kept(f64::INFINITY), |all, side| match (all, side) {
-            (Side::Lost, _) | (_, Side::Lost) => Side::Lost,
-            (Side::Border, _) | (_, Side::Border) => Side::Border,
-            (Side::Kept(a), Side::Kept(b)) => Side::Kept(a.min(b)),
+impl MaskBorders<'_> {
+    fn side(&self, p: Point) -> MaskSide {
+        self.borders.iter().map(|b| b.side(p)).fold(MaskSide::Kept(f64::INFINITY), |all, side| match (all, side) {
+            (MaskSide::Lost, _) | (_, MaskSide::Lost) => MaskSide::Lost,
+            (MaskSide::Border, _) | (_, MaskSide::Border) => MaskSide::Border,
+            (MaskSide::Kept(a), MaskSide::Kept(b)) => MaskSide::Kept(a.min(b)),
         })
     }
 
-    /// What is marked lies within the border.
+    /// Holds that nothing is marked beyond the border.
     fn pieces(&self, drawing: &Drawing<'_>, strokes: std::ops::Range<usize>, rule: &mut Rule) {
         let stride = strokes.len().div_ceil(MAX_STROKES as usize).max(1);
         let mut points = Vec::new();
@@ -183,7 +186,7 @@ impl Limits<'_> {
             (drawing.stroke)(i, &mut points);
             for p in samples(&points) {
                 rule.checked += 1;
-                if self.side(p) == Side::Lost {
+                if self.side(p) == MaskSide::Lost {
                     let text = "it is marked beyond the border of inside or outside";
                     rule.broken("", format!("{}, {}", (drawing.element)(i), super::part_place_nm(p)), text);
                 }
@@ -191,8 +194,8 @@ impl Limits<'_> {
         }
     }
 
-    /// What lies within the border is marked.
-    fn strokes(&self, drawing: &Drawing<'_>, uncut: Uncut<'_>, (number, request): (usize, &Request), rule: &mut Rule) {
+    /// Holds that strokes are marked within the border.
+    fn strokes(&self, drawing: &Drawing<'_>, uncut: Uncut<'_>, number: usize, request: &Request, rule: &mut Rule) {
         let stride = uncut.len().div_ceil(MAX_STROKES).max(1);
         let mut fade = Fade::default();
         let (mut points, mut pieces) = (Vec::new(), Vec::new());
@@ -205,12 +208,14 @@ impl Limits<'_> {
                 pieces.push(std::mem::take(&mut piece));
             }
             let is_marked = |p: Point| pieces.iter().any(|piece| is_on(piece, p));
+            // Each place is looked for on all sides of the pieces: of a stroke of many sides fewer places are.
             let sides: u64 = pieces.iter().map(|p| p.len() as u64).sum::<u64>() + 1;
             let most = (MAX_SIDES / sides).clamp(1, ALL_PLACES);
             let count = (ALL_PLACES / uncut.len()).clamp(PLACES, most.max(PLACES));
             for p in places(&points, count as usize) {
                 rule.checked += 1;
-                let has_to = matches!(self.side(p), Side::Kept(d) if d > self.soft + self.slack());
+                // In a soft border the stroke may be left out.
+                let has_to = matches!(self.side(p), MaskSide::Kept(d) if d > self.soft + self.slack());
                 if has_to && !is_marked(p) {
                     let text = "the texture is not marked within the border of inside or outside";
                     rule.broken("", format!("texture {}, {}", number + 1, super::part_place_nm(p)), text);
@@ -241,17 +246,18 @@ struct Fade {
 
 impl Fade {
     /// Looks at one place of a stroke in the soft border, if it has one.
-    fn add(&mut self, limits: &Limits<'_>, points: &[P2], number: u64, is_marked: impl Fn(Point) -> bool) {
+    fn add(&mut self, limits: &MaskBorders<'_>, points: &[P2], number: u64, is_marked: impl Fn(Point) -> bool) {
         let depth = |p: Point| match limits.side(p) {
-            Side::Kept(d) if d < limits.soft => Some(d),
+            MaskSide::Kept(d) if d < limits.soft => Some(d),
             _ => None,
         };
         let near: Vec<(Point, f64)> = places(points, 64).filter_map(|p| Some((p, depth(p)?))).collect();
         if near.is_empty() {
             return;
         }
-        // Any choice that does not look at what is marked.
+        // Any choice that does not look at what is marked: hashing by 2^64 over the golden ratio spreads the numbers.
         let (p, d) = near[(number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as usize % near.len()];
+        // An edge within the area may be nearer than its border: there the distance to it is not the depth.
         if !limits.borders.iter().all(|b| b.distance(b.on_page(p)) > d || b.is_at_border(p)) {
             return;
         }
@@ -273,17 +279,17 @@ impl Fade {
 
 /// Places of a stroke, evenly along it; of a dot its point.
 fn places(points: &[P2], count: usize) -> impl Iterator<Item = Point> + '_ {
-    let at = |p: P2| [p.x as f64, p.y as f64];
+    let point = |p: P2| [p.x as f64, p.y as f64];
     let total: f64 = points.windows(2).map(|w| w[0].distance(w[1])).sum();
     let (mut k, mut before) = (0, 0.0);
-    let dot = points.first().filter(|_| points.len() == 1).map(|&p| at(p));
+    let dot = points.first().filter(|_| points.len() == 1).map(|&p| point(p));
     let along = (0..if total > 0.0 { count } else { 0 }).map(move |i| {
         let s = (i as f64 + 0.5) / count as f64 * total;
         while k + 2 < points.len() && before + points[k].distance(points[k + 1]) < s {
             before += points[k].distance(points[k + 1]);
             k += 1;
         }
-        let (a, b) = (at(points[k]), at(points[k + 1]));
+        let (a, b) = (point(points[k]), point(points[k + 1]));
         let t = (s - before) / points[k].distance(points[k + 1]);
         [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]
     });
@@ -292,13 +298,13 @@ fn places(points: &[P2], count: usize) -> impl Iterator<Item = Point> + '_ {
 
 /// Whether a point lies on a polyline.
 fn is_on(line: &[P2], [x, y]: Point) -> bool {
-    let at = |p: P2| [p.x as f64 - x, p.y as f64 - y];
+    let from_point = |p: P2| [p.x as f64 - x, p.y as f64 - y];
     if let [dot] = line {
-        let [dx, dy] = at(*dot);
+        let [dx, dy] = from_point(*dot);
         return dx.hypot(dy) <= ON_PIECE;
     }
     line.windows(2).any(|w| {
-        let (a, b) = (at(w[0]), at(w[1]));
+        let (a, b) = (from_point(w[0]), from_point(w[1]));
         let d = [b[0] - a[0], b[1] - a[1]];
         let t = -(a[0] * d[0] + a[1] * d[1]) / (d[0] * d[0] + d[1] * d[1]);
         let t = t.clamp(0.0, 1.0);
@@ -339,10 +345,10 @@ mod tests {
                 change(&texture, i, out);
                 pen
             }),
-            ..Drawing::of(&texture)
+            ..Drawing::from_texture(&texture)
         };
         let mut rule = Rule::new("mask", "");
-        let placed = Placed { job: &job, texture: &texture, drawing: &drawing, site };
+        let placed = PlacedTextures { job: &job, texture: &texture, drawing: &drawing, site };
         check(&placed, &mut Files::default(), &mut rule);
         rule
     }

@@ -55,12 +55,12 @@ pub(super) fn without_inputs(
 ) -> Stages {
     findings.stops = stops(&program.program);
     findings.fragments = program.program.strokes.len();
-    let stages = stage::read(folder, manifest, facts, false, &mut findings.rules[RuleCode::Agreement]);
+    let stages = stage::read(folder, manifest, facts, stage::Targets::Blocks, &mut findings.rules[RuleCode::Agreement]);
     let chosen = subset::chosen(manifest, program, &mut findings.rules[RuleCode::Agreement]);
     agreement::check(manifest, program, &chosen, facts, &mut findings.rules[RuleCode::Agreement]);
     agreement::all_are_known(manifest, &chosen, facts, &mut findings.rules[RuleCode::Agreement]);
-    subset::with(program, &chosen, |program| {
-        agreement::files(folder, manifest, (program, &chosen), facts, &mut findings.rules[RuleCode::Agreement]);
+    subset::on_chosen(program, &chosen, |program| {
+        agreement::files(folder, manifest, program, &chosen, facts, &mut findings.rules[RuleCode::Agreement]);
         stage::agreement(&stages, manifest, program, &facts.machine, &mut findings.rules[RuleCode::Agreement]);
         runsheets::check(folder, manifest, program, facts, &mut findings.rules[RuleCode::Agreement]);
     });
@@ -68,7 +68,7 @@ pub(super) fn without_inputs(
     laser::check(&stages, &manifest.blocks, &facts.machine, &mut findings.rules[RuleCode::Laser]);
     depth_and_field::field(program, &facts.machine, &mut findings.rules[RuleCode::Field]);
     let frames =
-        frames::Frames::read(folder, manifest, (program, &chosen), facts, &mut findings.rules[RuleCode::Agreement]);
+        frames::Frames::read(folder, manifest, program, &chosen, facts, &mut findings.rules[RuleCode::Agreement]);
     if let Some(frames) = &frames {
         travel::moves(&frames.stages, &frames.outline, &facts.machine, &mut findings.rules[RuleCode::Travel]);
         laser::check(&frames.stages, &manifest.blocks, &facts.machine, &mut findings.rules[RuleCode::Laser]);
@@ -95,7 +95,7 @@ pub(super) fn moves(
 ) {
     // A list that cannot be was reported with the files.
     let chosen = subset::chosen(manifest, program, &mut Rule::new("", ""));
-    subset::with(program, &chosen, |program| {
+    subset::on_chosen(program, &chosen, |program| {
         clearance::check(&stages.blocks, program, facts, geometry, findings);
         subset::figures(manifest, program, facts, &mut findings.rules[RuleCode::Summary]);
     });

@@ -7,13 +7,16 @@ use crate::read::manifest::OffAxis;
 use terrace_core::geom::{FieldPoint, NM_PER_MM};
 use terrace_core::program::Program;
 
-/// Distances and shares agree to this.
+/// Distances and shares agree to this, as docs/verify.md states.
 const NEAR: f64 = 1e-9;
 
-/// Distances are stated in steps of this share of the largest one.
+/// Distances are stated in steps of this share of the largest one, as docs/verify.md states.
 const STEP: f64 = 1.0 / 512.0;
 
-/// What is wrong with the stated distances.
+/// The share of the marked length that `p95` speaks of.
+const SHARE: f64 = 0.95;
+
+/// The fault of the stated distances.
 pub(super) fn fault(stated: &OffAxis, program: &Program) -> Option<String> {
     let radius = |p: &FieldPoint| f64::from(p.x).hypot(f64::from(p.y)) / NM_PER_MM;
     let largest = program.points.iter().map(radius).fold(0.0, f64::max);
@@ -25,11 +28,12 @@ pub(super) fn fault(stated: &OffAxis, program: &Program) -> Option<String> {
     if largest == 0.0 {
         return (p95 != 0.0).then(|| format!("off_axis_mm.p95 is given as {p95}, but all marks lie on the axis"));
     }
-    // Many dots may lie at one distance, and that at the end of a step.
+    // Many dots may lie at one distance, and that at the end of a step: there a rounding of f64 decides over all of
+    // them.
     let near = NEAR * largest;
     let shares = [p95 + near, p95 - largest * STEP - near].map(|r| share_within(program, r));
     let is_near =
-        p95.is_finite() && shares[0] >= 0.95 - NEAR && shares[1] < 0.95 + NEAR && p95 <= largest * (1.0 + NEAR);
+        p95.is_finite() && shares[0] >= SHARE - NEAR && shares[1] < SHARE + NEAR && p95 <= largest * (1.0 + NEAR);
     (!is_near).then(|| {
         let percent = shares.map(|s| (s * 1e4).round() / 1e2);
         format!(

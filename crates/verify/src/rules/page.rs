@@ -159,8 +159,8 @@ impl Page {
         let page = BoxMm { lo: [0.0; 2], hi: self.size };
         let limit = limit.filter(|_| self.tiles);
         limit.map_or(page, |limit| {
-            let on = |p: [f64; 2]| turned([p[0] - self.origin[0], p[1] - self.origin[1]], -self.turn_rad);
-            BoxMm::of(limit.corners().map(on))
+            let on_plane = |p: [f64; 2]| turned([p[0] - self.origin[0], p[1] - self.origin[1]], -self.turn_rad);
+            BoxMm::of(limit.corners().map(on_plane))
         })
     }
 

@@ -2,10 +2,10 @@
 
 use terrace_input::texture::Paper;
 
-/// Largest chroma of the page, beyond that of a stated colour.
+/// Largest chroma of the page, beyond that of a stated colour, by the definition of docs/job-file.md.
 const CHROMA: f64 = 1.1;
 
-/// What is this near to half opacity, or nearer, may hide or not: opacities are products of f32, in any order.
+/// An opacity that lies this near to one half may hide or not: it is a product of f32 numbers, in any order.
 const HALF: f32 = 1e-4;
 
 /// Whether a colour is the page.
@@ -29,7 +29,7 @@ pub(super) fn is_page(paper: Paper, colour: [u8; 3]) -> bool {
     colour == [255; 3] || (l >= least && beyond.hypot(across) <= CHROMA)
 }
 
-/// What a shape in the colour of the page hides of what lies below it.
+/// Whether a shape in the colour of the page hides the shapes below it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Hides {
     All,
@@ -51,8 +51,10 @@ pub(super) fn hides(opacity: f32) -> Hides {
 fn lab([r, g, b]: [u8; 3]) -> [f64; 3] {
     let [r, g, b] = [r, g, b].map(|v| {
         let share = f64::from(v) / 255.0;
+        // The transfer curve of sRGB (IEC 61966-2-1) is linear up to 0.04045, which is 10.3 of 255.
         if v > 10 { ((share + 0.055) / 1.055).powf(2.4) } else { share / 12.92 }
     });
+    // Its primaries, each row divided by what it has for white.
     let x = (0.4124 * r + 0.3576 * g + 0.1805 * b) / (0.4124 + 0.3576 + 0.1805);
     let y = (0.2126 * r + 0.7152 * g + 0.0722 * b) / (0.2126 + 0.7152 + 0.0722);
     let z = (0.0193 * r + 0.1192 * g + 0.9505 * b) / (0.0193 + 0.1192 + 0.9505);

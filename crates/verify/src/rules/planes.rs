@@ -2,7 +2,7 @@
 //! file state them, and who carries what on each axis, which decides the signs of all positions.
 
 use crate::proof::Rule;
-use crate::read::ovf::{Bounds, Mark, MarkingParams, OvfFile, Patch, WorkPlane};
+use crate::read::ovf::{Bounds, MarkingParams, OvfFile, OvfMark, Patch, WorkPlane};
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{ControllerPoint, Nm, mm_from_nm};
 use terrace_core::machine::{Axis, Carries, Machine};
@@ -77,6 +77,7 @@ fn same_settings(p: &MarkingParams, pen: &Pen, shift: Nm, machine: &Machine) -> 
         && waits.iter().all(|(found, wanted)| step(*found, wanted.as_us()))
 }
 
+/// Compares the marks of work plane `i` with a block; returns the bounds that it states, or the first difference.
 fn plane(
     ovf: &OvfFile<'_>,
     i: usize,
@@ -130,10 +131,14 @@ fn plane(
     }
 }
 
+/// Compares what a work plane states of itself with its block.
 fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Result<(), String> {
-    let at = [plane.x_mm, plane.y_mm, plane.z_mm];
-    if !at.iter().zip(block.stage.0).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
-        return Err(format!("the work plane is at {at:?} mm, but program.txt has {}", super::stage_text(block.stage)));
+    let stage = [plane.x_mm, plane.y_mm, plane.z_mm];
+    if !stage.iter().zip(block.stage.0).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
+        return Err(format!(
+            "the work plane is at {stage:?} mm, but program.txt has {}",
+            super::stage_text(block.stage)
+        ));
     }
     let patches = plane.about.as_ref().map(|about| &about.patches);
     let is_centre = |patch: &Patch| {
@@ -160,7 +165,7 @@ fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Resul
     Ok(())
 }
 
-/// What each axis carries, and whether it runs against the frame.
+/// The machine type of a work plane: what each axis carries, and whether it runs against the frame.
 fn machine_type(machine: &Machine) -> String {
     let axis = |(name, axis): (&str, &Axis)| {
         let carries = if axis.carries == Carries::Head { "head" } else { "part" };
@@ -177,7 +182,8 @@ fn machine_type(machine: &Machine) -> String {
     format!("terrace/xyz-{head}{}{tilt}", machine.axes().map(axis).concat())
 }
 
-fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = ControllerPoint>) -> bool {
+/// Whether a mark has these points, to one step of f32.
+fn same_points(mark: &OvfMark<'_>, points: impl ExactSizeIterator<Item = ControllerPoint>) -> bool {
     let nm = |v: i32| mm_from_nm(i64::from(v));
     mark.xy.len() == 2 * points.len()
         && mark

@@ -13,12 +13,25 @@ use terrace_core::geom::NM_PER_MM;
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::Block;
 
-/// How far a pose may be off, nm and rad: its centre is rounded to the nanometre in the turned frame and again in that
-/// of the part, and each of three angles to a millionth of a degree.
-const NEAR: [f64; 2] = [2.0, 3e-8];
+/// How far the centre of a pose may be off, nm: it is rounded to the nanometre in the turned frame and again in that of
+/// the part, by half the diagonal of a cube of 1 nm each time, 0.87 nm.
+const NEAR_NM: f64 = 2.0;
 
-/// What single precision may take away besides: of a length this share, and of three angles of up to half a turn.
-const SINGLE: [f64; 2] = [6e-8, 6e-7];
+/// How far its directions may be off, rad: each of three angles is rounded to a millionth of a degree, by 8.7e-9 rad.
+const NEAR_RAD: f64 = 3e-8;
+
+/// How far single precision may move a pose besides.
+struct Precision {
+    /// Share of a length.
+    share: f64,
+    /// Of three angles together, rad.
+    rad: f64,
+}
+
+const DOUBLE: Precision = Precision { share: 0.0, rad: 0.0 };
+
+/// Half a step of f32 is 2^-24 of a length, and 1.3e-7 rad of an angle of up to half a turn.
+const SINGLE: Precision = Precision { share: 6e-8, rad: 6e-7 };
 
 /// Holds the list of poses against the program.
 pub(super) fn check(
@@ -40,33 +53,36 @@ pub(super) fn check(
     for (pose, block) in poses.iter().zip(&file.program.blocks) {
         rule.checked += 1;
         let turns = pose.turns.map(|v| v as f64 / 1e6);
-        if let Some(fault) = fault(pose.at.map(|v| v as f64), turns, block, file.origin(block), machine, [0.0; 2]) {
+        if let Some(fault) = fault(pose.at.map(|v| v as f64), turns, block, file.origin(block), machine, &DOUBLE) {
             rule.broken(&pose.block, name, fault);
         }
     }
 }
 
-/// What is wrong with a pose of single precision: mm, then degrees about z, y and x.
+/// The fault of a pose of single precision: mm, then degrees about z, y and x.
 pub(super) fn single(values: &[f32], block: &Block, origin: Origin, machine: &Machine) -> Option<String> {
     let &[x, y, z, c, b, a] = values else { return Some(format!("its pose has {} values, not six", values.len())) };
-    fault([x, y, z].map(|v| f64::from(v) * NM_PER_MM), [c, b, a].map(f64::from), block, origin, machine, SINGLE)
+    fault([x, y, z].map(|v| f64::from(v) * NM_PER_MM), [c, b, a].map(f64::from), block, origin, machine, &SINGLE)
 }
 
+/// The fault of a pose: tool centre in nm, turns about z, y and x in degrees.
 fn fault(
-    at: [f64; 3],
+    stated_centre: [f64; 3],
     turns: [f64; 3],
     block: &Block,
     origin: Origin,
     machine: &Machine,
-    [share, wide]: [f64; 2],
+    precision: &Precision,
 ) -> Option<String> {
-    if !at.iter().chain(&turns).all(|v| v.is_finite()) {
+    if !stated_centre.iter().chain(&turns).all(|v| v.is_finite()) {
         return Some("the pose is not of finite numbers".into());
     }
-    let HeadPose { centre, axes } = HeadPose::of(machine, block.stage, block.stop.tilt, origin);
+    let HeadPose { centre, axes } = HeadPose::new(machine, block.stage, block.stop.tilt, origin);
     let mm = |p: [f64; 3]| p.map(|v| v.round() / NM_PER_MM);
-    if (0..3).any(|k| (at[k] - centre[k]).abs() > NEAR[0] + share * centre[k].abs()) {
-        return Some(format!("the pose is at {:?} mm, the commands bring the head to {:?} mm", mm(at), mm(centre)));
+    let is_off = |k: usize| (stated_centre[k] - centre[k]).abs() > NEAR_NM + precision.share * centre[k].abs();
+    if (0..3).any(is_off) {
+        let (stated, found) = (mm(stated_centre), mm(centre));
+        return Some(format!("the pose is at {stated:?} mm, the commands bring the head to {found:?} mm"));
     }
     let [(sz, cz), (sy, cy), (sx, cx)] = turns.map(|deg| (deg / 180.0 * std::f64::consts::PI).sin_cos());
     let columns = [
@@ -75,6 +91,6 @@ fn fault(
         [cz * sy * cx + sz * sx, sz * sy * cx - cz * sx, cy * cx],
     ];
     let off = (0..9).map(|i| (columns[i / 3][i % 3] - axes[i / 3][i % 3]).abs()).fold(0.0, f64::max);
-    (off > NEAR[1] + wide)
+    (off > NEAR_RAD + precision.rad)
         .then(|| format!("the pose is turned by {turns:?} deg about z, y and x, {off:.3e} rad off the head's axes"))
 }

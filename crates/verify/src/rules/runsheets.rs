@@ -9,9 +9,9 @@ use super::times;
 use crate::job_facts::JobFacts;
 use crate::proof::Rule;
 use crate::read::formats;
-use crate::read::manifest::Manifest;
+use crate::read::manifest::{Manifest, RegistrationEntry};
 use crate::read::program::ProgramFile;
-use crate::read::runsheet::{self, Sheet, Table};
+use crate::read::runsheet::{self, RunSheet, Table};
 use crate::read::{Fault, number};
 use terrace_core::diag;
 use terrace_core::geom::{NM_PER_MM, Nm};
@@ -25,11 +25,17 @@ const MAX_FILE: u64 = 1 << 30;
 /// Decimals of stage positions in mm in `runsheet.txt` and in `runsheet.csv`.
 const DECIMALS: [i32; 2] = [4, 6];
 
+/// How far a position in mm with four decimals may lie from that in nm: half of the last, and 1 nm more.
+const POSITION_NM: f64 = 51.0;
+
+/// How far a side of the part in mm with three decimals may lie from the manifest's: half of the last, and 1 nm more.
+const SIDE_MM: f64 = 0.000_501;
+
 /// Holds the run sheets that are there against the program.
 pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
-    let mut sheets = Sheets { manifest, file, facts, rule };
+    let mut sheets = SheetChecker { manifest, file, facts, rule };
     if let Some(table) = sheets.read(folder, "runsheet.csv", runsheet::csv) {
-        let columns = Columns {
+        let columns = TableColumns {
             names: CSV,
             decimals: [DECIMALS[1], 3, 3],
             pens: |file, block| {
@@ -40,7 +46,7 @@ pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, fact
         sheets.table("runsheet.csv", &table, &columns);
     }
     if let Some(sheet) = sheets.read(folder, "runsheet.txt", runsheet::txt) {
-        let columns = Columns {
+        let columns = TableColumns {
             names: TXT,
             decimals: [DECIMALS[0], 1, 1],
             pens: |file, block| pens_of(file, block).map(|p| (p + 1).to_string()).collect::<Vec<_>>().join(" "),
@@ -85,7 +91,7 @@ const TXT_COLUMNS: [&str; 12] =
     ["block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s", "pens", "file"];
 
 /// How a sheet writes its table.
-struct Columns {
+struct TableColumns {
     names: Names,
     /// Decimals of positions, mark lengths and times.
     decimals: [i32; 3],
@@ -100,14 +106,14 @@ fn pens_of(file: &ProgramFile, block: &Block) -> impl Iterator<Item = usize> {
     pens.into_iter()
 }
 
-struct Sheets<'a> {
+struct SheetChecker<'a> {
     manifest: &'a Manifest,
     file: &'a ProgramFile,
     facts: &'a JobFacts,
     rule: &'a mut Rule,
 }
 
-impl Sheets<'_> {
+impl SheetChecker<'_> {
     /// Reads a sheet that the manifest lists.
     fn read<T>(&mut self, folder: &Path, name: &str, read: fn(&[u8]) -> Result<T, Fault>) -> Option<T> {
         if !self.manifest.files.iter().any(|f| f.file == name) {
@@ -134,7 +140,7 @@ impl Sheets<'_> {
     }
 
     /// Holds the rows of a table against the blocks.
-    fn table(&mut self, name: &str, table: &Table, columns: &Columns) {
+    fn table(&mut self, name: &str, table: &Table, columns: &TableColumns) {
         let mut at = [0; 10];
         for (slot, column) in at.iter_mut().zip(columns.names) {
             match table.column(column) {
@@ -160,7 +166,7 @@ impl Sheets<'_> {
     }
 
     /// Which cell of a row is not the block's.
-    fn differs(&self, id: &str, block: &Block, cells: [&str; 10], columns: &Columns) -> Option<&'static str> {
+    fn differs(&self, id: &str, block: &Block, cells: [&str; 10], columns: &TableColumns) -> Option<&'static str> {
         let [name, x, y, z, focus, drawing, strokes, marks, time, pens] = cells;
         let [place, length, seconds] = columns.decimals;
         let is_at = |cell: &str, nm: i64| {
@@ -190,7 +196,7 @@ impl Sheets<'_> {
     /// The same of columns that not every sheet has.
     fn more(&self, table: &Table, row: &[String], block: &Block) -> Option<&'static str> {
         let cell = |name: &str| table.column(name).map(|i| row[i].as_str());
-        let is = |name: &str, value: i64| cell(name).is_none_or(|c| number::integer(c.as_bytes()) == Some(value));
+        let is_cell = |name: &str, value: i64| cell(name).is_none_or(|c| number::integer(c.as_bytes()) == Some(value));
         let [column, line] = block.stop.section.0.map(i64::from);
         let jump = times::jump_mm(&self.file.program, block);
         let (shift, shift_decimals) = match cell("focus_shift_mm") {
@@ -198,11 +204,11 @@ impl Sheets<'_> {
             None => (cell("SHIFT"), 4),
         };
         [
-            ("section", is("column", column) && is("row", line)),
+            ("section", is_cell("column", column) && is_cell("row", line)),
             ("section", cell("section").is_none_or(|c| c == format!("{column},{line}"))),
-            ("level", is("level", block.stop.level.into())),
-            ("pass", is("pass", i64::from(block.pass.0) + 1)),
-            ("set-up", is("setup", i64::from(block.setup.0) + 1)),
+            ("level", is_cell("level", block.stop.level.into())),
+            ("pass", is_cell("pass", i64::from(block.pass.0) + 1)),
+            ("set-up", is_cell("setup", i64::from(block.setup.0) + 1)),
             (
                 "focus shift",
                 shift.map_or(self.facts.machine.zoom.is_none(), |c| {
@@ -216,70 +222,63 @@ impl Sheets<'_> {
     }
 
     /// Checks the head of the sheet: the position of the part, and the pens.
-    fn head(&mut self, sheet: &Sheet) {
+    fn head(&mut self, sheet: &RunSheet) {
         let name = "runsheet.txt";
-        let near = |found: &[f64], nm: &[i64]| {
-            found.len() == nm.len() && found.iter().zip(nm).all(|(mm, &nm)| (mm * NM_PER_MM - nm as f64).abs() <= 51.0)
-        };
         let origins = &self.file.origins;
-        let mut hold = |holds: bool, text: &str| {
-            self.rule.checked += 1;
-            if !holds {
-                self.rule.broken("", name, text);
-            }
-        };
-        hold(
-            origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0].0)),
+        let rule = &mut *self.rule;
+        rule.require(
+            name,
+            origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| is_position(z, &origins[0].0)),
             "its part zero differs from program.txt",
         );
-        hold(sheet.setups_stated.unwrap_or(1) == origins.len(), "its number of set-ups differs from program.txt");
-        hold(sheet.stage_zero == stage_zero(self.manifest), "it names another zero than the stage programs have");
+        rule.require(
+            name,
+            sheet.setups_stated.unwrap_or(1) == origins.len(),
+            "its number of set-ups differs from program.txt",
+        );
+        rule.require(
+            name,
+            sheet.stage_zero == stage_zero(self.manifest),
+            "it names another zero than the stage programs have",
+        );
         let turn = self.manifest.placement.turn_deg;
-        hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn differs from the manifest");
+        rule.require(
+            name,
+            sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9),
+            "its part turn differs from the manifest",
+        );
         let laid = self.facts.laid_deg;
         let is_laid = match (&sheet.laid, laid) {
             (Some(found), Some(laid)) => found.iter().zip(laid).all(|(f, l)| (f - l).abs() <= 1e-9),
             (found, laid) => found.is_none() && laid.is_none(),
         };
-        hold(is_laid || self.facts.pens.is_none(), "how its part is laid differs from the job file");
+        rule.require(name, is_laid || self.facts.pens.is_none(), "how its part is laid differs from the job file");
         let size = self.manifest.summary.part_mm;
-        let is_size =
-            sheet.size.iter().flatten().zip(size).filter(|(f, mm)| (**f - mm).abs() <= 0.000_501).count() == 3;
-        hold(is_size, "the size of its part differs from the manifest");
+        let is_size = sheet.size.iter().flatten().zip(size).filter(|(f, mm)| (**f - mm).abs() <= SIDE_MM).count() == 3;
+        rule.require(name, is_size, "the size of its part differs from the manifest");
         let is_own = sheet.machine.as_deref() == Some(self.facts.machine.name.as_str().trim());
-        hold(is_own, "its machine is another one");
-        hold(
+        rule.require(name, is_own, "its machine is another one");
+        rule.require(
+            name,
             are_pens(sheet, &self.file.program.pens, &self.facts.machine),
             "its pens differ from those of program.txt",
         );
         let (loads, total) = loading(self.manifest);
-        hold(
+        rule.require(
+            name,
             sheet.loading.as_ref().is_some_and(|words| words.starts_with(&loads)),
             "who loads the blocks differs from the manifest",
         );
-        hold(sheet.in_all.as_ref() == Some(&total), "its time in all differs from the manifest");
+        rule.require(name, sheet.in_all.as_ref() == Some(&total), "its time in all differs from the manifest");
         if sheet.setups.is_empty() && origins.len() == 1 {
             return;
         }
-        let of_setup = |k: usize| runs(self.file, k);
-        let setups = (0..).zip(&sheet.setups).zip(origins).zip(&self.manifest.setups);
-        let setups = { setups }.all(|(((k, found), origin), stated)| {
-            let nm = |v: [f64; 2]| v.map(|mm| (mm * NM_PER_MM).round() as i64);
-            (found.number, found.count) == (k + 1, origins.len())
-                && found.blocks == of_setup(k)
-                && near(&found.zero, &origin.0)
-                && found.points.len() == stated.registration.len()
-                && found
-                    .points
-                    .iter()
-                    .zip(&stated.registration)
-                    .all(|([point, at], wanted)| near(point, &nm(wanted.point_mm)) && near(at, &nm(wanted.stage)))
-        });
-        hold(setups && sheet.setups.len() == origins.len(), "its set-ups differ from those of program.txt");
+        let are_stated = are_setups(sheet, self.file, self.manifest);
+        rule.require(name, are_stated, "its set-ups differ from those of program.txt");
     }
 
     /// Holds the lines that say where to lift to before a block.
-    fn lifts(&mut self, sheet: &Sheet) {
+    fn lifts(&mut self, sheet: &RunSheet) {
         let z = self.facts.machine.retract_z();
         let blocks = self.file.ids.iter().zip(&self.file.program.blocks).enumerate();
         for (((i, (id, block)), found), (line, _)) in blocks.zip(&sheet.lifts).zip(&sheet.blocks.rows) {
@@ -295,7 +294,7 @@ impl Sheets<'_> {
     }
 
     /// Holds the headings over the rows: the pass, and where there are several the set-up.
-    fn headings(&mut self, sheet: &Sheet) {
+    fn headings(&mut self, sheet: &RunSheet) {
         let several = self.file.origins.len() > 1;
         let blocks = self.file.ids.iter().zip(&self.file.program.blocks);
         for (((id, block), under), (line, _)) in blocks.zip(&sheet.under).zip(&sheet.blocks.rows) {
@@ -307,27 +306,56 @@ impl Sheets<'_> {
     }
 }
 
-/// Whether the pens of a sheet are these, in their order.
-pub(crate) fn are_pens(sheet: &Sheet, pens: &[Pen], machine: &Machine) -> bool {
-    let is_pen = |((cells, pen), i): ((&Vec<String>, &Pen), u32)| {
-        let number = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
-        let power = cells.get(2).and_then(|c| {
-            let (power, watts) = c.rsplit_once(" = ")?;
-            Some((power.parse::<Power>().ok()?, watts.strip_suffix(" W")?.parse::<f64>().ok()?))
-        });
-        number(0) == f64::from(i)
-            && number(1) == pen.speed.as_mm_s()
-            && power.is_some_and(|(power, w)| {
-                power == pen.power && (w - pen.power.as_w(machine.laser.max_power)).abs() <= 1e-6
-            })
-            && number(3) == pen.frequency.as_khz()
-            && number(4) == f64::from(pen.passes)
-            && cells.get(5).is_some_and(|name| *name == pen.name.trim())
+/// Whether a sheet states the set-ups of the program, each with its blocks, its zero and its registration points.
+fn are_setups(sheet: &RunSheet, file: &ProgramFile, manifest: &Manifest) -> bool {
+    let origins = &file.origins;
+    let mut setups = sheet.setups.iter().zip(origins).zip(&manifest.setups).enumerate();
+    sheet.setups.len() == origins.len()
+        && setups.all(|(k, ((setup, origin), stated))| {
+            (setup.number, setup.count) == (k + 1, origins.len())
+                && setup.blocks == runs(file, k)
+                && is_position(&setup.zero, &origin.0)
+                && are_registration_points(&setup.points, &stated.registration)
+        })
+}
+
+/// Whether a sheet states these registration points: of each the place on the part and that of the stage.
+fn are_registration_points(points: &[[Vec<f64>; 2]], stated: &[RegistrationEntry]) -> bool {
+    let nm = |v: [f64; 2]| v.map(|mm| (mm * NM_PER_MM).round() as i64);
+    let is_same = |[point, stage]: &[Vec<f64>; 2], wanted: &RegistrationEntry| {
+        is_position(point, &nm(wanted.point_mm)) && is_position(stage, &nm(wanted.stage))
     };
+    points.len() == stated.len() && points.iter().zip(stated).all(|(point, wanted)| is_same(point, wanted))
+}
+
+/// Whether a position in mm, with four decimals, is this one in nm.
+fn is_position(found_mm: &[f64], nm: &[i64]) -> bool {
+    found_mm.len() == nm.len()
+        && found_mm.iter().zip(nm).all(|(mm, &nm)| (mm * NM_PER_MM - nm as f64).abs() <= POSITION_NM)
+}
+
+/// Whether the pens of a sheet are these, in their order.
+pub(crate) fn are_pens(sheet: &RunSheet, pens: &[Pen], machine: &Machine) -> bool {
     let dwells = (1..).zip(pens).filter_map(|(i, pen)| Some((i, pen.dwell?.as_us())));
     sheet.pens.len() == pens.len()
-        && sheet.pens.iter().zip(pens).zip(1..).all(is_pen)
+        && sheet.pens.iter().zip(pens).zip(1..).all(|((cells, pen), number)| is_pen(cells, pen, number, machine))
         && sheet.dwells.iter().copied().eq(dwells)
+}
+
+/// Whether the cells of a row are those of a pen, numbered from 1.
+fn is_pen(cells: &[String], pen: &Pen, number: u32, machine: &Machine) -> bool {
+    let figure = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
+    let power = cells.get(2).and_then(|c| {
+        let (power, watts) = c.rsplit_once(" = ")?;
+        Some((power.parse::<Power>().ok()?, watts.strip_suffix(" W")?.parse::<f64>().ok()?))
+    });
+    figure(0) == f64::from(number)
+        && figure(1) == pen.speed.as_mm_s()
+        && power
+            .is_some_and(|(power, w)| power == pen.power && (w - pen.power.as_w(machine.laser.max_power)).abs() <= 1e-6)
+        && figure(3) == pen.frequency.as_khz()
+        && figure(4) == f64::from(pen.passes)
+        && cells.get(5).is_some_and(|name| *name == pen.name.trim())
 }
 
 /// The blocks of a set-up, counted from 0, as runs.

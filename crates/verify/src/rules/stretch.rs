@@ -26,7 +26,7 @@ impl Stretch {
 
 /// Stretches that follow each other without a gap.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct StretchRun {
     pub(super) stretches: Vec<Stretch>,
     pub(super) len: f64,
 }
@@ -58,14 +58,14 @@ pub(super) fn whole(p: &Piece, is_wrong: bool) -> Parts {
     [if is_wrong { p.d } else { [0.0; 2] }, [0.0; 2]]
 }
 
-/// The runs, longer than the grain, that are `bad` wherever within its reach the line lies.
+/// The runs, longer than the grain, that are `bad` on the line and on all parallels within its reach.
 pub(super) fn confirmed(
     list: &[Stretch],
     geometry: &Geometry,
     scratch: &mut Scratch,
     line: impl Fn(usize) -> Line,
     bad: impl Fn(&Piece) -> Parts,
-) -> Vec<Run> {
+) -> Vec<StretchRun> {
     confirmed_along(list, geometry, scratch, line, |p, _| bad(p))
 }
 
@@ -86,7 +86,7 @@ pub(super) fn confirmed_along(
     scratch: &mut Scratch,
     line: impl Fn(usize) -> Line,
     bad: impl Fn(&Piece, Parallel) -> Parts,
-) -> Vec<Run> {
+) -> Vec<StretchRun> {
     let grain = geometry.grain();
     let mut kept = Vec::new();
     for run in runs(list).into_iter().filter(|r| r.len > grain) {
@@ -116,8 +116,8 @@ pub(super) fn confirmed_along(
     runs(&kept).into_iter().filter(|r| r.len > grain).collect()
 }
 
-/// What of a stretch is bad along an edge that lies on the line as exactly as f64 holds: both its sides have been
-/// compared, and no rounding is left that could show another facet.
+/// The parts of a stretch that are bad along an edge that lies on the line as exactly as f64 holds: both its sides have
+/// been compared, and no rounding is left that could show another facet.
 fn along_edges(
     s: &Stretch,
     line: &Line,
@@ -138,8 +138,8 @@ fn along_edges(
     found
 }
 
-impl Run {
-    /// What it begins with, of this length at most.
+impl StretchRun {
+    /// Its beginning, of this length at most.
     pub(super) fn begin(&self, most: f64) -> Option<Self> {
         let mut begin = Self { stretches: Vec::new(), len: 0.0 };
         for &s in &self.stretches {
@@ -162,8 +162,8 @@ impl Run {
 }
 
 /// Joins stretches that follow each other.
-pub(super) fn runs(list: &[Stretch]) -> Vec<Run> {
-    let mut out: Vec<Run> = Vec::new();
+pub(super) fn runs(list: &[Stretch]) -> Vec<StretchRun> {
+    let mut out: Vec<StretchRun> = Vec::new();
     for &s in list {
         if let Some(run) = out.last_mut()
             && let Some(last) = run.stretches.last()
@@ -174,7 +174,7 @@ pub(super) fn runs(list: &[Stretch]) -> Vec<Run> {
             run.len += s.len();
             run.stretches.push(s);
         } else {
-            out.push(Run { stretches: vec![s], len: s.len() });
+            out.push(StretchRun { stretches: vec![s], len: s.len() });
         }
     }
     out

@@ -27,21 +27,25 @@ pub(super) fn chosen(manifest: &Manifest, file: &ProgramFile, rule: &mut Rule) -
     }
 }
 
-/// Calls `look` with these blocks alone.
-pub(super) fn with<R>(file: &mut ProgramFile, chosen: &[usize], look: impl FnOnce(&ProgramFile) -> R) -> R {
+/// Calls `judge` with a program of the chosen blocks alone.
+pub(super) fn on_chosen<R>(file: &mut ProgramFile, chosen: &[usize], judge: impl FnOnce(&ProgramFile) -> R) -> R {
     if chosen.len() == file.ids.len() {
-        return look(file);
+        return judge(file);
     }
-    let follows = |at: usize| at > 0 && chosen[at - 1] + 1 == chosen[at];
-    let blocks = chosen.iter().enumerate().map(|(at, &i)| {
+    // A block that does not follow on the one before it is entered by a lift.
+    let follows = |k: usize| k > 0 && chosen[k - 1] + 1 == chosen[k];
+    let blocks = chosen.iter().enumerate().map(|(k, &i)| {
         let mut block = file.program.blocks[i].clone();
-        block.retract |= !follows(at);
+        block.retract |= !follows(k);
         block
     });
-    let (blocks, ids) = (blocks.collect(), chosen.iter().map(|&i| file.ids[i].clone()).collect());
-    let whole = (std::mem::replace(&mut file.program.blocks, blocks), std::mem::replace(&mut file.ids, ids));
-    let answer = look(file);
-    (file.program.blocks, file.ids) = whole;
+    let blocks = blocks.collect();
+    let ids = chosen.iter().map(|&i| file.ids[i].clone()).collect();
+    let whole_blocks = std::mem::replace(&mut file.program.blocks, blocks);
+    let whole_ids = std::mem::replace(&mut file.ids, ids);
+    let answer = judge(file);
+    file.program.blocks = whole_blocks;
+    file.ids = whole_ids;
     answer
 }
 
@@ -52,7 +56,9 @@ pub(super) fn figures(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts,
     let mut mark_mm = 0.0;
     for block in &file.program.blocks {
         let Times { mark, jump, delay, .. } = times::marking(&file.program, block, &facts.machine);
-        (all.mark, all.jump, all.delay) = (all.mark + mark, all.jump + jump, all.delay + delay);
+        all.mark += mark;
+        all.jump += jump;
+        all.delay += delay;
         mark_mm += file.program.strokes_of(block).iter().map(|s| times::marked_mm(&file.program, s)).sum::<f64>();
     }
     let load_s = super::summary::load_s(super::summary::way(facts), facts) * file.program.blocks.len() as f64;
@@ -62,10 +68,7 @@ pub(super) fn figures(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts,
         ("time_s", subset.time_s, all.total()),
         ("total_s", subset.total_s, all.total() + load_s),
     ] {
-        rule.checked += 1;
-        let near = (stated - found).abs() <= 1e-9 * found.max(1.0); // never of a NaN
-        if !near {
-            rule.broken("", "manifest.json", format!("subset.{name} is given as {stated}, but is {found}"));
-        }
+        // The same share as of the figures of a whole job.
+        rule.require_figure("", &format!("subset.{name}"), stated, found, 1e-9 * found.max(1.0));
     }
 }

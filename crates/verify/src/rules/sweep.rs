@@ -6,10 +6,10 @@
 
 use crate::geometry::BoxNm;
 
-/// Sections by which the nearest place on a way is found: of 4 m less than a nanometre is left.
+/// Sections by which the nearest place on a way is found. Each leaves 0.618 of the way: of 4 m less than a nanometre.
 const SECTIONS: usize = 50;
 
-/// Halvings by which is found how far a facet rises: of 4 m less than a nanometre is left.
+/// Halvings by which is found how far a facet rises: of 4 m they leave 4 m / 2^42, less than a nanometre.
 const HALVINGS: usize = 42;
 
 /// The way of a head.
@@ -48,11 +48,11 @@ impl Sweep {
         let mut around = BoxNm::EMPTY;
         corners.iter().for_each(|&[x, y, _]| around.add([x, y]));
         let Some([from, to]) = self.over(&around, highest(corners) - least) else { return false };
-        let off = |t: f64| {
+        let from_axis = |t: f64| {
             let [x, y, z] = self.at(t);
             distance([x, y], &above(corners, z + least))
         };
-        nearest(off, from, to, self.reach) < self.reach
+        least_value(from_axis, from, to, self.reach) < self.reach
     }
 
     /// Whether anything in a box whose highest place is `top` can rise into the head.
@@ -60,24 +60,27 @@ impl Sweep {
         self.over(around, top).is_some()
     }
 
-    /// The stretch of the way, from 0 to 1, on which the square around the head is over a box and the lower end is lower
-    /// than `top`.
+    /// The stretch of the way, from 0 to 1, on which the square around the head is over a box and the lower end is
+    /// lower than `top`.
     fn over(&self, around: &BoxNm, top: f64) -> Option<[f64; 2]> {
         let mut stretch = [0.0f64, 1.0];
-        let mut keep = |k: usize, lo: f64, hi: f64| {
-            let (start, goes) = (self.ends[0][k], self.ends[1][k] - self.ends[0][k]);
-            if goes == 0.0 {
-                if start < lo || start > hi {
-                    stretch = [1.0, 0.0];
-                }
-                return;
-            }
-            let [a, b] = [(lo - start) / goes, (hi - start) / goes];
-            stretch = [stretch[0].max(a.min(b)), stretch[1].min(a.max(b))];
-        };
-        (0..2).for_each(|k| keep(k, around.lo[k] - self.reach, around.hi[k] + self.reach));
-        keep(2, f64::NEG_INFINITY, top);
+        for k in 0..2 {
+            stretch = self.within(stretch, k, around.lo[k] - self.reach, around.hi[k] + self.reach);
+        }
+        stretch = self.within(stretch, 2, f64::NEG_INFINITY, top);
         (stretch[0] <= stretch[1] && self.ends.iter().any(|end| end[2] < top)).then_some(stretch)
+    }
+
+    /// The part of a stretch of the way whose coordinate `k` lies between `lo` and `hi`; from 1 to 0 where there is
+    /// none.
+    fn within(&self, stretch: [f64; 2], k: usize, lo: f64, hi: f64) -> [f64; 2] {
+        let start = self.ends[0][k];
+        let way = self.ends[1][k] - start;
+        if way == 0.0 {
+            return if start < lo || start > hi { [1.0, 0.0] } else { stretch };
+        }
+        let [a, b] = [(lo - start) / way, (hi - start) / way];
+        [stretch[0].max(a.min(b)), stretch[1].min(a.max(b))]
     }
 
     /// The place of the lower end at `t` of the way.
@@ -90,9 +93,11 @@ fn highest(corners: &[[f64; 3]; 3]) -> f64 {
     corners.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The least value of a convex function between two places, or one below `enough`.
-fn nearest(off: impl Fn(f64) -> f64, mut from: f64, mut to: f64, enough: f64) -> f64 {
+/// The least value of a convex function between two places by golden sections, or one below `enough`.
+fn least_value(off: impl Fn(f64) -> f64, mut from: f64, mut to: f64, enough: f64) -> f64 {
     let section = (5f64.sqrt() - 1.0) / 2.0;
+    // The least value lies between `from` and `to`; `at` are the two places that divide what is left, and `found` their
+    // values. Each section keeps one of them, so that one value a section is computed.
     let mut at = [to - section * (to - from), from + section * (to - from)];
     let mut found = at.map(&off);
     let mut least = off(from).min(off(to)).min(found[0]).min(found[1]);
@@ -114,7 +119,7 @@ fn nearest(off: impl Fn(f64) -> f64, mut from: f64, mut to: f64, enough: f64) ->
     least
 }
 
-/// What of a facet is not below `z`, as a ring in the plane.
+/// The part of a facet that is not below `z`, as a ring in the plane.
 fn above(corners: &[[f64; 3]; 3], z: f64) -> Vec<[f64; 2]> {
     let mut ring = Vec::with_capacity(4);
     for (i, p) in corners.iter().enumerate() {
@@ -160,6 +165,14 @@ mod tests {
     /// A small level facet at a height of 17.
     fn chip(x: f64, y: f64) -> [[f64; 3]; 3] {
         [[x, y, 17.0], [x + 0.1, y, 17.0], [x, y + 0.1, 17.0]]
+    }
+
+    #[test]
+    fn a_way_is_cut_at_two_places_of_an_axis() {
+        let way = Sweep::new([[0.0; 3], [100.0, 0.0, 10.0]], REACH);
+        assert_eq!(way.within([0.0, 1.0], 0, 25.0, 50.0), [0.25, 0.5]);
+        assert_eq!(way.within([0.0, 0.4], 2, f64::NEG_INFINITY, 5.0), [0.0, 0.4]);
+        assert_eq!(way.within([0.0, 1.0], 1, 1.0, 2.0), [1.0, 0.0], "beside it");
     }
 
     #[test]

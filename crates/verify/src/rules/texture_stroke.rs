@@ -1,4 +1,4 @@
-//! A stroke of the texture as placed anew, and where a mark lies along it.
+//! A stroke of the texture, placed again from the job, and where a mark lies along it.
 //!
 //! Lengths along it are nm from its first point, without the passes of its pen. A claimed segment is only a hint: what
 //! a mark's points say decides.
@@ -8,7 +8,8 @@ use crate::geometry::Line;
 use terrace_core::geom::{P2, orient};
 use terrace_core::program::PenId;
 
-/// A cut point is a point of the stroke rounded to the grid: it lies this near, nm.
+/// A cut point is a point of the stroke rounded to the grid: it lies 0.71 nm near, half the diagonal of the grid. A
+/// whole nanometre is what docs/verify.md states.
 const ON_STROKE: f64 = 1.0;
 
 /// A mark that is not where it claims to be is laid on its stroke if that is this near, nm, so that
@@ -193,24 +194,43 @@ impl TextureStroke {
 
     /// Where a mark that is not what it claims comes nearest to the stroke with its ends, if anywhere near.
     pub(super) fn nearest(&self, mark: &[P2]) -> Option<[f64; 2]> {
-        // Of equally near places the first for the beginning, the last for the end: closed figures.
-        let nearest = |p: P2, last: bool| {
-            let mut best = (NEAR, None);
-            for k in 0..self.points.len() - 1 {
-                let (d, aside) = self.project(k, p);
-                let len = self.along[k + 1] - self.along[k];
-                let away = aside.hypot((-d).max(d - len).max(0.0));
-                if away < best.0 || (last && away == best.0) {
-                    best = (away, Some(self.along[k] + d.clamp(0.0, len)));
-                }
-            }
-            best.1
-        };
         let [first, last] = [*mark.first()?, *mark.last()?];
-        let (a, b) = (nearest(first, false)?, nearest(last, true)?);
+        // Of equally near places the first for the beginning, the last for the end: closed figures.
+        let from = self.nearest_place(first, |away, nearest| away < nearest)?;
+        let to = self.nearest_place(last, |away, nearest| away <= nearest)?;
         if self.is_whole(mark) {
             return Some([0.0, self.len()]);
         }
-        Some([a.min(b), a.max(b)])
+        Some([from.min(to), from.max(to)])
+    }
+
+    /// The length along the stroke at which it passes a point, within [`NEAR`]; `is_nearer` compares the distance there
+    /// with the least so far.
+    fn nearest_place(&self, p: P2, is_nearer: impl Fn(f64, f64) -> bool) -> Option<f64> {
+        let mut nearest = NEAR;
+        let mut place = None;
+        for k in 0..self.points.len() - 1 {
+            let (d, aside) = self.project(k, p);
+            let len = self.along[k + 1] - self.along[k];
+            let away = aside.hypot((-d).max(d - len).max(0.0));
+            if is_nearer(away, nearest) {
+                nearest = away;
+                place = Some(self.along[k] + d.clamp(0.0, len));
+            }
+        }
+        place
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_equally_near_places_a_mark_begins_at_the_first_and_ends_at_the_last() {
+        let there_and_back = vec![P2::new(0, 0), P2::new(1000, 0), P2::new(0, 0)];
+        let stroke = TextureStroke { points: there_and_back, along: vec![0.0, 1000.0, 2000.0] };
+        assert_eq!(stroke.nearest(&[P2::new(100, 3), P2::new(200, 3)]), Some([100.0, 1800.0]));
+        assert_eq!(stroke.nearest(&[P2::new(100, 20_000), P2::new(200, 3)]), None, "too far");
     }
 }

@@ -25,13 +25,14 @@ impl Times {
 }
 
 /// Marks, jumps and delays of a block. Each stroke is marked as often as its pen says before the next, with a jump back
-/// to its start in between. Where the machine states the acceleration of its scanner, the spot rests at both ends of every
-/// jump, and at ends and corners of marks, and every pass costs a jump delay; else it is always at speed, and a pass costs
-/// a jump delay, a mark delay, and a polygon delay at each inner point. Of a dot the dwell of its pen takes the place of
-/// the way.
+/// to its start in between. Where the machine states the acceleration of its scanner, the spot rests at both ends of
+/// every jump, and at ends and corners of marks, and every pass costs a jump delay; else it is always at speed, and a
+/// pass costs a jump delay, a mark delay, and a polygon delay at each inner point. Of a dot the dwell of its pen takes
+/// the place of the way.
 pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Times {
     let mut out = Times::default();
-    let mut at = FieldPoint::AXIS;
+    // Where the beam stands: at the end of the stroke before, and before the first on the axis.
+    let mut beam = FieldPoint::AXIS;
     let jump_speed = machine.scanner.jump_speed.as_mm_s();
     for stroke in program.strokes_of(block) {
         let pen = &program.pens[stroke.pen.index()];
@@ -39,22 +40,24 @@ pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Ti
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else { continue };
         let passes = f64::from(pen.passes);
         let dwell = if points.len() == 1 { pen.dwell.map_or(0.0, |dwell| dwell.as_s()) } else { 0.0 };
+        // Every pass but the first begins with a jump back to the start.
         let again = (passes - 1.0).max(0.0);
         let delays = &machine.delays;
         out.mark += passes * dwell;
         if let Some(acceleration) = machine.scanner.acceleration {
-            let limits = (acceleration.as_mm_s2(), machine.scanner.jerk.map(|j| j.as_mm_s3()));
-            out.mark += passes * from_rest_to_rest(points, pen.speed.as_mm_s(), limits);
-            let jump = |from, to| from_rest_to_rest(&[from, to], jump_speed, limits);
-            out.jump += jump(at, first) + again * jump(last, first);
+            let acceleration = acceleration.as_mm_s2();
+            let jerk = machine.scanner.jerk.map(|j| j.as_mm_s3());
+            out.mark += passes * from_rest_to_rest(points, pen.speed.as_mm_s(), acceleration, jerk);
+            let jump = |from, to| from_rest_to_rest(&[from, to], jump_speed, acceleration, jerk);
+            out.jump += jump(beam, first) + again * jump(last, first);
             out.delay += passes * delays.jump.as_s();
         } else {
             out.mark += passes * points.windows(2).map(|w| way_mm(w[0], w[1])).sum::<f64>() / pen.speed.as_mm_s();
-            out.jump += (way_mm(at, first) + again * way_mm(last, first)) / jump_speed;
+            out.jump += (way_mm(beam, first) + again * way_mm(last, first)) / jump_speed;
             let corners = points.len().saturating_sub(2) as f64;
             out.delay += passes * (delays.jump.as_s() + delays.mark.as_s() + corners * delays.polygon.as_s());
         }
-        at = last;
+        beam = last;
     }
     out
 }
@@ -62,9 +65,10 @@ pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Ti
 /// Time of a polyline at the end of which the spot rests, and wherever it turns by more than [`CORNER`]. Along either
 /// axis of the field it keeps its limits: acceleration, mm/s², and jerk, mm/s³, where there is one. A piece in which an
 /// axis has no more than a share of the way goes faster by as much as that leaves.
-fn from_rest_to_rest(points: &[FieldPoint], speed: f64, limits: (f64, Option<f64>)) -> f64 {
+fn from_rest_to_rest(points: &[FieldPoint], speed: f64, acceleration: f64, jerk: Option<f64>) -> f64 {
+    // Of the piece from the last rest on: its length, and the largest share of it that one axis has.
     let (mut sum, mut way, mut share) = (0.0, 0.0, 0.0f64);
-    let piece = |way: f64, share: f64| profile_time(way, speed, limits.0 / share, limits.1.map(|j| j / share));
+    let piece = |way: f64, share: f64| profile_time(way, speed, acceleration / share, jerk.map(|j| j / share));
     let mut before: Option<[f64; 2]> = None;
     for pair in points.windows(2) {
         let [dx, dy] = [f64::from(pair[1].x) - f64::from(pair[0].x), f64::from(pair[1].y) - f64::from(pair[0].y)];
@@ -93,12 +97,12 @@ pub(super) fn marked_mm(program: &Program, stroke: &Stroke) -> f64 {
 
 /// Length of a block's jumps, each stroke marked once.
 pub(super) fn jump_mm(program: &Program, block: &Block) -> f64 {
-    let mut at = FieldPoint::AXIS;
+    let mut beam = FieldPoint::AXIS;
     let mut sum = 0.0;
     for points in program.strokes_of(block).iter().map(|s| program.points_of(s)) {
         if let (Some(&first), Some(&last)) = (points.first(), points.last()) {
-            sum += way_mm(at, first);
-            at = last;
+            sum += way_mm(beam, first);
+            beam = last;
         }
     }
     sum

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::stage::{Positions, StageFile};
+use super::stage::{Moves, StageFile};
 use super::stage_text;
 use crate::geometry::{HeadPose, Turn};
 use crate::proof::Rule;
@@ -52,7 +52,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
 pub(super) fn moves(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let blocks: BTreeMap<&str, &Block> = file.ids.iter().map(String::as_str).zip(&file.program.blocks).collect();
     for stage in stages {
-        for moved in Positions::of(stage) {
+        for moved in Moves::new(stage) {
             rule.checked += 1;
             // The targets themselves were checked above; a lift on the way is a position of its own.
             let target = blocks.get(moved.block).map(|b| b.stage);
@@ -75,8 +75,8 @@ fn head_fault(machine: &Machine, block: &Block, origin: Origin) -> Option<String
     /// Half a nanometre, and what f64 adds.
     const APART: f64 = 0.51;
     let axes = machine.tilt.as_ref().filter(|_| leans(machine, block))?;
-    let head = HeadPose::of(machine, block.stage, block.stop.tilt, origin);
-    let found = Turn::of(axes, block.stop.tilt, origin).apply(P3::new(head.centre));
+    let head = HeadPose::new(machine, block.stage, block.stop.tilt, origin);
+    let found = Turn::new(axes, block.stop.tilt, origin).apply(P3::new(head.centre));
     let plane = block.stop.focus - block.focus_shift;
     let wanted = [block.stop.centre.x, block.stop.centre.y, plane.0];
     (0..3).any(|k| (found[k] - wanted[k] as f64).abs() > APART).then(|| {
@@ -89,7 +89,7 @@ fn head_fault(machine: &Machine, block: &Block, origin: Origin) -> Option<String
     })
 }
 
-/// What is wrong with the commands of the tilt axes.
+/// The fault of the commands of the tilt axes.
 fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     let Some(table) = &machine.tilt else {
         return (!block.stop.tilt.is_upright()).then(|| "the block is tilted, the machine has no tilt axes".into());

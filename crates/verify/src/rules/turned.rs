@@ -2,7 +2,7 @@
 //!
 //! The texture is fixed on the part by projection along its z axis, while a tilted block marks along its own beam. So
 //! the beam is followed down to the turned part's topmost sheet, and the point found there is looked up in the drawing.
-//! A mark that the part hides from the beam comes out on what hides it, and so off its stroke.
+//! A mark that the part hides from the beam is found on the facet that hides it, and so off its stroke.
 
 use super::part_place_nm;
 use crate::geometry::{BoxNm, Geometry, Line, Scratch, Sheet, Turn};
@@ -22,7 +22,7 @@ pub(super) struct Turned {
     pub(super) geometry: Geometry,
 }
 
-/// Room around a block that its geometry is made for, nm: blocks of the same tilt need no other.
+/// Room around a block that its geometry is made for, nm: blocks of the same tilt that lie within it need no other.
 const SPARE: f64 = 1e6;
 
 /// How far rounding to the grid moves a point of the plane, nm: half the diagonal of its cell.
@@ -30,14 +30,14 @@ const GRID: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Where the points of tilted blocks lie in the drawing.
 #[derive(Default)]
-pub(crate) struct Drawn {
+pub(crate) struct PointsInDrawing {
     /// By point of the program; empty where nothing is tilted.
     pub(super) points: Vec<P2>,
     /// By stroke of the program: how far its points may be off, nm.
     pub(super) off: Vec<f64>,
 }
 
-impl Drawn {
+impl PointsInDrawing {
     /// Whether no block is tilted.
     pub(crate) fn is_empty(&self) -> bool {
         self.points.is_empty()
@@ -48,23 +48,49 @@ impl Drawn {
     }
 }
 
-/// What the geometry shows under one line of a mark.
+/// A line of a mark on the geometry.
 #[derive(Clone, Copy, Default)]
-struct Under {
+struct UnderLine {
     /// Where its ends lie in the drawing; None where it is off the part.
     ends: Option<[[f64; 2]; 2]>,
-    /// The place farthest off the line between them, and by how much, nm.
-    aside: ([f64; 2], f64),
+    /// The place farthest off the line between them.
+    aside: Aside,
     /// Square of the steepest slope under it.
     slope2: f64,
     /// How far beside it the geometry was looked at, nm.
     side: f64,
 }
 
+/// A mark where it lies in the drawing.
+#[derive(Default)]
+struct MarkInDrawing {
+    points: Vec<[f64; 2]>,
+    /// Where it runs farther off the line between two points than it may.
+    unmatched: Option<Aside>,
+    /// Square of the steepest slope under it.
+    slope2: f64,
+    /// How far beside it the geometry was looked at, nm.
+    side: f64,
+}
+
+/// Buffers that are used again from mark to mark.
+#[derive(Default)]
+struct Buffers {
+    scratch: Scratch,
+    pieces: Vec<OnSheet>,
+}
+
+/// A place in the drawing that lies off a line, and how far, nm.
+#[derive(Clone, Copy, Default)]
+struct Aside {
+    place: [f64; 2],
+    by: f64,
+}
+
 impl Turned {
     /// Makes the geometry of a tilted block ready in `last`, unless what is there serves; false where the block
     /// is not tilted.
-    pub(super) fn of(
+    pub(super) fn prepare(
         file: &ProgramFile,
         block: &Block,
         facts: &JobFacts,
@@ -77,7 +103,7 @@ impl Turned {
         }
         // Later passes lie on a surface that has sunk along the part's own z.
         let Origin([x, y, z]) = file.origin(block);
-        let turn = Turn::of(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered(block.pass).0)]));
+        let turn = Turn::new(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered(block.pass).0)]));
         let block = &facts.raised(block);
         let needed = area(file, block, &turn);
         let serves = |t: &Self| (t.tilt, t.pass) == (tilt, block.pass) && t.area.holds(&needed);
@@ -90,98 +116,117 @@ impl Turned {
 
     /// Finds where the points of a block's strokes lie in the drawing; between them a mark must run straight
     /// there as well. The block's heights are those of the surface as the file has it.
-    pub(super) fn draw(&self, id: &str, file: &ProgramFile, block: &Block, drawn: &mut Drawn, source: &mut Rule) {
+    pub(super) fn draw(
+        &self,
+        id: &str,
+        file: &ProgramFile,
+        block: &Block,
+        drawn: &mut PointsInDrawing,
+        source: &mut Rule,
+    ) {
         drawn.reserve(file);
-        let heights = [block.z_lo.f64(), block.z_hi.f64()];
-        let mut scratch = Scratch::default();
-        let (mut found, mut pieces) = (Vec::new(), Vec::new());
+        let mut buffers = Buffers::default();
+        let mut mark = MarkInDrawing::default();
         let strokes = file.program.strokes[block.strokes.clone()].iter().zip(block.strokes.clone());
         for (stroke, number) in strokes {
+            source.checked += 1;
             // In the direction of the drawing: where a mark runs over a step, the program has its point before it.
             let mut points = file.program.points_of(stroke).to_vec();
             if stroke.reversed {
                 points.reverse();
             }
-            let field = |p: FieldPoint| {
-                [(block.stop.centre.x + i64::from(p.x)) as f64, (block.stop.centre.y + i64::from(p.y)) as f64]
-            };
             if let [dot] = points[..] {
-                self.draw_dot(field(dot), block, number, stroke.first as usize, drawn, &mut scratch);
-                source.checked += 1;
+                let p_turned = on_turned_part(block, dot);
+                self.draw_dot(p_turned, block, number, stroke.first as usize, drawn, &mut buffers.scratch);
                 continue;
             }
-            let (mut unmatched, mut slope2, mut side) = (None, 0.0, 0.0);
-            // A mark along the top of a wall: the side on which it begins must be one from which it can continue, and
-            // what lies there is at a height of the block. Where no side fits, the line itself decides.
-            let all = self.sides();
-            for begin in 0..=all.len() {
-                let (mut sides, mut within) = (all, heights);
-                if begin < all.len() {
-                    sides.rotate_left(begin)
-                } else {
-                    (sides, within) = ([0.0; 5], [f64::NEG_INFINITY, f64::INFINITY])
-                }
-                found.clear();
-                (unmatched, slope2, side) = (None, 0.0f64, 0.0f64);
-                let mut fits = true;
-                for w in points.windows(2) {
-                    let line = Line::new(field(w[0]), field(w[1]));
-                    let from = found.last().copied();
-                    let (under, is_fit) = self.under(&line, from, sides, within, &mut scratch, &mut pieces);
-                    fits &= is_fit;
-                    let Some([first, last]) = under.ends else {
-                        // Off the part, which the rule `surface` says.
-                        let at = |p: FieldPoint| {
-                            let [x, y] = field(p);
-                            let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.focus.f64()])).at;
-                            [x, y]
-                        };
-                        if found.is_empty() {
-                            found.push(at(w[0]));
-                        }
-                        found.push(at(w[1]));
-                        continue;
-                    };
-                    if found.is_empty() {
-                        found.push(first);
-                    }
-                    found.push(last);
-                    (slope2, side) = (slope2.max(under.slope2), side.max(under.side));
-                    if under.aside.1 > self.beside(under.slope2) {
-                        unmatched = Some(under.aside);
-                    }
-                }
-                if fits {
-                    break;
-                }
-            }
+            self.draw_mark(&points, block, &mut mark, &mut buffers);
             if stroke.reversed {
-                found.reverse();
+                mark.points.reverse();
             }
-            for (slot, p) in drawn.points[stroke.first as usize..].iter_mut().zip(&found) {
+            for (slot, p) in drawn.points[stroke.first as usize..].iter_mut().zip(&mark.points) {
                 *slot = P2::new(p[0].round() as i64, p[1].round() as i64);
             }
-            drawn.off[number] = self.off(slope2, side);
-            source.checked += 1;
-            if let Some((at, aside)) = unmatched {
-                let text =
-                    format!("a mark on the tilted part runs {:.4} um off the line between its points", aside / 1e3);
-                source.broken(id, part_place_nm(at), text);
+            drawn.off[number] = self.off(mark.slope2, mark.side);
+            if let Some(Aside { place, by }) = mark.unmatched {
+                let text = format!("a mark on the tilted part runs {:.4} um off the line between its points", by / 1e3);
+                source.broken(id, part_place_nm(place), text);
             }
         }
+    }
+
+    /// Lays a mark in the drawing. Of a mark along the top of a wall the side on which it begins must be one from which
+    /// it can continue, and what lies there is at a height of the block. Where no side fits, the line itself decides.
+    fn draw_mark(&self, points: &[FieldPoint], block: &Block, mark: &mut MarkInDrawing, buffers: &mut Buffers) {
+        let heights = [block.z_lo.f64(), block.z_hi.f64()];
+        let all = self.sides();
+        for begin in 0..all.len() {
+            let mut sides = all;
+            sides.rotate_left(begin);
+            if self.follow(points, block, sides, heights, mark, buffers) {
+                return;
+            }
+        }
+        self.follow(points, block, [0.0; 5], [f64::NEG_INFINITY, f64::INFINITY], mark, buffers);
+    }
+
+    /// Lays a mark in the drawing line by line, each on the first of the sides that fits, `within` these heights.
+    /// Returns whether one fits for every line.
+    fn follow(
+        &self,
+        points: &[FieldPoint],
+        block: &Block,
+        sides: [f64; 5],
+        within: [f64; 2],
+        mark: &mut MarkInDrawing,
+        buffers: &mut Buffers,
+    ) -> bool {
+        mark.points.clear();
+        (mark.unmatched, mark.slope2, mark.side) = (None, 0.0, 0.0);
+        let mut fits = true;
+        for w in points.windows(2) {
+            let line = Line::new(on_turned_part(block, w[0]), on_turned_part(block, w[1]));
+            let (under, is_fit) = self.under(&line, mark.points.last().copied(), sides, within, buffers);
+            fits &= is_fit;
+            let Some([first, last]) = under.ends else {
+                // Off the part, which the rule `surface` says.
+                if mark.points.is_empty() {
+                    mark.points.push(self.at_focus(block, w[0]));
+                }
+                mark.points.push(self.at_focus(block, w[1]));
+                continue;
+            };
+            if mark.points.is_empty() {
+                mark.points.push(first);
+            }
+            mark.points.push(last);
+            mark.slope2 = mark.slope2.max(under.slope2);
+            mark.side = mark.side.max(under.side);
+            if under.aside.by > self.beside(under.slope2) {
+                mark.unmatched = Some(under.aside);
+            }
+        }
+        fits
+    }
+
+    /// Where a point of the field would lie in the drawing if the part were at the focal plane there.
+    fn at_focus(&self, block: &Block, p: FieldPoint) -> [f64; 2] {
+        let [x, y] = on_turned_part(block, p);
+        let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.focus.f64()])).at;
+        [x, y]
     }
 
     /// Finds where a dot lies in the drawing: at the height under it that the block has.
     fn draw_dot(
         &self,
-        at: [f64; 2],
+        p_turned: [f64; 2],
         block: &Block,
         number: usize,
         point: usize,
-        drawn: &mut Drawn,
+        drawn: &mut PointsInDrawing,
         scratch: &mut Scratch,
     ) {
-        let around = self.geometry.around(at, scratch);
+        let around = self.geometry.around(p_turned, scratch);
         let is_near = |s: &Sheet| {
             let known = self.geometry.z_tolerance(s.slope2);
             block.z_lo.f64() - known <= s.z[0] && s.z[0] <= block.z_hi.f64() + known
@@ -190,7 +235,7 @@ impl Turned {
         let found = sheets().find(is_near).or_else(|| sheets().next());
         // Off the part, which the rule `surface` says, any height does.
         let (z, slope2) = found.map_or((block.stop.focus.f64(), 0.0), |s| (s.z[0], s.slope2));
-        let [x, y, _] = self.turn.back(P3::new([at[0], at[1], z])).at;
+        let [x, y, _] = self.turn.back(P3::new([p_turned[0], p_turned[1], z])).at;
         drawn.points[point] = P2::new(x.round() as i64, y.round() as i64);
         let is_under = around.first().and_then(|p| p.sheet).is_some_and(|s| is_near(&s));
         drawn.off[number] = self.off(slope2, if is_under { 0.0 } else { self.geometry.grain() });
@@ -229,11 +274,12 @@ impl Turned {
     /// Pieces up to this, nm, do not show on which sheet a point lies: rim and mark are each known to the grid, and the
     /// rim to welding, and the mark may cross the rim at 15 degrees.
     fn short(&self) -> f64 {
+        // 1 / sin 15 deg is 3.9.
         4.0 * (2.5 + self.geometry.weld())
     }
 
-    /// What lies under a line of the turned part. A line along the rim or the top of a wall may run next to it by as
-    /// much as a mark may run off its stroke: then the part next to it gives the heights. A mark continues where it
+    /// Lays a line of the turned part in the drawing. A line along the rim or the top of a wall may run next to it by
+    /// as much as a mark may run off its stroke: then the part next to it gives the heights. A mark continues where it
     /// was, at `after`, and stays `within` its block's heights. Answers too whether one of the sides fits.
     fn under(
         &self,
@@ -241,10 +287,10 @@ impl Turned {
         after: Option<[f64; 2]>,
         sides: [f64; 5],
         within: [f64; 2],
-        scratch: &mut Scratch,
-        pieces: &mut Vec<OnSheet>,
-    ) -> (Under, bool) {
-        let mut under = Under::default();
+        buffers: &mut Buffers,
+    ) -> (UnderLine, bool) {
+        let Buffers { scratch, pieces } = buffers;
+        let mut under = UnderLine::default();
         // The first side fits on which the mark lies on the part throughout, runs straight in the drawing, and
         // continues where it was. If none does, the last one says what is wrong.
         for side in sides {
@@ -262,10 +308,10 @@ impl Turned {
             under = self.drawn_from(line, side, pieces);
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
-            let goes_on = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
+            let continues = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
             // So far aside, a rim that the mark ends at is met as much earlier or later where it runs at 45 degrees to
             // it.
-            if widest_gap <= self.short() + side.abs() && under.aside.1 <= beside && goes_on {
+            if widest_gap <= self.short() + side.abs() && under.aside.by <= beside && continues {
                 return (under, true);
             }
         }
@@ -321,7 +367,7 @@ impl Turned {
     }
 
     /// The ends of the pieces in the drawing; the pieces lie `side` nm beside the line.
-    fn drawn_from(&self, line: &Line, side: f64, pieces: &[OnSheet]) -> Under {
+    fn drawn_from(&self, line: &Line, side: f64, pieces: &[OnSheet]) -> UnderLine {
         let back = |d: f64, z: f64| {
             let [x, y] = line.at(d);
             let [x, y, _] = self.turn.back(P3::new([x, y, z])).at;
@@ -329,10 +375,10 @@ impl Turned {
         };
         let ends = |p: &OnSheet| [0, 1].map(|k| back(p.d[k], p.z[k]));
         let (Some(first), Some(last)) = (pieces.first().map(ends), pieces.last().map(ends)) else {
-            return Under::default();
+            return UnderLine::default();
         };
         let chord = [first[0], last[1]];
-        Under {
+        UnderLine {
             ends: Some(chord),
             aside: farthest(chord, pieces.iter().flat_map(ends)),
             slope2: pieces.iter().map(|p| p.slope2).fold(0.0, f64::max),
@@ -358,13 +404,21 @@ impl OnSheet {
 }
 
 /// Which of the points lies farthest off a line, and by how much.
-fn farthest([first, last]: [[f64; 2]; 2], points: impl Iterator<Item = [f64; 2]>) -> ([f64; 2], f64) {
+fn farthest([first, last]: [[f64; 2]; 2], points: impl Iterator<Item = [f64; 2]>) -> Aside {
     if first == last {
-        return (first, 0.0);
+        return Aside { place: first, by: 0.0 };
     }
     let chord = Line::new(first, last);
     let aside = |[x, y]: [f64; 2]| (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
-    points.map(|p| (p, aside(p))).fold((first, 0.0), |worst, p| if p.1 > worst.1 { p } else { worst })
+    points
+        .map(|place| Aside { place, by: aside(place) })
+        .fold(Aside { place: first, by: 0.0 }, |worst, p| if p.by > worst.by { p } else { worst })
+}
+
+/// A point of the field of a block on the turned part, nm.
+fn on_turned_part(block: &Block, p: FieldPoint) -> [f64; 2] {
+    let centre = block.stop.centre;
+    [(centre.x + i64::from(p.x)) as f64, (centre.y + i64::from(p.y)) as f64]
 }
 
 /// The box of the part under a block's marks.

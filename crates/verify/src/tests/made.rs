@@ -12,7 +12,7 @@ use crate::findings::{Findings, RuleCode, STEPPED};
 use crate::geometry::{Geometry, MeshBuilder, Shape};
 use crate::job_facts::JobFacts;
 use crate::read::manifest::Manifest;
-use crate::{Drawing, Proof, check_folder, inputs::Inputs, read, rules};
+use crate::{Drawing, LoadedJob, Proof, check_folder, inputs::Inputs, read, rules};
 use terrace_core::geom::{FieldPoint, Nm, P2, Turn};
 use terrace_core::machine::{Commanded, Machine, Origin, TiltAngles};
 use terrace_core::program::{
@@ -280,15 +280,9 @@ impl Made {
             element: Box::new(|i| format!("stroke {i}")),
         };
         let stages = rules::without_inputs(folder, &manifest, &mut program, &self.facts, &mut findings);
-        check_folder(
-            &stages,
-            &manifest,
-            &mut program,
-            &self.facts,
-            (&[drawing], &self.geometry()),
-            &mut findings,
-            &|_, _| {},
-        );
+        let (geometry, drawings) = (self.geometry(), [drawing]);
+        let job = LoadedJob { facts: &self.facts, geometry: &geometry, drawings: &drawings };
+        check_folder(&stages, &manifest, &mut program, &job, &mut findings, &|_, _| {});
         findings.into_proof()
     }
 

@@ -39,7 +39,7 @@ pub(crate) struct PenEntry {
     pub(crate) frequency_khz: f64,
 }
 
-/// What the job allows.
+/// The limits of the job.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct Limits {
     pub(crate) pdof_mm: f64,
@@ -56,7 +56,7 @@ pub(crate) struct Laser {
     pub(crate) laser_error_mm: f64,
 }
 
-/// What the laser gives to each length of the marks.
+/// Line energy of the marks.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct LineEnergy {
     pub(crate) mean_j_per_m: f64,

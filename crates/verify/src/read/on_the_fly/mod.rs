@@ -11,13 +11,13 @@ pub(crate) mod pmac;
 use std::ops::Index;
 
 use super::Fault;
-use super::comments::{Kind, on_the_fly};
+use super::comments::{CommentKind, on_the_fly};
 use terrace_core::program::{PenId, StrokeId};
 
 /// Axes of a sample: X Y Z A C U V.
 pub(crate) const AXES: usize = 7;
 
-/// What the axes of a sample are commanded, in the order X Y Z A C U V: nm, of A and C millionths of a degree, with the
+/// The commands of the axes at a sample, in the order X Y Z A C U V: nm, of A and C millionths of a degree, with the
 /// machine's signs. Between samples the values are f64.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Commands<T = i64>(pub(crate) [T; AXES]);
@@ -55,14 +55,14 @@ pub(crate) struct Claim {
 
 /// A move in all axes together.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
+pub(crate) struct FlyStep {
     /// Line, from 1.
     pub(crate) line: usize,
     /// When it ends, us.
     pub(crate) us: i64,
     /// Where it ends.
     pub(crate) to: Commands,
-    /// What is marked; None with the laser off.
+    /// The mark that it belongs to; None with the laser off.
     pub(crate) mark: Option<Claim>,
     /// Power of the mark in percent of the laser's; None with the laser off, or where it was never set.
     pub(crate) power: Option<f64>,
@@ -74,24 +74,24 @@ pub(crate) struct FlyProgram {
     /// Where the first timed move begins.
     pub(crate) start: Commands,
     /// The timed moves and rests.
-    pub(crate) steps: Vec<Step>,
+    pub(crate) steps: Vec<FlyStep>,
     /// Where rapids go, by line.
     pub(crate) rapids: Vec<(usize, [Option<i64>; AXES])>,
     /// Power in percent and pen of every mark as it begins, by line.
     pub(crate) powers: Vec<(usize, PenId, Option<f64>)>,
     /// What its comments say, with their lines and figures.
-    pub(crate) said: Vec<(usize, Kind, Vec<String>)>,
+    pub(crate) said: Vec<(usize, CommentKind, Vec<String>)>,
     /// Time over which moves are blended into each other, us.
     pub(crate) blend_us: i64,
     /// The largest distance by which corners may be rounded as the program asks, nm.
     pub(crate) rounded_nm: f64,
-    /// What the laser rule refuses.
+    /// Faults that the rule `laser` reports.
     pub(crate) faults: Vec<Fault>,
 }
 
 impl FlyProgram {
     /// Every step with the time and place where it begins.
-    pub(crate) fn moves(&self) -> impl Iterator<Item = (i64, &Commands, &Step)> {
+    pub(crate) fn moves(&self) -> impl Iterator<Item = (i64, &Commands, &FlyStep)> {
         let before = std::iter::once((0, &self.start)).chain(self.steps.iter().map(|s| (s.us, &s.to)));
         before.zip(&self.steps).map(|((us, from), step)| (us, from, step))
     }
@@ -211,7 +211,7 @@ impl Runner {
         self.us = end;
         let to = Commands(self.at.map(Option::unwrap_or_default));
         let power = self.power.filter(|_| mark.is_some());
-        self.program.steps.push(Step { line: self.line, us: end, to, mark, power });
+        self.program.steps.push(FlyStep { line: self.line, us: end, to, mark, power });
     }
 
     fn finish(mut self, ended: bool) -> FlyProgram {

@@ -10,25 +10,27 @@ pub(super) struct Grey {
     pub(super) density: Vec<f32>,
     /// Width and height of a pixel, mm.
     pub(super) pixel: [f64; 2],
+    /// Height of the page, mm.
     pub(super) height: f64,
 }
 
 impl Grey {
+    /// The densities of a bitmap whose page has these sides, mm.
     pub(super) fn new(image: &Image, tone: &Tone, size: [f64; 2]) -> Self {
-        let of = |&sample: &u16| {
+        let density = |&sample: &u16| {
             let light = (f64::from(sample) / f64::from(u16::MAX)).powf(tone.gamma);
             (if tone.invert { light } else { 1.0 - light }) as f32
         };
         Self {
             columns: image.columns,
             rows: image.rows,
-            density: image.samples.iter().map(of).collect(),
+            density: image.samples.iter().map(density).collect(),
             pixel: [size[0] / image.columns as f64, size[1] / image.rows as f64],
             height: size[1],
         }
     }
 
-    /// Blocks of pixels, counted from the upper left corner, as one of their mean.
+    /// The same picture with blocks of `n` by `n` pixels, counted from the upper left corner, as one of their mean.
     pub(super) fn joined(&self, n: usize) -> Self {
         let (columns, rows) = (self.columns.div_ceil(n), self.rows.div_ceil(n));
         let mut sums = vec![(0.0f64, 0u32); columns * rows];

@@ -2,23 +2,17 @@
 //!
 //! The samples are those of the job's own decoders; densities, size, place, turn and mirror are computed here and in
 //! [`Page`]. Areas by a threshold: of at most [`MAX_MARKS`] marks places must be dark, and at most
-//! [`areas::MAX_PLACES`] dark places must have a mark beside them. Screens: the page is divided into windows of n by n pitches
-//! along the lines or rows, at two sizes. What is marked in a window (length of lines in pitches, or number of dots) must
-//! lie between n² q for the lightest and for the darkest pixel in or next to it, give or take what the screen itself may
-//! be off at an even q:
-//!
-//! - lines: n (1 + log2(n) / 2), as thresholds of any n neighbouring lines are those of van der Corput;
-//! - dashes: a quarter of a period on each line, at the two ends together;
-//! - halftone: half a dot in each cell, n being a multiple of its side;
-//! - noise: half a dot in each mask, n being a multiple of its side, or 2 n dots in windows smaller than a mask;
-//! - diffusion: 1.25 n dots, as no error handed over is above 1/2.
+//! [`areas::MAX_PLACES`] dark places must have a mark beside them. Screens: the page is divided into windows of n by n
+//! pitches along the lines or rows, at two sizes. What is marked in a window (length of lines in pitches, or number of
+//! dots) must lie between n² q for the lightest and for the darkest pixel in or next to it, to the tolerance of the
+//! screen ([`screen`]).
 mod areas;
 mod grey;
 mod screen;
 #[cfg(test)]
 mod tests;
 
-use super::drawing::{F32, Placed};
+use super::drawing::{F32, PlacedTextures};
 use super::drawing_files::{Content, Files};
 use super::page::Page;
 use crate::Drawing;
@@ -29,13 +23,14 @@ use terrace_input::texture::{Area, Image, Kind, Marking, Request, Resolution, Sc
 
 type Point = [f64; 2];
 
-/// Most marks of a texture that are looked at one by one.
+/// Most marks of a texture that are looked at one by one, as docs/verify.md states.
 const MAX_MARKS: usize = 30_000;
 
-/// Most sides of a mark on which places are looked at.
+/// Most sides of a mark on which places are looked at, as docs/verify.md states.
 const SIDES: usize = 64;
 
-/// Densities are rounded to 16 bits, twice.
+/// How far a density may lie from the compiler's, which rounds it to steps of 1 / 65535 twice: of each sample, and of
+/// the mean of the pixels within a pitch. Half a step each time makes 1.6e-5; the rest is reserve.
 const ROUNDING: f64 = 4e-5;
 
 const BEYOND: &str = "it is marked beyond the page of the bitmap";
@@ -43,8 +38,14 @@ const BEYOND: &str = "it is marked beyond the page of the bitmap";
 const MM_PER_INCH: f64 = 25.4;
 
 /// Holds the rule for the textures of a pass, as the job states them for it.
-pub(crate) fn check(placed: &Placed<'_>, requests: &[Request], spot_mm: f64, files: &mut Files, rule: &mut Rule) {
-    let Placed { texture, drawing, site, .. } = placed;
+pub(crate) fn check(
+    placed: &PlacedTextures<'_>,
+    requests: &[Request],
+    spot_mm: f64,
+    files: &mut Files,
+    rule: &mut Rule,
+) {
+    let PlacedTextures { texture, drawing, site, .. } = placed;
     rule.ran = true;
     for (number, request) in requests.iter().enumerate() {
         let Kind::Drawing { path, marking, .. } = &request.kind else { continue };
@@ -65,11 +66,12 @@ pub(crate) fn check(placed: &Placed<'_>, requests: &[Request], spot_mm: f64, fil
         let slack_mm = 2.0 * request.tolerance_mm + page.size[0].max(page.size[1]) * F32;
         let strokes = texture.strokes_of(number);
         let grey = Grey::new(image, &tone, page.size);
-        let look = Look { page: &page, marking, spot_mm, slack_mm, limit, name: format!("texture {}", number + 1) };
-        let marks = Marks { drawing, strokes };
+        let name = format!("texture {}", number + 1);
+        let placed_bitmap = PlacedBitmap { page: &page, marking, spot_mm, slack_mm, limit, name };
+        let marks = TextureStrokes { drawing, strokes };
         let compared = match tone.screen {
-            Screen::Threshold => look.areas(&grey, tone.threshold, &marks, is_cut, rule),
-            _ => look.screen(&grey, &tone, &marks, is_cut, rule),
+            Screen::Threshold => placed_bitmap.check_areas(&grey, tone.threshold, &marks, is_cut, rule),
+            _ => placed_bitmap.check_screen(&grey, &tone, &marks, is_cut, rule),
         };
         if let Err(why) = compared {
             rule.leaves_out(path, number, why);
@@ -86,35 +88,39 @@ fn sides(image: &Image, tone: &Tone) -> Option<[f64; 2]> {
         Some(Resolution::File) => image.resolution.map(|per_mm| [0, 1].map(|k| pixels[k] / per_mm[k])),
     }
 }
+
 /// The strokes of a texture.
-struct Marks<'a> {
+struct TextureStrokes<'a> {
     drawing: &'a Drawing<'a>,
     strokes: std::ops::Range<usize>,
 }
 
-impl Marks<'_> {
-    /// At most so many, evenly.
-    fn some(&self, most: usize) -> impl Iterator<Item = usize> {
+impl TextureStrokes<'_> {
+    /// The numbers of at most `most` strokes, evenly spread.
+    fn sampled(&self, most: usize) -> impl Iterator<Item = usize> {
         self.strokes.clone().step_by(self.strokes.len().div_ceil(most).max(1))
     }
 }
 
-/// How one bitmap is to be marked.
-struct Look<'a> {
+/// A bitmap on its page, and how it is to be marked.
+struct PlacedBitmap<'a> {
     page: &'a Page,
     marking: &'a Marking,
     spot_mm: f64,
+    /// How far a mark may lie from its place on the page, mm.
     slack_mm: f64,
     /// Beyond it nothing is marked; part frame, mm.
     limit: Option<BoxMm<2>>,
+    /// The name of its texture in messages.
     name: String,
 }
-impl Look<'_> {
+
+impl PlacedBitmap<'_> {
     /// Whether all of the part within this distance of a place on the page's plane may be marked.
     fn is_within(&self, p: Point, by: f64) -> bool {
         let Some(limit) = self.limit else { return true };
-        let at = self.page.on_part(p);
-        (0..2).all(|k| limit.lo[k] + by <= at[k] && at[k] + by <= limit.hi[k])
+        let p_part = self.page.on_part(p);
+        (0..2).all(|k| limit.lo[k] + by <= p_part[k] && p_part[k] + by <= limit.hi[k])
     }
 }
 

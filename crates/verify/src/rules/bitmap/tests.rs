@@ -54,11 +54,11 @@ fn found(
             change(&texture, i, out);
             pen
         }),
-        ..Drawing::of(&texture)
+        ..Drawing::from_texture(&texture)
     };
     let job = job(keys[1]);
     let site = Site { part_box, turn_rad: 0.3 };
-    let placed = Placed { job: &job, texture: &texture, drawing: &drawing, site };
+    let placed = PlacedTextures { job: &job, texture: &texture, drawing: &drawing, site };
     let mut rule = Rule::new("bitmap", "");
     check(&placed, &job.textures, 0.03, &mut Files::default(), &mut rule);
     rule
