@@ -184,17 +184,17 @@ fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fau
 /// Whether the arguments of a function that comes next are parted by commas, where percentages need their sign.
 fn has_commas(css: &mut Parser<'_>) -> bool {
     let before = css.state();
-    let mut found = false;
+    let mut has_comma = false;
     if css.expect_function().is_ok() {
         let _ = css.parse_nested_block(|css| {
             while let Ok(token) = css.next() {
-                found |= *token == Token::Comma;
+                has_comma |= *token == Token::Comma;
             }
             Ok::<_, Fault>(())
         });
     }
     css.reset(&before);
-    found
+    has_comma
 }
 
 /// Whether a colour function takes its components from another colour (CSS Color 5).
@@ -208,7 +208,8 @@ fn is_relative(css: &mut Parser<'_>) -> bool {
 }
 
 fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
-    let (mut space, mut hue) = (ColorSpaceTag::Oklab, HueDirection::Shorter);
+    let mut space = ColorSpaceTag::Oklab;
+    let mut hue = HueDirection::Shorter;
     if css.try_parse(|css| css.expect_ident_matching("in")).is_ok() {
         let name = css.expect_ident()?.clone();
         space = space_of(&name).ok_or_else(|| reading.unknown(format!("color-mix() in {name}")))?;
@@ -230,17 +231,11 @@ fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
         };
         css.expect_comma()?;
     }
-    let part = |css: &mut Parser<'_>| {
-        let before = css.try_parse(|css| share(reading, css)).ok();
-        let colour = unresolved(reading, css)?;
-        let share = before.or_else(|| css.try_parse(|css| share(reading, css)).ok());
-        Ok::<_, Fault>((colour, share))
-    };
-    let (first, of_first) = part(css)?;
+    let first = mix_part(reading, css)?;
     css.expect_comma()?;
-    let (second, of_second) = part(css)?;
+    let second = mix_part(reading, css)?;
     // CSS Color 5, 3.1.
-    let [a, b] = match [of_first, of_second] {
+    let [a, b] = match [first.share, second.share] {
         [None, None] => [0.5, 0.5],
         [Some(a), None] => [a, 1.0 - a],
         [None, Some(b)] => [1.0 - b, b],
@@ -249,9 +244,24 @@ fn mix(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
     if a + b <= 0.0 {
         return Ok(Parsed::from_rgba(0, 0, 0, 0.0).0);
     }
-    let (second_share, alpha) = (b / (a + b), (a + b).min(1.0));
-    let colours = [first, second];
+    let second_share = b / (a + b);
+    let alpha = (a + b).min(1.0);
+    let colours = [first.colour, second.colour];
     Ok(Unresolved::Mix(Arc::new(Mix { space, hue, colours, second: second_share, alpha })))
+}
+
+/// One of the colours of `color-mix()`, and the share that it is given.
+struct MixPart {
+    colour: Unresolved,
+    share: Option<f32>,
+}
+
+/// The share may stand before the colour or after it.
+fn mix_part(reading: &Reading, css: &mut Parser<'_>) -> Result<MixPart, Fault> {
+    let share_before = css.try_parse(|css| share(reading, css)).ok();
+    let colour = unresolved(reading, css)?;
+    let share = share_before.or_else(|| css.try_parse(|css| share(reading, css)).ok());
+    Ok(MixPart { colour, share })
 }
 
 fn share(reading: &Reading, css: &mut Parser<'_>) -> Result<f32, Fault> {

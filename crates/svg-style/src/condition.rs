@@ -8,32 +8,34 @@ use cssparser::{Parser, Token};
 use super::declaration::{Support, supports};
 use super::value::Fault;
 
-/// Whether a condition holds.
+/// Whether a condition holds, by a logic of three values (Kleene): what is unknown stays so unless the rest decides.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Holds {
-    Yes,
-    No,
+pub(crate) enum Truth {
+    True,
+    False,
     /// It depends on what is named.
     Unknown(String),
 }
 
-impl Holds {
-    fn of(holds: bool) -> Self {
-        if holds { Self::Yes } else { Self::No }
+impl From<bool> for Truth {
+    fn from(holds: bool) -> Self {
+        if holds { Self::True } else { Self::False }
     }
+}
 
+impl Truth {
     fn not(self) -> Self {
         match self {
-            Self::Yes => Self::No,
-            Self::No => Self::Yes,
+            Self::True => Self::False,
+            Self::False => Self::True,
             unknown => unknown,
         }
     }
 
     pub(crate) fn and(self, other: Self) -> Self {
         match (self, other) {
-            (Self::No, _) | (_, Self::No) => Self::No,
-            (Self::Yes, other) | (other, Self::Yes) => other,
+            (Self::False, _) | (_, Self::False) => Self::False,
+            (Self::True, other) | (other, Self::True) => other,
             (unknown, _) => unknown,
         }
     }
@@ -43,45 +45,46 @@ impl Holds {
     }
 }
 
-/// Conditions with `not`, `and` and `or` between them, in brackets where they mix.
+/// Conditions with `not`, `and` and `or` between them, in brackets where they mix; `operand` reads what stands between
+/// these words.
 fn condition<'i>(
     css: &mut Parser<'i>,
-    one: &mut dyn FnMut(&mut Parser<'i>) -> Result<Holds, Fault>,
-) -> Result<Holds, Fault> {
+    operand: &mut dyn FnMut(&mut Parser<'i>) -> Result<Truth, Fault>,
+) -> Result<Truth, Fault> {
     if css.try_parse(|css| css.expect_ident_matching("not")).is_ok() {
-        return one(css).map(Holds::not);
+        return operand(css).map(Truth::not);
     }
-    let mut all = one(css)?;
+    let mut truth = operand(css)?;
     let is_or = css.try_parse(|css| css.expect_ident_matching("or")).is_ok();
     if is_or || css.try_parse(|css| css.expect_ident_matching("and")).is_ok() {
         let word = if is_or { "or" } else { "and" };
         loop {
-            let next = one(css)?;
-            all = if is_or { all.or(next) } else { all.and(next) };
+            let next = operand(css)?;
+            truth = if is_or { truth.or(next) } else { truth.and(next) };
             if css.try_parse(|css| css.expect_ident_matching(word)).is_err() {
                 break;
             }
         }
     }
-    Ok(all)
+    Ok(truth)
 }
 
 /// Whether one of a list of media queries holds; an empty list does. One that is not understood is as `not all`.
-pub(crate) fn media(css: &mut Parser<'_>) -> Holds {
+pub(crate) fn media(css: &mut Parser<'_>) -> Truth {
     if css.is_exhausted() {
-        return Holds::Yes;
+        return Truth::True;
     }
-    let mut any = Holds::No;
+    let mut truth = Truth::False;
     let _ = css.parse_comma_separated(|css| {
-        let one = css.parse_entirely(query);
+        let query = css.parse_entirely(query);
         while css.next().is_ok() {}
-        any = std::mem::replace(&mut any, Holds::No).or(one.unwrap_or(Holds::No));
+        truth = std::mem::replace(&mut truth, Truth::False).or(query.unwrap_or(Truth::False));
         Ok::<_, Fault>(())
     });
-    any
+    truth
 }
 
-fn query(css: &mut Parser<'_>) -> Result<Holds, Fault> {
+fn query(css: &mut Parser<'_>) -> Result<Truth, Fault> {
     let kind = css.try_parse(|css| {
         let is_not = css.try_parse(|css| css.expect_ident_matching("not")).is_ok();
         if !is_not {
@@ -91,16 +94,16 @@ fn query(css: &mut Parser<'_>) -> Result<Holds, Fault> {
         if matches!(word.as_str(), "and" | "or" | "not" | "only" | "layer") {
             return Err(Fault::unexpected_token());
         }
-        Ok::<_, Fault>((is_not, Holds::of(matches!(word.as_str(), "all" | "screen"))))
+        Ok::<_, Fault>((is_not, Truth::from(matches!(word.as_str(), "all" | "screen"))))
     });
     let Ok((is_not, kind)) = kind else { return condition(css, &mut in_media) };
-    let mut all = kind;
+    let mut truth = kind;
     while css.try_parse(|css| css.expect_ident_matching("and")).is_ok() {
         let is_not = css.try_parse(|css| css.expect_ident_matching("not")).is_ok();
         let next = in_media(css)?;
-        all = all.and(if is_not { next.not() } else { next });
+        truth = truth.and(if is_not { next.not() } else { next });
     }
-    Ok(if is_not { all.not() } else { all })
+    Ok(if is_not { truth.not() } else { truth })
 }
 
 /// Features of media that follow from what a drawing is seen on, and by which value.
@@ -117,10 +120,10 @@ const FEATURES: [(&str, &str); 9] = [
 ];
 
 /// A feature or a condition in brackets.
-fn in_media(css: &mut Parser<'_>) -> Result<Holds, Fault> {
+fn in_media(css: &mut Parser<'_>) -> Result<Truth, Fault> {
     if let Ok(name) = css.try_parse(|css| css.expect_function().cloned()) {
         css.parse_nested_block(all_tokens)?;
-        return Ok(Holds::Unknown(format!("{name}() in a media query")));
+        return Ok(Truth::Unknown(format!("{name}() in a media query")));
     }
     css.expect_parenthesis_block()?;
     css.parse_nested_block(|css| {
@@ -129,19 +132,20 @@ fn in_media(css: &mut Parser<'_>) -> Result<Holds, Fault> {
         }
         let start = css.position();
         let name = css.try_parse(|css| css.expect_ident().cloned()).map(|name| name.to_ascii_lowercase());
-        let known = name.ok().and_then(|name| FEATURES.iter().find(|(known, _)| *known == name));
-        if let Some((_, value)) = known {
+        let feature = name.ok().and_then(|name| FEATURES.iter().find(|(known, _)| *known == name));
+        if let Some((_, value)) = feature {
             if css.is_exhausted() {
-                return Ok(Holds::of(!matches!(*value, "none" | "no-preference" | "0")));
+                // A feature without a value holds unless its own means nothing (Media Queries 4, 2.4.2).
+                return Ok(Truth::from(!matches!(*value, "none" | "no-preference" | "0")));
             }
             if css.try_parse(Parser::expect_colon).is_ok() {
                 let start = css.position();
                 all_tokens(css)?;
-                return Ok(Holds::of(css.slice_from(start).trim().eq_ignore_ascii_case(value)));
+                return Ok(Truth::from(css.slice_from(start).trim().eq_ignore_ascii_case(value)));
             }
         }
         all_tokens(css)?;
-        Ok(Holds::Unknown(format!("the media feature ({})", css.slice_from(start).trim())))
+        Ok(Truth::Unknown(format!("the media feature ({})", css.slice_from(start).trim())))
     })
 }
 
@@ -151,27 +155,28 @@ fn all_tokens(css: &mut Parser<'_>) -> Result<(), Fault> {
 }
 
 /// Whether the condition of `@supports` holds in browsers.
-pub(crate) fn supported(css: &mut Parser<'_>) -> Holds {
+pub(crate) fn supported(css: &mut Parser<'_>) -> Truth {
     let start = css.state();
-    let holds =
-        condition(css, &mut in_supports).and_then(|holds| css.expect_exhausted().map(|()| holds).map_err(Fault::from));
-    holds.unwrap_or_else(|_| {
+    let truth =
+        condition(css, &mut in_supports).and_then(|truth| css.expect_exhausted().map(|()| truth).map_err(Fault::from));
+    // A condition that is not valid does not hold.
+    truth.unwrap_or_else(|_| {
         css.reset(&start);
         while css.next().is_ok() {}
-        Holds::No
+        Truth::False
     })
 }
 
-fn in_supports(css: &mut Parser<'_>) -> Result<Holds, Fault> {
+fn in_supports(css: &mut Parser<'_>) -> Result<Truth, Fault> {
     match css.next()?.clone() {
         Token::Function(name) => css.parse_nested_block(|css| {
             let start = css.position();
             all_tokens(css)?;
             let text = css.slice_from(start).trim();
             Ok(if name.eq_ignore_ascii_case("selector") {
-                Holds::of(super::selector::is_selector(text))
+                Truth::from(super::selector::is_selector(text))
             } else {
-                Holds::Unknown(format!("{name}() in @supports"))
+                Truth::Unknown(format!("{name}() in @supports"))
             })
         }),
         Token::ParenthesisBlock => css.parse_nested_block(|css| {
@@ -186,15 +191,15 @@ fn in_supports(css: &mut Parser<'_>) -> Result<Holds, Fault> {
             let Ok(name) = name else {
                 // Something that no browser knows.
                 all_tokens(css)?;
-                return Ok(Holds::No);
+                return Ok(Truth::False);
             };
             let start = css.position();
             all_tokens(css)?;
             let text = css.slice_from(start).trim();
             Ok(match supports(&name, text) {
-                Support::Yes => Holds::Yes,
-                Support::No => Holds::No,
-                Support::Unknown => Holds::Unknown(format!("@supports ({name}: {text})")),
+                Support::Yes => Truth::True,
+                Support::No => Truth::False,
+                Support::Unknown => Truth::Unknown(format!("@supports ({name}: {text})")),
             })
         }),
         _ => Err(Fault::unexpected_token()),
@@ -227,7 +232,7 @@ mod tests {
             ("(400px < width)", None),
         ] {
             let holds = media(&mut Parser::new(text));
-            let known = if matches!(holds, Holds::Unknown(_)) { None } else { Some(holds == Holds::Yes) };
+            let known = if matches!(holds, Truth::Unknown(_)) { None } else { Some(holds == Truth::True) };
             assert_eq!(known, want, "{text}: {holds:?}");
         }
     }
@@ -248,7 +253,7 @@ mod tests {
             ("fill: red", Some(false)),
         ] {
             let holds = supported(&mut Parser::new(text));
-            let known = if matches!(holds, Holds::Unknown(_)) { None } else { Some(holds == Holds::Yes) };
+            let known = if matches!(holds, Truth::Unknown(_)) { None } else { Some(holds == Truth::True) };
             assert_eq!(known, want, "{text}: {holds:?}");
         }
     }

@@ -12,7 +12,7 @@ use super::{Remark, Weight};
 
 /// A value that is the same for all properties (CSS Cascade 5, 7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wide {
+pub(crate) enum WideKeyword {
     Inherit,
     Initial,
     Unset,
@@ -22,19 +22,28 @@ pub(crate) enum Wide {
     RevertLayer,
 }
 
-/// What is declared.
+/// The value of a declaration.
 #[derive(Clone, Debug)]
-pub(crate) enum Said {
-    Value(Value),
-    Wide(Wide),
-    /// Name and value of a declaration with variables, from which the value follows once they are known.
-    Pending(Arc<(String, String)>),
+pub(crate) enum DeclaredValue {
+    /// One that is valid for its property.
+    Valid(Value),
+    Wide(WideKeyword),
+    /// One that follows once the variables in it are known.
+    Pending(Arc<PendingValue>),
+}
+
+/// A declaration with variables as it is written.
+#[derive(Debug)]
+pub(crate) struct PendingValue {
+    /// The property or the shorthand, in lower case.
+    pub(crate) name: String,
+    pub(crate) text: String,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Declaration {
     pub(crate) property: Property,
-    pub(crate) said: Said,
+    pub(crate) value: DeclaredValue,
     pub(crate) is_important: bool,
 }
 
@@ -54,37 +63,32 @@ pub(crate) fn declare(
     out: &mut Vec<Declaration>,
 ) -> Option<Remark> {
     let text = text.trim();
-    let mut say = |properties: &[Property], said: &Said| {
-        out.extend(properties.iter().map(|&property| Declaration { property, said: said.clone(), is_important }));
-    };
+    let declaration = |property: Property, value: DeclaredValue| Declaration { property, value, is_important };
     let longhand = Property::of(name).map(|p| [p]);
     let shorthand = SHORTHANDS.iter().find(|(n, _)| *n == name && source != Source::Attribute).map(|(_, all)| *all);
     let properties: &[Property] = match (&longhand, shorthand) {
-        (_, Some(all)) => all,
-        (Some(one), None) => one,
+        (_, Some(longhands)) => longhands,
+        (Some(longhand), None) => longhand,
         (None, None) if name == "all" => Property::ALL,
         (None, None) => return other_remark(name, text),
     };
-    if let Some(wide) = wide(text) {
-        say(properties, &Said::Wide(wide));
+    if let Some(keyword) = wide_keyword(text) {
+        out.extend(properties.iter().map(|&p| declaration(p, DeclaredValue::Wide(keyword))));
         return None;
     }
+    // `all` takes keywords alone (CSS Cascade 5, 3.2).
     if name == "all" {
         return Some(Remark::new(Weight::Ignored, name, text));
     }
     if has_variables(text) {
-        say(properties, &Said::Pending(Arc::new((name.to_owned(), text.to_owned()))));
+        let pending = Arc::new(PendingValue { name: name.to_owned(), text: text.to_owned() });
+        out.extend(properties.iter().map(|&p| declaration(p, DeclaredValue::Pending(Arc::clone(&pending)))));
         return None;
     }
     let reading = Reading::new(source);
     match value_of(name, text, properties[0], &reading) {
         Ok(Some(value)) => {
-            let value = |property: Property| match (&value, property) {
-                (Value::MarkerStart(r), Property::MarkerMid) => Value::MarkerMid(r.clone()),
-                (Value::MarkerStart(r), Property::MarkerEnd) => Value::MarkerEnd(r.clone()),
-                (value, _) => value.clone(),
-            };
-            properties.iter().for_each(|&p| say(&[p], &Said::Value(value(p))));
+            out.extend(properties.iter().map(|&p| declaration(p, DeclaredValue::Valid(value_for(&value, p)))));
             None
         }
         Ok(None) => None,
@@ -92,6 +96,15 @@ pub(crate) fn declare(
             Some(what) => Remark::new(Weight::Unknown(what), name, text),
             None => Remark::new(Weight::Ignored, name, text),
         }),
+    }
+}
+
+/// The value of a shorthand for one of its properties: `marker` is read as `marker-start`, and is that of the others.
+fn value_for(value: &Value, property: Property) -> Value {
+    match (value, property) {
+        (Value::MarkerStart(reference), Property::MarkerMid) => Value::MarkerMid(reference.clone()),
+        (Value::MarkerStart(reference), Property::MarkerEnd) => Value::MarkerEnd(reference.clone()),
+        (value, _) => value.clone(),
     }
 }
 
@@ -108,17 +121,18 @@ fn value_of(name: &str, text: &str, property: Property, reading: &Reading) -> Re
     }
 }
 
-fn wide(text: &str) -> Option<Wide> {
+fn wide_keyword(text: &str) -> Option<WideKeyword> {
     let words = [
-        ("inherit", Wide::Inherit),
-        ("initial", Wide::Initial),
-        ("unset", Wide::Unset),
-        ("revert", Wide::Revert),
-        ("revert-layer", Wide::RevertLayer),
+        ("inherit", WideKeyword::Inherit),
+        ("initial", WideKeyword::Initial),
+        ("unset", WideKeyword::Unset),
+        ("revert", WideKeyword::Revert),
+        ("revert-layer", WideKeyword::RevertLayer),
     ];
-    words.iter().find(|(word, _)| text.eq_ignore_ascii_case(word)).map(|(_, wide)| *wide)
+    words.iter().find(|(word, _)| text.eq_ignore_ascii_case(word)).map(|(_, keyword)| *keyword)
 }
 
+/// What is said of a property that is not read.
 fn other_remark(name: &str, text: &str) -> Option<Remark> {
     match other(name) {
         Other::Harmless => None,

@@ -10,8 +10,8 @@
 //! though it is not understood here, so that the caller can refuse it. Media are those of a screen that shows the
 //! drawing on white paper; what depends on the size of a window is not known here.
 //!
-//! Lengths are f64 from the text of the number on. Work is bounded: 40 million steps of matching, 4 million selectors of
-//! at most 1,000 parts, 64 levels of nesting, 50 MB of text made by variables ([`Excess`]).
+//! Lengths are f64 from the text of the number on. Work is bounded: 40 million steps of matching, 4 million selectors
+//! of at most 1,000 parts, 64 levels of nesting, 50 MB of text made by variables ([`Excess`]).
 //!
 //! Considered instead: `lightningcss` reads numbers in f32, knows no properties of geometry, and does not tell values
 //! that are not valid from those that it does not know; `stylo` has no properties of SVG outside of Firefox;
@@ -43,17 +43,17 @@ use selectors::context::{
 use selectors::matching::matches_selector;
 
 pub use colour::{Colour, Rgba};
-use declaration::{Declaration, Said, Wide, declare};
+use declaration::{Declaration, DeclaredValue, PendingValue, WideKeyword, declare};
 pub use link::{Link, href, local};
 pub use map::Map;
 pub use property::{Auto, Background, Display, FillRule, Layer, Paint, Reference, Style};
 use property::{Property, Value};
-use selector::{At, Tree};
-use sheet::Sheets;
+use selector::{StyledElement, Tree};
+use sheet::{Block, Sheets};
 pub use transform::{Reference as ReferenceBox, Transform, TransformBox};
 pub use value::Length;
 use value::Source;
-use variables::Made;
+use variables::SubstitutedBytes;
 pub use view::{aspect, view_box, view_map};
 pub use viewer::{chosen, holds_conditions, is_svg};
 
@@ -131,23 +131,69 @@ pub struct Cascade {
     sheets: Sheets,
     tree: Tree,
     caches: SelectorCaches,
-    made: Made,
+    substituted: SubstitutedBytes,
     root_font_px: f64,
 }
 
-/// Where a declaration stands in the cascade, the stronger the greater.
+/// Where a declaration stands in the cascade, the stronger the greater: its fields in the order in which they decide
+/// (CSS Cascade 5, 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Rank {
     is_important: bool,
-    /// Of important ones the earlier layer is the stronger.
     origin: Origin,
     specificity: u32,
     order: usize,
 }
 
-/// What is declared, with its place in the cascade and its origin.
-type Ranked<T> = (Rank, Origin, T);
+impl Rank {
+    /// The rank of declaration `index` of a block.
+    fn new(place: BlockPlace, index: usize, is_important: bool) -> Self {
+        let BlockPlace { origin, specificity, order } = place;
+        let origin = match origin {
+            // Of important declarations that of the earlier layer is the stronger (CSS Cascade 5, 6.1).
+            Origin::Rule(layer) if is_important => Origin::Rule(usize::MAX - layer),
+            origin => origin,
+        };
+        Self { is_important, origin, specificity, order: order * ORDER + index }
+    }
+}
 
+/// Something declared, with its rank.
+struct Ranked<T> {
+    rank: Rank,
+    /// Where it is declared; that of the rank differs where it is important.
+    origin: Origin,
+    declared: T,
+}
+
+/// What the attributes and the rules of an element declare, in no order.
+#[derive(Default)]
+struct Declared<'a> {
+    properties: Vec<Ranked<&'a Declaration>>,
+    /// The texts of custom properties by their names.
+    variables: BTreeMap<&'a Arc<str>, Vec<Ranked<&'a Arc<str>>>>,
+}
+
+impl<'a> Declared<'a> {
+    fn add_properties(&mut self, place: BlockPlace, declarations: &'a [Declaration]) {
+        self.properties.extend(declarations.iter().enumerate().map(|(index, declared)| Ranked {
+            rank: Rank::new(place, index, declared.is_important),
+            origin: place.origin,
+            declared,
+        }));
+    }
+
+    fn add_block(&mut self, place: BlockPlace, block: &'a Block) {
+        self.add_properties(place, &block.declarations);
+        for (index, variable) in block.variables.iter().enumerate() {
+            let rank = Rank::new(place, index, variable.is_important);
+            let ranked = Ranked { rank, origin: place.origin, declared: &variable.text };
+            self.variables.entry(&variable.name).or_default().push(ranked);
+        }
+    }
+}
+
+/// Where the declarations of an element come from, the stronger the greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Origin {
     /// Presentation attributes.
@@ -173,15 +219,21 @@ impl Cascade {
                 sheets.remark(Weight::External, &format!("<?xml-stylesheet {text}?>"), 1);
             }
         }
-        let mut lines = Lines { text: doc.input_text(), to: 0, line: 1 };
-        let (mut nodes, mut title) = (0, None);
+        let mut lines = LineCounter { text: doc.input_text(), counted_to: 0, line: 1 };
+        let mut nodes = 0;
+        let mut title = None;
         for node in doc.descendants() {
             nodes += 1;
             read_sheet(node, &mut lines, &mut title, &mut sheets)?;
         }
         sheets.finish();
-        let (tree, made) = (Tree::new(nodes), Made::default());
-        Ok(Self { sheets, tree, caches: SelectorCaches::default(), made, root_font_px: property::FONT_PX })
+        Ok(Self {
+            sheets,
+            tree: Tree::new(nodes),
+            caches: SelectorCaches::default(),
+            substituted: SubstitutedBytes::default(),
+            root_font_px: property::FONT_PX,
+        })
     }
 
     /// What of the style sheets is not read, in their order.
@@ -218,38 +270,22 @@ impl Cascade {
         }
         let mut style = parent.child();
         style.root_font_px = self.root_font_px;
-        let blocks = || {
-            let rules = matched.iter().map(|&(rank, block)| (rank, &self.sheets.blocks[block]));
-            let inline = inline.iter().map(|block| ((Origin::Inline, 0, 0), block));
-            rules.chain(inline)
-        };
-        let mut all: Vec<Ranked<&Declaration>> = Vec::new();
-        let rank = |is_important: bool, (origin, specificity, order): Place, place: usize| {
-            let origin = match origin {
-                Origin::Rule(layer) if is_important => Origin::Rule(usize::MAX - layer),
-                origin => origin,
-            };
-            Rank { is_important, origin, specificity, order: order * ORDER + place }
-        };
-        all.extend(hints.iter().enumerate().map(|(i, d)| (rank(false, (Origin::Hint, 0, 0), i), Origin::Hint, d)));
-        let mut variables: BTreeMap<&Arc<str>, Vec<Ranked<&Arc<str>>>> = BTreeMap::new();
-        for (place, block) in blocks() {
-            all.extend(
-                block.declarations.iter().enumerate().map(|(i, d)| (rank(d.is_important, place, i), place.0, d)),
-            );
-            for (i, (name, text, is_important)) in block.variables.iter().enumerate() {
-                variables.entry(name).or_default().push((rank(*is_important, place, i), place.0, text));
-            }
+        let mut declared = Declared::default();
+        declared.add_properties(BlockPlace::of_attributes(Origin::Hint), &hints);
+        for place in matched {
+            declared.add_block(place, &self.sheets.blocks[place.order]);
         }
-        let variables = variables.into_iter().filter_map(|(name, all)| declared_variable(name, all)).collect();
-        style.variables = parent.variables.with(&variables, &mut self.made)?;
+        if let Some(block) = &inline {
+            declared.add_block(BlockPlace::of_attributes(Origin::Inline), block);
+        }
+        let Declared { mut properties, variables } = declared;
+        let variables = variables.into_iter().filter_map(|(name, texts)| declared_variable(name, texts)).collect();
+        style.variables = parent.variables.with(&variables, &mut self.substituted)?;
         // By property, the strongest first.
-        all.sort_by(|a, b| (a.2.property, b.0).cmp(&(b.2.property, a.0)));
-        let mut at = 0;
-        while at < all.len() {
-            let end = at + all[at..].iter().take_while(|d| d.2.property == all[at].2.property).count();
-            decide(&mut style, parent, &all[at..end], &mut self.made, &mut remarks)?;
-            if all[at].2.property == Property::FontSize {
+        properties.sort_by(|a, b| (a.declared.property, b.rank).cmp(&(b.declared.property, a.rank)));
+        for declarations in properties.chunk_by(|a, b| a.declared.property == b.declared.property) {
+            decide(&mut style, parent, declarations, &mut self.substituted, &mut remarks)?;
+            if declarations[0].declared.property == Property::FontSize {
                 let own = &mut style.font_size;
                 own.compute(parent.font_size.px, self.root_font_px);
                 if node.parent_element().is_none() {
@@ -257,7 +293,6 @@ impl Cascade {
                     style.root_font_px = own.px;
                 }
             }
-            at = end;
         }
         style.compute_lengths();
         Ok((Arc::new(style), remarks))
@@ -284,8 +319,8 @@ impl Cascade {
         hints
     }
 
-    /// The rules that apply to an element: where they stand, and their blocks.
-    fn matched(&mut self, node: Node<'_, '_>, copied: Option<NodeId>) -> Result<Vec<(Place, usize)>, Excess> {
+    /// The places of the blocks whose rules apply to an element.
+    fn matched(&mut self, node: Node<'_, '_>, copied: Option<NodeId>) -> Result<Vec<BlockPlace>, Excess> {
         if self.sheets.rules.is_empty() {
             return Ok(Vec::new());
         }
@@ -297,14 +332,14 @@ impl Cascade {
             NeedsSelectorFlags::No,
             MatchingForInvalidation::No,
         );
-        let element = At { node, tree: &self.tree, copied };
+        let element = StyledElement { node, tree: &self.tree, copied };
         let classes = node.attribute("class").unwrap_or_default();
         let mut matched = Vec::new();
         for i in self.sheets.candidates(node.tag_name().name(), node.attribute("id"), classes) {
             let rule = &self.sheets.rules[i];
             if self.tree.spend(0) && matches_selector(&rule.selector, 0, None, element, &mut context) {
-                let place = (Origin::Rule(self.sheets.rank[rule.layer]), rule.selector.specificity(), rule.block);
-                matched.push((place, rule.block));
+                let origin = Origin::Rule(self.sheets.rank[rule.layer]);
+                matched.push(BlockPlace { origin, specificity: rule.selector.specificity(), order: rule.block });
             }
         }
         if self.tree.is_exhausted() { Err(Excess::Steps) } else { Ok(matched) }
@@ -316,42 +351,44 @@ fn decide(
     style: &mut Style,
     parent: &Style,
     declared: &[Ranked<&Declaration>],
-    made: &mut Made,
+    substituted_bytes: &mut SubstitutedBytes,
     remarks: &mut Vec<Remark>,
 ) -> Result<(), Excess> {
-    let property = declared[0].2.property;
+    let property = declared[0].declared.property;
     let mut reverted = Vec::new();
-    for (_, origin, declaration) in declared {
+    for Ranked { origin, declared: declaration, .. } in declared {
         // After `revert-layer` what stands in the same layer does not count.
         if reverted.contains(origin) {
             continue;
         }
-        let wide = match &declaration.said {
-            Said::Value(value) => {
+        let keyword = match &declaration.value {
+            DeclaredValue::Valid(value) => {
                 style.set(value);
                 return Ok(());
             }
-            Said::Wide(wide) => *wide,
-            Said::Pending(pending) => match substituted(style, pending, property, made, remarks)? {
-                Some(Said::Value(value)) => {
+            DeclaredValue::Wide(keyword) => *keyword,
+            DeclaredValue::Pending(pending) => match resolved(style, pending, property, substituted_bytes, remarks)? {
+                Some(DeclaredValue::Valid(value)) => {
                     style.set(&value);
                     return Ok(());
                 }
-                Some(Said::Wide(wide)) => wide,
-                _ => Wide::Unset,
+                Some(DeclaredValue::Wide(keyword)) => keyword,
+                // Weaker declarations are out of the cascade by then (CSS Variables 1, 3.1).
+                _ => WideKeyword::Unset,
             },
         };
-        match wide {
-            Wide::Inherit | Wide::Initial | Wide::Unset if property == Property::Overflow => {
-                // Nested drawings hide what leaves them by the sheet of the browser alone.
-                let inherited = if wide == Wide::Inherit { parent.overflows } else { None };
+        match keyword {
+            WideKeyword::Inherit | WideKeyword::Initial | WideKeyword::Unset if property == Property::Overflow => {
+                // Nested drawings hide what leaves them by the sheet of the browser alone. A declaration overrides it,
+                // and the initial value is `visible`.
+                let inherited = if keyword == WideKeyword::Inherit { parent.overflows } else { None };
                 style.set(&Value::Overflow(Some(inherited.unwrap_or(true))));
             }
-            Wide::Inherit => style.take(property, parent),
-            Wide::Initial => style.take(property, &Style::initial()),
-            Wide::Unset | Wide::Revert if property.is_inherited() => style.take(property, parent),
-            Wide::Unset | Wide::Revert => style.take(property, &Style::initial()),
-            Wide::RevertLayer => {
+            WideKeyword::Inherit => style.take(property, parent),
+            WideKeyword::Initial => style.take(property, &Style::initial()),
+            WideKeyword::Unset | WideKeyword::Revert if property.is_inherited() => style.take(property, parent),
+            WideKeyword::Unset | WideKeyword::Revert => style.take(property, &Style::initial()),
+            WideKeyword::RevertLayer => {
                 reverted.push(*origin);
                 continue;
             }
@@ -361,34 +398,49 @@ fn decide(
     Ok(())
 }
 
-/// What a declaration with variables says of a property.
-fn substituted(
+/// What a declaration says of a property once its variables are put in; None where it is not valid then.
+fn resolved(
     style: &Style,
-    (name, text): &(String, String),
+    pending: &PendingValue,
     property: Property,
-    made: &mut Made,
+    substituted_bytes: &mut SubstitutedBytes,
     remarks: &mut Vec<Remark>,
-) -> Result<Option<Said>, Excess> {
-    let Some(text) = style.variables.substituted(text, made)? else {
+) -> Result<Option<DeclaredValue>, Excess> {
+    let PendingValue { name, text } = pending;
+    let Some(text) = style.variables.substituted(text, substituted_bytes)? else {
         remarks.push(Remark::new(Weight::Ignored, name, text));
         return Ok(None);
     };
-    let mut all = Vec::new();
-    remarks.extend(declare(name, &text, false, Source::Css, &mut all));
-    Ok(all.into_iter().find(|d| d.property == property).map(|d| d.said))
+    // A shorthand declares several properties.
+    let mut declarations = Vec::new();
+    remarks.extend(declare(name, &text, false, Source::Css, &mut declarations));
+    Ok(declarations.into_iter().find(|d| d.property == property).map(|d| d.value))
 }
 
-/// Origin, specificity and order of a block.
-type Place = (Origin, u32, usize);
+/// Where a block of declarations stands in the cascade.
+#[derive(Clone, Copy, Debug)]
+struct BlockPlace {
+    origin: Origin,
+    specificity: u32,
+    /// Its index among the blocks of the sheets; 0 for attributes.
+    order: usize,
+}
+
+impl BlockPlace {
+    /// The place of an element's own attributes.
+    fn of_attributes(origin: Origin) -> Self {
+        Self { origin, specificity: 0, order: 0 }
+    }
+}
 
 /// More than a block has declarations.
 const ORDER: usize = 1 << 24;
 
 /// A custom property and its text, by its declarations; None where it is taken away or kept as the parent has it.
-fn declared_variable(name: &Arc<str>, mut all: Vec<(Rank, Origin, &Arc<str>)>) -> Option<(Arc<str>, Option<Arc<str>>)> {
-    all.sort_by_key(|ranked| std::cmp::Reverse(ranked.0));
+fn declared_variable(name: &Arc<str>, mut texts: Vec<Ranked<&Arc<str>>>) -> Option<(Arc<str>, Option<Arc<str>>)> {
+    texts.sort_by_key(|text| std::cmp::Reverse(text.rank));
     let mut reverted = Vec::new();
-    for (_, origin, text) in all {
+    for Ranked { origin, declared: text, .. } in texts {
         if reverted.contains(&origin) {
             continue;
         }
@@ -402,20 +454,20 @@ fn declared_variable(name: &Arc<str>, mut all: Vec<(Rank, Origin, &Arc<str>)>) -
     None
 }
 
-/// Counts lines on, for places in the order of the document.
-struct Lines<'a> {
+/// The lines of places that are asked for in the order of the document, so that its text is counted through once.
+struct LineCounter<'a> {
     text: &'a str,
-    /// Up to this byte they are counted.
-    to: usize,
+    /// `line` is the line of this byte.
+    counted_to: usize,
     line: u32,
 }
 
-impl Lines<'_> {
+impl LineCounter<'_> {
     /// The line of a byte, from 1.
-    fn at(&mut self, byte: usize) -> u32 {
-        let next = self.text.get(self.to..byte).unwrap_or_default();
+    fn line_of(&mut self, byte: usize) -> u32 {
+        let next = self.text.get(self.counted_to..byte).unwrap_or_default();
         self.line += next.bytes().filter(|&b| b == b'\n').count() as u32;
-        self.to = self.to.max(byte);
+        self.counted_to = self.counted_to.max(byte);
         self.line
     }
 }
@@ -423,48 +475,47 @@ impl Lines<'_> {
 /// Reads the style sheet that an element holds, if it is one.
 fn read_sheet<'a>(
     node: Node<'a, '_>,
-    lines: &mut Lines<'_>,
+    lines: &mut LineCounter<'_>,
     title: &mut Option<&'a str>,
     sheets: &mut Sheets,
 ) -> Result<(), Excess> {
     let namespace = node.tag_name().namespace();
-    let mut line = || lines.at(node.range().start);
     match (node.tag_name().name(), namespace) {
         ("style", None | Some(SVG | XHTML)) => {}
         ("link", Some(XHTML)) => {
             let is_sheet = node.attribute("rel").is_some_and(|r| r.to_ascii_lowercase().contains("stylesheet"));
             if is_sheet {
                 let href = node.attribute("href").unwrap_or_default();
-                sheets.remark(Weight::External, &format!("<link href={href:?}>"), line());
+                sheets.remark(Weight::External, &format!("<link href={href:?}>"), lines.line_of(node.range().start));
             }
             return Ok(());
         }
         _ => return Ok(()),
     }
+    let line = lines.line_of(node.range().start);
     let kind = node.attribute("type").unwrap_or_default();
     if !(kind.is_empty() || kind.eq_ignore_ascii_case("text/css")) {
-        sheets.remark(Weight::Ignored, &format!("<style type={kind:?}>"), line());
+        sheets.remark(Weight::Ignored, &format!("<style type={kind:?}>"), line);
         return Ok(());
     }
     // Of sheets with titles only those with the first one count (CSSOM, 6.2.3).
     if let Some(own) = node.attribute("title").filter(|t| !t.is_empty())
         && *title.get_or_insert(own) != own
     {
-        sheets.remark(Weight::Ignored, &format!("<style title={own:?}>"), line());
+        sheets.remark(Weight::Ignored, &format!("<style title={own:?}>"), line);
         return Ok(());
     }
-    let holds = condition::media(&mut cssparser::Parser::new(node.attribute("media").unwrap_or_default()));
-    match holds {
-        condition::Holds::No => return Ok(()),
-        condition::Holds::Unknown(what) => {
-            sheets.remark(Weight::Unknown(what), "", line());
+    match condition::media(&mut cssparser::Parser::new(node.attribute("media").unwrap_or_default())) {
+        condition::Truth::False => return Ok(()),
+        condition::Truth::Unknown(what) => {
+            sheets.remark(Weight::Unknown(what), "", line);
             return Ok(());
         }
-        condition::Holds::Yes => {}
+        condition::Truth::True => {}
     }
     let mut texts = node.children().filter(Node::is_text);
     let Some(first) = texts.next() else { return Ok(()) };
-    let start = lines.at(first.range().start);
+    let start = lines.line_of(first.range().start);
     let mut text = first.text().unwrap_or_default().to_owned();
     texts.for_each(|t| text.push_str(t.text().unwrap_or_default()));
     sheets.add(&text, start)

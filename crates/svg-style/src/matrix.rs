@@ -12,9 +12,9 @@ impl Style {
 
     /// Whether the transform depends on the reference box, which need not be known otherwise.
     pub fn transform_needs_box(&self) -> bool {
-        let all = [&self.translate, &self.rotate, &self.scale, &self.transform];
-        let steps = || all.iter().flat_map(|t| t.0.iter());
-        let has_share = steps().any(|s| matches!(s, Step::Translate(by) if by.iter().any(|l| l.share != 0.0)));
+        let transforms = [&self.translate, &self.rotate, &self.scale, &self.transform];
+        let mut steps = transforms.iter().flat_map(|t| t.0.iter());
+        let has_share = steps.any(|s| matches!(s, Step::Translate(by) if by.iter().any(|l| l.share != 0.0)));
         let is_moved = self.transform_box != TransformBox::View;
         self.has_transform() && (has_share || is_moved || self.transform_origin.iter().any(|l| l.share != 0.0))
     }

@@ -285,7 +285,8 @@ properties! {
 impl Style {
     /// Lengths in px, now that the size of the font is known.
     pub(crate) fn compute_lengths(&mut self) {
-        let (font, root) = (self.font_size.px, self.root_font_px);
+        let font = self.font_size.px;
+        let root = self.root_font_px;
         for length in [&mut self.stroke_width, &mut self.stroke_dashoffset, &mut self.x, &mut self.y] {
             length.compute(font, root);
         }
@@ -657,22 +658,22 @@ fn dashes(reading: &Reading, css: &mut Parser<'_>) -> Result<Arc<[Length]>, Faul
     if is_next(css, "none") {
         return Ok(Arc::default());
     }
-    let mut all = Vec::new();
+    let mut dashes = Vec::new();
     loop {
-        all.push(not_negative(loose_length(reading, css)?)?);
+        dashes.push(not_negative(loose_length(reading, css)?)?);
         let has_comma = css.try_parse(Parser::expect_comma).is_ok();
         if css.is_exhausted() {
-            return if has_comma { Err(Fault::unexpected_token()) } else { Ok(all.into()) };
+            return if has_comma { Err(Fault::unexpected_token()) } else { Ok(dashes.into()) };
         }
     }
 }
 
 fn paint_order(_: &Reading, css: &mut Parser<'_>) -> Result<[Layer; 3], Fault> {
-    let all = [("fill", Layer::Fill), ("stroke", Layer::Stroke), ("markers", Layer::Markers)];
+    let words = [("fill", Layer::Fill), ("stroke", Layer::Stroke), ("markers", Layer::Markers)];
     let mut order = Vec::new();
     if !is_next(css, "normal") {
         while !css.is_exhausted() {
-            let next = keyword(css, &all)?;
+            let next = keyword(css, &words)?;
             if order.contains(&next) {
                 return Err(Fault::unexpected_token());
             }
@@ -680,7 +681,7 @@ fn paint_order(_: &Reading, css: &mut Parser<'_>) -> Result<[Layer; 3], Fault> {
         }
     }
     // What is not said comes after, in its usual order.
-    let rest: Vec<Layer> = all.iter().map(|(_, layer)| *layer).filter(|layer| !order.contains(layer)).collect();
+    let rest: Vec<Layer> = words.iter().map(|(_, layer)| *layer).filter(|layer| !order.contains(layer)).collect();
     order.extend(rest);
     order.try_into().map_err(|_| Fault::unexpected_token())
 }

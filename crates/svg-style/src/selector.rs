@@ -58,6 +58,7 @@ impl ToCss for Name {
 
 impl PrecomputedHash for Name {
     fn precomputed_hash(&self) -> u32 {
+        // FNV-1a of 32 bits.
         self.0.bytes().fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
     }
 }
@@ -295,25 +296,26 @@ impl Tree {
 
 /// An element as selectors see it.
 #[derive(Clone, Copy)]
-pub(crate) struct At<'a, 'i> {
+pub(crate) struct StyledElement<'a, 'i> {
     pub(crate) node: Node<'a, 'i>,
     pub(crate) tree: &'a Tree,
     /// The element that a use shows a copy of: in the copy it has neither parent nor neighbours (SVG 2, 5.6.3).
     pub(crate) copied: Option<NodeId>,
 }
 
-impl fmt::Debug for At<'_, '_> {
+impl fmt::Debug for StyledElement<'_, '_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:?}", self.node.tag_name())
     }
 }
 
-impl<'a, 'i> At<'a, 'i> {
+impl<'a, 'i> StyledElement<'a, 'i> {
     fn is_copied(self) -> bool {
         self.copied == Some(self.node.id())
     }
 
-    fn at(self, node: Node<'a, 'i>) -> Self {
+    /// Another element of the same tree, seen from the same place.
+    fn with_node(self, node: Node<'a, 'i>) -> Self {
         Self { node, ..self }
     }
 
@@ -323,14 +325,14 @@ impl<'a, 'i> At<'a, 'i> {
         mut node: Option<Node<'a, 'i>>,
         next: fn(&Node<'a, 'i>) -> Option<Node<'a, 'i>>,
     ) -> Option<Self> {
-        while let Some(at) = node {
+        while let Some(candidate) = node {
             if !self.tree.spend(0) {
                 return None;
             }
-            if at.is_element() {
-                return Some(self.at(at));
+            if candidate.is_element() {
+                return Some(self.with_node(candidate));
             }
-            node = next(&at);
+            node = next(&candidate);
         }
         None
     }
@@ -350,7 +352,15 @@ impl<'a, 'i> At<'a, 'i> {
 const XML: &str = "http://www.w3.org/XML/1998/namespace";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
 
-impl<'a, 'i> Element for At<'a, 'i> {
+/// Whether a language is in a range of languages, both in lower case: `en-gb` is in `en` (RFC 4647, 3.3.1).
+fn is_in_range(lang: &str, range: &str) -> bool {
+    match lang.strip_prefix(range) {
+        Some(rest) => !lang.is_empty() && (rest.is_empty() || rest.starts_with('-')),
+        None => range == "*" && !lang.is_empty(),
+    }
+}
+
+impl<'a, 'i> Element for StyledElement<'a, 'i> {
     type Impl = Svg;
 
     fn opaque(&self) -> OpaqueElement {
@@ -359,7 +369,7 @@ impl<'a, 'i> Element for At<'a, 'i> {
 
     fn parent_element(&self) -> Option<Self> {
         let parent = self.node.parent_element().filter(|_| !self.is_copied())?;
-        self.tree.spend(0).then(|| self.at(parent))
+        self.tree.spend(0).then(|| self.with_node(parent))
     }
 
     fn parent_node_is_shadow_root(&self) -> bool {
@@ -408,14 +418,14 @@ impl<'a, 'i> Element for At<'a, 'i> {
         name: &Name,
         operation: &AttrSelectorOperation<&Name>,
     ) -> bool {
-        let is_meant = |url: Option<&str>| match namespace {
+        let has_namespace = |url: Option<&str>| match namespace {
             NamespaceConstraint::Any => true,
             NamespaceConstraint::Specific(wanted) => url.unwrap_or_default() == &*wanted.0,
         };
         self.node.attributes().any(|a| {
             self.tree.spend(0)
                 && a.name() == &*name.0
-                && is_meant(a.namespace())
+                && has_namespace(a.namespace())
                 && self.tree.spend(a.value().len())
                 && operation.eval_str(a.value())
         })
@@ -427,11 +437,7 @@ impl<'a, 'i> Element for At<'a, 'i> {
             PseudoClass::Defined => true,
             PseudoClass::Lang(ranges) => {
                 let lang = self.lang().to_ascii_lowercase();
-                let holds = |range: &String| match lang.strip_prefix(range.as_str()) {
-                    Some(rest) => !lang.is_empty() && (rest.is_empty() || rest.starts_with('-')),
-                    None => range == "*" && !lang.is_empty(),
-                };
-                self.tree.spend(lang.len()) && ranges.iter().any(holds)
+                self.tree.spend(lang.len()) && ranges.iter().any(|range| is_in_range(&lang, range))
             }
             PseudoClass::Dynamic(_) => false,
         }
@@ -485,5 +491,25 @@ impl<'a, 'i> Element for At<'a, 'i> {
 
     fn add_element_unique_hashes(&self, _: &mut BloomFilter) -> bool {
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_in_range;
+
+    #[test]
+    fn ranges_hold_languages_that_begin_with_their_parts() {
+        for (lang, range, want) in [
+            ("en", "en", true),
+            ("en-gb", "en", true),
+            ("eng", "en", false),
+            ("en", "en-gb", false),
+            ("de", "*", true),
+            ("", "*", false),
+            ("", "", false),
+        ] {
+            assert_eq!(is_in_range(lang, range), want, "{lang:?} in {range:?}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use cssparser::{
 use rustc_hash::FxHashMap;
 use selectors::parser::{Component, ParseRelative, Selector, SelectorList};
 
-use super::condition::{Holds, media, supported};
+use super::condition::{Truth, media, supported};
 use super::declaration::{Declaration, declare, raw, without_important};
 use super::selector::{MAX_DEPTH, Name, Names, Svg};
 use super::value::{Fault, Source};
@@ -25,8 +25,17 @@ const MAX_SELECTORS: usize = 4_000_000;
 #[derive(Debug, Default)]
 pub(crate) struct Block {
     pub(crate) declarations: Vec<Declaration>,
-    /// Custom properties: name, text, whether they are important.
-    pub(crate) variables: Vec<(Arc<str>, Arc<str>, bool)>,
+    /// Custom properties.
+    pub(crate) variables: Vec<CustomProperty>,
+}
+
+/// A declaration of a custom property.
+#[derive(Debug)]
+pub(crate) struct CustomProperty {
+    /// Its name with the dashes.
+    pub(crate) name: Arc<str>,
+    pub(crate) text: Arc<str>,
+    pub(crate) is_important: bool,
 }
 
 impl Block {
@@ -37,9 +46,10 @@ impl Block {
     /// Reads one declaration; says what of it is not read.
     pub(crate) fn add(&mut self, name: &str, text: &str, source: Source) -> Option<Remark> {
         let (text, is_important) = without_important(text);
-        if let Some(own) = name.strip_prefix("--") {
-            if !own.is_empty() {
-                self.variables.push((name.into(), text.trim().into(), is_important));
+        if let Some(rest) = name.strip_prefix("--") {
+            // The name `--` is reserved (CSS Variables 1, 2).
+            if !rest.is_empty() {
+                self.variables.push(CustomProperty { name: name.into(), text: text.trim().into(), is_important });
             }
             return None;
         }
@@ -60,21 +70,24 @@ pub(crate) struct Rule {
 pub(crate) struct Sheets {
     pub(crate) rules: Vec<Rule>,
     pub(crate) blocks: Vec<Block>,
-    layers: Vec<Layer>,
-    /// Layers with a name, by that of the layer around them.
+    layers: Vec<CascadeLayer>,
+    /// Layers with a name, by the layer around them and that name.
     named: FxHashMap<(usize, Arc<str>), usize>,
-    /// Places of layers in the order of the cascade.
+    /// Per layer, its place in the order of the cascade.
     pub(crate) rank: Vec<usize>,
+    // The rules by one thing that the element itself must have: the id that they ask for, else a class, else the tag.
     by_id: FxHashMap<Arc<str>, Vec<usize>>,
     by_class: FxHashMap<Arc<str>, Vec<usize>>,
     by_tag: FxHashMap<Arc<str>, Vec<usize>>,
+    /// Rules that ask for none of these.
     others: Vec<usize>,
     pub(crate) remarks: Vec<Remark>,
     excess: Option<Excess>,
 }
 
+/// A layer of the cascade, and the layer that holds it.
 #[derive(Debug)]
-struct Layer {
+struct CascadeLayer {
     parent: usize,
 }
 
@@ -83,14 +96,14 @@ const UNLAYERED: usize = 0;
 
 impl Sheets {
     pub(crate) fn new() -> Self {
-        Self { layers: vec![Layer { parent: UNLAYERED }], ..Self::default() }
+        Self { layers: vec![CascadeLayer { parent: UNLAYERED }], ..Self::default() }
     }
 
     /// Reads a style sheet that begins in a line of the drawing.
     pub(crate) fn add(&mut self, text: &str, line: u32) -> Result<(), Excess> {
         let mut css = Parser::new(text);
         css.set_nested_block_limit(MAX_DEPTH);
-        let mut reader = Reader {
+        let mut reader = SheetReader {
             sheets: self,
             names: Names::default(),
             line,
@@ -100,10 +113,10 @@ impl Sheets {
             is_in_rule: false,
             may_import: true,
         };
-        let mut all = StyleSheetParser::new(&mut css, &mut reader);
-        while let Some(rule) = all.next() {
+        let mut rules = StyleSheetParser::new(&mut css, &mut reader);
+        while let Some(rule) = rules.next() {
             if let Err((fault, text, at)) = rule {
-                all.parser.dropped(&fault, text, at.line);
+                rules.parser.dropped(&fault, text, at.line);
             }
         }
         match self.excess {
@@ -119,38 +132,38 @@ impl Sheets {
 
     /// Sorts rules and layers once all sheets are read.
     pub(crate) fn finish(&mut self) {
+        self.index_rules();
+        self.rank_layers();
+    }
+
+    fn index_rules(&mut self) {
         for (i, rule) in self.rules.iter().enumerate() {
-            // The rightmost part has to hold for the element itself.
-            let mut parts = rule.selector.iter();
-            let mut key = None;
-            for part in &mut parts {
-                match part {
-                    Component::ID(id) => key = Some((0, id)),
-                    Component::Class(class) if key.is_none_or(|(k, _)| k > 1) => key = Some((1, class)),
-                    Component::LocalName(name) if key.is_none() => key = Some((2, &name.name)),
-                    _ => {}
-                }
-            }
-            match key {
-                Some((0, name)) => self.by_id.entry(name.0.clone()).or_default().push(i),
-                Some((1, name)) => self.by_class.entry(name.0.clone()).or_default().push(i),
-                Some((_, name)) => self.by_tag.entry(name.0.clone()).or_default().push(i),
+            match SelectorKey::of(&rule.selector) {
+                Some(SelectorKey::Id(name)) => self.by_id.entry(name.0.clone()).or_default().push(i),
+                Some(SelectorKey::Class(name)) => self.by_class.entry(name.0.clone()).or_default().push(i),
+                Some(SelectorKey::Tag(name)) => self.by_tag.entry(name.0.clone()).or_default().push(i),
                 None => self.others.push(i),
             }
         }
-        // A layer comes after the layers in it, and those in the order in which they are first named.
+    }
+
+    /// Gives every layer its place in the cascade: after the layers in it, which come in the order in which they are
+    /// first named (CSS Cascade 5, 6.4).
+    fn rank_layers(&mut self) {
         let mut children = vec![Vec::new(); self.layers.len()];
         for (i, layer) in self.layers.iter().enumerate().skip(1) {
             children[layer.parent].push(i);
         }
         self.rank = vec![0; self.layers.len()];
-        let (mut next, mut open) = (0, vec![(UNLAYERED, 0)]);
-        while let Some((layer, done)) = open.pop() {
-            match children[layer].get(done) {
-                Some(&child) => open.extend([(layer, done + 1), (child, 0)]),
+        let mut next_rank = 0;
+        // The layers from the outermost in to one, each with how many of its children have their rank.
+        let mut open = vec![(UNLAYERED, 0)];
+        while let Some((layer, ranked_children)) = open.pop() {
+            match children[layer].get(ranked_children) {
+                Some(&child) => open.extend([(layer, ranked_children + 1), (child, 0)]),
                 None => {
-                    self.rank[layer] = next;
-                    next += 1;
+                    self.rank[layer] = next_rank;
+                    next_rank += 1;
                 }
             }
         }
@@ -163,26 +176,53 @@ impl Sheets {
         id: Option<&str>,
         classes: &'s str,
     ) -> impl Iterator<Item = usize> + 's {
-        let of = |map: &'s FxHashMap<Arc<str>, Vec<usize>>, name: &str| map.get(name).into_iter().flatten();
-        let with_id = id.into_iter().flat_map(move |id| of(&self.by_id, id));
-        let with_class = classes.split_ascii_whitespace().flat_map(move |class| of(&self.by_class, class));
-        let all = with_id.chain(with_class).chain(of(&self.by_tag, tag)).chain(&self.others).copied();
-        all.collect::<Vec<_>>().into_iter()
+        let rules_of = |map: &'s FxHashMap<Arc<str>, Vec<usize>>, name: &str| map.get(name).into_iter().flatten();
+        let with_id = id.into_iter().flat_map(move |id| rules_of(&self.by_id, id));
+        let with_class = classes.split_ascii_whitespace().flat_map(move |class| rules_of(&self.by_class, class));
+        let rules = with_id.chain(with_class).chain(rules_of(&self.by_tag, tag)).chain(&self.others).copied();
+        rules.collect::<Vec<_>>().into_iter()
     }
 
+    /// The layer of a name in another layer; a new one where it is not named yet.
     fn layer(&mut self, parent: usize, name: Option<&str>) -> usize {
         let new = self.layers.len();
         // One without a name is nobody else's.
         let layer = name.map_or(new, |name| *self.named.entry((parent, name.into())).or_insert(new));
         if layer == new {
-            self.layers.push(Layer { parent });
+            self.layers.push(CascadeLayer { parent });
         }
         layer
     }
 }
 
+/// What an element must have for a selector to match it.
+enum SelectorKey<'s> {
+    Id(&'s Name),
+    Class(&'s Name),
+    Tag(&'s Name),
+}
+
+impl<'s> SelectorKey<'s> {
+    /// What the rightmost part of a selector asks for, as that part has to hold for the element itself: its id, else a
+    /// class, else its tag.
+    fn of(selector: &'s Selector<Svg>) -> Option<Self> {
+        let mut key = None;
+        for part in selector.iter() {
+            match part {
+                Component::ID(id) => key = Some(Self::Id(id)),
+                Component::Class(class) if !matches!(key, Some(Self::Id(_) | Self::Class(_))) => {
+                    key = Some(Self::Class(class));
+                }
+                Component::LocalName(name) if key.is_none() => key = Some(Self::Tag(&name.name)),
+                _ => {}
+            }
+        }
+        key
+    }
+}
+
 /// Reads rules in their order.
-struct Reader<'s> {
+struct SheetReader<'s> {
     sheets: &'s mut Sheets,
     names: Names,
     /// Line of the drawing in which the sheet begins.
@@ -198,9 +238,9 @@ struct Reader<'s> {
 }
 
 /// What an at-rule asks for.
-enum At {
+enum AtPrelude {
     /// Rules that apply if a condition holds, in a layer of their own if it has a name.
-    Group(Holds),
+    Group(Truth),
     Layers(Vec<Vec<Arc<str>>>),
     Namespace(Option<Name>, Name),
     Import(String),
@@ -209,7 +249,7 @@ enum At {
     Unknown(String),
 }
 
-impl Reader<'_> {
+impl SheetReader<'_> {
     fn remark(&mut self, weight: Weight, text: &str, line: u32) {
         let line = self.line + line;
         self.sheets.remark(weight, text, line);
@@ -238,8 +278,9 @@ impl Reader<'_> {
         let Some(parent) = self.parent.as_ref().filter(|_| !block.is_empty()) else { return };
         let index = self.sheets.blocks.len();
         self.sheets.blocks.push(block);
-        let rule = |selector: &Selector<Svg>| Rule { selector: selector.clone(), block: index, layer: self.layer };
-        self.sheets.rules.extend(parent.slice().iter().map(rule));
+        let layer = self.layer;
+        let selectors = parent.slice().iter().cloned();
+        self.sheets.rules.extend(selectors.map(|selector| Rule { selector, block: index, layer }));
         if self.sheets.rules.len() > MAX_SELECTORS {
             self.sheets.excess = Some(Excess::Selectors);
         }
@@ -247,19 +288,19 @@ impl Reader<'_> {
 
     /// Reads what stands in a block.
     fn body(&mut self, css: &mut Parser<'_>) {
-        let mut all = RuleBodyParser::new(css, self);
-        while let Some(item) = all.next() {
+        let mut items = RuleBodyParser::new(css, self);
+        while let Some(item) = items.next() {
             if let Err((fault, text, at)) = item {
-                all.parser.dropped(&fault, text, at.line);
+                items.parser.dropped(&fault, text, at.line);
             }
-            if all.parser.sheets.excess.is_some() {
+            if items.parser.sheets.excess.is_some() {
                 return;
             }
         }
     }
 }
 
-impl<'i> DeclarationParser<'i> for Reader<'_> {
+impl<'i> DeclarationParser<'i> for SheetReader<'_> {
     type Declaration = ();
     type Error = ();
 
@@ -273,7 +314,7 @@ impl<'i> DeclarationParser<'i> for Reader<'_> {
     }
 }
 
-impl<'i> QualifiedRuleParser<'i> for Reader<'_> {
+impl<'i> QualifiedRuleParser<'i> for SheetReader<'_> {
     type Prelude = SelectorList<Svg>;
     type QualifiedRule = ();
     type Error = ();
@@ -296,33 +337,38 @@ impl<'i> QualifiedRuleParser<'i> for Reader<'_> {
         if self.sheets.excess.is_some() {
             return Ok(());
         }
+        // What the outer rule declares in front of a nested one is a block of its own, and comes before it in the
+        // cascade (CSS Nesting 1).
         self.flush();
-        let outer = (self.parent.replace(list), std::mem::replace(&mut self.is_in_rule, true));
+        let outer_parent = self.parent.replace(list);
+        let was_in_rule = std::mem::replace(&mut self.is_in_rule, true);
         self.body(css);
         self.flush();
-        (self.parent, self.is_in_rule) = outer;
+        self.parent = outer_parent;
+        self.is_in_rule = was_in_rule;
         Ok(())
     }
 }
 
-impl<'i> AtRuleParser<'i> for Reader<'_> {
-    type Prelude = At;
+impl<'i> AtRuleParser<'i> for SheetReader<'_> {
+    type Prelude = AtPrelude;
     type AtRule = ();
     type Error = ();
 
-    fn parse_prelude(&mut self, name: CowRcStr<'i>, css: &mut Parser<'i>) -> Result<At, Fault> {
+    fn parse_prelude(&mut self, name: CowRcStr<'i>, css: &mut Parser<'i>) -> Result<AtPrelude, Fault> {
         let name = name.to_ascii_lowercase();
         let may_import = self.may_import;
         self.may_import &= matches!(name.as_str(), "import" | "namespace" | "charset" | "layer");
-        let at = match name.as_str() {
-            "media" => At::Group(media(css)),
-            "supports" => At::Group(supported(css)),
-            "layer" => At::Layers(if css.is_exhausted() { Vec::new() } else { css.parse_comma_separated(layer_name)? }),
+        let prelude = match name.as_str() {
+            "media" => AtPrelude::Group(media(css)),
+            "supports" => AtPrelude::Group(supported(css)),
+            "layer" if css.is_exhausted() => AtPrelude::Layers(Vec::new()),
+            "layer" => AtPrelude::Layers(css.parse_comma_separated(layer_name)?),
             "namespace" if may_import => {
                 let prefix = css.try_parse(|css| css.expect_ident().map(|n| Name(n.as_ref().into()))).ok();
-                At::Namespace(prefix, Name(css.expect_url_or_string()?.as_ref().into()))
+                AtPrelude::Namespace(prefix, Name(css.expect_url_or_string()?.as_ref().into()))
             }
-            "import" if may_import => At::Import(raw(css, false)?.to_owned()),
+            "import" if may_import => AtPrelude::Import(raw(css, false)?.to_owned()),
             // Too late, so browsers ignore them.
             "namespace" | "import" => return Err(Fault::unexpected_token()),
             "charset"
@@ -340,57 +386,57 @@ impl<'i> AtRuleParser<'i> for Reader<'_> {
             | "starting-style"
             | "position-try"
             | "viewport"
-            | "-ms-viewport" => At::Nothing,
-            "-moz-document" | "document" => At::Nothing,
+            | "-ms-viewport" => AtPrelude::Nothing,
+            "-moz-document" | "document" => AtPrelude::Nothing,
             "container" | "scope" | "property" | "function" | "mixin" | "when" | "else" | "if" => {
-                At::Unknown(format!("@{name}"))
+                AtPrelude::Unknown(format!("@{name}"))
             }
             // Browsers know no others.
             _ => return Err(Fault::unexpected_token()),
         };
         while css.next().is_ok() {}
-        Ok(at)
+        Ok(prelude)
     }
 
-    fn rule_without_block(&mut self, at: At, start: &ParserState) -> Result<(), ()> {
+    fn rule_without_block(&mut self, prelude: AtPrelude, start: &ParserState) -> Result<(), ()> {
         let line = start.source_location().line;
-        match at {
-            At::Layers(names) if !names.is_empty() => {
+        match prelude {
+            AtPrelude::Layers(names) if !names.is_empty() => {
                 for name in names {
                     name.iter().fold(self.layer, |parent, part| self.sheets.layer(parent, Some(part)));
                 }
             }
-            At::Namespace(None, url) => self.names.default = Some(url),
-            At::Namespace(Some(prefix), url) => self.names.prefixes.push((prefix, url)),
-            At::Import(text) => {
+            AtPrelude::Namespace(None, url) => self.names.default = Some(url),
+            AtPrelude::Namespace(Some(prefix), url) => self.names.prefixes.push((prefix, url)),
+            AtPrelude::Import(text) => {
                 let what = format!("@import {text}");
                 self.remark(Weight::External, &what, line);
             }
-            At::Unknown(what) => self.remark(Weight::Unknown(what), "", line),
-            At::Nothing => {}
-            At::Layers(_) | At::Group(_) => return Err(()),
+            AtPrelude::Unknown(what) => self.remark(Weight::Unknown(what), "", line),
+            AtPrelude::Nothing => {}
+            AtPrelude::Layers(_) | AtPrelude::Group(_) => return Err(()),
         }
         Ok(())
     }
 
-    fn parse_block(&mut self, at: At, start: &ParserState, css: &mut Parser<'i>) -> Result<(), Fault> {
+    fn parse_block(&mut self, prelude: AtPrelude, start: &ParserState, css: &mut Parser<'i>) -> Result<(), Fault> {
         let outer = self.layer;
         // What was declared before is of the layer out here.
         self.flush();
-        match at {
-            At::Group(Holds::Yes) => {}
-            At::Layers(names) if names.len() < 2 => {
+        match prelude {
+            AtPrelude::Group(Truth::True) => {}
+            AtPrelude::Layers(names) if names.len() < 2 => {
                 self.layer = match names.first() {
                     None => self.sheets.layer(outer, None),
                     Some(name) => name.iter().fold(outer, |parent, part| self.sheets.layer(parent, Some(part))),
                 };
             }
-            At::Group(Holds::Unknown(what)) | At::Unknown(what) => {
+            AtPrelude::Group(Truth::Unknown(what)) | AtPrelude::Unknown(what) => {
                 self.remark(Weight::Unknown(what), "", start.source_location().line);
                 while css.next().is_ok() {}
                 return Ok(());
             }
-            At::Group(Holds::No) | At::Nothing => {
+            AtPrelude::Group(Truth::False) | AtPrelude::Nothing => {
                 while css.next().is_ok() {}
                 return Ok(());
             }
@@ -412,7 +458,7 @@ fn layer_name(css: &mut Parser<'_>) -> Result<Vec<Arc<str>>, Fault> {
     Ok(parts)
 }
 
-impl RuleBodyItemParser<'_, (), ()> for Reader<'_> {
+impl RuleBodyItemParser<'_, (), ()> for SheetReader<'_> {
     fn parse_declarations(&self) -> bool {
         self.is_in_rule
     }
@@ -424,7 +470,7 @@ impl RuleBodyItemParser<'_, (), ()> for Reader<'_> {
 
 /// Reads the text of a `style` attribute.
 pub(crate) fn style_attribute(text: &str, remarks: &mut Vec<Remark>) -> Block {
-    let mut reader = Inline { block: Block::default(), remarks };
+    let mut reader = StyleAttributeReader { block: Block::default(), remarks };
     let mut css = Parser::new(text);
     css.set_nested_block_limit(MAX_DEPTH);
     for item in RuleBodyParser::new(&mut css, &mut reader).collect::<Vec<_>>() {
@@ -435,13 +481,13 @@ pub(crate) fn style_attribute(text: &str, remarks: &mut Vec<Remark>) -> Block {
     reader.block
 }
 
-/// Reads declarations alone.
-struct Inline<'r> {
+/// Reads the declarations of a `style` attribute, which holds no rules.
+struct StyleAttributeReader<'r> {
     block: Block,
     remarks: &'r mut Vec<Remark>,
 }
 
-impl<'i> DeclarationParser<'i> for Inline<'_> {
+impl<'i> DeclarationParser<'i> for StyleAttributeReader<'_> {
     type Declaration = ();
     type Error = ();
 
@@ -452,19 +498,19 @@ impl<'i> DeclarationParser<'i> for Inline<'_> {
     }
 }
 
-impl QualifiedRuleParser<'_> for Inline<'_> {
+impl QualifiedRuleParser<'_> for StyleAttributeReader<'_> {
     type Prelude = ();
     type QualifiedRule = ();
     type Error = ();
 }
 
-impl AtRuleParser<'_> for Inline<'_> {
+impl AtRuleParser<'_> for StyleAttributeReader<'_> {
     type Prelude = ();
     type AtRule = ();
     type Error = ();
 }
 
-impl RuleBodyItemParser<'_, (), ()> for Inline<'_> {
+impl RuleBodyItemParser<'_, (), ()> for StyleAttributeReader<'_> {
     fn parse_declarations(&self) -> bool {
         true
     }

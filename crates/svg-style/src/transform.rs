@@ -95,7 +95,7 @@ fn attribute(css: &mut Parser<'_>) -> Result<Transform, Fault> {
 fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step, Fault> {
     let degrees = |css: &mut Parser<'_>| angle(reading, css);
     let skew = |x: f64, y: f64| Step::Matrix(Map { b: y.to_radians().tan(), c: x.to_radians().tan(), ..IDENTITY });
-    let next = |css: &mut Parser<'_>| css.try_parse(Parser::expect_comma).is_ok();
+    let is_next_comma = |css: &mut Parser<'_>| css.try_parse(Parser::expect_comma).is_ok();
     let zoom = |x: f64, y: f64| Step::Matrix(Map::scale(x, y, [0.0; 2]));
     let zero = Length::px(0.0);
     Ok(match name {
@@ -111,7 +111,7 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step,
         }
         "translate" => {
             let x = length(reading, css)?;
-            Step::Translate([x, if next(css) { length(reading, css)? } else { zero }])
+            Step::Translate([x, if is_next_comma(css) { length(reading, css)? } else { zero }])
         }
         "translatex" => Step::Translate([length(reading, css)?, zero]),
         "translatey" => Step::Translate([zero, length(reading, css)?]),
@@ -129,7 +129,7 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step,
         }
         "scale" => {
             let x = number_or_share(reading, css)?;
-            zoom(x, if next(css) { number_or_share(reading, css)? } else { x })
+            zoom(x, if is_next_comma(css) { number_or_share(reading, css)? } else { x })
         }
         "scalex" => zoom(number_or_share(reading, css)?, 1.0),
         "scaley" => zoom(1.0, number_or_share(reading, css)?),
@@ -145,7 +145,7 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step,
         "rotate" | "rotatez" => Step::Matrix(Map::turn(degrees(css)?)),
         "skew" => {
             let x = degrees(css)?;
-            skew(x, if next(css) { degrees(css)? } else { 0.0 })
+            skew(x, if is_next_comma(css) { degrees(css)? } else { 0.0 })
         }
         "skewx" => skew(degrees(css)?, 0.0),
         "skewy" => skew(0.0, degrees(css)?),
@@ -217,39 +217,51 @@ pub(crate) fn scale(reading: &Reading, css: &mut Parser<'_>) -> Result<Transform
 
 /// The value of `transform-origin`: a place along x and along y, and a depth that does not show.
 pub(crate) fn origin(reading: &Reading, css: &mut Parser<'_>) -> Result<[Length; 2], Fault> {
-    /// The axis that a word of it tells: 0 for x, 1 for y.
-    type Place = (Length, Option<usize>);
-    let share = |share: f64| Length { share, ..Length::px(0.0) };
-    let place = |css: &mut Parser<'_>| -> Result<Place, Fault> {
-        let word = css.try_parse(|css| {
-            let axes = [
-                ("left", (0.0, Some(0))),
-                ("right", (1.0, Some(0))),
-                ("top", (0.0, Some(1))),
-                ("bottom", (1.0, Some(1))),
-                ("center", (0.5, None)),
-            ];
-            keyword(css, &axes)
-        });
-        match word {
-            Ok((at, axis)) => Ok((share(at), axis)),
-            Err(_) => length(reading, css).map(|l| (l, None)),
-        }
-    };
-    let first = place(css)?;
-    let second = css.try_parse(place).ok();
+    let first = origin_part(reading, css)?;
+    let second = css.try_parse(|css| origin_part(reading, css)).ok();
     let depth = css.try_parse(|css| length(reading, css)).ok();
     if depth.is_some_and(|d| d.share != 0.0) {
         return Err(Fault::unexpected_token());
     }
-    match (first, second) {
-        ((at, Some(1)), None) => Ok([share(0.5), at]),
-        ((at, _), None) => Ok([at, share(0.5)]),
+    let OriginPart { length: a, axis: a_axis } = first;
+    let Some(OriginPart { length: b, axis: b_axis }) = second else {
+        // The other one is the middle.
+        return Ok(if a_axis == Some(Axis::Y) { [Length::share(0.5), a] } else { [a, Length::share(0.5)] });
+    };
+    match (a_axis, b_axis) {
         // Words may stand in either order; a length in the first place is along x.
-        ((a, Some(1)), Some((b, Some(0) | None))) if b.px == 0.0 || b.share != 0.0 => Ok([b, a]),
-        ((a, None), Some((b, Some(0)))) if a.share == 0.5 => Ok([b, a]),
-        ((a, Some(0) | None), Some((b, Some(1) | None))) => Ok([a, b]),
+        (Some(Axis::Y), Some(Axis::X) | None) if b.px == 0.0 || b.share != 0.0 => Ok([b, a]),
+        (None, Some(Axis::X)) if a.share == 0.5 => Ok([b, a]),
+        (Some(Axis::X) | None, Some(Axis::Y) | None) => Ok([a, b]),
         _ => Err(Fault::unexpected_token()),
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axis {
+    X,
+    Y,
+}
+
+/// A word or a length of `transform-origin`.
+struct OriginPart {
+    /// Its place along the axis.
+    length: Length,
+    /// The axis that the word names; None for `center` and for lengths.
+    axis: Option<Axis>,
+}
+
+fn origin_part(reading: &Reading, css: &mut Parser<'_>) -> Result<OriginPart, Fault> {
+    let words = [
+        ("left", (0.0, Some(Axis::X))),
+        ("right", (1.0, Some(Axis::X))),
+        ("top", (0.0, Some(Axis::Y))),
+        ("bottom", (1.0, Some(Axis::Y))),
+        ("center", (0.5, None)),
+    ];
+    match css.try_parse(|css| keyword(css, &words)) {
+        Ok((share, axis)) => Ok(OriginPart { length: Length::share(share), axis }),
+        Err(_) => length(reading, css).map(|length| OriginPart { length, axis: None }),
     }
 }
 

@@ -67,7 +67,8 @@ impl Length {
         Self { px, share: 0.0, em: 0.0, rem: 0.0, needs_font: false, is_physical: false }
     }
 
-    const fn share(share: f64) -> Self {
+    /// A share of what it refers to.
+    pub(crate) const fn share(share: f64) -> Self {
         Self { share, ..Self::px(0.0) }
     }
 
@@ -114,6 +115,10 @@ impl Length {
     }
 }
 
+/// Kinds of quantities that can be compared; below these are the parts of lengths.
+const NUMBER: usize = 10;
+const ANGLE: usize = 11;
+
 /// A number, length or angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Quantity {
@@ -142,11 +147,11 @@ impl Quantity {
         })
     }
 
-    /// Kind and value, which only those of one kind can be compared by.
+    /// Kind and value; only those of one kind can be compared.
     fn comparable(self) -> Option<(usize, f64)> {
         match self {
-            Self::Number(v) => Some((10, v)),
-            Self::Angle(v) => Some((11, v)),
+            Self::Number(v) => Some((NUMBER, v)),
+            Self::Angle(v) => Some((ANGLE, v)),
             Self::Length(v) => v.only_part(),
         }
     }
@@ -158,22 +163,25 @@ pub(crate) fn quantity(reading: &Reading, css: &mut Parser<'_>) -> Result<Quanti
     let start = css.position();
     let token = css.next()?.clone();
     let text = css.slice_from(start);
-    let exact = |unit: &str, value: f32| {
-        let digits = text.len().checked_sub(unit.len()).and_then(|n| text.get(..n)).unwrap_or_default();
-        digits.parse::<f64>().ok().filter(|v| v.is_finite()).unwrap_or(f64::from(value))
-    };
     match &token {
-        Token::Number { value, .. } => finite(Quantity::Number(exact("", *value))),
+        Token::Number { value, .. } => finite(Quantity::Number(exact(text, "", *value))),
         Token::Percentage { unit_value, .. } => {
-            finite(Quantity::Length(Length::share(exact("%", unit_value * 100.0) / 100.0)))
+            finite(Quantity::Length(Length::share(exact(text, "%", unit_value * 100.0) / 100.0)))
         }
-        Token::Dimension { value, unit, .. } => finite(dimension(reading, exact(unit, *value), unit)?),
+        Token::Dimension { value, unit, .. } => finite(dimension(reading, exact(text, unit, *value), unit)?),
         Token::Function(name) => {
             let name = name.to_ascii_lowercase();
             css.parse_nested_block(|css| function(reading, &name, css))
         }
         _ => Err(Fault::unexpected_token()),
     }
+}
+
+/// The number in a token with this text and unit. The parser has it in f32, as `value`, which is taken where the number
+/// cannot be cut out of the text: a unit that is written with escapes is longer there.
+fn exact(text: &str, unit: &str, value: f32) -> f64 {
+    let digits = text.len().checked_sub(unit.len()).and_then(|n| text.get(..n)).unwrap_or_default();
+    digits.parse::<f64>().ok().filter(|v| v.is_finite()).unwrap_or(f64::from(value))
 }
 
 fn finite(quantity: Quantity) -> Result<Quantity, Fault> {
@@ -253,26 +261,30 @@ fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Quant
     }
 }
 
+/// The quantity that `min()`, `max()` or `clamp()` is, of those that it compares.
 fn extreme(reading: &Reading, name: &str, all: &[Quantity]) -> Result<Quantity, Fault> {
-    let compared: Option<Vec<(usize, f64)>> = all.iter().map(|q| q.comparable()).collect();
-    // A length of 0 has no unit of its own among lengths, whose kinds are below those of numbers and angles.
-    let kind = |c: &[(usize, f64)]| c.iter().find(|(_, v)| *v != 0.0).or(c.first()).map(|c| c.0);
-    let compared =
-        compared.filter(|c| c.iter().all(|&(k, v)| Some(k) == kind(c) || (v == 0.0 && k < 10 && kind(c) < Some(10))));
-    let Some(compared) = compared else {
+    let Some(values) = comparable_values(all) else {
         return Err(reading.unknown(format!("{name}() of different units")));
     };
-    let value = |i: usize| compared[i].1;
-    let least = |from: usize| (from..all.len()).min_by(|&a, &b| value(a).total_cmp(&value(b)));
-    let most = |from: usize| (from..all.len()).max_by(|&a, &b| value(a).total_cmp(&value(b)));
-    let chosen = match (name, all.len()) {
-        ("min", _) => least(0),
-        ("max", _) => most(0),
-        ("clamp", 3) if value(1) < value(0) || value(2) < value(0) => Some(0),
-        ("clamp", 3) => Some(if value(1) > value(2) { 2 } else { 1 }),
+    let chosen = match (name, values.as_slice()) {
+        ("min", values) => (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])),
+        ("max", values) => (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])),
+        // max(least, min(value, most)): the least wins over the most (CSS Values 4, 10.2).
+        ("clamp", &[least, value, most]) if value < least || most < least => Some(0),
+        ("clamp", &[_, value, most]) => Some(if value > most { 2 } else { 1 }),
         _ => None,
     };
     chosen.map(|i| all[i]).ok_or_else(Fault::unexpected_token)
+}
+
+/// The values of quantities of one kind, which alone can be compared.
+fn comparable_values(all: &[Quantity]) -> Option<Vec<f64>> {
+    let compared = all.iter().map(|q| q.comparable()).collect::<Option<Vec<(usize, f64)>>>()?;
+    let kind = compared.iter().find(|(_, v)| *v != 0.0).or(compared.first()).map(|c| c.0);
+    // A length of 0 has no unit of its own among lengths.
+    let is_zero_length = |k: usize, v: f64| v == 0.0 && k < NUMBER && kind < Some(NUMBER);
+    let is_alike = compared.iter().all(|&(k, v)| Some(k) == kind || is_zero_length(k, v));
+    is_alike.then(|| compared.into_iter().map(|(_, v)| v).collect())
 }
 
 /// Terms with + and - between them; blanks stand around these (CSS Values 4, 10.8).
@@ -395,8 +407,8 @@ pub(crate) fn angle(reading: &Reading, css: &mut Parser<'_>) -> Result<f64, Faul
 /// The value of one of some keywords, whatever their case.
 pub(crate) fn keyword<T: Copy>(css: &mut Parser<'_>, keywords: &[(&str, T)]) -> Result<T, Fault> {
     let word = css.expect_ident()?;
-    let found = keywords.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
-    found.map(|(_, value)| *value).ok_or_else(Fault::unexpected_token)
+    let keyword = keywords.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
+    keyword.map(|(_, value)| *value).ok_or_else(Fault::unexpected_token)
 }
 
 /// Whether the keyword comes next; it is then read.

@@ -21,12 +21,16 @@ const MAX_DEPTH: usize = 64;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Variables(Arc<BTreeMap<Arc<str>, Arc<str>>>);
 
-/// How much variables have made so far.
+/// How many bytes of text variables have made so far, in all elements of a drawing.
 #[derive(Debug, Default)]
-pub(crate) struct Made(usize);
+pub(crate) struct SubstitutedBytes(usize);
 
-impl Made {
-    fn spend(&mut self, bytes: usize) -> Result<(), Excess> {
+impl SubstitutedBytes {
+    /// Counts more of them.
+    ///
+    /// # Errors
+    /// [`Excess::Variables`] beyond [`MAX_BYTES`].
+    fn add(&mut self, bytes: usize) -> Result<(), Excess> {
         self.0 += bytes;
         if self.0 > MAX_BYTES { Err(Excess::Variables) } else { Ok(()) }
     }
@@ -37,23 +41,25 @@ impl Variables {
     pub(crate) fn with(
         &self,
         declared: &BTreeMap<Arc<str>, Option<Arc<str>>>,
-        made: &mut Made,
+        bytes: &mut SubstitutedBytes,
     ) -> Result<Self, Excess> {
         if declared.is_empty() {
             return Ok(self.clone());
         }
-        made.spend(64 * (declared.len() + self.0.len()))?;
+        bytes.add(64 * (declared.len() + self.0.len()))?;
         let mut all = (*self.0).clone();
+        // What the parent has under the same name is gone even where the own text turns out not to be valid.
         for name in declared.keys() {
             all.remove(name);
         }
         for (name, text) in declared {
             let Some(text) = text else { continue };
+            // The variables that are being put in, from the outside in: one that is met again closes a circle.
             let mut open = vec![name.clone()];
-            match expanded(text, &|name| self.lookup(declared, name), &mut open, made) {
+            match expanded(text, &|name| self.lookup(declared, name), &mut open, bytes) {
                 Ok(Some(text)) => _ = all.insert(name.clone(), text.into()),
-                Ok(None) | Err(Stop::Circle(_)) => {}
-                Err(Stop::Excess) => return Err(Excess::Variables),
+                Ok(None) | Err(SubstitutionStop::Circle(_)) => {}
+                Err(SubstitutionStop::Excess) => return Err(Excess::Variables),
             }
         }
         Ok(Self(Arc::new(all)))
@@ -68,11 +74,11 @@ impl Variables {
     }
 
     /// A value with its variables put in; None where one is missing.
-    pub(crate) fn substituted(&self, text: &str, made: &mut Made) -> Result<Option<String>, Excess> {
-        match expanded(text, &|name| self.0.get(name).cloned(), &mut Vec::new(), made) {
+    pub(crate) fn substituted(&self, text: &str, bytes: &mut SubstitutedBytes) -> Result<Option<String>, Excess> {
+        match expanded(text, &|name| self.0.get(name).cloned(), &mut Vec::new(), bytes) {
             Ok(text) => Ok(text),
-            Err(Stop::Circle(_)) => Ok(None),
-            Err(Stop::Excess) => Err(Excess::Variables),
+            Err(SubstitutionStop::Circle(_)) => Ok(None),
+            Err(SubstitutionStop::Excess) => Err(Excess::Variables),
         }
     }
 }
@@ -90,7 +96,7 @@ pub(crate) fn has_variables(text: &str) -> bool {
 }
 
 /// Why variables are not put in.
-enum Stop {
+enum SubstitutionStop {
     /// The open variable of this place is in a circle, and with it all that were opened after it.
     Circle(usize),
     Excess,
@@ -99,20 +105,25 @@ enum Stop {
 type Lookup<'a> = &'a dyn Fn(&str) -> Option<Arc<str>>;
 
 /// A text with its variables put in; None where one is missing, or refers to itself.
-fn expanded(text: &str, lookup: Lookup<'_>, open: &mut Vec<Arc<str>>, made: &mut Made) -> Result<Option<String>, Stop> {
-    made.spend(text.len()).map_err(|_| Stop::Excess)?;
+fn expanded(
+    text: &str,
+    lookup: Lookup<'_>,
+    open: &mut Vec<Arc<str>>,
+    bytes: &mut SubstitutedBytes,
+) -> Result<Option<String>, SubstitutionStop> {
+    bytes.add(text.len()).map_err(|_| SubstitutionStop::Excess)?;
     if !has_variables(text) {
         return Ok(Some(text.to_owned()));
     }
     if open.len() > MAX_DEPTH {
-        return Err(Stop::Excess);
+        return Err(SubstitutionStop::Excess);
     }
     let mut out = String::new();
     let mut stop = None;
     let result = Parser::new(text).parse_entirely(|css| {
         copy(css, &mut out, &mut |name, fallback| {
-            let found = replacement(name, fallback, lookup, open, made);
-            found.unwrap_or_else(|e| {
+            let result = replacement(name, fallback, lookup, open, bytes);
+            result.unwrap_or_else(|e| {
                 stop = Some(e);
                 None
             })
@@ -120,7 +131,7 @@ fn expanded(text: &str, lookup: Lookup<'_>, open: &mut Vec<Arc<str>>, made: &mut
     });
     match stop {
         Some(e) => Err(e),
-        None if out.len() > MAX_VALUE => Err(Stop::Excess),
+        None if out.len() > MAX_VALUE => Err(SubstitutionStop::Excess),
         None => Ok(result.is_ok().then_some(out)),
     }
 }
@@ -131,26 +142,26 @@ fn replacement(
     fallback: Option<&str>,
     lookup: Lookup<'_>,
     open: &mut Vec<Arc<str>>,
-    made: &mut Made,
-) -> Result<Option<String>, Stop> {
+    bytes: &mut SubstitutedBytes,
+) -> Result<Option<String>, SubstitutionStop> {
     if let Some(place) = open.iter().position(|o| &**o == name) {
         // In a circle no fallback counts (CSS Variables 1, 2.3).
-        return Err(Stop::Circle(place));
+        return Err(SubstitutionStop::Circle(place));
     }
     if let Some(text) = lookup(name) {
         let own = open.len();
         open.push(name.into());
-        let value = expanded(&text, lookup, open, made);
+        let value = expanded(&text, lookup, open, bytes);
         open.pop();
         match value {
             Ok(Some(value)) => return Ok(Some(value)),
             Ok(None) => {}
             // Who refers to a member of the circle from outside has its fallback.
-            Err(Stop::Circle(place)) if place >= own => {}
+            Err(SubstitutionStop::Circle(place)) if place >= own => {}
             Err(stop) => return Err(stop),
         }
     }
-    fallback.map_or(Ok(None), |text| expanded(text, lookup, open, made))
+    fallback.map_or(Ok(None), |text| expanded(text, lookup, open, bytes))
 }
 
 /// Copies tokens, with `var()` replaced; a fault where there is nothing to replace it by.
@@ -164,7 +175,7 @@ fn copy(
         let Ok(token) = css.next_including_whitespace_and_comments() else { return Ok(()) };
         let close = match token {
             Token::Function(name) if name.eq_ignore_ascii_case("var") => {
-                let put = css.parse_nested_block(|css| {
+                let replacement = css.parse_nested_block(|css| {
                     let name = css.expect_ident()?.clone();
                     // Names of custom properties begin with two dashes.
                     if !name.starts_with("--") {
@@ -181,7 +192,7 @@ fn copy(
                 })?;
                 // What is substituted does not join with its neighbours (CSS Variables 1, 3).
                 out.push_str("/**/");
-                out.push_str(&put);
+                out.push_str(&replacement);
                 out.push_str("/**/");
                 continue;
             }
@@ -209,9 +220,9 @@ mod tests {
 
     fn substituted(declared: &[(&str, &str)], text: &str) -> Result<Option<String>, Excess> {
         let declared = declared.iter().map(|(n, v)| (Arc::from(*n), Some(Arc::from(*v)))).collect();
-        let mut made = Made::default();
-        let variables = Variables::default().with(&declared, &mut made)?;
-        Ok(variables.substituted(text, &mut made)?.map(|text| text.replace("/**/", "")))
+        let mut bytes = SubstitutedBytes::default();
+        let variables = Variables::default().with(&declared, &mut bytes)?;
+        Ok(variables.substituted(text, &mut bytes)?.map(|text| text.replace("/**/", "")))
     }
 
     #[test]

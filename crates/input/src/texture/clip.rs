@@ -9,7 +9,7 @@ const SLACK: f64 = 0.5 * NM;
 
 /// Polylines in one flat array, mm.
 #[derive(Debug, Default)]
-pub(super) struct Lines {
+pub(super) struct Polylines {
     pub(super) points: Vec<[f64; 2]>,
     /// z of every point of lines in space; empty for flat ones.
     heights: Vec<f64>,
@@ -17,7 +17,7 @@ pub(super) struct Lines {
     ends: Vec<usize>,
 }
 
-impl Lines {
+impl Polylines {
     /// Lines that keep z.
     pub(super) fn in_space() -> Self {
         Self { is_spatial: true, ..Self::default() }
@@ -136,11 +136,14 @@ fn strip(line: &[[f64; 2]]) -> Strip {
     let far = line.iter().copied().fold(line[0], |far, p| if away(&p) > away(&far) { p } else { far });
     let length = away(&far);
     let [dx, dy] = [(far[0] - x) / length, (far[1] - y) / length];
-    let (mut lo, mut hi) = (0.0_f64, 0.0_f64);
+    let mut lo = 0.0_f64;
+    let mut hi = 0.0_f64;
     let mut ends = [(0.0, 0); 2];
     for (k, p) in line.iter().enumerate() {
-        let (along, across) = (dx * (p[0] - x) + dy * (p[1] - y), dx * (p[1] - y) - dy * (p[0] - x));
-        (lo, hi) = (lo.min(across), hi.max(across));
+        let along = dx * (p[0] - x) + dy * (p[1] - y);
+        let across = dx * (p[1] - y) - dy * (p[0] - x);
+        lo = lo.min(across);
+        hi = hi.max(across);
         ends[0] = if along < ends[0].0 { (along, k) } else { ends[0] };
         ends[1] = if along > ends[1].0 { (along, k) } else { ends[1] };
     }
@@ -151,10 +154,10 @@ fn strip(line: &[[f64; 2]]) -> Strip {
 /// turns than ends, and none is drawn with so many.
 const MAX_TURNS: usize = 16;
 
-/// The open line that a closed polyline runs along there and back, within the tolerance, wherever it begins: it is to be
-/// marked once. None where the figure is open or encloses something. The line has points of the figure, and runs the
-/// way in which the figure reaches its first end and then its second. Cost: the number of points, at most
-/// [`MAX_TURNS`] times.
+/// The open line that a closed polyline runs along there and back, within the tolerance, wherever it begins: it is to
+/// be marked once. None where the figure is open or encloses something. The line has points of the figure, and runs the
+/// way in which the figure reaches its first end and then its second. Cost: the number of points, at most [`MAX_TURNS`]
+/// times.
 pub(super) fn traced_twice(line: &[[f64; 2]], tolerance: f64) -> Option<Vec<[f64; 2]>> {
     if !is_closed(line) {
         return None;
@@ -172,23 +175,28 @@ pub(super) fn traced_twice(line: &[[f64; 2]], tolerance: f64) -> Option<Vec<[f64
 /// Whether a ring leaves a vertex along the edge that it came by.
 fn turns_back(ring: &[[f64; 2]], k: usize, tolerance: f64) -> bool {
     let n = ring.len();
-    let (at, before, after) = (ring[k], ring[(k + n - 1) % n], ring[(k + 1) % n]);
+    let at = ring[k];
+    let before = ring[(k + n - 1) % n];
+    let after = ring[(k + 1) % n];
     let ahead = (before[0] - at[0]) * (after[0] - at[0]) + (before[1] - at[1]) * (after[1] - at[1]);
     // Where edges are shorter than the tolerance, every vertex is near its neighbours.
     ahead > 0.0 && (distance(before, [at, after]) <= tolerance || distance(after, [at, before]) <= tolerance)
 }
 
-/// The way from vertex `turn` of a ring to where the ring turns back, if both ways there are one. They are followed side
-/// by side: of the two next vertices the one that the other way passes first must lie on it. The ways may have their
-/// vertices at different places.
+/// The way from vertex `turn` of a ring to where the ring turns back, if both ways there are one. They are followed
+/// side by side: of the two next vertices the one that the other way passes first must lie on it. The ways may have
+/// their vertices at different places.
 fn halves(ring: &[[f64; 2]], turn: usize, tolerance: f64) -> Option<Vec<[f64; 2]>> {
     let n = ring.len();
     let forth = |i: usize| ring[(turn + i) % n];
     let back = |j: usize| ring[(turn + n - j) % n];
-    // The next vertices of both ways; the last step joins them, where all vertices have been passed.
-    let (mut i, mut j) = (1, 1);
+    // The next vertices of both ways; what was passed of one lies within the tolerance of the other. The last step
+    // joins them, where all vertices have been passed.
+    let mut i = 1;
+    let mut j = 1;
     while i + j < n {
-        let (next, other) = (forth(i), back(j));
+        let next = forth(i);
+        let other = back(j);
         if distance(next, [back(j - 1), other]) <= tolerance {
             i += 1;
         } else if distance(other, [forth(i - 1), next]) <= tolerance {
@@ -202,7 +210,8 @@ fn halves(ring: &[[f64; 2]], turn: usize, tolerance: f64) -> Option<Vec<[f64; 2]
 
 /// Distance of a point from a segment.
 pub(super) fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
-    let (d, v) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let d = [b[0] - a[0], b[1] - a[1]];
+    let v = [p[0] - a[0], p[1] - a[1]];
     let square = d[0] * d[0] + d[1] * d[1];
     let t = if square > 0.0 { ((d[0] * v[0] + d[1] * v[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
     (v[0] - t * d[0]).hypot(v[1] - t * d[1])
@@ -213,10 +222,12 @@ pub(super) fn is_inside(points: &[[f64; 2]], rect: BoxMm<2>) -> bool {
     points.iter().all(|&p| holds(rect, p))
 }
 
+/// Whether a point lies in the rectangle, but for the slack.
 fn holds(BoxMm { lo, hi }: BoxMm<2>, p: [f64; 2]) -> bool {
     (0..2).all(|a| lo[a] - SLACK <= p[a] && p[a] <= hi[a] + SLACK)
 }
 
+/// The point of the rectangle nearest to a point.
 fn onto(BoxMm { lo, hi }: BoxMm<2>, p: [f64; 2]) -> [f64; 2] {
     [0, 1].map(|a| p[a].clamp(lo[a], hi[a]))
 }
@@ -224,7 +235,7 @@ fn onto(BoxMm { lo, hi }: BoxMm<2>, p: [f64; 2]) -> [f64; 2] {
 /// Appends the pieces of a polyline that lie in the rectangle, borders included, in its direction. A polyline wholly
 /// inside stays as it is, closed figures too; of a closed figure that is cut no piece is divided at its first point.
 /// Pieces too short to mark are left out.
-pub(super) fn clip(points: &[[f64; 2]], rect: BoxMm<2>, out: &mut Lines) {
+pub(super) fn clip(points: &[[f64; 2]], rect: BoxMm<2>, out: &mut Polylines) {
     let first_outside = points.iter().position(|&p| !holds(rect, p));
     let Some(first_outside) = first_outside else {
         out.points.extend(points.iter().map(|&p| onto(rect, p)));
@@ -245,6 +256,7 @@ pub(super) fn clip(points: &[[f64; 2]], rect: BoxMm<2>, out: &mut Lines) {
 /// round a point inside stays the same.
 pub(super) fn clip_contour(contour: &[[f64; 2]], BoxMm { lo, hi }: BoxMm<2>) -> Vec<[f64; 2]> {
     let mut ring = contour.to_vec();
+    // Side by side of the rectangle (Sutherland and Hodgman).
     for (axis, limit, sign) in [(0, lo[0], 1.0), (0, hi[0], -1.0), (1, lo[1], 1.0), (1, hi[1], -1.0)] {
         let inside = |p: [f64; 2]| sign * (p[axis] - limit) >= 0.0;
         let mut kept = Vec::with_capacity(ring.len());
@@ -265,10 +277,11 @@ pub(super) fn clip_contour(contour: &[[f64; 2]], BoxMm { lo, hi }: BoxMm<2>) -> 
     ring
 }
 
-fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: BoxMm<2>, out: &mut Lines) {
+/// Appends the pieces of consecutive segments that lie in the rectangle.
+fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: BoxMm<2>, out: &mut Polylines) {
     let snapped = |p: [f64; 2]| if holds(rect, p) { onto(rect, p) } else { p };
     for [a, b] in segments.map(|s| s.map(snapped)) {
-        let Some([t0, t1]) = inside(a, b, rect) else {
+        let Some([t0, t1]) = stretch_inside(a, b, rect) else {
             end_piece(out);
             continue;
         };
@@ -287,7 +300,8 @@ fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: BoxMm<2>, out: &m
     end_piece(out);
 }
 
-fn end_piece(out: &mut Lines) {
+/// Ends the piece that was begun, or drops it where it is too short to be marked.
+fn end_piece(out: &mut Polylines) {
     let tail = out.tail();
     let [w, h] = extent(&out.points[tail..]);
     if w.max(h) < LEAST {
@@ -298,10 +312,12 @@ fn end_piece(out: &mut Lines) {
 }
 
 /// The parameters between which the segment lies in the rectangle (Liang and Barsky).
-fn inside(a: [f64; 2], b: [f64; 2], rect: BoxMm<2>) -> Option<[f64; 2]> {
-    let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
+fn stretch_inside(a: [f64; 2], b: [f64; 2], rect: BoxMm<2>) -> Option<[f64; 2]> {
+    let mut t0 = 0.0_f64;
+    let mut t1 = 1.0_f64;
     for axis in 0..2 {
-        let (lo, hi) = (rect.lo[axis], rect.hi[axis]);
+        let lo = rect.lo[axis];
+        let hi = rect.hi[axis];
         let d = b[axis] - a[axis];
         if d == 0.0 {
             if a[axis] < lo || a[axis] > hi {
@@ -309,7 +325,8 @@ fn inside(a: [f64; 2], b: [f64; 2], rect: BoxMm<2>) -> Option<[f64; 2]> {
             }
             continue;
         }
-        let (ta, tb) = ((lo - a[axis]) / d, (hi - a[axis]) / d);
+        let ta = (lo - a[axis]) / d;
+        let tb = (hi - a[axis]) / d;
         t0 = t0.max(ta.min(tb));
         t1 = t1.min(ta.max(tb));
     }
@@ -323,7 +340,7 @@ mod tests {
     const UNIT: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 10.0, 10.0);
 
     fn clipped(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
-        let mut out = Lines::default();
+        let mut out = Polylines::default();
         clip(points, UNIT, &mut out);
         out.iter().map(<[_]>::to_vec).collect()
     }

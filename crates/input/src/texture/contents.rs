@@ -43,11 +43,11 @@ pub struct Outlines {
     pub count: usize,
     /// How many of them end where they begin.
     pub closed: usize,
-    /// Of all.
+    /// How many points they have together.
     pub points: usize,
-    /// Of all.
+    /// Their length together.
     pub length_mm: f64,
-    /// In the coordinates of the drawing, or from the lower left corner of the page; None without lines.
+    /// Their box in the coordinates of the drawing, or from the lower left corner of the page; None without lines.
     pub bounds: Option<BoxMm<2>>,
 }
 
@@ -73,9 +73,9 @@ pub struct Pixels {
 pub struct InSpace {
     /// How many curves there are.
     pub count: usize,
-    /// Of all.
+    /// How many points they have together.
     pub points: usize,
-    /// Along all curves.
+    /// Their length together.
     pub length: f64,
     /// Least x, y and z.
     pub lo: [f64; 3],
@@ -124,26 +124,15 @@ impl Shapes {
         is_lenient: bool,
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
-        let mut artwork = |size, notes: &mut Vec<Diag>| {
-            let position = Position::Usual;
-            let marking = Box::new(Marking { is_lenient, ..outlines() });
-            let path = path.to_owned();
-            let kind = Kind::Drawing { path, size, unit_mm, position, turn_rad: 0.0, tile: false, marking };
-            let request = Request {
-                kind,
-                area: Area::Unlimited,
-                tolerance_mm: TOLERANCE_MM,
-                pen: PenId(0),
-                masks: Masks::default(),
-            };
-            sources.artwork(&request, &anywhere(), notes)
-        };
         let before = notes.len();
-        let (art, is_sized) = match artwork(Size::File, notes) {
+        let (art, is_sized) = match sources.artwork(&request(path, Size::File, unit_mm, is_lenient), &anywhere(), notes)
+        {
             Ok(art) => (art, true),
             Err(e) if e.diags().iter().any(|d| d.code == "svg-size") => {
+                // A job must give such a drawing a size. Here any does, so no warning says that it is stretched.
                 notes.truncate(before);
-                let art = artwork(Size::Mm([100.0; 2]), notes)?;
+                let sized = request(path, Size::Mm([100.0; 2]), unit_mm, is_lenient);
+                let art = sources.artwork(&sized, &anywhere(), notes)?;
                 notes.retain(|w| w.code != "svg-stretched");
                 (art, false)
             }
@@ -153,6 +142,20 @@ impl Shapes {
         let outlines = Outlines::of(&art).map_err(|d| Error::from(d.at(file)))?;
         Ok(Self { is_sized, outlines, selectors: selectors(&art), refused: Vec::new() })
     }
+}
+
+/// A request that marks all that a drawing shows by its outlines, wherever it lies.
+fn request(path: &Path, size: Size, unit_mm: Option<f64>, is_lenient: bool) -> Request {
+    let kind = Kind::Drawing {
+        path: path.to_owned(),
+        size,
+        unit_mm,
+        position: Position::Usual,
+        turn_rad: 0.0,
+        tile: false,
+        marking: Box::new(Marking { is_lenient, ..outlines() }),
+    };
+    Request { kind, area: Area::Unlimited, tolerance_mm: TOLERANCE_MM, pen: PenId(0), masks: Masks::default() }
 }
 
 impl Outlines {
@@ -197,7 +200,7 @@ impl InSpace {
         if !(art.lines.points.iter().all(|&p| is_near(p)) && heights.into_iter().all(|&z| is_near([z, 0.0]))) {
             return Err(far_in(&path.display().to_string()).into());
         }
-        let mut found = Self {
+        let mut curves = Self {
             count: art.lines.len(),
             points: art.lines.points.len(),
             length: 0.0,
@@ -209,13 +212,13 @@ impl InSpace {
             let heights = art.lines.heights(i).iter();
             let mut last: Option<[f64; 3]> = None;
             for p in art.lines.get(i).iter().zip(heights).map(|(&[x, y], &z)| [x, y, z]) {
-                found.length += last.map_or(0.0, |last| distance(last, p));
+                curves.length += last.map_or(0.0, |last| distance(last, p));
                 last = Some(p);
-                found.lo = [0, 1, 2].map(|k| found.lo[k].min(p[k]));
-                found.hi = [0, 1, 2].map(|k| found.hi[k].max(p[k]));
+                curves.lo = [0, 1, 2].map(|k| curves.lo[k].min(p[k]));
+                curves.hi = [0, 1, 2].map(|k| curves.hi[k].max(p[k]));
             }
         }
-        Ok(found)
+        Ok(curves)
     }
 }
 

@@ -1,16 +1,17 @@
 //! Areas of a drawing that are filled along the level lines of the part.
 //!
-//! Lines are those of a [`Contour`] over the box of the areas: one lattice in each cell of a grid. Of each line is marked
-//! what lies in an area at least the inset from its border, exactly; at the border of a cell, lines end without an inset.
+//! Lines are those of a [`Contour`] over the box of the areas: one lattice in each cell of a grid. Of each line is
+//! marked what lies in an area at least the inset from its border, exactly; at the border of a cell, lines end without
+//! an inset.
 //! An area that no line meets, because it is narrower than the pitch, has one line of its own in the direction of its
 //! cell. Units: nm as f64 in the turned part frame, mm across and along lines; rounded once.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::artwork::{Polygon, Set, Waiting, Waits};
-use super::drawing::{Drawing, Placed};
-use super::pattern::{Contour, Directions};
+use super::artwork::{LevelHatch, LineSet, OWN_LINE_SHARES, Polygon, UnfilledAreas, extent_across};
+use super::drawing::{Drawing, PagePlacement};
+use super::pattern::{Contour, ContourCell, Directions};
 use super::place::{NM, Site};
 use super::{Figure, MAX_POINTS, too_large};
 use terrace_core::diag::Error;
@@ -18,10 +19,7 @@ use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, P2, Strokes};
 use terrace_core::parallel;
 use terrace_core::program::PenId;
 
-/// The places across a narrow area at which a line of its own is tried.
-const SHARES: [f64; 7] = [0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875];
-
-/// A drawing with areas whose lines follow, or wait for, the directions of level lines.
+/// A drawing with areas that are filled by lines along the level lines of the part.
 #[derive(Clone, Debug)]
 pub struct ContourAreas {
     /// All else of the drawing.
@@ -30,17 +28,27 @@ pub struct ContourAreas {
     before: u64,
     /// The lines; with a cross, those at a right angle to them too.
     lattices: Vec<Contour>,
-    areas: std::sync::Arc<Vec<Area>>,
-    waiting: Waiting,
+    areas: std::sync::Arc<Vec<FilledPolygon>>,
+    hatch: LevelHatch,
     bounds: Box2,
+    /// Empty until the directions of level lines are known.
     lines: Strokes,
-    /// Of each line its area, and whether it lies between those of the lattice.
-    origin: Vec<(u32, bool)>,
+    /// Per line, where it comes from.
+    origins: Vec<LineOrigin>,
 }
 
-/// One polygon.
+/// Where a line comes from.
+#[derive(Clone, Copy, Debug)]
+struct LineOrigin {
+    /// Index of its area.
+    area: u32,
+    /// Whether it lies between the lines of the lattice, in an area that none of them meets.
+    is_between: bool,
+}
+
+/// A polygon that lines along level lines fill.
 #[derive(Debug)]
-struct Area {
+struct FilledPolygon {
     /// Index of its element's name.
     name: u32,
     pen: Option<PenId>,
@@ -49,15 +57,19 @@ struct Area {
     bounds: BoxMm<2>,
 }
 
-/// A stretch of a line, and whether it lies between those of the lattice.
-type Piece = ([P2; 2], bool);
+/// A line in an area.
+struct AreaLine {
+    ends: [P2; 2],
+    /// Whether it lies between the lines of the lattice.
+    is_between: bool,
+}
 
 impl ContourAreas {
     /// The areas of a drawing that was placed, cut at `limit`, part frame, mm.
     pub(super) fn new(
         drawing: Drawing,
-        waits: &[Waits],
-        waiting: Waiting,
+        unfilled: &[UnfilledAreas],
+        hatch: LevelHatch,
         phase: f64,
         limit: Option<BoxMm<2>>,
         site: &Site,
@@ -65,13 +77,13 @@ impl ContourAreas {
         let placed = *drawing.placed();
         let mut flat = BoxMm::EMPTY;
         let mut areas = Vec::new();
-        for wait in waits {
-            for polygon in &wait.polygons {
+        for element in unfilled {
+            for polygon in &element.polygons {
                 polygon.iter().flatten().for_each(|&p| flat.add(placed.part(p)));
                 let polygon: Polygon =
                     polygon.iter().map(|ring| ring.iter().map(|&p| nm(&placed, p)).collect()).collect();
                 let bounds = BoxMm::of(polygon.iter().flatten().copied());
-                areas.push(Area { name: wait.name, pen: wait.pen, polygon, bounds });
+                areas.push(FilledPolygon { name: element.name, pen: element.pen, polygon, bounds });
             }
         }
         if let Some(limit) = limit {
@@ -82,85 +94,96 @@ impl ContourAreas {
         }
         let mut lattices = Vec::new();
         if flat.lo[0] < flat.hi[0] && flat.lo[1] < flat.hi[1] {
-            for _ in 0..if waiting.cross { 2 } else { 1 } {
-                lattices.push(Contour::new(flat, waiting.pitch_mm, phase, site.turn)?);
+            for _ in 0..if hatch.cross { 2 } else { 1 } {
+                lattices.push(Contour::new(flat, hatch.pitch_mm, phase, site.turn)?);
             }
         }
         let bounds = lattices.iter().fold(drawing.bounds(), |b, l| b.union(l.bounds()));
         let before = drawing.before();
-        let (lines, origin) = <_>::default();
-        Ok(Self { drawing: drawing.into(), before, lattices, areas: areas.into(), waiting, bounds, lines, origin })
+        Ok(Self {
+            drawing: drawing.into(),
+            before,
+            lattices,
+            areas: areas.into(),
+            hatch,
+            bounds,
+            lines: Strokes::default(),
+            origins: Vec::new(),
+        })
     }
 
-    /// Lays the lines.
+    /// Fills the areas with lines in these directions.
     pub(super) fn fill(&mut self, directions: &Directions) -> Result<(), Error> {
-        (self.lines, self.origin) = <_>::default();
+        self.lines = Strokes::default();
+        self.origins.clear();
         for (k, lattice) in self.lattices.iter_mut().enumerate() {
             lattice.fill(&directions.turned(k))?;
         }
-        let pieces = parallel::map(self.areas.len(), |i| self.pieces(&self.areas[i]));
-        let count: usize = pieces.iter().map(Vec::len).sum();
+        let lines = parallel::map(self.areas.len(), |i| self.lines_in(&self.areas[i]));
+        let count: usize = lines.iter().map(Vec::len).sum();
         if 2 * count as u64 > MAX_POINTS.min(u64::from(u32::MAX)) {
             return Err(too_large(count as u64, 2 * count as u64).into());
         }
-        for (i, pieces) in pieces.into_iter().enumerate() {
-            for (line, is_own) in pieces {
-                if self.lines.push(line) {
-                    self.origin.push((i as u32, is_own));
+        for (i, lines) in lines.into_iter().enumerate() {
+            for AreaLine { ends, is_between } in lines {
+                if self.lines.push(ends) {
+                    self.origins.push(LineOrigin { area: i as u32, is_between });
                 }
             }
         }
         Ok(())
     }
 
-    /// The lines in an area.
-    fn pieces(&self, area: &Area) -> Vec<Piece> {
+    /// The lines in an area: those of each lattice, or one of its own where none of a lattice meets it.
+    fn lines_in(&self, area: &FilledPolygon) -> Vec<AreaLine> {
         let mut out = Vec::new();
+        let reach = self.hatch.inset_mm * NM_PER_MM;
+        let grown = BoxMm { lo: area.bounds.lo.map(|v| v - reach), hi: area.bounds.hi.map(|v| v + reach) };
         for lattice in &self.lattices {
-            let first = out.len();
-            let reach = self.waiting.inset_mm * NM_PER_MM;
-            let grown = BoxMm { lo: area.bounds.lo.map(|v| v - reach), hi: area.bounds.hi.map(|v| v + reach) };
-            let near = |cell: Box2| {
-                let (lo, hi) = ([cell.lo.x, cell.lo.y], [cell.hi.x, cell.hi.y]);
-                (0..2).all(|k| lo[k] as f64 <= grown.hi[k] && hi[k] as f64 >= grown.lo[k])
-            };
-            for cell in lattice.cells().filter(|cell| near(cell.bounds())) {
-                let sides = sides(&area.polygon, |p| cell.along(p));
-                let begin = cell.first() as f64 * self.waiting.pitch_mm;
-                for span in Set::new(begin, cell.count, &self.waiting).spans(&sides) {
-                    let stretch = self.turned_back(cell.first() + span.line as i64, [span.from, span.to]);
-                    let line = cell.piece(span.v * NM_PER_MM, stretch.0);
-                    out.extend(line.map(|[a, b]| (if stretch.1 { [b, a] } else { [a, b] }, false)));
-                }
+            let cells: Vec<_> = lattice.cells().filter(|cell| meets(&grown, cell.bounds())).collect();
+            let before = out.len();
+            for cell in &cells {
+                self.lattice_lines(area, cell, &mut out);
             }
-            if out.len() > first {
-                continue;
-            }
-            // No line of the lattice meets it: one of its own, if any fits.
-            'cells: for cell in lattice.cells().filter(|cell| near(cell.bounds())) {
-                let sides = sides(&area.polygon, |p| cell.along(p));
-                let heights = || sides.iter().map(|[p, _]| p[1]);
-                let (lo, hi) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
-                for share in SHARES {
-                    let own = Set::new(lo + share * (hi - lo), 1, &self.waiting).spans(&sides);
-                    let piece =
-                        |v: f64, from: f64, to: f64| cell.piece(v * NM_PER_MM, [from, to].map(|u| u * NM_PER_MM));
-                    out.extend(own.iter().filter_map(|s| piece(s.v, s.from, s.to)).map(|line| (line, true)));
-                    if out.len() > first {
-                        break 'cells;
-                    }
-                }
+            if out.len() == before {
+                let own_line = cells.iter().map(|cell| self.own_line(area, cell)).find(|line| !line.is_empty());
+                out.extend(own_line.into_iter().flatten());
             }
         }
         out
     }
 
-    /// A stretch of line `k` in nm, and whether it is marked backwards.
-    fn turned_back(&self, k: i64, stretch: [f64; 2]) -> ([f64; 2], bool) {
-        (stretch.map(|u| u * NM_PER_MM), !self.waiting.one_way && k.rem_euclid(2) == 1)
+    /// Appends the lines of the lattice in a cell, as far as they lie in the area.
+    fn lattice_lines(&self, area: &FilledPolygon, cell: &ContourCell<'_>, out: &mut Vec<AreaLine>) {
+        let sides = sides(&area.polygon, |p| cell.along(p));
+        let begin = cell.first() as f64 * self.hatch.pitch_mm;
+        for span in LineSet::new(begin, cell.count, &self.hatch).spans(&sides) {
+            let is_backward = !self.hatch.one_way && (cell.first() + span.line as i64).rem_euclid(2) == 1;
+            let piece = cell.piece(span.v * NM_PER_MM, [span.from, span.to].map(|u| u * NM_PER_MM));
+            let ends = piece.map(|[a, b]| if is_backward { [b, a] } else { [a, b] });
+            out.extend(ends.map(|ends| AreaLine { ends, is_between: false }));
+        }
     }
 
-    /// The boxes that the lines are laid in.
+    /// The pieces of a single line in a cell, at the first of [`OWN_LINE_SHARES`] where any fits into the area.
+    fn own_line(&self, area: &FilledPolygon, cell: &ContourCell<'_>) -> Vec<AreaLine> {
+        let sides = sides(&area.polygon, |p| cell.along(p));
+        let [lo, hi] = extent_across(&sides);
+        for share in OWN_LINE_SHARES {
+            let spans = LineSet::new(lo + share * (hi - lo), 1, &self.hatch).spans(&sides);
+            let lines: Vec<AreaLine> = spans
+                .iter()
+                .filter_map(|s| cell.piece(s.v * NM_PER_MM, [s.from, s.to].map(|u| u * NM_PER_MM)))
+                .map(|ends| AreaLine { ends, is_between: true })
+                .collect();
+            if !lines.is_empty() {
+                return lines;
+            }
+        }
+        Vec::new()
+    }
+
+    /// The boxes that hold the lines.
     pub fn lattices(&self) -> &[Contour] {
         &self.lattices
     }
@@ -172,7 +195,7 @@ impl ContourAreas {
 
     /// Whether a stroke lies between the lines of the lattice, in an area that none of them meets.
     pub fn is_between(&self, i: u64) -> bool {
-        self.own().contains(&i) && self.origin[(i - self.before) as usize].1
+        self.own().contains(&i) && self.origins[(i - self.before) as usize].is_between
     }
 
     /// The line `i`, or the stroke of the drawing.
@@ -186,7 +209,15 @@ impl ContourAreas {
     }
 }
 
-fn nm(placed: &Placed, p: [f64; 2]) -> [f64; 2] {
+/// Whether the box of a cell meets a box, nm.
+fn meets(area: &BoxMm<2>, cell: Box2) -> bool {
+    let lo = [cell.lo.x, cell.lo.y];
+    let hi = [cell.hi.x, cell.hi.y];
+    (0..2).all(|k| lo[k] as f64 <= area.hi[k] && hi[k] as f64 >= area.lo[k])
+}
+
+/// A point of the page in the turned part frame, nm.
+fn nm(placed: &PagePlacement, p: [f64; 2]) -> [f64; 2] {
     placed.turned(p).map(|v| v * NM_PER_MM)
 }
 
@@ -223,7 +254,7 @@ impl Figure for ContourAreas {
 
     fn element(&self, i: u64) -> String {
         match self.find(i) {
-            Ok(k) => self.drawing.name(self.areas[self.origin[k].0 as usize].name).to_owned(),
+            Ok(k) => self.drawing.name(self.areas[self.origins[k].area as usize].name).to_owned(),
             Err(i) => self.drawing.element(i),
         }
     }
@@ -234,7 +265,7 @@ impl Figure for ContourAreas {
 
     fn pen(&self, i: u64) -> Option<PenId> {
         match self.find(i) {
-            Ok(k) => self.areas[self.origin[k].0 as usize].pen,
+            Ok(k) => self.areas[self.origins[k].area as usize].pen,
             Err(i) => self.drawing.pen(i),
         }
     }

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::artwork::Page;
-use super::clip::{Lines, clip, is_inside};
+use super::clip::{Polylines, clip, is_inside};
 use super::page::{Position, aligned};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
 use super::{Area, ContourAreas, Figure, Kind, MAX_POINTS, Request, too_large};
@@ -30,7 +30,7 @@ const MAX_TILE: f64 = 1e9;
 
 /// How page mm become part mm.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(super) struct PagePlacement {
     size: [f64; 2],
     origin: [f64; 2],
     /// Cosine and sine of the page's turn about its lower left corner.
@@ -39,7 +39,7 @@ pub(super) struct Placed {
     turn: Turn,
 }
 
-impl Placed {
+impl PagePlacement {
     /// The page lies where `position` says, in the area or, without one, in the part's box.
     pub(super) fn new(
         size: [f64; 2],
@@ -102,10 +102,10 @@ pub(super) struct Drawing {
     /// The same of pens; None for that of the texture.
     pen_of: Vec<Option<PenId>>,
     layout: Layout,
-    placed: Placed,
+    placed: PagePlacement,
     bounds: Box2,
     points: u64,
-    /// How many strokes of a single drawing are marked before areas that wait for their lines.
+    /// How many strokes of a single drawing are marked before its areas are filled along level lines.
     before: u64,
 }
 
@@ -117,17 +117,17 @@ enum Layout {
 
 #[derive(Debug)]
 struct Tiles {
-    placed: Placed,
+    placed: PagePlacement,
     area: BoxMm<2>,
-    lines: Lines,
-    rows: Vec<Row>,
-    listed: Vec<Listed>,
+    lines: Polylines,
+    rows: Vec<TileRow>,
+    listed: Vec<BorderStroke>,
     len: u64,
 }
 
 /// One row of tiles: listed strokes, tiles wholly inside, listed strokes.
 #[derive(Debug)]
-struct Row {
+struct TileRow {
     /// Index of its first stroke.
     start: u64,
     j: i64,
@@ -141,10 +141,19 @@ struct Row {
 
 /// A stroke of a tile on the border: piece `piece` of a line.
 #[derive(Debug)]
-struct Listed {
+struct BorderStroke {
     tile: i32,
     line: u32,
     piece: u32,
+}
+
+/// A stroke of a tiled drawing: its tile (i, j), its line of the page, and the piece of that which the area leaves; no
+/// piece where the tile lies wholly inside.
+struct TileStroke {
+    i: i64,
+    j: i64,
+    line: usize,
+    piece: Option<u32>,
 }
 
 impl Figure for Drawing {
@@ -171,17 +180,17 @@ impl Figure for Drawing {
     }
 
     fn dot_pens(&self, own: PenId) -> BTreeSet<PenId> {
-        let of = |len: usize, i: usize| (len == 1).then(|| self.pen_of[i].unwrap_or(own));
+        let dot_pen = |len: usize, i: usize| (len == 1).then(|| self.pen_of[i].unwrap_or(own));
         match &self.layout {
-            Layout::Single(strokes) => strokes.iter().enumerate().filter_map(|(i, s)| of(s.len(), i)).collect(),
-            Layout::Tiled(tiles) => tiles.lines.iter().enumerate().filter_map(|(i, s)| of(s.len(), i)).collect(),
+            Layout::Single(strokes) => strokes.iter().enumerate().filter_map(|(i, s)| dot_pen(s.len(), i)).collect(),
+            Layout::Tiled(tiles) => tiles.lines.iter().enumerate().filter_map(|(i, s)| dot_pen(s.len(), i)).collect(),
         }
     }
 
     fn pen(&self, i: u64) -> Option<PenId> {
         match &self.layout {
             Layout::Single(_) => self.pen_of[i as usize],
-            Layout::Tiled(tiles) => self.pen_of[tiles.find(i).2],
+            Layout::Tiled(tiles) => self.pen_of[tiles.find(i).line],
         }
     }
 
@@ -190,7 +199,7 @@ impl Figure for Drawing {
         match &self.layout {
             Layout::Single(_) => name(i as usize).clone(),
             Layout::Tiled(tiles) => {
-                let (i, j, line, _) = tiles.find(i);
+                let TileStroke { i, j, line, .. } = tiles.find(i);
                 format!("{}, tile ({i}, {j})", name(line))
             }
         }
@@ -199,35 +208,36 @@ impl Figure for Drawing {
 
 impl Drawing {
     /// Places a page as a request of kind drawing says.
-    pub(super) fn place(mut page: Page, request: &Request, site: &Site) -> Result<super::Placed, Error> {
+    pub(super) fn place(mut page: Page, request: &Request, site: &Site) -> Result<super::PlacedStrokes, Error> {
         let Kind::Drawing { path, position, turn_rad, tile, marking, .. } = &request.kind else {
             unreachable!("a drawing was asked for")
         };
         let limit = (request.area != Area::Unlimited).then_some(site.area);
         let position = position.of_page(page.corner, limit.is_some());
-        let placed = Placed::new(page.size, position, *turn_rad, limit, site.part_box, site.turn);
+        let placed = PagePlacement::new(page.size, position, *turn_rad, limit, site.part_box, site.turn);
         let file = path.display().to_string();
         if *tile {
-            return Ok(super::Placed::Figure(Arc::new(Self::tiled(page, &placed, limit, &file)?)));
+            return Ok(super::PlacedStrokes::Figure(Arc::new(Self::tiled(page, &placed, limit, &file)?)));
         }
-        let (waits, waiting) = (std::mem::take(&mut page.waits), page.waiting);
+        let unfilled = std::mem::take(&mut page.unfilled);
+        let level_hatch = page.level_hatch;
         let drawing = Self::single(page, &placed, limit, &file)?;
-        let Some(phase) = marking.along_contours.filter(|_| !waits.is_empty()) else {
+        let Some(phase) = marking.along_contours.filter(|_| !unfilled.is_empty()) else {
             let drawing = if drawing.len() == 0 { Err(outside(&file)) } else { Ok(drawing) };
-            return Ok(super::Placed::Figure(Arc::new(drawing?)));
+            return Ok(super::PlacedStrokes::Figure(Arc::new(drawing?)));
         };
         let is_far = |p: &[f64; 2]| !is_near(placed.turned(*p));
-        if waits.iter().flat_map(|w| w.polygons.iter().flatten().flatten()).any(is_far) {
+        if unfilled.iter().flat_map(|areas| areas.polygons.iter().flatten().flatten()).any(is_far) {
             return Err(far_in(&file).into());
         }
-        let areas = ContourAreas::new(drawing, &waits, waiting, phase, limit, site)?;
+        let areas = ContourAreas::new(drawing, &unfilled, level_hatch, phase, limit, site)?;
         if areas.len() == 0 && areas.lattices().is_empty() {
             return Err(outside(&file).into());
         }
-        Ok(super::Placed::Areas(Box::new(areas)))
+        Ok(super::PlacedStrokes::Areas(Box::new(areas)))
     }
 
-    pub(super) fn placed(&self) -> &Placed {
+    pub(super) fn placed(&self) -> &PagePlacement {
         &self.placed
     }
 
@@ -240,10 +250,12 @@ impl Drawing {
     }
 
     /// A drawing placed once, cut at `area`; it may hold nothing.
-    fn single(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
+    fn single(page: Page, placed: &PagePlacement, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let mut strokes = Strokes::default();
-        let (mut name_of, mut pen_of) = (Vec::new(), Vec::new());
-        let (mut line, mut pieces) = (Vec::new(), Lines::default());
+        let mut name_of = Vec::new();
+        let mut pen_of = Vec::new();
+        let mut line = Vec::new();
+        let mut pieces = Polylines::default();
         let mut before = 0;
         for (k, ((points, &name), &pen)) in page.lines.iter().zip(&page.name_of).zip(&page.pen_of).enumerate() {
             before = if k == page.before { strokes.len() } else { before };
@@ -269,7 +281,8 @@ impl Drawing {
             }
         }
         before = if page.before >= page.lines.len() { strokes.len() } else { before };
-        let (bounds, points) = (strokes.bounds(), strokes.point_count() as u64);
+        let bounds = strokes.bounds();
+        let points = strokes.point_count() as u64;
         Ok(Self {
             names: page.names,
             name_of,
@@ -283,14 +296,17 @@ impl Drawing {
     }
 
     /// A drawing repeated over `area`.
-    fn tiled(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
+    fn tiled(page: Page, placed: &PagePlacement, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let Some(area) = area else {
             return Err(Diag::input("texture-tile", "tiling needs an area to fill")
                 .at(Place::file(path))
                 .hint("add area = \"part\" or area = [x0, y0, x1, y1]")
                 .into());
         };
-        let (mut lines, mut name_of, mut pen_of) = (Lines::default(), Vec::new(), Vec::new());
+        // Strokes of tiles are counted, not made, so each line must have two points in every tile, or be a dot.
+        let mut lines = Polylines::default();
+        let mut name_of = Vec::new();
+        let mut pen_of = Vec::new();
         for ((line, &name), &pen) in page.lines.iter().zip(&page.name_of).zip(&page.pen_of) {
             let bounds = BoxMm::of(line.iter().map(|&p| placed.turned(p)));
             if line.len() == 1 || bounds.size().iter().any(|&side| side > EXTENT) {
@@ -310,29 +326,18 @@ impl Drawing {
             before: 0,
         };
         let mut tiles = Tiles { placed: *placed, area, lines, rows: Vec::new(), listed: Vec::new(), len: 0 };
-        let lattice = Lattice::new(placed, area);
+        let lattice = TileLattice::new(placed, area);
         let extremes = tiles.extremes();
         let mut cuts = 0;
         for j in lattice.rows().ok_or_else(|| Error::from(too_large(u64::MAX, u64::MAX).at(Place::file(path))))? {
-            let (touched, inside) = lattice.columns(j);
-            cuts +=
-                (touched.end - touched.start - (inside.end - inside.start)) as u64 * tiles.lines.points.len() as u64;
-            let whole = (inside.end - inside.start) as u64;
-            drawing.points += whole * tiles.lines.points.len() as u64;
+            let columns = lattice.columns(j);
+            let page_points = tiles.lines.points.len() as u64;
+            cuts += columns.on_border() * page_points;
+            drawing.points += columns.whole() * page_points;
             if cuts > MAX_CUTS || drawing.points > MAX_POINTS {
                 return Err(too_large(tiles.len, drawing.points.max(cuts)).at(Place::file(path)).into());
             }
-            let listed = tiles.listed.len();
-            (touched.start..inside.start).for_each(|i| drawing.list(&mut tiles, i, j));
-            let before = tiles.listed.len() - listed;
-            (inside.end..touched.end).for_each(|i| drawing.list(&mut tiles, i, j));
-            for i in [inside.start, inside.end - 1] {
-                if whole > 0 {
-                    extremes.iter().for_each(|&p| drawing.bounds.add(placed.turn.nm(placed.tile(p, i, j))));
-                }
-            }
-            tiles.rows.push(Row { start: tiles.len, j, first: inside.start, inside: whole, listed, before });
-            tiles.len += whole * tiles.lines.len() as u64 + (tiles.listed.len() - listed) as u64;
+            drawing.add_row(&mut tiles, j, columns, &extremes);
             if tiles.listed.len() > MAX_LISTED {
                 return Err(too_large(tiles.len, drawing.points).at(Place::file(path)).into());
             }
@@ -344,10 +349,29 @@ impl Drawing {
         Ok(drawing)
     }
 
+    /// Adds row `j` to the tiles: strokes of its border tiles are listed, those of tiles inside are counted. `extremes`
+    /// are the points of the page that a box of its strokes needs.
+    fn add_row(&mut self, tiles: &mut Tiles, j: i64, columns: RowTiles, extremes: &[[f64; 2]]) {
+        let whole = columns.whole();
+        let RowTiles { touched, inside } = columns;
+        let listed = tiles.listed.len();
+        (touched.start..inside.start).for_each(|i| self.list(tiles, i, j));
+        let before = tiles.listed.len() - listed;
+        (inside.end..touched.end).for_each(|i| self.list(tiles, i, j));
+        if whole > 0 {
+            // All tiles between the outermost ones lie in the box of these.
+            for i in [inside.start, inside.end - 1] {
+                extremes.iter().for_each(|&p| self.bounds.add(tiles.placed.turn.nm(tiles.placed.tile(p, i, j))));
+            }
+        }
+        tiles.rows.push(TileRow { start: tiles.len, j, first: inside.start, inside: whole, listed, before });
+        tiles.len += whole * tiles.lines.len() as u64 + (tiles.listed.len() - listed) as u64;
+    }
+
     /// Lists what lies in the area of tile (i, j), which its border crosses.
     fn list(&mut self, tiles: &mut Tiles, i: i64, j: i64) {
         let tile = i32::try_from(i).expect("fewer than 2^31 tiles of a row");
-        let mut pieces = Lines::default();
+        let mut pieces = Polylines::default();
         for line in 0..tiles.lines.len() {
             if tiles.listed.len() > MAX_LISTED {
                 // The caller refuses the texture; until then memory is kept.
@@ -363,7 +387,7 @@ impl Drawing {
                     continue;
                 }
                 let line = u32::try_from(line).expect("fewer lines than points");
-                tiles.listed.push(Listed {
+                tiles.listed.push(BorderStroke {
                     tile,
                     line,
                     piece: u32::try_from(piece).expect("fewer pieces than points"),
@@ -377,46 +401,46 @@ impl Drawing {
 
 impl Tiles {
     fn stroke(&self, i: u64, out: &mut Vec<P2>) {
-        let (i, j, line, piece) = self.find(i);
+        let TileStroke { i, j, line, piece } = self.find(i);
         let Some(piece) = piece else {
             let nm = |&p: &[f64; 2]| self.placed.turn.nm(self.placed.tile(p, i, j));
             return self.lines.get(line).iter().for_each(|p| push(out, nm(p)));
         };
-        let mut pieces = Lines::default();
+        let mut pieces = Polylines::default();
         self.cut(line, i, j, &mut pieces);
         pieces.get(piece as usize).iter().for_each(|&p| push(out, self.placed.turn.nm(p)));
     }
 
-    /// Tile, line and piece of stroke `i`; no piece where the tile lies wholly inside.
-    fn find(&self, i: u64) -> (i64, i64, usize, Option<u32>) {
+    /// Where stroke `i` comes from.
+    fn find(&self, i: u64) -> TileStroke {
         let row = &self.rows[self.rows.partition_point(|r| r.start <= i) - 1];
-        let (k, lines) = (i - row.start, self.lines.len() as u64);
+        let k = i - row.start;
+        let lines = self.lines.len() as u64;
         let inside = row.inside * lines;
         let before = row.before as u64;
         if k >= before && k < before + inside {
             let k = k - before;
-            return (row.first + (k / lines) as i64, row.j, (k % lines) as usize, None);
+            let i = row.first + (k / lines) as i64;
+            return TileStroke { i, j: row.j, line: (k % lines) as usize, piece: None };
         }
-        let at = row.listed + if k < before { k } else { k - inside } as usize;
-        let l = &self.listed[at];
-        (i64::from(l.tile), row.j, l.line as usize, Some(l.piece))
+        let listed = &self.listed[row.listed + if k < before { k } else { k - inside } as usize];
+        TileStroke { i: i64::from(listed.tile), j: row.j, line: listed.line as usize, piece: Some(listed.piece) }
     }
 
     /// What lies in the area of a line of tile (i, j), in part mm.
-    fn cut(&self, line: usize, i: i64, j: i64, pieces: &mut Lines) {
+    fn cut(&self, line: usize, i: i64, j: i64, pieces: &mut Polylines) {
         let placed: Vec<_> = self.lines.get(line).iter().map(|&p| self.placed.tile(p, i, j)).collect();
         clip(&placed, self.area, pieces);
     }
 
     /// The points of the page that can lie on the border of its strokes' box, in the turned frame.
     fn extremes(&self) -> Vec<[f64; 2]> {
-        let seen = |p: &[f64; 2]| self.placed.turn.turned(self.placed.part(*p));
-        let BoxMm { lo, hi } = BoxMm::of(self.lines.points.iter().map(seen));
+        let BoxMm { lo, hi } = BoxMm::of(self.lines.points.iter().map(|&p| self.placed.turned(p)));
         // Ten nanometres are far above the noise of f64 and far below any drawing.
-        let near = |a: f64, b: f64| (a - b).abs() < 1e-5;
-        let is_extreme = |p: &[f64; 2]| {
-            let p = seen(p);
-            (0..2).any(|k| near(p[k], lo[k]) || near(p[k], hi[k]))
+        let is_near = |a: f64, b: f64| (a - b).abs() < 1e-5;
+        let is_extreme = |&p: &[f64; 2]| {
+            let p = self.placed.turned(p);
+            (0..2).any(|k| is_near(p[k], lo[k]) || is_near(p[k], hi[k]))
         };
         self.lines.points.iter().copied().filter(is_extreme).collect()
     }
@@ -429,16 +453,37 @@ fn outside(path: &str) -> Diag {
 }
 
 /// The area as seen from the page: a convex quadrangle over a grid of unit tiles.
-struct Lattice {
+struct TileLattice {
     corners: [[f64; 2]; 4],
     area: BoxMm<2>,
-    placed: Placed,
+    placed: PagePlacement,
 }
 
+/// Indices of rows, or of tiles in a row.
 type Span = std::ops::Range<i64>;
 
-impl Lattice {
-    fn new(placed: &Placed, area: BoxMm<2>) -> Self {
+/// The tiles of a row, by their index along it.
+struct RowTiles {
+    /// Those that the area touches.
+    touched: Span,
+    /// Those among them that lie wholly in it; empty at the end of `touched` where there is none.
+    inside: Span,
+}
+
+impl RowTiles {
+    /// How many tiles lie wholly in the area.
+    fn whole(&self) -> u64 {
+        (self.inside.end - self.inside.start) as u64
+    }
+
+    /// How many tiles the border of the area crosses.
+    fn on_border(&self) -> u64 {
+        (self.touched.end - self.touched.start - (self.inside.end - self.inside.start)) as u64
+    }
+}
+
+impl TileLattice {
+    fn new(placed: &PagePlacement, area: BoxMm<2>) -> Self {
         let [w, h] = placed.size;
         let corners = area.corners().map(|c| {
             let [x, y] = placed.on_page(c);
@@ -455,8 +500,9 @@ impl Lattice {
     }
 
     /// Tiles of row `j` that the area touches, and among them those that lie wholly in it.
-    fn columns(&self, j: i64) -> (Span, Span) {
-        let (low, high) = (j as f64, (j + 1) as f64);
+    fn columns(&self, j: i64) -> RowTiles {
+        let low = j as f64;
+        let high = (j + 1) as f64;
         // The widest extent over the row is taken at its limits or at a corner between them.
         let mut wide = [f64::INFINITY, f64::NEG_INFINITY];
         let limits = [self.across(low), self.across(high)];
@@ -465,10 +511,11 @@ impl Lattice {
             wide = [wide[0].min(a), wide[1].max(b)];
         }
         if wide[0] > wide[1] {
-            return (0..0, 0..0);
+            return RowTiles { touched: 0..0, inside: 0..0 };
         }
         let touched = down(wide[0])..up(wide[1]).max(down(wide[0]));
-        let [Some(a), Some(b)] = limits else { return (touched.clone(), touched.end..touched.end) };
+        let none_inside = touched.end..touched.end;
+        let [Some(a), Some(b)] = limits else { return RowTiles { touched, inside: none_inside } };
         // By the limits first, then to the nanometre by the tiles themselves.
         let mut first = touched.start.max(a[0].max(b[0]).floor() as i64 - 1);
         let mut last = touched.end.min(a[1].min(b[1]).ceil() as i64 + 1);
@@ -478,8 +525,8 @@ impl Lattice {
         while first < last && !self.is_whole(last - 1, j) {
             last -= 1;
         }
-        let inside = if first < last { first..last } else { touched.end..touched.end };
-        (touched, inside)
+        let inside = if first < last { first..last } else { none_inside };
+        RowTiles { touched, inside }
     }
 
     fn is_whole(&self, i: i64, j: i64) -> bool {
@@ -497,7 +544,8 @@ impl Lattice {
         let y = y.clamp(lo, hi);
         let mut out = [f64::INFINITY, f64::NEG_INFINITY];
         for k in 0..4 {
-            let (p, q) = (self.corners[k], self.corners[(k + 1) % 4]);
+            let p = self.corners[k];
+            let q = self.corners[(k + 1) % 4];
             if (p[1] - y) * (q[1] - y) > 0.0 {
                 continue;
             }

@@ -45,8 +45,8 @@ const BRANDS: [(&[u8], Format); 7] = [
 const FORMS: [(&[u8], Format); 2] =
     [(b"WEBP", ("a WebP image", AS_PNG)), (b"CDR", ("a CorelDRAW drawing (CDR)", AS_SVG))];
 
-/// Formats that files may be taken for SVG in spite of: how they begin, the extensions of their names, what they are, what
-/// to do.
+/// Formats that files may be taken for SVG in spite of: how they begin, the extensions of their names, what they are,
+/// what to do.
 const TEXTS: [(&[u8], &[&str], &str, &str); 4] = [
     (b"%PDF", &["pdf"], "a PDF document", AS_PLAIN),
     (b"%!PS", &["ps", "eps", "ai"], "a PostScript drawing", AS_PLAIN),

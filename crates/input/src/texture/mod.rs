@@ -85,9 +85,9 @@ pub(crate) fn foreign_drawing(path: &std::path::Path) -> Option<Diag> {
 /// One `[[texture]]` of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// What.
+    /// The pattern, drawing or curves.
     pub kind: Kind,
-    /// Where.
+    /// The area in which it lies.
     pub area: Area,
     /// Largest distance between a curve and its polyline, mm.
     pub tolerance_mm: f64,
@@ -139,29 +139,40 @@ pub trait Figure: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// What was placed from a file, what it was made from where another pass hatches it anew, and whether its size is odd.
-type PlacedFile = (Placed, Option<Arc<Artwork>>, Option<Slip>);
+/// The drawing or curves of a request, placed.
+struct PlacedFile {
+    strokes: PlacedStrokes,
+    /// The drawing, where another pass may hatch it anew.
+    artwork: Option<Arc<Artwork>>,
+    /// Where its size does not go with the part.
+    slip: Option<Slip>,
+}
 
-/// The drawing or curves of a request, None where it is a pattern; and the border at which its strokes are cut.
-type FromFiles = (Option<PlacedFile>, Option<Arc<Border>>);
+/// What a request takes from files.
+struct RequestFiles {
+    /// None where it is a pattern.
+    file: Option<PlacedFile>,
+    /// The border at which its strokes are cut.
+    border: Option<Arc<Border>>,
+}
 
-/// What request k takes from files.
-type FilesOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<FromFiles, Error> + 'a;
+/// Returns what the request of an index takes from files, at its site.
+type FilesOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<RequestFiles, Error> + 'a;
 
-/// One placed request.
+/// The strokes of one request, placed on the part.
 #[derive(Clone, Debug)]
-enum Placed {
-    /// The strokes of the part are known.
+enum PlacedStrokes {
+    /// Those of a pattern or a drawing, which are known once it is placed.
     Figure(Arc<dyn Figure>),
     /// Space curves.
     Curves(Arc<Curves>),
-    /// The strokes wait for, or follow from, the directions of the part's lines.
+    /// Lines along the level lines of the part; none before their directions are known.
     Contour(Contour),
-    /// A drawing some of whose strokes do.
+    /// A drawing with areas that such lines fill.
     Areas(Box<ContourAreas>),
 }
 
-impl Placed {
+impl PlacedStrokes {
     fn figure(&self) -> &dyn Figure {
         match self {
             Self::Figure(figure) => figure.as_ref(),
@@ -172,10 +183,13 @@ impl Placed {
     }
 }
 
+/// The part of a texture that one request asks for.
 #[derive(Clone, Debug)]
 struct Part {
-    placed: Placed,
+    placed: PlacedStrokes,
+    /// The drawing, where another pass may hatch it anew.
     artwork: Option<Arc<Artwork>>,
+    /// The border at which its strokes are cut.
     border: Option<Arc<Border>>,
     /// What the border leaves of its strokes, once they are known.
     masked: Option<Arc<Masked>>,
@@ -187,6 +201,23 @@ struct Part {
 }
 
 impl Part {
+    /// The strokes of a request, cut at its border as far as they are known.
+    fn new(request: &Request, files: RequestFiles, site: &place::Site) -> Result<Self, Error> {
+        let RequestFiles { file, border } = files;
+        let PlacedFile { strokes, artwork, slip } = match file {
+            Some(file) => file,
+            None => PlacedFile { strokes: pattern::place(&request.kind, site)?, artwork: None, slip: None },
+        };
+        // A border does not apply to space curves. Lines along level lines are cut when they are made, by
+        // `Texture::fill`.
+        let base = if let PlacedStrokes::Figure(figure) = &strokes { Some(Arc::clone(figure)) } else { None };
+        let mut part = Self { placed: strokes, artwork, border, masked: None, slip, pen: request.pen, start: 0 };
+        if let Some(base) = base {
+            part.mask(base)?;
+        }
+        Ok(part)
+    }
+
     /// The strokes of the part.
     fn figure(&self) -> &dyn Figure {
         match &self.masked {
@@ -249,28 +280,33 @@ impl Texture {
                     let art = sources.artwork(request, site, notes)?;
                     let slip = Slip::of(&art, &request.kind, site);
                     let figure = Self::drawing(&art, request, site, notes);
-                    let figure = figure.map_err(|e| slip.as_ref().map_or(e.clone(), |slip| slip.explain(&e)))?;
-                    Some((figure, art.has_areas().then(|| Arc::new(art)), slip))
+                    let strokes = figure.map_err(|e| slip.as_ref().map_or(e.clone(), |slip| slip.explain(&e)))?;
+                    Some(PlacedFile { strokes, artwork: art.has_areas().then(|| Arc::new(art)), slip })
                 }
                 Kind::Curves { .. } => {
                     let (curves, slip) = Curves::load(request, site, notes)?;
-                    Some((Placed::Curves(Arc::new(curves)), None, slip))
+                    Some(PlacedFile { strokes: PlacedStrokes::Curves(Arc::new(curves)), artwork: None, slip })
                 }
                 _ => None,
             };
-            Ok((file, border))
+            Ok(RequestFiles { file, border })
         })
     }
 
     /// Marks and places a drawing.
-    fn drawing(art: &Artwork, request: &Request, site: &place::Site, notes: &mut Vec<Diag>) -> Result<Placed, Error> {
+    fn drawing(
+        art: &Artwork,
+        request: &Request,
+        site: &place::Site,
+        notes: &mut Vec<Diag>,
+    ) -> Result<PlacedStrokes, Error> {
         let Kind::Drawing { path, turn_rad, marking, .. } = &request.kind else { unreachable!("it is a drawing") };
         let file = Place::file(path.display().to_string());
-        let mut of_file = Vec::new();
-        let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut of_file)
+        let mut file_notes = Vec::new();
+        let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut file_notes)
             .map_err(|d| Error::from(d.at(file.clone())))?;
-        notes.extend(of_file.into_iter().map(|d| d.at(file.clone())));
-        if page.lines.len() == 0 && page.waits.is_empty() {
+        notes.extend(file_notes.into_iter().map(|d| d.at(file.clone())));
+        if page.lines.len() == 0 && page.unfilled.is_empty() {
             return Err(nothing_marked(art, marking).at(file).into());
         }
         Drawing::place(page, request, site)
@@ -284,15 +320,18 @@ impl Texture {
     pub fn of_pass(&self, requests: &[Request], part_box_mm: BoxMm<2>, turn_rad: f64) -> Result<Self, Error> {
         Self::place(requests, part_box_mm, turn_rad, self.spot_mm, &mut |k, request, site| {
             let part = &self.parts[k];
-            let drawing = match (&request.kind, &part.placed, &part.artwork) {
+            let file = match (&request.kind, &part.placed, &part.artwork) {
                 (Kind::Drawing { .. }, _, Some(art)) => {
-                    let figure = Self::drawing(art, request, site, &mut Vec::new())?;
-                    Some((figure, Some(art.clone()), None))
+                    // Its warnings were given by the first pass.
+                    let strokes = Self::drawing(art, request, site, &mut Vec::new())?;
+                    Some(PlacedFile { strokes, artwork: Some(art.clone()), slip: None })
                 }
-                (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => Some((placed.clone(), None, None)),
+                (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => {
+                    Some(PlacedFile { strokes: placed.clone(), artwork: None, slip: None })
+                }
                 _ => None,
             };
-            Ok((drawing, part.border.clone()))
+            Ok(RequestFiles { file, border: part.border.clone() })
         })
     }
 
@@ -307,19 +346,9 @@ impl Texture {
         let turn = Turn::new(turn_rad);
         let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, spot_mm };
         for (k, request) in requests.iter().enumerate() {
-            let mut placed = || {
-                let site = place::Site::new(request, part_box_mm, turn, spot_mm)?;
-                let (file, border) = files(k, request, &site)?;
-                let (placed, artwork, slip) = match file {
-                    Some(placed) => placed,
-                    None => (pattern::place(&request.kind, &site)?, None, None),
-                };
-                let base = if let Placed::Figure(figure) = &placed { Some(Arc::clone(figure)) } else { None };
-                let mut part = Part { placed, artwork, border, masked: None, slip, pen: request.pen, start: 0 };
-                base.map_or(Ok(()), |base| part.mask(base))?;
-                Ok(part)
-            };
-            let part = placed().map_err(|e: Error| numbered(&e, k))?;
+            let site = place::Site::new(request, part_box_mm, turn, spot_mm);
+            let part = site.and_then(|site| Part::new(request, files(k, request, &site)?, &site));
+            let part = part.map_err(|e| numbered(&e, k))?;
             texture.bounds = texture.bounds.union(part.figure().bounds());
             texture.parts.push(part);
             texture.count(k)?;
@@ -327,38 +356,40 @@ impl Texture {
         if texture.parts.is_empty() { Err(empty().into()) } else { Ok(texture) }
     }
 
-    /// Fills the areas that wait for it with lines. The grid of `directions` covers [`Texture::bounds`].
+    /// Fills areas with lines along the level lines of the part. The grid of `directions` covers [`Texture::bounds`].
     ///
     /// # Errors
     /// `texture-empty`, `texture-large`.
     pub fn fill(&mut self, directions: Directions) -> Result<(), Error> {
         for (k, part) in self.parts.iter_mut().enumerate() {
             let base: Arc<dyn Figure> = match &mut part.placed {
-                Placed::Contour(area) => {
+                PlacedStrokes::Contour(area) => {
                     area.fill(&directions).map_err(|e| numbered(&e, k))?;
                     Arc::new(area.clone())
                 }
-                Placed::Areas(areas) => {
+                PlacedStrokes::Areas(areas) => {
                     areas.fill(&directions).map_err(|e| numbered(&e, k))?;
                     Arc::new(ContourAreas::clone(areas))
                 }
-                Placed::Figure(_) | Placed::Curves(_) => continue,
+                PlacedStrokes::Figure(_) | PlacedStrokes::Curves(_) => continue,
             };
             part.mask(base).map_err(|e| numbered(&e, k))?;
         }
         self.directions = Some(directions);
-        (self.len, self.points) = (0, 0);
+        self.len = 0;
+        self.points = 0;
         (0..self.parts.len()).try_for_each(|k| self.count(k))
     }
 
     /// Puts the strokes of part `k` after those of the parts before it.
     fn count(&mut self, k: usize) -> Result<(), Error> {
         let part = &mut self.parts[k];
-        let waits = matches!(part.placed, Placed::Contour(_) | Placed::Areas(_)) && self.directions.is_none();
+        let is_unfilled =
+            matches!(part.placed, PlacedStrokes::Contour(_) | PlacedStrokes::Areas(_)) && self.directions.is_none();
         part.start = self.len;
         self.len += part.figure().len();
         self.points += part.figure().points();
-        if self.len == part.start && !waits {
+        if self.len == part.start && !is_unfilled {
             return Err(numbered(&empty().into(), k));
         }
         if self.len > MAX_STROKES || self.points > MAX_POINTS {
@@ -371,26 +402,29 @@ impl Texture {
     /// of drawings are.
     pub fn contours(&self) -> impl Iterator<Item = &Contour> {
         self.parts.iter().flat_map(|p| match &p.placed {
-            Placed::Contour(f) => std::slice::from_ref(f),
-            Placed::Areas(areas) => areas.lattices(),
-            Placed::Figure(_) | Placed::Curves(_) => &[],
+            PlacedStrokes::Contour(f) => std::slice::from_ref(f),
+            PlacedStrokes::Areas(areas) => areas.lattices(),
+            PlacedStrokes::Figure(_) | PlacedStrokes::Curves(_) => &[],
         })
     }
 
     /// The boxes that are filled along contours as wholes.
     pub fn whole_contours(&self) -> impl Iterator<Item = &Contour> {
-        self.parts.iter().filter_map(|p| if let Placed::Contour(f) = &p.placed { Some(f) } else { None })
+        self.parts.iter().filter_map(|p| if let PlacedStrokes::Contour(f) = &p.placed { Some(f) } else { None })
     }
 
     /// The drawings with areas that are filled along contours, as they are before a border cuts their lines.
     pub fn contour_areas(&self) -> impl Iterator<Item = &ContourAreas> {
-        self.parts.iter().filter_map(|p| if let Placed::Areas(areas) = &p.placed { Some(areas.as_ref()) } else { None })
+        self.parts.iter().filter_map(|p| match &p.placed {
+            PlacedStrokes::Areas(areas) => Some(areas.as_ref()),
+            _ => None,
+        })
     }
 
     /// The space curves, each with the index of its request.
     pub fn curves(&self) -> impl Iterator<Item = (usize, &Curves)> {
         self.parts.iter().enumerate().filter_map(|(k, p)| match &p.placed {
-            Placed::Curves(curves) => Some((k, curves.as_ref())),
+            PlacedStrokes::Curves(curves) => Some((k, curves.as_ref())),
             _ => None,
         })
     }
@@ -427,10 +461,11 @@ impl Texture {
 
     /// How far apart neighbouring marks are on average over the texture's box, estimated from some of the strokes.
     pub fn spacing_estimate(&self) -> Spacing {
-        const SOME: usize = 500;
-        let step = self.len().div_ceil(SOME).max(1);
+        const SAMPLES: usize = 500;
+        let step = self.len().div_ceil(SAMPLES).max(1);
         let mut points = Vec::new();
-        let (mut length, mut dots) = (0.0, 0.0);
+        let mut length = 0.0;
+        let mut dots = 0.0;
         for i in (0..self.len()).step_by(step) {
             self.stroke(i, &mut points);
             length += points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>();
@@ -457,10 +492,8 @@ impl Texture {
 
     /// The pens that dots are marked with, each with the number of a texture, from 1, that has such dots.
     pub fn dot_pens(&self) -> Vec<(PenId, usize)> {
-        let of = |(k, part): (usize, &Part)| {
-            part.placed.figure().dot_pens(part.pen).into_iter().map(move |pen| (pen, k + 1))
-        };
-        self.parts.iter().enumerate().flat_map(of).collect()
+        let parts = self.parts.iter().enumerate();
+        parts.flat_map(|(k, p)| p.placed.figure().dot_pens(p.pen).into_iter().map(move |pen| (pen, k + 1))).collect()
     }
 
     /// Writes the points of stroke `i` (at least two, neighbours differ; one of a dot) into `out`, which is cleared,
@@ -556,9 +589,9 @@ fn numbered(e: &Error, k: usize) -> Error {
 
 /// What is said of a drawing without marks.
 fn nothing_marked(art: &Artwork, marking: &Marking) -> Diag {
-    let is_line = |shape: &artwork::Shape| shape.figure == artwork::Figure::Lines;
-    let below = art.shapes.iter().position(is_line);
-    let has_cover = below.is_some_and(|first| art.shapes[first..].iter().any(|shape| !is_line(shape)));
+    let is_line = |shape: &artwork::PaintedShape| shape.figure == artwork::ShapeFigure::Lines;
+    let first_line = art.shapes.iter().position(is_line);
+    let has_cover = first_line.is_some_and(|first| art.shapes[first..].iter().any(|shape| !is_line(shape)));
     let (why, hint) = if art.dark_share.is_some() {
         (": all dark areas of the picture are thinner than twice the inset", artwork::DIFFUSION_HINT)
     } else if marking.fill == FillMode::None && has_cover {

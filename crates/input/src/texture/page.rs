@@ -109,7 +109,7 @@ impl Position {
 
 /// The size that a request wants for a page.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct WantedSize {
     size: Size,
     /// Of the area or of the part's box.
     area: [f64; 2],
@@ -117,7 +117,7 @@ pub(super) struct Wanted {
     turn: [f64; 2],
 }
 
-impl Wanted {
+impl WantedSize {
     pub(super) fn of(size: Size, turn_rad: f64, site: &Site) -> Self {
         Self { size, area: site.area.size(), turn: cos_sin(turn_rad) }
     }
@@ -125,11 +125,11 @@ impl Wanted {
     /// The size of a page with these sides, which are mm or, where the file does not say how large it is, proportions;
     /// None where nobody says how large it is.
     pub(super) fn size(&self, sides: [f64; 2], is_physical: bool) -> Result<Option<[f64; 2]>, Box<Diag>> {
-        let times = |f: f64| Some(sides.map(|s| s * f));
+        let scaled = |factor: f64| Some(sides.map(|s| s * factor));
         Ok(match self.size {
             Size::Mm(size) => Some(size),
-            Size::Fit(fit) => times(self.factor(fit, sides)?),
-            Size::Scaled(factor) if is_physical => times(factor),
+            Size::Fit(fit) => scaled(self.factor(fit, sides)?),
+            Size::Scaled(factor) if is_physical => scaled(factor),
             Size::File if is_physical => Some(sides),
             Size::Scaled(_) | Size::File => None,
         })
@@ -162,10 +162,10 @@ impl Wanted {
 
 impl Request {
     /// The size that is wanted for the page of a drawing.
-    pub(super) fn wanted(&self, site: &Site) -> Wanted {
+    pub(super) fn wanted(&self, site: &Site) -> WantedSize {
         match self.kind {
-            super::Kind::Drawing { size, turn_rad, .. } => Wanted::of(size, turn_rad, site),
-            _ => Wanted { size: Size::File, area: [0.0; 2], turn: [1.0, 0.0] },
+            super::Kind::Drawing { size, turn_rad, .. } => WantedSize::of(size, turn_rad, site),
+            _ => WantedSize { size: Size::File, area: [0.0; 2], turn: [1.0, 0.0] },
         }
     }
 }
@@ -174,10 +174,10 @@ impl Request {
 /// the page to the part but for that corner.
 pub(super) fn aligned(align: Align, size: [f64; 2], area: BoxMm<2>, part: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
     let page = BoxMm { lo: [0.0; 2], hi: size };
-    let seen = BoxMm::of(page.corners().map(part));
+    let around = BoxMm::of(page.corners().map(part));
     let shares = align.shares();
-    let free = |k: usize| (area.hi[k] - area.lo[k]) - (seen.hi[k] - seen.lo[k]);
-    [0, 1].map(|k| area.lo[k] + shares[k] * free(k) - seen.lo[k])
+    let free = |k: usize| (area.hi[k] - area.lo[k]) - (around.hi[k] - around.lo[k]);
+    [0, 1].map(|k| area.lo[k] + shares[k] * free(k) - around.lo[k])
 }
 
 #[cfg(test)]
@@ -199,13 +199,13 @@ mod tests {
             (Fit::Contain, [diagonal; 2], [2.0, 1.0].map(|v| 30.0 / (3.0 * diagonal) * v)),
             (Fit::Cover, [diagonal; 2], [2.0, 1.0].map(|v| 70.0 * diagonal * v)),
         ] {
-            let wanted = Wanted { size: Size::Fit(fit), area: [40.0, 30.0], turn };
+            let wanted = WantedSize { size: Size::Fit(fit), area: [40.0, 30.0], turn };
             let size = wanted.size([2.0, 1.0], false).expect("fits").expect("a size");
             assert!((0..2).all(|k| (size[k] - want[k]).abs() < 1e-12), "{fit:?} {turn:?}: {size:?}");
         }
-        let wanted = Wanted { size: Size::Fit(Fit::Width), area: [40.0, 30.0], turn: upright };
+        let wanted = WantedSize { size: Size::Fit(Fit::Width), area: [40.0, 30.0], turn: upright };
         assert_eq!(wanted.size([0.0, 5.0], true).expect_err("no width").code, "texture-fit");
-        let twice = Wanted { size: Size::Scaled(2.0), ..wanted };
+        let twice = WantedSize { size: Size::Scaled(2.0), ..wanted };
         assert_eq!(twice.size([3.0, 4.0], true).expect("ok"), Some([6.0, 8.0]));
         assert_eq!(twice.size([3.0, 4.0], false).expect("ok"), None);
     }

@@ -19,11 +19,24 @@ const DOUBTFUL: f64 = 5.0;
 /// Up to this share of the part's size a drawing is reported: a logo of 4 mm on a part of 4 m is larger.
 const SMALL: f64 = 1e-3;
 
-/// A factor between units, and these units.
-type Factor = (f64, &'static str);
+/// Units that are taken for each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct UnitMixUp {
+    /// How many times too large it makes a drawing; below 1 too small.
+    factor: f64,
+    units: &'static str,
+}
 
-/// What units are taken for each other, and how many times the one measures the other.
-const FACTORS: [Factor; 2] = [(25.4, "mm and inches"), (1000.0, "um, mm and m")];
+impl UnitMixUp {
+    /// The same units taken for each other the other way.
+    fn reversed(self) -> Self {
+        Self { factor: 1.0 / self.factor, ..self }
+    }
+}
+
+/// The units that are taken for each other, by their factor.
+const MIX_UPS: [UnitMixUp; 2] =
+    [UnitMixUp { factor: 25.4, units: "mm and inches" }, UnitMixUp { factor: 1000.0, units: "um, mm and m" }];
 
 /// How far a drawing that was to fill the part may reach beyond it.
 const BEYOND: f64 = 2.0;
@@ -51,13 +64,14 @@ impl Slip {
             Kind::Curves { marking, .. } => (marking, false),
             _ => return None,
         };
-        let seen = seen(art, marking)?;
-        let (size, part) = (seen.size(), site.part_box.size());
+        let bounds = bounds(art, marking)?;
+        let size = bounds.size();
+        let part = site.part_box.size();
         let [long, side] = [size, part].map(|s| s[0].max(s[1]));
         let ratio = long / side;
         // Tiles may be as small as they like, as long as the spot can draw them.
         let is_small = long < site.spot_mm || !is_tiled && ratio < SMALL;
-        let beside = if matches!(kind, Kind::Curves { .. }) { beside(seen, site.part_box) } else { None };
+        let beside = if matches!(kind, Kind::Curves { .. }) { mix_up_beside(bounds, site.part_box) } else { None };
         if !(is_small || ratio > DOUBTFUL || beside.is_some()) || ratio <= 0.0 {
             return None;
         }
@@ -67,7 +81,7 @@ impl Slip {
         } else {
             format!("measures {w} mm x {h} mm, 1/{} of the part ({pw} mm x {ph} mm)", figure(1.0 / ratio))
         };
-        Some(Self { ratio, is_small, text, hint: hint(kind, beside.or_else(|| factor(ratio))) })
+        Some(Self { ratio, is_small, text, hint: hint(kind, beside.or_else(|| mix_up_of_ratio(ratio))) })
     }
 
     /// Whether a warning says so where the job is not refused.
@@ -83,16 +97,13 @@ impl Slip {
     /// Names it as the cause of what refuses the drawing.
     pub(super) fn explain(&self, e: &Error) -> Error {
         const CAUSED: [&str; 4] = ["texture-far", "texture-large", "texture-crossings", "texture-empty"];
-        let said = |d: &Diag| match CAUSED.contains(&d.code) {
-            true => d.clone().hint(self.cause()),
-            false => d.clone(),
-        };
-        Error::many(e.diags().iter().map(said).collect())
+        let explained = |d: &Diag| if CAUSED.contains(&d.code) { d.clone().hint(self.cause()) } else { d.clone() };
+        Error::many(e.diags().iter().map(explained).collect())
     }
 }
 
 /// The box of all shapes that exist, mm; None where there are none.
-fn seen(art: &Artwork, marking: &Marking) -> Option<BoxMm<2>> {
+fn bounds(art: &Artwork, marking: &Marking) -> Option<BoxMm<2>> {
     let classes = classes(art, marking, None).ok()?;
     let mut all = BoxMm::EMPTY;
     for (shape, class) in art.shapes.iter().zip(classes) {
@@ -106,29 +117,30 @@ fn seen(art: &Artwork, marking: &Marking) -> Option<BoxMm<2>> {
     (all.lo[0] <= all.hi[0]).then_some(all)
 }
 
-/// The factor by which a drawing of this ratio to the part was most likely read too large, below 1 too small.
-fn factor(ratio: f64) -> Option<Factor> {
+/// The units that were most likely taken for each other in a drawing of this ratio to the part: of a large one the
+/// least factor that brings it onto the part, of a small one the largest that does not make it reach beyond.
+fn mix_up_of_ratio(ratio: f64) -> Option<UnitMixUp> {
     let times = ratio.max(1.0 / ratio);
     if ratio > 1.0 {
-        return FACTORS.into_iter().find(|(f, _)| times <= f * BEYOND);
+        return MIX_UPS.into_iter().find(|units| times <= units.factor * BEYOND);
     }
-    FACTORS.into_iter().rev().find(|(f, _)| times * BEYOND >= *f).map(|(f, what)| (1.0 / f, what))
+    MIX_UPS.into_iter().rev().find(|units| times * BEYOND >= units.factor).map(UnitMixUp::reversed)
 }
 
 /// The same of curves that lie beside the part: they are in the frame of the surface file, so the factor that brings
 /// them onto the part is the slip. Of several it is the one that leaves them largest.
-fn beside(seen: BoxMm<2>, part: BoxMm<2>) -> Option<Factor> {
-    let reach = |f: f64| [0, 1].map(|k| [seen.lo[k] / f, seen.hi[k] / f]);
-    if (0..2).all(|k| seen.lo[k] <= part.hi[k] && seen.hi[k] >= part.lo[k]) {
+fn mix_up_beside(curves: BoxMm<2>, part: BoxMm<2>) -> Option<UnitMixUp> {
+    if (0..2).all(|k| curves.lo[k] <= part.hi[k] && curves.hi[k] >= part.lo[k]) {
         return None;
     }
-    let small = FACTORS.into_iter().rev().map(|(f, what)| (1.0 / f, what));
-    small.chain(FACTORS).find(|(f, _)| (0..2).all(|k| reach(*f)[k][0] >= part.lo[k] && reach(*f)[k][1] <= part.hi[k]))
+    let is_on_part = |f: f64| (0..2).all(|k| curves.lo[k] / f >= part.lo[k] && curves.hi[k] / f <= part.hi[k]);
+    let too_small = MIX_UPS.into_iter().rev().map(UnitMixUp::reversed);
+    too_small.chain(MIX_UPS).find(|units| is_on_part(units.factor))
 }
 
 /// The key to set.
-fn hint(kind: &Kind, factor: Option<Factor>) -> String {
-    let Some((factor, units)) = factor else {
+fn hint(kind: &Kind, mix_up: Option<UnitMixUp>) -> String {
+    let Some(UnitMixUp { factor, units }) = mix_up else {
         return "no slip of units explains this: check size and scale of the texture, and the unit of the surface"
             .into();
     };
@@ -187,7 +199,7 @@ mod tests {
             (1e-3, Some(1e-3)),
             (1e-5, Some(1e-3)),
         ] {
-            assert_eq!(factor(ratio).map(|f| f.0), want, "{ratio}");
+            assert_eq!(mix_up_of_ratio(ratio).map(|units| units.factor), want, "{ratio}");
         }
     }
 
@@ -203,7 +215,8 @@ mod tests {
             ([100.0, 0.0, 110.0, 5.0], None),
         ] {
             let [x0, y0, x1, y1] = seen;
-            assert_eq!(beside(BoxMm::rectangle(x0, y0, x1, y1), part).map(|f| f.0), want, "{seen:?}");
+            let mix_up = mix_up_beside(BoxMm::rectangle(x0, y0, x1, y1), part);
+            assert_eq!(mix_up.map(|units| units.factor), want, "{seen:?}");
         }
     }
 

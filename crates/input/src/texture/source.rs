@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::artwork::{Artwork, Figure};
-use super::page::Wanted;
+use super::artwork::{Artwork, ShapeFigure};
+use super::page::WantedSize;
 use super::place::Site;
 use super::{Kind, Request, bitmap, dxf, foreign, hpgl, svg, xml};
 use terrace_core::diag::{self, Diag, Error, Place};
@@ -45,17 +45,18 @@ impl Sources {
             Source::Bitmap(image) => bitmap::load(image, path, wanted, site, marking, notes)?,
             Source::Dxf(bytes) => {
                 let load = |growth: f64, notes: &mut Vec<Diag>| {
-                    let [tolerance, widest_line] =
-                        [site.tolerance, marking.widest_line_mm(site.spot_mm)].map(|length| length / growth);
-                    dxf::load(bytes, &dxf::How { path, unit_mm: *unit_mm, tolerance, widest_line, marking }, notes)
+                    let tolerance = site.tolerance / growth;
+                    let widest_line = marking.widest_line_mm(site.spot_mm) / growth;
+                    let options = dxf::DxfOptions { path, unit_mm: *unit_mm, tolerance, widest_line, marking };
+                    dxf::load(bytes, &options, notes)
                 };
                 stretched(load, wanted, path, notes)?
             }
             Source::Plot(bytes) => {
                 let load = |growth: f64, notes: &mut Vec<Diag>| {
-                    let [tolerance, widest_line] =
-                        [site.tolerance, marking.widest_line_mm(site.spot_mm)].map(|length| length / growth);
-                    hpgl::load(bytes, &hpgl::How { path, tolerance, widest_line, marking }, notes)
+                    let tolerance = site.tolerance / growth;
+                    let widest_line = marking.widest_line_mm(site.spot_mm) / growth;
+                    hpgl::load(bytes, &hpgl::PlotOptions { path, tolerance, widest_line, marking }, notes)
                 };
                 stretched(load, wanted, path, notes)?
             }
@@ -68,8 +69,7 @@ impl Sources {
 
     /// The file of a drawing.
     pub(super) fn read(&mut self, path: &Path) -> Result<&Source, Error> {
-        let known = self.0.iter().position(|(p, _)| p == path);
-        let i = match known {
+        let i = match self.0.iter().position(|(p, _)| p == path) {
             Some(i) => i,
             None => {
                 let (bytes, format) = read_drawing(path)?;
@@ -119,31 +119,35 @@ pub fn read_drawing(path: &Path) -> Result<(Vec<u8>, DrawingFormat), Error> {
     Ok((bytes, format))
 }
 
-/// A drawing whose page gets the size that is wanted once it was read. One that grows is read again with a finer
-/// tolerance; so is one with wide lines that shrinks, as they may become thin.
+/// A drawing whose page gets the size that is wanted once it was read; `load` reads it for a page that grows by a
+/// factor. One that grows is read again with a finer tolerance; so is one with wide lines that shrinks, as they may
+/// become thin.
 fn stretched(
     load: impl Fn(f64, &mut Vec<Diag>) -> Result<Artwork, Error>,
-    wanted: Wanted,
+    wanted: WantedSize,
     path: &Path,
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
     let before = notes.len();
     let mut art = load(1.0, notes)?;
-    let size = |art: &Artwork| {
-        let size = wanted.size(art.size, true).map_err(|d| Error::from(d.at(Place::file(path.display().to_string()))));
-        size.map(|size| size.unwrap_or(art.size))
-    };
-    let grown = size(&art)?;
+    let grown = wanted_size(&wanted, &art, path)?;
+    // A side of length 0 does not grow.
     let growth = (0..2).map(|k| grown[k] / art.size[k]).filter(|f| f.is_finite()).reduce(f64::max).unwrap_or(1.0);
-    if growth > 1.0 || growth > 0.0 && growth < 1.0 && art.shapes.iter().any(|s| s.figure == Figure::Stroke) {
+    if growth > 1.0 || growth > 0.0 && growth < 1.0 && art.shapes.iter().any(|s| s.figure == ShapeFigure::Stroke) {
         notes.truncate(before);
         art = load(growth, notes)?;
     }
-    let size = size(&art)?;
+    let size = wanted_size(&wanted, &art, path)?;
     if size != art.size {
         art.stretch(size);
     }
     Ok(art)
+}
+
+/// The size that the page of a drawing is to have, mm.
+fn wanted_size(wanted: &WantedSize, art: &Artwork, path: &Path) -> Result<[f64; 2], Error> {
+    let size = wanted.size(art.size, true).map_err(|d| Error::from(d.at(Place::file(path.display().to_string()))))?;
+    Ok(size.unwrap_or(art.size))
 }
 
 /// The extension of a file's name in small letters.

@@ -101,16 +101,19 @@ const MAX_ENTITY_DEPTH: usize = 8;
 /// The entities that a drawing declares: name and text.
 type Entities<'a> = HashMap<&'a str, &'a str>;
 
+/// A refused declaration of an entity at a byte of the text; `what` follows the word entity.
+fn entity_fault(what: &str, at: usize) -> Box<XmlFault> {
+    let diag = Diag::input("svg-dtd", format!("the drawing declares an XML entity {what}, which is not read"))
+        .hint("save it as plain SVG, without a document type");
+    Box::new(XmlFault { diag, at })
+}
+
 /// Reads the declarations of entities, and says where they end; refuses those that hold markup or name other files.
-fn entities(text: &str) -> Result<(Entities<'_>, usize), Box<Fault>> {
+fn entities(text: &str) -> Result<(Entities<'_>, usize), Box<XmlFault>> {
     let mut all = Entities::new();
     let mut at = 0;
     while let Some(start) = text[at..].find(ENTITY).map(|i| at + i) {
-        let fault = |what: &str| {
-            let d = Diag::input("svg-dtd", format!("the drawing declares an XML entity {what}, which is not read"))
-                .hint("save it as plain SVG, without a document type");
-            Box::new(Fault { diag: d, at: start })
-        };
+        let fault = |what: &str| entity_fault(what, start);
         let rest = text[start + ENTITY.len()..].trim_start();
         let Some((name, rest)) = rest.split_once(char::is_whitespace) else { return Err(fault("without a value")) };
         let rest = rest.trim_start();
@@ -151,7 +154,7 @@ fn expanded(text: &str, all: &Entities<'_>, depth: usize) -> Option<usize> {
 }
 
 /// Refuses entities that could take any time and memory.
-fn check_entities(text: &str) -> Result<(), Box<Fault>> {
+fn check_entities(text: &str) -> Result<(), Box<XmlFault>> {
     let Some(at) = text.find(ENTITY) else { return Ok(()) };
     let (all, end) = entities(text)?;
     // Each once, so that what is used often is bounded before it is gone through often.
@@ -171,19 +174,19 @@ fn check_entities(text: &str) -> Result<(), Box<Fault>> {
                 MAX_EXPANDED >> 20
             );
             let d = Diag::input("svg-dtd", text).hint("save it as plain SVG, without a document type");
-            Err(Fault { diag: d, at }.into())
+            Err(XmlFault { diag: d, at }.into())
         }
     }
 }
 
 /// A fault at a byte of the text.
-struct Fault {
+struct XmlFault {
     diag: Diag,
     at: usize,
 }
 
 /// Reads tags without building anything.
-fn check(text: &str) -> Result<(), Box<Fault>> {
+fn check(text: &str) -> Result<(), Box<XmlFault>> {
     check_entities(text)?;
     let mut reader = Reader::from_str(text);
     reader.config_mut().check_end_names = false;
@@ -191,7 +194,7 @@ fn check(text: &str) -> Result<(), Box<Fault>> {
     let mut depth = 0usize;
     loop {
         let at = usize::try_from(reader.buffer_position()).unwrap_or(text.len());
-        let fault = |diag: Diag| Box::new(Fault { diag, at });
+        let fault = |diag: Diag| Box::new(XmlFault { diag, at });
         let tag = match reader.read_event() {
             Ok(Event::Start(tag)) => {
                 depth += 1;

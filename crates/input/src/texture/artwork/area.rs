@@ -6,10 +6,10 @@ use i_overlay::float::overlay::FloatOverlay;
 use i_overlay::mesh::outline::offset::OutlineOffset;
 use i_overlay::mesh::style::{LineJoin, OutlineStyle};
 
-use super::Rule;
+use super::WindingRule;
 use super::crossings::{TooMany, are_few, edges};
 use super::cut::{Cutter, Keep};
-use crate::texture::clip::Lines;
+use crate::texture::clip::Polylines;
 use terrace_core::geom::BoxMm;
 
 type Point = [f64; 2];
@@ -22,18 +22,18 @@ const ROUND: f64 = 0.05 * std::f64::consts::PI;
 
 /// Polygons that do not overlap, mm. Points lie on a grid of 2^-30 of the size of what they were computed from.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(in crate::texture) struct Area(Vec<Polygon>);
+pub(in crate::texture) struct PolygonArea(Vec<Polygon>);
 
-impl Area {
+impl PolygonArea {
     /// What contours enclose; open ones are closed by a straight line.
     pub(in crate::texture) fn new<'a>(
         contours: impl Iterator<Item = &'a [Point]>,
-        rule: Rule,
+        rule: WindingRule,
     ) -> Result<Self, TooMany> {
         let contours: Vec<Vec<Point>> = contours.map(|c| open(c).to_vec()).filter(|c| c.len() > 2).collect();
         let rule = match rule {
-            Rule::NonZero => FillRule::NonZero,
-            Rule::EvenOdd => FillRule::EvenOdd,
+            WindingRule::NonZero => FillRule::NonZero,
+            WindingRule::EvenOdd => FillRule::EvenOdd,
         };
         if contours.is_empty() {
             return Ok(Self::default());
@@ -49,9 +49,9 @@ impl Area {
 
     /// What one or more of the areas hold.
     pub(in crate::texture) fn union<'a>(areas: impl Iterator<Item = &'a Self>) -> Result<Self, TooMany> {
-        let all: Vec<Polygon> = areas.flat_map(|a| a.0.iter().cloned()).collect();
-        are_few(all.iter().flatten())?;
-        Ok(Self(FloatOverlay::with_subj(&all).overlay(OverlayRule::Subject, FillRule::NonZero)))
+        let polygons: Vec<Polygon> = areas.flat_map(|a| a.0.iter().cloned()).collect();
+        are_few(polygons.iter().flatten())?;
+        Ok(Self(FloatOverlay::with_subj(&polygons).overlay(OverlayRule::Subject, FillRule::NonZero)))
     }
 
     /// What this area holds and `other` does not.
@@ -64,6 +64,7 @@ impl Area {
         self.with(other, OverlayRule::Intersect)
     }
 
+    /// The result of a boolean operation.
     fn with(&self, other: &Self, rule: OverlayRule) -> Result<Self, TooMany> {
         are_few(self.contours().chain(other.contours()))?;
         Ok(Self(FloatOverlay::with_subj_and_clip(&self.0, &other.0).overlay(rule, FillRule::NonZero)))
@@ -97,7 +98,7 @@ impl Area {
     }
 
     /// Appends what of lines lies in it.
-    pub(in crate::texture) fn cut<'a>(&self, lines: impl Iterator<Item = &'a [Point]>, out: &mut Lines) {
+    pub(in crate::texture) fn cut<'a>(&self, lines: impl Iterator<Item = &'a [Point]>, out: &mut Polylines) {
         let cutter = self.cutter();
         lines.for_each(|line| cutter.cut(line, Keep::Inside, out));
     }
@@ -149,16 +150,17 @@ mod tests {
 
     #[test]
     fn booleans_have_the_expected_sizes() {
-        let of = |contours: &[Vec<Point>], rule| Area::new(contours.iter().map(Vec::as_slice), rule).expect("few");
-        let ring = of(&[square(0.0, 0.0, 10.0), square(2.0, 2.0, 6.0)], Rule::EvenOdd);
-        let full = of(&[square(0.0, 0.0, 10.0), square(2.0, 2.0, 6.0)], Rule::NonZero);
-        let other = of(&[square(5.0, 5.0, 10.0)], Rule::NonZero);
+        let of =
+            |contours: &[Vec<Point>], rule| PolygonArea::new(contours.iter().map(Vec::as_slice), rule).expect("few");
+        let ring = of(&[square(0.0, 0.0, 10.0), square(2.0, 2.0, 6.0)], WindingRule::EvenOdd);
+        let full = of(&[square(0.0, 0.0, 10.0), square(2.0, 2.0, 6.0)], WindingRule::NonZero);
+        let other = of(&[square(5.0, 5.0, 10.0)], WindingRule::NonZero);
         for (area, want) in [
             (ring.clone(), 64.0),
             (full.clone(), 100.0),
             (ring.within(&other).expect("few"), 16.0),
             (full.without(&other).expect("few"), 75.0),
-            (Area::union([&ring, &other].into_iter()).expect("few"), 64.0 + 100.0 - 16.0),
+            (PolygonArea::union([&ring, &other].into_iter()).expect("few"), 64.0 + 100.0 - 16.0),
             (ring.inset(0.5), 81.0 - 49.0 + (1.0 - std::f64::consts::FRAC_PI_4)),
         ] {
             let size = area.size_mm2();
@@ -170,8 +172,8 @@ mod tests {
     #[test]
     fn areas_with_opposite_directions_do_not_cancel() {
         let back: Vec<Point> = square(0.0, 0.0, 4.0).into_iter().rev().collect();
-        let a = Area::new([back.as_slice()].into_iter(), Rule::NonZero).expect("few");
-        let b = Area::new([square(2.0, 0.0, 4.0).as_slice()].into_iter(), Rule::NonZero).expect("few");
-        assert!((Area::union([&a, &b].into_iter()).expect("few").size_mm2() - 24.0).abs() < 1e-6);
+        let a = PolygonArea::new([back.as_slice()].into_iter(), WindingRule::NonZero).expect("few");
+        let b = PolygonArea::new([square(2.0, 0.0, 4.0).as_slice()].into_iter(), WindingRule::NonZero).expect("few");
+        assert!((PolygonArea::union([&a, &b].into_iter()).expect("few").size_mm2() - 24.0).abs() < 1e-6);
     }
 }

@@ -24,7 +24,8 @@ pub(in crate::texture) fn edges(contour: &[Point]) -> impl Iterator<Item = [Poin
 
 /// Whether the contours cross, themselves and each other, at most [`MAX_CROSSINGS`] times.
 ///
-/// Edges are put into the cells of a grid with about as many cells as edges; pairs of edges that share a cell are tried.
+/// Edges are put into the cells of a grid with about as many cells as edges; pairs of edges that share a cell are
+/// tried.
 pub(super) fn are_few<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Result<(), TooMany> {
     let edges: Vec<[Point; 2]> = contours.flat_map(|c| edges(c)).collect();
     if edges.len() < FEW {
@@ -36,13 +37,13 @@ pub(super) fn are_few<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Res
     let cell = |p: Point| [0, 1].map(|k| (((p[k] - bounds.lo[k]) / step[k]).floor().clamp(0.0, cells - 1.0)) as u32);
     let mut entries: Vec<(u32, u32)> = Vec::new();
     for (i, e) in edges.iter().enumerate() {
-        let ([a, b], [c, d]) = (cell([e[0][0].min(e[1][0]), e[0][1].min(e[1][1])]), {
-            cell([e[0][0].max(e[1][0]), e[0][1].max(e[1][1])])
-        });
-        for y in b..=d {
+        let [left, bottom] = cell([e[0][0].min(e[1][0]), e[0][1].min(e[1][1])]);
+        let [right, top] = cell([e[0][0].max(e[1][0]), e[0][1].max(e[1][1])]);
+        for y in bottom..=top {
             // The cells of this row that the edge meets.
             let band = [0.0, 1.0].map(|f| bounds.lo[1] + (f64::from(y) + f) * step[1]);
-            let [from, to] = across(*e, band).map_or([a, c], |x| x.map(|x| cell([x, 0.0])[0]).map(|x| x.clamp(a, c)));
+            let columns = across(*e, band).map(|x| x.map(|x| cell([x, 0.0])[0].clamp(left, right)));
+            let [from, to] = columns.unwrap_or([left, right]);
             entries.extend((from..=to).map(|x| (y * cells as u32 + x, i as u32)));
         }
         if entries.len() > MAX_TRIED / 4 {
@@ -50,7 +51,8 @@ pub(super) fn are_few<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Res
         }
     }
     entries.sort_unstable();
-    let (mut crossings, mut tried) = (0, 0);
+    let mut crossings = 0;
+    let mut tried = 0;
     for cell in entries.chunk_by(|a, b| a.0 == b.0) {
         for (i, &(_, e)) in cell.iter().enumerate() {
             tried += cell.len() - i - 1;
@@ -69,7 +71,8 @@ fn across([p, q]: [Point; 2], [low, high]: [f64; 2]) -> Option<[f64; 2]> {
         return None;
     }
     let at = |y: f64| p[0] + (y.clamp(p[1].min(q[1]), p[1].max(q[1])) - p[1]) / (q[1] - p[1]) * (q[0] - p[0]);
-    let (a, b) = (at(low), at(high));
+    let a = at(low);
+    let b = at(high);
     Some([a.min(b), a.max(b)])
 }
 

@@ -1,7 +1,7 @@
 //! Lines cut at the border of an area, whose edges lie in the cells of a grid.
 
 use super::crossings::edges;
-use crate::texture::clip::{Lines, distance, extent, is_closed};
+use crate::texture::clip::{Polylines, distance, extent, is_closed};
 use crate::texture::place::{LEAST, NM};
 use terrace_core::geom::BoxMm;
 
@@ -56,7 +56,7 @@ impl Cutter {
 
     /// Appends the pieces of a polyline on the side that is kept, in its direction. Of a closed one no piece is divided
     /// at its first point unless it is whole.
-    pub(in crate::texture) fn cut(&self, line: &[Point], keep: Keep, out: &mut Lines) {
+    pub(in crate::texture) fn cut(&self, line: &[Point], keep: Keep, out: &mut Polylines) {
         if let [dot] = line {
             if self.holds(*dot).unwrap_or(true) == (keep == Keep::Inside) {
                 out.push(line);
@@ -64,12 +64,15 @@ impl Cutter {
             return;
         }
         let mut pieces: Vec<Vec<Point>> = Vec::new();
-        let (mut is_open, mut ts) = (false, Vec::new());
+        // Whether the last piece reaches up to the place that is looked at.
+        let mut is_open = false;
+        let mut ts = Vec::new();
         for side in line.windows(2) {
-            let (a, b) = (side[0], side[1]);
+            let [a, b] = [side[0], side[1]];
             let at = |t: f64| [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
             self.crossings([a, b], &mut ts);
             for t in ts.windows(2) {
+                // Between two crossings all lies on one side, so its middle decides; what lies on the border is inside.
                 let is_kept = self.holds(at((t[0] + t[1]) / 2.0)).unwrap_or(true) == (keep == Keep::Inside);
                 if is_kept {
                     if !is_open {
@@ -93,7 +96,7 @@ impl Cutter {
         }
     }
 
-    /// The parameters, from 0 to 1, between which the segment lies on one side.
+    /// Writes the parameters, from 0 to 1, between each two of which the segment lies on one side into `ts`.
     fn crossings(&self, [a, b]: [Point; 2], ts: &mut Vec<f64>) {
         ts.clear();
         ts.extend([0.0, 1.0]);
@@ -105,18 +108,21 @@ impl Cutter {
         }
         let side = |p: Point| (d[0] * (p[1] - a[1]) - d[1] * (p[0] - a[0])) / square.sqrt();
         let along = |p: Point| (d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1])) / square;
-        let (left, right) = (a[0].min(b[0]) - ON, a[0].max(b[0]) + ON);
+        let left = a[0].min(b[0]) - ON;
+        let right = a[0].max(b[0]) + ON;
         self.cells.along([a, b], |cell| {
             for &i in self.cells.edges_of(cell) {
                 let [p, q] = self.edges[i as usize];
                 if p[0].max(q[0]) < left || p[0].min(q[0]) > right {
                     continue;
                 }
-                let (sp, sq) = (side(p), side(q));
+                let sp = side(p);
+                let sq = side(q);
                 if (sp < 0.0) != (sq < 0.0) {
                     let f = sp / (sp - sq);
                     ts.push(along([p[0] + f * (q[0] - p[0]), p[1] + f * (q[1] - p[1])]));
                 }
+                // An edge along the segment does not cross it: the segment lies on the border between the ends of it.
                 ts.extend([(sp, p), (sq, q)].into_iter().filter(|(s, _)| s.abs() < ON).map(|(_, p)| along(p)));
             }
         });
@@ -133,7 +139,8 @@ impl Cutter {
         }
         let row = self.cells.index(1, p[1]);
         let mut inside = false;
-        // From the point to the right; an edge that lies in several cells is counted where it is crossed.
+        // The rule evenodd on a ray from the point to the right; an edge that lies in several cells is counted where it
+        // is crossed.
         for column in self.cells.index(0, p[0] - 2.0 * ON)..self.cells.count[0] {
             for &i in self.cells.edges_of(row * self.cells.count[0] + column) {
                 let [a, b] = self.edges[i as usize];
@@ -178,6 +185,7 @@ impl Cells {
         for (i, edge) in edges.iter().enumerate() {
             cells.near(*edge, reach, |cell| entries.push((cell as u32, i as u32)));
         }
+        // A sort by cell that counts: how many edges each cell has, where they begin, and each into its place.
         entries.iter().for_each(|&(cell, _)| cells.starts[cell as usize + 1] += 1);
         for cell in 1..cells.starts.len() {
             cells.starts[cell] += cells.starts[cell - 1];
@@ -221,7 +229,8 @@ impl Cells {
 
     /// The cells that hold the edges within reach of a segment, row by row.
     pub(in crate::texture) fn along(&self, [a, b]: [Point; 2], f: impl FnMut(usize)) {
-        let (lo, hi) = ([0, 1].map(|k| a[k].min(b[k])), [0, 1].map(|k| a[k].max(b[k])));
+        let lo = [0, 1].map(|k| a[k].min(b[k]));
+        let hi = [0, 1].map(|k| a[k].max(b[k]));
         if !self.is_far(lo, hi) {
             self.near([a, b], 2.0 * ON, f);
         }
@@ -249,13 +258,13 @@ impl Cells {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::artwork::{Area, Rule};
+    use crate::texture::artwork::{PolygonArea, WindingRule};
 
     fn pieces(line: &[Point], keep: Keep) -> Vec<Vec<Point>> {
         let ring: [&[Point]; 2] =
             [&[[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]], &[[3.0, 3.0], [6.0, 3.0], [6.0, 6.0], [3.0, 6.0]]];
-        let area = Area::new(ring.into_iter(), Rule::EvenOdd).expect("few");
-        let mut out = Lines::default();
+        let area = PolygonArea::new(ring.into_iter(), WindingRule::EvenOdd).expect("few");
+        let mut out = Polylines::default();
         area.cutter().cut(line, keep, &mut out);
         out.iter().map(|l| l.iter().map(|p| p.map(|v| (v * 1e5).round() / 1e5)).collect()).collect()
     }

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use super::hatch::TooFine;
 use super::marking::{Marking, Screen};
 use super::screen::{Grey, Picture, pale};
-use crate::texture::clip::Lines;
+use crate::texture::clip::Polylines;
 use crate::texture::random::Random;
 use terrace_core::diag::Diag;
 use terrace_core::geom::cos_sin;
@@ -42,9 +42,25 @@ pub(super) struct DotScreen {
     pitch_mm: f64,
     spot_mm: f64,
     direction: [f64; 2],
-    /// Thresholds of a mask, row by row, and its side; None where errors are diffused.
-    mask: Option<(Vec<f64>, usize)>,
+    /// None where errors are diffused.
+    mask: Option<ThresholdMask>,
     is_halftone: bool,
+}
+
+/// Thresholds that repeat over the sites.
+struct ThresholdMask {
+    /// Row by row.
+    thresholds: Vec<f64>,
+    /// How many sites it has along a side.
+    side: usize,
+}
+
+impl ThresholdMask {
+    /// The threshold of a site.
+    fn at(&self, site: [i64; 2]) -> f64 {
+        let [column, row] = site.map(|v| v.rem_euclid(self.side as i64) as usize);
+        self.thresholds[row * self.side + column]
+    }
 }
 
 impl DotScreen {
@@ -52,10 +68,10 @@ impl DotScreen {
         let pitch_mm = marking.pitch_mm.unwrap_or(spot_mm);
         let tone = marking.tone.unwrap_or_default();
         let mask = match tone.screen {
-            Screen::Noise => Some((blue_noise(tone.seed), NOISE_SIDE)),
+            Screen::Noise => Some(ThresholdMask { thresholds: blue_noise(tone.seed), side: NOISE_SIDE }),
             Screen::Halftone => {
                 let side = tone.period_mm.map_or(PERIOD, |period| (period / pitch_mm).round()).clamp(1.0, MAX_SIDE);
-                Some((clusters(side as usize), side as usize))
+                Some(ThresholdMask { thresholds: clusters(side as usize), side: side as usize })
             }
             _ => None,
         };
@@ -70,44 +86,33 @@ impl DotScreen {
 
     /// Appends the dots of a picture on a page, each as a line of one point; returns what is said where the cells
     /// of a halftone beat with the picture.
-    pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
-        let [c, s] = self.direction;
-        let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size];
-        let range = |of: &dyn Fn([f64; 2]) -> f64| {
-            let all = corners.map(|p| of(p) / self.pitch_mm - 0.5);
-            [all.into_iter().fold(f64::MAX, f64::min).ceil(), all.into_iter().fold(f64::MIN, f64::max).floor()]
-        };
-        let (along, across) = (range(&|[x, y]| c * x + s * y), range(&|[x, y]| c * y - s * x));
+    pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Polylines) -> Result<Option<Diag>, TooFine> {
+        let [along, across] = self.site_ranges(size);
         let count = [along, across].map(|[lo, hi]| (hi - lo + 1.0).max(0.0));
         if count[0] * count[1] > MAX_SITES {
             return Err(TooFine);
         }
         let picture = Picture::new(grey, size);
+        // The share of the sites to be marked for a density of 1: a dot covers the square of a spot.
         let gain = (self.pitch_mm / self.spot_mm).powi(2);
-        let place = |i: i64, k: i64| {
-            let [u, v] = [i, k].map(|n| (n as f64 + 0.5) * self.pitch_mm);
-            [c * u - s * v, s * u + c * v]
-        };
-        let share = |p: [f64; 2]| {
-            let is_on_page = (0..2).all(|a| (0.0..=size[a]).contains(&p[a]));
-            is_on_page.then(|| (picture.at(p) * gain).min(1.0))
-        };
-        let (first, columns) = (along[0] as i64, count[0] as usize);
+        let first = along[0] as i64;
+        let columns = count[0] as usize;
+        // One more place on either side for the errors that sites at the ends of a row hand on.
         let mut errors = [vec![0.0; columns + 2], vec![0.0; columns + 2]];
-        let mut tones = self.is_halftone.then(|| Tones::new(self.mask.as_ref().map_or(1, |(_, side)| *side)));
+        let mut tones = self.is_halftone.then(|| HalftoneTones::new(self.mask.as_ref().map_or(1, |mask| mask.side)));
         for (row, k) in (across[0] as i64..=across[1] as i64).enumerate() {
-            let is_back = row % 2 == 1;
+            let heading = if row % 2 == 1 { RowHeading::Back } else { RowHeading::Forth };
             for n in 0..columns {
-                let n = if is_back { columns - 1 - n } else { n };
+                let n = if heading == RowHeading::Back { columns - 1 - n } else { n };
                 let i = first + n as i64;
-                let p = place(i, k);
-                let Some(q) = share(p) else { continue };
+                let p = self.place(i, k);
+                if !(0..2).all(|a| (0.0..=size[a]).contains(&p[a])) {
+                    continue;
+                }
+                let q = (picture.at(p) * gain).min(1.0);
                 let is_marked = match &self.mask {
-                    Some((mask, side)) => {
-                        let at = [i, k].map(|v| v.rem_euclid(*side as i64) as usize);
-                        q > mask[at[1] * side + at[0]]
-                    }
-                    None => diffuse(q, n, is_back, &mut errors),
+                    Some(mask) => q > mask.at([i, k]),
+                    None => diffuse(q, n, heading, &mut errors),
                 };
                 if is_marked {
                     out.push(&[p]);
@@ -123,6 +128,24 @@ impl DotScreen {
             }
         }
         Ok(tones.and_then(|tones| tones.beat(self.pitch_mm)))
+    }
+
+    /// The first and the last site along and across that can lie on a page.
+    fn site_ranges(&self, size: [f64; 2]) -> [[f64; 2]; 2] {
+        let [c, s] = self.direction;
+        let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size];
+        let along = corners.map(|[x, y]| (c * x + s * y) / self.pitch_mm - 0.5);
+        let across = corners.map(|[x, y]| (c * y - s * x) / self.pitch_mm - 0.5);
+        [along, across].map(|all| {
+            [all.into_iter().fold(f64::MAX, f64::min).ceil(), all.into_iter().fold(f64::MIN, f64::max).floor()]
+        })
+    }
+
+    /// The place of site (i, k) on the page.
+    fn place(&self, i: i64, k: i64) -> [f64; 2] {
+        let [c, s] = self.direction;
+        let [u, v] = [i, k].map(|n| (n as f64 + 0.5) * self.pitch_mm);
+        [c * u - s * v, s * u + c * v]
     }
 
     /// What is said where the sites lie too far apart for the dark parts of a picture.
@@ -144,21 +167,21 @@ const BEAT_SHARE: f64 = 0.25;
 
 /// Dots of a halftone, and those that the picture asks for, window by window. Where the picture has a raster of its
 /// own, dark places fall on high thresholds here and on low ones there (moire).
-struct Tones {
+struct HalftoneTones {
     /// Sites along a side of a cell.
     side: usize,
-    windows: BTreeMap<[i64; 2], Window>,
+    windows: BTreeMap<[i64; 2], ToneWindow>,
 }
 
-/// What the sites of a window come to.
+/// The dots of a window, and those that the picture asks for.
 #[derive(Clone, Copy, Debug, Default)]
-struct Window {
+struct ToneWindow {
     sites: usize,
     wanted: f64,
     dots: usize,
 }
 
-impl Tones {
+impl HalftoneTones {
     fn new(side: usize) -> Self {
         Self { side, windows: BTreeMap::new() }
     }
@@ -172,14 +195,15 @@ impl Tones {
 
     /// What is said where windows with much of the tone miss it.
     fn beat(&self, pitch_mm: f64) -> Option<Diag> {
-        let is_off = |tone: &&Window| {
+        let is_off = |tone: &&ToneWindow| {
             let cells = tone.sites as f64 / (self.side * self.side) as f64;
             (tone.dots as f64 - tone.wanted).abs() > MAX_CELL_OFF * cells.max(1.0) + MAX_SHARE_OFF * tone.wanted
         };
-        let all: f64 = self.windows.values().map(|tone| tone.wanted).sum();
-        let off = || self.windows.values().filter(is_off);
-        let (wanted, dots) = (off().map(|tone| tone.wanted).sum::<f64>(), off().map(|tone| tone.dots).sum::<usize>());
-        (wanted > BEAT_SHARE * all).then(|| {
+        let wanted_in_all: f64 = self.windows.values().map(|tone| tone.wanted).sum();
+        let windows_off = || self.windows.values().filter(is_off);
+        let wanted = windows_off().map(|tone| tone.wanted).sum::<f64>();
+        let dots = windows_off().map(|tone| tone.dots).sum::<usize>();
+        (wanted > BEAT_SHARE * wanted_in_all).then(|| {
             let text = format!(
                 "halftone cells of {:.3} mm beat with the raster of the picture (moire): where they do, {dots} dots are marked for a tone of {wanted:.0}",
                 self.side as f64 * pitch_mm
@@ -189,13 +213,25 @@ impl Tones {
     }
 }
 
+/// In which direction the sites of a row are decided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RowHeading {
+    Forth,
+    Back,
+}
+
 /// Whether site `n` of a row is marked; hands its error on. `errors` are those of this row and the next, each one place
 /// further.
-fn diffuse(q: f64, n: usize, is_back: bool, errors: &mut [Vec<f64>; 2]) -> bool {
+fn diffuse(q: f64, n: usize, heading: RowHeading, errors: &mut [Vec<f64>; 2]) -> bool {
     let wanted = q + errors[0][n + 1];
     let is_marked = wanted > 0.5;
     let error = wanted - f64::from(u8::from(is_marked));
-    let (next, last) = if is_back { (n, n + 2) } else { (n + 2, n) };
+    // The site n has place n + 1 in both rows.
+    let (next, last) = match heading {
+        RowHeading::Forth => (n + 2, n),
+        RowHeading::Back => (n, n + 2),
+    };
+    // The weights of Floyd and Steinberg.
     errors[0][next] += error * 7.0 / 16.0;
     errors[1][last] += error * 3.0 / 16.0;
     errors[1][n + 1] += error * 5.0 / 16.0;
@@ -211,7 +247,8 @@ fn clusters(side: usize) -> Vec<f64> {
     let mut order: Vec<usize> = (0..side * side).collect();
     order.sort_by(|&a, &b| {
         // Equal but for noise: by place.
-        let (a_height, b_height) = ((height(a) * 1e9).round(), (height(b) * 1e9).round());
+        let a_height = (height(a) * 1e9).round();
+        let b_height = (height(b) * 1e9).round();
         b_height.total_cmp(&a_height).then(a.cmp(&b))
     });
     thresholds(&order)
@@ -231,7 +268,7 @@ fn blue_noise(seed: u64) -> Vec<f64> {
     /// Share of the sites that the first pattern has.
     const PROTOTYPE: usize = NOISE_SIDE * NOISE_SIDE / 10;
     let mut random = Random::at(seed, 0, 0);
-    let mut field = Field::new();
+    let mut field = NoiseField::new();
     while field.count < PROTOTYPE {
         let site = random.below(NOISE_SIDE * NOISE_SIDE);
         if !field.is_set[site] {
@@ -265,7 +302,7 @@ fn blue_noise(seed: u64) -> Vec<f64> {
 
 /// A pattern of sites and how crowded each site is.
 #[derive(Clone)]
-struct Field {
+struct NoiseField {
     is_set: Vec<bool>,
     crowd: Vec<f64>,
     count: usize,
@@ -273,8 +310,10 @@ struct Field {
     weight: [f64; Self::REACH + 1],
 }
 
-impl Field {
+impl NoiseField {
+    /// Sites farther away along x or y are left out: their weight is below 1e-6.
     const REACH: usize = 7;
+    /// Standard deviation of the Gaussian that weighs neighbours, sites; that of Ulichney.
     const SIGMA: f64 = 1.5;
 
     fn new() -> Self {
@@ -283,17 +322,19 @@ impl Field {
         Self { is_set: vec![false; sites], crowd: vec![0.0; sites], count: 0, weight }
     }
 
+    /// Sets a site, or takes it out.
     fn toggle(&mut self, site: usize) {
         self.is_set[site] ^= true;
         let sign = if self.is_set[site] { 1.0 } else { -1.0 };
         self.count = if self.is_set[site] { self.count + 1 } else { self.count - 1 };
-        let (column, row) = (site % NOISE_SIDE, site / NOISE_SIDE);
+        let column = site % NOISE_SIDE;
+        let row = site / NOISE_SIDE;
         for dy in 0..=2 * Self::REACH {
             let y = (row + NOISE_SIDE + dy - Self::REACH) % NOISE_SIDE;
-            let of_row = self.weight[dy.abs_diff(Self::REACH)];
+            let row_weight = self.weight[dy.abs_diff(Self::REACH)];
             for dx in 0..=2 * Self::REACH {
                 let x = (column + NOISE_SIDE + dx - Self::REACH) % NOISE_SIDE;
-                self.crowd[y * NOISE_SIDE + x] += sign * of_row * self.weight[dx.abs_diff(Self::REACH)];
+                self.crowd[y * NOISE_SIDE + x] += sign * row_weight * self.weight[dx.abs_diff(Self::REACH)];
             }
         }
     }
@@ -321,7 +362,7 @@ mod tests {
         let tone = Tone { screen, seed, ..Tone::default() };
         let marking = Marking { tone: Some(tone), pitch_mm: Some(0.02), direction_rad, ..Marking::default() };
         let grey = Grey::new(4, 4, vec![(density * 65535.0).round() as u16; 16]);
-        let mut out = Lines::default();
+        let mut out = Polylines::default();
         let size = [6.4, 5.12];
         DotScreen::new(&marking, 0.02, 0.0).mark(&grey, size, &mut out).map_err(|_| "fine").expect("dots");
         assert!(out.iter().all(|dot| dot.len() == 1 && (0..2).all(|k| (0.0..=size[k]).contains(&dot[0][k]))));

@@ -5,11 +5,11 @@
 //! of the line inside the polygon, those nearer than the inset to an edge are taken away, each an interval. At an inset
 //! of 2 nm or more (the least) no line leaves its area once its ends are rounded to nanometres.
 
-use super::area::{Area, Polygon};
+use super::area::{Polygon, PolygonArea};
 use super::crossings::edges;
 use super::cut::Keep;
 use super::marking::{ContourPass, Marking};
-use crate::texture::clip::{Lines, is_closed};
+use crate::texture::clip::{Polylines, is_closed};
 use crate::texture::place::{LEAST, NM};
 use terrace_core::geom::{BoxMm, cos_sin};
 
@@ -21,10 +21,15 @@ const LEAST_INSET: f64 = 2.0 * NM;
 /// A line that lies nearer to the inset than this keeps it, mm: f64 noise is far below.
 const SLACK: f64 = 1e-9;
 
-/// How far inside a ring another line is marked where the next ring does not come, in pitches. A stripe of up to one and
-/// a half pitches stays as it is: a line in its middle would be nearer to the others than three quarters of a pitch.
+/// How far inside a ring another line is marked where the next ring does not come, in pitches. A stripe of up to one
+/// and a half pitches stays as it is: a line in its middle would be nearer to the others than three quarters of a
+/// pitch.
 /// At corners of 39 deg and more (2 arcsin 1/3) nothing lies so far from both rings.
 const BETWEEN: f64 = 0.75;
+
+/// Where a line is tried in an area that no line of the lattice meets, in shares of its height across the lines: in the
+/// middle, then in the middles of what is left.
+pub(in crate::texture) const OWN_LINE_SHARES: [f64; 7] = [0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875];
 
 /// Most ends of lines before those of one polygon are put together.
 const MAX_ENDS: f64 = 4e7;
@@ -36,8 +41,8 @@ pub(super) struct Hatch {
     pub(super) pitch_mm: f64,
     /// Direction of lines from +x, anticlockwise.
     pub(super) direction_rad: f64,
-    /// Whether lines wait for the directions of level lines.
-    pub(super) waits: bool,
+    /// Whether lines follow the level lines of the part, whose directions are not known yet.
+    pub(super) follows_level_lines: bool,
     /// Whether a second set of lines crosses the first at a right angle.
     pub(super) cross: bool,
     /// Whether all lines have one direction; else each is opposite to its neighbours.
@@ -55,7 +60,7 @@ impl Hatch {
         Self {
             pitch_mm: marking.pitch_mm.unwrap_or(spot_mm / 2.0),
             direction_rad: marking.direction_rad - page_rad,
-            waits: marking.along_contours.is_some(),
+            follows_level_lines: marking.along_contours.is_some(),
             cross: marking.cross,
             one_way: marking.one_way,
             inset_mm: marking.inset_mm.unwrap_or(spot_mm / 2.0),
@@ -69,9 +74,9 @@ impl Hatch {
 pub(super) struct TooFine;
 
 impl Hatch {
-    /// What waiting lines are laid by.
-    pub(super) fn waiting(&self) -> Waiting {
-        Waiting { pitch_mm: self.pitch_mm, inset_mm: self.inset(), cross: self.cross, one_way: self.one_way }
+    /// The part of it that lines along level lines are made by.
+    pub(super) fn level_hatch(&self) -> LevelHatch {
+        LevelHatch { pitch_mm: self.pitch_mm, inset_mm: self.inset(), cross: self.cross, one_way: self.one_way }
     }
 
     fn inset(&self) -> f64 {
@@ -80,7 +85,7 @@ impl Hatch {
 
     /// Appends the lines of a polygon, with its contour where that is asked for. None fits into polygons thinner than
     /// twice the inset.
-    pub(super) fn fill(&self, polygon: &Polygon, out: &mut Lines) -> Result<(), TooFine> {
+    pub(super) fn fill(&self, polygon: &Polygon, out: &mut Polylines) -> Result<(), TooFine> {
         if self.is_thin(polygon) {
             return Ok(());
         }
@@ -103,8 +108,8 @@ impl Hatch {
         size[0].min(size[1]) < 2.0 * (self.inset() - SLACK)
     }
 
-    /// Whether a polygon whose lines wait will hold any, with its contour where that is asked for.
-    pub(super) fn prepare(&self, polygon: &Polygon, out: &mut Lines) -> Result<bool, TooFine> {
+    /// Whether a polygon that is filled later will hold lines, with its contour where that is asked for.
+    pub(super) fn prepare(&self, polygon: &Polygon, out: &mut Polylines) -> Result<bool, TooFine> {
         let ends: f64 = polygon
             .iter()
             .flat_map(|ring| edges(ring))
@@ -113,7 +118,8 @@ impl Hatch {
         if ends > MAX_ENDS {
             return Err(TooFine);
         }
-        let inner = if self.is_thin(polygon) { Area::default() } else { Area::of(polygon).inset(self.inset()) };
+        let inner =
+            if self.is_thin(polygon) { PolygonArea::default() } else { PolygonArea::of(polygon).inset(self.inset()) };
         if self.contour != ContourPass::None {
             push_contours(&inner, out);
         }
@@ -123,7 +129,7 @@ impl Hatch {
     /// Appends rings at the inset, and from there at each pitch, from outside in. Where the next ring does not come, as
     /// there is no room for it, a stripe of up to two pitches would stay blank in the middle: what of a contour lies
     /// [`BETWEEN`] further in than a ring, and at least as far from the next one, is marked too.
-    pub(super) fn rings(&self, area: &Area, out: &mut Lines) -> Result<(), TooFine> {
+    pub(super) fn rings(&self, area: &PolygonArea, out: &mut Polylines) -> Result<(), TooFine> {
         let size = area.bounds().size();
         if size[0].min(size[1]) / self.pitch_mm * area.edge_count() as f64 > MAX_ENDS {
             return Err(TooFine);
@@ -143,12 +149,12 @@ impl Hatch {
     }
 
     /// Appends what of the contours of `inner`, which lie between two rings, is far from the second of them, `next`.
-    fn between(&self, inner: &Area, next: &Area, out: &mut Lines) {
+    fn between(&self, inner: &PolygonArea, next: &PolygonArea, out: &mut Polylines) {
         if next.is_empty() {
             return push_contours(inner, out);
         }
         let near = next.inset(-BETWEEN * self.pitch_mm).cutter();
-        let (mut contours, mut far) = (Lines::default(), Lines::default());
+        let (mut contours, mut far) = (Polylines::default(), Polylines::default());
         push_contours(inner, &mut contours);
         contours.iter().for_each(|contour| near.cut(contour, Keep::Outside, &mut far));
         let length =
@@ -157,63 +163,89 @@ impl Hatch {
         far.iter().filter(|line| is_closed(line) || length(line) >= self.pitch_mm).for_each(|line| out.push(line));
     }
 
-    fn contour(&self, polygon: &Polygon, out: &mut Lines) {
-        push_contours(&Area::of(polygon).inset(self.inset()), out);
+    fn contour(&self, polygon: &Polygon, out: &mut Polylines) {
+        push_contours(&PolygonArea::of(polygon).inset(self.inset()), out);
     }
 
-    fn lines(&self, polygon: &Polygon, direction: f64, out: &mut Lines) -> Result<(), TooFine> {
+    /// Appends the lines of one direction, in a frame whose u runs along them and whose v runs across.
+    fn lines(&self, polygon: &Polygon, direction: f64, out: &mut Polylines) -> Result<(), TooFine> {
         let [c, s] = cos_sin(direction);
         let turned = |[x, y]: Point| [c * x + s * y, c * y - s * x];
         let sides: Vec<[Point; 2]> = polygon.iter().flat_map(|ring| edges(ring)).map(|e| e.map(turned)).collect();
         let pitch = self.pitch_mm;
-        let (lo, hi) =
-            sides.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), [p, _]| (lo.min(p[1]), hi.max(p[1])));
+        // A side can end lines, or cut a gap into them, over its height and the inset above and below it.
         let ends: f64 = sides.iter().map(|[p, q]| ((p[1] - q[1]).abs() + 2.0 * self.inset()) / pitch + 1.0).sum();
         if ends > MAX_ENDS {
             return Err(TooFine);
         }
+        let [lo, hi] = extent_across(&sides);
         let first = (lo / pitch - 0.5).ceil();
         let count = (hi / pitch - 0.5).ceil() - first;
-        let set = Set { first: (first + 0.5) * pitch, pitch, count: count as usize, inset: self.inset() - SLACK };
-        let mut spans = if set.count > 0 { set.spans(&sides) } else { Vec::new() };
+        let inset = self.inset() - SLACK;
+        let lattice = LineSet { first: (first + 0.5) * pitch, pitch, count: count as usize, inset };
+        let mut spans = if lattice.count > 0 { lattice.spans(&sides) } else { Vec::new() };
         if spans.is_empty() {
             // No line of the lattice meets it: one of its own, if any fits.
-            let shares = [0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875];
-            let own = |f: f64| Set { first: lo + f * (hi - lo), count: 1, ..set }.spans(&sides);
-            spans = shares.into_iter().map(own).find(|s| !s.is_empty()).unwrap_or_default();
+            let own_line = |share: f64| LineSet { first: lo + share * (hi - lo), count: 1, ..lattice }.spans(&sides);
+            spans = OWN_LINE_SHARES.into_iter().map(own_line).find(|s| !s.is_empty()).unwrap_or_default();
         }
         for Span { line, v, from, to } in spans {
-            let turns = !self.one_way && (first as i64 + line as i64).rem_euclid(2) == 1;
-            let [a, b] = if turns { [to, from] } else { [from, to] };
+            // By the number of the line in the lattice of the page, so that it runs alike in neighbouring areas.
+            let is_backward = !self.one_way && (first as i64 + line as i64).rem_euclid(2) == 1;
+            let [a, b] = if is_backward { [to, from] } else { [from, to] };
             out.push(&[a, b].map(|u| [c * u - s * v, s * u + c * v]));
         }
         Ok(())
     }
 }
 
-fn push_contours(area: &Area, out: &mut Lines) {
+/// The least and the greatest v of the sides of closed rings.
+pub(in crate::texture) fn extent_across(sides: &[[Point; 2]]) -> [f64; 2] {
+    sides.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [p, _]| [lo.min(p[1]), hi.max(p[1])])
+}
+
+fn push_contours(area: &PolygonArea, out: &mut Polylines) {
     for contour in area.contours() {
         out.points.extend(contour.iter().chain(contour.first()));
         out.finish();
     }
 }
 
-/// How lines are laid once their directions are known.
+/// How areas are filled by lines that follow the level lines of the part, once their directions are known.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::texture) struct Waiting {
+pub(in crate::texture) struct LevelHatch {
+    /// Distance of lines, mm.
     pub(in crate::texture) pitch_mm: f64,
+    /// Distance of lines from the border of the area, mm; at least the least inset.
     pub(in crate::texture) inset_mm: f64,
+    /// Whether a second set of lines crosses the first at a right angle.
     pub(in crate::texture) cross: bool,
+    /// Whether all lines have one direction; else each is opposite to its neighbours.
     pub(in crate::texture) one_way: bool,
 }
 
 /// Parallel lines along u, at v = first + k pitch.
 #[derive(Clone, Copy)]
-pub(in crate::texture) struct Set {
+pub(in crate::texture) struct LineSet {
     first: f64,
     pitch: f64,
     count: usize,
     inset: f64,
+}
+
+/// Where a line enters or leaves the area.
+#[derive(Clone, Copy)]
+struct LineEnd {
+    line: usize,
+    u: f64,
+}
+
+/// A stretch of a line that lies nearer than the inset to a side.
+#[derive(Clone, Copy)]
+struct LineGap {
+    line: usize,
+    from: f64,
+    to: f64,
 }
 
 /// A stretch of a line.
@@ -224,9 +256,9 @@ pub(in crate::texture) struct Span {
     pub(in crate::texture) to: f64,
 }
 
-impl Set {
+impl LineSet {
     /// Lines from v = `first` on, in areas of which they keep the inset.
-    pub(in crate::texture) fn new(first: f64, count: usize, hatch: &Waiting) -> Self {
+    pub(in crate::texture) fn new(first: f64, count: usize, hatch: &LevelHatch) -> Self {
         Self { first, pitch: hatch.pitch_mm, count, inset: hatch.inset_mm - SLACK }
     }
 
@@ -243,42 +275,50 @@ impl Set {
 
     /// What of the lines lies inside the sides, farther than the inset from each of them.
     pub(in crate::texture) fn spans(&self, sides: &[[Point; 2]]) -> Vec<Span> {
-        let mut ends: Vec<(usize, f64)> = Vec::new();
-        let mut gaps: Vec<(usize, f64, f64)> = Vec::new();
+        let mut ends: Vec<LineEnd> = Vec::new();
+        let mut gaps: Vec<LineGap> = Vec::new();
         for &[p, q] in sides {
-            let (lo, hi) = (p[1].min(q[1]), p[1].max(q[1]));
-            for k in self.near(lo - self.inset, hi + self.inset) {
-                let v = self.v(k);
+            let lo = p[1].min(q[1]);
+            let hi = p[1].max(q[1]);
+            for line in self.near(lo - self.inset, hi + self.inset) {
+                let v = self.v(line);
+                // A corner on a line counts as below it, so that ends come in pairs.
                 if (p[1] <= v) != (q[1] <= v) {
-                    ends.push((k, p[0] + (v - p[1]) / (q[1] - p[1]) * (q[0] - p[0])));
+                    ends.push(LineEnd { line, u: p[0] + (v - p[1]) / (q[1] - p[1]) * (q[0] - p[0]) });
                 }
-                if let Some([a, b]) = gap([p, q], v, self.inset) {
-                    gaps.push((k, a, b));
+                if let Some([from, to]) = gap([p, q], v, self.inset) {
+                    gaps.push(LineGap { line, from, to });
                 }
             }
         }
-        let by_place = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1));
-        ends.sort_unstable_by(|&a, &b| by_place(a, b));
-        gaps.sort_unstable_by(|&a, &b| by_place((a.0, a.1), (b.0, b.1)));
+        ends.sort_unstable_by(|a, b| a.line.cmp(&b.line).then(a.u.total_cmp(&b.u)));
+        gaps.sort_unstable_by(|a, b| a.line.cmp(&b.line).then(a.from.total_cmp(&b.from)));
+        self.without_gaps(&ends, gaps)
+    }
+
+    /// The stretches between each two ends, without the gaps; ends and gaps are sorted by line and place.
+    fn without_gaps(&self, ends: &[LineEnd], gaps: Vec<LineGap>) -> Vec<Span> {
         let mut out = Vec::new();
         let mut gaps = gaps.into_iter().peekable();
-        // How far the gaps of a line reach.
-        let mut reach = (usize::MAX, 0.0);
-        for inside in ends.chunks_exact(2) {
-            let [(line, mut from), (_, to)] = [inside[0], inside[1]];
-            if reach.0 == line {
-                from = f64::max(from, reach.1);
+        // Where the last of the gaps ends that were taken from the list. It may lie beyond the stretch that took it, in
+        // the next one of the same line.
+        let mut reach = LineEnd { line: usize::MAX, u: 0.0 };
+        for stretch in ends.chunks_exact(2) {
+            let [LineEnd { line, u: mut from }, LineEnd { u: to, .. }] = [stretch[0], stretch[1]];
+            if reach.line == line {
+                from = f64::max(from, reach.u);
             }
-            while let Some(&(k, a, b)) = gaps.peek() {
-                if k > line || (k == line && a >= to) {
+            // What lies before `from` is put out or lost; of the gaps from here on, those before `to` cut this stretch.
+            while let Some(&gap) = gaps.peek() {
+                if gap.line > line || (gap.line == line && gap.from >= to) {
                     break;
                 }
-                if k == line {
-                    if a > from {
-                        self.put(line, from, a, &mut out);
+                if gap.line == line {
+                    if gap.from > from {
+                        self.put(line, from, gap.from, &mut out);
                     }
-                    from = from.max(b);
-                    reach = (line, if reach.0 == line { b.max(reach.1) } else { b });
+                    from = from.max(gap.to);
+                    reach = LineEnd { line, u: if reach.line == line { gap.to.max(reach.u) } else { gap.to } };
                 }
                 gaps.next();
             }
@@ -287,6 +327,7 @@ impl Set {
         out
     }
 
+    /// Appends a stretch of a line, unless it is too short to be marked or empty.
     fn put(&self, line: usize, from: f64, to: f64, out: &mut Vec<Span>) {
         if to - from >= LEAST {
             out.push(Span { line, v: self.v(line), from, to });
@@ -324,21 +365,21 @@ fn gap([p, q]: [Point; 2], v: f64, r: f64) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::artwork::{Marking, Rule};
+    use crate::texture::artwork::{Marking, WindingRule};
     use crate::texture::clip::distance;
 
     /// The rings of an area at a pitch of 1 mm and an inset of 0.5 mm.
-    fn rings(contours: &[&[Point]]) -> (Area, Lines) {
-        let area = Area::new(contours.iter().copied(), Rule::EvenOdd).expect("few");
+    fn rings(contours: &[&[Point]]) -> (PolygonArea, Polylines) {
+        let area = PolygonArea::new(contours.iter().copied(), WindingRule::EvenOdd).expect("few");
         let marking = Marking { pitch_mm: Some(1.0), inset_mm: Some(0.5), ..Marking::default() };
         let hatch = Hatch::of(&marking, 1.0, 0.0);
-        let mut out = Lines::default();
+        let mut out = Polylines::default();
         hatch.rings(&area, &mut out).map_err(|TooFine| "fine").expect("rings");
         (area, out)
     }
 
     /// The largest distance of a place inside the inset from all lines.
-    fn largest_gap(area: &Area, lines: &Lines) -> f64 {
+    fn largest_gap(area: &PolygonArea, lines: &Polylines) -> f64 {
         let (inner, bounds) = (area.inset(0.5).cutter(), area.bounds());
         let step = |k: usize, n: i32| bounds.lo[k] + f64::from(n) * 0.05;
         let count = |k: usize| ((bounds.hi[k] - bounds.lo[k]) / 0.05) as i32;

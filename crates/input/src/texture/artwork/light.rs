@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::area::Area;
+use super::area::PolygonArea;
 use super::choice::Class;
 use super::paper::is_light;
-use super::{Artwork, Colour, Figure, Marking, Paper, Selector, Shape};
+use super::{Artwork, Colour, Marking, PaintedShape, Paper, Selector, ShapeFigure};
 use terrace_core::diag::Diag;
 
 /// Opacity from which on a shape in the colour of the page hides what lies below it. Below it, more is seen of what
@@ -31,7 +31,7 @@ pub(super) fn warnings(
     art: &Artwork,
     marking: &Marking,
     classes: &[Class],
-    area: impl Fn(usize) -> Option<Area>,
+    area: impl Fn(usize) -> Option<PolygonArea>,
 ) -> Vec<Diag> {
     let colours: BTreeSet<Colour> = art.shapes.iter().map(|shape| shape.colour).collect();
     let light = colours.into_iter().filter(|c| is_light(*c) && !marking.names(*c)).collect();
@@ -39,46 +39,46 @@ pub(super) fn warnings(
         art.shapes.iter().zip(classes).map(|(s, class)| issue(s, *class, &light)).collect();
     let mut out = Vec::new();
     for issue in [Issue::Light, Issue::HidesNothing, Issue::HidesAll] {
-        let met: Vec<usize> = (0..issues.len()).filter(|&i| issues[i] == Some(issue)).collect();
-        let Some(&first) = met.first() else { continue };
+        let shapes: Vec<usize> = (0..issues.len()).filter(|&i| issues[i] == Some(issue)).collect();
+        let Some(&first) = shapes.first() else { continue };
         let mut by_colour: BTreeMap<Colour, Vec<usize>> = BTreeMap::new();
-        met.iter().for_each(|&i| by_colour.entry(art.shapes[i].colour).or_default().push(i));
+        shapes.iter().for_each(|&i| by_colour.entry(art.shapes[i].colour).or_default().push(i));
         let mut colours: Vec<(Colour, Option<f64>)> =
             by_colour.into_iter().map(|(colour, shapes)| (colour, covered_mm2(&shapes, &area))).collect();
         colours.sort_by(|a, b| b.1.unwrap_or(0.0).total_cmp(&a.1.unwrap_or(0.0)));
         let element = &art.names[art.shapes[first].name as usize];
-        out.push(issue.warning(&colours, met.len(), element, marking.paper));
+        out.push(issue.warning(&colours, shapes.len(), element, marking.paper));
     }
     out
 }
 
 /// What is reported of a shape; `light` has the light colours that nothing names.
-fn issue(shape: &Shape, class: Class, light: &BTreeSet<Colour>) -> Option<Issue> {
+fn issue(shape: &PaintedShape, class: Class, light: &BTreeSet<Colour>) -> Option<Issue> {
     match (class, shape.figure) {
-        (_, Figure::Grey(_)) => None,
+        (_, ShapeFigure::Grey(_)) => None,
         (Class::Pen(_), _) if light.contains(&shape.colour) => Some(Issue::Light),
         // Lines hide nothing, opaque or not.
-        (Class::Page, Figure::Fill(_) | Figure::Stroke) if shape.opacity < HIDES => Some(Issue::HidesNothing),
-        (Class::Page, Figure::Fill(_) | Figure::Stroke) if shape.opacity < 1.0 => Some(Issue::HidesAll),
+        (Class::Page, ShapeFigure::Fill(_) | ShapeFigure::Stroke) if shape.opacity < HIDES => Some(Issue::HidesNothing),
+        (Class::Page, ShapeFigure::Fill(_) | ShapeFigure::Stroke) if shape.opacity < 1.0 => Some(Issue::HidesAll),
         _ => None,
     }
 }
 
 /// What shapes cover together, mm²; None for lines, and where it takes too long to find out.
-fn covered_mm2(shapes: &[usize], area: &impl Fn(usize) -> Option<Area>) -> Option<f64> {
-    let areas: Vec<Area> = shapes.iter().filter_map(|&i| area(i)).collect();
-    let union = if areas.is_empty() { None } else { Area::union(areas.iter()).ok() };
+fn covered_mm2(shapes: &[usize], area: &impl Fn(usize) -> Option<PolygonArea>) -> Option<f64> {
+    let areas: Vec<PolygonArea> = shapes.iter().filter_map(|&i| area(i)).collect();
+    let union = if areas.is_empty() { None } else { PolygonArea::union(areas.iter()).ok() };
     union.map(|union| union.size_mm2())
 }
 
 impl Issue {
     fn warning(self, colours: &[(Colour, Option<f64>)], shapes: usize, first: &str, paper: Paper) -> Diag {
         let name = |colour| Selector::Colour(colour).to_string();
-        let one = |(colour, mm2): &(Colour, Option<f64>)| match mm2 {
+        let name_with_area = |(colour, mm2): &(Colour, Option<f64>)| match mm2 {
             Some(mm2) => format!("{} on {mm2:.2} mm2", name(*colour)),
             None => name(*colour),
         };
-        let mut list: Vec<String> = colours.iter().take(MAX_LISTED).map(one).collect();
+        let mut list: Vec<String> = colours.iter().take(MAX_LISTED).map(name_with_area).collect();
         if colours.len() > MAX_LISTED {
             list.push(format!("{} more colours", colours.len() - MAX_LISTED));
         }
@@ -114,7 +114,7 @@ impl Issue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::artwork::{Labels, Rule, marks};
+    use crate::texture::artwork::{Labels, WindingRule, marks};
     use terrace_core::program::PenId;
 
     /// Squares of which each lies in the one before: side, colour, opacity.
@@ -124,12 +124,12 @@ mod tests {
             let (lo, hi) = (10.0 - side / 2.0, 10.0 + side / 2.0);
             art.lines.push(&[[lo, lo], [hi, lo], [hi, hi], [lo, hi], [lo, lo]]);
             art.names.push(format!("square {}", i + 1));
-            art.shapes.push(Shape {
+            art.shapes.push(PaintedShape {
                 name: i as u32,
                 labels: 0,
                 colour: [colour >> 16, colour >> 8, colour].map(|v| (v & 255) as u8),
                 opacity,
-                figure: Figure::Fill(Rule::EvenOdd),
+                figure: ShapeFigure::Fill(WindingRule::EvenOdd),
                 lines: i..i + 1,
                 clip: None,
             });

@@ -244,11 +244,11 @@ impl Marking {
 
     /// Whether an element with these labels that holds no others does not exist, whatever its colour.
     pub(in crate::texture) fn leaves_out<'a>(&self, labels: impl Iterator<Item = &'a String> + Clone) -> bool {
-        let has = |s: &Selector| match s {
+        let may_choose = |s: &Selector| match s {
             Selector::Colour(_) => true,
             Selector::Label(label) => labels.clone().any(|l| l == label),
         };
-        self.excepts(labels.clone()) || !(self.only.is_empty() || self.only.iter().any(has))
+        self.excepts(labels.clone()) || !(self.only.is_empty() || self.only.iter().any(may_choose))
     }
 
     /// Whether `pens` or `only` name a colour, so that it is marked though it may be that of the page.

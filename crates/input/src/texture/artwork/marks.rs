@@ -8,17 +8,17 @@ use std::borrow::Cow;
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 
-use super::area::{Area, Polygon};
+use super::area::{Polygon, PolygonArea};
 use super::choice::{Class, classes};
 use super::coverage::covered_share;
 use super::crossings::TooMany;
 use super::cut::Keep;
 use super::dot_screen::DotScreen;
-use super::hatch::{Hatch, TooFine, Waiting};
+use super::hatch::{Hatch, LevelHatch, TooFine};
 use super::light::{self, HIDES};
 use super::screen::LineScreen;
-use super::{Artwork, ContourPass, Figure, FillMode, Grey, Marking, Rule, Shape, StrokeMode};
-use crate::texture::clip::{Lines, clip, clip_contour, is_hairline, is_inside};
+use super::{Artwork, ContourPass, FillMode, Grey, Marking, PaintedShape, ShapeFigure, StrokeMode, WindingRule};
+use crate::texture::clip::{Polylines, clip, clip_contour, is_hairline, is_inside};
 use crate::texture::place::NM;
 use terrace_core::diag::Diag;
 use terrace_core::geom::BoxMm;
@@ -36,7 +36,7 @@ pub(in crate::texture) struct Page {
     /// The corner that [`Artwork::corner`] says.
     pub(in crate::texture) corner: Option<[f64; 2]>,
     /// In page mm.
-    pub(in crate::texture) lines: Lines,
+    pub(in crate::texture) lines: Polylines,
     /// Per line, the index of its element's name.
     pub(in crate::texture) name_of: Vec<u32>,
     /// Per line, its pen; None for the pen of the texture.
@@ -44,16 +44,16 @@ pub(in crate::texture) struct Page {
     /// Names of elements.
     pub(in crate::texture) names: Vec<String>,
     /// The areas whose lines follow the level lines of the part.
-    pub(in crate::texture) waits: Vec<Waits>,
-    /// How these are laid.
-    pub(in crate::texture) waiting: Waiting,
-    /// How many of the lines are marked before them.
+    pub(in crate::texture) unfilled: Vec<UnfilledAreas>,
+    /// How these are filled.
+    pub(in crate::texture) level_hatch: LevelHatch,
+    /// How many of the lines are marked before the areas are filled.
     pub(in crate::texture) before: usize,
 }
 
-/// Areas that are filled once directions are known.
+/// Areas of one element and pen that are filled once the directions of level lines are known.
 #[derive(Debug)]
-pub(in crate::texture) struct Waits {
+pub(in crate::texture) struct UnfilledAreas {
     /// Index of the element's name.
     pub(in crate::texture) name: u32,
     /// None for the pen of the texture.
@@ -62,11 +62,14 @@ pub(in crate::texture) struct Waits {
     pub(in crate::texture) polygons: Vec<Polygon>,
 }
 
-/// What is done with a shape.
+/// How a shape is marked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum How {
+enum Treatment {
+    /// A line along itself.
     Line,
+    /// An area by parallel lines.
     Hatch,
+    /// An area by rings along its contours.
     Rings,
     /// The contours of an area as lines.
     Outline,
@@ -78,26 +81,43 @@ enum How {
     Skip,
 }
 
-/// A shape with what became of it.
-struct Seen<'a> {
-    shape: &'a Shape,
-    how: How,
+/// A shape, how it is marked and by which pen.
+struct TreatedShape<'a> {
+    shape: &'a PaintedShape,
+    treatment: Treatment,
     pen: Option<PenId>,
     /// The box of the polylines.
     bounds: BoxMm<2>,
 }
 
-/// Lines of one pen and name.
-struct Made {
+/// The marks of shapes that are marked together: one pen, and the name of the first of them.
+struct GroupMarks {
     name: u32,
     pen: Option<PenId>,
-    lines: Lines,
-    /// Polygons whose lines wait; the lines above are then their contours.
-    waits: Vec<Polygon>,
-    /// Polygons that no line fits into.
+    lines: Polylines,
+    /// Polygons that are filled once directions are known; the lines above are then their contours.
+    unfilled: Vec<Polygon>,
+    /// How many polygons no line fits into.
     thin: usize,
-    /// What is said of how they reproduce a picture.
+    /// A message about how they reproduce a picture.
     note: Option<Diag>,
+}
+
+impl GroupMarks {
+    /// No marks yet, with the name and the pen of `first`.
+    fn new(first: &TreatedShape<'_>) -> Self {
+        let TreatedShape { shape, pen, .. } = first;
+        Self { name: shape.name, pen: *pen, lines: Polylines::default(), unfilled: Vec::new(), thin: 0, note: None }
+    }
+}
+
+/// The shapes of a drawing, and what decides which parts of them are seen.
+struct Visibility<'a> {
+    shapes: Vec<TreatedShape<'a>>,
+    /// Per shape, the areas that may hide some of it, in the order of painting.
+    covers: Vec<Vec<usize>>,
+    /// Per shape, its area where it is filled or may hide others; empty for the rest.
+    areas: Vec<PolygonArea>,
 }
 
 /// The lines of a drawing on a page that is turned by `page_rad`.
@@ -114,73 +134,107 @@ pub(in crate::texture) fn marks(
     let hatch = Hatch::of(marking, spot_mm, page_rad);
     let screen = Raster::new(marking, spot_mm, page_rad);
     let classes = classes(art, marking, Some(marking.paper))?;
-    let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
-    let index = Index::new(&seen);
-    let covered = covers(art, &index, &seen)?;
-    let groups = groups(index, &seen);
-    let areas = areas(art, &seen, &covered)?;
-    let made = parallel::map(groups.len(), |g| {
-        let members = &groups[g];
-        let first = &seen[members[0]];
-        let of = || match first.how {
-            How::Line | How::Outline => Ok(lines(art, first, &covered[members[0]], &areas)?),
-            How::Screen => screened(art, first, &screen),
-            _ => filled(&seen, members, &covered, &areas, &hatch),
-        };
-        of().map_err(|fault: Fault| fault.diag(&art.names[first.shape.name as usize]))
-    });
-    let mut page = Page {
-        size: art.size,
-        corner: art.corner,
-        lines: Lines::default(),
-        name_of: Vec::new(),
-        pen_of: Vec::new(),
-        names: art.names.clone(),
-        waits: Vec::new(),
-        waiting: hatch.waiting(),
-        before: 0,
-    };
-    let mut thin: Option<(usize, u32)> = None;
-    let mut made = made.into_iter().collect::<Result<Vec<_>, _>>()?;
-    if marking.contour == ContourPass::After {
-        // Contours of areas whose lines wait come after these.
-        made.sort_by_key(|m| !m.waits.is_empty());
-    }
-    for made in made {
-        let Made { name, pen, lines, waits, thin: n, note } = made;
-        notes.extend(note);
-        lines.iter().for_each(|line| page.lines.push(line));
-        page.name_of.resize(page.lines.len(), name);
-        page.pen_of.resize(page.lines.len(), pen);
-        if waits.is_empty() || marking.contour != ContourPass::After {
-            page.before = page.lines.len();
-        }
-        if !waits.is_empty() {
-            page.waits.push(Waits { name, pen, polygons: waits });
-        }
-        if n > 0 {
-            thin = Some(thin.map_or((n, name), |(all, name)| (all + n, name)));
-        }
-    }
-    let own_area = |i: usize| match areas[i].is_empty() {
-        false => Some(areas[i].clone()),
+    let shapes = parallel::map(art.shapes.len(), |i| TreatedShape::new(art, i, classes[i], marking));
+    let index = AreaIndex::new(&shapes);
+    let covers = covers(art, &index, &shapes)?;
+    let groups = groups(index, &shapes);
+    let areas = areas(art, &shapes, &covers)?;
+    let visibility = Visibility { shapes, covers, areas };
+    let groups = parallel::map(groups.len(), |g| group_marks(art, &visibility, &groups[g], &hatch, &screen));
+    let groups = groups.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let (page, thin) = joined(art, groups, marking.contour, hatch.level_hatch(), notes);
+    // The areas of filled shapes and of those that may hide others are known; the rest are made for warnings alone.
+    let own_area = |i: usize| match visibility.areas[i].is_empty() {
+        false => Some(visibility.areas[i].clone()),
         true => area(art, &art.shapes[i]).ok().filter(|a| !a.is_empty()),
     };
     notes.extend(light::warnings(art, marking, &classes, own_area));
     notes.extend(art.greys.iter().filter_map(|grey| screen.pale(grey)));
-    if let Some((n, name)) = thin {
+    notes.extend(thin.map(|thin| thin.warning(art)));
+    notes.extend(tone_lost(art, marking, &page, spot_mm));
+    Ok(page)
+}
+
+/// The marks of the shapes of a group, by the treatment that its shapes share.
+fn group_marks(
+    art: &Artwork,
+    visibility: &Visibility<'_>,
+    members: &[usize],
+    hatch: &Hatch,
+    screen: &Raster,
+) -> Result<GroupMarks, Box<Diag>> {
+    let first = &visibility.shapes[members[0]];
+    let marks = match first.treatment {
+        Treatment::Line | Treatment::Outline => visible_lines(art, visibility, members[0]).map_err(MarkFault::from),
+        Treatment::Screen => screened(art, first, screen),
+        _ => filled(visibility, members, hatch),
+    };
+    marks.map_err(|fault| fault.diag(&art.names[first.shape.name as usize]))
+}
+
+/// The polygons that no line of a hatch fits into.
+struct ThinPolygons {
+    count: usize,
+    /// Index of the name of the first element that has some.
+    first_name: u32,
+}
+
+impl ThinPolygons {
+    fn warning(&self, art: &Artwork) -> Diag {
         let text = format!(
-            "areas thinner than twice the inset of the hatch hold no line and are not marked ({n}, first {})",
-            art.names[name as usize]
+            "areas thinner than twice the inset of the hatch hold no line and are not marked ({}, first {})",
+            self.count, art.names[self.first_name as usize]
         );
         let hint = match art.dark_share {
             Some(_) => DIFFUSION_HINT,
             None => "lower inset, draw them wider, or ignore this",
         };
-        notes.push(Diag::warning("texture-thin", text).hint(hint));
+        Diag::warning("texture-thin", text).hint(hint)
     }
-    notes.extend(tone_lost(art, marking, &page, spot_mm));
-    Ok(page)
+}
+
+/// Puts the marks of all groups on one page, in the order in which they are marked; notes about them go to `notes`.
+fn joined(
+    art: &Artwork,
+    mut groups: Vec<GroupMarks>,
+    contour: ContourPass,
+    level_hatch: LevelHatch,
+    notes: &mut Vec<Diag>,
+) -> (Page, Option<ThinPolygons>) {
+    if contour == ContourPass::After {
+        // Lines along level lines are marked after the first `before` lines of the page, and the contours of their
+        // areas after them. So the groups with such areas come last. The sort is stable: all else keeps its order of
+        // painting.
+        groups.sort_by_key(|group| !group.unfilled.is_empty());
+    }
+    let mut page = Page {
+        size: art.size,
+        corner: art.corner,
+        lines: Polylines::default(),
+        name_of: Vec::new(),
+        pen_of: Vec::new(),
+        names: art.names.clone(),
+        unfilled: Vec::new(),
+        level_hatch,
+        before: 0,
+    };
+    let mut thin: Option<ThinPolygons> = None;
+    for GroupMarks { name, pen, lines, unfilled, thin: count, note } in groups {
+        notes.extend(note);
+        lines.iter().for_each(|line| page.lines.push(line));
+        page.name_of.resize(page.lines.len(), name);
+        page.pen_of.resize(page.lines.len(), pen);
+        if unfilled.is_empty() || contour != ContourPass::After {
+            page.before = page.lines.len();
+        }
+        if !unfilled.is_empty() {
+            page.unfilled.push(UnfilledAreas { name, pen, polygons: unfilled });
+        }
+        if count > 0 {
+            thin.get_or_insert(ThinPolygons { count: 0, first_name: name }).count += count;
+        }
+    }
+    (page, thin)
 }
 
 /// What keeps the tone of a picture that is screened.
@@ -196,7 +250,7 @@ fn tone_lost(art: &Artwork, marking: &Marking, page: &Page, spot_mm: f64) -> Opt
     let is_filled = matches!(marking.fill, FillMode::Hatch | FillMode::Rings)
         && Hatch::of(marking, spot_mm, 0.0).pitch_mm <= spot_mm
         && page.lines.len() > 0
-        && page.waits.is_empty();
+        && page.unfilled.is_empty();
     let dark = art.dark_share.filter(|_| is_filled && spot_mm > 0.0)?;
     let covered = covered_share(&page.lines, art.size, spot_mm);
     ((covered - dark).abs() > MAX_TONE_LOST * dark).then(|| {
@@ -206,25 +260,25 @@ fn tone_lost(art: &Artwork, marking: &Marking, page: &Page, spot_mm: f64) -> Opt
 }
 
 /// Why a shape cannot be marked.
-enum Fault {
+enum MarkFault {
     Crossings,
     Fine,
     Screen,
 }
 
-impl From<TooMany> for Fault {
+impl From<TooMany> for MarkFault {
     fn from(_: TooMany) -> Self {
         Self::Crossings
     }
 }
 
-impl From<TooFine> for Fault {
+impl From<TooFine> for MarkFault {
     fn from(_: TooFine) -> Self {
         Self::Fine
     }
 }
 
-impl Fault {
+impl MarkFault {
     fn diag(self, element: &str) -> Box<Diag> {
         Box::new(match self {
             Self::Crossings => {
@@ -244,168 +298,190 @@ impl Fault {
     }
 }
 
-impl<'a> Seen<'a> {
+impl<'a> TreatedShape<'a> {
     fn new(art: &'a Artwork, i: usize, class: Class, marking: &Marking) -> Self {
         let shape = &art.shapes[i];
-        let (mut how, pen) = match class {
-            Class::Skip => (How::Skip, None),
-            Class::Page if matches!(shape.figure, Figure::Lines | Figure::Grey(_)) => (How::Skip, None),
-            Class::Page if shape.opacity < HIDES => (How::Skip, None),
-            Class::Page => (How::Hide, None),
-            Class::Pen(pen) => (how(&shape.figure, marking), pen),
+        let (mut treatment, pen) = match class {
+            Class::Skip => (Treatment::Skip, None),
+            // Lines and pictures have no area that could hide something.
+            Class::Page if matches!(shape.figure, ShapeFigure::Lines | ShapeFigure::Grey(_)) => (Treatment::Skip, None),
+            // What lies below shows through it.
+            Class::Page if shape.opacity < HIDES => (Treatment::Skip, None),
+            Class::Page => (Treatment::Hide, None),
+            Class::Pen(pen) => (treatment(&shape.figure, marking), pen),
         };
-        // The line of a stroke stands for the contour of its area.
-        let has_line = |next: &Shape| next.name == shape.name && !matches!(next.figure, Figure::Fill(_));
-        if how == How::Outline && matches!(shape.figure, Figure::Fill(_)) && art.shapes.get(i + 1).is_some_and(has_line)
+        // The line of a stroke that follows the fill of its element stands for the contour of that fill.
+        let is_own_line = |next: &PaintedShape| next.name == shape.name && !matches!(next.figure, ShapeFigure::Fill(_));
+        if treatment == Treatment::Outline
+            && matches!(shape.figure, ShapeFigure::Fill(_))
+            && art.shapes.get(i + 1).is_some_and(is_own_line)
         {
-            how = How::Hide;
+            treatment = Treatment::Hide;
         }
         let points = shape.lines.clone().flat_map(|k| art.lines.get(k)).copied();
-        let bounds = if how == How::Skip { BoxMm::EMPTY } else { BoxMm::of(points) };
-        Self { shape, how, pen, bounds }
+        let bounds = if treatment == Treatment::Skip { BoxMm::EMPTY } else { BoxMm::of(points) };
+        Self { shape, treatment, pen, bounds }
+    }
+
+    /// Whether lines of it are marked, if any of it is seen.
+    fn is_marked(&self) -> bool {
+        !matches!(self.treatment, Treatment::Skip | Treatment::Hide)
     }
 
     /// Whether it hides what lies below.
     fn is_area(&self) -> bool {
-        self.how != How::Skip && self.shape.figure != Figure::Lines
+        self.treatment != Treatment::Skip && self.shape.figure != ShapeFigure::Lines
     }
 
     fn is_filled(&self) -> bool {
-        matches!(self.how, How::Hatch | How::Rings)
+        matches!(self.treatment, Treatment::Hatch | Treatment::Rings)
     }
 
-    /// What filled areas have in common that are parts of one, where they touch.
-    fn kind(&self) -> Option<Kind> {
-        self.is_filled().then_some((self.how, self.pen))
+    /// What areas that touch must share to be filled as one; None where it is not filled.
+    fn fill_kind(&self) -> Option<FillKind> {
+        self.is_filled().then_some((self.treatment, self.pen))
     }
 }
 
-fn how(figure: &Figure, marking: &Marking) -> How {
+fn treatment(figure: &ShapeFigure, marking: &Marking) -> Treatment {
     match (figure, marking.fill, marking.stroke) {
-        (Figure::Lines, ..) => How::Line,
-        (Figure::Grey(_), ..) => How::Screen,
-        (Figure::Stroke, _, StrokeMode::Outline) | (Figure::Fill(_), FillMode::Outline, _) => How::Outline,
-        (_, FillMode::Rings, _) => How::Rings,
-        (Figure::Fill(_), FillMode::None, _) => How::Hide,
-        _ => How::Hatch,
+        (ShapeFigure::Lines, ..) => Treatment::Line,
+        (ShapeFigure::Grey(_), ..) => Treatment::Screen,
+        (ShapeFigure::Stroke, _, StrokeMode::Outline) | (ShapeFigure::Fill(_), FillMode::Outline, _) => {
+            Treatment::Outline
+        }
+        (_, FillMode::Rings, _) => Treatment::Rings,
+        (ShapeFigure::Fill(_), FillMode::None, _) => Treatment::Hide,
+        _ => Treatment::Hatch,
     }
 }
 
-type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
+/// The box of an area, with the index of its shape.
+type AreaBox = GeomWithData<Rectangle<[f64; 2]>, usize>;
 
-/// How filled areas are marked.
-type Kind = (How, Option<PenId>);
+/// How a filled area is marked, and by which pen.
+type FillKind = (Treatment, Option<PenId>);
 
-/// The areas by their boxes: filled ones by kind, so that those that are one need not be told apart in pairs, and
-/// others.
-struct Index(Vec<(Option<Kind>, RTree<Entry>)>);
+/// The areas by their boxes, one tree for each kind of fill and one for all that are not filled. Areas of one kind do
+/// not cut each other, so those of a drawing of one pen are never compared in pairs.
+struct AreaIndex(Vec<(Option<FillKind>, RTree<AreaBox>)>);
 
-impl Index {
-    fn new(seen: &[Seen<'_>]) -> Self {
-        let mut entries: Vec<(Option<Kind>, Vec<Entry>)> = Vec::new();
-        for (i, s) in seen.iter().enumerate().filter(|(_, s)| s.is_area()) {
-            let BoxMm { lo, hi } = s.bounds;
-            let entry = Entry::new(Rectangle::from_corners(lo, hi), i);
-            match entries.iter_mut().find(|(kind, _)| *kind == s.kind()) {
-                Some((_, others)) => others.push(entry),
-                None => entries.push((s.kind(), vec![entry])),
+impl AreaIndex {
+    fn new(shapes: &[TreatedShape<'_>]) -> Self {
+        let mut boxes: Vec<(Option<FillKind>, Vec<AreaBox>)> = Vec::new();
+        for (i, shape) in shapes.iter().enumerate().filter(|(_, shape)| shape.is_area()) {
+            let BoxMm { lo, hi } = shape.bounds;
+            let area_box = AreaBox::new(Rectangle::from_corners(lo, hi), i);
+            match boxes.iter_mut().find(|(kind, _)| *kind == shape.fill_kind()) {
+                Some((_, others)) => others.push(area_box),
+                None => boxes.push((shape.fill_kind(), vec![area_box])),
             }
         }
-        Self(entries.into_iter().map(|(kind, entries)| (kind, RTree::bulk_load(entries))).collect())
+        Self(boxes.into_iter().map(|(kind, boxes)| (kind, RTree::bulk_load(boxes))).collect())
     }
 
-    /// The areas that are not one with `seen` and whose boxes meet its own.
-    fn others(&self, seen: &Seen<'_>) -> impl Iterator<Item = usize> {
-        let (kind, envelope) = (seen.kind(), envelope(seen));
+    /// The areas that are not filled as one with `shape` and whose boxes meet its own.
+    fn others(&self, shape: &TreatedShape<'_>) -> impl Iterator<Item = usize> {
+        let kind = shape.fill_kind();
+        let envelope = envelope(shape);
         let trees = self.0.iter().filter(move |(other, _)| other.is_none() || *other != kind);
         trees.flat_map(move |(_, tree)| tree.locate_in_envelope_intersecting(&envelope)).map(|e| e.data)
     }
 
-    /// Takes out the areas that are one with `seen` where they touch it, and whose boxes meet its own.
-    fn take(&mut self, seen: &Seen<'_>) -> Vec<usize> {
-        let kind = seen.kind();
+    /// Takes out the areas of the fill of `shape` whose boxes meet its own.
+    fn take(&mut self, shape: &TreatedShape<'_>) -> Vec<usize> {
+        let kind = shape.fill_kind();
         let tree = self.0.iter_mut().find(|(other, _)| kind.is_some() && *other == kind);
-        tree.map_or(Vec::new(), |(_, t)| t.drain_in_envelope_intersecting(envelope(seen)).map(|e| e.data).collect())
+        tree.map_or(Vec::new(), |(_, t)| t.drain_in_envelope_intersecting(envelope(shape)).map(|e| e.data).collect())
     }
 }
 
-fn envelope(seen: &Seen<'_>) -> AABB<[f64; 2]> {
-    AABB::from_corners(seen.bounds.lo, seen.bounds.hi)
+fn envelope(shape: &TreatedShape<'_>) -> AABB<[f64; 2]> {
+    AABB::from_corners(shape.bounds.lo, shape.bounds.hi)
 }
 
 /// For each shape the areas that may hide some of it, in the order of painting.
-fn covers(art: &Artwork, index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>> {
-    let points = |j: usize| seen[j].shape.lines.clone().map(|k| art.lines.get(k).len()).sum::<usize>();
+fn covers(art: &Artwork, index: &AreaIndex, shapes: &[TreatedShape<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>> {
     let mut work = 0;
-    let of = |(i, s): (usize, &Seen<'_>)| {
-        let mut covers = Vec::new();
-        if matches!(s.how, How::Skip | How::Hide) {
-            return Ok(covers);
+    (0..shapes.len()).map(|i| covers_of(art, index, shapes, i, &mut work)).collect()
+}
+
+/// The areas painted after shape `i` whose boxes meet its own; their edges are added to `work`.
+fn covers_of(
+    art: &Artwork,
+    index: &AreaIndex,
+    shapes: &[TreatedShape<'_>],
+    i: usize,
+    work: &mut usize,
+) -> Result<Vec<usize>, Box<Diag>> {
+    let mut covers = Vec::new();
+    if !shapes[i].is_marked() {
+        return Ok(covers);
+    }
+    for j in index.others(&shapes[i]) {
+        *work += 1;
+        if j > i {
+            covers.push(j);
+            *work += shapes[j].shape.lines.clone().map(|k| art.lines.get(k).len()).sum::<usize>();
         }
-        for j in index.others(s) {
-            work += 1;
-            if j > i {
-                covers.push(j);
-                work += points(j);
-            }
-            if work > MAX_COVERED {
-                let text = "too many shapes of the drawing lie over others";
-                return Err(Box::new(
-                    Diag::limit("texture-overlap", text)
-                        .hint("remove what is hidden in the drawing program (Path, Difference), or split the drawing"),
-                ));
-            }
+        if *work > MAX_COVERED {
+            let text = "too many shapes of the drawing lie over others";
+            return Err(Box::new(
+                Diag::limit("texture-overlap", text)
+                    .hint("remove what is hidden in the drawing program (Path, Difference), or split the drawing"),
+            ));
         }
-        covers.sort_unstable();
-        Ok(covers)
-    };
-    seen.iter().enumerate().map(of).collect()
+    }
+    covers.sort_unstable();
+    Ok(covers)
 }
 
 /// The areas of the shapes that are filled or may hide others; empty for the rest.
-fn areas(art: &Artwork, seen: &[Seen<'_>], covered: &[Vec<usize>]) -> Result<Vec<Area>, Box<Diag>> {
-    let mut needed: Vec<bool> = seen.iter().map(Seen::is_filled).collect();
-    covered.iter().flatten().for_each(|&j| needed[j] = true);
-    let of = |i: usize| {
-        let shape = seen[i].shape;
-        let area = if needed[i] { area(art, shape) } else { Ok(Area::default()) };
-        area.map_err(|TooMany| Fault::Crossings.diag(&art.names[shape.name as usize]))
+fn areas(art: &Artwork, shapes: &[TreatedShape<'_>], covers: &[Vec<usize>]) -> Result<Vec<PolygonArea>, Box<Diag>> {
+    let mut is_needed: Vec<bool> = shapes.iter().map(TreatedShape::is_filled).collect();
+    covers.iter().flatten().for_each(|&j| is_needed[j] = true);
+    let area_if_needed = |i: usize| {
+        let shape = shapes[i].shape;
+        let area = if is_needed[i] { area(art, shape) } else { Ok(PolygonArea::default()) };
+        area.map_err(|TooMany| MarkFault::Crossings.diag(&art.names[shape.name as usize]))
     };
-    parallel::map(seen.len(), of).into_iter().collect()
+    parallel::map(shapes.len(), area_if_needed).into_iter().collect()
 }
 
 /// The area of a shape on the page, cut at its clip; empty for lines.
-fn area(art: &Artwork, shape: &Shape) -> Result<Area, TooMany> {
+fn area(art: &Artwork, shape: &PaintedShape) -> Result<PolygonArea, TooMany> {
     let rule = match shape.figure {
-        Figure::Fill(rule) => rule,
-        Figure::Stroke => Rule::NonZero,
-        Figure::Lines | Figure::Grey(_) => return Ok(Area::default()),
+        ShapeFigure::Fill(rule) => rule,
+        ShapeFigure::Stroke => WindingRule::NonZero,
+        ShapeFigure::Lines | ShapeFigure::Grey(_) => return Ok(PolygonArea::default()),
     };
     let page = BoxMm { lo: [0.0; 2], hi: art.size };
     let on_page = |c| if is_inside(c, page) { Cow::Borrowed(c) } else { Cow::Owned(clip_contour(c, page)) };
     let contours: Vec<Cow<'_, [[f64; 2]]>> = shape.lines.clone().map(|k| on_page(art.lines.get(k))).collect();
-    let area = Area::new(contours.iter().map(|c| &**c), rule)?;
+    let area = PolygonArea::new(contours.iter().map(|c| &**c), rule)?;
     shape.clip.map_or(Ok(area.clone()), |clip| area.within(&art.clips[clip as usize]))
 }
 
 /// Shapes that are marked together, in the order of painting of their first: areas that are one, and single lines.
-fn groups(mut index: Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
+fn groups(mut index: AreaIndex, shapes: &[TreatedShape<'_>]) -> Vec<Vec<usize>> {
     let mut out = Vec::new();
-    let mut is_taken = vec![false; seen.len()];
-    for (i, s) in seen.iter().enumerate() {
-        if matches!(s.how, How::Skip | How::Hide) || is_taken[i] {
+    let mut is_taken = vec![false; shapes.len()];
+    for (i, shape) in shapes.iter().enumerate() {
+        if !shape.is_marked() || is_taken[i] {
             continue;
         }
         let mut group = vec![i];
-        let mut done = 0;
+        let mut expanded = 0;
         is_taken[i] = true;
-        while let Some(&next) = group.get(done) {
-            for j in index.take(&seen[next]) {
+        // The neighbours of the first `expanded` members are in the group. Every area leaves the index once, so all
+        // groups together take one search per area.
+        while let Some(&next) = group.get(expanded) {
+            for j in index.take(&shapes[next]) {
                 if !std::mem::replace(&mut is_taken[j], true) {
                     group.push(j);
                 }
             }
-            done += 1;
+            expanded += 1;
         }
         group.sort_unstable();
         out.push(group);
@@ -413,46 +489,47 @@ fn groups(mut index: Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
     out
 }
 
-/// What is seen of a shape's lines, or of the contours of an area that is outlined.
-fn lines(art: &Artwork, seen: &Seen<'_>, above: &[usize], areas: &[Area]) -> Result<Made, TooMany> {
-    let Seen { shape, how, pen, .. } = seen;
-    let cutter = shape.clip.map(|clip| art.clips[clip as usize].cutter());
-    let hidden = match above {
+/// What is seen of the lines of shape `i`, or of the contours of its area where that is outlined: the part on the page,
+/// in its clip, and outside of the areas above it, cut in this order.
+fn visible_lines(art: &Artwork, visibility: &Visibility<'_>, i: usize) -> Result<GroupMarks, TooMany> {
+    let TreatedShape { shape, treatment, .. } = &visibility.shapes[i];
+    let clip_area = shape.clip.map(|clip| art.clips[clip as usize].cutter());
+    let hidden = match visibility.covers[i].as_slice() {
         [] => None,
-        above => Some(Area::union(above.iter().map(|&j| &areas[j]))?.cutter()),
+        above => Some(PolygonArea::union(above.iter().map(|&j| &visibility.areas[j]))?.cutter()),
     };
-    let mut made =
-        Made { name: shape.name, pen: *pen, lines: Lines::default(), waits: Vec::new(), thin: 0, note: None };
+    let mut marks = GroupMarks::new(&visibility.shapes[i]);
     let page = BoxMm { lo: [0.0; 2], hi: art.size };
-    let (mut on_page, mut clipped) = (Lines::default(), Lines::default());
+    let mut on_page = Polylines::default();
+    let mut clipped = Polylines::default();
     for k in shape.lines.clone() {
         let line = art.lines.get(k);
-        let line = match how {
-            How::Outline => Cow::Owned(ring(line)),
+        let line = match treatment {
+            Treatment::Outline => Cow::Owned(ring(line)),
             _ => Cow::Borrowed(line),
         };
-        if *how == How::Outline && is_hairline(&line, NM) {
+        if *treatment == Treatment::Outline && is_hairline(&line, NM) {
             // It encloses nothing, so nothing of it is seen.
             continue;
         }
         on_page.clear();
         clip(&line, page, &mut on_page);
         clipped.clear();
-        let whole = match &cutter {
+        let not_covered = match &clip_area {
             Some(cutter) => {
                 on_page.iter().for_each(|piece| cutter.cut(piece, Keep::Inside, &mut clipped));
                 &clipped
             }
             None => &on_page,
         };
-        for piece in whole.iter() {
+        for piece in not_covered.iter() {
             match &hidden {
-                Some(hidden) => hidden.cut(piece, Keep::Outside, &mut made.lines),
-                None => made.lines.push(piece),
+                Some(hidden) => hidden.cut(piece, Keep::Outside, &mut marks.lines),
+                None => marks.lines.push(piece),
             }
         }
     }
-    Ok(made)
+    Ok(marks)
 }
 
 /// What reproduces the grey of pictures.
@@ -470,6 +547,7 @@ impl Raster {
         }
     }
 
+    /// A warning where the picture has tones that its marks cannot reach.
     fn pale(&self, grey: &Grey) -> Option<Diag> {
         match self {
             Self::Lines(screen) => screen.pale(grey),
@@ -478,7 +556,7 @@ impl Raster {
     }
 
     /// Appends the lines or dots of a picture; returns what is said of its tone.
-    fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<Option<Diag>, TooFine> {
+    fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Polylines) -> Result<Option<Diag>, TooFine> {
         match self {
             Self::Lines(screen) => screen.mark(grey, size, out).map(|()| None),
             Self::Dots(screen) => screen.mark(grey, size, out),
@@ -487,13 +565,13 @@ impl Raster {
 }
 
 /// The lines or dots of a picture.
-fn screened(art: &Artwork, seen: &Seen<'_>, screen: &Raster) -> Result<Made, Fault> {
-    let mut made =
-        Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), waits: Vec::new(), thin: 0, note: None };
-    if let Figure::Grey(k) = seen.shape.figure {
-        made.note = screen.mark(&art.greys[k as usize], art.size, &mut made.lines).map_err(|TooFine| Fault::Screen)?;
+fn screened(art: &Artwork, picture: &TreatedShape<'_>, screen: &Raster) -> Result<GroupMarks, MarkFault> {
+    let mut marks = GroupMarks::new(picture);
+    if let ShapeFigure::Grey(k) = picture.shape.figure {
+        let grey = &art.greys[k as usize];
+        marks.note = screen.mark(grey, art.size, &mut marks.lines).map_err(|TooFine| MarkFault::Screen)?;
     }
-    Ok(made)
+    Ok(marks)
 }
 
 /// A contour that ends where it starts.
@@ -505,48 +583,41 @@ fn ring(contour: &[[f64; 2]]) -> Vec<[f64; 2]> {
     ring
 }
 
-/// The lines that fill what is seen of areas that are one.
-fn filled(
-    seen: &[Seen<'_>],
-    group: &[usize],
-    covered: &[Vec<usize>],
-    areas: &[Area],
-    hatch: &Hatch,
-) -> Result<Made, Fault> {
-    let first = &seen[group[0]];
-    let mut parts = Vec::new();
-    for &i in group {
-        let area = match covered[i].as_slice() {
-            [] => areas[i].clone(),
-            above => areas[i].without(&Area::union(above.iter().map(|&j| &areas[j]))?)?,
-        };
-        parts.push(area);
-    }
-    let area = if let [one] = parts.as_slice() { one.clone() } else { Area::union(parts.iter())? };
-    let mut made = Made {
-        name: first.shape.name,
-        pen: first.pen,
-        lines: Lines::default(),
-        waits: Vec::new(),
-        thin: 0,
-        note: None,
-    };
-    if first.how == How::Rings {
-        hatch.rings(&area, &mut made.lines)?;
-        made.thin = usize::from(made.lines.len() == 0 && !area.is_empty());
-        return Ok(made);
+/// The lines that fill what is seen of the areas of a group.
+fn filled(visibility: &Visibility<'_>, group: &[usize], hatch: &Hatch) -> Result<GroupMarks, MarkFault> {
+    let first = &visibility.shapes[group[0]];
+    let area = visible_area(visibility, group)?;
+    let mut marks = GroupMarks::new(first);
+    if first.treatment == Treatment::Rings {
+        hatch.rings(&area, &mut marks.lines)?;
+        marks.thin = usize::from(marks.lines.len() == 0 && !area.is_empty());
+        return Ok(marks);
     }
     for polygon in area.polygons() {
-        if hatch.waits {
-            match hatch.prepare(polygon, &mut made.lines)? {
-                true => made.waits.push(polygon.clone()),
-                false => made.thin += 1,
+        if hatch.follows_level_lines {
+            match hatch.prepare(polygon, &mut marks.lines)? {
+                true => marks.unfilled.push(polygon.clone()),
+                false => marks.thin += 1,
             }
             continue;
         }
-        let before = made.lines.len();
-        hatch.fill(polygon, &mut made.lines)?;
-        made.thin += usize::from(made.lines.len() == before);
+        let before = marks.lines.len();
+        hatch.fill(polygon, &mut marks.lines)?;
+        marks.thin += usize::from(marks.lines.len() == before);
     }
-    Ok(made)
+    Ok(marks)
+}
+
+/// The union of what the areas above leave of the areas of a group.
+fn visible_area(visibility: &Visibility<'_>, group: &[usize]) -> Result<PolygonArea, TooMany> {
+    let Visibility { covers, areas, .. } = visibility;
+    let mut parts = Vec::new();
+    for &i in group {
+        let area = match covers[i].as_slice() {
+            [] => areas[i].clone(),
+            above => areas[i].without(&PolygonArea::union(above.iter().map(|&j| &areas[j]))?)?,
+        };
+        parts.push(area);
+    }
+    if let [single] = parts.as_slice() { Ok(single.clone()) } else { PolygonArea::union(parts.iter()) }
 }

@@ -20,20 +20,20 @@ mod screen;
 
 use std::ops::Range;
 
-pub(super) use area::{Area, Polygon};
+pub(super) use area::{Polygon, PolygonArea};
 pub(super) use choice::{Class, classes, selectors};
 pub(super) use crossings::TooMany;
 pub(super) use cut::{Cells, Cutter, Keep};
 pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, disc, steps};
-pub(super) use hatch::{Set, Waiting};
+pub(super) use hatch::{LevelHatch, LineSet, OWN_LINE_SHARES, extent_across};
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
-pub(super) use marks::{DIFFUSION_HINT, Page, Waits, marks};
+pub(super) use marks::{DIFFUSION_HINT, Page, UnfilledAreas, marks};
 pub use paper::Paper;
 pub(crate) use paper::lightness;
 pub(super) use screen::Grey;
 
-use super::clip::Lines;
+use super::clip::Polylines;
 use terrace_core::geom::BoxMm;
 
 /// A drawing before it is said how it is marked.
@@ -45,11 +45,11 @@ pub(super) struct Artwork {
     /// drawing has no coordinates of its own.
     pub(super) corner: Option<[f64; 2]>,
     /// In the order of painting: later shapes lie over earlier ones.
-    pub(super) shapes: Vec<Shape>,
+    pub(super) shapes: Vec<PaintedShape>,
     /// The polylines that shapes refer to, page mm.
-    pub(super) lines: Lines,
+    pub(super) lines: Polylines,
     /// The areas that shapes are cut at, page mm.
-    pub(super) clips: Vec<Area>,
+    pub(super) clips: Vec<PolygonArea>,
     /// The pictures that shapes refer to; each fills the page.
     pub(super) greys: Vec<Grey>,
     /// The dark share of a picture of two tones whose dark areas the shapes are.
@@ -72,7 +72,7 @@ pub(super) struct Labels {
 impl Artwork {
     /// Whether something may be hatched.
     pub(super) fn has_areas(&self) -> bool {
-        self.shapes.iter().any(|s| s.figure != Figure::Lines)
+        self.shapes.iter().any(|s| s.figure != ShapeFigure::Lines)
     }
 
     /// Gives the page another size.
@@ -110,7 +110,7 @@ impl Artwork {
 
 /// One line or area of one colour.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct PaintedShape {
     /// Index of its element's name.
     pub(super) name: u32,
     /// Index of its set of labels.
@@ -118,7 +118,7 @@ pub(super) struct Shape {
     pub(super) colour: Colour,
     /// From 0, not seen, to 1, opaque.
     pub(super) opacity: f32,
-    pub(super) figure: Figure,
+    pub(super) figure: ShapeFigure,
     /// The polylines of the shape among those of the artwork.
     pub(super) lines: Range<usize>,
     /// Index of the area that it is cut at.
@@ -134,11 +134,11 @@ pub(super) const WHITE: Colour = [255; 3];
 
 /// What the polylines of a shape mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Figure {
+pub(super) enum ShapeFigure {
     /// They are marked along themselves.
     Lines,
     /// They bound a filled area; open ones are closed by a straight line.
-    Fill(Rule),
+    Fill(WindingRule),
     /// They bound the area of a wide line.
     Stroke,
     /// The picture of this index, by lines; it has no polylines.
@@ -147,7 +147,7 @@ pub(super) enum Figure {
 
 /// Which points the contours of an area hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rule {
+pub(super) enum WindingRule {
     /// The places that the contours go round, one way more often than the other.
     NonZero,
     /// The places that the contours go round an odd number of times.

@@ -6,14 +6,14 @@
 //!
 //! - *lines*: line k is marked where q is above its threshold, the radical inverse of k to base 2 (van der Corput).
 //!   Any 2^m neighbours have thresholds that differ by 2^-m, so a share q of them is marked.
-//! - *dashes*: each line is divided into periods, those of every second line moved by half of one. In a period a dash is
-//!   marked whose length is the mean of q over it, in its middle.
+//! - *dashes*: each line is divided into periods, those of every second line moved by half of one. In a period a dash
+//!   is marked whose length is the mean of q over it, in its middle.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::hatch::TooFine;
 use super::marking::{Marking, Screen};
-use crate::texture::clip::Lines;
+use crate::texture::clip::Polylines;
 use crate::texture::place::LEAST;
 use terrace_core::diag::Diag;
 use terrace_core::geom::cos_sin;
@@ -140,10 +140,11 @@ impl LineScreen {
     }
 
     /// Appends the lines of a picture on a page.
-    pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<(), TooFine> {
+    pub(super) fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Polylines) -> Result<(), TooFine> {
         let [c, s] = self.direction;
         let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size].map(|[x, y]| c * y - s * x);
-        let (lo, hi) = (corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max));
+        let lo = corners.into_iter().fold(f64::MAX, f64::min);
+        let hi = corners.into_iter().fold(f64::MIN, f64::max);
         let first = (lo / self.pitch_mm - 0.5).ceil();
         let count = ((hi / self.pitch_mm - 0.5).ceil() - first).max(0.0);
         let picture = Picture::new(grey, size);
@@ -155,19 +156,19 @@ impl LineScreen {
         }
         let count = count as usize;
         // Whether there are too many does not depend on who counts first.
-        let found = AtomicUsize::new(0);
+        let line_count = AtomicUsize::new(0);
         let chunks = parallel::map(count.div_ceil(CHUNK), |chunk| {
             let mut lines = Vec::new();
-            if found.load(Ordering::Relaxed) > MAX_LINES {
+            if line_count.load(Ordering::Relaxed) > MAX_LINES {
                 return lines;
             }
             for i in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
                 self.line(&picture, first as i64 + i as i64, step, &mut lines);
             }
-            found.fetch_add(lines.len(), Ordering::Relaxed);
+            line_count.fetch_add(lines.len(), Ordering::Relaxed);
             lines
         });
-        if found.into_inner() > MAX_LINES {
+        if line_count.into_inner() > MAX_LINES {
             return Err(TooFine);
         }
         chunks.iter().flatten().for_each(|line| out.push(line));
@@ -182,7 +183,10 @@ impl LineScreen {
         let Some([from, to]) = picture.span(place(0.0), self.direction) else { return };
         let share = |u: f64| picture.at(place(u)) * self.pitch_mm / self.spot_mm;
         let mut pieces = match self.period_mm {
-            Some(period) => dashes(share, [from, to], period, if k % 2 == 0 { 0.0 } else { period / 2.0 }, step),
+            Some(period) => {
+                let offset = if k % 2 == 0 { 0.0 } else { period / 2.0 };
+                dashes(share, [from, to], period, offset, step)
+            }
             None => above(share, [from, to], radical_inverse(k), step),
         };
         pieces.retain(|[a, b]| b - a >= LEAST);
@@ -220,13 +224,15 @@ impl<'a> Picture<'a> {
         Self { grey, size, step: [0, 1].map(|k| size[k] / grey.extent[k]) }
     }
 
+    /// The density at a place on the page, from 0 to 1.
     pub(super) fn at(&self, [x, y]: Point) -> f64 {
         self.grey.at([x / self.step[0], (self.size[1] - y) / self.step[1]])
     }
 
     /// Where a line is on the page.
     fn span(&self, p: Point, direction: [f64; 2]) -> Option<[f64; 2]> {
-        let (mut from, mut to) = (f64::MIN, f64::MAX);
+        let mut from = f64::MIN;
+        let mut to = f64::MAX;
         for k in 0..2 {
             if direction[k] == 0.0 {
                 if p[k] < 0.0 || p[k] > self.size[k] {
@@ -235,7 +241,8 @@ impl<'a> Picture<'a> {
                 continue;
             }
             let ends = [0.0, self.size[k]].map(|side| (side - p[k]) / direction[k]);
-            (from, to) = (from.max(ends[0].min(ends[1])), to.min(ends[0].max(ends[1])));
+            from = from.max(ends[0].min(ends[1]));
+            to = to.min(ends[0].max(ends[1]));
         }
         (to - from >= LEAST).then_some([from, to])
     }
@@ -251,7 +258,8 @@ fn above(share: impl Fn(f64) -> f64, [from, to]: [f64; 2], threshold: f64, step:
     for i in 1..=count {
         let now = share(place(i)) - threshold;
         if (before > 0.0) != (now > 0.0) {
-            let (a, b) = (place(i - 1), place(i));
+            let a = place(i - 1);
+            let b = place(i);
             let at = a + before / (before - now) * (b - a);
             match start.take() {
                 Some(begun) => out.push([begun, at]),
@@ -271,7 +279,8 @@ fn dashes(share: impl Fn(f64) -> f64, [from, to]: [f64; 2], period: f64, offset:
     let mut out: Vec<[f64; 2]> = Vec::new();
     for m in 0..count as usize {
         let begin = offset + (first + m as f64) * period;
-        let (a, b) = (begin.max(from), (begin + period).min(to));
+        let a = begin.max(from);
+        let b = (begin + period).min(to);
         if b - a < LEAST {
             continue;
         }

@@ -86,7 +86,8 @@ fn pixel(bytes: &[u8]) -> u32 {
 }
 
 fn header(data: &[u8]) -> Result<Header, Diag> {
-    let (start, size) = (long(data, 10)? as usize, long(data, 14)? as usize);
+    let start = long(data, 10)? as usize;
+    let size = long(data, 14)? as usize;
     if matches!(size, 12 | 16 | 64) {
         return Err(unread("a BMP of OS/2"));
     }
@@ -94,7 +95,8 @@ fn header(data: &[u8]) -> Result<Header, Diag> {
         return Err(damaged(&format!("its header has {size} bytes")));
     }
     // Stored with a sign; rows below zero begin with the uppermost.
-    let (columns, rows) = (i64::from(long(data, 18)?.cast_signed()), i64::from(long(data, 22)?.cast_signed()));
+    let columns = i64::from(long(data, 18)?.cast_signed());
+    let rows = i64::from(long(data, 22)?.cast_signed());
     let bits = short(data, 28)?;
     check_size(columns.max(0).unsigned_abs(), rows.unsigned_abs(), 1)?;
     let compression = long(data, 30)?;

@@ -2,9 +2,9 @@
 //!
 //! The nodes of the grid are the centres of pixels. Two more rings of nodes lie on the picture's edge: one with the
 //! densities of the pixels beside it, which carries the picture to its edge, and one without any density, which closes
-//! there what is dark. A contour passes between neighbouring nodes of which one is dark; where four nodes form a saddle,
-//! their mean says whether the dark ones are joined. Contours do not cross. Coordinates are pixels from the upper left
-//! corner, y down.
+//! there what is dark. A contour passes between neighbouring nodes of which one is dark; where four nodes form a
+//! saddle, their mean says whether the dark ones are joined. Contours do not cross. Coordinates are pixels from the
+//! upper left corner, y down.
 
 use super::MAX_CONTOUR_POINTS;
 use crate::texture::artwork::Grey;
@@ -39,6 +39,7 @@ pub(super) fn contours(
     let mut line = Vec::new();
     for first in 0..trace.next.len() {
         line.clear();
+        // Every point is followed by one, so that contours are closed. Those that were handed out are followed by none.
         let mut at = first;
         while trace.next[at] != NONE {
             add(&mut line, trace.points[at]);
@@ -82,6 +83,7 @@ fn is_straight(a: Point, b: Point, c: Point) -> bool {
     u[0] * v[1] == u[1] * v[0] && u[0] * v[0] + u[1] * v[1] > 0.0
 }
 
+/// The points of all contours, and how they follow each other.
 struct Trace<'a> {
     grey: &'a Grey,
     level: f64,
@@ -94,7 +96,8 @@ struct Trace<'a> {
 impl Trace<'_> {
     /// The densities of a row of nodes; below zero where there is no picture.
     fn row(&self, j: usize, out: &mut Vec<f64>) {
-        let (columns, rows) = (self.grey.columns, self.grey.rows);
+        let columns = self.grey.columns;
+        let rows = self.grey.rows;
         out.clear();
         if j == 0 || j == rows + 3 {
             out.resize(columns + 4, -1.0);
@@ -139,9 +142,12 @@ impl Trace<'_> {
         })
     }
 
+    /// Finds all points and joins them, cell by cell.
     fn sweep(&mut self) -> Result<(), TooMany> {
-        let (columns, rows) = (self.grey.columns, self.grey.rows);
-        let (mut above, mut below) = (Vec::new(), Vec::new());
+        let columns = self.grey.columns;
+        let rows = self.grey.rows;
+        let mut above = Vec::new();
+        let mut below = Vec::new();
         self.row(0, &mut above);
         // The points on the edges between nodes of the row above, and of the row below.
         let mut upper = vec![NONE; columns + 3];
@@ -149,6 +155,8 @@ impl Trace<'_> {
         for j in 1..rows + 4 {
             self.row(j, &mut below);
             let [top, bottom] = [j - 1, j].map(|j| Self::place(j, rows));
+            // A point lies on a side that two cells share. It is made by the cell to the left of it or above it, and
+            // kept for the other one in `left` and `upper`.
             let mut left = NONE;
             for i in 0..columns + 3 {
                 let [x0, x1] = [i, i + 1].map(|i| Self::place(i, columns));
@@ -186,6 +194,7 @@ impl Trace<'_> {
             };
             let mut from = sides[side];
             if self.borders == Borders::Pixels {
+                // From side to side of a cell through its middle, where the corners of pixels are.
                 let corner = self.push(middle)?;
                 self.next[from as usize] = corner;
                 from = corner;

@@ -34,7 +34,7 @@ impl Image {
     }
 
     /// Adds pixels as a file holds them.
-    pub(super) fn push(&mut self, bytes: &[u8], form: Form) {
+    pub(super) fn push(&mut self, bytes: &[u8], form: SampleForm) {
         let wide = |b: &[u8], k: usize| match form.bits {
             8 => u16::from(b[k]) * 257,
             _ => u16::from_be_bytes([b[2 * k], b[2 * k + 1]]),
@@ -55,7 +55,8 @@ impl Image {
 
     /// The image, where all its samples are there.
     pub(super) fn whole(self) -> Result<Self, Diag> {
-        let (have, want) = (self.samples.len(), self.columns * self.rows);
+        let have = self.samples.len();
+        let want = self.columns * self.rows;
         if have == want { Ok(self) } else { Err(truncated(&format!("{have} of {want} pixels are there"))) }
     }
 
@@ -70,7 +71,7 @@ impl Image {
 
 /// How a pixel is stored: 8 or 16 bits a band, the high byte first.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Form {
+pub(super) struct SampleForm {
     pub(super) bands: Bands,
     pub(super) bits: u8,
 }
@@ -104,7 +105,8 @@ pub(super) fn luma([r, g, b]: [u16; 3]) -> u16 {
 
 /// A grey of an opacity over white.
 pub(super) fn over_white(grey: u16, alpha: u16) -> u16 {
-    let (white, alpha) = (u64::from(WHITE), u64::from(alpha));
+    let white = u64::from(WHITE);
+    let alpha = u64::from(alpha);
     ((u64::from(grey) * alpha + white * (white - alpha) + white / 2) / white) as u16
 }
 
@@ -160,16 +162,11 @@ impl Exif {
     /// Reads the first directory of EXIF data, a TIFF in either byte order, with or without their name before them.
     /// What lies beyond the data is not stated.
     pub(super) fn read(data: &[u8]) -> Self {
-        let bytes = Bytes { is_little: false, data: data.strip_prefix(b"Exif\0\0").unwrap_or(data) };
-        let bytes = Bytes { is_little: bytes.data.starts_with(b"II"), ..bytes };
-        let value = |tag: u16| bytes.entry(tag).map(|at| at + 8);
-        let number = |tag: u16| value(tag).and_then(|at| bytes.short(at));
-        let ratio = |tag: u16| {
-            let at = bytes.long(value(tag)?)? as usize;
-            Some(f64::from(bytes.long(at)?) / f64::from(bytes.long(at.checked_add(4)?)?))
-        };
-        let (orientation, unit, sides) = (number(0x112), number(0x128), [ratio(0x11a), ratio(0x11b)]);
-        let mm = match unit {
+        let bytes = TiffBytes { is_little: false, data: data.strip_prefix(b"Exif\0\0").unwrap_or(data) };
+        let bytes = TiffBytes { is_little: bytes.data.starts_with(b"II"), ..bytes };
+        let orientation = bytes.number(0x112);
+        let sides = [bytes.ratio(0x11a), bytes.ratio(0x11b)];
+        let mm = match bytes.number(0x128) {
             None | Some(2) => 25.4,
             Some(3) => 10.0,
             _ => f64::NAN,
@@ -180,12 +177,12 @@ impl Exif {
 }
 
 /// Bytes of a TIFF.
-struct Bytes<'a> {
+struct TiffBytes<'a> {
     is_little: bool,
     data: &'a [u8],
 }
 
-impl Bytes<'_> {
+impl TiffBytes<'_> {
     fn array<const N: usize>(&self, at: usize) -> Option<[u8; N]> {
         self.data.get(at..at.checked_add(N)?)?.try_into().ok()
     }
@@ -200,13 +197,25 @@ impl Bytes<'_> {
         Some(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    /// Where the entry of a tag stands in the first directory.
-    fn entry(&self, tag: u16) -> Option<usize> {
+    /// Where the value of a tag, or the place of its value, stands in the first directory.
+    fn value(&self, tag: u16) -> Option<usize> {
         let list = self.long(4)? as usize;
         let entry = |k: usize| list.checked_add(2 + 12 * k);
-        let found =
+        let number =
             (0..usize::from(self.short(list)?)).find(|&k| entry(k).and_then(|at| self.short(at)) == Some(tag))?;
-        entry(found)
+        // After the tag, the type and the count.
+        entry(number).map(|at| at + 8)
+    }
+
+    /// The short number of a tag.
+    fn number(&self, tag: u16) -> Option<u16> {
+        self.short(self.value(tag)?)
+    }
+
+    /// The rational number of a tag.
+    fn ratio(&self, tag: u16) -> Option<f64> {
+        let at = self.long(self.value(tag)?)? as usize;
+        Some(f64::from(self.long(at)?) / f64::from(self.long(at.checked_add(4)?)?))
     }
 }
 
@@ -219,12 +228,12 @@ mod tests {
         let mut image = Image::new(4, 1);
         image.push(
             &[255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 10, 20, 30, 0],
-            Form { bands: Bands::RgbAlpha, bits: 8 },
+            SampleForm { bands: Bands::RgbAlpha, bits: 8 },
         );
         let want = [0.299, 0.587, 0.114, 1.0].map(|v| (v * 65_535.0_f64).round() as u16);
         assert_eq!(image.samples, want);
         let mut image = Image::new(2, 1);
-        image.push(&[0x12, 0x34, 0xff, 0xff, 0, 0, 0x80, 0], Form { bands: Bands::GreyAlpha, bits: 16 });
+        image.push(&[0x12, 0x34, 0xff, 0xff, 0, 0, 0x80, 0], SampleForm { bands: Bands::GreyAlpha, bits: 16 });
         assert_eq!(image.samples, [0x1234, 0x7fff]);
     }
 

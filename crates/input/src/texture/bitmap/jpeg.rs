@@ -8,7 +8,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::image::{Bands, Exif, Form, Image, check_size, damaged, truncated, unread, upright};
+use super::image::{Bands, Exif, Image, SampleForm, check_size, damaged, truncated, unread, upright};
 use terrace_core::diag::Diag;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
@@ -33,7 +33,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     let exif = decoder.exif().map(|data| Exif::read(data)).unwrap_or_default();
     upright(exif.orientation)?;
     let mut image = Image::new(columns, rows);
-    image.push(&samples, Form { bands, bits: 8 });
+    image.push(&samples, SampleForm { bands, bits: 8 });
     image.whole().map(|i| i.with_resolution(density(bytes).or(exif.resolution)))
 }
 

@@ -27,10 +27,10 @@ mod tiff_tags;
 use std::path::Path;
 
 use super::artwork::{
-    Artwork, Figure, Grey, Labels, Marking, Paper, Resolution, Rule, Screen, Shape, StrokeMode, Tone,
+    Artwork, Grey, Labels, Marking, PaintedShape, Paper, Resolution, Screen, ShapeFigure, StrokeMode, Tone, WindingRule,
 };
-use super::clip::Lines;
-use super::page::Wanted;
+use super::clip::Polylines;
+use super::page::WantedSize;
 use super::place::Site;
 use contour::{Borders, contours};
 pub use image::Image;
@@ -47,14 +47,25 @@ const MM_PER_INCH: f64 = 25.4;
 
 type Decode = fn(&[u8]) -> Result<Image, Diag>;
 
-/// How the files of a format begin, the extensions of their names, and their reader.
-type Format = (&'static [&'static [u8]], &'static [&'static str], Decode);
+/// A format of bitmaps.
+struct BitmapFormat {
+    /// How its files may begin.
+    magic: &'static [&'static [u8]],
+    /// The extensions of their names.
+    extensions: &'static [&'static str],
+    decode: Decode,
+}
 
-const FORMATS: [Format; 4] = [
-    (&[b"\x89PNG"], &["png"], png::decode),
-    (&[b"\xff\xd8\xff"], &["jpg", "jpeg"], jpeg::decode),
-    (&[b"BM"], &["bmp"], bmp::decode),
-    (&[b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"], &["tif", "tiff"], tiff::decode),
+const FORMATS: [BitmapFormat; 4] = [
+    BitmapFormat { magic: &[b"\x89PNG"], extensions: &["png"], decode: png::decode },
+    BitmapFormat { magic: &[b"\xff\xd8\xff"], extensions: &["jpg", "jpeg"], decode: jpeg::decode },
+    BitmapFormat { magic: &[b"BM"], extensions: &["bmp"], decode: bmp::decode },
+    // In either byte order; + is the mark of BigTIFF.
+    BitmapFormat {
+        magic: &[b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"],
+        extensions: &["tif", "tiff"],
+        decode: tiff::decode,
+    },
 ];
 
 /// Whether a file is a bitmap, by how it begins.
@@ -64,12 +75,13 @@ pub(super) fn is_bitmap(bytes: &[u8]) -> bool {
 
 /// Whether a file should be a bitmap, by its name.
 pub(super) fn has_name(path: &Path) -> bool {
-    let is = |extension: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-    FORMATS.iter().any(|(_, extensions, _)| extensions.iter().any(is))
+    let has_extension = |extension: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    FORMATS.iter().any(|format| format.extensions.iter().any(has_extension))
 }
 
+/// The reader of a file, by how it begins.
 fn format(bytes: &[u8]) -> Option<Decode> {
-    FORMATS.iter().find(|(begins, ..)| begins.iter().any(|b| bytes.starts_with(b))).map(|row| row.2)
+    FORMATS.iter().find(|format| format.magic.iter().any(|m| bytes.starts_with(m))).map(|format| format.decode)
 }
 
 /// Decodes the bytes of a file.
@@ -93,21 +105,21 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Image, Error> {
 pub(super) fn load(
     image: &Image,
     path: &Path,
-    wanted: Wanted,
+    wanted: WantedSize,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
     let file = Place::file(path.display().to_string());
-    let mut of_file = image.notes.clone();
-    let art = artwork(image, wanted, site, marking, &mut of_file).map_err(|d| Error::from(d.at(file.clone())))?;
-    notes.extend(of_file.into_iter().map(|d| d.at(file.clone())));
+    let mut file_notes = image.notes.clone();
+    let art = artwork(image, wanted, site, marking, &mut file_notes).map_err(|d| Error::from(d.at(file.clone())))?;
+    notes.extend(file_notes.into_iter().map(|d| d.at(file.clone())));
     Ok(art)
 }
 
 fn artwork(
     image: &Image,
-    wanted: Wanted,
+    wanted: WantedSize,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
@@ -133,19 +145,20 @@ fn artwork(
             let borders = if levels(&grey).len() > 2 { Borders::Interpolated } else { Borders::Pixels };
             art.lines = areas(&grey, size, tone.threshold, borders)?;
             art.dark_share = (borders == Borders::Pixels).then(|| grey.darker(tone.threshold));
-            Figure::Fill(Rule::EvenOdd)
+            ShapeFigure::Fill(WindingRule::EvenOdd)
         }
         _ => {
             // What is finer than the lines is seen by none of them alone, but by their mean.
             let pixel = [size[0] / image.columns as f64, size[1] / image.rows as f64];
-            let fits = marking.pitch_mm.unwrap_or(site.spot_mm) / pixel[0].max(pixel[1]);
+            let pixels_per_pitch = marking.pitch_mm.unwrap_or(site.spot_mm) / pixel[0].max(pixel[1]);
             let side = image.columns.max(image.rows) as f64;
-            art.greys.push(if fits >= 2.0 { grey.joined(fits.min(side) as usize) } else { grey });
-            Figure::Grey(0)
+            let is_finer = pixels_per_pitch >= 2.0;
+            art.greys.push(if is_finer { grey.joined(pixels_per_pitch.min(side) as usize) } else { grey });
+            ShapeFigure::Grey(0)
         }
     };
     let lines = 0..art.lines.len();
-    art.shapes.push(Shape { name: 0, labels: 0, colour: [0; 3], opacity: 1.0, figure, lines, clip: None });
+    art.shapes.push(PaintedShape { name: 0, labels: 0, colour: [0; 3], opacity: 1.0, figure, lines, clip: None });
     Ok(art)
 }
 
@@ -158,9 +171,9 @@ fn density(sample: u16, tone: &Tone) -> u16 {
 }
 
 /// The contours of what is darker than a threshold, on the page.
-fn areas(grey: &Grey, size: [f64; 2], threshold: f64, borders: Borders) -> Result<Lines, Diag> {
+fn areas(grey: &Grey, size: [f64; 2], threshold: f64, borders: Borders) -> Result<Polylines, Diag> {
     let [w, h] = [size[0] / grey.columns as f64, size[1] / grey.rows as f64];
-    let mut lines = Lines::default();
+    let mut lines = Polylines::default();
     let mut page = Vec::new();
     let traced = contours(grey, threshold, borders, |contour| {
         page.clear();
@@ -184,42 +197,42 @@ fn areas(grey: &Grey, size: [f64; 2], threshold: f64, borders: Borders) -> Resul
 
 /// The densities of a picture, up to three.
 fn levels(grey: &Grey) -> Vec<u16> {
-    let mut found = Vec::new();
+    let mut levels = Vec::new();
     for j in 0..grey.rows {
         for &d in grey.row(j) {
-            if !found.contains(&d) {
-                found.push(d);
-                if found.len() == 3 {
-                    return found;
+            if !levels.contains(&d) {
+                levels.push(d);
+                if levels.len() == 3 {
+                    return levels;
                 }
             }
         }
     }
-    found
+    levels
 }
 
 /// Width and height of the page, mm.
 fn size(
     image: &Image,
-    wanted: Wanted,
+    wanted: WantedSize,
     resolution: Option<Resolution>,
     notes: &mut Vec<Diag>,
 ) -> Result<[f64; 2], Diag> {
     let pixels = [image.columns as f64, image.rows as f64];
-    let at = |per_mm: [f64; 2]| [pixels[0] / per_mm[0], pixels[1] / per_mm[1]];
+    let sides_at = |per_mm: [f64; 2]| [pixels[0] / per_mm[0], pixels[1] / per_mm[1]];
     let (sides, is_physical) = match (resolution, image.resolution) {
-        (Some(Resolution::Dpi(dpi)), _) => (at([dpi / MM_PER_INCH; 2]), true),
-        (Some(Resolution::File), Some(stated)) => (at(stated), true),
+        (Some(Resolution::Dpi(dpi)), _) => (sides_at([dpi / MM_PER_INCH; 2]), true),
+        (Some(Resolution::File), Some(stated)) => (sides_at(stated), true),
         (Some(Resolution::File), None) => {
             return Err(Diag::input("bitmap-size", "the bitmap states no resolution").hint(SIZE_HINT));
         }
-        (None, Some(stated)) => (at(stated), false),
+        (None, Some(stated)) => (sides_at(stated), false),
         (None, None) => (pixels, false),
     };
     let Some(size) = wanted.size(sides, is_physical).map_err(|d| *d)? else {
         let text = format!("the size of the bitmap ({} x {} pixels) is not given", image.columns, image.rows);
         let hint = image.resolution.map_or(SIZE_HINT.to_owned(), |stated| {
-            let [w, h] = at(stated);
+            let [w, h] = sides_at(stated);
             let dpi = stated[0] * MM_PER_INCH;
             format!("{SIZE_HINT}, or dpi = \"file\": it states {dpi:.1} dpi, which makes {w:.3} mm x {h:.3} mm")
         });

@@ -4,7 +4,7 @@
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Transformations, Unit};
 
-use super::image::{Bands, Exif, Form, Image, check_size, damaged, truncated, upright};
+use super::image::{Bands, Exif, Image, SampleForm, check_size, damaged, truncated, upright};
 use terrace_core::diag::Diag;
 
 /// What the decoder may allocate for rows and chunks, in bytes.
@@ -30,7 +30,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
         ColorType::Rgb => Bands::Rgb,
         ColorType::Rgba => Bands::RgbAlpha,
     };
-    let form = Form { bands, bits: if depth == BitDepth::Sixteen { 16 } else { 8 } };
+    let form = SampleForm { bands, bits: if depth == BitDepth::Sixteen { 16 } else { 8 } };
     let mut image = Image::new(width as usize, height as usize);
     if is_interlaced {
         let size = reader.output_buffer_size().ok_or_else(|| damaged("its size is not possible"))?;

@@ -5,8 +5,8 @@ use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
-use super::image::{Bands, Form, Image, WHITE, check_size, damaged, truncated, unread, upright};
-use super::tiff_tags::{self, Reader, fault};
+use super::image::{Bands, Image, SampleForm, WHITE, check_size, damaged, truncated, unread, upright};
+use super::tiff_tags::{self, TiffDecoder, fault};
 use terrace_core::diag::Diag;
 
 /// What the decoder may take for the list of strips or tiles, and for one of them, in bytes.
@@ -31,7 +31,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     }
 }
 
-fn reader(bytes: &[u8]) -> Result<Reader<'_>, Diag> {
+fn reader(bytes: &[u8]) -> Result<TiffDecoder<'_>, Diag> {
     let mut limits = Limits::default();
     limits.ifd_value_size = LIST_BYTES;
     limits.intermediate_buffer_size = STRIP_BYTES;
@@ -42,7 +42,7 @@ fn reader(bytes: &[u8]) -> Result<Reader<'_>, Diag> {
 /// The file with the bits of each byte of its strips or tiles in reverse: TIFF 6.0 has FillOrder 2 turn the bits of the
 /// data as they are stored, so before they are decoded, whatever their compression. JPEG data have an order of their
 /// own and stay (as in libtiff).
-fn with_high_bit_first(bytes: &[u8], decoder: &mut Reader<'_>) -> Result<Vec<u8>, Diag> {
+fn with_high_bit_first(bytes: &[u8], decoder: &mut TiffDecoder<'_>) -> Result<Vec<u8>, Diag> {
     let mut out = bytes.to_vec();
     if short(decoder, Tag::Compression)? == Some(JPEG) {
         return Ok(out);
@@ -61,13 +61,13 @@ fn with_high_bit_first(bytes: &[u8], decoder: &mut Reader<'_>) -> Result<Vec<u8>
         }
         end = offset.saturating_add(count);
         // What lies beyond the file is found when it is decoded.
-        let place = |v: u64| usize::try_from(v).unwrap_or(usize::MAX).min(bytes.len());
-        out[place(offset)..place(end)].iter_mut().for_each(|b| *b = b.reverse_bits());
+        let index = |v: u64| usize::try_from(v).unwrap_or(usize::MAX).min(bytes.len());
+        out[index(offset)..index(end)].iter_mut().for_each(|b| *b = b.reverse_bits());
     }
     Ok(out)
 }
 
-fn read(bytes: &[u8], mut decoder: Reader<'_>) -> Result<Image, Diag> {
+fn read(bytes: &[u8], mut decoder: TiffDecoder<'_>) -> Result<Image, Diag> {
     let (width, height) = decoder.dimensions().map_err(fault)?;
     check_size(width.into(), height.into(), 1)?;
     let (bands, bits) = form(&mut decoder)?;
@@ -95,15 +95,16 @@ fn read(bytes: &[u8], mut decoder: Reader<'_>) -> Result<Image, Diag> {
         let mut tile = Image::new(columns as usize, rows as usize);
         match decoder.read_chunk(chunk).map_err(fault)? {
             DecodingResult::U8(v) if bits < 8 => unpack(&v, bits, &mut tile),
-            DecodingResult::U8(v) => tile.push(&v, Form { bands, bits: 8 }),
+            DecodingResult::U8(v) => tile.push(&v, SampleForm { bands, bits: 8 }),
             DecodingResult::U16(v) => {
                 let bytes: Vec<u8> = v.iter().flat_map(|v| v.to_be_bytes()).collect();
-                tile.push(&bytes, Form { bands, bits: 16 });
+                tile.push(&bytes, SampleForm { bands, bits: 16 });
             }
             _ => return Err(unread("a TIFF whose samples have a sign or are not whole numbers")),
         }
         let tile = tile.whole()?;
-        let (x, y) = ((chunk % across * w) as usize, (chunk / across * h) as usize);
+        let x = (chunk % across * w) as usize;
+        let y = (chunk / across * h) as usize;
         for (row, from) in tile.samples.chunks_exact(tile.columns).enumerate() {
             image.samples[(y + row) * image.columns + x..][..tile.columns].copy_from_slice(from);
         }
@@ -116,7 +117,7 @@ fn read(bytes: &[u8], mut decoder: Reader<'_>) -> Result<Image, Diag> {
 }
 
 /// Bands and bits of a pixel that is read.
-fn form(decoder: &mut Reader<'_>) -> Result<(Bands, u8), Diag> {
+fn form(decoder: &mut TiffDecoder<'_>) -> Result<(Bands, u8), Diag> {
     // 3 is a palette, which the decoder does not know.
     if short(decoder, Tag::PhotometricInterpretation)? == Some(3) {
         return Err(unread("a TIFF with a palette"));
@@ -138,28 +139,31 @@ fn form(decoder: &mut Reader<'_>) -> Result<(Bands, u8), Diag> {
 
 /// Samples of fewer than 8 bits; each row begins with a byte.
 fn unpack(bytes: &[u8], bits: u8, tile: &mut Image) {
-    let (per_byte, most) = (usize::from(8 / bits), (1u16 << bits) - 1);
+    let per_byte = usize::from(8 / bits);
+    let most = (1u16 << bits) - 1;
     for row in bytes.chunks_exact(tile.columns.div_ceil(per_byte)).take(tile.rows) {
         let sample = |i: usize| u16::from(row[i / per_byte] >> (8 - bits as usize * (i % per_byte + 1))) & most;
         tile.samples.extend((0..tile.columns).map(|i| sample(i) * (WHITE / most)));
     }
 }
 
-fn short(decoder: &mut Reader<'_>, tag: Tag) -> Result<Option<u16>, Diag> {
+fn short(decoder: &mut TiffDecoder<'_>, tag: Tag) -> Result<Option<u16>, Diag> {
     decoder.find_tag_unsigned::<u16>(tag).map_err(fault)
 }
 
 /// Pixels in a mm, where the file states them per inch or cm.
-fn resolution(decoder: &mut Reader<'_>) -> Result<Option<[f64; 2]>, Diag> {
+fn resolution(decoder: &mut TiffDecoder<'_>) -> Result<Option<[f64; 2]>, Diag> {
     let mm = match short(decoder, Tag::ResolutionUnit)? {
         None | Some(2) => 25.4,
         Some(3) => 10.0,
         _ => return Ok(None),
     };
-    let mut of = |tag| -> Result<Option<f64>, Diag> {
-        let ratio = decoder.find_tag_unsigned_vec::<u32>(tag).map_err(fault)?;
-        Ok(ratio.and_then(|v| if let [n, d] = v[..] { Some(f64::from(n) / f64::from(d)) } else { None }))
-    };
-    let sides = [of(Tag::XResolution)?, of(Tag::YResolution)?];
+    let sides = [ratio(decoder, Tag::XResolution)?, ratio(decoder, Tag::YResolution)?];
     Ok(if let [Some(x), Some(y)] = sides { Some([x / mm, y / mm]) } else { None })
+}
+
+/// The rational number of a tag.
+fn ratio(decoder: &mut TiffDecoder<'_>, tag: Tag) -> Result<Option<f64>, Diag> {
+    let ratio = decoder.find_tag_unsigned_vec::<u32>(tag).map_err(fault)?;
+    Ok(ratio.and_then(|v| if let [n, d] = v[..] { Some(f64::from(n) / f64::from(d)) } else { None }))
 }

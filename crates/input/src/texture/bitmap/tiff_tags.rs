@@ -14,7 +14,7 @@ use terrace_core::diag::Diag;
 
 /// What is done with a tag.
 #[derive(Clone, Copy, Debug)]
-enum Use {
+enum TagUse {
     /// This reader or its decoder uses it, or refuses the values that it cannot use.
     Used,
     /// The tag does not change what is seen, or viewers do not use it; the constants below say why.
@@ -25,9 +25,10 @@ enum Use {
     FullRange,
 }
 
-use Use::{FullRange, Harmless, Only, Used};
+use TagUse::{FullRange, Harmless, Only, Used};
 
-pub(super) type Reader<'a> = Decoder<std::io::Cursor<&'a [u8]>>;
+/// The decoder of a TIFF that is held as bytes.
+pub(super) type TiffDecoder<'a> = Decoder<std::io::Cursor<&'a [u8]>>;
 
 /// What is wrong with a file.
 pub(super) fn fault(e: TiffError) -> Diag {
@@ -40,24 +41,24 @@ pub(super) fn fault(e: TiffError) -> Diag {
 }
 
 /// A description.
-const TEXT: Use = Harmless;
+const TEXT: TagUse = Harmless;
 /// How the picture was screened, or advice to printers.
-const SCREENING: Use = Harmless;
+const SCREENING: TagUse = Harmless;
 /// A statistic, "not to affect the visual appearance" (TIFF 6.0), or one of a transmission.
-const STATISTIC: Use = Harmless;
+const STATISTIC: TagUse = Harmless;
 /// A place on a page, which the job states.
-const PLACE: Use = Harmless;
+const PLACE: TagUse = Harmless;
 /// Colour profiles and gamma of a file are not used.
-const COLOUR_MANAGEMENT: Use = Harmless;
+const COLOUR_MANAGEMENT: TagUse = Harmless;
 /// Of the colour alone: the luma is that of the file.
-const CHROMA: Use = Harmless;
+const CHROMA: TagUse = Harmless;
 /// The tag belongs to a kind of TIFF, or to another tag, that is refused.
-const OF_REFUSED: Use = Harmless;
+const OF_REFUSED: TagUse = Harmless;
 /// The tag points to data besides the image, or to unused bytes.
-const OTHER_DATA: Use = Harmless;
+const OTHER_DATA: TagUse = Harmless;
 
 /// Numbers, names and uses, by number.
-const TAGS: [(u16, &str, Use); 89] = [
+const TAGS: [(u16, &str, TagUse); 89] = [
     // A reduced copy or a mask is not the picture; 2 is a page of several.
     (254, "NewSubfileType", Only(&[0.0, 2.0])),
     (255, "SubfileType", Only(&[1.0, 3.0])),
@@ -156,7 +157,7 @@ const TAGS: [(u16, &str, Use); 89] = [
 const PRIVATE: u16 = 32768;
 
 /// Refuses a file with a tag that changes the meaning of its samples and is not used.
-pub(super) fn check(decoder: &mut Reader<'_>, bits: u8) -> Result<(), Diag> {
+pub(super) fn check(decoder: &mut TiffDecoder<'_>, bits: u8) -> Result<(), Diag> {
     let tags: Vec<Tag> = decoder.image_ifd().directory().iter().map(|(tag, _)| tag).collect();
     for tag in tags {
         let number = tag.to_u16();

@@ -1,16 +1,16 @@
 //! Space curves as text: rows of x, y and z, or of id, x, y and z.
 //!
-//! Columns are separated by commas, semicolons, tabs or blanks, one kind per file. One row of names may come first; it
-//! may name x, y, z and id in any order, and columns of other names are left out. A curve ends at an empty row or where
-//! the id changes. A `#` at the start of a row or after a blank begins a comment. Cost: the points, and a name for each
-//! curve.
+//! CsvColumns are separated by commas, semicolons, tabs or blanks, one kind per file. One row of names may come first;
+//! it may name x, y, z and id in any order, and columns of other names are left out. A curve ends at an empty row or
+//! where the id changes. A `#` at the start of a row or after a blank begins a comment. Cost: the points, and a name
+//! for each curve.
 
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
-use crate::texture::artwork::{Artwork, Figure, Labels, MAX_MM, MAX_POINTS, Shape};
-use crate::texture::clip::{Lines, extent};
+use crate::texture::artwork::{Artwork, Labels, MAX_MM, MAX_POINTS, PaintedShape, ShapeFigure};
+use crate::texture::clip::{Polylines, extent};
 use crate::texture::place::LEAST;
 use terrace_core::diag::{self, Diag, Place, memory};
 
@@ -33,39 +33,47 @@ pub(super) fn read(bytes: &[u8], path: &Path, unit_mm: f64, notes: &mut Vec<Diag
             return Err(d.hint("write the curves as CSV with columns x, y, z in UTF-8, or as DXF").into());
         }
     };
-    let mut reader = Reader { file, unit_mm, art: Artwork::default(), labels: HashMap::new(), id: None, first_row: 0 };
-    reader.art.lines = Lines::in_space();
-    let mut columns: Option<Columns> = None;
-    let mut dots = Dots::default();
+    let mut reader =
+        CsvReader { file, unit_mm, art: Artwork::default(), labels: HashMap::new(), id: None, first_row: 0 };
+    reader.art.lines = Polylines::in_space();
+    let mut columns: Option<CsvColumns> = None;
+    let mut extentless = ExtentlessCurves::default();
     for (number, row) in (1..).zip(text.strip_prefix('\u{feff}').unwrap_or(text).lines()) {
         let content = without_comment(row).trim();
         if content.is_empty() {
             // A row that holds a comment alone ends nothing.
             if row.trim().is_empty() {
-                reader.end(&mut dots);
+                reader.end(&mut extentless);
             }
             continue;
         }
         match &columns {
-            Some(columns) => reader.row(content, number, columns, &mut dots)?,
+            Some(columns) => reader.row(content, number, columns, &mut extentless)?,
             None => {
-                let found = reader.columns(content, number, notes)?;
-                if !found.is_named {
-                    reader.row(content, number, &found, &mut dots)?;
+                let first = reader.columns(content, number, notes)?;
+                if !first.is_named {
+                    reader.row(content, number, &first, &mut extentless)?;
                 }
-                columns = Some(found);
+                columns = Some(first);
             }
         }
     }
-    reader.end(&mut dots);
-    notes.extend(dots.message(&reader.file));
+    reader.end(&mut extentless);
+    notes.extend(extentless.message(&reader.file));
     Ok(reader.art)
 }
 
 /// A row up to its comment.
 fn without_comment(row: &str) -> &str {
-    let begins = |&(at, _): &(usize, &str)| row[..at].chars().next_back().is_none_or(char::is_whitespace);
-    row.match_indices('#').find(begins).map_or(row, |(at, _)| &row[..at])
+    // Behind anything but a blank it is part of a field.
+    let begins_comment = |&(at, _): &(usize, &str)| row[..at].chars().next_back().is_none_or(char::is_whitespace);
+    row.match_indices('#').find(begins_comment).map_or(row, |(at, _)| &row[..at])
+}
+
+/// A field without blanks and quotes around it.
+fn unquoted(field: &str) -> &str {
+    let text = field.trim();
+    text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).unwrap_or(text)
 }
 
 /// A field as far as a message shows it.
@@ -74,7 +82,7 @@ fn shortened(field: &str) -> String {
 }
 
 /// What the columns of a file hold.
-struct Columns {
+struct CsvColumns {
     separator: Separator,
     count: usize,
     /// Indices of x, y and z.
@@ -99,14 +107,13 @@ impl Separator {
     /// Calls `f` with the index and the text of each field; returns their number.
     fn fields<'a>(self, row: &'a str, mut f: impl FnMut(usize, &'a str)) -> usize {
         let mut count = 0;
-        let mut field = |text: &'a str| {
-            let text = text.trim();
-            f(count, text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).unwrap_or(text));
+        let mut next = |field: &'a str| {
+            f(count, unquoted(field));
             count += 1;
         };
         match self {
-            Self::Char(c) => row.split(c).for_each(&mut field),
-            Self::Blanks => row.split_whitespace().for_each(&mut field),
+            Self::Char(c) => row.split(c).for_each(&mut next),
+            Self::Blanks => row.split_whitespace().for_each(&mut next),
         }
         count
     }
@@ -114,12 +121,12 @@ impl Separator {
 
 /// Curves without extent in plan.
 #[derive(Default)]
-struct Dots {
+struct ExtentlessCurves {
     count: usize,
     first: String,
 }
 
-impl Dots {
+impl ExtentlessCurves {
     fn message(self, file: &str) -> Option<Diag> {
         (self.count > 0).then(|| {
             let text = format!(
@@ -132,7 +139,7 @@ impl Dots {
     }
 }
 
-struct Reader {
+struct CsvReader {
     file: String,
     unit_mm: f64,
     art: Artwork,
@@ -144,11 +151,11 @@ struct Reader {
     first_row: usize,
 }
 
-type Done = Result<(), Box<Diag>>;
+type RowResult = Result<(), Box<Diag>>;
 
-impl Reader {
+impl CsvReader {
     /// What the first row says of the columns.
-    fn columns(&self, row: &str, number: usize, notes: &mut Vec<Diag>) -> Result<Columns, Box<Diag>> {
+    fn columns(&self, row: &str, number: usize, notes: &mut Vec<Diag>) -> Result<CsvColumns, Box<Diag>> {
         let separator = Separator::of(row);
         let mut fields = Vec::new();
         let count = separator.fields(row, |i, field| {
@@ -160,7 +167,7 @@ impl Reader {
         for first in [0, 1] {
             if count == first + 3 && (first..count).all(is_number) {
                 let xyz = [first, first + 1, first + 2];
-                return Ok(Columns { separator, count, xyz, id: (first == 1).then_some(0), is_named: false });
+                return Ok(CsvColumns { separator, count, xyz, id: (first == 1).then_some(0), is_named: false });
             }
         }
         let named = |name: &str| fields.iter().position(|f| f.eq_ignore_ascii_case(name));
@@ -177,7 +184,7 @@ impl Reader {
             let text = format!("columns other than id, x, y and z are not used: {}", others.join(", "));
             notes.push(Diag::warning("curve-columns", text).at(Place::line(&self.file, number)).hint("leave them out"));
         }
-        Ok(Columns { separator, count, xyz: [x, y, z], id, is_named: true })
+        Ok(CsvColumns { separator, count, xyz: [x, y, z], id, is_named: true })
     }
 
     /// Most columns that are looked at, and most that a message lists.
@@ -185,8 +192,9 @@ impl Reader {
     const LISTED: usize = 12;
 
     /// A row of numbers: another point of the curve, or the first of the next.
-    fn row(&mut self, row: &str, number: usize, columns: &Columns, dots: &mut Dots) -> Done {
-        let (mut xyz, mut id) = ([""; 3], None);
+    fn row(&mut self, row: &str, number: usize, columns: &CsvColumns, extentless: &mut ExtentlessCurves) -> RowResult {
+        let mut xyz = [""; 3];
+        let mut id = None;
         let count = columns.separator.fields(row, |i, field| {
             if let Some(k) = columns.xyz.iter().position(|&c| c == i) {
                 xyz[k] = field;
@@ -208,7 +216,7 @@ impl Reader {
             return Err(self.at(Diag::limit("texture-large", text).hint("split it into several textures"), number));
         }
         if id != self.id.as_deref() {
-            self.end(dots);
+            self.end(extentless);
             self.id = id.map(str::to_owned);
         }
         if self.art.lines.points.len() == self.art.lines.tail() {
@@ -232,8 +240,9 @@ impl Reader {
     }
 
     /// Ends the curve at hand.
-    fn end(&mut self, dots: &mut Dots) {
-        let (lines, first_row) = (&mut self.art.lines, self.first_row);
+    fn end(&mut self, extentless: &mut ExtentlessCurves) {
+        let lines = &mut self.art.lines;
+        let first_row = self.first_row;
         let rows: Range<usize> = lines.tail()..lines.points.len();
         if rows.is_empty() {
             self.id = None;
@@ -247,10 +256,10 @@ impl Reader {
         let [w, h] = extent(&lines.points[rows]);
         if w.max(h) < LEAST {
             lines.truncate(lines.len());
-            if dots.count == 0 {
-                dots.first = name;
+            if extentless.count == 0 {
+                extentless.first = name;
             }
-            dots.count += 1;
+            extentless.count += 1;
             return;
         }
         lines.finish();
@@ -258,12 +267,12 @@ impl Reader {
         let labels = self.labels(id.unwrap_or_default());
         let names = &mut self.art.names;
         names.push(name);
-        self.art.shapes.push(Shape {
+        self.art.shapes.push(PaintedShape {
             name: u32::try_from(names.len() - 1).expect("fewer curves than points"),
             labels,
             colour: [0; 3],
             opacity: 1.0,
-            figure: Figure::Lines,
+            figure: ShapeFigure::Lines,
             lines: i..i + 1,
             clip: None,
         });
@@ -279,7 +288,7 @@ impl Reader {
         })
     }
 
-    /// A fault of row `number`.
+    /// A fault at row `number`.
     fn at(&self, d: Diag, number: usize) -> Box<Diag> {
         Box::new(d.at(Place::line(&self.file, number)))
     }
@@ -294,7 +303,7 @@ mod tests {
     fn read_text(text: &str) -> Result<(Vec<Curve>, Vec<Diag>), Box<Diag>> {
         let mut notes = Vec::new();
         let art = read(text.as_bytes(), Path::new("c.csv"), 1.0, &mut notes)?;
-        let curve = |s: &Shape| {
+        let curve = |s: &PaintedShape| {
             let i = s.lines.start;
             let points = art.lines.get(i).iter().zip(art.lines.heights(i)).map(|(&[x, y], &z)| [x, y, z]);
             (art.names[s.name as usize].clone(), points.collect())

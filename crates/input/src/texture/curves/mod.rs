@@ -103,11 +103,11 @@ impl Curves {
     }
 
     /// Appends a curve, part frame, mm; the readers have seen that it has an extent.
-    fn push(&mut self, points: impl Iterator<Item = [f64; 3]>, site: &Site) -> Result<(), Far> {
+    fn push(&mut self, points: impl Iterator<Item = [f64; 3]>, site: &Site) -> Result<(), BeyondLimit> {
         for [x, y, z] in points {
             let p = [x, y];
             if !is_near(site.turn.turned(p)) || !is_near([z, 0.0]) {
-                return Err(Far);
+                return Err(BeyondLimit);
             }
             let at = site.turn.nm(p);
             self.bounds.add(at);
@@ -135,7 +135,7 @@ impl Curves {
 }
 
 /// A point lies beyond 4 m.
-struct Far;
+struct BeyondLimit;
 
 /// Reads a file by its extension.
 pub(super) fn read(
@@ -150,8 +150,9 @@ pub(super) fn read(
     match extension.as_str() {
         "dxf" => {
             let bytes = diag::read_file(path, MAX_FILE)?;
-            let (tolerance, widest_line) = (site.tolerance, marking.widest_line_mm(site.spot_mm));
-            dxf::curves(&bytes, &dxf::How { path, unit_mm, tolerance, widest_line, marking }, notes)
+            let widest_line = marking.widest_line_mm(site.spot_mm);
+            let options = dxf::DxfOptions { path, unit_mm, tolerance: site.tolerance, widest_line, marking };
+            dxf::curves(&bytes, &options, notes)
         }
         "csv" | "txt" | "xyz" => {
             let Some(unit_mm) = unit_mm else {

@@ -4,7 +4,7 @@ use crate::texture::artwork::Colour;
 
 /// What the colour of an entity or layer is said to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Paint {
+pub(super) enum EntityPaint {
     /// The colour of the layer.
     Layer,
     /// The colour of the insert of the block.
@@ -15,7 +15,7 @@ pub(super) enum Paint {
 /// The colour of index 7, which is white on a black screen and black on paper.
 pub(super) const BLACK: Colour = [0; 3];
 
-impl Paint {
+impl EntityPaint {
     /// From the number of group 62.
     pub(super) fn of_index(index: i64) -> Self {
         match index {
@@ -41,11 +41,13 @@ fn of_index(index: usize) -> Colour {
         250.. => return [GREY[index.min(255) - 250]; 3],
         _ => {}
     }
-    let (hue, shade) = ((index - 10) / 10, (index - 10) % 10);
+    let hue = (index - 10) / 10;
+    let shade = (index - 10) % 10;
     let high = 255.0 * [1.0, 0.65, 0.5, 0.3, 0.15][shade / 2];
-    let low = if shade % 2 == 0 { 0.0 } else { high / 2.0 };
+    let low = if shade.is_multiple_of(2) { 0.0 } else { high / 2.0 };
     let step = (high - low) * (hue % 4) as f64 / 4.0;
-    let (up, down) = (low + step, high - step);
+    let up = low + step;
+    let down = high - step;
     let rgb = match hue / 4 {
         0 => [high, up, low],
         1 => [down, high, low],
@@ -78,8 +80,8 @@ mod tests {
             (255, 0xff_ffff),
         ];
         for (index, rgb) in table {
-            assert_eq!(Paint::of_index(index), Paint::of_rgb(rgb.into()), "{index}");
+            assert_eq!(EntityPaint::of_index(index), EntityPaint::of_rgb(rgb.into()), "{index}");
         }
-        assert_eq!([0, 256, 257, -3].map(Paint::of_index)[..2], [Paint::Block, Paint::Layer]);
+        assert_eq!([0, 256, 257, -3].map(EntityPaint::of_index)[..2], [EntityPaint::Block, EntityPaint::Layer]);
     }
 }

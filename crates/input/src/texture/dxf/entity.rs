@@ -1,12 +1,12 @@
 //! Entities as they are defined: numbers are finite, nothing is mapped or flattened yet.
 
-use super::colour::Paint;
-use super::hatch::{Edge, Hatch};
+use super::colour::EntityPaint;
+use super::hatch::{BoundaryEdge, Hatch};
 use super::outline::Vertex;
 use super::record::Record;
 use super::space::{Point, Z};
 use super::spline::Spline;
-use super::tags::{At, Fault, Tag};
+use super::tags::{Fault, Tag, TagPlace};
 use super::tally::Issue;
 
 /// A line type as an entity or layer gives it.
@@ -20,20 +20,20 @@ pub(super) enum LineType {
 
 #[derive(Debug)]
 pub(super) struct Entity {
-    pub(super) kind: Kind,
+    pub(super) kind: EntityKind,
     /// The number of its type's name.
     pub(super) what: u16,
     pub(super) handle: Option<u64>,
-    pub(super) at: At,
+    pub(super) at: TagPlace,
     pub(super) layer: u32,
-    pub(super) paint: Paint,
+    pub(super) paint: EntityPaint,
     pub(super) line_type: LineType,
     pub(super) is_hidden: bool,
     pub(super) extrusion: Point,
 }
 
 #[derive(Debug)]
-pub(super) enum Kind {
+pub(super) enum EntityKind {
     Line([Point; 2]),
     Dot(Point),
     /// An arc, counter-clockwise between angles in degrees; without them a circle.
@@ -58,26 +58,31 @@ pub(super) enum Kind {
     Unread(Issue),
 }
 
-impl Kind {
+impl EntityKind {
     /// What it costs to draw it at least, in points.
     pub(super) fn size(&self) -> usize {
-        let of_spline = |s: &Spline| s.fit.len() + s.control.len() * (s.degree + 1).min(100).pow(3) / 8;
         match self {
             Self::Polyline(line) => line.vertices.len(),
-            Self::Spline(spline) => of_spline(spline),
+            Self::Spline(spline) => spline_size(spline),
             Self::Hatch(hatch) => hatch
                 .paths
                 .iter()
                 .flat_map(|p| &p.edges)
                 .map(|edge| match edge {
-                    Edge::Polyline(vertices) => vertices.len(),
-                    Edge::Spline(spline) => of_spline(spline),
-                    Edge::Line(_) | Edge::Arc(_) => 1,
+                    BoundaryEdge::Polyline(vertices) => vertices.len(),
+                    BoundaryEdge::Spline(spline) => spline_size(spline),
+                    BoundaryEdge::Line(_) | BoundaryEdge::Arc(_) => 1,
                 })
                 .sum(),
             _ => 1,
         }
     }
+}
+
+/// What it costs to draw a spline at least, in points. Of a span every Bézier point takes a triangle of de Boor's
+/// steps, so control points cost the cube of the degree. A degree that is not read costs no more than one of 99.
+fn spline_size(spline: &Spline) -> usize {
+    spline.fit.len() + spline.control.len() * (spline.degree + 1).min(100).pow(3) / 8
 }
 
 #[derive(Debug, Default)]
@@ -105,33 +110,35 @@ pub(super) struct Insert {
 ///
 /// # Errors
 /// `dxf-number`.
-pub(super) fn kind(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<Kind, Fault> {
+pub(super) fn kind(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<EntityKind, Fault> {
     Ok(match r.kind {
-        b"LINE" => Kind::Line([r.place(10)?, r.place(11)?]),
-        b"POINT" => Kind::Dot(r.place(10)?),
-        b"CIRCLE" => Kind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: None },
+        b"LINE" => EntityKind::Line([r.place(10)?, r.place(11)?]),
+        b"POINT" => EntityKind::Dot(r.place(10)?),
+        b"CIRCLE" => EntityKind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: None },
         b"ARC" => {
             let angles = [r.real(50)?.unwrap_or(0.0), r.real(51)?.unwrap_or(360.0)];
-            Kind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: Some(angles) }
+            EntityKind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: Some(angles) }
         }
         b"ELLIPSE" => {
             let params = [r.real(41)?.unwrap_or(0.0), r.real(42)?.unwrap_or(std::f64::consts::TAU)];
-            Kind::Ellipse { centre: r.place(10)?, major: r.place(11)?, ratio: r.real(40)?.unwrap_or(1.0), params }
+            EntityKind::Ellipse { centre: r.place(10)?, major: r.place(11)?, ratio: r.real(40)?.unwrap_or(1.0), params }
         }
-        b"LWPOLYLINE" => Kind::Polyline(light_polyline(r)?),
-        b"POLYLINE" if r.has(70, 16 | 64)? => Kind::Unread(Issue::Mesh),
-        b"POLYLINE" => {
-            Kind::Polyline(Polyline { is_closed: r.has(70, 1)?, is_spatial: r.has(70, 8)?, ..Polyline::default() })
-        }
-        b"SPLINE" => Kind::Spline(Box::new(spline(r)?)),
+        b"LWPOLYLINE" => EntityKind::Polyline(light_polyline(r)?),
+        b"POLYLINE" if r.has(70, 16 | 64)? => EntityKind::Unread(Issue::Mesh),
+        b"POLYLINE" => EntityKind::Polyline(Polyline {
+            is_closed: r.has(70, 1)?,
+            is_spatial: r.has(70, 8)?,
+            ..Polyline::default()
+        }),
+        b"SPLINE" => EntityKind::Spline(Box::new(spline(r)?)),
         b"SOLID" | b"TRACE" => {
             let [a, b, c] = [r.place(10)?, r.place(11)?, r.place(12)?];
             let d = r.point(13)?.unwrap_or(c);
-            Kind::Solid([a, b, d, c])
+            EntityKind::Solid([a, b, d, c])
         }
-        b"HATCH" => Kind::Hatch(Box::new(Hatch::of(r)?)),
-        b"INSERT" => Kind::Insert(Box::new(insert(r, block)?)),
-        other => Kind::Unread(Issue::of_kind(other)),
+        b"HATCH" => EntityKind::Hatch(Box::new(Hatch::of(r)?)),
+        b"INSERT" => EntityKind::Insert(Box::new(insert(r, block)?)),
+        other => EntityKind::Unread(Issue::of_kind(other)),
     })
 }
 
@@ -157,30 +164,30 @@ fn light_polyline(r: &Record<'_, '_>) -> Result<Polyline, Fault> {
 }
 
 /// The vertex of a POLYLINE whose height, widths and flags are these; None for a point of the frame of a spline.
-pub(super) fn vertex(r: &Record<'_, '_>, frame: &Frame) -> Result<Option<Vertex>, Fault> {
+pub(super) fn vertex(r: &Record<'_, '_>, defaults: &VertexDefaults) -> Result<Option<Vertex>, Fault> {
     const FRAME_POINT: i64 = 16;
     if r.has(70, FRAME_POINT)? {
         return Ok(None);
     }
     let mut p = r.place(10)?;
-    if let Some(height) = frame.height {
+    if let Some(height) = defaults.height {
         p[2] = height;
     }
-    let [from, to] = frame.widths;
+    let [from, to] = defaults.widths;
     let widths = [r.real(40)?.unwrap_or(from), r.real(41)?.unwrap_or(to)];
-    let bulge = if frame.height.is_some() { r.real(42)?.unwrap_or(0.0) } else { 0.0 };
+    let bulge = if defaults.height.is_some() { r.real(42)?.unwrap_or(0.0) } else { 0.0 };
     Ok(Some(Vertex { p, bulge, widths }))
 }
 
 /// What the vertices of a POLYLINE take from it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Frame {
-    /// Of all points of a flat one.
+pub(super) struct VertexDefaults {
+    /// z of all points of a flat one.
     height: Option<f64>,
     widths: [f64; 2],
 }
 
-impl Frame {
+impl VertexDefaults {
     pub(super) fn of(r: &Record<'_, '_>) -> Result<Self, Fault> {
         let height = if r.has(70, 8)? { None } else { Some(r.real(30)?.unwrap_or(0.0)) };
         Ok(Self { height, widths: [r.real(40)?.unwrap_or(0.0), r.real(41)?.unwrap_or(0.0)] })

@@ -5,11 +5,11 @@
 
 use std::collections::HashMap;
 
-use super::colour::{BLACK, Paint};
-use super::entity::{Entity, Frame, Kind, LineType, extrusion, kind, vertex};
+use super::colour::{BLACK, EntityPaint};
+use super::entity::{Entity, EntityKind, LineType, VertexDefaults, extrusion, kind, vertex};
 use super::record::Record;
 use super::space::Point;
-use super::tags::{At, EXPORT, Fault, Tag, Tags};
+use super::tags::{EXPORT, Fault, Tag, TagPlace, Tags};
 use super::tally::{Issue, Tally};
 use super::text::is_blank;
 use terrace_core::diag::Diag;
@@ -24,17 +24,17 @@ const MAX_NAMES: usize = 1_000_000;
 const FOREIGN: i32 = 999;
 
 #[derive(Debug)]
-pub(super) struct Layer {
+pub(super) struct DxfLayer {
     pub(super) name: String,
     pub(super) is_frozen: bool,
     pub(super) is_off: bool,
     pub(super) is_plotted: bool,
-    pub(super) paint: Paint,
+    pub(super) paint: EntityPaint,
     pub(super) line_type: u32,
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Block {
+pub(super) struct DxfBlock {
     pub(super) name: String,
     /// Whether the file defines it, itself.
     pub(super) is_here: bool,
@@ -52,12 +52,12 @@ struct LineTypeRow {
 
 /// A list of things that are known by names; case does not matter.
 #[derive(Debug)]
-pub(super) struct Named<T> {
+pub(super) struct NamedList<T> {
     pub(super) list: Vec<T>,
     numbers: HashMap<String, u32>,
 }
 
-impl<T> Named<T> {
+impl<T> NamedList<T> {
     /// The number of a name; the first use makes its thing.
     fn number(&mut self, name: &str, make: impl FnOnce() -> T) -> u32 {
         if let Some(&number) = self.numbers.get(&name.to_uppercase()) {
@@ -74,7 +74,7 @@ impl<T> Named<T> {
     }
 }
 
-impl<T> Default for Named<T> {
+impl<T> Default for NamedList<T> {
     fn default() -> Self {
         Self { list: Vec::new(), numbers: HashMap::new() }
     }
@@ -85,12 +85,12 @@ impl<T> Default for Named<T> {
 pub(super) struct File {
     /// $INSUNITS.
     pub(super) unit: Option<i64>,
-    pub(super) layers: Named<Layer>,
-    line_types: Named<LineTypeRow>,
-    pub(super) blocks: Named<Block>,
+    pub(super) layers: NamedList<DxfLayer>,
+    line_types: NamedList<LineTypeRow>,
+    pub(super) blocks: NamedList<DxfBlock>,
     pub(super) entities: Vec<Entity>,
     /// Names of types of entities.
-    types: Named<String>,
+    types: NamedList<String>,
     pub(super) has_end: bool,
     /// What is known to be left out before blocks are inserted.
     pub(super) tally: Tally,
@@ -160,13 +160,20 @@ struct Parser {
     section: Section,
     /// The block that is being defined.
     block: Option<u32>,
-    /// A polyline whose vertices follow, and whether it lies in model space.
-    polyline: Option<(Entity, Frame, Place)>,
+    /// A polyline whose vertices follow.
+    polyline: Option<OpenPolyline>,
+}
+
+/// A polyline whose vertices are records of their own.
+struct OpenPolyline {
+    entity: Entity,
+    defaults: VertexDefaults,
+    place: EntityPlace,
 }
 
 /// Where an entity belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum EntityPlace {
     Model,
     Block(u32),
     Paper,
@@ -210,7 +217,8 @@ impl Parser {
                 let name = r.tag(2).map(Tag::text).unwrap_or_default();
                 let number = self.file.line_type(&name);
                 let row = &mut self.file.line_types.list[number as usize];
-                (row.is_undefined, row.is_dashed) = (false, r.whole(73)?.unwrap_or(0) > 0);
+                row.is_undefined = false;
+                row.is_dashed = r.whole(73)?.unwrap_or(0) > 0;
             }
             (Section::Blocks, b"BLOCK") => return self.begin_block(r),
             (Section::Blocks, b"ENDBLK") => {
@@ -218,10 +226,10 @@ impl Parser {
                 self.block = None;
             }
             (Section::Blocks, _) => match self.block {
-                Some(block) => return self.entity(r, Place::Block(block)),
+                Some(block) => return self.entity(r, EntityPlace::Block(block)),
                 None => self.outside(r),
             },
-            (Section::Entities, _) => return self.entity(r, Place::Model),
+            (Section::Entities, _) => return self.entity(r, EntityPlace::Model),
             // Clips of blocks hang on inserts by way of dictionaries; that there are any is all that can be said.
             (Section::Objects, b"SPATIAL_FILTER") => self.count(Issue::Clip, r),
             (Section::Outside, _) => self.outside(r),
@@ -255,8 +263,8 @@ impl Parser {
         layer.is_plotted = r.whole(290)? != Some(0);
         // A true colour goes before the colour of a number.
         layer.paint = match r.whole(420)? {
-            Some(rgb) => Paint::of_rgb(rgb),
-            None => Paint::of_index(index.saturating_abs()),
+            Some(rgb) => EntityPaint::of_rgb(rgb),
+            None => EntityPaint::of_index(index.saturating_abs()),
         };
         layer.line_type = line_type.unwrap_or(layer.line_type);
         Ok(())
@@ -273,11 +281,11 @@ impl Parser {
         Ok(())
     }
 
-    fn entity(&mut self, r: &Record<'_, '_>, place: Place) -> Result<(), Fault> {
+    fn entity(&mut self, r: &Record<'_, '_>, place: EntityPlace) -> Result<(), Fault> {
         match (r.kind, &mut self.polyline) {
-            (b"VERTEX", Some((entity, frame, _))) => {
-                if let Kind::Polyline(line) = &mut entity.kind {
-                    line.vertices.extend(vertex(r, frame)?);
+            (b"VERTEX", Some(open)) => {
+                if let EntityKind::Polyline(line) = &mut open.entity.kind {
+                    line.vertices.extend(vertex(r, &open.defaults)?);
                 }
                 return Ok(());
             }
@@ -291,40 +299,42 @@ impl Parser {
             self.outside(r);
             return Ok(());
         }
-        let place = if r.has(67, 1)? || self.is_paper(place) { Place::Paper } else { place };
-        if place == Place::Paper && r.kind != b"POLYLINE" {
+        let place = if r.has(67, 1)? || self.is_paper(place) { EntityPlace::Paper } else { place };
+        if place == EntityPlace::Paper && r.kind != b"POLYLINE" {
             self.count(Issue::Paper, r);
             return Ok(());
         }
         let entity = self.defined(r, place)?;
         match entity {
-            Entity { kind: Kind::Polyline(_), .. } if r.kind == b"POLYLINE" => {
-                self.polyline = Some((entity, Frame::of(r)?, place));
+            Entity { kind: EntityKind::Polyline(_), .. } if r.kind == b"POLYLINE" => {
+                self.polyline = Some(OpenPolyline { entity, defaults: VertexDefaults::of(r)?, place });
             }
-            Entity { kind: Kind::Unread(_), .. } if r.kind == b"POLYLINE" => {
+            Entity { kind: EntityKind::Unread(_), .. } if r.kind == b"POLYLINE" => {
                 // Its vertices are read and dropped.
-                self.polyline = Some((entity, Frame::default(), place));
+                self.polyline = Some(OpenPolyline { entity, defaults: VertexDefaults::default(), place });
             }
             _ => self.put(entity, place),
         }
         Ok(())
     }
 
-    fn is_paper(&self, place: Place) -> bool {
-        let Place::Block(block) = place else { return false };
+    /// Whether it is the block of a paper space.
+    fn is_paper(&self, place: EntityPlace) -> bool {
+        let EntityPlace::Block(block) = place else { return false };
         let name = self.file.blocks.list[block as usize].name.to_uppercase();
         name.starts_with("*PAPER_SPACE") || name.starts_with("$PAPER_SPACE")
     }
 
-    fn defined(&mut self, r: &Record<'_, '_>, place: Place) -> Result<Entity, Fault> {
+    /// The entity that a record describes.
+    fn defined(&mut self, r: &Record<'_, '_>, place: EntityPlace) -> Result<Entity, Fault> {
         let file = &mut self.file;
         let mut kind = kind(r, |name| file.block(name))?;
         // An attribute's definition shows its text only where it is constant, or in no block.
-        if r.kind == b"ATTDEF" && place != Place::Model && !r.has(70, 2)? {
-            kind = Kind::Unread(Issue::Ignored);
+        if r.kind == b"ATTDEF" && place != EntityPlace::Model && !r.has(70, 2)? {
+            kind = EntityKind::Unread(Issue::Ignored);
         }
-        if matches!(kind, Kind::Unread(Issue::Text)) && is_blank(r) {
-            kind = Kind::Unread(Issue::Ignored);
+        if matches!(kind, EntityKind::Unread(Issue::Text)) && is_blank(r) {
+            kind = EntityKind::Unread(Issue::Ignored);
         }
         let is_hidden = r.has(60, 1)? || (r.kind.starts_with(b"ATT") && r.has(70, 1)?);
         let line_type = match r.tag(6).map(Tag::text) {
@@ -334,8 +344,8 @@ impl Parser {
             Some(name) => LineType::Own(file.line_type(&name)),
         };
         let paint = match (r.whole(420)?, r.whole(62)?) {
-            (Some(rgb), _) => Paint::of_rgb(rgb),
-            (None, index) => Paint::of_index(index.unwrap_or(256)),
+            (Some(rgb), _) => EntityPaint::of_rgb(rgb),
+            (None, index) => EntityPaint::of_index(index.unwrap_or(256)),
         };
         Ok(Entity {
             kind,
@@ -354,22 +364,24 @@ impl Parser {
     }
 
     fn end_polyline(&mut self) {
-        if let Some((entity, _, place)) = self.polyline.take() {
+        if let Some(OpenPolyline { entity, place, .. }) = self.polyline.take() {
             self.put(entity, place);
         }
     }
 
-    fn put(&mut self, entity: Entity, place: Place) {
+    /// Puts an entity where it belongs; those of paper space are counted alone.
+    fn put(&mut self, entity: Entity, place: EntityPlace) {
         match place {
-            Place::Model => self.file.entities.push(entity),
-            Place::Block(block) => self.file.blocks.list[block as usize].entities.push(entity),
-            Place::Paper => {
+            EntityPlace::Model => self.file.entities.push(entity),
+            EntityPlace::Block(block) => self.file.blocks.list[block as usize].entities.push(entity),
+            EntityPlace::Paper => {
                 let name = self.file.name(&entity);
                 self.file.tally.add(Issue::Paper, "POLYLINE", || name);
             }
         }
     }
 
+    /// Counts a record that belongs to no section or block.
     fn outside(&mut self, r: &Record<'_, '_>) {
         self.count(Issue::Outside, r);
     }
@@ -390,7 +402,7 @@ fn shown(kind: &[u8]) -> String {
     kind.iter().take(40).map(|&b| char::from(b)).filter(|c| !c.is_control()).collect()
 }
 
-fn name(what: &str, handle: Option<u64>, at: At) -> String {
+fn name(what: &str, handle: Option<u64>, at: TagPlace) -> String {
     match handle {
         Some(handle) => format!("{what} {handle:X}"),
         None => format!("{what} at {at}"),
@@ -399,12 +411,12 @@ fn name(what: &str, handle: Option<u64>, at: At) -> String {
 
 impl File {
     fn layer(&mut self, name: &str) -> u32 {
-        self.layers.number(name, || Layer {
+        self.layers.number(name, || DxfLayer {
             name: name.to_owned(),
             is_frozen: false,
             is_off: false,
             is_plotted: true,
-            paint: Paint::Colour(BLACK),
+            paint: EntityPaint::Colour(BLACK),
             line_type: u32::MAX,
         })
     }
@@ -420,7 +432,7 @@ impl File {
     }
 
     fn block(&mut self, name: &str) -> u32 {
-        self.blocks.number(name, || Block { name: name.to_owned(), ..Block::default() })
+        self.blocks.number(name, || DxfBlock { name: name.to_owned(), ..DxfBlock::default() })
     }
 
     fn what(&mut self, kind: &[u8]) -> u16 {

@@ -9,7 +9,7 @@ const SMALL: f64 = 0.02;
 const LEAST_LINES: usize = 3;
 
 /// A line with two ends, mm.
-pub(super) struct Ends {
+pub(super) struct LineEnds {
     pub(super) ends: [[f64; 2]; 2],
     pub(super) length: f64,
     /// The number of its name.
@@ -28,52 +28,90 @@ pub(super) struct Gap {
 
 /// The gaps of all contours. Ends meet where they fall on one point of a grid of `tolerance`; gaps of two grid steps
 /// are not told from none.
-pub(super) fn gaps(lines: &[Ends], tolerance: f64) -> Vec<Gap> {
-    let key = |p: [f64; 2]| p.map(|v| (v / tolerance).round() as i64);
-    let mut at: HashMap<[i64; 2], Vec<usize>> = HashMap::new();
-    for (i, line) in lines.iter().enumerate() {
-        line.ends.iter().for_each(|&p| at.entry(key(p)).or_default().push(i));
-    }
-    let degree = |p: [f64; 2]| at[&key(p)].len();
+pub(super) fn gaps(lines: &[LineEnds], tolerance: f64) -> Vec<Gap> {
+    let grid = EndGrid::new(lines, tolerance);
     let mut is_done = vec![false; lines.len()];
     let mut out = Vec::new();
     for start in 0..lines.len() {
-        let Some(loose) = lines[start].ends.into_iter().find(|&p| degree(p) == 1).filter(|_| !is_done[start]) else {
+        if is_done[start] {
             continue;
-        };
-        // Follows the contour while just two lines meet.
-        let (mut line, mut from, mut count, mut length) = (start, loose, 0, 0.0);
-        let end = loop {
-            is_done[line] = true;
-            count += 1;
-            length += lines[line].length;
-            let [a, b] = lines[line].ends;
-            let to = if key(a) == key(from) { b } else { a };
-            match at[&key(to)].as_slice() {
-                &[i, j] if i != j => (line, from) = (if i == line { j } else { i }, to),
-                _ => break to,
-            }
-            if is_done[line] {
-                break to;
-            }
-        };
-        let width = (end[0] - loose[0]).hypot(end[1] - loose[1]);
-        if count >= LEAST_LINES && degree(end) == 1 && width > 2.0 * tolerance && width < SMALL * length {
-            out.push(Gap { width, lines: count, name: lines[start].name });
+        }
+        let Some(loose) = lines[start].ends.into_iter().find(|&p| grid.degree(p) == 1) else { continue };
+        let contour = grid.follow(start, loose, &mut is_done);
+        let width = (contour.end[0] - loose[0]).hypot(contour.end[1] - loose[1]);
+        let is_long = contour.lines >= LEAST_LINES && width < SMALL * contour.length;
+        if is_long && grid.degree(contour.end) == 1 && width > 2.0 * tolerance {
+            out.push(Gap { width, lines: contour.lines, name: lines[start].name });
         }
     }
     out
+}
+
+/// Lines by the points of a grid on which their ends fall.
+struct EndGrid<'a> {
+    lines: &'a [LineEnds],
+    tolerance: f64,
+    lines_at: HashMap<[i64; 2], Vec<usize>>,
+}
+
+/// Lines joined end to end.
+struct OpenContour {
+    /// Where the last of them ends.
+    end: [f64; 2],
+    lines: usize,
+    length: f64,
+}
+
+impl<'a> EndGrid<'a> {
+    fn new(lines: &'a [LineEnds], tolerance: f64) -> Self {
+        let mut grid = Self { lines, tolerance, lines_at: HashMap::new() };
+        for (i, line) in lines.iter().enumerate() {
+            line.ends.iter().for_each(|&p| grid.lines_at.entry(grid.key(p)).or_default().push(i));
+        }
+        grid
+    }
+
+    fn key(&self, p: [f64; 2]) -> [i64; 2] {
+        p.map(|v| (v / self.tolerance).round() as i64)
+    }
+
+    /// How many ends of lines fall on the point of the grid.
+    fn degree(&self, p: [f64; 2]) -> usize {
+        self.lines_at[&self.key(p)].len()
+    }
+
+    /// Follows a contour from the loose end of a line, while just two lines meet.
+    fn follow(&self, start: usize, loose: [f64; 2], is_done: &mut [bool]) -> OpenContour {
+        let mut line = start;
+        let mut from = loose;
+        let mut contour = OpenContour { end: loose, lines: 0, length: 0.0 };
+        loop {
+            is_done[line] = true;
+            contour.lines += 1;
+            contour.length += self.lines[line].length;
+            let [a, b] = self.lines[line].ends;
+            contour.end = if self.key(a) == self.key(from) { b } else { a };
+            match self.lines_at[&self.key(contour.end)].as_slice() {
+                &[i, j] if i != j => line = if i == line { j } else { i },
+                _ => return contour,
+            }
+            from = contour.end;
+            if is_done[line] {
+                return contour;
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn lines(points: &[[f64; 2]]) -> Vec<Ends> {
+    fn lines(points: &[[f64; 2]]) -> Vec<LineEnds> {
         let line = |(i, w): (usize, &[[f64; 2]])| {
             // Every other one runs the other way.
             let ends = if i % 2 == 0 { [w[0], w[1]] } else { [w[1], w[0]] };
-            Ends { ends, length: (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]), name: i as u32 }
+            LineEnds { ends, length: (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]), name: i as u32 }
         };
         points.windows(2).enumerate().map(line).collect()
     }

@@ -11,7 +11,7 @@ use super::tags::{Fault, Tag};
 /// Everything in the plane of the hatch.
 #[derive(Debug, Default)]
 pub(super) struct Hatch {
-    pub(super) paths: Vec<Path>,
+    pub(super) paths: Vec<BoundaryPath>,
     pub(super) fill: Fill,
     style: i64,
 }
@@ -26,13 +26,13 @@ pub(super) enum Fill {
 
 /// A boundary path.
 #[derive(Debug, Default)]
-pub(super) struct Path {
+pub(super) struct BoundaryPath {
     flags: i64,
-    pub(super) edges: Vec<Edge>,
+    pub(super) edges: Vec<BoundaryEdge>,
 }
 
 #[derive(Debug)]
-pub(super) enum Edge {
+pub(super) enum BoundaryEdge {
     /// Closed.
     Polyline(Vec<Vertex>),
     Line([Point; 2]),
@@ -93,28 +93,28 @@ impl Hatch {
 
     /// The paths that bound what is filled, by the style of the hatch: all, those of the outermost area, or the
     /// outer ones alone; without those of texts.
-    pub(super) fn bounds(&self) -> Vec<&Path> {
+    pub(super) fn bounds(&self) -> Vec<&BoundaryPath> {
         let wanted = match self.style {
             IGNORE_STYLE => EXTERNAL,
             OUTER_STYLE => EXTERNAL | OUTERMOST,
             _ => i64::MAX,
         };
         let bounds = || self.paths.iter().filter(|p| p.flags & TEXT_BOX == 0);
-        let some: Vec<&Path> = bounds().filter(|p| wanted == i64::MAX || p.flags & wanted != 0).collect();
-        if some.is_empty() { bounds().collect() } else { some }
+        let with_flag: Vec<&BoundaryPath> = bounds().filter(|p| wanted == i64::MAX || p.flags & wanted != 0).collect();
+        if with_flag.is_empty() { bounds().collect() } else { with_flag }
     }
 
     /// The boxes about texts: what lies in them is never filled, whether they lie in the fill, in an island or across a
     /// border. A hatch that ignores all inner paths ignores them too.
-    pub(super) fn text_boxes(&self) -> Vec<&Path> {
-        let is_text_box = |p: &&Path| p.flags & TEXT_BOX != 0 && self.style != IGNORE_STYLE;
+    pub(super) fn text_boxes(&self) -> Vec<&BoundaryPath> {
+        let is_text_box = |p: &&BoundaryPath| p.flags & TEXT_BOX != 0 && self.style != IGNORE_STYLE;
         self.paths.iter().filter(is_text_box).collect()
     }
 }
 
-fn path(flags: i64, tags: &[Tag<'_>], height: f64) -> Result<Path, Fault> {
+fn path(flags: i64, tags: &[Tag<'_>], height: f64) -> Result<BoundaryPath, Fault> {
     let edges = if flags & POLYLINE != 0 {
-        vec![Edge::Polyline(vertices(tags, height)?)]
+        vec![BoundaryEdge::Polyline(vertices(tags, height)?)]
     } else {
         // The type of an edge (group 72) begins it.
         let mut parts = tags.split(|t| t.code == 72);
@@ -127,7 +127,7 @@ fn path(flags: i64, tags: &[Tag<'_>], height: f64) -> Result<Path, Fault> {
         }
         edges
     };
-    Ok(Path { flags, edges })
+    Ok(BoundaryPath { flags, edges })
 }
 
 fn vertices(tags: &[Tag<'_>], height: f64) -> Result<Vec<Vertex>, Fault> {
@@ -143,20 +143,22 @@ fn vertices(tags: &[Tag<'_>], height: f64) -> Result<Vec<Vertex>, Fault> {
     Ok(out)
 }
 
-fn edge(what: i64, tags: &[Tag<'_>], height: f64) -> Result<Option<Edge>, Fault> {
+fn edge(what: i64, tags: &[Tag<'_>], height: f64) -> Result<Option<BoundaryEdge>, Fault> {
     let real = |code: i32| tags.iter().find(|t| t.code == code).map(Tag::real).transpose();
     let point =
         |code: i32, z: f64| Ok::<Point, Fault>([real(code)?.unwrap_or(0.0), real(code + 10)?.unwrap_or(0.0), z]);
     let is_left = real(73)?.unwrap_or(1.0) != 0.0;
     Ok(match what {
-        1 => Some(Edge::Line([point(10, height)?, point(11, height)?])),
+        1 => Some(BoundaryEdge::Line([point(10, height)?, point(11, height)?])),
         2 => {
-            let (r, angles) = (real(40)?.unwrap_or(0.0), [real(50)?.unwrap_or(0.0), real(51)?.unwrap_or(360.0)]);
+            let r = real(40)?.unwrap_or(0.0);
+            let angles = [real(50)?.unwrap_or(0.0), real(51)?.unwrap_or(360.0)];
             let [start, by] = sweep(angles.map(f64::to_radians), is_left);
-            Some(Edge::Arc(Arc { centre: point(10, height)?, a: [r, 0.0, 0.0], b: [0.0, r, 0.0], start, by }))
+            Some(BoundaryEdge::Arc(Arc { centre: point(10, height)?, a: [r, 0.0, 0.0], b: [0.0, r, 0.0], start, by }))
         }
         3 => {
-            let (a, ratio) = (point(11, 0.0)?, real(40)?.unwrap_or(1.0));
+            let a = point(11, 0.0)?;
+            let ratio = real(40)?.unwrap_or(1.0);
             let angles = [real(50)?.unwrap_or(0.0), real(51)?.unwrap_or(360.0)];
             let is_whole = (angles[1] - angles[0]).abs() >= 360.0 - 1e-9;
             let b = [-a[1] * ratio, a[0] * ratio, 0.0];
@@ -170,9 +172,9 @@ fn edge(what: i64, tags: &[Tag<'_>], height: f64) -> Result<Option<Edge>, Fault>
                 part[1] = TAU.copysign(part[1]);
             }
             let arc = Arc { centre: point(10, height)?, a, b, start: part[0], by: part[1] };
-            (ratio != 0.0 && length(a) > 0.0).then_some(Edge::Arc(arc))
+            (ratio != 0.0 && length(a) > 0.0).then_some(BoundaryEdge::Arc(arc))
         }
-        4 => Some(Edge::Spline(spline(tags, height)?)),
+        4 => Some(BoundaryEdge::Spline(spline(tags, height)?)),
         _ => None,
     })
 }

@@ -6,11 +6,11 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use super::space::{Map, Point, add, largest_radius, length, sub, times};
+use super::space::{Point, SpaceMap, add, largest_radius, length, sub, times};
 use super::spline::Bezier;
 use crate::texture::artwork::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
-use crate::texture::clip::{Lines, extent};
-use crate::texture::place::LEAST;
+use crate::texture::clip::{Polylines, extent};
+use crate::texture::place::{LEAST, NM};
 
 /// Most halvings of a Bézier curve, one in the other; a curve within [`MAX_MM`] needs fewer.
 const MAX_HALVINGS: usize = 40;
@@ -61,9 +61,9 @@ impl Arc {
 
 /// Draws one entity's lines into `lines`. Coordinates are those of the entity.
 pub(super) struct Outline<'a> {
-    map: Map,
+    map: SpaceMap,
     tolerance: f64,
-    lines: &'a mut Lines,
+    lines: &'a mut Polylines,
     start: Point,
     at: Point,
     stop: Option<Stop>,
@@ -73,9 +73,18 @@ pub(super) struct Outline<'a> {
     z: [f64; 2],
 }
 
-/// What became of an entity.
+/// Which way a line runs beside an arc.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Heading {
+    /// From the start of the arc to its end.
+    AlongArc,
+    /// From its end to its start.
+    AgainstArc,
+}
+
+/// What is known of an entity once it is drawn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Drawn {
+pub(super) struct OutlineReport {
     /// Whether a part without extent was left out.
     pub(super) has_dots: bool,
     /// Lowest and highest point, mm.
@@ -83,14 +92,15 @@ pub(super) struct Drawn {
 }
 
 impl<'a> Outline<'a> {
-    pub(super) fn new(map: Map, tolerance: f64, lines: &'a mut Lines) -> Self {
+    pub(super) fn new(map: SpaceMap, tolerance: f64, lines: &'a mut Polylines) -> Self {
         let z = [f64::INFINITY, f64::NEG_INFINITY];
         Self { map, tolerance, lines, start: [0.0; 3], at: [0.0; 3], stop: None, has_dots: false, z }
     }
 
     pub(super) fn move_to(&mut self, p: Point) {
         self.end_line();
-        (self.start, self.at) = (p, p);
+        self.start = p;
+        self.at = p;
     }
 
     pub(super) fn line_to(&mut self, p: Point) {
@@ -132,9 +142,8 @@ impl<'a> Outline<'a> {
         }
     }
 
-    /// What runs beside an arc of a circle, at distances from its centre that change evenly from one end to the
-    /// other; from the end of the arc to its start where it is not to go forward.
-    pub(super) fn spiral(&mut self, arc: &Arc, radii: [f64; 2], forward: bool) {
+    /// What runs beside an arc of a circle, at distances from its centre that change evenly from one end to the other.
+    pub(super) fn spiral(&mut self, arc: &Arc, radii: [f64; 2], heading: Heading) {
         let [a, b] = [arc.a, arc.b].map(|v| self.map.along(v));
         let [r, s] = radii.map(|v| v / length(arc.a));
         // |p''| over the angle is at most r + 2 r', times the stretch of the map.
@@ -145,9 +154,12 @@ impl<'a> Outline<'a> {
             return;
         }
         for k in 0..=steps as usize {
-            let t = if forward { k as f64 / steps } else { 1.0 - k as f64 / steps };
-            let on = sub(arc.at(arc.start + arc.by * t), arc.centre);
-            self.line_to(add(arc.centre, times(on, r + (s - r) * t)));
+            let t = match heading {
+                Heading::AlongArc => k as f64 / steps,
+                Heading::AgainstArc => 1.0 - k as f64 / steps,
+            };
+            let from_centre = sub(arc.at(arc.start + arc.by * t), arc.centre);
+            self.line_to(add(arc.centre, times(from_centre, r + (s - r) * t)));
         }
     }
 
@@ -175,9 +187,10 @@ impl<'a> Outline<'a> {
             let piece = piece.mapped(self.map);
             let start = piece.start();
             let tail = self.lines.tail();
-            let joins =
-                self.lines.points[tail..].last().is_some_and(|p| (p[0] - start[0]).hypot(p[1] - start[1]) < 1e-6);
-            if !joins {
+            // Pieces of one spline meet but for the noise of f64; a gap in xy begins another line.
+            let is_joined =
+                self.lines.points[tail..].last().is_some_and(|p| (p[0] - start[0]).hypot(p[1] - start[1]) < NM);
+            if !is_joined {
                 self.end_line();
                 self.put_mm(start);
             }
@@ -187,6 +200,7 @@ impl<'a> Outline<'a> {
 
     /// Halves a curve in mm until each part is as good as its chord.
     fn flatten(&mut self, curve: Bezier) {
+        // The parts that are not put down yet, the next one last, each with how often it was halved.
         let mut rest = vec![(curve, 0)];
         while let Some((curve, depth)) = rest.pop() {
             if self.stop.is_some() {
@@ -203,11 +217,11 @@ impl<'a> Outline<'a> {
     }
 
     /// Ends the entity; or says why it could not be drawn.
-    pub(super) fn end(mut self) -> Result<Drawn, Stop> {
+    pub(super) fn end(mut self) -> Result<OutlineReport, Stop> {
         self.end_line();
         match self.stop {
             Some(stop) => Err(stop),
-            None => Ok(Drawn { has_dots: self.has_dots, z: self.z }),
+            None => Ok(OutlineReport { has_dots: self.has_dots, z: self.z }),
         }
     }
 
@@ -269,8 +283,8 @@ mod tests {
     use super::*;
     use terrace_core::random::Random;
 
-    fn drawn(map: Map, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Lines {
-        let mut lines = Lines::default();
+    fn drawn(map: SpaceMap, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Polylines {
+        let mut lines = Polylines::default();
         let mut outline = Outline::new(map, tolerance, &mut lines);
         draw(&mut outline);
         outline.end().expect("drawn");
@@ -282,7 +296,7 @@ mod tests {
         for seed in 0..60 {
             let mut noise = Random::case(seed);
             let mut point = || [0; 3].map(|_| noise.range(-10.0, 10.0));
-            let map = Map::of_extrusion(point()).after(Map::scale(point()));
+            let map = SpaceMap::of_extrusion(point()).after(SpaceMap::scale(point()));
             let arc = Arc { centre: point(), a: point(), b: point(), start: 1.0, by: point()[0] / 2.0 };
             let tolerance = 10f64.powf(point()[1] / 5.0 - 2.0);
             let lines = drawn(map, tolerance, |o| o.arc(&arc));
@@ -322,9 +336,9 @@ mod tests {
     #[test]
     fn whole_circles_close_exactly_and_bulges_end_on_their_vertices() {
         let circle = Arc { centre: [0.1; 3], a: [0.3, 0.0, 0.0], b: [0.0, 0.3, 0.0], start: 0.7, by: TAU };
-        let lines = drawn(Map::turn(33.0), 1e-4, |o| o.arc(&circle));
+        let lines = drawn(SpaceMap::turn(33.0), 1e-4, |o| o.arc(&circle));
         assert_eq!(lines.get(0).first(), lines.get(0).last());
-        let lines = drawn(Map::scale([1.0; 3]), 1e-4, |o| {
+        let lines = drawn(SpaceMap::scale([1.0; 3]), 1e-4, |o| {
             o.move_to([0.1, 0.2, 0.0]);
             assert!(o.bulge_to([0.7, 0.9, 0.0], 0.4) && o.bulge_to([0.7, 0.9, 0.0], 1.0));
             assert!(!o.bulge_to([1.7, 0.9, 0.0], 1e308), "drawn straight, and said so");

@@ -5,7 +5,7 @@
 //! the other above; so a corner on a line counts once or not at all, and crossings come in pairs.
 
 use crate::texture::artwork::{MAX_POINTS, Stop};
-use crate::texture::clip::Lines;
+use crate::texture::clip::Polylines;
 use crate::texture::place::{LEAST, NM};
 
 /// Most crossings of the lines of a family with the boundary: they are held to be sorted.
@@ -20,9 +20,9 @@ pub(super) struct Ruling<'a> {
     pub(super) dashes: &'a [f64],
 }
 
-/// What came of a family.
+/// What is reported of a family of lines that was drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Ruled {
+pub(super) struct RulingReport {
     /// Whether the lines have no direction or no distance.
     pub(super) is_faulty: bool,
     /// Whether the pattern has dots, which are left out.
@@ -31,71 +31,102 @@ pub(super) struct Ruled {
     pub(super) crossings: usize,
 }
 
+/// A point as p = base + t direction + s offset: where an edge crosses line s, or an end of an edge.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    s: f64,
+    t: f64,
+}
+
 impl Ruling<'_> {
     /// Appends the lines inside the closed rings.
     ///
     /// # Errors
     /// [`Stop::Full`].
-    pub(super) fn draw<'r>(&self, rings: impl Iterator<Item = &'r [[f64; 2]]>, out: &mut Lines) -> Result<Ruled, Stop> {
-        let [d, o] = [self.direction, self.offset];
-        let area = d[0] * o[1] - d[1] * o[0];
-        let distance = area.abs() / d[0].hypot(d[1]);
+    pub(super) fn draw<'r>(
+        &self,
+        rings: impl Iterator<Item = &'r [[f64; 2]]>,
+        out: &mut Polylines,
+    ) -> Result<RulingReport, Stop> {
+        let area = self.area();
+        let distance = area.abs() / self.direction[0].hypot(self.direction[1]);
         // Lines closer than a nanometre would fill memory, not areas.
         if distance.is_nan() || distance < NM {
-            return Ok(Ruled { is_faulty: true, ..Ruled::default() });
+            return Ok(RulingReport { is_faulty: true, ..RulingReport::default() });
         }
-        let coordinates = |[x, y]: [f64; 2]| {
-            let v = [x - self.base[0], y - self.base[1]];
-            let s = (d[0] * v[1] - d[1] * v[0]) / area;
-            // Noise must not decide which lines touch an edge along them.
-            let s = if (s - s.round()).abs() < 1e-9 { s.round() } else { s };
-            [s, (v[0] * o[1] - v[1] * o[0]) / area]
-        };
-        let mut crossings: Vec<(f64, f64)> = Vec::new();
+        let crossings = self.crossings(rings, area)?;
+        let mut report = RulingReport { crossings: crossings.len(), ..RulingReport::default() };
+        for pair in crossings.chunks_exact(2) {
+            report.has_dots |= self.dash(pair[0].s, [pair[0].t, pair[1].t], out)?;
+        }
+        Ok(report)
+    }
+
+    /// The cross product of direction and offset.
+    fn area(&self) -> f64 {
+        let [d, o] = [self.direction, self.offset];
+        d[0] * o[1] - d[1] * o[0]
+    }
+
+    /// Where the lines cross the edges of closed rings, line by line and along each; `area` is [`Self::area`].
+    fn crossings<'r>(&self, rings: impl Iterator<Item = &'r [[f64; 2]]>, area: f64) -> Result<Vec<Crossing>, Stop> {
+        let mut crossings: Vec<Crossing> = Vec::new();
         for ring in rings {
             for i in 0..ring.len() {
-                let [a, b] = [ring[i], ring[(i + 1) % ring.len()]].map(coordinates);
-                let [lo, hi] = if a[0] < b[0] { [a, b] } else { [b, a] };
-                let (first, last) = (lo[0].ceil(), hi[0].ceil() - 1.0);
+                let [a, b] = [ring[i], ring[(i + 1) % ring.len()]].map(|p| self.coordinates(p, area));
+                let [lo, hi] = if a.s < b.s { [a, b] } else { [b, a] };
+                // A line through the lower end crosses the edge, one through the upper end does not.
+                let first = lo.s.ceil();
+                let last = hi.s.ceil() - 1.0;
                 if crossings.len() as f64 + (last - first).max(0.0) > MAX_CROSSINGS {
                     return Err(Stop::Full);
                 }
                 let n = if last < first { 0 } else { (last - first) as usize + 1 };
                 crossings.extend((0..n).map(|k| {
                     let s = first + k as f64;
-                    (s, lo[1] + (hi[1] - lo[1]) * ((s - lo[0]) / (hi[0] - lo[0])))
+                    Crossing { s, t: lo.t + (hi.t - lo.t) * ((s - lo.s) / (hi.s - lo.s)) }
                 }));
             }
         }
-        crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut ruled = Ruled { crossings: crossings.len(), ..Ruled::default() };
-        for pair in crossings.chunks_exact(2) {
-            ruled.has_dots |= self.dash(pair[0].0, [pair[0].1, pair[1].1], out)?;
+        crossings.sort_unstable_by(|a, b| a.s.total_cmp(&b.s).then(a.t.total_cmp(&b.t)));
+        Ok(crossings)
+    }
+
+    /// The line and the place along it on which a point lies.
+    fn coordinates(&self, [x, y]: [f64; 2], area: f64) -> Crossing {
+        let [d, o] = [self.direction, self.offset];
+        let v = [x - self.base[0], y - self.base[1]];
+        let s = (d[0] * v[1] - d[1] * v[0]) / area;
+        // Noise must not decide which lines touch an edge along them.
+        let s = if (s - s.round()).abs() < 1e-9 { s.round() } else { s };
+        Crossing { s, t: (v[0] * o[1] - v[1] * o[0]) / area }
+    }
+
+    /// Appends line s from t0 to t1, unless it is too short to be marked; a unit of t has the length `scale`, mm.
+    fn push(&self, s: f64, [t0, t1]: [f64; 2], scale: f64, out: &mut Polylines) -> Result<(), Stop> {
+        if (t1 - t0) * scale < LEAST {
+            return Ok(());
         }
-        Ok(ruled)
+        if out.points.len() + 2 > MAX_POINTS {
+            return Err(Stop::Full);
+        }
+        let at = |t: f64| [0, 1].map(|k| self.base[k] + t * self.direction[k] + s * self.offset[k]);
+        out.push(&[at(t0), at(t1)]);
+        Ok(())
     }
 
     /// Appends the dashes of line s from t0 to t1; returns whether dots were left out.
-    fn dash(&self, s: f64, [t0, t1]: [f64; 2], out: &mut Lines) -> Result<bool, Stop> {
+    fn dash(&self, s: f64, [t0, t1]: [f64; 2], out: &mut Polylines) -> Result<bool, Stop> {
         let scale = self.direction[0].hypot(self.direction[1]);
-        let mut put = |from: f64, to: f64| {
-            if (to - from) * scale < LEAST {
-                return Ok(());
-            }
-            if out.points.len() + 2 > MAX_POINTS {
-                return Err(Stop::Full);
-            }
-            let at = |t: f64| [0, 1].map(|k| self.base[k] + t * self.direction[k] + s * self.offset[k]);
-            out.push(&[at(from), at(to)]);
-            Ok(())
-        };
         let period: f64 = self.dashes.iter().map(|d| d.abs()).sum();
+        // Without dashes, or with ones too short to be marked, the line is drawn whole.
         if period * scale < LEAST {
-            put(t0, t1)?;
+            self.push(s, [t0, t1], scale, out)?;
             return Ok(false);
         }
         let has_dots = self.dashes.contains(&0.0);
-        let (first, last) = ((t0 / period).floor(), (t1 / period).floor());
+        let first = (t0 / period).floor();
+        let last = (t1 / period).floor();
         if last - first >= MAX_POINTS as f64 {
             return Err(Stop::Full);
         }
@@ -109,8 +140,8 @@ impl Ruling<'_> {
                 if dash > 0.0 && from < to {
                     open = match open {
                         Some([a, b]) if (from - b).abs() <= 1e-9 * period => Some([a, to]),
-                        Some([a, b]) => {
-                            put(a, b)?;
+                        Some(ended) => {
+                            self.push(s, ended, scale, out)?;
                             Some([from, to])
                         }
                         None => Some([from, to]),
@@ -119,8 +150,8 @@ impl Ruling<'_> {
                 at = end;
             }
         }
-        if let Some([a, b]) = open {
-            put(a, b)?;
+        if let Some(ended) = open {
+            self.push(s, ended, scale, out)?;
         }
         Ok(has_dots)
     }
@@ -133,8 +164,8 @@ mod tests {
     const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
     const HOLE: [[f64; 2]; 4] = [[4.0, 4.0], [6.0, 4.0], [6.0, 6.0], [4.0, 6.0]];
 
-    fn drawn(ruling: &Ruling<'_>, rings: &[&[[f64; 2]]]) -> (Ruled, Vec<[[f64; 2]; 2]>) {
-        let mut lines = Lines::default();
+    fn drawn(ruling: &Ruling<'_>, rings: &[&[[f64; 2]]]) -> (RulingReport, Vec<[[f64; 2]; 2]>) {
+        let mut lines = Polylines::default();
         let ruled = ruling.draw(rings.iter().copied(), &mut lines).expect("drawn");
         (ruled, lines.iter().map(|l| [l[0], l[1]]).collect())
     }
@@ -175,10 +206,10 @@ mod tests {
         assert!(ruled.is_faulty && lines.is_empty(), "all lines are one");
         let (ruled, _) = drawn(&ruling([0.0, 1e-7], &[]), &[&SQUARE]);
         assert!(ruled.is_faulty, "a tenth of a nanometre apart");
-        let mut lines = Lines::default();
+        let mut lines = Polylines::default();
         assert_eq!(ruling([0.0, 1.1e-6], &[]).draw([&SQUARE[..]].into_iter(), &mut lines), Err(Stop::Full));
         let large = SQUARE.map(|p| p.map(|v| 10.0 * v));
-        let mut lines = Lines::default();
+        let mut lines = Polylines::default();
         assert_eq!(ruling([0.0, 1.0], &[1.5e-6, -1.5e-6]).draw([&large[..]].into_iter(), &mut lines), Err(Stop::Full));
     }
 }

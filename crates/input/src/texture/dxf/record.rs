@@ -1,13 +1,13 @@
 //! The tags of one entity or table row, by their group codes.
 
 use super::space::Point;
-use super::tags::{At, Fault, Tag};
+use super::tags::{Fault, Tag, TagPlace};
 
 /// The tags from one of group 0 to the next.
 pub(super) struct Record<'a, 'r> {
     /// What it is, such as `LINE`.
     pub(super) kind: &'a [u8],
-    pub(super) at: At,
+    pub(super) at: TagPlace,
     pub(super) tags: &'r [Tag<'a>],
 }
 

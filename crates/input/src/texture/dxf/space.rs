@@ -7,12 +7,12 @@ pub(super) const Z: Point = [0.0, 0.0, 1.0];
 
 /// An affine map: the images of the axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Map {
+pub(super) struct SpaceMap {
     axes: [Point; 3],
     origin: Point,
 }
 
-impl Map {
+impl SpaceMap {
     pub(super) const fn scale([x, y, z]: Point) -> Self {
         Self { axes: [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]], origin: [0.0; 3] }
     }
@@ -122,13 +122,13 @@ mod tests {
 
     #[test]
     fn extrusion_maps_are_right_handed_and_mirror_x_where_it_points_down() {
-        let down = Map::of_extrusion([0.0, 0.0, -1.0]);
+        let down = SpaceMap::of_extrusion([0.0, 0.0, -1.0]);
         assert_eq!(down.at([10.0, 3.0, 1.0]), [-10.0, 3.0, -1.0]);
         for n in [[1.0, 2.0, 3.0], [0.001, 0.0, 5.0], [0.0, -1.0, 0.0], [0.3, 0.0, -1.0]] {
-            let m = Map::of_extrusion(n);
+            let m = SpaceMap::of_extrusion(n);
             let [x, y, z] = m.axes;
             assert!(length(sub(cross(x, y), z)) < 1e-15 && length(sub(z, unit(n).expect("a direction"))) < 1e-15);
         }
-        assert_eq!(Map::of_extrusion([0.0; 3]), Map::scale([1.0; 3]), "no direction");
+        assert_eq!(SpaceMap::of_extrusion([0.0; 3]), SpaceMap::scale([1.0; 3]), "no direction");
     }
 }

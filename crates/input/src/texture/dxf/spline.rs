@@ -1,6 +1,6 @@
 //! B-splines as Bézier curves: rational or not, clamped or not, from control points or through fit points.
 
-use super::space::{Map, Point, add, length, sub, times, unit};
+use super::space::{Point, SpaceMap, add, length, sub, times, unit};
 
 /// Highest degree that is read; drawing programs write 3, rarely up to 11.
 const MAX_DEGREE: usize = 25;
@@ -32,14 +32,15 @@ impl Spline {
         if self.control.is_empty() {
             return through(&self.fit, self.tangents);
         }
-        let (p, n) = (self.degree, self.control.len());
-        let sound = (1..=MAX_DEGREE).contains(&p)
+        let p = self.degree;
+        let n = self.control.len();
+        let is_sound = (1..=MAX_DEGREE).contains(&p)
             && n > p
             && (self.knots.is_empty() || self.knots.len() == n + p + 1)
             && (self.weights.is_empty() || self.weights.len() == n)
             && self.knots.windows(2).all(|k| k[0] <= k[1])
             && self.weights.iter().all(|&w| w > 0.0);
-        if !sound {
+        if !is_sound {
             return None;
         }
         // Without knots: clamped and even.
@@ -48,7 +49,8 @@ impl Spline {
         let weight = |i: usize| self.weights.get(i).copied().unwrap_or(1.0);
         let control: Vec<[f64; 4]> = (0..n)
             .map(|i| {
-                let (w, [x, y, z]) = (weight(i), self.control[i]);
+                let w = weight(i);
+                let [x, y, z] = self.control[i];
                 [w * x, w * y, w * z, w]
             })
             .collect();
@@ -71,7 +73,8 @@ fn span(knots: &[f64], control: &[[f64; 4]], p: usize, k: usize) -> Vec<[f64; 4]
                 // j of the p parameters are the upper end.
                 let t = if r <= j { knots[k + 1] } else { knots[k] };
                 for i in (r..=p).rev() {
-                    let (lo, hi) = (knots[k + i - p], knots[k + 1 + i - r]);
+                    let lo = knots[k + i - p];
+                    let hi = knots[k + 1 + i - r];
                     let s = (t - lo) / (hi - lo);
                     d[i] = between(d[i - 1], d[i], s);
                 }
@@ -91,19 +94,33 @@ fn through(points: &[Point], tangents: Option<[Point; 2]>) -> Option<Vec<Bezier>
     let slope: Vec<Point> = (0..n).map(|i| times(sub(q[i + 1], q[i]), 1.0 / h[i])).collect();
     // First derivatives m at the points: curvature is continuous, a tridiagonal system.
     let ends = tangents.and_then(|[a, b]| Some([unit(a)?, unit(b)?]));
-    let (mut diagonal, mut upper, mut m) = (vec![1.0; n + 1], vec![0.0; n + 1], vec![[0.0; 3]; n + 1]);
     let mut lower = vec![0.0; n + 1];
+    let mut diagonal = vec![1.0; n + 1];
+    let mut upper = vec![0.0; n + 1];
+    let mut m = vec![[0.0; 3]; n + 1];
     match ends {
-        Some([a, b]) => (m[0], m[n]) = (a, b),
+        Some([a, b]) => {
+            m[0] = a;
+            m[n] = b;
+        }
+        // No second derivative at an end: 2 m0 + m1 = 3 times the first slope.
         None => {
-            (diagonal[0], upper[0], m[0]) = (2.0, 1.0, times(slope[0], 3.0));
-            (diagonal[n], lower[n], m[n]) = (2.0, 1.0, times(slope[n - 1], 3.0));
+            diagonal[0] = 2.0;
+            upper[0] = 1.0;
+            m[0] = times(slope[0], 3.0);
+            diagonal[n] = 2.0;
+            lower[n] = 1.0;
+            m[n] = times(slope[n - 1], 3.0);
         }
     }
+    // The second derivatives of the cubics before and after a point are one.
     for i in 1..n {
-        (lower[i], diagonal[i], upper[i]) = (h[i], 2.0 * (h[i - 1] + h[i]), h[i - 1]);
+        lower[i] = h[i];
+        diagonal[i] = 2.0 * (h[i - 1] + h[i]);
+        upper[i] = h[i - 1];
         m[i] = times(add(times(slope[i - 1], h[i]), times(slope[i], h[i - 1])), 3.0);
     }
+    // Elimination without pivots: the diagonal dominates.
     for i in 1..=n {
         let f = lower[i] / diagonal[i - 1];
         diagonal[i] -= f * upper[i - 1];
@@ -113,13 +130,7 @@ fn through(points: &[Point], tangents: Option<[Point; 2]>) -> Option<Vec<Bezier>
     for i in (0..n).rev() {
         m[i] = times(sub(m[i], times(m[i + 1], upper[i])), 1.0 / diagonal[i]);
     }
-    let homogeneous = |[x, y, z]: Point| [x, y, z, 1.0];
-    let piece = |i: usize| {
-        let third = h[i] / 3.0;
-        let (a, b) = (add(q[i], times(m[i], third)), sub(q[i + 1], times(m[i + 1], third)));
-        Bezier([q[i], a, b, q[i + 1]].map(homogeneous).to_vec())
-    };
-    let pieces: Vec<Bezier> = (0..n).map(piece).collect();
+    let pieces: Vec<Bezier> = (0..n).map(|i| Bezier::hermite([q[i], q[i + 1]], [m[i], m[i + 1]], h[i])).collect();
     pieces.iter().flat_map(|b| &b.0).flatten().all(|v| v.is_finite()).then_some(pieces)
 }
 
@@ -128,7 +139,15 @@ fn through(points: &[Point], tangents: Option<[Point; 2]>) -> Option<Vec<Bezier>
 pub(super) struct Bezier(Vec<[f64; 4]>);
 
 impl Bezier {
-    pub(super) fn mapped(&self, map: Map) -> Self {
+    /// The cubic between two points with these derivatives at them by a parameter that runs over `h`.
+    fn hermite(ends: [Point; 2], derivatives: [Point; 2], h: f64) -> Self {
+        let third = h / 3.0;
+        let a = add(ends[0], times(derivatives[0], third));
+        let b = sub(ends[1], times(derivatives[1], third));
+        Self([ends[0], a, b, ends[1]].map(|[x, y, z]| [x, y, z, 1.0]).to_vec())
+    }
+
+    pub(super) fn mapped(&self, map: SpaceMap) -> Self {
         let image = |&[x, y, z, w]: &[f64; 4]| {
             let [x, y, z] = map.at([x / w, y / w, z / w]);
             [w * x, w * y, w * z, w]
@@ -146,7 +165,8 @@ impl Bezier {
 
     /// Whether all control points, and so the whole curve, lie this near to the chord.
     pub(super) fn is_flat(&self, tolerance: f64) -> bool {
-        let (a, b) = (self.start(), self.end());
+        let a = self.start();
+        let b = self.end();
         let d = sub(b, a);
         let square = super::space::dot(d, d);
         self.0.iter().all(|&p| {
@@ -159,7 +179,8 @@ impl Bezier {
     /// The two halves (de Casteljau).
     pub(super) fn halves(&self) -> [Self; 2] {
         let mut row = self.0.clone();
-        let (mut first, mut second) = (vec![row[0]], vec![row[row.len() - 1]]);
+        let mut first = vec![row[0]];
+        let mut second = vec![row[row.len() - 1]];
         while row.len() > 1 {
             row = row.windows(2).map(|w| between(w[0], w[1], 0.5)).collect();
             first.push(row[0]);

@@ -18,7 +18,7 @@ const MAX_NAME: usize = 255;
 pub(super) type Fault = Box<Diag>;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Value<'a> {
+pub(super) enum TagValue<'a> {
     Text(&'a [u8]),
     Real(f64),
     Whole(i64),
@@ -28,19 +28,19 @@ pub(super) enum Value<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tag<'a> {
     pub(super) code: i32,
-    pub(super) value: Value<'a>,
+    pub(super) value: TagValue<'a>,
     /// Where its value stands.
-    pub(super) at: At,
+    pub(super) at: TagPlace,
 }
 
 /// A place in the file: a line of text, from 1, or a byte of a binary file, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum At {
+pub(super) enum TagPlace {
     Line(u32),
     Byte(u32),
 }
 
-impl std::fmt::Display for At {
+impl std::fmt::Display for TagPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Line(n) => write!(f, "line {n}"),
@@ -49,7 +49,7 @@ impl std::fmt::Display for At {
     }
 }
 
-impl At {
+impl TagPlace {
     /// An error at this place. The name of the file is added by the caller of the reader.
     pub(super) fn fault(self, code: &'static str, text: &str) -> Diag {
         match self {
@@ -66,9 +66,9 @@ impl<'a> Tag<'a> {
     /// `dxf-number`.
     pub(super) fn real(&self) -> Result<f64, Fault> {
         let number = match self.value {
-            Value::Real(x) => Some(x),
-            Value::Whole(i) => Some(i as f64),
-            Value::Text(text) => parsed::<f64>(text),
+            TagValue::Real(x) => Some(x),
+            TagValue::Whole(i) => Some(i as f64),
+            TagValue::Text(text) => parsed::<f64>(text),
         };
         number.filter(|x| x.is_finite()).ok_or_else(|| self.no_number())
     }
@@ -79,9 +79,9 @@ impl<'a> Tag<'a> {
     /// `dxf-number`.
     pub(super) fn whole(&self) -> Result<i64, Fault> {
         let number = match self.value {
-            Value::Whole(i) => Some(i),
-            Value::Real(x) => Some(x as i64),
-            Value::Text(text) => parsed::<i64>(text)
+            TagValue::Whole(i) => Some(i),
+            TagValue::Real(x) => Some(x as i64),
+            TagValue::Text(text) => parsed::<i64>(text)
                 .or_else(|| parsed::<f64>(text).filter(|x| x.is_finite() && x.fract() == 0.0).map(|x| x as i64)),
         };
         number.ok_or_else(|| self.no_number())
@@ -90,7 +90,7 @@ impl<'a> Tag<'a> {
     /// The value as bytes without blanks around it.
     pub(super) fn bytes(&self) -> &'a [u8] {
         match self.value {
-            Value::Text(text) => text.trim_ascii(),
+            TagValue::Text(text) => text.trim_ascii(),
             _ => b"",
         }
     }
@@ -107,9 +107,9 @@ impl<'a> Tag<'a> {
 
     fn no_number(&self) -> Fault {
         let value = match self.value {
-            Value::Text(_) => format!("{:?}", self.text().chars().take(40).collect::<String>()),
-            Value::Real(x) => x.to_string(),
-            Value::Whole(i) => i.to_string(),
+            TagValue::Text(_) => format!("{:?}", self.text().chars().take(40).collect::<String>()),
+            TagValue::Real(x) => x.to_string(),
+            TagValue::Whole(i) => i.to_string(),
         };
         let text = format!("group {} has the value {value}, which is not a finite number", self.code);
         self.at
@@ -153,11 +153,11 @@ pub(super) struct Tags<'a> {
     pos: usize,
     /// The number of lines before it.
     line: u32,
-    form: Form,
+    form: FileForm,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
+enum FileForm {
     /// Lines that end in this byte.
     Text(u8),
     /// Group codes of one byte.
@@ -170,12 +170,12 @@ impl<'a> Tags<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         if let Some(data) = bytes.strip_prefix(BINARY) {
             // The first group code is 0, and the text after it is not empty.
-            let form = if data.starts_with(&[0, 0]) { Form::R13 } else { Form::R12 };
+            let form = if data.starts_with(&[0, 0]) { FileForm::R13 } else { FileForm::R12 };
             return Self { bytes, pos: BINARY.len(), line: 0, form };
         }
         let start = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) { 3 } else { 0 };
         let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
-        Self { bytes, pos: start, line: 0, form: Form::Text(end) }
+        Self { bytes, pos: start, line: 0, form: FileForm::Text(end) }
     }
 
     /// The next tag; None at the end of the file.
@@ -184,23 +184,23 @@ impl<'a> Tags<'a> {
     /// `dxf-syntax` where there is no group code, or no value after it.
     pub(super) fn next(&mut self) -> Result<Option<Tag<'a>>, Fault> {
         match self.form {
-            Form::Text(end) => self.text_tag(end),
-            Form::R12 | Form::R13 => self.binary_tag(),
+            FileForm::Text(end) => self.text_tag(end),
+            FileForm::R12 | FileForm::R13 => self.binary_tag(),
         }
     }
 
     fn text_tag(&mut self, end: u8) -> Result<Option<Tag<'a>>, Fault> {
         let Some(line) = self.line(end) else { return Ok(None) };
-        let at = At::Line(self.line);
+        let at = TagPlace::Line(self.line);
         let Some(code) = parsed::<i32>(line).filter(|c| (-9999..=9999).contains(c)) else {
             let rest = self.bytes.get(self.pos..).unwrap_or_default();
             if line.trim_ascii().is_empty() && rest.trim_ascii().is_empty() {
                 return Ok(None);
             }
-            let found = Tag { code: 0, value: Value::Text(line), at };
-            let found: String = found.text().chars().take(40).collect();
+            let line = Tag { code: 0, value: TagValue::Text(line), at };
+            let shown: String = line.text().chars().take(40).collect();
             return Err(at
-                .fault("dxf-syntax", &format!("{found:?} stands where a group code, a whole number, is expected"))
+                .fault("dxf-syntax", &format!("{shown:?} stands where a group code, a whole number, is expected"))
                 .hint(EXPORT)
                 .into());
         };
@@ -210,7 +210,7 @@ impl<'a> Tags<'a> {
                 .hint(EXPORT)
                 .into());
         };
-        Ok(Some(Tag { code, value: Value::Text(value), at: At::Line(self.line) }))
+        Ok(Some(Tag { code, value: TagValue::Text(value), at: TagPlace::Line(self.line) }))
     }
 
     fn line(&mut self, end: u8) -> Option<&'a [u8]> {
@@ -226,7 +226,7 @@ impl<'a> Tags<'a> {
         if self.pos >= self.bytes.len() {
             return Ok(None);
         }
-        let at = At::Byte(u32::try_from(self.pos).unwrap_or(u32::MAX));
+        let at = TagPlace::Byte(u32::try_from(self.pos).unwrap_or(u32::MAX));
         let cut = || -> Fault { at.fault("dxf-syntax", "the file ends within a tag").hint(EXPORT).into() };
         let code = self.binary_code().ok_or_else(cut)?;
         let value = match code {
@@ -240,17 +240,19 @@ impl<'a> Tags<'a> {
             | 470..=489
             | 999
             | 1000..=1003
-            | 1005..=1009 => self.binary_text().map(Value::Text),
+            | 1005..=1009 => self.binary_text().map(TagValue::Text),
             10..=59 | 110..=149 | 210..=239 | 460..=469 | 1010..=1059 => {
-                self.take().map(|b| Value::Real(f64::from_le_bytes(b)))
+                self.take().map(|b| TagValue::Real(f64::from_le_bytes(b)))
             }
             60..=79 | 170..=179 | 270..=289 | 370..=389 | 400..=409 | 1060..=1070 => {
-                self.take().map(|b| Value::Whole(i16::from_le_bytes(b).into()))
+                self.take().map(|b| TagValue::Whole(i16::from_le_bytes(b).into()))
             }
-            90..=99 | 420..=429 | 440..=459 | 1071 => self.take().map(|b| Value::Whole(i32::from_le_bytes(b).into())),
-            160..=169 => self.take().map(|b| Value::Whole(i64::from_le_bytes(b))),
-            290..=299 => self.take().map(|[b]| Value::Whole(b.into())),
-            310..=319 | 1004 => self.binary_chunk().map(Value::Text),
+            90..=99 | 420..=429 | 440..=459 | 1071 => {
+                self.take().map(|b| TagValue::Whole(i32::from_le_bytes(b).into()))
+            }
+            160..=169 => self.take().map(|b| TagValue::Whole(i64::from_le_bytes(b))),
+            290..=299 => self.take().map(|[b]| TagValue::Whole(b.into())),
+            310..=319 | 1004 => self.binary_chunk().map(TagValue::Text),
             _ => {
                 let text = format!("{code} stands where a group code is expected");
                 return Err(at.fault("dxf-syntax", &text).hint(EXPORT).into());
@@ -260,7 +262,7 @@ impl<'a> Tags<'a> {
     }
 
     fn binary_code(&mut self) -> Option<i32> {
-        if self.form == Form::R13 {
+        if self.form == FileForm::R13 {
             return self.take().map(|b| i16::from_le_bytes(b).into());
         }
         match self.take::<1>()? {

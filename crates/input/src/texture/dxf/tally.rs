@@ -34,115 +34,134 @@ pub(super) enum Issue {
     LineType,
 }
 
-/// Issue, weight, code, sentence after "entities", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 23] = [
-    (Issue::Text, Refused, "dxf-text", "of text have no outlines", "explode text to lines in the drawing program"),
-    (
+/// What is said of an issue.
+struct IssueRow {
+    issue: Issue,
+    weight: Weight,
+    code: &'static str,
+    /// The sentence after "entities".
+    sentence: &'static str,
+    hint: &'static str,
+}
+
+const fn row(issue: Issue, weight: Weight, code: &'static str, sentence: &'static str, hint: &'static str) -> IssueRow {
+    IssueRow { issue, weight, code, sentence, hint }
+}
+
+const ISSUES: [IssueRow; 23] = [
+    row(Issue::Text, Refused, "dxf-text", "of text have no outlines", "explode text to lines in the drawing program"),
+    row(
         Issue::Dimension,
         Refused,
         "dxf-dimension",
         "are dimensions or leaders",
         "explode them in the drawing program, or hide their layer",
     ),
-    (
+    row(
         Issue::Image,
         Refused,
         "dxf-image",
         "are images, wipeouts or embedded documents",
         "trace images in the drawing program; trim what a wipeout covers",
     ),
-    (
+    row(
         Issue::Mesh,
         Refused,
         "dxf-mesh",
         "are faces, meshes, regions or solids",
         "draw their edges as lines, or use them as the surface",
     ),
-    (Issue::Infinite, Refused, "dxf-infinite", "are endless lines", "draw lines that end"),
-    (Issue::Mline, Refused, "dxf-mline", "are multilines", "explode them in the drawing program"),
-    (Issue::Unread, Refused, "dxf-unread", "are of types that are not read", "explode them in the drawing program"),
-    (Issue::Gradient, Refused, "dxf-gradient", "are filled by a gradient", "fill them with one colour or a pattern"),
-    (Issue::Dots, Refused, "dxf-pattern-dots", "have a hatch pattern with dots", "use a pattern of lines"),
-    (
+    row(Issue::Infinite, Refused, "dxf-infinite", "are endless lines", "draw lines that end"),
+    row(Issue::Mline, Refused, "dxf-mline", "are multilines", "explode them in the drawing program"),
+    row(Issue::Unread, Refused, "dxf-unread", "are of types that are not read", "explode them in the drawing program"),
+    row(Issue::Gradient, Refused, "dxf-gradient", "are filled by a gradient", "fill them with one colour or a pattern"),
+    row(Issue::Dots, Refused, "dxf-pattern-dots", "have a hatch pattern with dots", "use a pattern of lines"),
+    row(
         Issue::Width,
         Told,
         "dxf-width",
         "are wide polylines with corners that are sharp, between different widths or narrower than the width: there the area may differ",
         "round these corners, or draw the outline",
     ),
-    (Issue::Dash, Refused, "dxf-dash", "have a dashed line type", "use the line type Continuous, or draw the dashes"),
-    (
+    row(
+        Issue::Dash,
+        Refused,
+        "dxf-dash",
+        "have a dashed line type",
+        "use the line type Continuous, or draw the dashes",
+    ),
+    row(
         Issue::Block,
         Told,
         "dxf-block",
         "insert a block that is missing or in another file, and are not marked",
         "bind external references, or remove the inserts",
     ),
-    (
+    row(
         Issue::Clip,
         Refused,
         "dxf-clip",
         "are clips of inserted blocks, which are not applied",
         "explode and trim the blocks in the drawing program",
     ),
-    (
+    row(
         Issue::Fault,
         Told,
         "dxf-fault",
         "have a faulty description, such as a radius of 0 or too few knots, and are not marked",
         "repair them in the drawing program",
     ),
-    (
+    row(
         Issue::Bulge,
         Told,
         "dxf-bulge",
         "have arcs of a radius beyond 1000 km; these are marked as straight lines",
         "repair them in the drawing program",
     ),
-    (
+    row(
         Issue::Hidden,
         Told,
         "dxf-hidden",
         "are invisible or on layers that are frozen or off, and are not marked",
         "show them, or ignore this",
     ),
-    (
+    row(
         Issue::NoPlot,
         Told,
         "dxf-noplot",
         "are on layers that are shown but not plotted; they are marked",
         "turn these layers off, or ignore this",
     ),
-    (
+    row(
         Issue::Paper,
         Told,
         "dxf-paper",
         "lie in paper space and are not marked",
         "move them to model space, or ignore this",
     ),
-    (
+    row(
         Issue::Dot,
         Told,
         "dxf-dot",
         "have parts without extent, which are not marked",
         "draw them with an extent, or ignore this",
     ),
-    (Issue::Ignored, Told, "dxf-ignored", "that show nothing are left out", "ignore this"),
-    (
+    row(Issue::Ignored, Told, "dxf-ignored", "that show nothing are left out", "ignore this"),
+    row(
         Issue::Outside,
         Told,
         "dxf-outside",
         "stand outside of the sections of the file and are not read",
         "save the drawing again as DXF",
     ),
-    (
+    row(
         Issue::Area,
         Refused,
         "dxf-area",
         "are areas, and space curves have none",
         "draw their borders as lines, or give the drawing as file",
     ),
-    (
+    row(
         Issue::LineType,
         Told,
         "dxf-linetype",
@@ -191,15 +210,20 @@ impl Issue {
     }
 }
 
-/// How often a type was met, and the name of its first entity.
-type Met = (u64, String);
+/// The entities of a type.
+#[derive(Debug)]
+struct Affected {
+    count: u64,
+    /// The name of the first.
+    first: String,
+}
 
 /// Most types of one issue that are told apart; only files made to have more do.
 const MAX_TYPES: usize = 40;
 
 /// Counts per issue and type.
 #[derive(Debug, Default)]
-pub(super) struct Tally([BTreeMap<String, Met>; ISSUES.len()]);
+pub(super) struct Tally([BTreeMap<String, Affected>; ISSUES.len()]);
 
 impl Tally {
     /// Counts one more of a type; `name` is asked for the entity's name only the first time.
@@ -207,8 +231,8 @@ impl Tally {
         let types = &mut self.0[issue as usize];
         let what = if types.len() < MAX_TYPES || types.contains_key(what) { what } else { "others" };
         match types.get_mut(what) {
-            Some((n, _)) => *n += 1,
-            None => drop(types.insert(what.to_owned(), (1, name()))),
+            Some(affected) => affected.count += 1,
+            None => drop(types.insert(what.to_owned(), Affected { count: 1, first: name() })),
         }
     }
 
@@ -216,17 +240,21 @@ impl Tally {
     #[cfg(test)]
     pub(super) fn rows(&self) -> impl Iterator<Item = (&'static str, &str, u64, &str)> {
         let rows = self.0.iter().zip(ISSUES);
-        rows.flat_map(|(types, row)| types.iter().map(move |(what, (n, name))| (row.2, &**what, *n, &**name)))
+        rows.flat_map(|(types, row)| types.iter().map(move |(what, a)| (row.code, &**what, a.count, &*a.first)))
     }
 
     /// One message per issue that was met: errors into `errors`, warnings into `notes`.
     pub(super) fn messages(&self, path: &str, marking: &Marking, errors: &mut Vec<Diag>, notes: &mut Vec<Diag>) {
-        for (types, (_, weight, code, says, hint)) in self.0.iter().zip(ISSUES) {
-            let Some((_, (_, first))) = types.first_key_value() else { continue };
-            let list: Vec<String> =
-                types.iter().map(|(what, (n, name))| format!("{n} {what} (first: {name})")).collect();
-            let (what, list) = (format!("entities {says}"), format!(": {}", list.join(", ")));
-            let place = Place::Element { path: path.to_owned(), element: first.clone() };
+        for IssueRow { issue, weight, code, sentence, hint } in ISSUES {
+            let types = &self.0[issue as usize];
+            let Some((_, first_type)) = types.first_key_value() else { continue };
+            let list: Vec<String> = types
+                .iter()
+                .map(|(what, Affected { count, first })| format!("{count} {what} (first: {first})"))
+                .collect();
+            let what = format!("entities {sentence}");
+            let list = format!(": {}", list.join(", "));
+            let place = Place::Element { path: path.to_owned(), element: first_type.first.clone() };
             match weight {
                 Refused => {
                     let way = if marking.is_lenient { "" } else { ", or leave out their layer by except" };
@@ -246,7 +274,7 @@ mod tests {
     #[test]
     fn warning_table_follows_enum_order() {
         for (i, row) in ISSUES.iter().enumerate() {
-            assert_eq!(row.0 as usize, i);
+            assert_eq!(row.issue as usize, i);
         }
     }
 

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::texture::artwork::{Marking, Rule, StrokeMode};
+use crate::texture::artwork::{Marking, StrokeMode, WindingRule};
 
 /// What becomes of a file: how many shapes, or the code of the error; and the codes of the warnings.
 type Outcome = (Result<usize, &'static str>, &'static [&'static str]);
@@ -33,14 +33,14 @@ fn entities() -> Vec<u8> {
 }
 
 /// In mm, every width that of an area.
-fn how<'a>(path: &'a Path, marking: &'a Marking) -> How<'a> {
-    How { path, unit_mm: None, tolerance: TOLERANCE, widest_line: 0.0, marking }
+fn options<'a>(path: &'a Path, marking: &'a Marking) -> DxfOptions<'a> {
+    DxfOptions { path, unit_mm: None, tolerance: TOLERANCE, widest_line: 0.0, marking }
 }
 
 fn loaded(bytes: &[u8], unit_mm: Option<f64>) -> (Result<Artwork, Error>, Vec<Diag>) {
     let mut notes = Vec::new();
     let marking = lenient();
-    let art = load(bytes, &How { unit_mm, ..how(Path::new("a.dxf"), &marking) }, &mut notes);
+    let art = load(bytes, &DxfOptions { unit_mm, ..options(Path::new("a.dxf"), &marking) }, &mut notes);
     (art, notes)
 }
 
@@ -57,9 +57,9 @@ fn write_json(path: &Path, to: &Path) {
     let bytes = std::fs::read(path).expect("readable");
     let file = file::read(&bytes).expect("read");
     let unit = units::unit_mm(file.unit, file.unit.filter(|&u| u != 0).is_none().then_some(1.0)).expect("a unit");
-    let Walked { art, tally, .. } =
-        walk::walk(&file, unit, &how(path, &Marking::default()), Lines::default()).expect("drawn");
-    let shape = |s: &crate::texture::artwork::Shape| {
+    let DrawnModel { art, tally, .. } =
+        walk::walk(&file, unit, &options(path, &Marking::default()), Polylines::default()).expect("drawn");
+    let shape = |s: &crate::texture::artwork::PaintedShape| {
         let lines: Vec<&[[f64; 2]]> = s.lines.clone().map(|i| art.lines.get(i)).collect();
         serde_json::json!({ "name": art.names[s.name as usize], "lines": lines })
     };
@@ -123,7 +123,7 @@ fn all_drawings_equal_ezdxf_to_a_micrometre() {
 
 // --- What is read
 
-fn shape_of<'a>(art: &'a Artwork, name: &str) -> &'a crate::texture::artwork::Shape {
+fn shape_of<'a>(art: &'a Artwork, name: &str) -> &'a crate::texture::artwork::PaintedShape {
     let found = art.shapes.iter().find(|s| art.names[s.name as usize] == name);
     found.unwrap_or_else(|| panic!("{name} is not among {:?}", art.names))
 }
@@ -178,8 +178,8 @@ fn drawings_keep_their_coordinates_in_mm() {
     let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|k| (a[k] - b[k]).abs() < 1e-12);
     assert!(near(art.size, [101.6, 50.8]) && near(art.corner.expect("a corner"), [-76.2, 177.8]));
     assert_eq!(art.lines.get(0)[0], [0.0, 0.0]);
-    let figures: Vec<Figure> = art.shapes.iter().map(|s| s.figure).collect();
-    assert_eq!(figures, [Figure::Lines, Figure::Fill(Rule::EvenOdd)]);
+    let figures: Vec<ShapeFigure> = art.shapes.iter().map(|s| s.figure).collect();
+    assert_eq!(figures, [ShapeFigure::Lines, ShapeFigure::Fill(WindingRule::EvenOdd)]);
 }
 
 /// The tags of a text file in a binary form.
@@ -277,8 +277,8 @@ fn tolerance_holds_after_all_maps() {
     let text: String = circle.split_whitespace().map(|t| format!("{t}\n")).collect();
     for tolerance in [1e-4, 1e-2] {
         let marking = lenient();
-        let how = How { unit_mm: Some(1.0), tolerance, ..how(Path::new("a"), &marking) };
-        let art = load(text.as_bytes(), &how, &mut Vec::new()).expect("read");
+        let options = DxfOptions { unit_mm: Some(1.0), tolerance, ..options(Path::new("a"), &marking) };
+        let art = load(text.as_bytes(), &options, &mut Vec::new()).expect("read");
         let line = art.lines.get(0);
         let corner = art.corner.expect("a corner");
         let on_ellipse = |p: [f64; 2]| ((p[0] + corner[0]) / 300.0).hypot((p[1] + corner[1]) / 200.0) - 1.0;
@@ -389,7 +389,7 @@ fn text_islands_of_hatches_are_not_filled() {
         ("of the style that ignores what lies inside", 2, [1, 1, 4, 3], 900),
     ] {
         let art = loaded(&hatch(style, &[OUTER, ISLAND, (10, text)]), Some(1.0)).0.expect("read");
-        let rings = crate::texture::artwork::Area::new(art.lines.iter(), Rule::EvenOdd).expect("few");
+        let rings = crate::texture::artwork::PolygonArea::new(art.lines.iter(), WindingRule::EvenOdd).expect("few");
         let twice = |c: &Vec<[f64; 2]>| -> f64 {
             (0..c.len()).map(|i| (c[i], c[(i + 1) % c.len()])).map(|(p, q)| p[0] * q[1] - q[0] * p[1]).sum()
         };
@@ -556,17 +556,17 @@ fn polylines_with_a_width_are_lines_or_areas_as_strokes_are() {
         0 SECTION 2 ENTITIES 0 INSERT 2 c 10 0 20 0 0 INSERT 2 c 10 9 20 0 41 3 42 3 43 3 0 ENDSEC 0 EOF";
     let text: String = text.split_whitespace().map(|t| format!("{t}\n")).collect();
     for (stroke, widest_line, want) in [
-        (StrokeMode::Shown, 0.06, [Figure::Lines, Figure::Stroke]),
-        (StrokeMode::Shown, 0.02, [Figure::Stroke, Figure::Stroke]),
-        (StrokeMode::Centre, 0.0, [Figure::Lines, Figure::Lines]),
-        (StrokeMode::Outline, 0.06, [Figure::Stroke, Figure::Stroke]),
+        (StrokeMode::Shown, 0.06, [ShapeFigure::Lines, ShapeFigure::Stroke]),
+        (StrokeMode::Shown, 0.02, [ShapeFigure::Stroke, ShapeFigure::Stroke]),
+        (StrokeMode::Centre, 0.0, [ShapeFigure::Lines, ShapeFigure::Lines]),
+        (StrokeMode::Outline, 0.06, [ShapeFigure::Stroke, ShapeFigure::Stroke]),
     ] {
         let marking = Marking { stroke, ..Marking::default() };
-        let how = How { unit_mm: Some(1.0), widest_line, ..how(Path::new("a"), &marking) };
-        let art = load(text.as_bytes(), &how, &mut Vec::new()).expect("read");
-        let figures: Vec<Figure> = art.shapes.iter().map(|s| s.figure).collect();
+        let options = DxfOptions { unit_mm: Some(1.0), widest_line, ..options(Path::new("a"), &marking) };
+        let art = load(text.as_bytes(), &options, &mut Vec::new()).expect("read");
+        let figures: Vec<ShapeFigure> = art.shapes.iter().map(|s| s.figure).collect();
         assert_eq!(figures, want, "{stroke:?} {widest_line}");
-        if let [Figure::Lines, _] = want {
+        if let [ShapeFigure::Lines, _] = want {
             let corner = art.corner.expect("a corner");
             let line: Vec<[f64; 2]> = art.lines.get(0).iter().map(|p| [p[0] + corner[0], p[1] + corner[1]]).collect();
             assert_eq!(line, [[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]]);

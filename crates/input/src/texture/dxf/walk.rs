@@ -3,20 +3,21 @@
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-use super::How;
-use super::colour::{BLACK, Paint};
-use super::entity::{Entity, Insert, Kind, LineType, Polyline};
-use super::file::{File, LAYER_0, Layer};
-use super::hatch::{Edge, Fill, Hatch, Path, span};
+use super::DxfOptions;
+use super::colour::{BLACK, EntityPaint};
+use super::entity::{Entity, EntityKind, Insert, LineType, Polyline};
+use super::file::{DxfLayer, File, LAYER_0};
+use super::hatch::{BoundaryEdge, BoundaryPath, Family, Fill, Hatch, span};
 use super::outline::{Arc, Outline};
 use super::pattern::Ruling;
-use super::space::{Map, Point, cross, length, times, unit};
+use super::space::{Point, SpaceMap, cross, length, times, unit};
 use super::tally::{Issue, Tally};
 use super::wide::{areas, hairlines};
 use crate::texture::artwork::{
-    Area, Artwork, Colour, Figure, Labels, MAX_POINTS, Marking, Rule, Shape, Stop, StrokeMode, TooMany,
+    Artwork, Colour, Labels, MAX_POINTS, Marking, PaintedShape, PolygonArea, ShapeFigure, Stop, StrokeMode, TooMany,
+    WindingRule,
 };
-use crate::texture::clip::Lines;
+use crate::texture::clip::Polylines;
 use terrace_core::diag::Diag;
 
 /// Most entities that are drawn, copies by inserts counted one by one.
@@ -29,11 +30,11 @@ const MAX_WORK: usize = 20_000_000;
 /// Deepest nesting of blocks; drawings made by people stay below 10.
 const MAX_DEPTH: usize = 64;
 
-/// What an entity takes from the inserts around it.
+/// What an entity takes from the inserts around it, or shows itself.
 #[derive(Clone, Copy)]
-struct State {
+struct InsertState {
     /// From its coordinates to mm.
-    map: Map,
+    map: SpaceMap,
     /// The layer of entities on layer 0.
     layer: u32,
     /// Colour and dashes of entities that take them from their block.
@@ -43,7 +44,7 @@ struct State {
     chain: u32,
 }
 
-pub(super) struct Walk<'a> {
+pub(super) struct ModelWalk<'a> {
     file: &'a File,
     tolerance: f64,
     widest_line: f64,
@@ -66,10 +67,11 @@ pub(super) struct Walk<'a> {
     names: HashMap<*const Entity, u32>,
 }
 
-type Done = Result<(), Box<Diag>>;
+/// Whether a step of the walk could be done.
+type WalkResult = Result<(), Box<Diag>>;
 
-/// What a drawing came to.
-pub(super) struct Walked {
+/// What model space shows, and what of it is not drawn.
+pub(super) struct DrawnModel {
     pub(super) art: Artwork,
     pub(super) tally: Tally,
     /// Lowest and highest point, mm.
@@ -81,12 +83,17 @@ pub(super) struct Walked {
 ///
 /// # Errors
 /// `dxf-cycle`, `dxf-large`, `texture-far`, `texture-large`.
-pub(super) fn walk(file: &File, unit: f64, how: &How<'_>, lines: Lines) -> Result<Walked, Box<Diag>> {
-    let mut walk = Walk {
+pub(super) fn walk(
+    file: &File,
+    unit: f64,
+    options: &DxfOptions<'_>,
+    lines: Polylines,
+) -> Result<DrawnModel, Box<Diag>> {
+    let mut walk = ModelWalk {
         file,
-        tolerance: how.tolerance,
-        widest_line: how.widest_line,
-        marking: how.marking,
+        tolerance: options.tolerance,
+        widest_line: options.widest_line,
+        marking: options.marking,
         art: Artwork { lines, ..Artwork::default() },
         tally: Tally::default(),
         z: [f64::INFINITY, f64::NEG_INFINITY],
@@ -98,17 +105,18 @@ pub(super) fn walk(file: &File, unit: f64, how: &How<'_>, lines: Lines) -> Resul
         labels: HashMap::new(),
         names: HashMap::new(),
     };
-    let state = State { map: Map::scale([unit; 3]), layer: LAYER_0, colour: BLACK, is_dashed: false, chain: 0 };
+    let state =
+        InsertState { map: SpaceMap::scale([unit; 3]), layer: LAYER_0, colour: BLACK, is_dashed: false, chain: 0 };
     walk.entities(&file.entities, state)?;
-    Ok(Walked { art: walk.art, tally: walk.tally, z: walk.z })
+    Ok(DrawnModel { art: walk.art, tally: walk.tally, z: walk.z })
 }
 
-impl<'a> Walk<'a> {
-    fn entities(&mut self, entities: &'a [Entity], state: State) -> Done {
+impl<'a> ModelWalk<'a> {
+    fn entities(&mut self, entities: &'a [Entity], state: InsertState) -> WalkResult {
         entities.iter().try_for_each(|entity| self.entity(entity, state))
     }
 
-    fn entity(&mut self, entity: &'a Entity, state: State) -> Done {
+    fn entity(&mut self, entity: &'a Entity, state: InsertState) -> WalkResult {
         self.visit(entity, 1)?;
         let number = if entity.layer == LAYER_0 { state.layer } else { entity.layer };
         let layer = &self.file.layers.list[number as usize];
@@ -116,22 +124,23 @@ impl<'a> Walk<'a> {
             return Ok(());
         }
         // A block whose layer is off shows what lies on other layers.
-        let is_off = layer.is_off && !matches!(entity.kind, Kind::Insert(_));
+        let is_off = layer.is_off && !matches!(entity.kind, EntityKind::Insert(_));
         if entity.is_hidden || layer.is_frozen || is_off {
             self.note(Issue::Hidden, entity);
             return Ok(());
         }
-        let (colour, is_dashed) = self.look(entity, layer, state);
+        // What the entity itself is drawn with.
+        let own = self.own_state(entity, layer, InsertState { layer: number, ..state });
         if let Some(name) = self.undefined_line_type(entity, layer) {
             self.tally.add(Issue::LineType, name, || self.file.name(entity));
         }
         let issue = match &entity.kind {
-            Kind::Insert(insert) => {
-                return self.insert(entity, insert, State { layer: number, colour, is_dashed, ..state });
+            EntityKind::Insert(insert) => {
+                return self.insert(entity, insert, own);
             }
-            Kind::Unread(issue) => Some(*issue),
+            EntityKind::Unread(issue) => Some(*issue),
             kind if self.art.lines.is_spatial() && is_area(kind) => Some(Issue::Area),
-            Kind::Hatch(hatch) if hatch.fill == Fill::Gradient => Some(Issue::Gradient),
+            EntityKind::Hatch(hatch) if hatch.fill == Fill::Gradient => Some(Issue::Gradient),
             _ => None,
         };
         if let Some(issue) = issue {
@@ -139,10 +148,9 @@ impl<'a> Walk<'a> {
             return Ok(());
         }
         let first = self.art.lines.len();
-        let look = State { layer: number, colour, is_dashed, ..state };
         let drawn = self.spend(entity.kind.size()).and_then(|()| match &entity.kind {
-            Kind::Polyline(line) if is_wide(line) => self.wide(entity, line, look),
-            _ => self.draw(entity, state.map).map(|figure| self.shape(entity, figure, first, look)),
+            EntityKind::Polyline(line) if is_wide(line) => self.wide(entity, line, own),
+            _ => self.draw(entity, state.map).map(|figure| self.shape(entity, figure, first, own)),
         });
         drawn.map_err(|stop| self.stopped(stop, entity))?;
         if self.art.lines.len() > first && !layer.is_plotted {
@@ -152,24 +160,24 @@ impl<'a> Walk<'a> {
     }
 
     /// Makes a shape of the lines from `first` on, if there are any.
-    fn shape(&mut self, entity: &Entity, figure: Figure, first: usize, look: State) {
+    fn shape(&mut self, entity: &Entity, figure: ShapeFigure, first: usize, own: InsertState) {
         if self.art.lines.len() == first {
             return;
         }
-        if figure == Figure::Lines {
+        if figure == ShapeFigure::Lines {
             self.art.lines.trace_once(first, self.tolerance);
         }
-        if look.is_dashed && !matches!(entity.kind, Kind::Hatch(_) | Kind::Solid(_)) {
+        if own.is_dashed && !matches!(entity.kind, EntityKind::Hatch(_) | EntityKind::Solid(_)) {
             self.note(Issue::Dash, entity);
             if self.marking.is_lenient {
                 self.art.lines.truncate(first);
                 return;
             }
         }
-        let shape = Shape {
+        let shape = PaintedShape {
             name: self.name(entity),
-            labels: self.labels(look.chain, look.layer),
-            colour: look.colour,
+            labels: self.labels(own.chain, own.layer),
+            colour: own.colour,
             opacity: 1.0,
             figure,
             lines: first..self.art.lines.len(),
@@ -180,8 +188,8 @@ impl<'a> Walk<'a> {
 
     /// A polyline of which segments have a width: a line where the job or the spot makes it one; else what has no width
     /// as lines, and the rest as an area over it.
-    fn wide(&mut self, entity: &Entity, line: &Polyline, look: State) -> Result<(), Stop> {
-        let flat = look.map.after(Map::of_extrusion(entity.extrusion));
+    fn wide(&mut self, entity: &Entity, line: &Polyline, own: InsertState) -> Result<(), Stop> {
+        let flat = own.map.after(SpaceMap::of_extrusion(entity.extrusion));
         let first = self.art.lines.len();
         let widest = || line.vertices.iter().flat_map(|v| v.widths).fold(0.0, |w: f64, width| w.max(width.abs()));
         let is_line = match self.marking.stroke {
@@ -193,7 +201,7 @@ impl<'a> Walk<'a> {
             if !self.outline(entity, flat, |out| polyline(line, out))? {
                 self.note(Issue::Bulge, entity);
             }
-            self.shape(entity, Figure::Lines, first, look);
+            self.shape(entity, ShapeFigure::Lines, first, own);
             return Ok(());
         }
         for run in hairlines(line) {
@@ -201,22 +209,22 @@ impl<'a> Walk<'a> {
                 self.note(Issue::Bulge, entity);
             }
         }
-        self.shape(entity, Figure::Lines, first, look);
+        self.shape(entity, ShapeFigure::Lines, first, own);
         let first = self.art.lines.len();
         if !self.outline(entity, flat, |out| areas(line, out))? {
             self.note(Issue::Width, entity);
         }
-        self.shape(entity, Figure::Stroke, first, look);
+        self.shape(entity, ShapeFigure::Stroke, first, own);
         Ok(())
     }
 
-    /// Colour of an entity, and whether its line is dashed.
-    fn look(&self, entity: &Entity, layer: &Layer, state: State) -> (Colour, bool) {
+    /// The state with the colour of an entity, and whether its line is dashed.
+    fn own_state(&self, entity: &Entity, layer: &DxfLayer, state: InsertState) -> InsertState {
         let colour = match entity.paint {
-            Paint::Colour(colour) => colour,
-            Paint::Block => state.colour,
-            Paint::Layer => match layer.paint {
-                Paint::Colour(colour) => colour,
+            EntityPaint::Colour(colour) => colour,
+            EntityPaint::Block => state.colour,
+            EntityPaint::Layer => match layer.paint {
+                EntityPaint::Colour(colour) => colour,
                 _ => BLACK,
             },
         };
@@ -225,11 +233,11 @@ impl<'a> Walk<'a> {
             LineType::Block => state.is_dashed,
             LineType::Layer => self.file.is_dashed(layer.line_type),
         };
-        (colour, is_dashed)
+        InsertState { colour, is_dashed, ..state }
     }
 
     /// The name of the line type that an entity asks for and the file does not define.
-    fn undefined_line_type(&self, entity: &Entity, layer: &Layer) -> Option<&'a str> {
+    fn undefined_line_type(&self, entity: &Entity, layer: &DxfLayer) -> Option<&'a str> {
         match entity.line_type {
             _ if !has_line(&entity.kind) => None,
             LineType::Own(own) => self.file.undefined_line_type(own),
@@ -239,7 +247,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn insert(&mut self, entity: &'a Entity, insert: &Insert, state: State) -> Done {
+    fn insert(&mut self, entity: &'a Entity, insert: &Insert, state: InsertState) -> WalkResult {
         let file = self.file;
         let block = &file.blocks.list[insert.block as usize];
         if !block.is_here {
@@ -260,39 +268,39 @@ impl<'a> Walk<'a> {
         self.visit(entity, copies)?;
         self.open.push(insert.block);
         let chain = self.chain(state.chain, insert.block);
-        let plane = state.map.after(Map::of_extrusion(entity.extrusion));
-        let turn = Map::turn(insert.turn);
+        let plane = state.map.after(SpaceMap::of_extrusion(entity.extrusion));
+        let turn = SpaceMap::turn(insert.turn);
         for copy in 0..copies {
             let steps = [(copy % columns) as f64 * insert.steps[0], (copy / columns) as f64 * insert.steps[1], 0.0];
-            let shift = turn.after(Map::shift(steps));
-            let map = Map::shift(insert.place).after(shift).after(Map::scale(insert.scale));
-            let map = plane.after(map).after(Map::shift(block.base.map(|v| -v)));
+            let shift = turn.after(SpaceMap::shift(steps));
+            let map = SpaceMap::shift(insert.place).after(shift).after(SpaceMap::scale(insert.scale));
+            let map = plane.after(map).after(SpaceMap::shift(block.base.map(|v| -v)));
             if !map.is_finite() {
                 return Err(self.stopped(Stop::Far, entity));
             }
-            self.entities(&block.entities, State { map, chain, ..state })?;
+            self.entities(&block.entities, InsertState { map, chain, ..state })?;
         }
         self.open.pop();
         Ok(())
     }
 
     /// Draws an entity into lines; none where its description is faulty.
-    fn draw(&mut self, entity: &Entity, map: Map) -> Result<Figure, Stop> {
-        let flat = map.after(Map::of_extrusion(entity.extrusion));
+    fn draw(&mut self, entity: &Entity, map: SpaceMap) -> Result<ShapeFigure, Stop> {
+        let flat = map.after(SpaceMap::of_extrusion(entity.extrusion));
         match &entity.kind {
-            Kind::Dot(p) => {
+            EntityKind::Dot(p) => {
                 self.outline(entity, map, |out| {
                     out.dot(*p);
                     true
                 })?;
             }
-            Kind::Line([a, b]) => self.line(entity, map, |out| {
+            EntityKind::Line([a, b]) => self.line(entity, map, |out| {
                 out.move_to(*a);
                 out.line_to(*b);
             })?,
             // A radius that is not positive draws nothing.
-            Kind::Arc { radius, .. } if *radius <= 0.0 => self.note(Issue::Fault, entity),
-            Kind::Arc { centre, radius, angles } => {
+            EntityKind::Arc { radius, .. } if *radius <= 0.0 => self.note(Issue::Fault, entity),
+            EntityKind::Arc { centre, radius, angles } => {
                 let r = *radius;
                 let [start, by] = angles.map_or([0.0, TAU], |a| {
                     let [from, to] = a.map(f64::to_radians);
@@ -301,10 +309,10 @@ impl<'a> Walk<'a> {
                 let arc = Arc { centre: *centre, a: [r, 0.0, 0.0], b: [0.0, r, 0.0], start, by };
                 self.line(entity, flat, |out| out.arc(&arc))?;
             }
-            Kind::Ellipse { major, ratio, .. } if *ratio == 0.0 || *major == [0.0; 3] => {
+            EntityKind::Ellipse { major, ratio, .. } if *ratio == 0.0 || *major == [0.0; 3] => {
                 self.note(Issue::Fault, entity)
             }
-            Kind::Ellipse { centre, major, ratio, params: [from, to] } => {
+            EntityKind::Ellipse { centre, major, ratio, params: [from, to] } => {
                 let normal = unit(entity.extrusion).unwrap_or(super::space::Z);
                 let minor = unit(cross(normal, *major)).unwrap_or_default();
                 let arc = Arc {
@@ -316,39 +324,40 @@ impl<'a> Walk<'a> {
                 };
                 self.line(entity, map, |out| out.arc(&arc))?;
             }
-            Kind::Polyline(line) => {
+            EntityKind::Polyline(line) => {
                 let map = if line.is_spatial { map } else { flat };
                 if !self.outline(entity, map, |out| polyline(line, out))? {
                     self.note(Issue::Bulge, entity);
                 }
             }
-            Kind::Spline(spline) => match spline.pieces() {
+            EntityKind::Spline(spline) => match spline.pieces() {
                 Some(pieces) => self.line(entity, map, |out| out.spline(&pieces))?,
                 None => self.note(Issue::Fault, entity),
             },
-            Kind::Solid(corners) => {
+            EntityKind::Solid(corners) => {
                 self.line(entity, flat, |out| ring(corners, out))?;
-                return Ok(Figure::Fill(Rule::EvenOdd));
+                return Ok(ShapeFigure::Fill(WindingRule::EvenOdd));
             }
-            Kind::Hatch(hatch) => return self.hatch(entity, hatch, flat),
-            Kind::Insert(_) | Kind::Unread(_) => {}
+            EntityKind::Hatch(hatch) => return self.hatch(entity, hatch, flat),
+            EntityKind::Insert(_) | EntityKind::Unread(_) => {}
         }
-        Ok(Figure::Lines)
+        Ok(ShapeFigure::Lines)
     }
 
-    fn line(&mut self, entity: &Entity, map: Map, draw: impl FnOnce(&mut Outline<'_>)) -> Result<(), Stop> {
-        let draw = |out: &mut Outline<'_>| {
+    /// Draws lines of an entity whose description is not faulty.
+    fn line(&mut self, entity: &Entity, map: SpaceMap, draw: impl FnOnce(&mut Outline<'_>)) -> Result<(), Stop> {
+        self.outline(entity, map, |out| {
             draw(out);
             true
-        };
-        self.outline(entity, map, draw).map(|_| ())
+        })
+        .map(|_| ())
     }
 
     /// Draws lines of an entity; answers as `draw` does.
     fn outline(
         &mut self,
         entity: &Entity,
-        map: Map,
+        map: SpaceMap,
         draw: impl FnOnce(&mut Outline<'_>) -> bool,
     ) -> Result<bool, Stop> {
         let mut out = Outline::new(map, self.tolerance, &mut self.art.lines);
@@ -361,22 +370,44 @@ impl<'a> Walk<'a> {
         Ok(is_sound)
     }
 
-    fn hatch(&mut self, entity: &Entity, hatch: &Hatch, map: Map) -> Result<Figure, Stop> {
-        let mut rings = Lines::default();
-        let mut is_sound = true;
+    /// Draws a hatch: the rings of its area, or the lines of its pattern in it.
+    fn hatch(&mut self, entity: &Entity, hatch: &Hatch, map: SpaceMap) -> Result<ShapeFigure, Stop> {
+        let HatchBoundary { rings, mut is_sound } = self.hatch_boundary(hatch, map)?;
+        is_sound &= rings.len() > 0;
+        let figure = match &hatch.fill {
+            Fill::Pattern(families) => {
+                is_sound &= !families.is_empty();
+                is_sound &= self.pattern_lines(entity, families, &rings, map)?;
+                ShapeFigure::Lines
+            }
+            _ => {
+                rings.iter().for_each(|ring| self.art.lines.push(ring));
+                ShapeFigure::Fill(WindingRule::EvenOdd)
+            }
+        };
+        if !is_sound {
+            self.note(Issue::Fault, entity);
+        }
+        Ok(figure)
+    }
+
+    /// The boundary of a hatch, without the boxes of texts in it.
+    fn hatch_boundary(&mut self, hatch: &Hatch, map: SpaceMap) -> Result<HatchBoundary, Stop> {
         // Where a line meets its boundary at a small angle, an error of the boundary moves its end by more.
         let part = if matches!(hatch.fill, Fill::Pattern(_)) { 10.0 } else { 1.0 };
+        let mut rings = Polylines::default();
+        let mut is_sound = true;
         for path in hatch.bounds() {
             is_sound &= rings_of(path, map, self.tolerance / part, &mut rings)?;
         }
-        let mut texts = Lines::default();
+        let mut texts = Polylines::default();
         for path in hatch.text_boxes() {
             is_sound &= rings_of(path, map, self.tolerance / part, &mut texts)?;
         }
         if texts.len() > 0 {
             self.spend(texts.points.len())?;
             match without(&rings, &texts) {
-                Ok(open) => rings = open,
+                Ok(around_texts) => rings = around_texts,
                 Err(TooMany) => is_sound = false,
             }
         }
@@ -384,21 +415,25 @@ impl<'a> Walk<'a> {
         if rings.points.len() + self.art.lines.points.len() > MAX_POINTS {
             return Err(Stop::Full);
         }
-        let families = match &hatch.fill {
-            Fill::Pattern(families) => families,
-            _ => {
-                rings.iter().for_each(|ring| self.art.lines.push(ring));
-                if !is_sound || rings.len() == 0 {
-                    self.note(Issue::Fault, entity);
-                }
-                return Ok(Figure::Fill(Rule::EvenOdd));
-            }
+        Ok(HatchBoundary { rings, is_sound })
+    }
+
+    /// Draws the lines of a hatch pattern; returns whether all of its families could be drawn.
+    fn pattern_lines(
+        &mut self,
+        entity: &Entity,
+        families: &[Family],
+        rings: &Polylines,
+        map: SpaceMap,
+    ) -> Result<bool, Stop> {
+        let origin = map.at([0.0; 3]);
+        let along = |[x, y]: [f64; 2]| {
+            let p = map.along([x, y, 0.0]);
+            [p[0], p[1]]
         };
-        let (mut has_dots, origin) = (false, map.at([0.0; 3]));
-        is_sound &= !families.is_empty() && rings.len() > 0;
-        let flat = |p: Point| [p[0], p[1]];
+        let mut is_sound = true;
+        let mut has_dots = false;
         for family in families {
-            let along = |[x, y]: [f64; 2]| flat(map.along([x, y, 0.0]));
             let base = along(family.base);
             let ruling = Ruling {
                 base: [base[0] + origin[0], base[1] + origin[1]],
@@ -406,21 +441,19 @@ impl<'a> Walk<'a> {
                 offset: along(family.offset),
                 dashes: &family.dashes,
             };
-            let ruled = ruling.draw(rings.iter(), &mut self.art.lines)?;
-            self.spend(rings.points.len() + ruled.crossings)?;
-            is_sound &= !ruled.is_faulty;
-            has_dots |= ruled.has_dots;
+            let report = ruling.draw(rings.iter(), &mut self.art.lines)?;
+            self.spend(rings.points.len() + report.crossings)?;
+            is_sound &= !report.is_faulty;
+            has_dots |= report.has_dots;
         }
         if has_dots {
             self.note(Issue::Dots, entity);
         }
-        if !is_sound {
-            self.note(Issue::Fault, entity);
-        }
-        Ok(Figure::Lines)
+        Ok(is_sound)
     }
 
-    fn visit(&mut self, entity: &Entity, n: u64) -> Done {
+    /// Counts entities that are looked at.
+    fn visit(&mut self, entity: &Entity, n: u64) -> WalkResult {
         self.visits = self.visits.saturating_add(n);
         if self.visits <= MAX_VISITS {
             return Ok(());
@@ -430,6 +463,7 @@ impl<'a> Walk<'a> {
         Err(Diag::limit("dxf-large", text).hint("draw one copy and tile it, or split the drawing").into())
     }
 
+    /// Counts vertices, control points and crossings that are looked at.
     fn spend(&mut self, work: usize) -> Result<(), Stop> {
         self.work = self.work.saturating_add(work);
         if self.work > MAX_WORK { Err(Stop::Full) } else { Ok(()) }
@@ -477,7 +511,7 @@ impl<'a> Walk<'a> {
         let labels = self.labels(chain, layer);
         let labels = self.art.labels(labels);
         match entity.kind {
-            Kind::Insert(_) => self.marking.excepts(labels),
+            EntityKind::Insert(_) => self.marking.excepts(labels),
             _ => self.marking.leaves_out(labels),
         }
     }
@@ -493,16 +527,23 @@ impl<'a> Walk<'a> {
     }
 }
 
+/// The boundary of a hatch as closed lines, mm.
+struct HatchBoundary {
+    rings: Polylines,
+    /// Whether all of its edges could be drawn, and all texts left out.
+    is_sound: bool,
+}
+
 /// Whether line types apply to an entity, or to entities in its block.
-fn has_line(kind: &Kind) -> bool {
-    !matches!(kind, Kind::Dot(_) | Kind::Solid(_) | Kind::Hatch(_) | Kind::Unread(_))
+fn has_line(kind: &EntityKind) -> bool {
+    !matches!(kind, EntityKind::Dot(_) | EntityKind::Solid(_) | EntityKind::Hatch(_) | EntityKind::Unread(_))
 }
 
 /// Whether an entity is more than a curve.
-fn is_area(kind: &Kind) -> bool {
+fn is_area(kind: &EntityKind) -> bool {
     match kind {
-        Kind::Solid(_) | Kind::Hatch(_) => true,
-        Kind::Polyline(line) => is_wide(line),
+        EntityKind::Solid(_) | EntityKind::Hatch(_) => true,
+        EntityKind::Polyline(line) => is_wide(line),
         _ => false,
     }
 }
@@ -535,9 +576,10 @@ fn ring(corners: &[Point; 4], out: &mut Outline<'_>) {
 }
 
 /// The borders of what rings hold by the rule evenodd, without what other rings go round.
-fn without(rings: &Lines, holes: &Lines) -> Result<Lines, TooMany> {
-    let filled = Area::new(rings.iter(), Rule::EvenOdd)?.without(&Area::new(holes.iter(), Rule::NonZero)?)?;
-    let mut out = Lines::default();
+fn without(rings: &Polylines, holes: &Polylines) -> Result<Polylines, TooMany> {
+    let filled = PolygonArea::new(rings.iter(), WindingRule::EvenOdd)?
+        .without(&PolygonArea::new(holes.iter(), WindingRule::NonZero)?)?;
+    let mut out = Polylines::default();
     for contour in filled.contours() {
         out.points.extend(contour.iter().chain(contour.first()));
         out.finish();
@@ -546,22 +588,22 @@ fn without(rings: &Lines, holes: &Lines) -> Result<Lines, TooMany> {
 }
 
 /// The closed lines of a boundary path, in mm; returns whether all its edges could be drawn.
-fn rings_of(path: &Path, map: Map, tolerance: f64, rings: &mut Lines) -> Result<bool, Stop> {
-    let mut edges = Lines::default();
+fn rings_of(path: &BoundaryPath, map: SpaceMap, tolerance: f64, rings: &mut Polylines) -> Result<bool, Stop> {
+    let mut edges = Polylines::default();
     let mut is_sound = true;
     for edge in &path.edges {
         let mut out = Outline::new(map, tolerance, &mut edges);
         match edge {
-            Edge::Polyline(vertices) => {
+            BoundaryEdge::Polyline(vertices) => {
                 let line = Polyline { vertices: vertices.clone(), is_closed: true, is_spatial: false };
                 is_sound &= polyline(&line, &mut out);
             }
-            Edge::Line([a, b]) => {
+            BoundaryEdge::Line([a, b]) => {
                 out.move_to(*a);
                 out.line_to(*b);
             }
-            Edge::Arc(arc) => out.arc(arc),
-            Edge::Spline(spline) => match spline.pieces() {
+            BoundaryEdge::Arc(arc) => out.arc(arc),
+            BoundaryEdge::Spline(spline) => match spline.pieces() {
                 Some(pieces) => out.spline(&pieces),
                 None => is_sound = false,
             },
@@ -574,8 +616,8 @@ fn rings_of(path: &Path, map: Map, tolerance: f64, rings: &mut Lines) -> Result<
 
 /// Joins edges end to end to closed rings, each edge turned as it fits. An edge that fits nowhere begins a new ring
 /// where the last one is closed, and else follows over a straight line.
-fn join(edges: &Lines, tolerance: f64, rings: &mut Lines) {
-    let near = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) <= tolerance;
+fn join(edges: &Polylines, tolerance: f64, rings: &mut Polylines) {
+    let is_near = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) <= tolerance;
     let mut ring: Vec<[f64; 2]> = Vec::new();
     for edge in edges.iter() {
         let (Some(&start), Some(&end)) = (edge.first(), edge.last()) else { continue };
@@ -583,16 +625,16 @@ fn join(edges: &Lines, tolerance: f64, rings: &mut Lines) {
             ring.extend_from_slice(edge);
             continue;
         };
-        if ring.len() > 2 && near(first, last) {
+        if ring.len() > 2 && is_near(first, last) {
             finish(&mut ring, rings);
             ring.extend_from_slice(edge);
-        } else if near(last, start) {
+        } else if is_near(last, start) {
             ring.extend_from_slice(&edge[1..]);
-        } else if near(last, end) {
+        } else if is_near(last, end) {
             ring.extend(edge.iter().rev().skip(1));
-        } else if near(first, end) || near(first, start) {
+        } else if is_near(first, end) || is_near(first, start) {
             ring.reverse();
-            if near(first, start) {
+            if is_near(first, start) {
                 ring.extend_from_slice(&edge[1..]);
             } else {
                 ring.extend(edge.iter().rev().skip(1));
@@ -604,7 +646,8 @@ fn join(edges: &Lines, tolerance: f64, rings: &mut Lines) {
     finish(&mut ring, rings);
 }
 
-fn finish(ring: &mut Vec<[f64; 2]>, rings: &mut Lines) {
+/// Closes a ring of three points or more and appends it; less of a ring is dropped.
+fn finish(ring: &mut Vec<[f64; 2]>, rings: &mut Polylines) {
     if let Some(&first) = ring.first().filter(|_| ring.len() > 2) {
         if ring.last() != Some(&first) {
             ring.push(first);
@@ -620,7 +663,7 @@ mod tests {
 
     #[test]
     fn edges_are_joined_whichever_way_they_run() {
-        let mut edges = Lines::default();
+        let mut edges = Polylines::default();
         for edge in [
             [[0.0, 0.0], [1.0, 0.0]],
             [[1.0, 1.0], [1.0, 0.0]],
@@ -631,7 +674,7 @@ mod tests {
         ] {
             edges.push(&edge);
         }
-        let mut rings = Lines::default();
+        let mut rings = Polylines::default();
         join(&edges, 1e-9, &mut rings);
         assert_eq!(rings.len(), 2);
         let square = rings.get(0);

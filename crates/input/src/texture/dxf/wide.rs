@@ -1,15 +1,15 @@
 //! Polylines with a width: the area that AutoCAD fills.
 //!
-//! Each segment is a closed contour, counter-clockwise in the plane of the polyline, and each mitre between two straight
-//! segments another one; the area is what any of them goes round. Ends are butt, straight segments meet in mitres,
-//! arcs meet their neighbours without one, and widths change linearly along a segment. Segments of width 0 have no
-//! area: they are lines.
+//! Each segment is a closed contour, counter-clockwise in the plane of the polyline, and each mitre between two
+//! straight segments another one; the area is what any of them goes round. Ends are butt, straight segments meet in
+//! mitres, arcs meet their neighbours without one, and widths change linearly along a segment. Segments of width 0 have
+//! no area: they are lines.
 //!
 //! Where straight segments meet at less than 30 deg, or with different widths, AutoCAD cuts the corner by rules that
 //! are not documented: there the corner is bevelled, and the polyline reported.
 
 use super::entity::Polyline;
-use super::outline::{Arc, Outline, Vertex};
+use super::outline::{Arc, Heading, Outline, Vertex};
 use super::space::{Point, add, cross, dot, length, sub, times, unit};
 
 /// Cosine of the turn beyond which two segments meet at less than 30 deg.
@@ -49,6 +49,7 @@ impl Segment {
         add(p, times(left(self.along[end]), side * self.widths[end] / 2.0))
     }
 
+    /// Draws the area of the segment; returns whether no side of it passes the centre of its arc.
     fn draw(&self, out: &mut Outline<'_>) -> bool {
         out.move_to(self.beside(0, -1.0));
         let is_sound = match &self.arc {
@@ -62,9 +63,9 @@ impl Segment {
                 // Its left is the side of the centre where it turns left.
                 let half = self.widths.map(|w| w / 2.0 * arc.by.signum());
                 let radius = length(arc.a);
-                out.spiral(arc, [radius + half[0], radius + half[1]], true);
+                out.spiral(arc, [radius + half[0], radius + half[1]], Heading::AlongArc);
                 out.line_to(self.beside(1, 1.0));
-                out.spiral(arc, [radius - half[0], radius - half[1]], false);
+                out.spiral(arc, [radius - half[0], radius - half[1]], Heading::AgainstArc);
                 half.iter().all(|h| h.abs() <= radius)
             }
         };
@@ -84,8 +85,9 @@ pub(super) fn areas(line: &Polyline, out: &mut Outline<'_>) -> bool {
     for segment in segments.iter().filter(|s| s.widths != [0.0; 2]) {
         is_certain &= segment.draw(out);
     }
-    let around = if line.is_closed { segments.last().into_iter().chain(&segments).collect() } else { Vec::new() };
-    let pairs: Vec<&Segment> = if line.is_closed { around } else { segments.iter().collect() };
+    // The last segment of a closed one meets the first.
+    let around = segments.last().filter(|_| line.is_closed);
+    let pairs: Vec<&Segment> = around.into_iter().chain(&segments).collect();
     for pair in pairs.windows(2) {
         is_certain &= corner(pair[0], pair[1], out);
     }
@@ -99,7 +101,8 @@ pub(super) fn hairlines(line: &Polyline) -> Vec<Polyline> {
     let mut runs: Vec<Polyline> = Vec::new();
     let mut is_open = false;
     for i in 0..ends {
-        let (a, b) = (line.vertices[i], line.vertices[(i + 1) % n]);
+        let a = line.vertices[i];
+        let b = line.vertices[(i + 1) % n];
         let is_thin = a.widths == [0.0; 2] && a.p != b.p;
         match runs.last_mut().filter(|_| is_open && is_thin) {
             Some(run) => {
@@ -120,19 +123,22 @@ fn segments(line: &Polyline) -> Vec<Segment> {
     line.vertices.iter().zip(ends).filter_map(|(a, b)| Segment::new(a, b)).collect()
 }
 
-/// The mitre between two segments.
+/// Draws the mitre between two segments; returns whether the corner is that of AutoCAD for certain.
 fn corner(a: &Segment, b: &Segment, out: &mut Outline<'_>) -> bool {
-    let (before, after) = (a.along[1], b.along[0]);
+    let before = a.along[1];
+    let after = b.along[0];
     let turn = cross(before, after)[2];
     let is_wide = a.widths[1] > 0.0 && b.widths[0] > 0.0;
     if !is_wide || a.arc.is_some() || b.arc.is_some() || (turn.abs() < TANGENT && dot(before, after) > 0.0) {
         return true;
     }
     let side = -turn.signum();
-    let (p, q) = (a.beside(1, side), b.beside(0, side));
+    let p = a.beside(1, side);
+    let q = b.beside(0, side);
     let is_known = dot(before, after) > SHARP && (a.widths[1] - b.widths[0]).abs() < 1e-9 * a.widths[1];
-    // Where the outer sides meet.
-    let (u, v) = (sub(p, a.beside(0, side)), sub(q, b.beside(1, side)));
+    // Where the outer sides meet: the lines through p along u and through q along v.
+    let u = sub(p, a.beside(0, side));
+    let v = sub(q, b.beside(1, side));
     let area = cross(u, v)[2];
     let tip = add(p, times(u, cross(sub(q, p), v)[2] / area));
     let tip = Some(tip).filter(|t| is_known && t.iter().all(|c| c.is_finite()));
@@ -148,9 +154,9 @@ fn corner(a: &Segment, b: &Segment, out: &mut Outline<'_>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::space::Map;
+    use super::super::space::SpaceMap;
     use super::*;
-    use crate::texture::clip::Lines;
+    use crate::texture::clip::Polylines;
     use terrace_core::random::Random;
 
     fn polyline(rows: &[[f64; 5]], is_closed: bool) -> Polyline {
@@ -158,16 +164,16 @@ mod tests {
         Polyline { vertices: rows.iter().map(vertex).collect(), is_closed, is_spatial: false }
     }
 
-    fn drawn(line: &Polyline) -> (Lines, bool) {
-        let mut lines = Lines::default();
-        let mut out = Outline::new(Map::scale([1.0; 3]), 1e-5, &mut lines);
+    fn drawn(line: &Polyline) -> (Polylines, bool) {
+        let mut lines = Polylines::default();
+        let mut out = Outline::new(SpaceMap::scale([1.0; 3]), 1e-5, &mut lines);
         let is_certain = areas(line, &mut out);
         out.end().expect("drawn");
         (lines, is_certain)
     }
 
     /// How often the contours go round a point.
-    fn winding(lines: &Lines, [x, y]: [f64; 2]) -> i32 {
+    fn winding(lines: &Polylines, [x, y]: [f64; 2]) -> i32 {
         let turns = lines.iter().flat_map(|l| l.windows(2)).map(|w| {
             let [a, b] = [w[0], w[1]];
             let side = (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);

@@ -4,13 +4,13 @@
 //! point. Moves are relative otherwise, whatever `PA` and `PR` say.
 
 /// What a part of an encoded polyline says.
-pub(super) enum Step {
+pub(super) enum EncodedStep {
     Pen(i64),
     Move { by: [f64; 2], is_up: bool, is_absolute: bool },
 }
 
 /// Reads the bytes of one; an error says what is wrong with it.
-pub(super) struct Steps<'a> {
+pub(super) struct EncodedSteps<'a> {
     code: &'a [u8],
     at: usize,
     /// Of a digit.
@@ -19,14 +19,15 @@ pub(super) struct Steps<'a> {
     places: i32,
 }
 
-impl<'a> Steps<'a> {
+impl<'a> EncodedSteps<'a> {
     pub(super) fn new(code: &'a [u8]) -> Self {
         Self { code, at: 0, bits: 6, places: 0 }
     }
 
     /// The next step; None at the end.
-    pub(super) fn step(&mut self) -> Result<Option<Step>, &'static str> {
-        let (mut is_up, mut is_absolute) = (false, false);
+    pub(super) fn step(&mut self) -> Result<Option<EncodedStep>, &'static str> {
+        let mut is_up = false;
+        let mut is_absolute = false;
         while let Some(&byte) = self.code.get(self.at) {
             match byte {
                 b'7' => self.bits = 5,
@@ -39,12 +40,12 @@ impl<'a> Steps<'a> {
                 }
                 b':' => {
                     self.at += 1;
-                    return Ok(Some(Step::Pen(self.number()? as i64)));
+                    return Ok(Some(EncodedStep::Pen(self.number()? as i64)));
                 }
                 63.. => {
                     let factor = 2f64.powi(-self.places);
                     let by = [self.number()? * factor, self.number()? * factor];
-                    return Ok(Some(Step::Move { by, is_up, is_absolute }));
+                    return Ok(Some(EncodedStep::Move { by, is_up, is_absolute }));
                 }
                 _ => {}
             }
@@ -53,8 +54,11 @@ impl<'a> Steps<'a> {
         Ok(None)
     }
 
+    /// The next number.
     fn number(&mut self) -> Result<f64, &'static str> {
-        let (mut value, mut shift, base) = (0u64, 0u32, 1u64 << self.bits);
+        let mut value = 0u64;
+        let mut shift = 0u32;
+        let base = 1u64 << self.bits;
         while let Some(&b) = self.code.get(self.at) {
             self.at += 1;
             // Terminal digits begin at 191 (base 64) or 95 (base 32), others at 63.
@@ -64,12 +68,14 @@ impl<'a> Steps<'a> {
                 (5, 95..=126) => (u64::from(b - 95), true),
                 _ => continue,
             };
+            // Nine digits of 6 bits, one of these the sign, are the 53 bits that f64 holds.
             if shift > 48 {
                 return Err("has a number that is too long");
             }
             value += digit * base.pow(shift / self.bits);
             shift += self.bits;
             if is_last {
+                // The lowest bit is the sign.
                 let half = (value >> 1) as f64;
                 return Ok(if value & 1 == 1 { -half } else { half });
             }

@@ -33,7 +33,7 @@ type Point = [f64; 2];
 type Fault = Box<Diag>;
 
 /// How a plot is read.
-pub(super) struct How<'a> {
+pub(super) struct PlotOptions<'a> {
     /// The file.
     pub(super) path: &'a Path,
     /// Largest distance between a curve and its polyline, mm.
@@ -47,11 +47,11 @@ pub(super) struct How<'a> {
 ///
 /// # Errors
 /// `hpgl-syntax`, `hpgl-page`, `texture-far`, `texture-large`.
-pub(super) fn load(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
-    let name = how.path.display().to_string();
-    let mut plotter = Plotter::new(how);
+pub(super) fn load(bytes: &[u8], options: &PlotOptions<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
+    let name = options.path.display().to_string();
+    let mut plotter = Plotter::new(options);
     for instruction in Instructions::new(bytes) {
-        plotter.obey(&instruction).map_err(|d| d.at(Place::file(&name)))?;
+        plotter.execute(&instruction).map_err(|d| d.at(Place::file(&name)))?;
     }
     plotter.lift().map_err(|d| d.at(Place::file(&name)))?;
     if !plotter.is_plot {
@@ -59,18 +59,33 @@ pub(super) fn load(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result
         let d = Diag::input("hpgl-syntax", text).hint("write the plot again as HPGL (PLT)");
         return Err(d.at(Place::file(&name)).into());
     }
-    let messages = plotter.tally.messages(&name, how.marking);
-    how.marking.tell(messages.into_iter(), notes)?;
+    let messages = plotter.tally.messages(&name, options.marking);
+    options.marking.tell(messages.into_iter(), notes)?;
     let mut art = plotter.art;
     art.fit_page();
     Ok(art)
 }
 
-/// What a plot holds that is not marked: how often, and where first.
+/// What a plot holds that is not marked.
 #[derive(Debug, Default)]
 struct Tally {
-    issues: BTreeMap<Issue, (usize, usize)>,
-    unread: BTreeMap<String, (usize, usize)>,
+    issues: BTreeMap<Issue, Occurrences>,
+    /// Instructions that are not read, by their names.
+    unread: BTreeMap<String, Occurrences>,
+}
+
+#[derive(Debug)]
+struct Occurrences {
+    count: usize,
+    /// The byte at which the first stands.
+    first: usize,
+}
+
+impl Occurrences {
+    /// None, of which the first would stand at a byte.
+    fn none(first: usize) -> Self {
+        Self { count: 0, first }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -82,11 +97,11 @@ enum Issue {
 
 impl Tally {
     fn note(&mut self, issue: Issue, at: usize) {
-        self.issues.entry(issue).or_insert((0, at)).0 += 1;
+        self.issues.entry(issue).or_insert(Occurrences::none(at)).count += 1;
     }
 
     fn note_unread(&mut self, i: &Instruction) {
-        self.unread.entry(i.name.clone()).or_insert((0, i.at)).0 += 1;
+        self.unread.entry(i.name.clone()).or_insert(Occurrences::none(i.at)).count += 1;
     }
 
     /// What is not read: errors, or warnings where the job leaves it out.
@@ -96,17 +111,22 @@ impl Tally {
             let place = Place::Element { path: path.to_owned(), element: format!("at byte {at}") };
             out.push(marking.unmarkable(code, text, "; they are left out", count, hint).at(place));
         };
-        for (issue, &(n, at)) in &self.issues {
+        for (issue, &Occurrences { count, first }) in &self.issues {
             let (code, what, hint) = match issue {
                 Issue::Label => ("hpgl-text", "labels or symbols", "convert text to lines in the drawing program"),
                 Issue::Dash => ("hpgl-dash", "dashed lines", "draw solid lines"),
                 Issue::Fill => ("hpgl-fill", "areas filled by a pattern", "fill them solid and hatch them by the job"),
             };
-            add(code, &format!("the plot has {what}"), &format!(" ({n})"), at, hint);
+            add(code, &format!("the plot has {what}"), &format!(" ({count})"), first, hint);
         }
-        if let Some((_, &(_, at))) = self.unread.first_key_value() {
-            let list: Vec<String> =
-                self.unread.iter().take(40).map(|(name, (n, at))| format!("{n} {name} (first at byte {at})")).collect();
+        if let Some((_, first_name)) = self.unread.first_key_value() {
+            let at = first_name.first;
+            let list: Vec<String> = self
+                .unread
+                .iter()
+                .take(40)
+                .map(|(name, Occurrences { count, first })| format!("{count} {name} (first at byte {first})"))
+                .collect();
             let hint = "write the plot with lines alone (PU, PD, PA, PR)";
             add(
                 "hpgl-unread",

@@ -1,13 +1,15 @@
-//! The plotter: obeys instructions, and puts what the pen draws into an artwork.
+//! The plotter: executes instructions, and puts what the pen draws into an artwork.
 
 use std::f64::consts::TAU;
 
-use super::encoded::{Step, Steps};
-use super::polygon::Polygon;
-use super::state::{Scaling, State};
+use super::encoded::{EncodedStep, EncodedSteps};
+use super::polygon::PolygonBuffer;
+use super::state::{PlotState, Scaling};
 use super::syntax::Instruction;
-use super::{Fault, How, Issue, Point, Tally, UNIT, fault, page};
-use crate::texture::artwork::{Artwork, Colour, Figure, Labels, MAX_MM, MAX_POINTS, Rule, Shape, disc, steps};
+use super::{Fault, Issue, PlotOptions, Point, Tally, UNIT, fault, page};
+use crate::texture::artwork::{
+    Artwork, Colour, Labels, MAX_MM, MAX_POINTS, PaintedShape, ShapeFigure, WindingRule, disc, steps,
+};
 use crate::texture::clip::{extent, traced_twice};
 use crate::texture::place::LEAST;
 use terrace_core::diag::Diag;
@@ -18,29 +20,36 @@ const QUIET: [&str; 32] = [
     "OP", "LA", "CT", "CR", "MC", "PC", "MG", "DI", "DR", "SI", "SR", "RF", "IM",
 ];
 
+/// What the pen returns to when a polygon has been defined.
+struct PenBefore {
+    /// In plotter units.
+    at: Point,
+    is_down: bool,
+}
+
 pub(super) struct Plotter<'a> {
-    how: &'a How<'a>,
-    state: State,
+    options: &'a PlotOptions<'a>,
+    state: PlotState,
     /// The stroke that is being drawn, mm.
     stroke: Vec<Point>,
-    polygon: Polygon,
-    /// While a polygon is being defined: where the pen stood before, and whether it was down.
-    before_polygon: Option<(Point, bool)>,
+    polygon: PolygonBuffer,
+    /// The pen before the polygon that is being defined; None where none is.
+    before_polygon: Option<PenBefore>,
     /// Whether the file moves a pen at all.
     pub(super) is_plot: bool,
-    /// Where the instruction that is obeyed stands.
+    /// The byte at which the instruction that is executed stands.
     at: usize,
     pub(super) tally: Tally,
     pub(super) art: Artwork,
 }
 
 impl<'a> Plotter<'a> {
-    pub(super) fn new(how: &'a How<'a>) -> Self {
+    pub(super) fn new(options: &'a PlotOptions<'a>) -> Self {
         Self {
-            how,
-            state: State::default(),
+            options,
+            state: PlotState::default(),
             stroke: Vec::new(),
-            polygon: Polygon::default(),
+            polygon: PolygonBuffer::default(),
             before_polygon: None,
             is_plot: false,
             at: 0,
@@ -49,7 +58,8 @@ impl<'a> Plotter<'a> {
         }
     }
 
-    pub(super) fn obey(&mut self, i: &Instruction) -> Result<(), Fault> {
+    /// Executes an instruction.
+    pub(super) fn execute(&mut self, i: &Instruction) -> Result<(), Fault> {
         if i.values.iter().any(|v| !v.is_finite()) {
             return Err(fault(i, "has a value that is not a number"));
         }
@@ -58,7 +68,7 @@ impl<'a> Plotter<'a> {
         match (i.name.as_str(), v) {
             ("IN", _) => {
                 self.reset()?;
-                self.state = State::default();
+                self.state = PlotState::default();
             }
             ("DF", _) => {
                 self.reset()?;
@@ -94,15 +104,25 @@ impl<'a> Plotter<'a> {
             ("CI", &[r, ..]) => self.circle(r)?,
             ("AA", &[x, y, angle, ..]) => self.arc(self.state.point([x, y])?, angle)?,
             ("AR", &[x, y, angle, ..]) => self.arc(self.state.point_from_pen([x, y])?, angle)?,
-            ("EA" | "RA", &[x, y]) if self.before_polygon.is_none() => {
-                self.rectangle(self.state.point([x, y])?, i.name == "RA")?;
+            ("EA", &[x, y]) if self.before_polygon.is_none() => {
+                self.rectangle(self.state.point([x, y])?)?;
+                self.edge();
             }
-            ("ER" | "RR", &[x, y]) if self.before_polygon.is_none() => {
-                self.rectangle(self.state.point_from_pen([x, y])?, i.name == "RR")?;
+            ("RA", &[x, y]) if self.before_polygon.is_none() => {
+                self.rectangle(self.state.point([x, y])?)?;
+                self.fill(WindingRule::EvenOdd);
+            }
+            ("ER", &[x, y]) if self.before_polygon.is_none() => {
+                self.rectangle(self.state.point_from_pen([x, y])?)?;
+                self.edge();
+            }
+            ("RR", &[x, y]) if self.before_polygon.is_none() => {
+                self.rectangle(self.state.point_from_pen([x, y])?)?;
+                self.fill(WindingRule::EvenOdd);
             }
             ("PM", _) => self.polygon_mode(v.first().copied().unwrap_or(0.0))?,
             ("EP", _) => self.edge(),
-            ("FP", _) => self.fill(if v.first() == Some(&1.0) { Rule::NonZero } else { Rule::EvenOdd }),
+            ("FP", _) => self.fill(if v.first() == Some(&1.0) { WindingRule::NonZero } else { WindingRule::EvenOdd }),
             ("PE", _) => self.encoded(i)?,
             ("LB" | "BL" | "SM" | "UC", _) => self.tally.note(Issue::Label, i.at),
             (name, _) if QUIET.contains(&name) => {}
@@ -115,7 +135,7 @@ impl<'a> Plotter<'a> {
     fn reset(&mut self) -> Result<(), Fault> {
         self.lift()?;
         self.before_polygon = None;
-        self.polygon = Polygon::default();
+        self.polygon = PolygonBuffer::default();
         Ok(())
     }
 
@@ -135,7 +155,8 @@ impl<'a> Plotter<'a> {
 
     /// Moves the pen, with a mark where it is down.
     fn go(&mut self, to: Point) -> Result<(), Fault> {
-        let (from, end) = (mm(self.state.at)?, mm(to)?);
+        let from = mm(self.state.at)?;
+        let end = mm(to)?;
         self.state.at = to;
         if self.before_polygon.is_some() {
             self.polygon.add(end, self.state.is_down);
@@ -148,6 +169,7 @@ impl<'a> Plotter<'a> {
         self.count()
     }
 
+    /// Refuses a plot of too many points.
     fn count(&self) -> Result<(), Fault> {
         let polygon = if self.before_polygon.is_some() { self.polygon.point_count() } else { 0 };
         if self.art.lines.points.len() + self.stroke.len() + polygon <= MAX_POINTS {
@@ -157,9 +179,11 @@ impl<'a> Plotter<'a> {
         Err(Diag::limit("texture-large", text).hint("use a larger tolerance or a simpler plot").into())
     }
 
+    /// Puts the pen down, where it draws a point unless it moves.
     fn put_down(&mut self) {
         if !self.state.is_down {
-            (self.state.is_down, self.state.rests) = (true, true);
+            self.state.is_down = true;
+            self.state.rests = true;
         }
     }
 
@@ -169,16 +193,18 @@ impl<'a> Plotter<'a> {
         if self.state.rests && self.before_polygon.is_none() {
             self.point()?;
         }
-        (self.state.is_down, self.state.rests) = (false, false);
+        self.state.is_down = false;
+        self.state.rests = false;
         Ok(())
     }
 
+    /// Makes a line of what the pen drew since it was put down.
     fn end_stroke(&mut self) {
         let mut stroke = std::mem::take(&mut self.stroke);
         stroke.dedup();
         if has_extent(&stroke) {
             self.state.rests = false;
-            self.shape(&[stroke], Figure::Lines);
+            self.shape(&[stroke], ShapeFigure::Lines);
         }
     }
 
@@ -189,14 +215,14 @@ impl<'a> Plotter<'a> {
         }
         let at = mm(self.state.at)?;
         let first = self.art.lines.len();
-        let figure = match self.how.marking.point_disc_mm(self.state.width_mm(), self.how.widest_line) {
+        let figure = match self.options.marking.point_disc_mm(self.state.width_mm(), self.options.widest_line) {
             Some(diameter) => {
-                self.art.lines.push(&disc(at, diameter, self.how.tolerance));
-                Figure::Stroke
+                self.art.lines.push(&disc(at, diameter, self.options.tolerance));
+                ShapeFigure::Stroke
             }
             None => {
                 self.art.lines.push(&[at]);
-                Figure::Lines
+                ShapeFigure::Lines
             }
         };
         self.put_shape("point", first, figure);
@@ -204,20 +230,20 @@ impl<'a> Plotter<'a> {
     }
 
     /// Lines or an area of the pen, unless it has none or its line or fill type is not read.
-    fn shape(&mut self, lines: &[Vec<Point>], figure: Figure) {
+    fn shape(&mut self, lines: &[Vec<Point>], figure: ShapeFigure) {
         let lines: Vec<_> = lines.iter().filter(|line| has_extent(line)).collect();
         if lines.is_empty() || self.state.pen <= 0 {
             return;
         }
-        if self.state.is_dashed && figure == Figure::Lines {
+        if self.state.is_dashed && figure == ShapeFigure::Lines {
             return self.tally.note(Issue::Dash, self.at);
         }
-        if self.state.is_patterned && figure != Figure::Lines {
+        if self.state.is_patterned && figure != ShapeFigure::Lines {
             return self.tally.note(Issue::Fill, self.at);
         }
         let first = self.art.lines.len();
         for line in lines {
-            match traced_twice(line, self.how.tolerance).filter(|_| figure == Figure::Lines) {
+            match traced_twice(line, self.options.tolerance).filter(|_| figure == ShapeFigure::Lines) {
                 Some(once) => self.art.lines.push(&once),
                 None => self.art.lines.push(line),
             }
@@ -226,7 +252,7 @@ impl<'a> Plotter<'a> {
     }
 
     /// Makes a shape of the lines from `first` on.
-    fn put_shape(&mut self, what: &str, first: usize, figure: Figure) {
+    fn put_shape(&mut self, what: &str, first: usize, figure: ShapeFigure) {
         let label = format!("pen:{}", self.state.pen);
         let known = self.art.labels.iter().position(|l| l.own[0] == label);
         let labels = known.unwrap_or_else(|| {
@@ -235,7 +261,7 @@ impl<'a> Plotter<'a> {
         });
         let number = self.art.shapes.len() + 1;
         self.art.names.push(format!("{what} {number}"));
-        self.art.shapes.push(Shape {
+        self.art.shapes.push(PaintedShape {
             name: u32::try_from(number - 1).expect("fewer strokes than points"),
             labels: u32::try_from(labels).expect("fewer pens than strokes"),
             colour: colour(self.state.pen),
@@ -252,7 +278,7 @@ impl<'a> Plotter<'a> {
         let factors = self.state.axes()?.map(|[factor, _]| factor);
         let d = [0, 1].map(|k| (self.state.at[k] - centre[k]) / factors[k]);
         let radius = d[0].hypot(d[1]) * factors[0].abs().max(factors[1].abs()) * UNIT;
-        let steps = steps(by * by * radius, self.how.tolerance, (by.abs() * 2.0).ceil().max(1.0));
+        let steps = steps(by * by * radius, self.options.tolerance, (by.abs() * 2.0).ceil().max(1.0));
         if steps > MAX_POINTS as f64 || steps.is_nan() {
             return Err(Diag::limit("texture-large", format!("an arc of the plot has more than {MAX_POINTS} points"))
                 .hint("use a larger tolerance")
@@ -276,7 +302,9 @@ impl<'a> Plotter<'a> {
     fn circle(&mut self, r: f64) -> Result<(), Fault> {
         self.is_plot = true;
         self.end_stroke();
-        let (centre, was_down, rested) = (self.state.at, self.state.is_down, self.state.rests);
+        let centre = self.state.at;
+        let was_down = self.state.is_down;
+        let rested = self.state.rests;
         let start = self.state.point_from_pen([r, 0.0])?;
         if self.before_polygon.is_some() {
             self.end_ring();
@@ -292,11 +320,14 @@ impl<'a> Plotter<'a> {
             *last = *first;
         }
         self.end_stroke();
-        (self.state.at, self.state.is_down, self.state.rests) = (centre, was_down, rested);
+        self.state.at = centre;
+        self.state.is_down = was_down;
+        self.state.rests = rested;
         Ok(())
     }
 
-    fn rectangle(&mut self, to: Point, is_filled: bool) -> Result<(), Fault> {
+    /// The corners of a rectangle from the pen to a point become the polygon, which is drawn or filled next.
+    fn rectangle(&mut self, to: Point) -> Result<(), Fault> {
         self.is_plot = true;
         self.end_stroke();
         // What the pen draws from where it stands is not a point.
@@ -306,12 +337,7 @@ impl<'a> Plotter<'a> {
         for p in [a, [b[0], a[1]], b, [a[0], b[1]], a] {
             ring.push(mm(p)?);
         }
-        self.polygon = Polygon::of_ring(&ring);
-        if is_filled {
-            self.fill(Rule::EvenOdd)
-        } else {
-            self.edge()
-        }
+        self.polygon = PolygonBuffer::of_ring(&ring);
         Ok(())
     }
 
@@ -322,21 +348,24 @@ impl<'a> Plotter<'a> {
         if mode == 0.0 {
             self.end_stroke();
             self.state.rests = false;
-            self.polygon = Polygon::default();
+            self.polygon = PolygonBuffer::default();
             self.polygon.begin();
             self.polygon.add(mm(self.state.at)?, false);
-            self.before_polygon = Some((self.state.at, self.state.is_down));
+            self.before_polygon = Some(PenBefore { at: self.state.at, is_down: self.state.is_down });
         } else if self.before_polygon.is_some() {
             self.end_ring();
         }
         if mode == 2.0
-            && let Some((at, is_down)) = self.before_polygon.take()
+            && let Some(PenBefore { at, is_down }) = self.before_polygon.take()
         {
-            (self.state.at, self.state.is_down, self.state.rests) = (at, is_down, false);
+            self.state.at = at;
+            self.state.is_down = is_down;
+            self.state.rests = false;
         }
         Ok(())
     }
 
+    /// Ends the ring of the polygon that is being defined.
     fn end_ring(&mut self) {
         if self.state.is_down {
             self.polygon.close();
@@ -344,27 +373,30 @@ impl<'a> Plotter<'a> {
         self.polygon.begin();
     }
 
+    /// Draws the edges of the polygon that the pen drew.
     fn edge(&mut self) {
         self.end_stroke();
-        self.shape(&self.polygon.edges(), Figure::Lines);
+        self.shape(&self.polygon.edges(), ShapeFigure::Lines);
     }
 
-    fn fill(&mut self, rule: Rule) {
+    /// Fills the polygon.
+    fn fill(&mut self, rule: WindingRule) {
         self.end_stroke();
-        self.shape(&self.polygon.contours(), Figure::Fill(rule));
+        self.shape(&self.polygon.contours(), ShapeFigure::Fill(rule));
     }
 
+    /// Draws an encoded polyline (`PE`).
     fn encoded(&mut self, i: &Instruction) -> Result<(), Fault> {
         self.is_plot = true;
         self.lift()?;
-        let mut steps = Steps::new(&i.code);
+        let mut steps = EncodedSteps::new(&i.code);
         while let Some(step) = steps.step().map_err(|what| fault(i, what))? {
             match step {
-                Step::Pen(pen) => {
+                EncodedStep::Pen(pen) => {
                     self.lift()?;
                     self.state.pen = pen;
                 }
-                Step::Move { by, is_up, is_absolute } => {
+                EncodedStep::Move { by, is_up, is_absolute } => {
                     let to = if is_absolute { self.state.point(by)? } else { self.state.point_from_pen(by)? };
                     if is_up {
                         self.lift()?;

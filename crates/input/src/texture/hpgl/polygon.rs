@@ -10,11 +10,22 @@ struct Ring {
     is_drawn: Vec<bool>,
 }
 
+impl Ring {
+    /// Its points, which end with the first.
+    fn closed(&self) -> Vec<Point> {
+        let mut points = self.points.clone();
+        if points.first() != points.last() {
+            points.extend(self.points.first());
+        }
+        points
+    }
+}
+
 /// The polygon that is being defined or was last.
 #[derive(Debug, Default)]
-pub(super) struct Polygon(Vec<Ring>);
+pub(super) struct PolygonBuffer(Vec<Ring>);
 
-impl Polygon {
+impl PolygonBuffer {
     /// A polygon of one closed ring whose edges are all drawn.
     pub(super) fn of_ring(ring: &[Point]) -> Self {
         let mut polygon = Self::default();
@@ -28,6 +39,7 @@ impl Polygon {
         self.0.push(Ring::default());
     }
 
+    /// Adds a point to the last ring; `is_drawn` says whether the pen is down on the way to it.
     pub(super) fn add(&mut self, p: Point, is_drawn: bool) {
         let Some(ring) = self.0.last_mut() else { return };
         if ring.points.last() == Some(&p) {
@@ -50,14 +62,7 @@ impl Polygon {
 
     /// The rings of the polygon, closed: what they enclose is filled whether the pen was down or not.
     pub(super) fn contours(&self) -> Vec<Vec<Point>> {
-        let closed = |ring: &Ring| {
-            let mut points = ring.points.clone();
-            if points.first() != points.last() {
-                points.extend(ring.points.first());
-            }
-            points
-        };
-        self.0.iter().map(closed).collect()
+        self.0.iter().map(Ring::closed).collect()
     }
 
     /// The edges that the pen drew, joined to lines. A closed ring is divided where the pen was up, not at its first
@@ -78,11 +83,35 @@ impl Polygon {
                 }
             }
             let is_closed = points.len() > 2 && points.first() == points.last();
+            // The line that ends at the first point continues with the one that begins there.
             if is_closed && is_open && is_drawn[1] && lines.len() > first + 1 {
                 let head = lines.remove(first);
                 lines.last_mut().expect("more than one").extend_from_slice(&head[1..]);
             }
         }
         lines
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square whose edges are drawn or not, from the one that leaves the first point on.
+    fn square(is_drawn: [bool; 4]) -> PolygonBuffer {
+        let mut polygon = PolygonBuffer::default();
+        polygon.begin();
+        polygon.add([0.0, 0.0], false);
+        let corners = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
+        corners.into_iter().zip(is_drawn).for_each(|(p, is_drawn)| polygon.add(p, is_drawn));
+        polygon
+    }
+
+    #[test]
+    fn drawn_edges_are_joined_over_the_first_point() {
+        assert_eq!(square([true; 4]).edges().len(), 1);
+        let edges = square([true, false, true, true]).edges();
+        assert_eq!(edges, [[[1.0, 1.0], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]]);
+        assert_eq!(square([false; 4]).edges().len(), 0);
     }
 }

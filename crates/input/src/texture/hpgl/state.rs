@@ -9,7 +9,7 @@ use super::{Fault, Point, UNIT, page};
 
 /// The state of the plotter.
 #[derive(Debug)]
-pub(super) struct State {
+pub(super) struct PlotState {
     /// Where the pen stands, plotter units: scaling moves the coordinates under it, not the pen.
     pub(super) at: Point,
     pub(super) is_down: bool,
@@ -25,7 +25,7 @@ pub(super) struct State {
     pub(super) corners: Option<[f64; 4]>,
 }
 
-impl Default for State {
+impl Default for PlotState {
     fn default() -> Self {
         Self {
             at: [0.0; 2],
@@ -74,7 +74,7 @@ impl Widths {
     }
 }
 
-impl State {
+impl PlotState {
     /// `DF`.
     pub(super) fn set_defaults(&mut self) {
         let Self { at, pen, corners, .. } = *self;

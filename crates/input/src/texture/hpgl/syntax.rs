@@ -49,19 +49,20 @@ impl<'a> Instructions<'a> {
         while self.byte().is_some_and(|b| !b.is_ascii_uppercase()) {}
     }
 
-    fn values(&mut self, found: &mut Instruction) {
-        let ends = |b: u8| b == b';' || b == ESC;
-        match found.name.as_str() {
+    /// Reads what follows the name of an instruction.
+    fn values(&mut self, instruction: &mut Instruction) {
+        let is_end = |b: u8| b == b';' || b == ESC;
+        match instruction.name.as_str() {
             "LB" | "BL" => while self.byte().is_some_and(|b| b != self.end_of_label) {},
             "DT" => self.end_of_label = self.byte().filter(|&b| b != b';').unwrap_or(ETX),
-            "CO" | "SM" | "UC" => while self.byte().is_some_and(|b| !ends(b)) {},
+            "CO" | "SM" | "UC" => while self.byte().is_some_and(|b| !is_end(b)) {},
             "PE" => {
-                while let Some(b) = self.byte().filter(|&b| !ends(b)) {
-                    found.code.push(b);
+                while let Some(b) = self.byte().filter(|&b| !is_end(b)) {
+                    instruction.code.push(b);
                 }
             }
             _ => {
-                while let Some(b) = self.peek().filter(|b| !b.is_ascii_alphabetic() && !ends(*b)) {
+                while let Some(b) = self.peek().filter(|b| !b.is_ascii_alphabetic() && !is_end(*b)) {
                     if !(b.is_ascii_digit() || b"+-.".contains(&b)) {
                         self.pos += 1;
                         continue;
@@ -73,11 +74,11 @@ impl<'a> Instructions<'a> {
                     self.pos += len.max(1);
                     let text = std::str::from_utf8(&rest[..len]).unwrap_or_default();
                     // What is not a number stays one that every use refuses.
-                    found.values.push(text.parse().unwrap_or(f64::NAN));
+                    instruction.values.push(text.parse().unwrap_or(f64::NAN));
                 }
             }
         }
-        if matches!(found.name.as_str(), "IN" | "DF") {
+        if matches!(instruction.name.as_str(), "IN" | "DF") {
             self.end_of_label = ETX;
         }
     }
@@ -96,9 +97,9 @@ impl Iterator for Instructions<'_> {
                     let Some(b) = self.peek().filter(u8::is_ascii_alphabetic) else { continue };
                     self.pos += 1;
                     let name: String = [a, b].map(|c| char::from(c.to_ascii_uppercase())).iter().collect();
-                    let mut found = Instruction { name, values: Vec::new(), at, code: Vec::new() };
-                    self.values(&mut found);
-                    return Some(found);
+                    let mut instruction = Instruction { name, values: Vec::new(), at, code: Vec::new() };
+                    self.values(&mut instruction);
+                    return Some(instruction);
                 }
                 _ => {}
             }

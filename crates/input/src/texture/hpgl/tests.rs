@@ -1,7 +1,7 @@
 //! Plots from bytes to shapes.
 
 use super::*;
-use crate::texture::artwork::{Figure, Rule, StrokeMode};
+use crate::texture::artwork::{ShapeFigure, StrokeMode, WindingRule};
 use crate::texture::clip::extent;
 
 /// The spot that the widest line is taken from, mm.
@@ -15,8 +15,8 @@ fn marked(text: &[u8], stroke: StrokeMode) -> (Result<Artwork, Error>, Vec<&'sta
     let mut notes = Vec::new();
     let marking = Marking { is_lenient: true, stroke, ..Marking::default() };
     let widest_line = marking.widest_line_mm(SPOT);
-    let how = How { path: Path::new("a.plt"), tolerance: 1e-3, widest_line, marking: &marking };
-    let art = load(text, &how, &mut notes);
+    let options = PlotOptions { path: Path::new("a.plt"), tolerance: 1e-3, widest_line, marking: &marking };
+    let art = load(text, &options, &mut notes);
     (art, notes.iter().map(|n| n.code).collect())
 }
 
@@ -67,8 +67,8 @@ fn pens_fills_and_faults_are_reported() {
     let art = art.expect("read");
     let shown: Vec<_> =
         art.shapes.iter().map(|s| (s.figure, s.colour, art.labels[s.labels as usize].own[0].as_str())).collect();
-    let fill = Figure::Fill(Rule::EvenOdd);
-    assert_eq!(shown[..2], [(fill, [255, 0, 0], "pen:2"), (Figure::Lines, [255, 0, 0], "pen:9")]);
+    let fill = ShapeFigure::Fill(WindingRule::EvenOdd);
+    assert_eq!(shown[..2], [(fill, [255, 0, 0], "pen:2"), (ShapeFigure::Lines, [255, 0, 0], "pen:9")]);
     assert_eq!(art.shapes[0].lines.len(), 2);
     assert_eq!(notes, ["hpgl-text", "hpgl-dash", "hpgl-unread"]);
     for (text, code) in [
@@ -176,7 +176,7 @@ fn edges_of_polygons_are_those_that_the_pen_draws() {
     }
     assert_eq!(lines("IN;SP1;PU0,0;PM0;PD40,0,40,40;PU0,40;PD0,0;PM2;EP;")[0].len(), 4, "joined at the first point");
     let art = loaded(b"SP1;PU0,0;PM0;PU40,0,40,40;PM1;CI40;PM2;FP1;").0.expect("read");
-    assert_eq!((art.shapes[0].figure, art.shapes[0].lines.len()), (Figure::Fill(Rule::NonZero), 2));
+    assert_eq!((art.shapes[0].figure, art.shapes[0].lines.len()), (ShapeFigure::Fill(WindingRule::NonZero), 2));
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn a_pen_put_down_without_a_move_is_a_point() {
 fn a_point_of_a_wide_pen_is_a_disc() {
     let disc = |text: &str, stroke| {
         let art = marked(text.as_bytes(), stroke).0.expect("read");
-        (art.shapes[0].figure == Figure::Stroke).then(|| (extent(art.lines.get(0))[0] * 1e3).round() / 1e3)
+        (art.shapes[0].figure == ShapeFigure::Stroke).then(|| (extent(art.lines.get(0))[0] * 1e3).round() / 1e3)
     };
     for (text, want) in [
         ("PW2;SP1;PU0,0;PD;PU", Some(2.0)),

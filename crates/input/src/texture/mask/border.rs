@@ -1,8 +1,8 @@
 //! The border of an area, and polylines cut at it.
 
-use super::soft::Soft;
-use crate::texture::artwork::{Area, Cutter, Keep};
-use crate::texture::clip::Lines;
+use super::soft::{PieceId, Soft};
+use crate::texture::artwork::{Cutter, Keep, PolygonArea};
+use crate::texture::clip::Polylines;
 use terrace_core::geom::BoxMm;
 
 type Point = [f64; 2];
@@ -10,12 +10,14 @@ type Point = [f64; 2];
 /// Fewest and most columns and rows of cells.
 const CELLS: [f64; 2] = [64.0, 1024.0];
 
-/// Where the cells of the border's index lie.
+/// On which side of the border a cell or a point lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+enum BorderSide {
     /// The border passes.
     Both,
+    /// The side on which strokes are marked.
     Kept,
+    /// The side on which they are not.
     Lost,
 }
 
@@ -24,23 +26,23 @@ enum Side {
 pub(in crate::texture) struct Border {
     cutter: Cutter,
     keep: Keep,
-    /// Of each cell of the cutter's index.
-    sides: Vec<Side>,
+    /// The side of each cell of the cutter's index.
+    sides: Vec<BorderSide>,
     soft: Option<Soft>,
 }
 
 impl Border {
     /// What lies inside is kept.
-    pub(super) fn inside(area: &Area) -> Self {
+    pub(super) fn inside(area: &PolygonArea) -> Self {
         Self::new(area, Keep::Inside)
     }
 
     /// What lies outside is kept.
-    pub(super) fn outside(area: &Area) -> Self {
+    pub(super) fn outside(area: &PolygonArea) -> Self {
         Self::new(area, Keep::Outside)
     }
 
-    fn new(area: &Area, keep: Keep) -> Self {
+    fn new(area: &PolygonArea, keep: Keep) -> Self {
         let contours: Vec<Vec<Point>> = area.contours().cloned().collect();
         let side = (4.0 * (area.edge_count() as f64).sqrt()).clamp(CELLS[0], CELLS[1]) as usize;
         let cutter = Cutter::with_cells(&contours, [side; 2]);
@@ -50,9 +52,9 @@ impl Border {
         for cell in 0..cells.count[0] * cells.count[1] {
             let is_first = cell % cells.count[0] == 0;
             sides.push(match (cells.edges_of(cell), sides.last()) {
-                ([_, ..], _) => Side::Both,
+                ([_, ..], _) => BorderSide::Both,
                 // No border passes between two cells that it does not meet.
-                ([], Some(&before @ (Side::Kept | Side::Lost))) if !is_first => before,
+                ([], Some(&before @ (BorderSide::Kept | BorderSide::Lost))) if !is_first => before,
                 ([], _) => border.side(cells.centre(cell)),
             });
         }
@@ -70,48 +72,48 @@ impl Border {
     }
 
     /// The side of a point that does not lie on the border.
-    fn side(&self, p: Point) -> Side {
+    fn side(&self, p: Point) -> BorderSide {
         match self.cutter.holds(p) {
-            None => Side::Both,
-            Some(inside) if inside == (self.keep == Keep::Inside) => Side::Kept,
-            Some(_) => Side::Lost,
+            None => BorderSide::Both,
+            Some(inside) if inside == (self.keep == Keep::Inside) => BorderSide::Kept,
+            Some(_) => BorderSide::Lost,
         }
     }
 
     /// Appends what is marked of stroke `stroke`, in its direction.
-    pub(super) fn cut(&self, line: &[Point], stroke: u64, scratch: &mut Lines, out: &mut Lines) {
-        let whole = self.side_of(BoxMm::of(line.iter().copied()));
+    pub(super) fn cut(&self, line: &[Point], stroke: u64, scratch: &mut Polylines, out: &mut Polylines) {
+        let side = self.side_of(BoxMm::of(line.iter().copied()));
         let Some(soft) = &self.soft else {
-            return match whole {
-                Side::Kept => out.push(line),
-                Side::Lost => {}
-                Side::Both => self.cutter.cut(line, self.keep, out),
+            return match side {
+                BorderSide::Kept => out.push(line),
+                BorderSide::Lost => {}
+                BorderSide::Both => self.cutter.cut(line, self.keep, out),
             };
         };
         scratch.clear();
-        match whole {
-            Side::Kept => scratch.push(line),
-            Side::Lost => return,
-            Side::Both => self.cutter.cut(line, self.keep, scratch),
+        match side {
+            BorderSide::Kept => scratch.push(line),
+            BorderSide::Lost => return,
+            BorderSide::Both => self.cutter.cut(line, self.keep, scratch),
         }
         for (k, piece) in scratch.iter().enumerate() {
-            soft.fade(self.cutter.edges(), piece, (stroke, k as u64), out);
+            soft.fade(self.cutter.edges(), piece, PieceId { stroke, piece: k as u64 }, out);
         }
     }
 
     /// The side of all of a small box, as far as the cells say.
-    fn side_of(&self, bounds: BoxMm<2>) -> Side {
+    fn side_of(&self, bounds: BoxMm<2>) -> BorderSide {
         let cells = self.cutter.cells();
         if cells.is_far(bounds.lo, bounds.hi) {
-            return if self.keep == Keep::Inside { Side::Lost } else { Side::Kept };
+            return if self.keep == Keep::Inside { BorderSide::Lost } else { BorderSide::Kept };
         }
         let [columns, rows] = [0, 1].map(|k| cells.index(k, bounds.lo[k])..=cells.index(k, bounds.hi[k]));
         if columns.end() - columns.start() > 3 || rows.end() - rows.start() > 3 || !cells.holds_box(bounds) {
-            return Side::Both;
+            return BorderSide::Both;
         }
-        let mut found =
+        let mut sides =
             rows.flat_map(|row| columns.clone().map(move |column| self.sides[row * cells.count[0] + column]));
-        let first = found.next().unwrap_or(Side::Both);
-        if found.all(|side| side == first) { first } else { Side::Both }
+        let first = sides.next().unwrap_or(BorderSide::Both);
+        if sides.all(|side| side == first) { first } else { BorderSide::Both }
     }
 }

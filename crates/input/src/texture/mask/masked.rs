@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::border::Border;
-use crate::texture::clip::Lines;
+use crate::texture::clip::Polylines;
 use crate::texture::place::push;
 use crate::texture::{Figure, MAX_STROKES, too_large};
 use terrace_core::diag::Error;
@@ -14,7 +14,7 @@ use terrace_core::parallel;
 use terrace_core::program::PenId;
 
 /// Most strokes that the border cuts, or runs of strokes that it does not.
-const MAX_LISTED: usize = 16_000_000;
+const MAX_RUNS: usize = 16_000_000;
 
 /// Strokes of a task, at most, and tasks between two looks at the limits.
 const CHUNK: u64 = 1 << 16;
@@ -31,28 +31,39 @@ const MAX_KEPT: usize = 1 << 20;
 pub(in crate::texture) struct Masked {
     base: Arc<dyn Figure>,
     border: Arc<Border>,
-    list: Vec<Entry>,
+    runs: Vec<StrokeRun>,
     len: u64,
     points: u64,
     bounds: Box2,
-    kept: Mutex<Vec<(u64, Arc<Lines>)>>,
+    /// The pieces of strokes that were cut last, by the index of the stroke of the figure.
+    kept: Mutex<Vec<(u64, Arc<Polylines>)>>,
 }
 
-/// Strokes of the figure that follow each other.
+/// The pieces of one stroke of the figure, or strokes of it that follow each other and are not cut.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
-    /// Index of the first.
+struct StrokeRun {
+    /// Index of the first stroke of the run.
     start: u32,
-    /// Index of the stroke of the figure that it is, or is a piece of.
+    /// Index of the stroke of the figure that this one is, or is a piece of.
     base: u32,
-    /// Pieces of this stroke; 0 for a run of strokes that are not cut, up to the next entry.
+    /// How many pieces of this stroke there are; 0 for strokes that are not cut, up to the next run.
     pieces: u32,
+}
+
+/// Where a stroke comes from.
+struct StrokeOrigin {
+    /// Index of the stroke of the figure.
+    base: u64,
+    /// Which of its pieces it is; None where it is not cut.
+    piece: Option<usize>,
+    /// How many pieces it has; 0 where it is not cut.
+    count: u32,
 }
 
 /// What the border leaves of a range of strokes.
 #[derive(Default)]
 struct RangeLeft {
-    list: Vec<Entry>,
+    runs: Vec<StrokeRun>,
     len: u64,
     points: u64,
     bounds: Option<Box2>,
@@ -63,8 +74,8 @@ struct RangeLeft {
 struct Scratch {
     points: Vec<P2>,
     line: Vec<[f64; 2]>,
-    pieces: Lines,
-    hard: Lines,
+    pieces: Polylines,
+    hard: Polylines,
 }
 
 impl Masked {
@@ -76,40 +87,45 @@ impl Masked {
         let mut masked = Self {
             base,
             border,
-            list: Vec::new(),
+            runs: Vec::new(),
             len: 0,
             points: 0,
             bounds: Box2::EMPTY,
             kept: Mutex::new(Vec::new()),
         };
-        let all = masked.base.len();
-        let chunk = all.div_ceil(TASKS).clamp(1, CHUNK);
+        let strokes = masked.base.len();
+        // By the number of strokes alone, so that the result is the same for any number of threads.
+        let chunk = strokes.div_ceil(TASKS).clamp(1, CHUNK);
         let mut from = 0;
-        while from < all {
-            let to = (from + chunk * TASKS).min(all);
+        while from < strokes {
+            let to = (from + chunk * TASKS).min(strokes);
             let tasks = (to - from).div_ceil(chunk) as usize;
-            let found = parallel::map(tasks, |k| {
+            let ranges = parallel::map(tasks, |k| {
                 let first = from + k as u64 * chunk;
                 masked.cut_range(first, (first + chunk).min(to))
             });
-            for found in found {
-                if masked.len + found.len > MAX_STROKES || masked.list.len() + found.list.len() > MAX_LISTED {
-                    return Err(too_large(masked.len + found.len, masked.points + found.points).into());
-                }
-                let before = masked.len as u32;
-                masked.list.extend(found.list.iter().map(|e| Entry { start: e.start + before, ..*e }));
-                masked.len += found.len;
-                masked.points += found.points;
-                masked.bounds = found.bounds.map_or(masked.bounds, |b| masked.bounds.union(b));
-            }
+            ranges.into_iter().try_for_each(|range| masked.append(range))?;
             from = to;
         }
         Ok(masked)
     }
 
+    /// Appends what is left of the range of strokes that follows.
+    fn append(&mut self, range: RangeLeft) -> Result<(), Error> {
+        if self.len + range.len > MAX_STROKES || self.runs.len() + range.runs.len() > MAX_RUNS {
+            return Err(too_large(self.len + range.len, self.points + range.points).into());
+        }
+        let before = self.len as u32;
+        self.runs.extend(range.runs.iter().map(|run| StrokeRun { start: run.start + before, ..*run }));
+        self.len += range.len;
+        self.points += range.points;
+        self.bounds = range.bounds.map_or(self.bounds, |b| self.bounds.union(b));
+        Ok(())
+    }
+
     /// What the border leaves of strokes `first..end` of the figure; indices count from the first that is left.
     fn cut_range(&self, first: u64, end: u64) -> RangeLeft {
-        let mut found = RangeLeft::default();
+        let mut left = RangeLeft::default();
         let mut scratch = Scratch::default();
         // The stroke that would continue the run of untouched strokes.
         let mut run_next = None;
@@ -120,20 +136,20 @@ impl Masked {
                 // Nothing is left of it: the next untouched stroke begins a new run.
                 continue;
             }
-            let (start, stroke) = (found.len as u32, base as u32);
+            let start = left.len as u32;
             if !is_whole {
-                found.list.push(Entry { start, base: stroke, pieces: pieces as u32 });
+                left.runs.push(StrokeRun { start, base: base as u32, pieces: pieces as u32 });
             } else if run_next != Some(base) {
-                found.list.push(Entry { start, base: stroke, pieces: 0 });
+                left.runs.push(StrokeRun { start, base: base as u32, pieces: 0 });
             }
             run_next = is_whole.then_some(base + 1);
-            found.len += pieces as u64;
-            found.points += scratch.pieces.points.len() as u64;
-            let mut bounds = found.bounds.unwrap_or(Box2::EMPTY);
+            left.len += pieces as u64;
+            left.points += scratch.pieces.points.len() as u64;
+            let mut bounds = left.bounds.unwrap_or(Box2::EMPTY);
             scratch.pieces.points.iter().for_each(|&p| bounds.add(nm(p)));
-            found.bounds = Some(bounds);
+            left.bounds = Some(bounds);
         }
-        found
+        left
     }
 
     /// Cuts a stroke of the figure; returns whether it is left as it is.
@@ -148,32 +164,33 @@ impl Masked {
         pieces.len() == 1 && pieces.get(0) == line.as_slice()
     }
 
-    /// The stroke of the figure that stroke `i` is, or of which it is a piece, and which one.
-    fn find_base(&self, i: u64) -> (u64, Option<usize>, u32) {
-        let entry = self.list[self.list.partition_point(|e| u64::from(e.start) <= i) - 1];
-        let k = i - u64::from(entry.start);
-        match entry.pieces {
-            0 => (u64::from(entry.base) + k, None, 0),
-            pieces => (u64::from(entry.base), Some(k as usize), pieces),
+    /// Where stroke `i` comes from.
+    fn origin(&self, i: u64) -> StrokeOrigin {
+        let run = self.runs[self.runs.partition_point(|run| u64::from(run.start) <= i) - 1];
+        let base = u64::from(run.base);
+        let k = i - u64::from(run.start);
+        match run.pieces {
+            0 => StrokeOrigin { base: base + k, piece: None, count: 0 },
+            count => StrokeOrigin { base, piece: Some(k as usize), count },
         }
     }
 
     /// The indices of the pieces of a stroke of the figure.
     pub(in crate::texture) fn pieces_of(&self, base: u64) -> Range<u64> {
-        let next = self.list.partition_point(|e| u64::from(e.base) <= base);
-        let Some(entry) = next.checked_sub(1).map(|k| self.list[k]) else { return 0..0 };
-        let start = u64::from(entry.start);
-        let end = self.list.get(next).map_or(self.len, |e| u64::from(e.start));
-        let k = base - u64::from(entry.base);
-        match entry.pieces {
+        let next = self.runs.partition_point(|run| u64::from(run.base) <= base);
+        let Some(run) = next.checked_sub(1).map(|k| self.runs[k]) else { return 0..0 };
+        let start = u64::from(run.start);
+        let end = self.runs.get(next).map_or(self.len, |run| u64::from(run.start));
+        let k = base - u64::from(run.base);
+        match run.pieces {
             0 if start + k < end => start + k..start + k + 1,
             pieces if k == 0 => start..start + u64::from(pieces),
             _ => 0..0,
         }
     }
 
-    /// The pieces of a stroke.
-    fn pieces(&self, base: u64, count: u32) -> Arc<Lines> {
+    /// The pieces of a stroke of the figure, which has `count` of them.
+    fn pieces(&self, base: u64, count: u32) -> Arc<Polylines> {
         let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         if count > FEW_PIECES
             && let Some((_, known)) = lock().iter().find(|(known, _)| *known == base)
@@ -214,19 +231,20 @@ impl Figure for Masked {
     }
 
     fn stroke(&self, i: u64, out: &mut Vec<P2>) {
-        match self.find_base(i) {
-            (base, None, _) => self.base.stroke(base, out),
-            (base, Some(k), count) => self.pieces(base, count).get(k).iter().for_each(|&p| push(out, nm(p))),
+        let StrokeOrigin { base, piece, count } = self.origin(i);
+        match piece {
+            None => self.base.stroke(base, out),
+            Some(k) => self.pieces(base, count).get(k).iter().for_each(|&p| push(out, nm(p))),
         }
     }
 
     fn element(&self, i: u64) -> String {
-        let (base, piece, count) = self.find_base(i);
+        let StrokeOrigin { base, piece, count } = self.origin(i);
         let name = self.base.element(base);
         piece.filter(|_| count > 1).map_or(name.clone(), |k| format!("{name}, piece {}", k + 1))
     }
 
     fn pen(&self, i: u64) -> Option<PenId> {
-        self.base.pen(self.find_base(i).0)
+        self.base.pen(self.origin(i).base)
     }
 }

@@ -14,8 +14,8 @@ mod soft;
 
 use std::sync::Arc;
 
-use super::artwork::{Area as Shape, Artwork};
-use super::drawing::Placed;
+use super::artwork::{Artwork, PolygonArea};
+use super::drawing::PagePlacement;
 use super::page::Position;
 use super::place::Site;
 use super::source::Sources;
@@ -66,9 +66,9 @@ impl Masks {
         notes: &mut Vec<Diag>,
     ) -> Result<Option<Arc<Border>>, Error> {
         let mut shape = |mask: &Mask| mask.shape(site, sources, notes);
-        let (inside, outside) =
-            (self.inside.as_ref().map(&mut shape).transpose()?, self.outside.as_ref().map(&mut shape));
-        let border = match (inside, outside.transpose()?) {
+        let inside = self.inside.as_ref().map(&mut shape).transpose()?;
+        let outside = self.outside.as_ref().map(&mut shape).transpose()?;
+        let border = match (inside, outside) {
             (None, None) => return Ok(None),
             (Some(inside), None) => Border::inside(&inside),
             (None, Some(outside)) => Border::outside(&outside),
@@ -80,7 +80,7 @@ impl Masks {
 
 impl Mask {
     /// The area of the mask in the turned part frame, mm, where the texture lies at `site`.
-    fn shape(&self, site: &Site, sources: &mut Sources, notes: &mut Vec<Diag>) -> Result<Shape, Error> {
+    fn shape(&self, site: &Site, sources: &mut Sources, notes: &mut Vec<Diag>) -> Result<PolygonArea, Error> {
         let drawing = Request {
             kind: self.drawing.clone(),
             area: self.area.clone(),
@@ -97,9 +97,11 @@ impl Mask {
         Ok(shape.mapped(|p| site.turn.turned(placed.part(p))))
     }
 
-    fn placed(&self, art: &Artwork, position: Position, turn_rad: f64, site: &Site) -> Placed {
+    /// Where the page of the mask lies on the part.
+    fn placed(&self, art: &Artwork, position: Position, turn_rad: f64, site: &Site) -> PagePlacement {
         let limit = (self.area != Area::Unlimited).then_some(site.area);
-        Placed::new(art.size, position.of_page(art.corner, limit.is_some()), turn_rad, limit, site.part_box, site.turn)
+        let position = position.of_page(art.corner, limit.is_some());
+        PagePlacement::new(art.size, position, turn_rad, limit, site.part_box, site.turn)
     }
 }
 

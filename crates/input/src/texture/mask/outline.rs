@@ -1,12 +1,12 @@
 //! The area that shapes of a drawing make: filled ones by their fill, all others by their closed lines.
 //!
 //! Colours, and what lies over what, mean nothing here. A shape with a fill is the area of its fill, its stroke is not
-//! looked at. Lines of all other shapes bound an area together: one inside another is a hole (rule evenodd). Lines whose
-//! ends meet, nearer than the tolerance, are one; a line that does not end where it begins is a fault.
+//! looked at. Lines of all other shapes bound an area together: one inside another is a hole (rule evenodd). Lines
+//! whose ends meet, nearer than the tolerance, are one; a line that does not end where it begins is a fault.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::texture::artwork::{Area, Artwork, Figure, Rule, Shape, TooMany};
+use crate::texture::artwork::{Artwork, PaintedShape, PolygonArea, ShapeFigure, TooMany, WindingRule};
 use crate::texture::clip::is_closed;
 use terrace_core::diag::Diag;
 
@@ -16,40 +16,40 @@ type Point = [f64; 2];
 const MAX_LISTED: usize = 24;
 
 /// The area of the shapes with an id, layer, class or block of that name, or of all; page mm.
-pub(super) fn outline(art: &Artwork, name: Option<&str>, tolerance: f64) -> Result<Area, Box<Diag>> {
-    let chosen: Vec<&Shape> = art.shapes.iter().filter(|s| name.is_none_or(|name| has(art, s, name))).collect();
+pub(super) fn outline(art: &Artwork, name: Option<&str>, tolerance: f64) -> Result<PolygonArea, Box<Diag>> {
+    let chosen: Vec<&PaintedShape> = art.shapes.iter().filter(|s| name.is_none_or(|name| has(art, s, name))).collect();
     if chosen.is_empty() {
         return Err(nothing(art, name));
     }
-    let filled: BTreeSet<u32> = chosen.iter().filter(|s| s.figure != Figure::Lines).map(|s| s.name).collect();
+    let filled: BTreeSet<u32> = chosen.iter().filter(|s| s.figure != ShapeFigure::Lines).map(|s| s.name).collect();
     let mut parts = Vec::new();
     let mut lines = Vec::new();
     for shape in chosen {
         let contours = shape.lines.clone().map(|k| art.lines.get(k));
         let rule = match shape.figure {
-            Figure::Fill(rule) => rule,
-            Figure::Stroke => Rule::NonZero,
-            Figure::Lines if !filled.contains(&shape.name) => {
-                lines.extend(contours.map(|c| (c.to_vec(), shape)));
+            ShapeFigure::Fill(rule) => rule,
+            ShapeFigure::Stroke => WindingRule::NonZero,
+            ShapeFigure::Lines if !filled.contains(&shape.name) => {
+                lines.extend(contours.map(|contour| ShapeLine { points: contour.to_vec(), shape }));
                 continue;
             }
-            Figure::Lines | Figure::Grey(_) => continue,
+            ShapeFigure::Lines | ShapeFigure::Grey(_) => continue,
         };
-        let area = Area::new(contours, rule);
+        let area = PolygonArea::new(contours, rule);
         let area = area.and_then(|a| shape.clip.map_or(Ok(a.clone()), |clip| a.within(&art.clips[clip as usize])));
         parts.push(area.map_err(|TooMany| crossings(&art.names[shape.name as usize]))?);
     }
     let rings = closed(art, lines, tolerance)?;
     if !rings.is_empty() {
-        let area = Area::new(rings.iter().map(Vec::as_slice), Rule::EvenOdd);
+        let area = PolygonArea::new(rings.iter().map(Vec::as_slice), WindingRule::EvenOdd);
         parts.push(area.map_err(|TooMany| crossings("the lines"))?);
     }
-    let area = Area::union(parts.iter()).map_err(|TooMany| crossings("the drawing"))?;
+    let area = PolygonArea::union(parts.iter()).map_err(|TooMany| crossings("the drawing"))?;
     if area.is_empty() { Err(nothing(art, name)) } else { Ok(area) }
 }
 
 /// Whether a shape has a label of that name, with its kind (`layer:Rim`) or without.
-fn has(art: &Artwork, shape: &Shape, name: &str) -> bool {
+fn has(art: &Artwork, shape: &PaintedShape, name: &str) -> bool {
     art.labels(shape.labels).any(|l| l == name || l.split_once(':').is_some_and(|(_, own)| own == name))
 }
 
@@ -80,38 +80,46 @@ fn crossings(what: &str) -> Box<Diag> {
     Diag::limit("texture-crossings", text).hint("simplify it in the drawing program").into()
 }
 
+/// A line of a shape.
+struct ShapeLine<'a> {
+    points: Vec<Point>,
+    shape: &'a PaintedShape,
+}
+
 /// Lines as rings; open ones are joined where ends meet.
-fn closed(art: &Artwork, lines: Vec<(Vec<Point>, &Shape)>, tolerance: f64) -> Result<Vec<Vec<Point>>, Box<Diag>> {
-    let (mut rings, mut open) = (Vec::new(), Vec::new());
-    for (line, shape) in lines {
-        if is_closed(&line) {
-            rings.push(line);
-        } else if line.len() > 1 {
-            open.push((line, shape));
+fn closed(art: &Artwork, lines: Vec<ShapeLine<'_>>, tolerance: f64) -> Result<Vec<Vec<Point>>, Box<Diag>> {
+    let mut rings = Vec::new();
+    let mut open = Vec::new();
+    for line in lines {
+        if is_closed(&line.points) {
+            rings.push(line.points);
+        } else if line.points.len() > 1 {
+            open.push(line);
         }
     }
-    let mut ends = Ends::new(&open, tolerance);
+    let mut ends = OpenEnds::new(&open, tolerance);
     for first in 0..open.len() {
         if !ends.take(first) {
             continue;
         }
-        let mut ring = open[first].0.clone();
+        let mut ring = open[first].points.clone();
+        // Each turn takes a line, or ends.
         loop {
             let last = ring[ring.len() - 1];
             if ring.len() > 2 && distance(last, ring[0]) <= tolerance {
                 break;
             }
-            let Some((next, is_end)) = ends.nearest(last) else {
+            let Some(LineEnd { line: next, is_last_point }) = ends.nearest(last) else {
                 let [x, y] = last;
-                let element = &art.names[open[first].1.name as usize];
+                let element = &art.names[open[first].shape.name as usize];
                 let text = format!("the outline of {element} is open: it ends at {x:.4}, {y:.4} mm of its page");
                 return Err(Diag::input("mask-open", text)
                     .hint("close it in the drawing program, or give the shape a fill")
                     .into());
             };
             ends.take(next);
-            let line = &open[next].0;
-            if is_end { ring.extend(line.iter().rev()) } else { ring.extend(line) }
+            let points = &open[next].points;
+            if is_last_point { ring.extend(points.iter().rev()) } else { ring.extend(points) }
         }
         rings.push(ring);
     }
@@ -122,24 +130,36 @@ fn distance(a: Point, b: Point) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+/// An end of an open line.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct LineEnd {
+    line: usize,
+    is_last_point: bool,
+}
+
 /// The ends of open lines that are not yet part of a ring, in cells as wide as the tolerance.
-struct Ends {
-    cells: BTreeMap<[i64; 2], Vec<(usize, bool)>>,
+struct OpenEnds {
+    cells: BTreeMap<[i64; 2], Vec<LineEnd>>,
     ends: Vec<[Point; 2]>,
     is_taken: Vec<bool>,
     tolerance: f64,
 }
 
-impl Ends {
-    fn new(open: &[(Vec<Point>, &Shape)], tolerance: f64) -> Self {
-        let ends = open.iter().map(|(line, _)| [line[0], line[line.len() - 1]]).collect();
-        let mut all = Self { cells: BTreeMap::new(), ends, is_taken: vec![false; open.len()], tolerance };
-        for i in 0..open.len() {
-            for (k, is_end) in [(0, false), (1, true)] {
-                all.cells.entry(all.cell(all.ends[i][k])).or_default().push((i, is_end));
+impl OpenEnds {
+    fn new(open: &[ShapeLine<'_>], tolerance: f64) -> Self {
+        let ends = open.iter().map(|line| [line.points[0], line.points[line.points.len() - 1]]).collect();
+        let mut open_ends = Self { cells: BTreeMap::new(), ends, is_taken: vec![false; open.len()], tolerance };
+        for line in 0..open.len() {
+            for is_last_point in [false, true] {
+                let end = LineEnd { line, is_last_point };
+                open_ends.cells.entry(open_ends.cell(open_ends.place(end))).or_default().push(end);
             }
         }
-        all
+        open_ends
+    }
+
+    fn place(&self, end: LineEnd) -> Point {
+        self.ends[end.line][usize::from(end.is_last_point)]
     }
 
     fn cell(&self, p: Point) -> [i64; 2] {
@@ -151,13 +171,13 @@ impl Ends {
         !std::mem::replace(&mut self.is_taken[i], true)
     }
 
-    /// The line whose begin or end lies nearest to a point, within the tolerance, and whether that is its end.
-    fn nearest(&self, p: Point) -> Option<(usize, bool)> {
+    /// The end that lies nearest to a point, within the tolerance; of equally near ones the first.
+    fn nearest(&self, p: Point) -> Option<LineEnd> {
         let [x, y] = self.cell(p);
-        let near = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
-        let found = near.filter_map(|cell| self.cells.get(&cell)).flatten().filter(|(i, _)| !self.is_taken[*i]);
-        let away = |&(i, is_end): &(usize, bool)| distance(p, self.ends[i][usize::from(is_end)]);
-        let within = found.copied().filter(|end| away(end) <= self.tolerance);
+        let cells = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
+        let ends = cells.filter_map(|cell| self.cells.get(&cell)).flatten().filter(|end| !self.is_taken[end.line]);
+        let away = |end: &LineEnd| distance(p, self.place(*end));
+        let within = ends.copied().filter(|end| away(end) <= self.tolerance);
         within.min_by(|a, b| away(a).total_cmp(&away(b)).then(a.cmp(b)))
     }
 }

@@ -2,16 +2,16 @@
 //!
 //! A piece that the border leaves is divided into equal lengths of at most 4 w. Length j of piece k of stroke i has a
 //! random number u in [0, 1), a hash of the seed and i, k and j, and is marked where it lies farther than u w from the
-//! border. At a distance d from the border a share min(d / w, 1) of the strokes is marked in the mean, however they run;
-//! strokes that end at the border end at a random distance from it, and strokes along it are marked or not as wholes.
-//! What lies farther than w from the border is marked always and stays uncut.
+//! border. At a distance d from the border a share min(d / w, 1) of the strokes is marked in the mean, however they
+//! run; strokes that end at the border end at a random distance from it, and strokes along it are marked or not as
+//! wholes. What lies farther than w from the border is marked always and stays uncut.
 //!
 //! The points of a segment nearer than c to an edge of the border lie within a rectangle and two discs; their union is
 //! convex, so they are one stretch of the segment, found in closed form.
 
 use crate::texture::artwork::Cells;
 use crate::texture::clip::distance;
-use crate::texture::clip::{Lines, extent, is_closed};
+use crate::texture::clip::{Polylines, extent, is_closed};
 use crate::texture::place::LEAST;
 
 type Point = [f64; 2];
@@ -19,8 +19,17 @@ type Point = [f64; 2];
 /// Most columns and rows of cells.
 const MAX_CELLS: f64 = 256.0;
 
-/// Lengths with a random number of their own, in widths.
-const LENGTH: f64 = 4.0;
+/// The longest stretch with one random number, in widths.
+const STRETCH: f64 = 4.0;
+
+/// The piece of a stroke, by numbers from which its random numbers follow.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PieceId {
+    /// Index of the stroke before the border cuts it.
+    pub(super) stroke: u64,
+    /// Number of the piece among those that the border leaves of it.
+    pub(super) piece: u64,
+}
 
 /// A width over which marks fade.
 #[derive(Debug)]
@@ -37,43 +46,59 @@ impl Soft {
         Self { width, seed, near: Cells::new(edges, count, width) }
     }
 
-    /// Appends what of piece `piece` of a stroke is marked.
-    pub(super) fn fade(&self, edges: &[[Point; 2]], line: &[Point], (stroke, piece): (u64, u64), out: &mut Lines) {
+    /// Appends what is marked of `line`, the piece of a stroke that `id` names.
+    pub(super) fn fade(&self, edges: &[[Point; 2]], line: &[Point], id: PieceId, out: &mut Polylines) {
         if let [dot] = line {
-            let mut found = Vec::new();
-            self.edges_near([*dot; 2], &mut found);
-            let away = found.iter().map(|&e| distance(*dot, edges[e as usize])).fold(f64::INFINITY, f64::min);
-            if away >= self.width * self.random(stroke, piece, 0) {
+            if self.keeps_dot(edges, *dot, id) {
                 out.push(line);
             }
-            return;
+        } else if self.is_near(line) {
+            self.fade_line(edges, line, id, out);
+        } else {
+            out.push(line);
         }
-        let sides = || line.windows(2).map(|s| [s[0], s[1]]);
+    }
+
+    /// Whether a dot is marked: it lies at least the random share of the width from all edges.
+    fn keeps_dot(&self, edges: &[[Point; 2]], dot: Point, id: PieceId) -> bool {
+        let mut near = Vec::new();
+        self.edges_near([dot; 2], &mut near);
+        let away = near.iter().map(|&e| distance(dot, edges[e as usize])).fold(f64::INFINITY, f64::min);
+        away >= self.width * self.random(id, 0)
+    }
+
+    /// Whether a line passes a cell with edges within the width of it.
+    fn is_near(&self, line: &[Point]) -> bool {
         let mut is_near = false;
-        sides().for_each(|s| self.near.along(s, |cell| is_near |= !self.near.edges_of(cell).is_empty()));
-        if !is_near {
-            return out.push(line);
-        }
-        let total: f64 = sides().map(length).sum();
-        let count = (total / (LENGTH * self.width)).ceil().max(1.0);
-        let share = total / count;
-        let (mut found, mut lost) = (Vec::new(), Vec::new());
-        let mut kept = Kept::new(line);
+        sides(line).for_each(|s| self.near.along(s, |cell| is_near |= !self.near.edges_of(cell).is_empty()));
+        is_near
+    }
+
+    /// Appends what is marked of a line of two points or more.
+    fn fade_line(&self, edges: &[[Point; 2]], line: &[Point], id: PieceId, out: &mut Polylines) {
+        let total: f64 = sides(line).map(length).sum();
+        let count = (total / (STRETCH * self.width)).ceil().max(1.0);
+        let stretch = total / count;
+        let mut near = Vec::new();
+        let mut lost = Vec::new();
+        let mut kept = KeptPieces::new(line);
+        // The length of the line up to the side.
         let mut before = 0.0;
-        for side in sides() {
+        for side in sides(line) {
             let at = |t: f64| [0, 1].map(|k| side[0][k] + t * (side[1][k] - side[0][k]));
             lost.clear();
             let own = length(side);
-            // The lengths that the side has a part in.
-            let first = (before / share).floor().max(0.0);
-            let mut j = first;
-            while j < count && j * share < before + own {
-                let part = [(j * share - before) / own, ((j + 1.0) * share - before) / own].map(|t| t.clamp(0.0, 1.0));
+            // The stretches that the side has a part in.
+            let mut j = (before / stretch).floor().max(0.0);
+            while j < count && j * stretch < before + own {
+                let part =
+                    [(j * stretch - before) / own, ((j + 1.0) * stretch - before) / own].map(|t| t.clamp(0.0, 1.0));
+                // Rounding must not leave the end of the line without a stretch.
                 let part = if j + 1.0 == count { [part[0], 1.0] } else { part };
-                // Of a long side each length has edges of its own.
-                self.edges_near(part.map(at), &mut found);
-                let reach = self.width * self.random(stroke, piece, j as u64);
-                for &edge in &found {
+                // Of a long side each stretch has edges of its own.
+                self.edges_near(part.map(at), &mut near);
+                let reach = self.width * self.random(id, j as u64);
+                for &edge in &near {
                     if let Some([t0, t1]) = nearer(side, edges[edge as usize], reach) {
                         lost.push([t0.max(part[0]), t1.min(part[1])]);
                     }
@@ -82,25 +107,25 @@ impl Soft {
             }
             lost.retain(|t| t[0] < t[1]);
             lost.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
-            kept.side(side, &lost);
+            kept.add_side(side, &lost);
             before += own;
         }
         kept.finish(out);
     }
 
-    /// The edges that may lie within the width of a segment.
-    fn edges_near(&self, side: [Point; 2], found: &mut Vec<u32>) {
-        found.clear();
-        self.near.along(side, |cell| found.extend_from_slice(self.near.edges_of(cell)));
-        found.sort_unstable();
-        found.dedup();
+    /// Writes the edges that may lie within the width of a segment into `near`.
+    fn edges_near(&self, side: [Point; 2], near: &mut Vec<u32>) {
+        near.clear();
+        self.near.along(side, |cell| near.extend_from_slice(self.near.edges_of(cell)));
+        near.sort_unstable();
+        near.dedup();
     }
 
-    /// From 0 to 1.
-    fn random(&self, stroke: u64, piece: u64, part: u64) -> f64 {
+    /// The random number of a stretch of a piece, from 0 to 1.
+    fn random(&self, id: PieceId, stretch: u64) -> f64 {
         // The finaliser of SplitMix64, once for each number.
         let mut h = self.seed;
-        for v in [stroke, piece, part] {
+        for v in [id.stroke, id.piece, stretch] {
             h = h.wrapping_add(v).wrapping_add(0x9E37_79B9_7F4A_7C15);
             for (shift, factor) in [(30, 0xBF58_476D_1CE4_E5B9u64), (27, 0x94D0_49BB_1331_11EB)] {
                 h = (h ^ (h >> shift)).wrapping_mul(factor);
@@ -111,6 +136,11 @@ impl Soft {
     }
 }
 
+/// The segments of a polyline.
+fn sides(line: &[Point]) -> impl Iterator<Item = [Point; 2]> {
+    line.windows(2).map(|s| [s[0], s[1]])
+}
+
 fn length([a, b]: [Point; 2]) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
@@ -119,30 +149,34 @@ fn length([a, b]: [Point; 2]) -> f64 {
 fn nearer([a, b]: [Point; 2], [p, q]: [Point; 2], reach: f64) -> Option<[f64; 2]> {
     let d = [b[0] - a[0], b[1] - a[1]];
     let e = [q[0] - p[0], q[1] - p[1]];
-    let long = e[0].hypot(e[1]);
+    let edge_length = e[0].hypot(e[1]);
     let mut out: Option<[f64; 2]> = None;
-    let mut add = |t: Option<[f64; 2]>| {
-        if let Some([t0, t1]) = t.filter(|t| t[0] <= t[1]) {
-            out = Some(out.map_or([t0, t1], |o| [o[0].min(t0), o[1].max(t1)]));
-        }
-    };
     for centre in [p, q] {
-        add(in_disc(a, d, centre, reach));
+        out = joined(out, in_disc(a, d, centre, reach));
     }
-    if long > 0.0 {
+    if edge_length > 0.0 {
         // Along the edge from 0 to its length, across it up to the reach to either side.
-        let u = [e[0] / long, e[1] / long];
+        let u = [e[0] / edge_length, e[1] / edge_length];
         let v = [a[0] - p[0], a[1] - p[1]];
-        let along = within(u[0] * v[0] + u[1] * v[1], u[0] * d[0] + u[1] * d[1], 0.0, long);
+        let along = within(u[0] * v[0] + u[1] * v[1], u[0] * d[0] + u[1] * d[1], 0.0, edge_length);
         let across = within(u[0] * v[1] - u[1] * v[0], u[0] * d[1] - u[1] * d[0], -reach, reach);
-        add(along.zip(across).map(|(s, t)| [s[0].max(t[0]), s[1].min(t[1])]));
+        out = joined(out, along.zip(across).map(|(s, t)| [s[0].max(t[0]), s[1].min(t[1])]));
     }
     out.map(|[t0, t1]| [t0.max(0.0), t1.min(1.0)]).filter(|t| t[0] < t[1])
+}
+
+/// The interval around two others; one that ends before it begins is none.
+fn joined(a: Option<[f64; 2]>, b: Option<[f64; 2]>) -> Option<[f64; 2]> {
+    match (a, b.filter(|b| b[0] <= b[1])) {
+        (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
+        (a, b) => a.or(b),
+    }
 }
 
 /// The parameters for which a + t d lies in a disc.
 fn in_disc(a: Point, d: Point, centre: Point, radius: f64) -> Option<[f64; 2]> {
     let v = [a[0] - centre[0], a[1] - centre[1]];
+    // Of |a + t d - centre|^2 = radius^2: square t^2 + 2 half t + |v|^2 - radius^2 = 0.
     let square = d[0] * d[0] + d[1] * d[1];
     let half = v[0] * d[0] + v[1] * d[1];
     let root = half * half - square * (v[0] * v[0] + v[1] * v[1] - radius * radius);
@@ -158,25 +192,28 @@ fn within(v: f64, d: f64, lo: f64, hi: f64) -> Option<[f64; 2]> {
     Some([s.min(t), s.max(t)])
 }
 
-/// What is kept of a polyline, side by side.
-struct Kept<'a> {
+/// The pieces that are kept of a polyline, which is taken side by side.
+struct KeptPieces<'a> {
     line: &'a [Point],
     pieces: Vec<Vec<Point>>,
+    /// Whether the last piece reaches up to the place that is looked at, so that what is kept from there on is part of
+    /// it.
     is_open: bool,
 }
 
-impl<'a> Kept<'a> {
+impl<'a> KeptPieces<'a> {
     fn new(line: &'a [Point]) -> Self {
         Self { line, pieces: Vec::new(), is_open: false }
     }
 
     /// Takes the next side, without what is lost of it, in order.
-    fn side(&mut self, [a, b]: [Point; 2], lost: &[[f64; 2]]) {
+    fn add_side(&mut self, [a, b]: [Point; 2], lost: &[[f64; 2]]) {
         let at = |t: f64| match t {
             0.0 => a,
             1.0 => b,
             t => [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])],
         };
+        // What lies before `from` is kept or lost. The last of the intervals ends the side.
         let mut from = 0.0;
         for &[t0, t1] in lost.iter().chain([&[1.0, f64::INFINITY]]) {
             if t0 > from {
@@ -189,6 +226,7 @@ impl<'a> Kept<'a> {
         }
     }
 
+    /// Continues the last piece, or begins one.
     fn keep(&mut self, from: Point, to: Point) {
         if !self.is_open {
             self.pieces.push(vec![from]);
@@ -198,7 +236,7 @@ impl<'a> Kept<'a> {
     }
 
     /// Appends the pieces; of a closed polyline none is divided at its first point unless it is whole.
-    fn finish(mut self, out: &mut Lines) {
+    fn finish(mut self, out: &mut Polylines) {
         if is_closed(self.line) && self.pieces.len() > 1 && self.is_open && self.pieces[0][0] == self.line[0] {
             let first = self.pieces.remove(0);
             self.pieces.last_mut().expect("more than one").extend_from_slice(&first[1..]);
@@ -217,6 +255,26 @@ impl<'a> Kept<'a> {
 mod tests {
     use super::*;
     use terrace_core::random::Random;
+
+    #[test]
+    fn intervals_are_joined_unless_one_is_empty() {
+        assert_eq!(joined(None, Some([1.0, 2.0])), Some([1.0, 2.0]));
+        assert_eq!(joined(Some([1.0, 2.0]), Some([4.0, 5.0])), Some([1.0, 5.0]));
+        assert_eq!(joined(Some([1.0, 2.0]), Some([5.0, 4.0])), Some([1.0, 2.0]));
+        assert_eq!(joined(None, Some([5.0, 4.0])), None);
+    }
+
+    #[test]
+    fn pieces_end_where_something_is_lost() {
+        let line = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]];
+        let mut kept = KeptPieces::new(&line);
+        kept.add_side([line[0], line[1]], &[[0.25, 0.5]]);
+        kept.add_side([line[1], line[2]], &[]);
+        let mut out = Polylines::default();
+        kept.finish(&mut out);
+        let pieces: Vec<&[Point]> = out.iter().collect();
+        assert_eq!(pieces, [&[[0.0, 0.0], [1.0, 0.0]][..], &[[2.0, 0.0], [4.0, 0.0], [8.0, 0.0]]]);
+    }
 
     #[test]
     fn stretches_near_an_edge_agree_with_distances() {

@@ -61,12 +61,12 @@ pub struct Contour {
     pitch: f64,
     /// Distance of the first line from the lower left corner of the box, nm.
     begin: f64,
-    lattices: Vec<Lattice>,
+    lattices: Vec<CellLattice>,
 }
 
-/// The lines of one cell.
+/// The parallel lines of one cell, numbered along their normal.
 #[derive(Clone, Debug)]
-struct Lattice {
+struct CellLattice {
     cell: Box2,
     /// Whether the upper border along x and y belongs to the next cell.
     open: [bool; 2],
@@ -79,7 +79,7 @@ struct Lattice {
     end: u64,
 }
 
-impl Lattice {
+impl CellLattice {
     fn normal(&self) -> [f64; 2] {
         [-self.direction[1], self.direction[0]]
     }
@@ -88,6 +88,12 @@ impl Lattice {
     fn shortest(&self) -> f64 {
         let along = self.direction.map(f64::abs).into_iter().filter(|&v| v > 0.0);
         2.0 / along.fold(1.0, f64::min)
+    }
+
+    /// A point moved along the normal, on the grid.
+    fn shifted(&self, p: P2, by: f64) -> P2 {
+        let normal = self.normal();
+        P2::new(p.x + (by * normal[0]).round() as i64, p.y + (by * normal[1]).round() as i64)
     }
 
     /// Distance of a point from line 0, along the normal.
@@ -168,7 +174,7 @@ impl Contour {
         (cell, self.lattices[cell].first + (i - start) as i64)
     }
 
-    /// Lays the lines. The grid covers the area.
+    /// Gives every cell its lines. The grid covers the area.
     pub(in crate::texture) fn fill(&mut self, directions: &Directions) -> Result<(), Error> {
         let grid = &directions.grid;
         let [columns, rows] = [grid.columns(), grid.rows()];
@@ -176,8 +182,9 @@ impl Contour {
         let mut end = 0;
         for (i, &hundredths) in directions.hundredths.iter().enumerate() {
             let direction = Directions::cos_sin(hundredths);
-            let (column, row) = (i % columns, i / columns);
-            let mut lattice = Lattice {
+            let column = i % columns;
+            let row = i / columns;
+            let mut lattice = CellLattice {
                 cell: grid.area(i),
                 open: [column + 1 < columns, row + 1 < rows],
                 direction,
@@ -200,41 +207,40 @@ impl Contour {
     }
 
     /// A point of line 0 of a lattice that continues the one of the cell before it.
-    fn anchor(&self, lattice: &Lattice, before: Option<&Lattice>) -> P2 {
-        let normal = lattice.normal();
-        let shifted =
-            |p: P2, by: f64| P2::new(p.x + (by * normal[0]).round() as i64, p.y + (by * normal[1]).round() as i64);
-        let Some(before) = before else { return shifted(self.bounds.lo, self.begin) };
+    fn anchor(&self, lattice: &CellLattice, before: Option<&CellLattice>) -> P2 {
+        let Some(before) = before else { return lattice.shifted(self.bounds.lo, self.begin) };
         if before.direction == lattice.direction {
             return before.anchor;
         }
         // The middle of the border, or of as much of it as lies in the area's box.
-        let (a, b) = (lattice.cell, before.cell);
-        let middle = |alo: i64, ahi: i64, blo: i64, bhi: i64, lo: i64, hi: i64| {
-            (alo.max(blo).clamp(lo, hi) + ahi.min(bhi).clamp(lo, hi)) / 2
-        };
+        let a = lattice.cell;
+        let b = before.cell;
         let Box2 { lo, hi } = self.bounds;
-        let at = P2::new(
-            middle(a.lo.x, a.hi.x, b.lo.x, b.hi.x, lo.x, hi.x),
-            middle(a.lo.y, a.hi.y, b.lo.y, b.hi.y, lo.y, hi.y),
+        let middle = P2::new(
+            middle_of_overlap([a.lo.x, a.hi.x], [b.lo.x, b.hi.x], [lo.x, hi.x]),
+            middle_of_overlap([a.lo.y, a.hi.y], [b.lo.y, b.hi.y], [lo.y, hi.y]),
         );
-        let height = before.height([at.x as f64, at.y as f64]);
+        // From there to the nearest line of the cell before; directions end at 180 deg, so the normals may be opposite.
+        let height = before.height([middle.x as f64, middle.y as f64]);
         let off = height - (height / self.pitch).round() * self.pitch;
-        shifted(at, if dot(before.normal(), normal) < 0.0 { off } else { -off })
+        let is_opposite = dot(before.normal(), lattice.normal()) < 0.0;
+        lattice.shifted(middle, if is_opposite { off } else { -off })
     }
 
     /// Finds the first line of a cell and returns the number of its lines.
-    fn count(&self, lattice: &mut Lattice) -> Result<u64, Error> {
+    fn count(&self, lattice: &mut CellLattice) -> Result<u64, Error> {
         let Some([lo, hi]) = span(self.outline(lattice.cell).into_iter().map(|p| lattice.height(p))) else {
             return Ok(0);
         };
-        // A line that is rounded onto the border belongs to it.
-        let (lo, hi) = (((lo - 1.0) / self.pitch).ceil(), ((hi + 1.0) / self.pitch).floor());
+        // A line that rounding, by up to 0.7 nm, brings onto the border belongs to the cell.
+        let lo = ((lo - 1.0) / self.pitch).ceil();
+        let hi = ((hi + 1.0) / self.pitch).floor();
         if lattice.end as f64 + (hi - lo) >= MAX_STROKES as f64 {
             let lines = lattice.end + (hi - lo) as u64;
             return Err(too_large(lines, 2 * lines).into());
         }
-        let (mut first, mut last) = (lo as i64, hi as i64);
+        let mut first = lo as i64;
+        let mut last = hi as i64;
         // Lines get shorter towards a corner, so only the outermost can be too short.
         while first <= last && self.line(lattice, first).is_none() {
             first += 1;
@@ -252,43 +258,27 @@ impl Contour {
         for (axis, sign, limit) in
             [(0, 1.0, cell.lo.x), (0, -1.0, cell.hi.x), (1, 1.0, cell.lo.y), (1, -1.0, cell.hi.y)]
         {
-            let limit = limit as f64;
-            let inside = |p: [f64; 2]| sign * (p[axis] - limit);
-            let mut kept = Vec::with_capacity(8);
-            for (i, &b) in points.iter().enumerate() {
-                let a = points[(i + points.len() - 1) % points.len()];
-                let (ia, ib) = (inside(a), inside(b));
-                if ia * ib < 0.0 {
-                    let t = ia / (ia - ib);
-                    let mut p = [0, 1].map(|k| a[k] + t * (b[k] - a[k]));
-                    p[axis] = limit;
-                    kept.push(p);
-                }
-                if ib >= 0.0 {
-                    kept.push(b);
-                }
-            }
-            points = kept;
+            points = cut_at(&points, axis, sign, limit as f64);
         }
         points
     }
 
     /// The lines of each cell.
-    pub(in crate::texture) fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
+    pub(in crate::texture) fn cells(&self) -> impl Iterator<Item = ContourCell<'_>> {
         let starts = std::iter::once(0).chain(self.lattices.iter().map(|l| l.end));
         let lattices = self.lattices.iter().zip(starts);
-        lattices.map(|(lattice, start)| Cell { area: self, lattice, count: (lattice.end - start) as usize })
+        lattices.map(|(lattice, start)| ContourCell { area: self, lattice, count: (lattice.end - start) as usize })
     }
 
     /// The ends of line `k` of a cell; None where it is too short.
-    fn line(&self, lattice: &Lattice, k: i64) -> Option<[P2; 2]> {
+    fn line(&self, lattice: &CellLattice, k: i64) -> Option<[P2; 2]> {
         let offset = k as f64 * self.pitch;
         let [t0, t1] = self.reach(lattice, offset)?;
         (t1 - t0 >= lattice.shortest()).then(|| [t0, t1].map(|t| self.place(lattice, offset, t)))
     }
 
     /// The point of the grid at `t` along a line, in the cell and in the area's box.
-    fn place(&self, lattice: &Lattice, offset: f64, t: f64) -> P2 {
+    fn place(&self, lattice: &CellLattice, offset: f64, t: f64) -> P2 {
         let (d, n, Box2 { lo, hi }) = (lattice.direction, lattice.normal(), lattice.cell);
         let anchor = [lattice.anchor.x as f64, lattice.anchor.y as f64];
         let [x, y] = [0, 1].map(|a| (anchor[a] + offset * n[a] + t * d[a]).round() as i64);
@@ -297,28 +287,36 @@ impl Contour {
     }
 
     /// Between which places along it a line at `offset` from line 0 lies in the cell and in the area.
-    fn reach(&self, lattice: &Lattice, offset: f64) -> Option<[f64; 2]> {
-        let (d, n) = (lattice.direction, lattice.normal());
+    fn reach(&self, lattice: &CellLattice, offset: f64) -> Option<[f64; 2]> {
+        let d = lattice.direction;
+        let n = lattice.normal();
         let p = [lattice.anchor.x as f64 + offset * n[0], lattice.anchor.y as f64 + offset * n[1]];
         let Box2 { lo, hi } = lattice.cell;
         let [[x0, y0], [x1, y1]] = self.area;
         let slabs = [
-            ([1.0, 0.0], lo.x as f64, hi.x as f64, lattice.open[0]),
-            ([0.0, 1.0], lo.y as f64, hi.y as f64, lattice.open[1]),
-            (self.axes[0], x0, x1, false),
-            (self.axes[1], y0, y1, false),
+            Slab { axis: [1.0, 0.0], lo: lo.x as f64, hi: hi.x as f64, is_open: lattice.open[0] },
+            Slab { axis: [0.0, 1.0], lo: lo.y as f64, hi: hi.y as f64, is_open: lattice.open[1] },
+            Slab { axis: self.axes[0], lo: x0, hi: x1, is_open: false },
+            Slab { axis: self.axes[1], lo: y0, hi: y1, is_open: false },
         ];
-        let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
-        for (axis, lo, hi, open) in slabs {
-            let (at, along) = (dot(p, axis), dot(d, axis));
+        let mut t0 = f64::NEG_INFINITY;
+        let mut t1 = f64::INFINITY;
+        for Slab { axis, lo, hi, is_open } in slabs {
+            let at = dot(p, axis);
+            let along = dot(d, axis);
             if along == 0.0 {
-                let (at, lo, hi) = (at.round(), lo.round(), hi.round());
-                if at < lo || at > hi || open && at == hi {
+                // The line lies on the grid where it is marked: what is judged is its rounded place. One on the upper
+                // border is the next cell's.
+                let at = at.round();
+                let lo = lo.round();
+                let hi = hi.round();
+                if at < lo || at > hi || is_open && at == hi {
                     return None;
                 }
                 continue;
             }
-            let (ta, tb) = ((lo - at) / along, (hi - at) / along);
+            let ta = (lo - at) / along;
+            let tb = (hi - at) / along;
             t0 = t0.max(ta.min(tb));
             t1 = t1.min(ta.max(tb));
         }
@@ -326,15 +324,51 @@ impl Contour {
     }
 }
 
+/// What lies between two limits along an axis.
+struct Slab {
+    axis: [f64; 2],
+    lo: f64,
+    hi: f64,
+    /// Whether the upper limit itself does not belong to it.
+    is_open: bool,
+}
+
+/// The middle of what two intervals share, each cut at the limits.
+fn middle_of_overlap([a0, a1]: [i64; 2], [b0, b1]: [i64; 2], [lo, hi]: [i64; 2]) -> i64 {
+    (a0.max(b0).clamp(lo, hi) + a1.min(b1).clamp(lo, hi)) / 2
+}
+
+/// The part of a convex polygon on one side of a line across an axis: above `limit` where `sign` is 1, below where it
+/// is -1 (Sutherland and Hodgman). Points that arise lie on the limit exactly.
+fn cut_at(points: &[[f64; 2]], axis: usize, sign: f64, limit: f64) -> Vec<[f64; 2]> {
+    let depth = |p: [f64; 2]| sign * (p[axis] - limit);
+    let mut kept = Vec::with_capacity(8);
+    for (i, &b) in points.iter().enumerate() {
+        let a = points[(i + points.len() - 1) % points.len()];
+        let depth_a = depth(a);
+        let depth_b = depth(b);
+        if depth_a * depth_b < 0.0 {
+            let t = depth_a / (depth_a - depth_b);
+            let mut p = [0, 1].map(|k| a[k] + t * (b[k] - a[k]));
+            p[axis] = limit;
+            kept.push(p);
+        }
+        if depth_b >= 0.0 {
+            kept.push(b);
+        }
+    }
+    kept
+}
+
 /// The lines of one cell of a filled area.
-pub(in crate::texture) struct Cell<'a> {
+pub(in crate::texture) struct ContourCell<'a> {
     area: &'a Contour,
-    lattice: &'a Lattice,
+    lattice: &'a CellLattice,
     /// How many there are.
     pub(in crate::texture) count: usize,
 }
 
-impl Cell<'_> {
+impl ContourCell<'_> {
     /// The cell's borders.
     pub(in crate::texture) fn bounds(&self) -> Box2 {
         self.lattice.cell
@@ -354,7 +388,9 @@ impl Cell<'_> {
     /// What lies in the cell of a stretch of a line `offset` nm from line 0.
     pub(in crate::texture) fn piece(&self, offset: f64, [from, to]: [f64; 2]) -> Option<[P2; 2]> {
         let [t0, t1] = self.area.reach(self.lattice, offset)?;
-        let (t0, t1) = (t0.max(from), t1.min(to));
+        let t0 = t0.max(from);
+        let t1 = t1.min(to);
+        // Shorter ones could be rounded to a point.
         (t1 - t0 >= 2.0).then(|| [t0, t1].map(|t| self.area.place(self.lattice, offset, t)))
     }
 }
@@ -366,4 +402,23 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 /// The least and the largest; None where there is none.
 fn span(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     values.fold(None, |s: Option<[f64; 2]>, v| Some(s.map_or([v, v], |[lo, hi]| [lo.min(v), hi.max(v)])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{cut_at, middle_of_overlap};
+
+    #[test]
+    fn overlaps_are_cut_at_the_limits() {
+        assert_eq!(middle_of_overlap([0, 10], [4, 20], [0, 100]), 7);
+        assert_eq!(middle_of_overlap([0, 10], [4, 20], [0, 6]), 5);
+    }
+
+    #[test]
+    fn a_square_is_cut_on_either_side_of_a_line() {
+        let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        assert_eq!(cut_at(&square, 0, 1.0, 1.0), [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]]);
+        assert_eq!(cut_at(&square, 1, -1.0, 2.0), square, "its border belongs to it");
+        assert!(cut_at(&square, 1, 1.0, 3.0).is_empty());
+    }
 }

@@ -1,8 +1,8 @@
 //! Dots on a lattice, each moved a little at random, and dots at random that keep a distance.
 //!
 //! On a lattice the sites are the centres of cells of `loops`: one dot for each. With a jitter j the dot (row, column)
-//! lies at its site + r (cos a, sin a), r = j pitch / 2 √u, a = 2 π v, with u and v uniform from 0 to 1, of the seed, the
-//! row and the column: uniform over a disc within its tile.
+//! lies at its site + r (cos a, sin a), r = j pitch / 2 √u, a = 2 π v, with u and v uniform from 0 to 1, of the seed,
+//! the row and the column: uniform over a disc within its tile.
 //!
 //! Poisson-disc dots are those of Bridson (Fast Poisson disk sampling in arbitrary dimensions, 2007), but from the
 //! newest dot on, not from a random one: around it up to 30 places between one and two distances away are tried, and
@@ -76,7 +76,7 @@ impl Keys for PoissonKeys {
     }
 }
 
-/// How often a place is tried around each dot.
+/// How often a place is tried around each dot: as Bridson has it.
 const TRIES: u32 = 30;
 
 /// Most cells of the grid that finds near dots.
@@ -140,7 +140,8 @@ impl Figure for Dots {
         let [x, y] = self.sites.centre(row, column);
         let [dx, dy] = if self.jitter > 0.0 {
             let mut random = Random::at(self.seed, row, column);
-            let (r, a) = (self.jitter * random.unit().sqrt(), TAU * random.unit());
+            let r = self.jitter * random.unit().sqrt();
+            let a = TAU * random.unit();
             [r * a.cos(), r * a.sin()]
         } else {
             [0.0; 2]
@@ -175,8 +176,8 @@ impl Scattered {
             return Err(bad_pitch("dot", distance, LEAST_PITCH));
         }
         // Rounding moves each of two dots by up to 0.71 nm.
-        let found = poisson(area, distance + 2.0 * NM, &mut Random::at(seed, 0, 0))?;
-        let dots: Vec<P2> = found.into_iter().map(|p| turn.nm(p)).collect();
+        let places = poisson(area, distance + 2.0 * NM, &mut Random::at(seed, 0, 0))?;
+        let dots: Vec<P2> = places.into_iter().map(|p| turn.nm(p)).collect();
         let mut bounds = Box2::EMPTY;
         dots.iter().for_each(|&p| bounds.add(p));
         Ok(Self { dots, bounds })
@@ -211,7 +212,7 @@ impl Figure for Scattered {
 
 /// Points of an area that are all at least `distance` apart.
 fn poisson(area: BoxMm<2>, distance: f64, random: &mut Random) -> Result<Vec<[f64; 2]>, Diag> {
-    let mut grid = Grid::new(area, distance)?;
+    let mut grid = DotGrid::new(area, distance)?;
     let BoxMm { lo, hi } = area;
     let first = [0, 1].map(|k| lo[k] + random.unit() * (hi[k] - lo[k]));
     grid.put(first);
@@ -219,13 +220,13 @@ fn poisson(area: BoxMm<2>, distance: f64, random: &mut Random) -> Result<Vec<[f6
     // The newest first: its neighbours are still in the cache.
     let mut active = vec![first];
     while let Some(&[x, y]) = active.last() {
-        let found = (0..TRIES).find_map(|_| {
+        let free_place = (0..TRIES).find_map(|_| {
             let [dx, dy] = in_ring(random);
             let p = [x + distance * dx, y + distance * dy];
             let is_inside = (0..2).all(|k| lo[k] <= p[k] && p[k] <= hi[k]);
             (is_inside && grid.is_free(p)).then_some(p)
         });
-        match found {
+        match free_place {
             Some(p) => {
                 grid.put(p);
                 points.push(p);
@@ -248,7 +249,7 @@ fn in_ring(random: &mut Random) -> [f64; 2] {
 }
 
 /// Points by their cells, whose diagonal is the least distance of points: each holds one at most.
-struct Grid {
+struct DotGrid {
     lo: [f64; 2],
     distance: f64,
     side: f64,
@@ -259,12 +260,13 @@ struct Grid {
     near: [isize; 20],
 }
 
-/// Columns and rows from a cell to those of [`Grid::near`], in one quadrant.
+/// Columns and rows from a cell to those of [`DotGrid::near`], in one quadrant.
 const NEAR: [[isize; 2]; 5] = [[1, 0], [1, 1], [2, 0], [2, 1], [1, 2]];
 
-impl Grid {
+impl DotGrid {
     fn new(area: BoxMm<2>, distance: f64) -> Result<Self, Diag> {
-        let (side, size) = (distance / 2f64.sqrt(), area.size());
+        let side = distance / 2f64.sqrt();
+        let size = area.size();
         let count = size.map(|length| (length / side).floor() + 5.0);
         if count[0] * count[1] > MAX_CELLS {
             let dots = (0.7 * size[0] * size[1] / (distance * distance)) as u64;
@@ -272,6 +274,7 @@ impl Grid {
         }
         let [columns, rows] = count.map(|n| n as usize);
         memory::ask("the grid of the dots", (columns * rows * 32) as u64)?;
+        // By quarter turns from one quadrant to all.
         let quarters = NEAR.into_iter().flat_map(|[i, j]| [[i, j], [-j, i], [-i, -j], [j, -i]]);
         let mut near = [0; 20];
         near.iter_mut().zip(quarters).for_each(|(to, [i, j])| *to = j * columns as isize + i);

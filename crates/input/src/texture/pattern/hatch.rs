@@ -216,18 +216,22 @@ impl Hatch {
 
     /// The ends of line `k`; None where it has no length in the area.
     fn line(&self, k: i64) -> Option<[P2; 2]> {
-        let (BoxMm { lo, hi }, d) = (self.area, self.direction);
-        let (groove, line) = (k.div_euclid(self.lines), k.rem_euclid(self.lines));
+        let BoxMm { lo, hi } = self.area;
+        let d = self.direction;
+        let groove = k.div_euclid(self.lines);
+        let line = k.rem_euclid(self.lines);
         let offset = groove as f64 * self.pitch + line as f64 * self.line_pitch;
         let mut p = [lo[0] - d[1] * offset, lo[1] + d[0] * offset];
-        let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
+        let mut t0 = f64::NEG_INFINITY;
+        let mut t1 = f64::INFINITY;
         for a in 0..2 {
             if d[a] == 0.0 {
                 // The last line may miss the border by the slack of the count.
                 p[a] = p[a].clamp(lo[a], hi[a]);
                 continue;
             }
-            let (ta, tb) = ((lo[a] - p[a]) / d[a], (hi[a] - p[a]) / d[a]);
+            let ta = (lo[a] - p[a]) / d[a];
+            let tb = (hi[a] - p[a]) / d[a];
             t0 = t0.max(ta.min(tb));
             t1 = t1.min(ta.max(tb));
         }

@@ -87,10 +87,7 @@ impl Hilbert {
                 format!("the area is too small for Hilbert order {order}: neighbours would be {spacing} mm apart");
             return Err(Diag::input("texture-area", text).hint("use a lower order or a larger area").into());
         }
-        let along = |lo: f64, hi: f64| {
-            (0..=last).map(|i| if i == last { hi } else { lo + (hi - lo) * f64::from(i) / f64::from(last) }).collect()
-        };
-        let [xs, ys] = [0, 1].map(|k| along(area.lo[k], area.hi[k]));
+        let [xs, ys] = [0, 1].map(|k| divided(area.lo[k], area.hi[k], last));
         Ok(Self { order, area, xs, ys, turn })
     }
 
@@ -103,11 +100,17 @@ impl Hilbert {
             return;
         }
         let h = n / 2;
-        let at = |a: i32, b: i32| [p[0] + a * u[0] + b * v[0], p[1] + a * u[1] + b * v[1]];
+        let cell = |a: i32, b: i32| [p[0] + a * u[0] + b * v[0], p[1] + a * u[1] + b * v[1]];
         let minus = |w: [i32; 2]| [-w[0], -w[1]];
         self.walk(h, p, v, u, out);
-        self.walk(h, at(0, h), u, v, out);
-        self.walk(h, at(h, h), u, v, out);
-        self.walk(h, at(n - 1, h - 1), minus(v), minus(u), out);
+        self.walk(h, cell(0, h), u, v, out);
+        self.walk(h, cell(h, h), u, v, out);
+        self.walk(h, cell(n - 1, h - 1), minus(v), minus(u), out);
     }
+}
+
+/// A stretch divided into `parts` equal ones: the places between them and its ends, which are exact.
+fn divided(lo: f64, hi: f64, parts: u32) -> Vec<f64> {
+    let place = |i: u32| if i == parts { hi } else { lo + (hi - lo) * f64::from(i) / f64::from(parts) };
+    (0..=parts).map(place).collect()
 }

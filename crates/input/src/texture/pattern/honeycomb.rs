@@ -49,18 +49,26 @@ pub(in crate::texture) struct Honeycomb {
     /// Uprights of even and of odd levels.
     uprights: [u64; 2],
     /// What there is of the level above.
-    top: Top,
+    top: CutLevel,
     turn: Turn,
 }
 
 /// The strokes of the level that the upper border cuts.
 #[derive(Clone, Copy, Debug)]
-struct Top {
+struct CutLevel {
     /// Whether its zig-zag line is whole; else it is in pieces, each about a lower corner.
     is_whole: bool,
     /// Pieces of its zig-zag line.
     pieces: u64,
     /// Uprights that are left.
+    uprights: u64,
+}
+
+/// How many strokes a level has.
+#[derive(Clone, Copy, Debug)]
+struct LevelStrokes {
+    /// Pieces of its zig-zag line.
+    pieces: u64,
     uprights: u64,
 }
 
@@ -82,7 +90,7 @@ impl Figure for Honeycomb {
         let mut out = Vec::new();
         let levels = [0, 1, self.whole.saturating_sub(2), self.whole.saturating_sub(1), self.whole];
         for level in levels.into_iter().filter(|&level| level <= self.whole) {
-            let (pieces, uprights) = self.counts(level);
+            let LevelStrokes { pieces, uprights } = self.counts(level);
             let n = pieces + uprights;
             for k in [0, 1, pieces.saturating_sub(2), pieces.saturating_sub(1), pieces, n.saturating_sub(1)] {
                 if k < n {
@@ -102,7 +110,7 @@ impl Figure for Honeycomb {
 
     fn element(&self, i: u64) -> String {
         let (level, k) = self.place_of(i);
-        let (pieces, uprights) = self.counts(level);
+        let LevelStrokes { pieces, uprights } = self.counts(level);
         match k.checked_sub(pieces) {
             None if pieces > 1 => format!("zig-zag line {}, piece {}", level + 1, k + 1),
             None => format!("zig-zag line {}", level + 1),
@@ -136,7 +144,7 @@ impl Honeycomb {
             side,
             whole: whole as u64,
             uprights: [columns as u64, odd as u64],
-            top: Top { is_whole: false, pieces: 0, uprights: 0 },
+            top: CutLevel { is_whole: false, pieces: 0, uprights: 0 },
             turn,
         };
         comb.top = comb.cut();
@@ -144,7 +152,7 @@ impl Honeycomb {
     }
 
     /// What the upper border leaves of the level above the whole ones.
-    fn cut(&self) -> Top {
+    fn cut(&self) -> CutLevel {
         let height = self.room();
         let half = self.side / 2.0;
         let is_whole = height > half - LEAST;
@@ -160,7 +168,7 @@ impl Honeycomb {
             if spread < LEAST || room < 0.0 { 0 } else { (room / self.pitch).floor() as u64 + 1 }
         };
         let uprights = if height - half < LEAST { 0 } else { self.uprights[(self.whole % 2) as usize] };
-        Top { is_whole, pieces, uprights }
+        CutLevel { is_whole, pieces, uprights }
     }
 
     fn width(&self) -> f64 {
@@ -192,9 +200,12 @@ impl Honeycomb {
         level + level.div_ceil(2) * self.uprights[0] + level / 2 * self.uprights[1]
     }
 
-    /// Pieces of the zig-zag line and uprights of a level.
-    fn counts(&self, level: u64) -> (u64, u64) {
-        if level < self.whole { (1, self.uprights[(level % 2) as usize]) } else { (self.top.pieces, self.top.uprights) }
+    fn counts(&self, level: u64) -> LevelStrokes {
+        if level < self.whole {
+            LevelStrokes { pieces: 1, uprights: self.uprights[(level % 2) as usize] }
+        } else {
+            LevelStrokes { pieces: self.top.pieces, uprights: self.top.uprights }
+        }
     }
 
     /// The level of stroke `i`, and which of its strokes it is.
@@ -204,14 +215,20 @@ impl Honeycomb {
             return (self.whole, i - below);
         }
         let [even, odd] = self.uprights;
-        let (pair, k) = (i / (2 + even + odd), i % (2 + even + odd));
+        // Two levels have a zig-zag line each, and the uprights of both kinds.
+        let pair = i / (2 + even + odd);
+        let k = i % (2 + even + odd);
         if k <= even { (2 * pair, k) } else { (2 * pair + 1, k - even - 1) }
     }
 
+    /// Appends stroke `k` of a level.
     fn draw(&self, level: u64, k: u64, out: &mut Vec<P2>) {
-        let (pieces, uprights) = self.counts(level);
+        let LevelStrokes { pieces, uprights } = self.counts(level);
         if let Some(back) = k.checked_sub(pieces) {
-            self.upright(level, uprights - 1 - back, back % 2 == 1, out);
+            // From right to left, up and down in turn.
+            let [foot, top] = self.upright(level, uprights - 1 - back);
+            let ends = if back % 2 == 1 { [top, foot] } else { [foot, top] };
+            ends.into_iter().for_each(|[x, y]| self.add(x, y, out));
         } else if level == self.whole && !self.top.is_whole {
             self.piece(k, out);
         } else {
@@ -225,8 +242,11 @@ impl Honeycomb {
         push(out, self.turn.nm([(self.area.lo[0] + x).min(x1), y.min(y1)]));
     }
 
+    /// Appends the zig-zag line of a level, which is whole.
     fn zigzag(&self, level: u64, out: &mut Vec<P2>) {
-        let (foot, half, width) = (self.foot(level), self.pitch / 2.0, self.width());
+        let foot = self.foot(level);
+        let half = self.pitch / 2.0;
+        let width = self.width();
         let rise = self.side / 2.0;
         // Corners of even levels begin above, those of odd ones below.
         let height = |corner: u64| if (corner + level).is_multiple_of(2) { rise } else { 0.0 };
@@ -241,10 +261,13 @@ impl Honeycomb {
         }
     }
 
-    /// What the upper border leaves of a zig-zag line about lower corner `k`.
+    /// Appends what the upper border leaves of a zig-zag line about lower corner `k`.
     fn piece(&self, k: u64, out: &mut Vec<P2>) {
-        let (foot, width, top) = (self.foot(self.whole), self.width(), self.area.hi[1]);
-        let (spread, slope) = (self.room() / self.side * self.pitch, self.side / self.pitch);
+        let foot = self.foot(self.whole);
+        let width = self.width();
+        let top = self.area.hi[1];
+        let spread = self.room() / self.side * self.pitch;
+        let slope = self.side / self.pitch;
         let corner = self.low(self.whole) + k as f64 * self.pitch;
         let [left, right] = [(corner - spread).max(0.0), (corner + spread).min(width)];
         let y = |x: f64| (foot + (x - corner).abs() * slope).min(top);
@@ -255,11 +278,9 @@ impl Honeycomb {
         self.add(right, y(right), out);
     }
 
-    fn upright(&self, level: u64, k: u64, is_down: bool, out: &mut Vec<P2>) {
+    /// The lower and the upper end of upright `k` of a level: x from the left border, y.
+    fn upright(&self, level: u64, k: u64) -> [[f64; 2]; 2] {
         let x = k as f64 * self.pitch + if level.is_multiple_of(2) { 0.0 } else { self.pitch / 2.0 };
-        let (foot, top) = (self.foot(level) + self.side / 2.0, self.foot(level + 1));
-        let [from, to] = if is_down { [top, foot] } else { [foot, top] };
-        self.add(x, from, out);
-        self.add(x, to, out);
+        [[x, self.foot(level) + self.side / 2.0], [x, self.foot(level + 1)]]
     }
 }

@@ -124,7 +124,9 @@ impl Loops {
     #[inline]
     pub(super) fn cell(&self, i: u64) -> (u64, u64) {
         let [even, odd] = self.columns;
-        let (pair, k) = (i / (even + odd), i % (even + odd));
+        // Odd rows run back.
+        let pair = i / (even + odd);
+        let k = i % (even + odd);
         if k < even { (2 * pair, k) } else { (2 * pair + 1, odd - 1 - (k - even)) }
     }
 

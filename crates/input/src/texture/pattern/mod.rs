@@ -20,6 +20,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use cell_keys::{CirclesKeys, CrossesKeys, HexagonsKeys, JerusalemKeys, RingsKeys, SquaresKeys};
+pub(super) use contour_hatch::ContourCell;
 pub use contour_hatch::{Contour, Directions};
 use dots::{Dots, DotsKeys, PoissonKeys, Scattered};
 use hatch::{Hatch, HatchKeys, RibletsKeys};
@@ -30,7 +31,7 @@ use radial::{ConcentricKeys, Curve, Radial, SpiralKeys};
 
 use super::artwork::{FillMode, Screen, StrokeMode};
 use super::kind::{Kind, Lattice};
-use super::{Figure, Placed, place, place::Site};
+use super::{Figure, PlacedStrokes, place, place::Site};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::units::Length;
 
@@ -129,7 +130,8 @@ pub(super) fn needs_room(cell: Length, pitch: Length) -> Vec<Fault> {
 impl Lattice {
     /// How far a point lies from the centre of a tile along the normals of its sides, at most.
     fn reach(self, [x, y]: [f64; 2]) -> f64 {
-        let (x, y) = (x.abs(), y.abs());
+        let x = x.abs();
+        let y = y.abs();
         match self {
             Self::Square => x.max(y),
             Self::Hex => x.max((x + 3f64.sqrt() * y) / 2.0),
@@ -240,12 +242,12 @@ fn long_stroke(what: &str) -> Error {
 ///
 /// # Errors
 /// `texture-pitch`, `texture-cell`, `texture-order`, `texture-far`, `texture-large`.
-pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
+pub(super) fn place(kind: &Kind, site: &Site) -> Result<PlacedStrokes, Error> {
     let Site { area, tolerance, turn, .. } = *site;
     let figure: Arc<dyn Figure> = match kind {
         Kind::Hatch { pitch_mm, direction_rad } => Arc::new(Hatch::new(area, *pitch_mm, *direction_rad, turn)?),
         Kind::Contour { pitch_mm, phase } => {
-            return Ok(Placed::Contour(Contour::new(area, *pitch_mm, *phase, turn)?));
+            return Ok(PlacedStrokes::Contour(Contour::new(area, *pitch_mm, *phase, turn)?));
         }
         Kind::Hilbert { order } => Arc::new(Hilbert::new(area, *order, turn)?),
         Kind::Cells { shape, cell_mm, pitch_mm, lattice } => {
@@ -266,7 +268,7 @@ pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
         }
         Kind::Drawing { .. } | Kind::Curves { .. } => unreachable!("files are placed by their reader"),
     };
-    Ok(Placed::Figure(figure))
+    Ok(PlacedStrokes::Figure(figure))
 }
 
 #[cfg(test)]

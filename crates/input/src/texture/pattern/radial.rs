@@ -93,7 +93,7 @@ pub(in crate::texture) enum Curve {
 
 /// A piece of a turn, or of several turns of the spiral.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct TurnPiece {
     turn: u64,
     /// Where it starts, angle from the beginning of `turn` on.
     from: f64,
@@ -102,15 +102,31 @@ struct Piece {
     to: f64,
 }
 
-impl Piece {
+impl TurnPiece {
     fn span(&self) -> f64 {
         (self.end - self.turn) as f64 * TAU + self.to - self.from
     }
 }
 
+/// A place on the curve: an angle from the beginning of a turn on.
+#[derive(Clone, Copy, Debug)]
+struct TurnAngle {
+    turn: u64,
+    angle: f64,
+}
+
+/// A side of the area.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    /// Direction of the outward normal.
+    normal: f64,
+    /// Distance from the centre along it; negative where the centre lies outside.
+    distance: f64,
+}
+
 /// Turns with equally many pieces.
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct TurnRun {
     /// The first turn of the run, and the one after its last.
     turns: [u64; 2],
     /// Pieces of each.
@@ -126,9 +142,9 @@ pub(in crate::texture) struct Radial {
     centre: [f64; 2],
     pitch: f64,
     tolerance: f64,
-    runs: Vec<Run>,
-    /// The turn and angle at which the spiral first leaves the area; None where it starts outside.
-    leaves: Option<(u64, f64)>,
+    runs: Vec<TurnRun>,
+    /// Where the spiral first leaves the area; None where it starts outside.
+    first_exit: Option<TurnAngle>,
     len: u64,
     points: u64,
     turn: Turn,
@@ -153,7 +169,7 @@ impl Figure for Radial {
                 for mut piece in self.pieces(turn) {
                     // Of the piece from the centre the last turns reach furthest.
                     if piece.end > piece.turn + 2 {
-                        piece = Piece { turn: piece.end - 2, from: 0.0, ..piece };
+                        piece = TurnPiece { turn: piece.end - 2, from: 0.0, ..piece };
                     }
                     out.clear();
                     self.draw(piece, &mut out);
@@ -198,10 +214,10 @@ impl Radial {
             return Err(far().into());
         }
         let tolerance = tolerance.min(pitch / 2.0);
-        let mut all =
-            Self { curve, area, centre, pitch, tolerance, runs: Vec::new(), leaves: None, len: 0, points: 0, turn };
-        let radii = all.radii();
-        let last = (all.farthest() / pitch).floor();
+        let mut radial =
+            Self { curve, area, centre, pitch, tolerance, runs: Vec::new(), first_exit: None, len: 0, points: 0, turn };
+        let radii = radial.radii();
+        let last = (radial.farthest() / pitch).floor();
         if last >= MAX_STROKES as f64 {
             return Err(too_large(last as u64, 8 * last as u64).into());
         }
@@ -209,11 +225,11 @@ impl Radial {
         // A turn of the spiral may begin on the ray before it, and the last piece with it.
         let end = last as u64 + 2;
         if curve == Curve::Spiral {
-            all.leaves = all.first_exit(end);
-            if let Some((turn, _)) = all.leaves {
+            radial.first_exit = radial.find_first_exit(end);
+            if let Some(TurnAngle { turn: last, .. }) = radial.first_exit {
                 let mut points = 0;
-                for turn in 0..=turn {
-                    points += all.segments(turn);
+                for turn in 0..=last {
+                    points += radial.segments(turn);
                     if points > MAX_STROKE_POINTS {
                         return Err(long_stroke("the spiral up to the border"));
                     }
@@ -228,25 +244,27 @@ impl Radial {
         ends.sort_unstable();
         ends.dedup();
         for turns in ends.windows(2).map(|w| [w[0], w[1]]) {
-            let pieces = all.pieces(turns[0]).len() as u64;
-            all.runs.push(Run { turns, pieces, start: all.len });
-            all.len += pieces * (turns[1] - turns[0]);
-            all.points += all.points_of_run(turns);
+            let pieces = radial.pieces(turns[0]).len() as u64;
+            radial.runs.push(TurnRun { turns, pieces, start: radial.len });
+            radial.len += pieces * (turns[1] - turns[0]);
+            radial.points += radial.points_of_run(turns);
         }
-        Ok(all)
+        Ok(radial)
     }
 
-    /// The sides of the area: direction of the outward normal, and distance from the centre along it.
-    fn sides(&self) -> [(f64, f64); 4] {
-        let ([x, y], BoxMm { lo, hi }) = (self.centre, self.area);
+    fn sides(&self) -> [Side; 4] {
+        let [x, y] = self.centre;
+        let BoxMm { lo, hi } = self.area;
         let distances = [hi[0] - x, hi[1] - y, x - lo[0], y - lo[1]];
-        [0, 1, 2, 3].map(|k| (k as f64 * FRAC_PI_2, distances[k] + BORDER))
+        [0, 1, 2, 3].map(|k| Side { normal: k as f64 * FRAC_PI_2, distance: distances[k] + BORDER })
     }
 
+    /// Distance from the centre.
     fn away(&self, p: [f64; 2]) -> f64 {
         (p[0] - self.centre[0]).hypot(p[1] - self.centre[1])
     }
 
+    /// Distance of the farthest corner of the area from the centre.
     fn farthest(&self) -> f64 {
         self.area.corners().into_iter().map(|c| self.away(c)).fold(0.0, f64::max)
     }
@@ -255,15 +273,20 @@ impl Radial {
     fn radii(&self) -> Vec<f64> {
         let mut radii = vec![0.0];
         radii.extend(self.area.corners().map(|c| self.away(c)));
-        radii.extend(self.sides().map(|(_, d)| d.abs()));
+        radii.extend(self.sides().map(|side| side.distance.abs()));
         let (sin, cos) = RAY.sin_cos();
         let [u, v] = self.turn.axes();
+        // Where rays from the centre enter and leave the area: along the axes of the turned frame, on which circles
+        // touch their box, and along the ray on which turns begin.
         for d in [u, v, u.map(|c| -c), v.map(|c| -c), [cos, sin]] {
-            let (mut t0, mut t1) = (0.0_f64, f64::INFINITY);
+            let mut t0 = 0.0_f64;
+            let mut t1 = f64::INFINITY;
             for (a, along) in d.into_iter().enumerate() {
-                let (lo, hi) = (self.area.lo[a] - self.centre[a], self.area.hi[a] - self.centre[a]);
+                let lo = self.area.lo[a] - self.centre[a];
+                let hi = self.area.hi[a] - self.centre[a];
                 if along != 0.0 {
-                    let (ta, tb) = (lo / along, hi / along);
+                    let ta = lo / along;
+                    let tb = hi / along;
                     t0 = t0.max(ta.min(tb));
                     t1 = t1.min(ta.max(tb));
                 }
@@ -283,14 +306,17 @@ impl Radial {
         }
     }
 
+    /// The point of the curve at an angle from the beginning of a turn, mm.
     fn at(&self, turn: u64, angle: f64) -> [f64; 2] {
         let (sin, cos) = angle.sin_cos();
         let r = self.radius(turn, angle);
         [self.centre[0] + r * cos, self.centre[1] + r * sin]
     }
 
+    /// Whether the area holds that point.
     fn holds(&self, turn: u64, angle: f64) -> bool {
-        let (p, BoxMm { lo, hi }) = (self.at(turn, angle), self.area);
+        let p = self.at(turn, angle);
+        let BoxMm { lo, hi } = self.area;
         (0..2).all(|a| lo[a] - BORDER <= p[a] && p[a] <= hi[a] + BORDER)
     }
 
@@ -314,11 +340,13 @@ impl Radial {
     /// Where a turn, the one before it and two behind it meet the lines of the sides: angles from its beginning on.
     fn crossings(&self, turn: u64) -> Vec<f64> {
         let mut angles = Vec::with_capacity(48);
-        for (normal, d) in self.sides() {
+        for Side { normal, distance } in self.sides() {
             // Of a side that lies behind the centre, what is about the opposite direction lies within.
-            let (about, d) = if d < 0.0 { (normal + 2.0 * FRAC_PI_2, -d) } else { (normal, d) };
+            let is_behind = distance < 0.0;
+            let about = if is_behind { normal + 2.0 * FRAC_PI_2 } else { normal };
+            let distance = if is_behind { -distance } else { distance };
             for k in -2..=3 {
-                angles.extend(self.meets(turn, about + f64::from(k) * TAU, d).into_iter().flatten());
+                angles.extend(self.meets(turn, about + f64::from(k) * TAU, distance).into_iter().flatten());
             }
         }
         angles.retain(|&t| (RAY - TAU..=RAY + 3.0 * TAU).contains(&t) && self.radius(turn, t) > BORDER);
@@ -337,45 +365,23 @@ impl Radial {
             let q = d / self.radius(turn, 0.0);
             return (q < 1.0).then(|| [about - q.acos(), about + q.acos()]);
         }
-        let a = self.pitch / TAU;
+        let height = SideHeight { radial: self, turn, about, distance: d, growth: self.pitch / TAU };
         let begin = -(turn as f64) * TAU;
-        // The largest value lies a little behind, where tan(t - about) = a / r.
-        let mut top = about;
-        for _ in 0..8 {
-            top = about + (a / self.radius(turn, top).max(f64::MIN_POSITIVE)).atan();
-        }
-        let height = |t: f64| self.radius(turn, t) * (t - about).cos() - d;
-        if top <= begin || height(top) <= 0.0 {
+        let top = height.top();
+        if top <= begin || height.at(top) <= 0.0 {
             return None;
         }
-        let slope = |t: f64| a * (t - about).cos() - self.radius(turn, t) * (t - about).sin();
-        let root = |mut below: f64, mut above: f64| {
-            // Newton's steps where they stay between the two, else halves.
-            let mut t = (below + above) / 2.0;
-            for _ in 0..80 {
-                let h = height(t);
-                *(if h <= 0.0 { &mut below } else { &mut above }) = t;
-                let step = t - h / slope(t);
-                let is_between = (below.min(above)..=below.max(above)).contains(&step);
-                let next = if is_between { step } else { (below + above) / 2.0 };
-                if (next - t).abs() <= f64::EPSILON * t.abs().max(1.0) {
-                    break;
-                }
-                t = next;
-            }
-            t
-        };
-        Some([root((about - FRAC_PI_2).max(begin), top), root(about + FRAC_PI_2, top)])
+        Some([height.root((about - FRAC_PI_2).max(begin), top), height.root(about + FRAC_PI_2, top)])
     }
 
     /// The pieces of the curve in the area that start in a turn, in their order.
-    fn pieces(&self, turn: u64) -> Vec<Piece> {
+    fn pieces(&self, turn: u64) -> Vec<TurnPiece> {
         let angles = self.crossings(turn);
         let mut pieces = Vec::with_capacity(4);
         let Some(&first) = angles.first() else {
             // No quarter of a turn, where a circle may touch the border.
             if self.curve == Curve::Concentric && self.holds(turn, 1.0) {
-                pieces.push(Piece { turn, from: 0.0, end: turn, to: TAU });
+                pieces.push(TurnPiece { turn, from: 0.0, end: turn, to: TAU });
             }
             return self.with_first(turn, pieces);
         };
@@ -389,7 +395,7 @@ impl Radial {
                 start = Some(angle);
             }
             if !inside && let Some(from) = start.take() {
-                pieces.push(Piece { turn, from, end: turn, to: angle });
+                pieces.push(TurnPiece { turn, from, end: turn, to: angle });
             }
             was_inside = inside;
         }
@@ -398,20 +404,20 @@ impl Radial {
     }
 
     /// Where a turn is the first of a spiral that starts in the area, its piece from the centre too.
-    fn with_first(&self, turn: u64, mut pieces: Vec<Piece>) -> Vec<Piece> {
-        if let (0, Some((end, to))) = (turn, self.leaves) {
-            pieces.push(Piece { turn, from: 0.0, end, to });
+    fn with_first(&self, turn: u64, mut pieces: Vec<TurnPiece>) -> Vec<TurnPiece> {
+        if let (0, Some(exit)) = (turn, self.first_exit) {
+            pieces.push(TurnPiece { turn, from: 0.0, end: exit.turn, to: exit.angle });
         }
         pieces
     }
 
-    /// The turn and angle at which a spiral that starts in the area first leaves it.
-    fn first_exit(&self, end: u64) -> Option<(u64, f64)> {
-        let near = self.sides().into_iter().map(|(_, d)| d).fold(f64::INFINITY, f64::min);
-        if near < 0.0 {
+    /// Where a spiral that starts in the area first leaves it, in the turns before `end`.
+    fn find_first_exit(&self, end: u64) -> Option<TurnAngle> {
+        let nearest = self.sides().into_iter().map(|side| side.distance).fold(f64::INFINITY, f64::min);
+        if nearest < 0.0 {
             return None;
         }
-        for turn in ((near / self.pitch) as u64).saturating_sub(2)..=end {
+        for turn in ((nearest / self.pitch) as u64).saturating_sub(2)..=end {
             let angles = self.crossings(turn);
             if turn == 0 && angles.first().is_some_and(|&first| !self.is_inside(0, 0.0, first)) {
                 return None;
@@ -419,13 +425,15 @@ impl Radial {
             if let Some(w) = angles.windows(2).find(|w| !self.is_inside(turn, w[0], w[1])) {
                 // The turn itself, of those around it that were looked at.
                 let ahead = (w[0] / TAU).floor();
-                return Some((turn.saturating_add_signed(ahead as i64), w[0] - ahead * TAU));
+                let turn = turn.saturating_add_signed(ahead as i64);
+                return Some(TurnAngle { turn, angle: w[0] - ahead * TAU });
             }
         }
         None
     }
 
-    /// The points of a run, at most: between two turns of it ends of pieces move one way.
+    /// The points of a run, at most. Within a run the ends of pieces move one way from turn to turn, so that of each
+    /// part of it the first and the last turn bound the others.
     fn points_of_run(&self, [first, end]: [u64; 2]) -> u64 {
         let part = (end - first).div_ceil(PARTS);
         let mut points = 0;
@@ -454,13 +462,16 @@ impl Radial {
         (run.turns[0] + i / run.pieces, (i % run.pieces) as usize)
     }
 
-    fn draw(&self, piece: Piece, out: &mut Vec<P2>) {
+    /// Appends a point of the curve.
+    fn push(&self, turn: u64, angle: f64, out: &mut Vec<P2>) {
         let BoxMm { lo, hi } = self.area;
-        let mut add = |turn: u64, angle: f64| {
-            let p = self.at(turn, angle);
-            push(out, self.turn.nm([0, 1].map(|a| p[a].clamp(lo[a], hi[a]))));
-        };
-        add(piece.turn, piece.from);
+        let p = self.at(turn, angle);
+        push(out, self.turn.nm([0, 1].map(|a| p[a].clamp(lo[a], hi[a]))));
+    }
+
+    /// Appends the points of a piece: its ends, and the vertices of its turns between them.
+    fn draw(&self, piece: TurnPiece, out: &mut Vec<P2>) {
+        self.push(piece.turn, piece.from, out);
         let ends = (piece.end - piece.turn) as f64 * TAU + piece.to;
         let mut ahead = (piece.from / TAU).floor();
         while ahead * TAU < ends {
@@ -474,7 +485,7 @@ impl Radial {
             let [from, to] = [piece.from, ends].map(|t| (t - ahead * TAU) / step);
             for k in from.max(0.0) as u64..(to.max(0.0) as u64 + 1).min(n) {
                 if from < k as f64 && (k as f64) < to {
-                    add(turn, k as f64 * step);
+                    self.push(turn, k as f64 * step, out);
                 }
             }
             ahead += 1.0;
@@ -483,7 +494,55 @@ impl Radial {
             let first = out[0];
             push(out, first);
         } else {
-            add(piece.end, piece.to);
+            self.push(piece.end, piece.to, out);
         }
+    }
+}
+
+/// How far a turn of the spiral lies beyond a side: h(t) = r(t) cos(t - about) - distance, of the angle t.
+struct SideHeight<'a> {
+    radial: &'a Radial,
+    turn: u64,
+    /// Direction of the side's normal.
+    about: f64,
+    distance: f64,
+    /// By how much the radius grows with the angle, mm per rad.
+    growth: f64,
+}
+
+impl SideHeight<'_> {
+    fn at(&self, t: f64) -> f64 {
+        self.radial.radius(self.turn, t) * (t - self.about).cos() - self.distance
+    }
+
+    fn slope(&self, t: f64) -> f64 {
+        self.growth * (t - self.about).cos() - self.radial.radius(self.turn, t) * (t - self.about).sin()
+    }
+
+    /// Where it is largest: a little behind `about`, where tan(t - about) = growth / r(t).
+    fn top(&self) -> f64 {
+        let mut top = self.about;
+        for _ in 0..8 {
+            top = self.about + (self.growth / self.radial.radius(self.turn, top).max(f64::MIN_POSITIVE)).atan();
+        }
+        top
+    }
+
+    /// Where it is 0, between an angle at which it is at most 0 and one at which it is above.
+    fn root(&self, mut below: f64, mut above: f64) -> f64 {
+        let mut t = (below + above) / 2.0;
+        // The root stays between the two. Newton's steps where these do too, else halves.
+        for _ in 0..80 {
+            let h = self.at(t);
+            *(if h <= 0.0 { &mut below } else { &mut above }) = t;
+            let step = t - h / self.slope(t);
+            let is_between = (below.min(above)..=below.max(above)).contains(&step);
+            let next = if is_between { step } else { (below + above) / 2.0 };
+            if (next - t).abs() <= f64::EPSILON * t.abs().max(1.0) {
+                break;
+            }
+            t = next;
+        }
+        t
     }
 }

@@ -1,13 +1,13 @@
 //! SVG drawings: what is seen of each element, as lines and areas on a page of known size in mm.
 //!
-//! Consumes an SVG 1.1 / 2 file (also svgz). Promises an [`Artwork`] whose lower left corner is the origin, y up: lines,
-//! polylines, polygons, rectangles, circles, ellipses and paths, with groups, uses, symbols, nested drawings,
-//! transforms, viewBox and styles (`svg_style`) resolved, in the order of painting. A fill is an area by its
-//! rule. A stroke is the line along its centre, or, where it is wide or the job asks for it, the area that it covers with
-//! its caps and joins; dashes are cut out. Clip paths, masks of opaque black and white shapes, and patterns are applied.
-//! What cannot be reproduced (text, images, gradients of several colours, filters, blend modes, markers, animations, and
-//! styles that are not understood) is refused by name, or left out with a warning where the job asks for that. Faulty
-//! data is drawn up to its fault, as viewers do.
+//! Consumes an SVG 1.1 / 2 file (also svgz). Promises an [`Artwork`] whose lower left corner is the origin, y up:
+//! lines, polylines, polygons, rectangles, circles, ellipses and paths, with groups, uses, symbols, nested drawings,
+//! transforms, viewBox and styles (`svg_style`) resolved, in the order of painting. A fill is an area by its rule. A
+//! stroke is the line along its centre, or, where it is wide or the job asks for it, the area that it covers with its
+//! caps and joins; dashes are cut out. Clip paths, masks of opaque black and white shapes, and patterns are applied.
+//! What cannot be reproduced (text, images, gradients of several colours, filters, blend modes, markers, animations,
+//! and styles that are not understood) is refused by name, or left out with a warning where the job asks for that.
+//! Faulty data is drawn up to its fault, as viewers do.
 //!
 //! A closed subpath thinner than the tolerance is left out, with a count. No other file is ever opened and no network
 //! reached; time and memory are bounded: 64 MB unpacked, 1 MB of expanded entities, 256 levels, 2 million elements once
@@ -37,9 +37,9 @@ use roxmltree::{Document, ParsingOptions};
 
 use super::artwork::{Artwork, Marking};
 use super::clip::is_inside;
-use super::page::Wanted;
+use super::page::WantedSize;
 use super::place::Site;
-use page::Frame;
+use page::PageFrame;
 use svg_style::Cascade;
 use tally::{Issue, Tally};
 use terrace_core::diag::{Diag, Error, Place, memory};
@@ -59,7 +59,7 @@ const STACK: usize = 16 << 20;
 pub(super) fn load(
     text: &str,
     path: &Path,
-    wanted: Wanted,
+    wanted: WantedSize,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
@@ -73,7 +73,7 @@ pub(super) fn load(
     let root = doc.root_element();
     let mut cascade = Cascade::new(&doc).map_err(|e| here(excess(e)))?;
     let (style, _) = cascade.style(root, &Arc::new(svg_style::Style::initial()), None).map_err(|e| here(excess(e)))?;
-    let frame = Frame::new(root, &style, wanted).map_err(here)?;
+    let frame = PageFrame::new(root, &style, wanted).map_err(here)?;
     if frame.is_stretched {
         let text = format!("the drawing is stretched to a page of {} mm x {} mm", frame.size[0], frame.size[1]);
         notes.push(
@@ -90,7 +90,8 @@ pub(super) fn load(
     let (mut art, mut tally, remarks) = drawn.map_err(here)?;
     art.size = frame.size;
     overhangs(&art, site.tolerance, &mut tally);
-    let (unseen, faults) = (tally.count(Issue::Hidden), tally.refused() + remarks.refused());
+    let unseen = tally.count(Issue::Hidden);
+    let faults = tally.refused() + remarks.refused();
     marking.tell(tally.messages(name, marking).into_iter().chain(remarks.messages(name, marking)), notes)?;
     if art.shapes.is_empty() && !marking.chooses() {
         let hint = match (faults, unseen) {
@@ -130,12 +131,13 @@ fn document<'a>(name: &str, text: &'a str, notes: &mut Vec<Diag>) -> Result<Docu
 /// Notes the elements that reach beyond the page, where a viewer shows nothing of them.
 fn overhangs(art: &Artwork, tolerance: f64, tally: &mut Tally) {
     let page = BoxMm { lo: [-tolerance; 2], hi: art.size.map(|side| side + tolerance) };
-    let mut cut = u32::MAX;
+    // The name of the last element that was counted: its fill and its stroke are one.
+    let mut counted = u32::MAX;
     for shape in &art.shapes {
         let mut lines = shape.lines.clone().map(|k| art.lines.get(k));
-        if shape.name != cut && shape.clip.is_none() && !lines.all(|line| is_inside(line, page)) {
+        if shape.name != counted && shape.clip.is_none() && !lines.all(|line| is_inside(line, page)) {
             tally.add(Issue::Overhang, || art.names[shape.name as usize].clone());
-            cut = shape.name;
+            counted = shape.name;
         }
     }
 }

@@ -8,18 +8,27 @@ use std::f64::consts::TAU;
 use svg_style::Map;
 
 use crate::texture::artwork::{MAX_MM, Stop, arc_steps, counted, steps};
-use crate::texture::clip::{Lines, extent, is_hairline, traced_twice};
+use crate::texture::clip::{Polylines, extent, is_hairline, traced_twice};
 use crate::texture::place::LEAST;
 
 type Point = [f64; 2];
 
-/// What became of the subpaths of an element.
+/// Which kinds of subpaths of an element are not drawn.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct Dropped {
-    /// Without extent.
+pub(super) struct DroppedSubpaths {
+    /// Some without extent.
     pub(super) dots: bool,
-    /// Closed and thinner than the tolerance: they bound no area.
+    /// Some that are closed and thinner than the tolerance: they bound no area.
     pub(super) hairlines: bool,
+}
+
+/// What the subpaths of an element mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum OutlineUse {
+    /// They are marked along themselves.
+    Line,
+    /// They bound an area.
+    Area,
 }
 
 /// What the subpaths of an element are drawn into, in the element's coordinates.
@@ -44,22 +53,30 @@ pub(super) trait Sink {
 pub(super) struct Outline<'a> {
     map: Map,
     tolerance: f64,
-    /// Whether what is drawn is marked along itself, and bounds no area.
-    is_line: bool,
-    lines: &'a mut Lines,
+    outline_use: OutlineUse,
+    lines: &'a mut Polylines,
     start: Point,
     at: Point,
     stop: Option<Stop>,
-    dropped: Dropped,
+    dropped: DroppedSubpaths,
 }
 
 impl<'a> Outline<'a> {
-    pub(super) fn new(map: Map, tolerance: f64, is_line: bool, lines: &'a mut Lines) -> Self {
-        Self { map, tolerance, is_line, lines, start: [0.0; 2], at: [0.0; 2], stop: None, dropped: Dropped::default() }
+    pub(super) fn new(map: Map, tolerance: f64, outline_use: OutlineUse, lines: &'a mut Polylines) -> Self {
+        Self {
+            map,
+            tolerance,
+            outline_use,
+            lines,
+            start: [0.0; 2],
+            at: [0.0; 2],
+            stop: None,
+            dropped: DroppedSubpaths::default(),
+        }
     }
 
     /// Ends the element: what was left out, or why it could not be drawn.
-    pub(super) fn end(mut self) -> Result<Dropped, Stop> {
+    pub(super) fn end(mut self) -> Result<DroppedSubpaths, Stop> {
         self.end_line();
         match self.stop {
             Some(stop) => Err(stop),
@@ -111,7 +128,8 @@ impl<'a> Outline<'a> {
         if line.is_empty() {
             return;
         }
-        if self.is_line
+        // A line that returns on itself is marked once. Of an area it is a hairline.
+        if self.outline_use == OutlineUse::Line
             && self.stop.is_none()
             && let Some(once) = traced_twice(line, self.tolerance)
         {
@@ -134,7 +152,8 @@ impl Sink for Outline<'_> {
 
     fn move_to(&mut self, p: Point) {
         self.end_line();
-        (self.start, self.at) = (p, p);
+        self.start = p;
+        self.at = p;
     }
 
     fn line_to(&mut self, p: Point) {
@@ -142,7 +161,8 @@ impl Sink for Outline<'_> {
     }
 
     fn quad_to(&mut self, c: Point, p: Point) {
-        let (a, m) = (self.at, self.map);
+        let a = self.at;
+        let m = self.map;
         let steps = steps(2.0 * bend(m, a, c, p), self.tolerance, 1.0);
         self.curve(steps, p, |t| {
             let s = 1.0 - t;
@@ -151,7 +171,8 @@ impl Sink for Outline<'_> {
     }
 
     fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
-        let (a, m) = (self.at, self.map);
+        let a = self.at;
+        let m = self.map;
         let steps = steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), self.tolerance, 1.0);
         self.curve(steps, p, |t| {
             let s = 1.0 - t;
@@ -233,9 +254,9 @@ mod tests {
     use crate::texture::clip::is_closed;
     use terrace_core::random::Random;
 
-    fn drawn(map: Map, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Lines {
-        let mut lines = Lines::default();
-        let mut outline = Outline::new(map, tolerance, false, &mut lines);
+    fn drawn(map: Map, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Polylines {
+        let mut lines = Polylines::default();
+        let mut outline = Outline::new(map, tolerance, OutlineUse::Area, &mut lines);
         draw(&mut outline);
         outline.end().expect("drawn");
         lines
@@ -358,8 +379,8 @@ mod tests {
     fn slivers_and_dots_are_told_from_figures() {
         let id = Map::shift([0.0; 2]);
         let figure = |points: &[Point]| {
-            let mut lines = Lines::default();
-            let mut o = Outline::new(id, 1e-3, false, &mut lines);
+            let mut lines = Polylines::default();
+            let mut o = Outline::new(id, 1e-3, OutlineUse::Area, &mut lines);
             o.move_to(points[0]);
             points[1..].iter().for_each(|&p| o.line_to(p));
             o.close();

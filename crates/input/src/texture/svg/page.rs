@@ -4,7 +4,7 @@ use roxmltree::Node;
 use svg_style::{Length, Map, Style, aspect, view_box, view_map};
 use svgtypes::ViewBox;
 
-use crate::texture::page::Wanted;
+use crate::texture::page::WantedSize;
 use terrace_core::diag::Diag;
 use terrace_core::geom::{MAX_NM, NM_PER_MM};
 
@@ -12,7 +12,7 @@ use terrace_core::geom::{MAX_NM, NM_PER_MM};
 const PX_PER_MM: f64 = 96.0 / 25.4;
 
 /// Size and map of the page.
-pub(super) struct Frame {
+pub(super) struct PageFrame {
     /// mm.
     pub(super) size: [f64; 2],
     /// From user units (y down) to page mm (y up, origin in the lower left corner).
@@ -25,9 +25,9 @@ pub(super) struct Frame {
     pub(super) is_stretched: bool,
 }
 
-impl Frame {
+impl PageFrame {
     /// The page of a root element; a wanted size wins over the file's own.
-    pub(super) fn new(root: Node<'_, '_>, style: &Style, wanted: Wanted) -> Result<Self, Box<Diag>> {
+    pub(super) fn new(root: Node<'_, '_>, style: &Style, wanted: WantedSize) -> Result<Self, Box<Diag>> {
         let view = view_box(root).map_err(|e| {
             Diag::input("svg-viewbox", format!("the drawing's {e}"))
                 .hint("give the viewBox a positive width and height")

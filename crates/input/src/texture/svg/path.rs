@@ -4,16 +4,17 @@ use svgtypes::{NumberListParser, PathParser, PathSegment};
 
 use super::outline::Sink;
 
-/// What the short forms of curves refer to.
-enum Last {
-    Other,
+/// The last control point of the segment before, which the short forms of curves mirror (SVG 2, 9.3.6 and 9.3.7).
+enum LastControl {
+    /// The segment was no curve of either kind.
+    None,
     Cubic([f64; 2]),
     Quad([f64; 2]),
 }
 
 /// Draws path data up to its end or its first fault; returns whether it was faultless.
 pub(super) fn path(data: &str, out: &mut impl Sink) -> bool {
-    let mut last = Last::Other;
+    let mut last = LastControl::None;
     for segment in PathParser::from(data) {
         let Ok(segment) = segment else { return false };
         if !is_finite(&segment) {
@@ -24,7 +25,7 @@ pub(super) fn path(data: &str, out: &mut impl Sink) -> bool {
     true
 }
 
-fn draw(segment: PathSegment, last: Last, out: &mut impl Sink) -> Last {
+fn draw(segment: PathSegment, last: LastControl, out: &mut impl Sink) -> LastControl {
     let [x0, y0] = out.at();
     let place = |abs: bool, x: f64, y: f64| if abs { [x, y] } else { [x0 + x, y0 + y] };
     let mirrored = |c: [f64; 2]| [2.0 * x0 - c[0], 2.0 * y0 - c[1]];
@@ -36,79 +37,81 @@ fn draw(segment: PathSegment, last: Last, out: &mut impl Sink) -> Last {
         PathSegment::CurveTo { abs, x1, y1, x2, y2, x, y } => {
             let d = place(abs, x2, y2);
             out.cubic_to(place(abs, x1, y1), d, place(abs, x, y));
-            return Last::Cubic(d);
+            return LastControl::Cubic(d);
         }
         PathSegment::SmoothCurveTo { abs, x2, y2, x, y } => {
-            let c = if let Last::Cubic(c) = last { mirrored(c) } else { [x0, y0] };
+            let c = if let LastControl::Cubic(c) = last { mirrored(c) } else { [x0, y0] };
             let d = place(abs, x2, y2);
             out.cubic_to(c, d, place(abs, x, y));
-            return Last::Cubic(d);
+            return LastControl::Cubic(d);
         }
         PathSegment::Quadratic { abs, x1, y1, x, y } => {
             let c = place(abs, x1, y1);
             out.quad_to(c, place(abs, x, y));
-            return Last::Quad(c);
+            return LastControl::Quad(c);
         }
         PathSegment::SmoothQuadratic { abs, x, y } => {
-            let c = if let Last::Quad(c) = last { mirrored(c) } else { [x0, y0] };
+            let c = if let LastControl::Quad(c) = last { mirrored(c) } else { [x0, y0] };
             out.quad_to(c, place(abs, x, y));
-            return Last::Quad(c);
+            return LastControl::Quad(c);
         }
         PathSegment::EllipticalArc { abs, rx, ry, x_axis_rotation, large_arc, sweep, x, y } => {
             out.arc_to([rx, ry], x_axis_rotation, large_arc, sweep, place(abs, x, y));
         }
         PathSegment::ClosePath { .. } => out.close(),
     }
-    Last::Other
+    LastControl::None
 }
 
 fn is_finite(segment: &PathSegment) -> bool {
-    let all = |values: &[f64]| values.iter().all(|v| v.is_finite());
+    let are_finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
     match *segment {
         PathSegment::MoveTo { x, y, .. }
         | PathSegment::LineTo { x, y, .. }
-        | PathSegment::SmoothQuadratic { x, y, .. } => all(&[x, y]),
+        | PathSegment::SmoothQuadratic { x, y, .. } => are_finite(&[x, y]),
         PathSegment::HorizontalLineTo { x, .. } => x.is_finite(),
         PathSegment::VerticalLineTo { y, .. } => y.is_finite(),
-        PathSegment::CurveTo { x1, y1, x2, y2, x, y, .. } => all(&[x1, y1, x2, y2, x, y]),
-        PathSegment::SmoothCurveTo { x2, y2, x, y, .. } => all(&[x2, y2, x, y]),
-        PathSegment::Quadratic { x1, y1, x, y, .. } => all(&[x1, y1, x, y]),
-        PathSegment::EllipticalArc { rx, ry, x_axis_rotation, x, y, .. } => all(&[rx, ry, x_axis_rotation, x, y]),
+        PathSegment::CurveTo { x1, y1, x2, y2, x, y, .. } => are_finite(&[x1, y1, x2, y2, x, y]),
+        PathSegment::SmoothCurveTo { x2, y2, x, y, .. } => are_finite(&[x2, y2, x, y]),
+        PathSegment::Quadratic { x1, y1, x, y, .. } => are_finite(&[x1, y1, x, y]),
+        PathSegment::EllipticalArc { rx, ry, x_axis_rotation, x, y, .. } => {
+            are_finite(&[rx, ry, x_axis_rotation, x, y])
+        }
         PathSegment::ClosePath { .. } => true,
     }
 }
 
-/// Draws the points of a polyline or polygon; returns whether they were faultless.
-pub(super) fn points(list: &str, close: bool, out: &mut impl Sink) -> bool {
+/// Draws the points of a polyline up to the first fault; returns whether they were faultless.
+pub(super) fn polyline(list: &str, out: &mut impl Sink) -> bool {
     let mut numbers = NumberListParser::from(list);
-    let (mut first, mut whole) = (true, true);
+    let mut is_first = true;
     while let Some(x) = numbers.next() {
-        let (Ok(x), Some(Ok(y))) = (x, numbers.next()) else {
-            whole = false;
-            break;
-        };
+        let (Ok(x), Some(Ok(y))) = (x, numbers.next()) else { return false };
         if !(x.is_finite() && y.is_finite()) {
-            whole = false;
-            break;
+            return false;
         }
-        if std::mem::take(&mut first) { out.move_to([x, y]) } else { out.line_to([x, y]) }
+        if std::mem::take(&mut is_first) { out.move_to([x, y]) } else { out.line_to([x, y]) }
     }
-    if close && !first {
-        out.close();
-    }
-    whole
+    true
+}
+
+/// Draws the points of a polygon up to the first fault, closed; returns whether they were faultless.
+pub(super) fn polygon(list: &str, out: &mut impl Sink) -> bool {
+    let is_faultless = polyline(list, out);
+    out.close();
+    is_faultless
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::clip::Lines;
-    use crate::texture::svg::outline::Outline;
+    use crate::texture::clip::Polylines;
+    use crate::texture::svg::outline::{Outline, OutlineUse};
     use svg_style::Map;
 
     fn drawn(data: &str) -> (Vec<Vec<[f64; 2]>>, bool) {
-        let mut lines = Lines::default();
-        let mut out = Outline::new(Map::shift([0.0; 2]), 0.01, false, &mut lines);
+        let mut lines = Polylines::default();
+        let mut out = Outline::new(Map::shift([0.0; 2]), 0.01, OutlineUse::Area, &mut lines);
         let whole = path(data, &mut out);
         out.end().expect("drawn");
         (lines.iter().map(<[_]>::to_vec).collect(), whole)

@@ -14,20 +14,28 @@ const MAX_KEPT: usize = 1000;
 /// Remarks by what they are of.
 #[derive(Debug, Default)]
 pub(super) struct Remarks {
-    kinds: Vec<Kind>,
-    /// How many ignored declarations and rules there are, and the first.
-    ignored: Option<(usize, String, At)>,
+    kinds: Vec<RemarkKind>,
+    ignored: Option<Ignored>,
+    /// How many remarks are of kinds beyond [`MAX_KEPT`].
     more: usize,
 }
 
-/// Where something was met.
+/// Where something stands in a drawing.
 #[derive(Debug)]
-enum At {
+enum RemarkPlace {
     Line(usize),
     Element(String),
 }
 
-impl At {
+impl RemarkPlace {
+    /// The place of a remark; `element` names the element of one without a line.
+    fn of(remark: &Remark, element: impl FnOnce() -> String) -> Self {
+        match remark.line {
+            Some(line) => Self::Line(line as usize),
+            None => Self::Element(element()),
+        }
+    }
+
     fn place(self, path: &str) -> Place {
         match self {
             Self::Line(line) => Place::line(path, line),
@@ -36,27 +44,39 @@ impl At {
     }
 }
 
+/// Remarks of one kind.
 #[derive(Debug)]
-struct Kind {
+struct RemarkKind {
     is_external: bool,
     what: String,
+    /// The text of the first.
     text: String,
     count: usize,
-    at: At,
+    /// Where the first stands.
+    at: RemarkPlace,
+}
+
+/// Declarations and rules that are ignored.
+#[derive(Debug)]
+struct Ignored {
+    count: usize,
+    /// The text of the first.
+    text: String,
+    /// Where the first stands.
+    at: RemarkPlace,
 }
 
 impl Remarks {
     /// Keeps a remark; `element` names that of a remark without a line.
     pub(super) fn add(&mut self, remark: &Remark, element: impl FnOnce() -> String) {
-        let at = || match remark.line {
-            Some(line) => At::Line(line as usize),
-            None => At::Element(element()),
-        };
         let (is_external, what) = match &remark.weight {
             Weight::Ignored => {
                 match &mut self.ignored {
-                    Some((count, ..)) => *count += 1,
-                    none => *none = Some((1, remark.text.clone(), at())),
+                    Some(ignored) => ignored.count += 1,
+                    none => {
+                        let at = RemarkPlace::of(remark, element);
+                        *none = Some(Ignored { count: 1, text: remark.text.clone(), at });
+                    }
                 }
                 return;
             }
@@ -67,8 +87,10 @@ impl Remarks {
         match self.kinds.iter_mut().find(|k| k.what == *what) {
             Some(kind) => kind.count += 1,
             None if kept < MAX_KEPT => {
-                let (what, text) = (what.clone(), remark.text.clone());
-                self.kinds.push(Kind { is_external, what, text, count: 1, at: at() });
+                let what = what.clone();
+                let text = remark.text.clone();
+                let at = RemarkPlace::of(remark, element);
+                self.kinds.push(RemarkKind { is_external, what, text, count: 1, at });
             }
             None => self.more += 1,
         }
@@ -86,13 +108,13 @@ impl Remarks {
             out.push(marking.unmarkable(code, &text, "; they are left out", "", hint).at(at));
         };
         let rest = self.kinds.len().saturating_sub(MAX_KINDS) + self.more;
-        for Kind { is_external, what, text, count, at } in self.kinds.into_iter().take(MAX_KINDS) {
-            let of = if text.is_empty() { String::new() } else { format!(" in {text:?}") };
+        for RemarkKind { is_external, what, text, count, at } in self.kinds.into_iter().take(MAX_KINDS) {
+            let place = if text.is_empty() { String::new() } else { format!(" in {text:?}") };
             if is_external {
                 let text = format!("style sheets are in other files, which are never opened: {what}");
                 report("svg-external", text, at.place(path), "embed them in style elements");
             } else {
-                let text = format!("styles are not read and may change what is seen: {what}{of} ({count})");
+                let text = format!("styles are not read and may change what is seen: {what}{place} ({count})");
                 report("svg-css", text, at.place(path), "write what is meant as plain values or attributes");
             }
         }
@@ -100,7 +122,7 @@ impl Remarks {
             let text = format!("the styles hold {rest} more things that are not read");
             report("svg-css", text, Place::file(path), "export the drawing with presentation attributes");
         }
-        if let Some((count, text, at)) = self.ignored {
+        if let Some(Ignored { count, text, at }) = self.ignored {
             let text = format!("styles are not valid and are ignored, as browsers do ({count}, first {text:?})");
             let hint = "correct them, or ignore this where the drawing looks right in a browser";
             out.push(Diag::warning("svg-css-ignored", text).at(at.place(path)).hint(hint));

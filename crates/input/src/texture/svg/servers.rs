@@ -5,12 +5,12 @@ use std::collections::HashSet;
 use roxmltree::Node;
 use svg_style::{Map, Reference, ReferenceBox, aspect, href, local, view_box, view_map};
 
-use super::state::State;
+use super::state::{ElementState, PaintedPart};
 use super::style::{Coat, Ink, is_gone, painted, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, SHAPES, Walk};
-use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, lightness};
-use crate::texture::clip::Lines;
+use super::walk::{Cut, Purpose, SHAPES, Walk, WalkResult};
+use crate::texture::artwork::{MAX_POINTS, PaintedShape, PolygonArea, ShapeFigure, TooMany, WindingRule, lightness};
+use crate::texture::clip::Polylines;
 use terrace_core::diag::Diag;
 use terrace_core::geom::BoxMm;
 
@@ -31,10 +31,37 @@ const DARK: f64 = 2.0;
 const BLACK: [u8; 3] = [0; 3];
 
 /// How something is painted, its links followed.
-pub(super) enum Paint<'a, 'input> {
+pub(super) enum ResolvedPaint<'a, 'input> {
     None,
     Ink(Ink),
     Pattern(Node<'a, 'input>),
+}
+
+/// An attribute that says whether something is measured in user units or in the box of the element that refers to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum UnitsAttribute {
+    ClipPath,
+    Mask,
+    MaskContent,
+}
+
+impl UnitsAttribute {
+    fn name(self) -> &'static str {
+        match self {
+            Self::ClipPath => "clipPathUnits",
+            Self::Mask => "maskUnits",
+            Self::MaskContent => "maskContentUnits",
+        }
+    }
+
+    /// Whether the box is the unit. Where nothing is said it is that of the frame of a mask alone (CSS Masking 1).
+    fn is_box(self, server: Node<'_, '_>) -> bool {
+        match server.attribute(self.name()) {
+            Some("objectBoundingBox") => true,
+            Some("userSpaceOnUse") => false,
+            _ => self == Self::Mask,
+        }
+    }
 }
 
 /// What a gradient comes to.
@@ -52,20 +79,19 @@ impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn paint(
         &mut self,
         node: Node<'a, 'input>,
-        state: &State,
-        is_fill: bool,
-    ) -> Result<Paint<'a, 'input>, Box<Diag>> {
-        let coat = if is_fill { state.fill() } else { state.stroke() };
-        let id = match coat {
-            Coat::None => return Ok(Paint::None),
-            Coat::Colour(colour, opacity) => return Ok(Paint::Ink(Ink { colour, opacity })),
+        state: &ElementState,
+        part: PaintedPart,
+    ) -> Result<ResolvedPaint<'a, 'input>, Box<Diag>> {
+        let id = match state.coat(part) {
+            Coat::None => return Ok(ResolvedPaint::None),
+            Coat::Colour(colour, opacity) => return Ok(ResolvedPaint::Ink(Ink { colour, opacity })),
             Coat::Context => {
                 self.note(Issue::Paint, node);
-                return Ok(Paint::None);
+                return Ok(ResolvedPaint::None);
             }
             Coat::External => {
                 self.note(Issue::External, node);
-                return Ok(Paint::None);
+                return Ok(ResolvedPaint::None);
             }
             Coat::Server(id) => id,
         };
@@ -74,41 +100,40 @@ impl<'a, 'input> Walk<'a, 'input> {
             Some("pattern" | "linearGradient" | "radialGradient") if self.is_switched_off(server)? => {
                 // Browsers paint nothing, other viewers do.
                 self.note(Issue::Paint, node);
-                return Ok(Paint::None);
+                return Ok(ResolvedPaint::None);
             }
             Some("pattern") if self.is_empty_pattern(server) => {}
-            Some("pattern") => return Ok(server.map_or(Paint::None, Paint::Pattern)),
+            Some("pattern") => return Ok(server.map_or(ResolvedPaint::None, ResolvedPaint::Pattern)),
             Some("linearGradient" | "radialGradient") => {
-                let opacity =
-                    state.opacity * if is_fill { state.style.fill_opacity } else { state.style.stroke_opacity };
-                let Some(server) = server else { return Ok(Paint::None) };
+                let opacity = state.opacity * state.own_opacity(part);
+                let Some(server) = server else { return Ok(ResolvedPaint::None) };
                 match self.only_colour(server, node, state)? {
                     Gradient::OfBoxWithoutSize => {}
                     Gradient::Plain(Coat::Colour(colour, alpha)) => {
-                        return Ok(Paint::Ink(Ink { colour, opacity: alpha * opacity as f32 }));
+                        return Ok(ResolvedPaint::Ink(Ink { colour, opacity: alpha * opacity as f32 }));
                     }
-                    Gradient::Plain(_) => return Ok(Paint::None),
+                    Gradient::Plain(_) => return Ok(ResolvedPaint::None),
                     Gradient::Mixed => {
                         self.note(Issue::Paint, node);
-                        return Ok(Paint::None);
+                        return Ok(ResolvedPaint::None);
                     }
                 }
             }
             // Browsers do not know these, other programs do.
             Some("hatch" | "mesh" | "meshgradient" | "meshGradient" | "solidcolor" | "solidColor") => {
                 self.note(Issue::Paint, node);
-                return Ok(Paint::None);
+                return Ok(ResolvedPaint::None);
             }
             // A pattern that is painted with itself.
             None if self.has_id(&id) => {
                 self.note(Issue::Paint, node);
-                return Ok(Paint::None);
+                return Ok(ResolvedPaint::None);
             }
             _ => {}
         }
-        Ok(match state.fallback(is_fill) {
-            Coat::Colour(colour, opacity) => Paint::Ink(Ink { colour, opacity }),
-            _ => Paint::None,
+        Ok(match state.fallback(part) {
+            Coat::Colour(colour, opacity) => ResolvedPaint::Ink(Ink { colour, opacity }),
+            _ => ResolvedPaint::None,
         })
     }
 
@@ -128,7 +153,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         gradient: Node<'a, 'input>,
         node: Node<'a, 'input>,
-        state: &State,
+        state: &ElementState,
     ) -> Result<Gradient, Box<Diag>> {
         let is_gradient = |n: &Node<'_, '_>| matches!(n.tag_name().name(), "linearGradient" | "radialGradient");
         let Some(chain) = self.chain(gradient, is_gradient) else { return Ok(Gradient::Mixed) };
@@ -175,10 +200,13 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         link: &Reference,
-        is_mask: bool,
-        state: &mut State,
+        cut: Cut,
+        state: &mut ElementState,
     ) -> Result<bool, Box<Diag>> {
-        let tag = if is_mask { "mask" } else { "clipPath" };
+        let tag = match cut {
+            Cut::ClipPath => "clipPath",
+            Cut::Mask => "mask",
+        };
         let target = match link {
             Reference::Link(link) => self.linked(link).filter(|t| t.tag_name().name() == tag),
             _ => None,
@@ -189,7 +217,10 @@ impl<'a, 'input> Walk<'a, 'input> {
             return Ok(false);
         };
         self.uses.push(target.id());
-        let area = if is_mask { self.mask(node, target, state) } else { self.clip_path(node, target, state) };
+        let area = match cut {
+            Cut::ClipPath => self.clip_path(node, target, state),
+            Cut::Mask => self.mask(node, target, state),
+        };
         self.uses.pop();
         let Some(area) = area? else {
             self.note(Issue::Effect, node);
@@ -207,14 +238,14 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The state in which a clip path or mask draws what it holds: its style is that of its place in the document.
-    fn inside(&mut self, server: Node<'a, 'input>, outer: &State) -> Result<Option<State>, Box<Diag>> {
+    fn inside(&mut self, server: Node<'a, 'input>, outer: &ElementState) -> Result<Option<ElementState>, Box<Diag>> {
         let parent = match server.parent_element() {
             Some(parent) => self.style_of(parent)?,
             None => self.style_of(server)?,
         };
         self.begin(
             server,
-            &State { clip: None, opacity: 1.0, copied: None, context: None, style: parent, ..outer.clone() },
+            &ElementState { clip: None, opacity: 1.0, copied: None, context: None, style: parent, ..outer.clone() },
         )
     }
 
@@ -223,8 +254,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         clip: Node<'a, 'input>,
-        outer: &State,
-    ) -> Result<Option<Area>, Box<Diag>> {
+        outer: &ElementState,
+    ) -> Result<Option<PolygonArea>, Box<Diag>> {
         let purpose = std::mem::replace(&mut self.purpose, Purpose::Clip);
         let inside = self.inside(clip, outer);
         self.purpose = purpose;
@@ -236,22 +267,18 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !self.moved(clip, &mut state)? {
             return Ok(None);
         }
-        if !self.scaled_to_box(clip, "clipPathUnits", false, node, outer, &mut state)? {
-            return Ok(Some(Area::default()));
+        if !self.scaled_to_box(clip, UnitsAttribute::ClipPath, node, outer, &mut state)? {
+            return Ok(Some(PolygonArea::default()));
         }
         if !self.shows_through(clip, &mut state)? {
             return Ok(None);
         }
-        let plain = |n: &Node<'_, '_>| {
-            let tag = n.tag_name().name();
-            SHAPES.contains(&tag) || matches!(tag, "use" | "title" | "desc" | "metadata")
-        };
-        if !clip.children().filter(Node::is_element).all(|n| plain(&n)) {
+        if !clip.children().filter(Node::is_element).all(is_plain_part) {
             return Ok(None);
         }
         let art = self.aside(Purpose::Clip, |walk| walk.children(clip, &state))?;
-        let areas: Result<Vec<Area>, TooMany> = art.shapes.iter().map(|s| self.area_of(&art, s)).collect();
-        let union = areas.and_then(|areas| Area::union(areas.iter()));
+        let areas: Result<Vec<PolygonArea>, TooMany> = art.shapes.iter().map(|s| self.area_of(&art, s)).collect();
+        let union = areas.and_then(|areas| PolygonArea::union(areas.iter()));
         let area = match (union, state.clip) {
             (Ok(area), Some(own)) => area.within(&self.art.clips[own as usize]),
             (union, _) => union,
@@ -264,30 +291,25 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         mask: Node<'a, 'input>,
-        outer: &State,
-    ) -> Result<Option<Area>, Box<Diag>> {
+        outer: &ElementState,
+    ) -> Result<Option<PolygonArea>, Box<Diag>> {
         let Some(mut state) = self.inside(mask, outer)? else { return Ok(None) };
         if state.style.mask != Reference::None || state.style.clip_path != Reference::None {
             // Browsers ignore them, other viewers do not.
             return Ok(None);
         }
         let is_alpha = state.style.is_alpha_mask;
-        // Where the mask itself ends.
+        // In units of its own: those of the frame at which the mask ends may differ from those of its contents.
         let mut frame = state.clone();
-        if !self.scaled_to_box(mask, "maskUnits", true, node, outer, &mut frame)? {
-            return Ok(Some(Area::default()));
+        if !self.scaled_to_box(mask, UnitsAttribute::Mask, node, outer, &mut frame)? {
+            return Ok(Some(PolygonArea::default()));
         }
-        let is_box = mask.attribute("maskUnits") != Some("userSpaceOnUse");
-        let side = |walk: &mut Self, name: &str, axis: usize, default: f64| match mask.attribute(name) {
-            _ if is_box => share(mask, name).unwrap_or(default),
-            Some(_) => walk.length(mask, name, axis, &state),
-            None => default * state.port[axis],
-        };
-        let at = [side(self, "x", 0, -0.1), side(self, "y", 1, -0.1)];
-        let size = [side(self, "width", 0, 1.2), side(self, "height", 1, 1.2)];
-        let corners = corners(at, size).map(|c| frame.map.at(c));
-        if !self.scaled_to_box(mask, "maskContentUnits", false, node, outer, &mut state)? {
-            return Ok(Some(Area::default()));
+        // A tenth beyond the box on each side unless it says otherwise (CSS Masking 1).
+        let corner = [self.mask_side(mask, "x", 0, -0.1, &state), self.mask_side(mask, "y", 1, -0.1, &state)];
+        let size = [self.mask_side(mask, "width", 0, 1.2, &state), self.mask_side(mask, "height", 1, 1.2, &state)];
+        let corners = corners(corner, size).map(|c| frame.map.at(c));
+        if !self.scaled_to_box(mask, UnitsAttribute::MaskContent, node, outer, &mut state)? {
+            return Ok(Some(PolygonArea::default()));
         }
         if !self.shows_through(mask, &mut state)? {
             return Ok(None);
@@ -297,7 +319,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.refused() > refused {
             return Ok(None);
         }
-        let mut shown = Area::default();
+        let mut shown = PolygonArea::default();
         for shape in &art.shapes {
             let area = self.area_of(&art, shape).map_err(|TooMany| self.tangled(mask))?;
             if shape.opacity < 1.0 {
@@ -305,18 +327,34 @@ impl<'a, 'input> Walk<'a, 'input> {
             }
             let light = lightness(shape.colour);
             shown = match () {
-                () if is_alpha || light >= LIGHT => Area::union([&shown, &area].into_iter()),
+                () if is_alpha || light >= LIGHT => PolygonArea::union([&shown, &area].into_iter()),
                 () if light <= DARK => shown.without(&area),
                 () => return Ok(None),
             }
             .map_err(|TooMany| self.tangled(mask))?;
         }
-        let frame = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
+        let frame = PolygonArea::new([corners.as_slice()].into_iter(), WindingRule::NonZero).expect("four edges");
         let mut shown = shown.within(&frame);
         if let (Ok(area), Some(own)) = (&shown, state.clip) {
             shown = area.within(&self.art.clips[own as usize]);
         }
         shown.map(Some).map_err(|TooMany| self.tangled(mask))
+    }
+
+    /// A length of the frame of a mask, in the units of the frame; `default` is a share of the box or of the viewport.
+    fn mask_side(
+        &mut self,
+        mask: Node<'a, 'input>,
+        name: &str,
+        axis: usize,
+        default: f64,
+        state: &ElementState,
+    ) -> f64 {
+        match mask.attribute(name) {
+            _ if UnitsAttribute::Mask.is_box(mask) => share(mask, name).unwrap_or(default),
+            Some(_) => self.length(mask, name, axis, state),
+            None => default * state.port[axis],
+        }
     }
 
     /// How many times something was met that is refused.
@@ -329,12 +367,13 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         tag: &str,
-        state: &State,
+        state: &ElementState,
         pattern: Node<'a, 'input>,
-    ) -> Done {
+    ) -> WalkResult {
         let shape = self.aside(self.purpose, |walk| {
-            let whole = State { clip: None, ..state.clone() };
-            walk.subpaths(node, tag, &whole, Ink::plain(BLACK), Figure::Fill(rule(state.style.fill_rule))).map(|_| ())
+            let whole = ElementState { clip: None, ..state.clone() };
+            walk.subpaths(node, tag, &whole, Ink::plain(BLACK), ShapeFigure::Fill(rule(state.style.fill_rule)))
+                .map(|_| ())
         })?;
         let Some(area) = shape.shapes.first().map(|s| self.area_of(&shape, s)) else { return Ok(()) };
         let area = area.map_err(|TooMany| self.tangled(node))?;
@@ -345,13 +384,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if area.is_empty() {
             return Ok(());
         }
-        let back = tile.map.inverse();
-        let BoxMm { lo, hi } = BoxMm::of(area.contours().flatten().map(|&p| back.at(p)));
-        let range = |k: usize| {
-            let index = |v: f64| (v - tile.at[k]) / tile.size[k];
-            [(index(lo[k]) + 1e-9).floor(), (index(hi[k]) - 1e-9).ceil()]
-        };
-        let ranges = [range(0), range(1)];
+        let ranges = tile.ranges(&area);
         let copies: f64 = ranges.iter().map(|[from, to]| to - from).product();
         let points = copies * tile.art.lines.points.len() as f64 + self.art.lines.points.len() as f64;
         if !(copies * tile.art.shapes.len().max(1) as f64 <= MAX_COPIES && points <= MAX_POINTS as f64) {
@@ -364,9 +397,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let name = self.name(node);
         for j in ranges[1][0] as i64..ranges[1][1] as i64 {
             for i in ranges[0][0] as i64..ranges[0][1] as i64 {
-                let [x, y] = [i as f64 * tile.size[0], j as f64 * tile.size[1]];
-                // A shift in the pattern's units, on the page.
-                let by = [tile.map.a * x + tile.map.c * y, tile.map.b * x + tile.map.d * y];
+                let by = tile.shift(i, j);
                 for shape in &tile.art.shapes {
                     let first = self.art.lines.len();
                     for k in shape.lines.clone() {
@@ -375,7 +406,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                         self.art.lines.finish();
                     }
                     let lines = first..self.art.lines.len();
-                    self.art.shapes.push(Shape { name, labels: state.labels, lines, clip, ..shape.clone() });
+                    self.art.shapes.push(PaintedShape { name, labels: state.labels, lines, clip, ..shape.clone() });
                 }
             }
         }
@@ -387,40 +418,33 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         pattern: Node<'a, 'input>,
-        outer: &State,
-    ) -> Result<Option<Tile>, Box<Diag>> {
+        outer: &ElementState,
+    ) -> Result<Option<PatternTile>, Box<Diag>> {
         // A pattern takes what it does not say from the one that it refers to.
         let Some(chain) = self.chain(pattern, |n| n.tag_name().name() == "pattern") else { return Ok(None) };
-        let with = |name: &str| chain.iter().copied().find(|p| p.has_attribute(name));
+        let holder_of = |name: &str| chain.iter().copied().find(|p| p.has_attribute(name));
         let content = chain.iter().copied().find(|p| p.children().any(|c| c.is_element())).unwrap_or(pattern);
         let style = self.style_of(content)?;
-        let mut state = State { clip: None, opacity: 1.0, copied: None, context: None, style, ..outer.clone() };
-        for &own in &chain {
-            // The transform of the first that has one.
-            let moving = State { style: self.style_of(own)?, ..state.clone() };
-            if moving.style.has_transform() {
-                let mut moved = moving;
-                if !self.moved(own, &mut moved)? {
-                    return Ok(None);
-                }
-                state.map = moved.map;
-                break;
-            }
+        let mut state = ElementState { clip: None, opacity: 1.0, copied: None, context: None, style, ..outer.clone() };
+        match self.pattern_map(&chain, &state)? {
+            Some(map) => state.map = map,
+            None => return Ok(None),
         }
-        let own = State { style: self.style_of(pattern)?, ..outer.clone() };
-        let is_box = with("patternUnits").and_then(|p| p.attribute("patternUnits")) != Some("userSpaceOnUse");
-        let is_box_content =
-            with("patternContentUnits").and_then(|p| p.attribute("patternContentUnits")) == Some("objectBoundingBox");
+        let own = ElementState { style: self.style_of(pattern)?, ..outer.clone() };
+        let is_box = holder_of("patternUnits").and_then(|p| p.attribute("patternUnits")) != Some("userSpaceOnUse");
+        let is_box_content = holder_of("patternContentUnits").and_then(|p| p.attribute("patternContentUnits"))
+            == Some("objectBoundingBox");
         let bounds =
             if is_box || is_box_content { self.bounds(node, outer)? } else { BoxMm { lo: [0.0; 2], hi: [1.0; 2] } };
         let [w, h] = bounds.size();
-        let side = |walk: &mut Self, name: &str, axis: usize| match with(name) {
-            None => 0.0,
-            Some(p) if is_box => share(p, name).unwrap_or(0.0) * [w, h][axis],
-            Some(p) => walk.length(p, name, axis, &own),
-        };
-        let mut at = [side(self, "x", 0), side(self, "y", 1)];
-        let size = [side(self, "width", 0), side(self, "height", 1)];
+        let [x, y, width, height] =
+            [("x", 0), ("y", 1), ("width", 0), ("height", 1)].map(|(name, axis)| match holder_of(name) {
+                None => 0.0,
+                Some(p) if is_box => share(p, name).unwrap_or(0.0) * [w, h][axis],
+                Some(p) => self.length(p, name, axis, &own),
+            });
+        let mut at = [x, y];
+        let size = [width, height];
         if is_box {
             at = [at[0] + bounds.lo[0], at[1] + bounds.lo[1]];
         }
@@ -429,9 +453,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let map = state.map;
         let corners = corners(at, size).map(|c| map.at(c));
-        match with("viewBox").map(view_box) {
+        match holder_of("viewBox").map(view_box) {
             Some(Ok(Some(view))) => {
-                let aspect = aspect(with("preserveAspectRatio").unwrap_or(pattern));
+                let aspect = aspect(holder_of("preserveAspectRatio").unwrap_or(pattern));
                 state.map = map.after(Map::shift(at)).after(view_map(view, size, aspect));
                 state.port = [view.w, view.h];
             }
@@ -447,28 +471,43 @@ impl<'a, 'input> Walk<'a, 'input> {
         if self.refused() > refused {
             return Ok(None);
         }
-        let frame = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
+        let frame = PolygonArea::new([corners.as_slice()].into_iter(), WindingRule::NonZero).expect("four edges");
         let art = self.cut_out(&art, &frame).map_err(|TooMany| self.tangled(pattern))?;
-        Ok(Some(Tile { art, map, at, size }))
+        Ok(Some(PatternTile { art, map, at, size }))
     }
 
-    /// Walks aside: what is drawn goes into a drawing of its own, whose shapes refer to the clips, names and labels of
-    /// the drawing.
-    fn aside(&mut self, purpose: Purpose, walk: impl FnOnce(&mut Self) -> Done) -> Result<Aside, Box<Diag>> {
+    /// The map of a pattern's units to the page: by the transform of the first of a chain of patterns that has one;
+    /// None where that cannot be drawn.
+    fn pattern_map(&mut self, chain: &[Node<'a, 'input>], state: &ElementState) -> Result<Option<Map>, Box<Diag>> {
+        for &pattern in chain {
+            let mut moved = ElementState { style: self.style_of(pattern)?, ..state.clone() };
+            if moved.style.has_transform() {
+                return Ok(self.moved(pattern, &mut moved)?.then_some(moved.map));
+            }
+        }
+        Ok(Some(state.map))
+    }
+
+    /// Draws into shapes of their own, which refer to the clips, names and labels of the drawing.
+    fn aside(
+        &mut self,
+        purpose: Purpose,
+        walk: impl FnOnce(&mut Self) -> WalkResult,
+    ) -> Result<DetachedShapes, Box<Diag>> {
         let shapes = std::mem::take(&mut self.art.shapes);
         let lines = std::mem::take(&mut self.art.lines);
         let before = std::mem::replace(&mut self.purpose, purpose);
-        let done = walk(self);
+        let result = walk(self);
         self.purpose = before;
         let shapes = std::mem::replace(&mut self.art.shapes, shapes);
         let lines = std::mem::replace(&mut self.art.lines, lines);
-        done.map(|()| Aside { shapes, lines })
+        result.map(|()| DetachedShapes { shapes, lines })
     }
 
     /// The box of an element without its strokes, in its own units.
-    pub(super) fn bounds(&mut self, node: Node<'a, 'input>, state: &State) -> Result<BoxMm<2>, Box<Diag>> {
+    pub(super) fn bounds(&mut self, node: Node<'a, 'input>, state: &ElementState) -> Result<BoxMm<2>, Box<Diag>> {
         let map = Map::shift([0.0; 2]);
-        let inner = State { map, clip: None, style: state.parent.clone(), depth: state.depth, ..state.clone() };
+        let inner = ElementState { map, clip: None, style: state.parent.clone(), depth: state.depth, ..state.clone() };
         let tolerance = self.tolerance;
         self.tolerance = tolerance / state.map.enlarges();
         let quiet = std::mem::replace(&mut self.is_quiet, true);
@@ -478,39 +517,40 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(BoxMm::of(aside?.lines.points.iter().copied()))
     }
 
-    /// What an element holds and uses is like.
-    fn look_into(&mut self, node: Node<'a, 'input>, state: &State) -> Result<Inside, Box<Diag>> {
-        let mut inside = Inside { is_turned: false, is_stroked: state.style.stroke != svg_style::Paint::None };
-        let (mut seen, mut left) = (HashSet::new(), vec![node]);
+    /// The traits of an element, what it holds and what that uses.
+    fn content_traits(&mut self, node: Node<'a, 'input>, state: &ElementState) -> Result<ContentTraits, Box<Diag>> {
+        let mut traits = ContentTraits { is_turned: false, is_stroked: state.style.stroke != svg_style::Paint::None };
+        let mut used_nodes = HashSet::new();
+        let mut left = vec![node];
         let quiet = std::mem::replace(&mut self.is_quiet, true);
         while let Some(top) = left.pop() {
             for inner in top.descendants().filter(Node::is_element) {
                 let style = self.style(inner, &state.parent, state.copied)?;
-                inside.is_stroked |= style.stroke != svg_style::Paint::None;
+                traits.is_stroked |= style.stroke != svg_style::Paint::None;
                 // A box that transforms refer to is not known here.
                 let size = ReferenceBox { corner: [0.0; 2], size: state.port };
                 let is_turned = style.has_transform() && !style.matrix(size).is_aligned();
-                inside.is_turned |= inner != node && is_turned;
-                let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(local);
-                if let Some(target) = used.and_then(|id| self.target(&id)).filter(|t| seen.insert(t.id())) {
+                traits.is_turned |= inner != node && is_turned;
+                let link = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(local);
+                if let Some(target) = link.and_then(|id| self.target(&id)).filter(|t| used_nodes.insert(t.id())) {
                     left.push(target);
                 }
             }
         }
         self.is_quiet = quiet;
-        Ok(inside)
+        Ok(traits)
     }
 
     /// The area of a shape, cut at its clip.
-    fn area_of(&self, aside: &Aside, shape: &Shape) -> Result<Area, TooMany> {
-        let rule = if let Figure::Fill(rule) = shape.figure { rule } else { Rule::NonZero };
-        let area = Area::new(shape.lines.clone().map(|k| aside.lines.get(k)), rule)?;
+    fn area_of(&self, aside: &DetachedShapes, shape: &PaintedShape) -> Result<PolygonArea, TooMany> {
+        let rule = if let ShapeFigure::Fill(rule) = shape.figure { rule } else { WindingRule::NonZero };
+        let area = PolygonArea::new(shape.lines.clone().map(|k| aside.lines.get(k)), rule)?;
         shape.clip.map_or(Ok(area.clone()), |clip| area.within(&self.art.clips[clip as usize]))
     }
 
     /// The same with every shape cut at its clip, and at a frame.
-    fn cut_out(&self, aside: &Aside, frame: &Area) -> Result<Aside, TooMany> {
-        let mut out = Aside { shapes: Vec::new(), lines: Lines::default() };
+    fn cut_out(&self, aside: &DetachedShapes, frame: &PolygonArea) -> Result<DetachedShapes, TooMany> {
+        let mut out = DetachedShapes { shapes: Vec::new(), lines: Polylines::default() };
         for shape in &aside.shapes {
             let first = out.lines.len();
             let clip = match shape.clip.map(|c| &self.art.clips[c as usize]) {
@@ -519,20 +559,20 @@ impl<'a, 'input> Walk<'a, 'input> {
             };
             let lines = shape.lines.clone().map(|k| aside.lines.get(k));
             let mut figure = shape.figure;
-            if figure == Figure::Lines {
+            if figure == ShapeFigure::Lines {
                 clip.cut(lines, &mut out.lines);
             } else {
-                let rule = if let Figure::Fill(rule) = figure { rule } else { Rule::NonZero };
-                for contour in Area::new(lines, rule)?.within(&clip)?.contours() {
+                let rule = if let ShapeFigure::Fill(rule) = figure { rule } else { WindingRule::NonZero };
+                for contour in PolygonArea::new(lines, rule)?.within(&clip)?.contours() {
                     out.lines.points.extend(contour.iter().chain(contour.first()));
                     out.lines.finish();
                 }
-                if let Figure::Fill(rule) = &mut figure {
-                    *rule = Rule::NonZero;
+                if let ShapeFigure::Fill(rule) = &mut figure {
+                    *rule = WindingRule::NonZero;
                 }
             }
             let lines = first..out.lines.len();
-            out.shapes.push(Shape { figure, lines, clip: None, ..shape.clone() });
+            out.shapes.push(PaintedShape { figure, lines, clip: None, ..shape.clone() });
         }
         Ok(out)
     }
@@ -541,24 +581,18 @@ impl<'a, 'input> Walk<'a, 'input> {
     fn scaled_to_box(
         &mut self,
         server: Node<'a, 'input>,
-        attribute: &str,
-        is_box: bool,
+        units: UnitsAttribute,
         node: Node<'a, 'input>,
-        outer: &State,
-        state: &mut State,
+        outer: &ElementState,
+        state: &mut ElementState,
     ) -> Result<bool, Box<Diag>> {
-        let wants_box = match server.attribute(attribute) {
-            Some("objectBoundingBox") => true,
-            Some("userSpaceOnUse") => false,
-            _ => is_box,
-        };
-        if wants_box {
+        if units.is_box(server) {
             // SVG 2, 8.10 has the tightest box; some programs turn the box of each shape and get a larger one. The
             // frame of a mask reaches a tenth beyond either, unless it says otherwise: it could cut strokes alone.
-            let inside = self.look_into(node, outer)?;
+            let traits = self.content_traits(node, outer)?;
             let sides = ["x", "y", "width", "height"];
-            let is_roomy = attribute == "maskUnits" && !sides.iter().any(|name| server.has_attribute(*name));
-            if inside.is_turned && (inside.is_stroked || !is_roomy) {
+            let is_roomy = units == UnitsAttribute::Mask && !sides.iter().any(|name| server.has_attribute(*name));
+            if traits.is_turned && (traits.is_stroked || !is_roomy) {
                 self.note(Issue::Box, node);
                 return Ok(false);
             }
@@ -574,28 +608,54 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 }
 
-/// What elements inside of another are like.
-struct Inside {
-    /// One of them is turned or skewed against what it lies in.
+/// What decides on which box of an element programs agree.
+struct ContentTraits {
+    /// An element in it is turned or skewed against what it lies in.
     is_turned: bool,
+    /// It or an element in it has a stroke.
     is_stroked: bool,
 }
 
-/// Shapes that are drawn aside.
-struct Aside {
-    shapes: Vec<Shape>,
-    lines: Lines,
+/// Shapes that are not part of the drawing.
+struct DetachedShapes {
+    shapes: Vec<PaintedShape>,
+    lines: Polylines,
 }
 
 /// A tile of a pattern.
-struct Tile {
+struct PatternTile {
     /// What it shows, page mm, where the pattern's own origin puts it.
-    art: Aside,
+    art: DetachedShapes,
     /// From the pattern's units to page mm.
     map: Map,
     /// Corner and size of the tile in the pattern's units.
     at: [f64; 2],
     size: [f64; 2],
+}
+
+impl PatternTile {
+    /// The numbers of the columns and the rows of tiles that an area meets, each up to the second.
+    fn ranges(&self, area: &PolygonArea) -> [[f64; 2]; 2] {
+        let back = self.map.inverse();
+        let BoxMm { lo, hi } = BoxMm::of(area.contours().flatten().map(|&p| back.at(p)));
+        [0, 1].map(|k| {
+            let index = |v: f64| (v - self.at[k]) / self.size[k];
+            // Noise must not add a row of tiles that only touches the area.
+            [(index(lo[k]) + 1e-9).floor(), (index(hi[k]) - 1e-9).ceil()]
+        })
+    }
+
+    /// By what tile (i, j) is shifted on the page.
+    fn shift(&self, i: i64, j: i64) -> [f64; 2] {
+        let [x, y] = [i as f64 * self.size[0], j as f64 * self.size[1]];
+        [self.map.a * x + self.map.c * y, self.map.b * x + self.map.d * y]
+    }
+}
+
+/// Whether an element may be part of a clip path.
+fn is_plain_part(node: Node<'_, '_>) -> bool {
+    let tag = node.tag_name().name();
+    SHAPES.contains(&tag) || matches!(tag, "use" | "title" | "desc" | "metadata")
 }
 
 /// An attribute that is a share, 0.25 or 25%.

@@ -6,15 +6,15 @@ use kurbo::Cap;
 use roxmltree::Node;
 use svg_style::{Layer, Style};
 
-use super::outline::{Dropped, Outline, Sink};
+use super::outline::{DroppedSubpaths, Outline, OutlineUse, Sink};
 use super::path;
-use super::servers::Paint;
-use super::state::State;
+use super::servers::ResolvedPaint;
+use super::state::{ElementState, PaintedPart};
 use super::stroke::{Curves, Pen, TooMany};
 use super::style::{Ink, rule};
 use super::tally::Issue;
-use super::walk::{Done, Purpose, Walk, whole};
-use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode};
+use super::walk::{Purpose, Walk, WalkResult, whole};
+use crate::texture::artwork::{Colour, PaintedShape, ShapeFigure, StrokeMode};
 use terrace_core::diag::Diag;
 
 /// How finely curves of strokes are approximated, as a share of the tolerance, before they are flattened.
@@ -22,21 +22,23 @@ const FINE: f64 = 0.1;
 
 impl<'a, 'input> Walk<'a, 'input> {
     /// Draws a shape as the purpose asks for.
-    pub(super) fn shape(&mut self, node: Node<'a, 'input>, tag: &str, outer: &State) -> Done {
+    pub(super) fn shape(&mut self, node: Node<'a, 'input>, tag: &str, outer: &ElementState) -> WalkResult {
         let Some(state) = &self.enter(node, outer)? else { return Ok(()) };
         let style = &state.style;
         let black = Colour::default();
         match self.purpose {
-            Purpose::Bounds => return self.subpaths(node, tag, state, Ink::plain(black), Figure::Lines).map(|_| ()),
+            Purpose::Bounds => {
+                return self.subpaths(node, tag, state, Ink::plain(black), ShapeFigure::Lines).map(|_| ());
+            }
             Purpose::Clip if style.visible => {
-                let figure = Figure::Fill(rule(style.clip_rule));
+                let figure = ShapeFigure::Fill(rule(style.clip_rule));
                 return self.subpaths(node, tag, state, Ink::plain(black), figure).map(|_| ());
             }
             Purpose::Clip => return Ok(()),
             Purpose::Mark | Purpose::Mask => {}
         }
-        let place = |layer: Layer| style.paint_order.iter().position(|l| *l == layer);
-        if place(Layer::Stroke) < place(Layer::Fill) {
+        let order_of = |layer: Layer| style.paint_order.iter().position(|l| *l == layer);
+        if order_of(Layer::Stroke) < order_of(Layer::Fill) {
             self.stroke(node, tag, state, None)?;
             return self.fill(node, tag, state).map(|_| ());
         }
@@ -45,56 +47,47 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Draws the area of a shape; returns its polylines, and whether it has points that are not numbers.
-    fn fill(&mut self, node: Node<'a, 'input>, tag: &str, state: &State) -> Result<Option<Filled>, Box<Diag>> {
+    fn fill(
+        &mut self,
+        node: Node<'a, 'input>,
+        tag: &str,
+        state: &ElementState,
+    ) -> Result<Option<FilledArea>, Box<Diag>> {
         if tag == "line" {
             return Ok(None);
         }
-        match self.paint(node, state, true)? {
-            Paint::None => Ok(None),
-            Paint::Ink(ink) => {
+        match self.paint(node, state, PaintedPart::Fill)? {
+            ResolvedPaint::None => Ok(None),
+            ResolvedPaint::Ink(ink) => {
                 let first = self.art.lines.len();
-                let figure = Figure::Fill(rule(state.style.fill_rule));
+                let figure = ShapeFigure::Fill(rule(state.style.fill_rule));
                 let dropped = self.subpaths(node, tag, state, ink, figure)?;
-                Ok(Some(Filled { lines: first..self.art.lines.len(), dropped }))
+                Ok(Some(FilledArea { lines: first..self.art.lines.len(), dropped }))
             }
-            Paint::Pattern(pattern) => self.painted(node, tag, state, pattern).map(|()| None),
+            ResolvedPaint::Pattern(pattern) => self.painted(node, tag, state, pattern).map(|()| None),
         }
     }
 
     /// Draws the stroke of a shape along its centre, or as the area that it covers.
-    fn stroke(&mut self, node: Node<'a, 'input>, tag: &str, state: &State, filled: Option<Filled>) -> Done {
+    fn stroke(
+        &mut self,
+        node: Node<'a, 'input>,
+        tag: &str,
+        state: &ElementState,
+        filled: Option<FilledArea>,
+    ) -> WalkResult {
         let Some(mut pen) = self.pen(node, state) else { return Ok(()) };
-        let ink = match self.paint(node, state, false)? {
-            Paint::None => return Ok(()),
-            Paint::Ink(ink) => ink,
-            Paint::Pattern(_) => {
+        let ink = match self.paint(node, state, PaintedPart::Stroke)? {
+            ResolvedPaint::None => return Ok(()),
+            ResolvedPaint::Ink(ink) => ink,
+            ResolvedPaint::Pattern(_) => {
                 self.note(Issue::Paint, node);
                 return Ok(());
             }
         };
-        let width = pen.width * state.map.enlarges();
-        // A line of the page's colour hides what it covers.
-        let is_line = self.purpose == Purpose::Mark
-            && !self.marking.is_page(ink.colour)
-            && match self.marking.stroke {
-                StrokeMode::Centre => true,
-                StrokeMode::Shown => width <= self.widest_line || state.style.is_hairline(),
-                StrokeMode::Outline | StrokeMode::Hatch => state.style.is_hairline(),
-            };
-        if is_line && pen.dashes.is_empty() {
-            let dropped = match filled {
-                Some(Filled { lines, dropped }) if !dropped.hairlines => {
-                    self.push(node, state, ink, Figure::Lines, lines);
-                    dropped
-                }
-                _ => self.subpaths(node, tag, state, ink, Figure::Lines)?,
-            };
-            if dropped.dots {
-                let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
-                self.draw(node, tag, state, &mut curves);
-                self.dots(node, state, ink, &pen, &curves.take_dots(0.0), true)?;
-            }
-            return Ok(());
+        let figure = if self.is_line(ink, &pen, state) { ShapeFigure::Lines } else { ShapeFigure::Stroke };
+        if figure == ShapeFigure::Lines && pen.dashes.is_empty() {
+            return self.full_line(node, tag, state, ink, &pen, filled);
         }
         let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
         // What is wrong with the area is wrong with the line.
@@ -106,7 +99,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         self.is_quiet = quiet;
         let dots = curves.take_dots(0.0);
         if pen.dashes.is_empty() {
-            self.dots(node, state, ink, &pen, &dots, is_line)?;
+            self.dots(node, state, ink, &pen, &dots, figure)?;
         } else if !dots.is_empty() {
             // Browsers draw no dots with dashes.
             self.note(Issue::Dot, node);
@@ -119,20 +112,59 @@ impl<'a, 'input> Walk<'a, 'input> {
                 let text = format!("{} has more than a million dashes", self.called(node));
                 Box::new(Diag::limit("texture-large", text).hint("draw longer dashes"))
             })?;
-            if is_line {
-                self.dots(node, state, ink, &pen, &curves.take_dots(2.0 * least), true)?;
+            if figure == ShapeFigure::Lines {
+                self.dots(node, state, ink, &pen, &curves.take_dots(2.0 * least), figure)?;
             }
         }
-        let figure = if is_line { Figure::Lines } else { Figure::Stroke };
-        if !is_line {
+        if figure == ShapeFigure::Stroke {
             curves.widen(&pen);
         }
         let (lines, dropped) = self.flattened(node, state, figure, |_, out| curves.draw(out))?;
         // Of an area, contours without extent may be parts of its caps and joins.
-        if is_line && dropped.hairlines {
+        if figure == ShapeFigure::Lines && dropped.hairlines {
             self.note(Issue::Hairline, node);
         }
         self.push(node, state, ink, figure, lines);
+        Ok(())
+    }
+
+    /// Whether a stroke is marked along its centre, and not as the area that it covers.
+    fn is_line(&self, ink: Ink, pen: &Pen, state: &ElementState) -> bool {
+        let width = pen.width * state.map.enlarges();
+        // A line of the page's colour hides what it covers.
+        self.purpose == Purpose::Mark
+            && !self.marking.is_page(ink.colour)
+            && match self.marking.stroke {
+                StrokeMode::Centre => true,
+                StrokeMode::Shown => width <= self.widest_line || state.style.is_hairline(),
+                // A hairline has no width at any zoom, so it covers no area.
+                StrokeMode::Outline | StrokeMode::Hatch => state.style.is_hairline(),
+            }
+    }
+
+    /// Draws a stroke without dashes along its centre.
+    fn full_line(
+        &mut self,
+        node: Node<'a, 'input>,
+        tag: &str,
+        state: &ElementState,
+        ink: Ink,
+        pen: &Pen,
+        filled: Option<FilledArea>,
+    ) -> WalkResult {
+        let dropped = match filled {
+            // The same polylines as those of the area, unless that left out some which are lines all the same.
+            Some(FilledArea { lines, dropped }) if !dropped.hairlines => {
+                self.push(node, state, ink, ShapeFigure::Lines, lines);
+                dropped
+            }
+            _ => self.subpaths(node, tag, state, ink, ShapeFigure::Lines)?,
+        };
+        if dropped.dots {
+            let mut curves = Curves::new(self.tolerance * FINE / state.map.enlarges());
+            self.draw(node, tag, state, &mut curves);
+            self.dots(node, state, ink, pen, &curves.take_dots(0.0), ShapeFigure::Lines)?;
+        }
         Ok(())
     }
 
@@ -140,27 +172,27 @@ impl<'a, 'input> Walk<'a, 'input> {
     fn dots(
         &mut self,
         node: Node<'a, 'input>,
-        state: &State,
+        state: &ElementState,
         ink: Ink,
         pen: &Pen,
         dots: &[[f64; 2]],
-        is_line: bool,
-    ) -> Done {
+        figure: ShapeFigure,
+    ) -> WalkResult {
         if pen.cap == Cap::Butt || dots.is_empty() {
             if !dots.is_empty() {
                 self.note(Issue::Dot, node);
             }
             return Ok(());
         }
-        if is_line {
+        if figure == ShapeFigure::Lines {
             let first = self.art.lines.len();
             dots.iter().for_each(|&dot| self.art.lines.push(&[state.map.at(dot)]));
             let lines = first..self.art.lines.len();
-            self.push(node, state, ink, Figure::Lines, lines);
+            self.push(node, state, ink, ShapeFigure::Lines, lines);
             return Ok(());
         }
         let half = pen.width / 2.0;
-        let (lines, _) = self.flattened(node, state, Figure::Stroke, |_, out| {
+        let (lines, _) = self.flattened(node, state, ShapeFigure::Stroke, |_, out| {
             for &[x, y] in dots {
                 match pen.cap {
                     Cap::Round => out.ellipse([x, y], half, half),
@@ -168,7 +200,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                 }
             }
         })?;
-        self.push(node, state, ink, Figure::Stroke, lines);
+        self.push(node, state, ink, ShapeFigure::Stroke, lines);
         Ok(())
     }
 
@@ -191,8 +223,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         pen.offset *= factor;
     }
 
-    /// How the stroke of a shape is drawn, in its units; None where it has no width.
-    fn pen(&mut self, node: Node<'a, 'input>, state: &State) -> Option<Pen> {
+    /// How the stroke of a shape is drawn, in its units; None where it has no width or cannot be drawn.
+    fn pen(&mut self, node: Node<'a, 'input>, state: &ElementState) -> Option<Pen> {
         let style = &state.style;
         let length = |l: svg_style::Length| l.of(whole(state.port, 2)) * state.stretch;
         let width = length(style.stroke_width);
@@ -210,8 +242,14 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Effect, node);
             return None;
         };
-        let (cap, miter) = (style.stroke_linecap, style.stroke_miterlimit);
-        Some(Pen { width, cap, join, miter, dashes, offset: length(style.stroke_dashoffset) })
+        Some(Pen {
+            width,
+            cap: style.stroke_linecap,
+            join,
+            miter: style.stroke_miterlimit,
+            dashes,
+            offset: length(style.stroke_dashoffset),
+        })
     }
 
     /// Draws the subpaths of a shape as one figure; returns what of them is not drawn.
@@ -219,18 +257,18 @@ impl<'a, 'input> Walk<'a, 'input> {
         &mut self,
         node: Node<'a, 'input>,
         tag: &str,
-        state: &State,
+        state: &ElementState,
         ink: Ink,
-        figure: Figure,
-    ) -> Result<Dropped, Box<Diag>> {
-        let mut whole = true;
+        figure: ShapeFigure,
+    ) -> Result<DroppedSubpaths, Box<Diag>> {
+        let mut is_faultless = true;
         let (lines, dropped) =
-            self.flattened(node, state, figure, |walk, out| whole = walk.draw(node, tag, state, out))?;
-        if !whole {
+            self.flattened(node, state, figure, |walk, out| is_faultless = walk.draw(node, tag, state, out))?;
+        if !is_faultless {
             self.note(Issue::Fault, node);
         }
-        let is_only_fill = figure != Figure::Lines && state.style.stroke == svg_style::Paint::None;
-        if dropped.hairlines && (is_only_fill || figure == Figure::Lines) {
+        let is_only_fill = figure != ShapeFigure::Lines && state.style.stroke == svg_style::Paint::None;
+        if dropped.hairlines && (is_only_fill || figure == ShapeFigure::Lines) {
             self.note(Issue::Hairline, node);
         }
         if dropped.dots && is_only_fill {
@@ -244,13 +282,14 @@ impl<'a, 'input> Walk<'a, 'input> {
     fn flattened(
         &mut self,
         node: Node<'a, 'input>,
-        state: &State,
-        figure: Figure,
+        state: &ElementState,
+        figure: ShapeFigure,
         draw: impl FnOnce(&mut Self, &mut Outline<'_>),
-    ) -> Result<(Range<usize>, Dropped), Box<Diag>> {
+    ) -> Result<(Range<usize>, DroppedSubpaths), Box<Diag>> {
         let mut lines = std::mem::take(&mut self.art.lines);
         let first = lines.len();
-        let mut out = Outline::new(state.map, self.tolerance, figure == Figure::Lines, &mut lines);
+        let outline_use = if figure == ShapeFigure::Lines { OutlineUse::Line } else { OutlineUse::Area };
+        let mut out = Outline::new(state.map, self.tolerance, outline_use, &mut lines);
         draw(self, &mut out);
         let ended = out.end();
         self.art.lines = lines;
@@ -259,60 +298,79 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Makes a shape of polylines.
-    fn push(&mut self, node: Node<'a, 'input>, state: &State, ink: Ink, figure: Figure, lines: Range<usize>) {
+    fn push(
+        &mut self,
+        node: Node<'a, 'input>,
+        state: &ElementState,
+        ink: Ink,
+        figure: ShapeFigure,
+        lines: Range<usize>,
+    ) {
         if lines.is_empty() {
             return;
         }
-        let (name, labels, clip) = (self.name(node), state.labels, state.clip);
+        let name = self.name(node);
         // What is translucent in the colour of the page is reported with the drawing as a whole.
         if ink.opacity < 1.0 && !self.marking.is_page(ink.colour) {
             self.note(Issue::Translucent, node);
         }
-        self.art.shapes.push(Shape { name, labels, colour: ink.colour, opacity: ink.opacity, figure, lines, clip });
+        self.art.shapes.push(PaintedShape {
+            name,
+            labels: state.labels,
+            colour: ink.colour,
+            opacity: ink.opacity,
+            figure,
+            lines,
+            clip: state.clip,
+        });
     }
 
     /// Draws a shape; returns whether its description was faultless.
-    fn draw(&mut self, node: Node<'a, 'input>, tag: &str, state: &State, out: &mut impl Sink) -> bool {
+    fn draw(&mut self, node: Node<'a, 'input>, tag: &str, state: &ElementState, out: &mut impl Sink) -> bool {
         let text = |name: &str| node.attribute(name).unwrap_or_default();
         let style = &state.style;
-        let of = |length: svg_style::Length, axis: usize| length.of(whole(state.port, axis));
+        let resolved = |length: svg_style::Length, axis: usize| length.of(whole(state.port, axis));
         match tag {
             "path" => return path::path(style.d.as_deref().unwrap_or(text("d")), out),
-            "polyline" => return path::points(text("points"), false, out),
-            "polygon" => return path::points(text("points"), true, out),
+            "polyline" => return path::polyline(text("points"), out),
+            "polygon" => return path::polygon(text("points"), out),
             "line" => {
-                let mut get = |name: &str, axis: usize| self.length(node, name, axis, state);
-                out.move_to([get("x1", 0), get("y1", 1)]);
-                out.line_to([get("x2", 0), get("y2", 1)]);
+                out.move_to([self.length(node, "x1", 0, state), self.length(node, "y1", 1, state)]);
+                out.line_to([self.length(node, "x2", 0, state), self.length(node, "y2", 1, state)]);
             }
             "rect" => {
-                let side = |length: svg_style::Auto, axis: usize| length.map_or(0.0, |l| of(l, axis));
-                let (p, size) = ([of(style.x, 0), of(style.y, 1)], [side(style.width, 0), side(style.height, 1)]);
-                rect(p, size, radii(style, size, of), out);
+                let side = |length: svg_style::Auto, axis: usize| length.map_or(0.0, |l| resolved(l, axis));
+                let corner = [resolved(style.x, 0), resolved(style.y, 1)];
+                let size = [side(style.width, 0), side(style.height, 1)];
+                rect(corner, size, radii(style, size, resolved), out);
             }
             "circle" => {
-                let r = of(style.r, 2);
-                ellipse([of(style.cx, 0), of(style.cy, 1)], [r, r], out);
+                let r = resolved(style.r, 2);
+                ellipse([resolved(style.cx, 0), resolved(style.cy, 1)], [r, r], out);
             }
-            _ => ellipse([of(style.cx, 0), of(style.cy, 1)], radii(style, [f64::INFINITY; 2], of), out),
+            _ => {
+                let centre = [resolved(style.cx, 0), resolved(style.cy, 1)];
+                ellipse(centre, radii(style, [f64::INFINITY; 2], resolved), out);
+            }
         }
         true
     }
 }
 
 /// The area of a shape as it was drawn.
-struct Filled {
+struct FilledArea {
     lines: Range<usize>,
     /// What bounds no area, and may still have a stroke.
-    dropped: Dropped,
+    dropped: DroppedSubpaths,
 }
 
-/// Radii of a rectangle's corners or of an ellipse: one that is not given equals the other.
-fn radii(style: &Style, size: [f64; 2], of: impl Fn(svg_style::Length, usize) -> f64) -> [f64; 2] {
+/// Radii of a rectangle's corners or of an ellipse: one that is not given equals the other; `resolved` gives a length
+/// along an axis in user units.
+fn radii(style: &Style, size: [f64; 2], resolved: impl Fn(svg_style::Length, usize) -> f64) -> [f64; 2] {
     let [rx, ry] = match [style.rx, style.ry] {
-        [Some(rx), Some(ry)] => [of(rx, 0), of(ry, 1)],
-        [Some(rx), None] => [of(rx, 0); 2],
-        [None, Some(ry)] => [of(ry, 1); 2],
+        [Some(rx), Some(ry)] => [resolved(rx, 0), resolved(ry, 1)],
+        [Some(rx), None] => [resolved(rx, 0); 2],
+        [None, Some(ry)] => [resolved(ry, 1); 2],
         [None, None] => [0.0; 2],
     };
     [rx.clamp(0.0, (size[0] / 2.0).max(0.0)), ry.clamp(0.0, (size[1] / 2.0).max(0.0))]

@@ -1,6 +1,6 @@
 //! Wide and dashed lines (kurbo): dashes cut out of an element's subpaths, and the area that a wide line covers.
 
-use kurbo::{Arc, BezPath, Cap, Join, PathEl, Point as At, Shape, StrokeOpts, SvgArc, Vec2};
+use kurbo::{Arc, BezPath, Cap, Join, PathEl, Point as KurboPoint, Shape, StrokeOpts, SvgArc, Vec2};
 
 use super::outline::Sink;
 
@@ -24,6 +24,26 @@ pub(super) struct Pen {
     /// Lengths of dashes and gaps in turn, an even number; none for a full line.
     pub(super) dashes: Vec<f64>,
     pub(super) offset: f64,
+}
+
+impl Pen {
+    /// Adds the triangle at a corner at which a line turns from one direction to another, unless nothing of it shows.
+    fn add_inner_join(&self, corner: KurboPoint, from: Vec2, to: Vec2, out: &mut BezPath) {
+        let cross = from.cross(to);
+        let dot = from.dot(to);
+        let hypot = cross.hypot(dot);
+        // Mitred joins go through the corner; the condition is that of kurbo.
+        let is_mitred = self.join == Join::Miter && 2.0 * hypot < (hypot + dot) * self.miter.powi(2);
+        if is_mitred || cross.atan2(dot).abs() < LEAST_TURN {
+            return;
+        }
+        let normal = |d: Vec2| self.width / 2.0 * Vec2::new(-d.y, d.x) / d.hypot();
+        let [last, next] = [normal(from), normal(to)];
+        // kurbo goes there along the side -normal, and back along +normal.
+        let [a, b] = if cross > 0.0 { [next, last] } else { [-last, -next] };
+        out.extend([PathEl::MoveTo(corner + a), PathEl::LineTo(corner), PathEl::LineTo(corner + b)]);
+        out.close_path();
+    }
 }
 
 /// More than [`MAX_DASHES`].
@@ -50,22 +70,12 @@ impl Curves {
         let mut dots = Vec::new();
         let mut kept = BezPath::new();
         let elements = self.path.elements();
-        let mut at = 0;
-        while at < elements.len() {
-            let len = elements[at + 1..].iter().take_while(|el| !matches!(el, PathEl::MoveTo(_))).count() + 1;
-            let subpath = &elements[at..at + len];
-            at += len;
+        for subpath in elements.chunk_by(|_, next| !matches!(next, PathEl::MoveTo(_))) {
             let PathEl::MoveTo(start) = subpath[0] else { unreachable!("a subpath begins with a move") };
-            let is_near = |p: At| (p - start).hypot() <= reach;
-            let stays = |el: &PathEl| match *el {
-                PathEl::MoveTo(p) | PathEl::LineTo(p) => is_near(p),
-                PathEl::QuadTo(c, p) => is_near(c) && is_near(p),
-                PathEl::CurveTo(c, d, p) => is_near(c) && is_near(d) && is_near(p),
-                PathEl::ClosePath => true,
-            };
-            if !subpath.iter().all(stays) {
+            if !subpath.iter().all(|el| stays_near(el, start, reach)) {
                 kept.extend(subpath.iter().copied());
-            } else if len > 1 {
+            } else if subpath.len() > 1 {
+                // A move alone draws nothing.
                 dots.push([start.x, start.y]);
             }
         }
@@ -78,13 +88,13 @@ impl Curves {
         self.path.perimeter(self.tolerance)
     }
 
-    /// Cuts the subpaths into dashes; returns how long those are that have no length.
+    /// Cuts the subpaths into dashes; returns the length that dashes of no length were given.
     pub(super) fn dash(&mut self, pen: &Pen) -> Result<f64, TooMany> {
         let period: f64 = pen.dashes.iter().sum();
         if self.path.perimeter(self.tolerance) / period * pen.dashes.len() as f64 > MAX_DASHES {
             return Err(TooMany);
         }
-        // A dash of no length has no direction.
+        // A dash of no length has no direction, which its ends need.
         let least = pen.width.max(self.tolerance) * DOT;
         let is_dash = |i: usize| i.is_multiple_of(2);
         let dashes: Vec<f64> =
@@ -114,48 +124,37 @@ impl Curves {
     /// point, exactly.
     fn inner_joins(&self, pen: &Pen) -> BezPath {
         let mut out = BezPath::new();
-        let normal = |d: Vec2| pen.width / 2.0 * Vec2::new(-d.y, d.x) / d.hypot();
-        let mut join = |corner: At, from: Vec2, to: Vec2| {
-            let (cross, dot) = (from.cross(to), from.dot(to));
-            let hypot = cross.hypot(dot);
-            // Mitred joins go through the corner.
-            let is_mitred = pen.join == Join::Miter && 2.0 * hypot < (hypot + dot) * pen.miter.powi(2);
-            if is_mitred || cross.atan2(dot).abs() < LEAST_TURN {
-                return;
-            }
-            let [last, next] = [normal(from), normal(to)];
-            // kurbo goes there along the side -normal, and back along +normal.
-            let [a, b] = if cross > 0.0 { [next, last] } else { [-last, -next] };
-            out.extend([PathEl::MoveTo(corner + a), PathEl::LineTo(corner), PathEl::LineTo(corner + b)]);
-            out.close_path();
-        };
-        let (mut start, mut at) = (At::ZERO, At::ZERO);
-        // Direction at the begin of the subpath and at the end of its last segment.
+        let mut start = KurboPoint::ZERO;
+        let mut at = KurboPoint::ZERO;
+        // The directions at the begin of the subpath and at the end of its last segment.
         let mut ends: Option<[Vec2; 2]> = None;
         for &el in self.path.elements() {
-            let points: &[At] = match &el {
+            let segment: &[KurboPoint] = match el {
                 PathEl::MoveTo(p) => {
-                    (start, at, ends) = (*p, *p, None);
+                    start = p;
+                    at = p;
+                    ends = None;
                     continue;
                 }
-                PathEl::LineTo(p) => &[*p],
-                PathEl::QuadTo(c, p) => &[*c, *p],
-                PathEl::CurveTo(c, d, p) => &[*c, *d, *p],
+                PathEl::LineTo(p) => &[p],
+                PathEl::QuadTo(c, p) => &[c, p],
+                PathEl::CurveTo(c, d, p) => &[c, d, p],
                 PathEl::ClosePath => &[start],
             };
-            let end = points[points.len() - 1];
-            let begins = points.iter().map(|p| *p - at).find(|d| d.hypot2() > 0.0);
-            let inner = points.iter().rev().skip(1).chain([&at]);
-            let stops = inner.map(|p| end - *p).find(|d| d.hypot2() > 0.0);
-            if let (Some(begins), Some(stops)) = (begins, stops) {
+            let end = segment[segment.len() - 1];
+            // Where control points fall on an end, the direction there is that to the next point.
+            let leaving = segment.iter().map(|p| *p - at).find(|d| d.hypot2() > 0.0);
+            let before_end = segment.iter().rev().skip(1).chain([&at]);
+            let arriving = before_end.map(|p| end - *p).find(|d| d.hypot2() > 0.0);
+            if let (Some(leaving), Some(arriving)) = (leaving, arriving) {
                 if let Some([_, last]) = ends {
-                    join(at, last, begins);
+                    pen.add_inner_join(at, last, leaving, &mut out);
                 }
-                ends = Some([ends.map_or(begins, |[first, _]| first), stops]);
+                ends = Some([ends.map_or(leaving, |[first, _]| first), arriving]);
             }
             at = end;
             if let Some([first, last]) = ends.take_if(|_| el == PathEl::ClosePath) {
-                join(start, last, first);
+                pen.add_inner_join(start, last, first, &mut out);
             }
         }
         out
@@ -163,13 +162,13 @@ impl Curves {
 
     /// Draws what there is now.
     pub(super) fn draw(&self, out: &mut impl Sink) {
-        let of = |p: At| [p.x, p.y];
+        let xy = |p: KurboPoint| [p.x, p.y];
         for el in &self.path {
             match el {
-                PathEl::MoveTo(p) => out.move_to(of(p)),
-                PathEl::LineTo(p) => out.line_to(of(p)),
-                PathEl::QuadTo(c, p) => out.quad_to(of(c), of(p)),
-                PathEl::CurveTo(c, d, p) => out.cubic_to(of(c), of(d), of(p)),
+                PathEl::MoveTo(p) => out.move_to(xy(p)),
+                PathEl::LineTo(p) => out.line_to(xy(p)),
+                PathEl::QuadTo(c, p) => out.quad_to(xy(c), xy(p)),
+                PathEl::CurveTo(c, d, p) => out.cubic_to(xy(c), xy(d), xy(p)),
                 PathEl::ClosePath => out.close(),
             }
         }
@@ -178,13 +177,24 @@ impl Curves {
     /// Path data may continue after it has been closed.
     fn begin(&mut self) {
         if matches!(self.path.elements().last(), None | Some(PathEl::ClosePath)) {
-            self.path.move_to(At::from((self.at[0], self.at[1])));
+            self.path.move_to(KurboPoint::from((self.at[0], self.at[1])));
         }
     }
 }
 
-fn at([x, y]: Point) -> At {
-    At::new(x, y)
+/// Whether an element goes no farther than `reach` from a point. A Bézier curve lies in the hull of its points.
+fn stays_near(el: &PathEl, start: KurboPoint, reach: f64) -> bool {
+    let is_near = |p: KurboPoint| (p - start).hypot() <= reach;
+    match *el {
+        PathEl::MoveTo(p) | PathEl::LineTo(p) => is_near(p),
+        PathEl::QuadTo(c, p) => is_near(c) && is_near(p),
+        PathEl::CurveTo(c, d, p) => is_near(c) && is_near(d) && is_near(p),
+        PathEl::ClosePath => true,
+    }
+}
+
+fn at([x, y]: Point) -> KurboPoint {
+    KurboPoint::new(x, y)
 }
 
 impl Sink for Curves {
@@ -193,7 +203,8 @@ impl Sink for Curves {
     }
 
     fn move_to(&mut self, p: Point) {
-        (self.start, self.at) = (p, p);
+        self.start = p;
+        self.at = p;
         self.path.move_to(at(p));
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use svg_style::{Display, FillRule, Rgba, Style};
 
-use crate::texture::artwork::{Colour, Rule};
+use crate::texture::artwork::{Colour, WindingRule};
 
 /// How an area or a line is painted.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,10 +26,10 @@ pub(super) fn is_gone(style: &Style) -> bool {
 }
 
 /// The rule of an area.
-pub(super) fn rule(rule: FillRule) -> Rule {
+pub(super) fn rule(rule: FillRule) -> WindingRule {
     match rule {
-        FillRule::NonZero => Rule::NonZero,
-        FillRule::EvenOdd => Rule::EvenOdd,
+        FillRule::NonZero => WindingRule::NonZero,
+        FillRule::EvenOdd => WindingRule::EvenOdd,
     }
 }
 

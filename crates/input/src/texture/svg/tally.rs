@@ -31,41 +31,52 @@ pub(super) enum Issue {
     Overhang,
 }
 
-/// Issue, weight, code, sentence after "elements", hint.
-type Row = (Issue, Weight, &'static str, &'static str, &'static str);
+/// What is said of an issue.
+struct IssueRow {
+    issue: Issue,
+    weight: Weight,
+    code: &'static str,
+    /// The sentence after "elements".
+    sentence: &'static str,
+    hint: &'static str,
+}
 
-const ISSUES: [Row; 22] = [
-    (
+const fn row(issue: Issue, weight: Weight, code: &'static str, sentence: &'static str, hint: &'static str) -> IssueRow {
+    IssueRow { issue, weight, code, sentence, hint }
+}
+
+const ISSUES: [IssueRow; 22] = [
+    row(
         Issue::Hidden,
         Told,
         "svg-hidden",
         "hidden, or with neither fill nor stroke, are not marked",
         "show them, or ignore this",
     ),
-    (Issue::Text, Refused, "svg-text", "of text have no outlines", "convert text to paths in the drawing program"),
-    (Issue::Image, Refused, "svg-image", "are images", "trace images to paths in the drawing program"),
-    (
+    row(Issue::Text, Refused, "svg-text", "of text have no outlines", "convert text to paths in the drawing program"),
+    row(Issue::Image, Refused, "svg-image", "are images", "trace images to paths in the drawing program"),
+    row(
         Issue::External,
         Refused,
         "svg-external",
         "refer to other files, which are never opened",
         "embed what they refer to",
     ),
-    (
+    row(
         Issue::Use,
         Told,
         "svg-use",
         "refer (use) to something missing or to themselves, and are not marked",
         "repair the references",
     ),
-    (
+    row(
         Issue::Paint,
         Refused,
         "svg-paint",
         "are painted by a gradient of several colours, by a pattern that cannot be drawn, or have a stroke painted by either",
         "paint them in one colour, or draw the pattern as paths",
     ),
-    (
+    row(
         Issue::Effect,
         Refused,
         "svg-effect",
@@ -73,7 +84,7 @@ const ISSUES: [Row; 22] = [
          miter-clip, or a stroke that does not scale under a transform that distorts it",
         "apply it in the drawing program",
     ),
-    (
+    row(
         Issue::Box,
         Refused,
         "svg-box",
@@ -81,64 +92,64 @@ const ISSUES: [Row; 22] = [
          box is not the same in all programs",
         "give the clip path or mask in user units (userSpaceOnUse)",
     ),
-    (Issue::Marker, Refused, "svg-marker", "have markers", "convert markers to paths in the drawing program"),
-    (
+    row(Issue::Marker, Refused, "svg-marker", "have markers", "convert markers to paths in the drawing program"),
+    row(
         Issue::Transform,
         Refused,
         "svg-transform",
         "have a transform that is faulty, sits on the drawing itself, or refers to the box of a stroke",
         "apply the transform in the drawing program",
     ),
-    (
+    row(
         Issue::Fault,
         Told,
         "svg-path",
         "have faulty path data, points or lengths; each is drawn up to its fault, as viewers do",
         "repair them in the drawing program",
     ),
-    (
+    row(
         Issue::Flat,
         Told,
         "svg-flat",
         "have a transform that flattens them to a line, and are not marked",
         "remove them, or repair the transform",
     ),
-    (
+    row(
         Issue::Unit,
         Told,
         "svg-unit",
         "have lengths in units that depend on the face of a font (ex, ch, ic), taken as half or all of its size",
         "use mm or user units",
     ),
-    (
+    row(
         Issue::Translucent,
         Told,
         "svg-opacity",
         "are partly transparent and are marked like opaque ones",
         "give them a colour and a pen of their own, or ignore this",
     ),
-    (
+    row(
         Issue::FlowText,
         Told,
         "svg-flow-text",
         "of flowed text (flowRoot), which Inkscape shows and browsers do not, are not marked",
         "convert them to text and then to paths in Inkscape, or remove them",
     ),
-    (
+    row(
         Issue::Animation,
         Refused,
         "svg-animation",
         "change over time (animate, set)",
         "remove the animation, and draw what is meant",
     ),
-    (
+    row(
         Issue::Background,
         Refused,
         "svg-background",
         "have a background of CSS that is not white",
         "draw the background as a rectangle, or remove it",
     ),
-    (
+    row(
         Issue::NonScaling,
         Told,
         "svg-non-scaling",
@@ -146,69 +157,82 @@ const ISSUES: [Row; 22] = [
          to the inch",
         "give the stroke a width in the units of the drawing, or mark strokes along their centre (stroke = \"centre\")",
     ),
-    (
+    row(
         Issue::PathLength,
         Told,
         "svg-path-length",
         "have dashes in units of pathLength, drawn as browsers do; other programs ignore it",
         "give dashes in the units of the drawing, and remove pathLength",
     ),
-    (
+    row(
         Issue::Dot,
         Told,
         "svg-dot",
         "have parts without extent, which are not marked",
         "draw them with an extent, or ignore this",
     ),
-    (
+    row(
         Issue::Hairline,
         Told,
         "svg-hairline",
         "have closed parts thinner than the tolerance, which are not marked",
         "draw a thin line as an open path, or lower the tolerance",
     ),
-    (Issue::Overhang, Told, "svg-overhang", "reach beyond the page and are cut at its border", "enlarge the page"),
+    row(Issue::Overhang, Told, "svg-overhang", "reach beyond the page and are cut at its border", "enlarge the page"),
 ];
 
-/// Counts per issue, each with the first element.
+/// The elements of an issue.
+#[derive(Debug)]
+struct Affected {
+    count: usize,
+    /// The name of the first.
+    first: String,
+}
+
+/// The elements of each issue, by its number.
 #[derive(Debug, Default)]
-pub(super) struct Tally([Option<(usize, String)>; ISSUES.len()]);
+pub(super) struct Tally([Option<Affected>; ISSUES.len()]);
 
 impl Tally {
     /// Counts one more; `element` is asked for its name only the first time.
     pub(super) fn add(&mut self, issue: Issue, element: impl FnOnce() -> String) {
         match &mut self.0[issue as usize] {
-            Some((n, _)) => *n += 1,
-            none => *none = Some((1, element())),
+            Some(affected) => affected.count += 1,
+            none => *none = Some(Affected { count: 1, first: element() }),
         }
     }
 
     pub(super) fn count(&self, issue: Issue) -> usize {
-        self.0[issue as usize].as_ref().map_or(0, |(n, _)| *n)
+        self.0[issue as usize].as_ref().map_or(0, |affected| affected.count)
     }
 
     /// How many times something was met that is refused.
     pub(super) fn refused(&self) -> usize {
-        ISSUES.iter().filter(|row| row.1 == Refused).map(|row| self.count(row.0)).sum()
+        ISSUES.iter().filter(|row| row.weight == Refused).map(|row| self.count(row.issue)).sum()
     }
 
     /// One message per issue that was met: errors and warnings.
     pub(super) fn messages(self, path: &str, marking: &Marking) -> Vec<Diag> {
-        let met = self.0.into_iter().zip(ISSUES).filter_map(|(met, row)| met.map(|met| (met, row)));
-        let message = |((n, element), (issue, weight, code, says, hint)): ((usize, String), Row)| {
-            let (what, count) = (format!("elements {says}"), format!(" ({n})"));
-            let done = match issue {
-                Issue::Animation => ", and are marked as if they did not",
-                Issue::Background => ", which is not marked",
-                _ => ", and are not marked",
-            };
-            let message = match weight {
-                Refused => marking.unmarkable(code, &what, done, &count, hint),
-                Told => Diag::warning(code, what + &count).hint(hint),
-            };
-            message.at(Place::Element { path: path.to_owned(), element })
+        let issues = ISSUES.into_iter().zip(self.0);
+        issues.filter_map(|(row, affected)| Some(row.message(affected?, path, marking))).collect()
+    }
+}
+
+impl IssueRow {
+    fn message(&self, affected: Affected, path: &str, marking: &Marking) -> Diag {
+        let what = format!("elements {}", self.sentence);
+        let count = format!(" ({})", affected.count);
+        // What was done instead, where the job leaves them out.
+        let done = match self.issue {
+            Issue::Animation => ", and are marked as if they did not",
+            Issue::Background => ", which is not marked",
+            _ => ", and are not marked",
         };
-        met.map(message).collect()
+        let message = match self.weight {
+            Refused => marking.unmarkable(self.code, &what, done, &count, self.hint),
+            Told => Diag::warning(self.code, what + &count).hint(self.hint),
+        };
+        message.at(Place::Element { path: path.to_owned(), element: affected.first })
     }
 }
 
@@ -219,7 +243,7 @@ mod tests {
     #[test]
     fn warning_table_follows_enum_order() {
         for (i, row) in ISSUES.iter().enumerate() {
-            assert_eq!(row.0 as usize, i);
+            assert_eq!(row.issue as usize, i);
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Text and images of which nothing is seen: empty, unpainted, hidden, of no size, or off the page.
 
 use roxmltree::Node;
-use svg_style::href;
+use svg_style::{Length, href};
 
-use super::state::State;
+use super::state::ElementState;
 use super::style::is_gone;
 use super::walk::Walk;
 use crate::texture::xml::MAX_DEPTH;
@@ -15,44 +15,45 @@ const LETTER: f64 = 2.0;
 
 impl<'a, 'input> Walk<'a, 'input> {
     /// Whether something may be seen of text, an image or a foreign object.
-    pub(super) fn is_seen(&mut self, node: Node<'a, 'input>, state: &State) -> Result<bool, Box<Diag>> {
+    pub(super) fn is_seen(&mut self, node: Node<'a, 'input>, state: &ElementState) -> Result<bool, Box<Diag>> {
         match node.tag_name().name() {
             "image" => {
                 let link = href(node).unwrap_or_default();
-                Ok(!link.is_empty() && state.style.visible && self.has_box_on_page(state, true))
+                Ok(!link.is_empty() && state.style.visible && self.is_box_on_page(state).unwrap_or(true))
             }
             "foreignObject" => {
                 let is_empty = node.children().all(|n| !n.is_element() && n.text().is_none_or(is_blank));
-                Ok(!is_empty && state.style.visible && self.has_box_on_page(state, false))
+                Ok(!is_empty && state.style.visible && self.is_box_on_page(state).unwrap_or(false))
             }
             _ => Ok(self.has_letters(node, state, 0)? && self.may_reach_page(node, state)),
         }
     }
 
-    /// Whether the box of an element has a size, which an image may have of its own, and lies on the page.
-    fn has_box_on_page(&self, state: &State, has_own_size: bool) -> bool {
+    /// Whether the box of an element has an extent and lies on the page; None where its style does not say how large it
+    /// is, so that an image has the size of its file, and a foreign object none.
+    fn is_box_on_page(&self, state: &ElementState) -> Option<bool> {
         let style = &state.style;
         let sides =
             [(style.width, state.port[0]), (style.height, state.port[1])].map(|(s, whole)| s.map(|s| s.of(whole)));
         match sides {
             [Some(w), Some(h)] if w > 0.0 && h > 0.0 => {
                 let [x, y] = [style.x.of(state.port[0]), style.y.of(state.port[1])];
-                self.touches_page(BoxMm { lo: [x, y], hi: [x + w, y + h] }, state)
+                Some(self.touches_page(BoxMm { lo: [x, y], hi: [x + w, y + h] }, state))
             }
-            [Some(w), _] if w <= 0.0 => false,
-            [_, Some(h)] if h <= 0.0 => false,
-            _ => has_own_size,
+            [Some(w), _] if w <= 0.0 => Some(false),
+            [_, Some(h)] if h <= 0.0 => Some(false),
+            _ => None,
         }
     }
 
     /// Whether a box in an element's units meets the page.
-    fn touches_page(&self, own: BoxMm<2>, state: &State) -> bool {
+    fn touches_page(&self, own: BoxMm<2>, state: &ElementState) -> bool {
         let on_page = BoxMm::of(own.corners().map(|c| state.map.at(c)));
         (0..2).all(|k| on_page.lo[k] < self.page.hi[k] && on_page.hi[k] > self.page.lo[k])
     }
 
     /// Whether text holds a letter that is painted.
-    fn has_letters(&mut self, node: Node<'a, 'input>, state: &State, depth: usize) -> Result<bool, Box<Diag>> {
+    fn has_letters(&mut self, node: Node<'a, 'input>, state: &ElementState, depth: usize) -> Result<bool, Box<Diag>> {
         let is_painted = state.is_seen() && state.style.font_size.px > 0.0;
         let has_link = node.tag_name().name() == "tref";
         if is_painted && (has_link || node.children().any(|n| n.is_text() && !n.text().is_none_or(is_blank))) {
@@ -69,7 +70,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             if is_gone(&style) {
                 continue;
             }
-            let inner = State { style, ..state.clone() };
+            let inner = ElementState { style, ..state.clone() };
             if self.has_letters(child, &inner, depth + 1)? {
                 return Ok(true);
             }
@@ -79,14 +80,9 @@ impl<'a, 'input> Walk<'a, 'input> {
 
     /// Whether a letter may lie on the page: each lies near a stated place, in any direction. Of text on a path or
     /// without a place of its own that is not known.
-    fn may_reach_page(&mut self, node: Node<'a, 'input>, state: &State) -> bool {
+    fn may_reach_page(&mut self, node: Node<'a, 'input>, state: &ElementState) -> bool {
         let parts: Vec<_> = node.descendants().filter(Node::is_element).collect();
-        let is_free = |n: &Node<'_, '_>| {
-            matches!(n.tag_name().name(), "text" | "tspan" | "a" | "title" | "desc" | "metadata")
-                && ["transform", "style", "font-size"].iter().all(|name| *n == node || !n.has_attribute(*name))
-                && !["dx", "dy", "textLength"].iter().any(|name| n.has_attribute(*name))
-        };
-        if !parts.iter().all(is_free) || !self.has_no_sheet() {
+        if !parts.iter().all(|part| has_plain_places(*part, node)) || !self.has_no_sheet() {
             return true;
         }
         let letters =
@@ -100,20 +96,25 @@ impl<'a, 'input> Walk<'a, 'input> {
                     places[k].clear();
                 }
                 for text in list.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty()) {
-                    let font = (state.style.font_size.px, state.style.root_font_px);
-                    let Some(length) = svg_style::Length::from_attribute(text, font.0, font.1) else { return true };
+                    let style = &state.style;
+                    let length = Length::from_attribute(text, style.font_size.px, style.root_font_px);
+                    let Some(length) = length else { return true };
                     places[k].push(length.of(state.port[k]));
                 }
             }
         }
-        let [xs, ys] = places;
-        let range = |all: &[f64]| {
-            let lo = all.iter().copied().fold(f64::INFINITY, f64::min);
-            [lo - reach, all.iter().copied().fold(f64::NEG_INFINITY, f64::max) + reach]
-        };
-        let ([x0, x1], [y0, y1]) = (range(&xs), range(&ys));
-        self.touches_page(BoxMm { lo: [x0, y0], hi: [x1, y1] }, state)
+        let lo = places.each_ref().map(|values| values.iter().copied().fold(f64::INFINITY, f64::min) - reach);
+        let hi = places.each_ref().map(|values| values.iter().copied().fold(f64::NEG_INFINITY, f64::max) + reach);
+        self.touches_page(BoxMm { lo, hi }, state)
     }
+}
+
+/// Whether the places of the letters in a part of a text follow from the attributes x and y of its parts and from the
+/// style of the text.
+fn has_plain_places(part: Node<'_, '_>, text: Node<'_, '_>) -> bool {
+    matches!(part.tag_name().name(), "text" | "tspan" | "a" | "title" | "desc" | "metadata")
+        && ["transform", "style", "font-size"].iter().all(|name| part == text || !part.has_attribute(*name))
+        && !["dx", "dy", "textLength"].iter().any(|name| part.has_attribute(*name))
 }
 
 fn is_blank(text: &str) -> bool {

@@ -9,12 +9,12 @@ use svg_style::{
     chosen, holds_conditions, href, is_svg, local, view_box, view_map,
 };
 
-use super::page::Frame;
+use super::page::PageFrame;
 use super::remarks::Remarks;
-use super::state::State;
+use super::state::ElementState;
 use super::style::{Coat, is_gone};
 use super::tally::{Issue, Tally};
-use crate::texture::artwork::{Area, Artwork, Labels, MAX_POINTS, Marking, Rule, Stop, TooMany};
+use crate::texture::artwork::{Artwork, Labels, MAX_POINTS, Marking, PolygonArea, Stop, TooMany, WindingRule};
 use crate::texture::place::Site;
 use crate::texture::xml::MAX_DEPTH;
 use terrace_core::diag::Diag;
@@ -44,6 +44,14 @@ pub(super) enum Purpose {
     Bounds,
 }
 
+/// What elements are cut at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cut {
+    ClipPath,
+    Mask,
+}
+
+/// A walk over the elements of a drawing, and what it has drawn so far.
 pub(super) struct Walk<'a, 'input> {
     pub(super) doc: &'a Document<'input>,
     cascade: Cascade,
@@ -75,17 +83,19 @@ pub(super) struct Walk<'a, 'input> {
     pub(super) remarks: Remarks,
 }
 
-pub(super) type Done = Result<(), Box<Diag>>;
+/// Whether a step of the walk could be done.
+pub(super) type WalkResult = Result<(), Box<Diag>>;
 
 impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn new(
         doc: &'a Document<'input>,
         cascade: Cascade,
         site: &Site,
-        frame: &Frame,
+        frame: &PageFrame,
         marking: &'a Marking,
     ) -> Self {
-        let (tolerance, widest_line) = (site.tolerance, marking.widest_line_mm(site.spot_mm));
+        let tolerance = site.tolerance;
+        let widest_line = marking.widest_line_mm(site.spot_mm);
         let mut ids = HashMap::new();
         let mut counts: HashMap<&str, u32> = HashMap::new();
         let mut numbers = Vec::new();
@@ -129,10 +139,10 @@ impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn drawn(
         mut self,
         root: Node<'a, 'input>,
-        frame: &Frame,
+        frame: &PageFrame,
     ) -> Result<(Artwork, Tally, Remarks), Box<Diag>> {
         let initial = Arc::new(Style::initial());
-        let state = State {
+        let state = ElementState {
             map: frame.map,
             style: initial.clone(),
             parent: initial,
@@ -153,7 +163,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Notes what lies behind the whole drawing and is not paper.
-    fn backdrop(&mut self, root: Node<'a, 'input>, state: &State) {
+    fn backdrop(&mut self, root: Node<'a, 'input>, state: &ElementState) {
         let is_paper = match &state.style.background {
             svg_style::Background::None => true,
             svg_style::Background::Colour(colour) => {
@@ -167,11 +177,11 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
     }
 
-    pub(super) fn children(&mut self, node: Node<'a, 'input>, state: &State) -> Done {
+    pub(super) fn children(&mut self, node: Node<'a, 'input>, state: &ElementState) -> WalkResult {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child, state))
     }
 
-    pub(super) fn element(&mut self, node: Node<'a, 'input>, state: &State) -> Done {
+    pub(super) fn element(&mut self, node: Node<'a, 'input>, state: &ElementState) -> WalkResult {
         if !is_svg(node) {
             return Ok(());
         }
@@ -201,7 +211,11 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The state inside an element; None where nothing of it is drawn.
-    pub(super) fn enter(&mut self, node: Node<'a, 'input>, outer: &State) -> Result<Option<State>, Box<Diag>> {
+    pub(super) fn enter(
+        &mut self,
+        node: Node<'a, 'input>,
+        outer: &ElementState,
+    ) -> Result<Option<ElementState>, Box<Diag>> {
         let Some(mut state) = self.begin(node, outer)? else { return Ok(None) };
         if state.style.display == Display::Contents {
             if !matches!(node.tag_name().name(), "g" | "a") {
@@ -226,9 +240,13 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The state of an element before its transform; None where it is not drawn.
-    pub(super) fn begin(&mut self, node: Node<'a, 'input>, outer: &State) -> Result<Option<State>, Box<Diag>> {
+    pub(super) fn begin(
+        &mut self,
+        node: Node<'a, 'input>,
+        outer: &ElementState,
+    ) -> Result<Option<ElementState>, Box<Diag>> {
         self.visits += 1;
-        let mut state = State { depth: outer.depth + 1, parent: outer.style.clone(), ..outer.clone() };
+        let mut state = ElementState { depth: outer.depth + 1, parent: outer.style.clone(), ..outer.clone() };
         if self.visits > MAX_VISITS {
             let text = format!("the drawing has more than {MAX_VISITS} elements once its uses are expanded");
             return Err(Diag::input("svg-large", text)
@@ -300,7 +318,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Applies the transform of an element; returns whether anything is left of it.
-    pub(super) fn moved(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
+    pub(super) fn moved(&mut self, node: Node<'a, 'input>, state: &mut ElementState) -> Result<bool, Box<Diag>> {
         if self.boxed == Some(node.id()) || !state.style.has_transform() {
             return Ok(true);
         }
@@ -339,7 +357,11 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Cuts an element at its clip path and mask; returns whether something of it may be drawn.
-    pub(super) fn shows_through(&mut self, node: Node<'a, 'input>, state: &mut State) -> Result<bool, Box<Diag>> {
+    pub(super) fn shows_through(
+        &mut self,
+        node: Node<'a, 'input>,
+        state: &mut ElementState,
+    ) -> Result<bool, Box<Diag>> {
         if self.purpose == Purpose::Bounds {
             return Ok(true);
         }
@@ -356,10 +378,10 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Effect, node);
             return Ok(false);
         }
-        if style.clip_path != Reference::None && !self.cut(node, &style.clip_path, false, state)? {
+        if style.clip_path != Reference::None && !self.cut(node, &style.clip_path, Cut::ClipPath, state)? {
             return Ok(false);
         }
-        Ok(is_part || style.mask == Reference::None || self.cut(node, &style.mask, true, state)?)
+        Ok(is_part || style.mask == Reference::None || self.cut(node, &style.mask, Cut::Mask, state)?)
     }
 
     /// Whether no style sheet may move things.
@@ -428,7 +450,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Notes what of a shape's looks is not marked; returns whether the rest can be.
-    fn judge(&mut self, node: Node<'a, 'input>, state: &State) -> bool {
+    fn judge(&mut self, node: Node<'a, 'input>, state: &ElementState) -> bool {
         let style = &state.style;
         if self.purpose == Purpose::Clip {
             return true;
@@ -445,20 +467,25 @@ impl<'a, 'input> Walk<'a, 'input> {
 
     /// Whether markers are drawn on a shape.
     fn has_markers(&self, node: Node<'a, 'input>, style: &Style) -> bool {
-        let is_marker = |link: &Reference| match link {
+        let has_vertices = matches!(node.tag_name().name(), "path" | "line" | "polyline" | "polygon");
+        let references = [&style.marker_start, &style.marker_mid, &style.marker_end];
+        has_vertices && references.into_iter().any(|reference| self.draws_marker(reference))
+    }
+
+    /// Whether a marker property refers to a marker that holds something.
+    fn draws_marker(&self, reference: &Reference) -> bool {
+        match reference {
             Reference::None => false,
             Reference::Other => true,
             Reference::Link(link) => {
                 let marker = self.linked(link).filter(|t| t.tag_name().name() == "marker");
                 marker.is_some_and(|m| m.children().any(|c| c.is_element()))
             }
-        };
-        let has_corners = matches!(node.tag_name().name(), "path" | "line" | "polyline" | "polygon");
-        has_corners && [&style.marker_start, &style.marker_mid, &style.marker_end].into_iter().any(is_marker)
+        }
     }
 
     /// Gives strokes the width that they have on the screen whatever the transforms; returns whether that can be drawn.
-    fn unscaled(&mut self, node: Node<'a, 'input>, state: &mut State) -> bool {
+    fn unscaled(&mut self, node: Node<'a, 'input>, state: &mut ElementState) -> bool {
         if !state.map.is_similar() {
             self.note(Issue::Effect, node);
             return false;
@@ -471,7 +498,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Notes an element of a kind that cannot be marked, unless nothing is seen of it.
-    fn unmarked(&mut self, node: Node<'a, 'input>, state: &State, issue: Issue) -> Done {
+    fn unmarked(&mut self, node: Node<'a, 'input>, state: &ElementState, issue: Issue) -> WalkResult {
         let Some(inner) = self.enter(node, state)? else { return Ok(()) };
         if !self.is_seen(node, &inner)? {
             return Ok(());
@@ -484,7 +511,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(())
     }
 
-    fn used(&mut self, node: Node<'a, 'input>, state: &State) -> Done {
+    /// Draws what a `use` refers to.
+    fn used(&mut self, node: Node<'a, 'input>, state: &ElementState) -> WalkResult {
         let Some(mut state) = self.enter(node, state)? else { return Ok(()) };
         let link = href(node).unwrap_or_default();
         let Some(id) = local(link) else {
@@ -507,18 +535,18 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Fault, node);
             return Ok(());
         }
-        let own = [self.side(node, "width", 0, &state), self.side(node, "height", 1, &state)];
+        let use_sides = [self.side(node, "width", 0, &state), self.side(node, "height", 1, &state)];
         let port = state.port;
         let corner = [state.style.x.of(port[0]), state.style.y.of(port[1])];
         state.map = state.map.after(Map::shift(corner));
         state.copied = Some(target.id());
         state.context = Some(Arc::new(state.context()));
         self.uses.push(target.id());
-        let done = match tag {
+        let result = match tag {
             "symbol" | "svg" if is_svg(target) => match self.enter(target, &state)? {
                 Some(inner) => {
-                    let of_target = [self.side(target, "width", 0, &inner), self.side(target, "height", 1, &inner)];
-                    let sides = [0, 1].map(|k| if has_sides[k] { own[k] } else { of_target[k] });
+                    let target_sides = [self.side(target, "width", 0, &inner), self.side(target, "height", 1, &inner)];
+                    let sides = [0, 1].map(|k| if has_sides[k] { use_sides[k] } else { target_sides[k] });
                     self.viewport(target, sides, inner)
                 }
                 None => Ok(()),
@@ -526,11 +554,11 @@ impl<'a, 'input> Walk<'a, 'input> {
             _ => self.element(target, &state),
         };
         self.uses.pop();
-        done
+        result
     }
 
     /// Draws the children of a nested drawing or a symbol.
-    fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: State) -> Done {
+    fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: ElementState) -> WalkResult {
         if !(size[0] > 0.0 && size[1] > 0.0) {
             self.note(Issue::Dot, node);
             return Ok(());
@@ -539,7 +567,8 @@ impl<'a, 'input> Walk<'a, 'input> {
         let corner = [self.length(node, "x", 0, &state), self.length(node, "y", 1, &state)];
         let stated =
             [state.style.x, state.style.y].map(Some).into_iter().chain([state.style.width, state.style.height]);
-        let (font, root) = (state.style.font_size.px, state.style.root_font_px);
+        let font = state.style.font_size.px;
+        let root = state.style.root_font_px;
         let names = ["x", "y", "width", "height"];
         let differs = names.into_iter().zip(stated).any(|(name, stated)| {
             let own = node.attribute(name).and_then(|t| Length::from_attribute(t, font, root));
@@ -568,33 +597,41 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Cuts the shapes from `first` on at a frame: a rectangle from the origin in the units of `map`.
-    fn frame(&mut self, map: Map, size: [f64; 2], first: usize, node: Node<'a, 'input>) -> Done {
+    fn frame(&mut self, map: Map, size: [f64; 2], first: usize, node: Node<'a, 'input>) -> WalkResult {
         let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| map.at(c));
-        let (back, by) = (map.inverse(), self.tolerance / map.enlarges());
-        let holds = |p: [f64; 2]| back.at(p).iter().zip(size).all(|(&v, side)| v >= -by && v <= side + by);
-        let mut made: HashMap<Option<u32>, u32> = HashMap::new();
+        let back = map.inverse();
+        let slack = self.tolerance / map.enlarges();
+        let is_in_frame = |p: [f64; 2]| back.at(p).iter().zip(size).all(|(&v, side)| v >= -slack && v <= side + slack);
+        // The area of the frame within each clip that shapes have.
+        let mut clips: HashMap<Option<u32>, u32> = HashMap::new();
         for i in first..self.art.shapes.len() {
             let shape = &self.art.shapes[i];
             let mut lines = shape.lines.clone().map(|k| self.art.lines.get(k));
-            if lines.all(|line| line.iter().all(|&p| holds(p))) {
+            if lines.all(|line| line.iter().all(|&p| is_in_frame(p))) {
                 continue;
             }
             let outer = shape.clip;
-            let clip = match made.get(&outer) {
+            let clip = match clips.get(&outer) {
                 Some(&clip) => clip,
                 None => {
-                    let area = Area::new([corners.as_slice()].into_iter(), Rule::NonZero).expect("four edges");
+                    let area =
+                        PolygonArea::new([corners.as_slice()].into_iter(), WindingRule::NonZero).expect("four edges");
                     self.clip(outer, area, node)?
                 }
             };
-            made.insert(outer, clip);
+            clips.insert(outer, clip);
             self.art.shapes[i].clip = Some(clip);
         }
         Ok(())
     }
 
     /// Notes an area that shapes are cut at, within an outer one; returns its index.
-    pub(super) fn clip(&mut self, outer: Option<u32>, area: Area, node: Node<'a, 'input>) -> Result<u32, Box<Diag>> {
+    pub(super) fn clip(
+        &mut self,
+        outer: Option<u32>,
+        area: PolygonArea,
+        node: Node<'a, 'input>,
+    ) -> Result<u32, Box<Diag>> {
         let area = match outer {
             None => Ok(area),
             Some(outer) => area.within(&self.art.clips[outer as usize]),
@@ -609,10 +646,9 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// A length in user units; 0 where it is not given or faulty. Axis 0 is x, 1 is y, 2 neither.
-    pub(super) fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &State) -> f64 {
+    pub(super) fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &ElementState) -> f64 {
         let Some(text) = node.attribute(name) else { return 0.0 };
-        let (font, root) = (state.style.font_size.px, state.style.root_font_px);
-        let Some(length) = Length::from_attribute(text, font, root) else {
+        let Some(length) = Length::from_attribute(text, state.style.font_size.px, state.style.root_font_px) else {
             self.note(Issue::Fault, node);
             return 0.0;
         };
@@ -623,7 +659,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// A side of a nested drawing or symbol: that of the outer viewport unless it says otherwise.
-    fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &State) -> f64 {
+    fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: &ElementState) -> f64 {
         match node.attribute(name) {
             Some(text) if text.trim() != "auto" && self.is_side(node, name, state) => {
                 self.length(node, name, axis, state)
@@ -637,9 +673,10 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Whether an attribute, if there is one, states a length that is not negative.
-    fn is_side(&self, node: Node<'a, 'input>, name: &str, state: &State) -> bool {
-        let (font, root) = (state.style.font_size.px, state.style.root_font_px);
-        let length = node.attribute(name).map(|text| Length::from_attribute(text, font, root));
+    fn is_side(&self, node: Node<'a, 'input>, name: &str, state: &ElementState) -> bool {
+        let style = &state.style;
+        let length =
+            node.attribute(name).map(|text| Length::from_attribute(text, style.font_size.px, style.root_font_px));
         length.is_none_or(|l| l.is_some_and(|l| l.px >= 0.0 && l.share >= 0.0))
     }
 
