@@ -28,7 +28,7 @@ use terrace_report::report::runsheet::{self, Sheet};
 
 /// Which blocks are left; every choice takes some away.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Choice {
+pub struct BlockChoice {
     /// The first of them.
     pub from: Option<BlockId>,
     /// Ranges of them, first and last.
@@ -37,7 +37,7 @@ pub struct Choice {
     pub done: BTreeSet<BlockId>,
 }
 
-impl Choice {
+impl BlockChoice {
     fn takes(&self, id: BlockId) -> bool {
         self.from.is_none_or(|from| id >= from)
             && (self.only.is_empty() || self.only.iter().any(|[first, last]| (*first..=*last).contains(&id)))
@@ -83,7 +83,7 @@ pub fn range(text: &str) -> Result<[BlockId; 2], String> {
     if range[0] > range[1] { Err(format!("{first} comes after {last}")) } else { Ok(range) }
 }
 
-/// What was written.
+/// How much of a job was left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resumed {
     /// The blocks that are left.
@@ -93,7 +93,7 @@ pub struct Resumed {
 }
 
 /// A job folder as it lies on the disk.
-struct Whole<'a> {
+struct WholeJob<'a> {
     folder: &'a Path,
     manifest: Manifest,
     formats: Vec<&'static Target>,
@@ -105,10 +105,9 @@ struct Whole<'a> {
 /// `resume-changed` where a file of the folder is not as it was written, `resume-mode` of an on-the-fly job,
 /// `resume-block` where the choice names a block that the folder does not hold, `resume-empty` where nothing is left,
 /// and those of [`job_folder::prepare`].
-pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durability) -> Result<Resumed, Error> {
-    let whole = Whole::read(folder)?;
-    let same = |a: &Path, b: &Path| fs::canonicalize(a).ok().zip(fs::canonicalize(b).ok()).is_some_and(|(a, b)| a == b);
-    if same(folder, target) {
+pub fn resume(folder: &Path, choice: &BlockChoice, target: &Path, durability: Durability) -> Result<Resumed, Error> {
+    let whole = WholeJob::read(folder)?;
+    if is_same(folder, target) {
         let d = Diag::input("output-is-input", "the output would replace the folder that it is made from");
         return Err(d.at(place(target)).hint("name another folder with -o").into());
     }
@@ -116,9 +115,9 @@ pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durabil
     let name = folder.join("program.txt");
     let (program, origins) = text::parse(&name.display().to_string(), &diag::read_file(&name, u64::MAX)?)?;
     let chosen = whole.chosen(&program, choice)?;
-    let of = program.blocks.len();
-    if whole.manifest.blocks.len() != of {
-        let text = format!("the manifest lists {} blocks, program.txt has {of}", whole.manifest.blocks.len());
+    let count = program.blocks.len();
+    if whole.manifest.blocks.len() != count {
+        let text = format!("the manifest lists {} blocks, program.txt has {count}", whole.manifest.blocks.len());
         let d = Diag::input("manifest", text).at(place(&folder.join(MANIFEST)));
         return Err(d.hint("restore the job folder from a copy").into());
     }
@@ -126,20 +125,25 @@ pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durabil
         .iter()
         .map(|&i| BlockFigures { time_s: whole.manifest.blocks[i].time_s, ..BlockFigures::default() })
         .collect();
-    let lifts = (0..of).map(|i| i == 0 || program.blocks[i].retract).collect();
+    let lifts = (0..count).map(|i| i == 0 || program.blocks[i].retract).collect();
     let checked = Checked::as_written(program.subset(&chosen), origins);
     let subset = whole.subset(checked.program());
-    let rest = Rest { whole: &whole, lifts, chosen: &chosen, figures, checked, subset };
+    let rest = RemainingJob { whole: &whole, lifts, chosen: &chosen, figures, checked, subset };
     let job_file = job_folder::path_from(&folder.join(&whole.manifest.head.job.file), target)?;
     job_folder::replace_stepped(target, durability, &|filling| rest.write(filling, &job_file))?;
-    Ok(Resumed { subset: rest.subset, of })
+    Ok(Resumed { subset: rest.subset, of: count })
+}
+
+/// Whether two paths lead to one folder that is there.
+fn is_same(a: &Path, b: &Path) -> bool {
+    fs::canonicalize(a).ok().zip(fs::canonicalize(b).ok()).is_some_and(|(a, b)| a == b)
 }
 
 fn place(path: &Path) -> Place {
     Place::file(path.display().to_string())
 }
 
-impl<'a> Whole<'a> {
+impl<'a> WholeJob<'a> {
     fn read(folder: &'a Path) -> Result<Self, Error> {
         let head = Head::read(folder)?;
         if head.mode == Mode::OnTheFly {
@@ -170,7 +174,7 @@ impl<'a> Whole<'a> {
     }
 
     /// The places in the program of the blocks that are left.
-    fn chosen(&self, program: &Program, choice: &Choice) -> Result<Vec<usize>, Error> {
+    fn chosen(&self, program: &Program, choice: &BlockChoice) -> Result<Vec<usize>, Error> {
         let held: Option<BTreeSet<&str>> =
             self.manifest.subset.as_ref().map(|s| s.blocks.iter().map(String::as_str).collect());
         let ids = (0..program.blocks.len()).map(|i| program.id(i));
@@ -197,6 +201,7 @@ impl<'a> Whole<'a> {
         Ok(chosen)
     }
 
+    /// What the manifest says of a program with the blocks that are left.
     fn subset(&self, program: &Program) -> Subset {
         let machine = &self.manifest.machine;
         let time_s = plan::of_program(machine, program).total;
@@ -212,8 +217,8 @@ impl<'a> Whole<'a> {
 }
 
 /// What is left, and what it is written from.
-struct Rest<'a> {
-    whole: &'a Whole<'a>,
+struct RemainingJob<'a> {
+    whole: &'a WholeJob<'a>,
     /// Whether the stage lifts on its way to each block of the whole job.
     lifts: Vec<bool>,
     chosen: &'a [usize],
@@ -222,15 +227,15 @@ struct Rest<'a> {
     subset: Subset,
 }
 
-impl Rest<'_> {
+impl RemainingJob<'_> {
     /// Fills the new folder; returns its manifest.
     fn write(&self, mut filling: Filling<'_>, job_file: &str) -> Result<Vec<u8>, Error> {
         let Self { whole, checked, .. } = self;
         let copied = |name: &str| diag::read_file(&whole.folder.join(name), u64::MAX);
         filling.put("program.txt", &copied("program.txt")?)?;
         let formats: Vec<Format> = whole.formats.iter().map(|t| t.format).collect();
-        let (job, part) =
-            (name_of(&whole.manifest.head.job.file), self.surface().map_or_else(String::new, |f| name_of(&f)));
+        let job = name_of(&whole.manifest.head.job.file);
+        let part = self.surface().map_or_else(String::new, |f| name_of(&f));
         let emitted = Stepped {
             checked,
             machine: &whole.manifest.machine,
@@ -311,11 +316,7 @@ impl Rest<'_> {
         let sentence = self.left();
         // A picture of a rest says what was left there.
         let lines = svg.lines().filter(|line| !line.ends_with("blocks are left</text>"));
-        let whole = |line: &str| match line.strip_suffix(" blocks are left</title>").and_then(|l| l.rsplit_once(": ")) {
-            Some((title, _)) => format!("{title}</title>\n"),
-            None => format!("{line}\n"),
-        };
-        let svg: String = lines.map(whole).collect();
+        let svg: String = lines.map(without_rest).collect();
         let drawn = svg.replacen("</title>\n", &format!(": {sentence}</title>\n{style}"), 1);
         let end = drawn.rfind("</svg>").unwrap_or(drawn.len());
         let (before, after) = drawn.split_at(end);
@@ -348,7 +349,8 @@ impl Rest<'_> {
     /// The manifest of the whole job, with the files of this folder and the blocks that it holds.
     fn manifest(&self, job_file: &str, files: Vec<FileFact>) -> Vec<u8> {
         let mut manifest = self.whole.manifest.clone();
-        let (program, machine) = (self.checked.program(), &self.whole.manifest.machine);
+        let program = self.checked.program();
+        let machine = &self.whole.manifest.machine;
         manifest.head.job.file = job_file.into();
         manifest.head.files = files;
         let mut left = self.chosen.iter().enumerate().peekable();
@@ -373,6 +375,14 @@ impl Rest<'_> {
 /// The registration points of a set-up.
 fn registered(setup: &SetupEntry) -> Vec<Registered> {
     setup.registration.iter().filter_map(RegistrationEntry::registered).collect()
+}
+
+/// A line of a picture with its end; where it is the title of a rest, that of the whole job.
+fn without_rest(line: &str) -> String {
+    match line.strip_suffix(" blocks are left</title>").and_then(|l| l.rsplit_once(": ")) {
+        Some((title, _)) => format!("{title}</title>\n"),
+        None => format!("{line}\n"),
+    }
 }
 
 /// The page that shows a job in three dimensions.

@@ -43,6 +43,15 @@ pub struct Sweep {
     pub job: Job,
 }
 
+/// The text of a job file, and where it lies or would lie.
+#[derive(Clone, Copy, Debug)]
+pub struct JobText<'a> {
+    /// The job file; it need not be there.
+    pub path: &'a Path,
+    /// What it holds.
+    pub text: &'a str,
+}
+
 /// How many combinations the settings have.
 ///
 /// # Errors
@@ -55,53 +64,53 @@ pub fn combinations(settings: &[Setting]) -> Result<usize, Error> {
     })
 }
 
-/// Plans the job of `text`, which lies or would lie at `path`, with every combination of the settings' values.
-/// `done` is called after each.
+/// Plans a job with every combination of the settings' values. `done` is called after each.
 ///
 /// # Errors
-/// As [`prepared`]; the first fault where no combination can be planned.
+/// Those of [`prepared`]; the first fault where no combination can be planned.
 pub fn sweep(
-    (path, text): (&Path, &str),
+    source: JobText<'_>,
     overrides: &Overrides,
     settings: &[Setting],
     done: &(dyn Fn() + Sync),
 ) -> Result<Sweep, Error> {
-    let job = prepared((path, text), overrides, settings)?;
+    let job = prepared(source, overrides, settings)?;
     let count = combinations(settings)?;
-    let found = rows((path, text), overrides, settings, 0..count, done)?;
-    Sweep::of((job, text), overrides, settings, found)
+    let rows = rows(source, overrides, settings, 0..count, done)?;
+    Sweep::new(job, source.text, overrides, settings, rows)
 }
 
 /// The job as its file has it, if it can be swept.
 ///
 /// # Errors
 /// Faults of the job file as it is; `sweep-key` where a setting names no place in it; `sweep-many`; `sweep-mode`.
-pub fn prepared((path, text): (&Path, &str), overrides: &Overrides, settings: &[Setting]) -> Result<Job, Error> {
-    let job = Job::parse(path, text, overrides)?;
+pub fn prepared(source: JobText<'_>, overrides: &Overrides, settings: &[Setting]) -> Result<Job, Error> {
+    let job = Job::parse(source.path, source.text, overrides)?;
     if job.mode != Mode::Stepped {
         let text = "a sweep compares stepped jobs";
         return Err(Diag::input("sweep-mode", text).at(job.place_of("mode")).hint("add --mode stepped").into());
     }
     combinations(settings)?;
-    edited((path, text), settings, 0)?;
+    edited(source, settings, 0)?;
     Ok(job)
 }
 
 impl Sweep {
-    /// The sweep of a job, with a row for every combination.
+    /// The sweep of a job that was read from `text`, with a row for every combination.
     ///
     /// # Errors
     /// The first fault where no combination can be planned.
-    pub fn of(
-        (job, text): (Job, &str),
+    pub fn new(
+        job: Job,
+        text: &str,
         overrides: &Overrides,
         settings: &[Setting],
         rows: Vec<Row>,
     ) -> Result<Self, Error> {
         if rows.iter().all(|row| row.summary.is_err()) {
             // A fault holds what is shown of an error; the error itself is found again.
-            let (_, edited) = edited((&job.path, text), settings, 0)?;
-            planned((&job.path, &edited), overrides, &OnceLock::new())?;
+            let first = edited(JobText { path: &job.path, text }, settings, 0)?;
+            planned(JobText { path: &job.path, text: &first.text }, overrides, &SharedSurface::new())?;
         }
         Ok(Self { keys: settings.iter().map(|s| s.key.clone()).collect(), rows, job })
     }
@@ -109,7 +118,9 @@ impl Sweep {
 
 /// The values of a combination.
 fn values(settings: &[Setting], number: usize) -> Vec<KeyValue> {
-    let (mut rest, mut values) = (number, Vec::new());
+    // The number in a system whose digits are the values; the last setting is the least significant.
+    let mut rest = number;
+    let mut values = Vec::new();
     for setting in settings.iter().rev() {
         values.push(setting.values[rest % setting.values.len()].clone());
         rest /= setting.values.len();
@@ -118,9 +129,19 @@ fn values(settings: &[Setting], number: usize) -> Vec<KeyValue> {
     values
 }
 
-/// The values of a combination, and the job's text with its keys so set.
-fn edited((path, text): (&Path, &str), settings: &[Setting], number: usize) -> Result<(Vec<KeyValue>, String), Error> {
-    let mut keys = Keys::of(text).expect("a job was read from this text");
+/// A job with the values of a combination.
+struct Edited {
+    values: Vec<KeyValue>,
+    /// The text of the job file with its keys so set.
+    text: String,
+}
+
+/// The surface that the first combination has read, and the job that it was read for.
+type SharedSurface = OnceLock<(Job, Arc<Surface>)>;
+
+/// The job with the values of combination `number`.
+fn edited(source: JobText<'_>, settings: &[Setting], number: usize) -> Result<Edited, Error> {
+    let mut keys = Keys::of(source.text).expect("a job was read from this text");
     let values = values(settings, number);
     for (setting, value) in settings.iter().zip(&values) {
         keys.set(&setting.key, value).map_err(|what| {
@@ -129,10 +150,10 @@ fn edited((path, text): (&Path, &str), settings: &[Setting], number: usize) -> R
                 [] => "name a key with its table as docs/job-file.md does, such as focus.pdof".to_owned(),
                 near => format!("did you mean {}?", near.join(" or ")),
             };
-            d.at(Place::file(path.display().to_string())).hint(hint)
+            d.at(Place::file(source.path.display().to_string())).hint(hint)
         })?;
     }
-    Ok((values, keys.text()))
+    Ok(Edited { values, text: keys.text() })
 }
 
 /// The rows of some combinations of a job that was [`prepared`]; the surface is read once for all of them.
@@ -140,55 +161,59 @@ fn edited((path, text): (&Path, &str), settings: &[Setting], number: usize) -> R
 /// # Errors
 /// `sweep-key`.
 pub fn rows(
-    (path, text): (&Path, &str),
+    source: JobText<'_>,
     overrides: &Overrides,
     settings: &[Setting],
-    some: Range<usize>,
+    numbers: Range<usize>,
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<Row>, Error> {
-    let texts = some.map(|number| edited((path, text), settings, number)).collect::<Result<Vec<_>, _>>()?;
-    let shared = OnceLock::new();
-    let one = |i: usize| {
-        let (values, text): &(Vec<KeyValue>, String) = &texts[i];
-        let summary = planned((path, text), overrides, &shared).map_err(|e| Fault::from(&e));
+    let jobs = numbers.map(|number| edited(source, settings, number)).collect::<Result<Vec<Edited>, _>>()?;
+    let shared = SharedSurface::new();
+    let row_of = |i: usize| {
+        let row = row(source.path, &jobs[i], overrides, &shared);
         done();
-        Row { values: values.clone(), summary }
+        row
     };
     // One after another until one has read the surface for the others.
-    let mut found = Vec::with_capacity(texts.len());
-    while shared.get().is_none() && found.len() < texts.len() {
-        found.push(one(found.len()));
+    let mut rows = Vec::with_capacity(jobs.len());
+    while shared.get().is_none() && rows.len() < jobs.len() {
+        rows.push(row_of(rows.len()));
     }
-    let first = found.len();
-    found.extend(parallel::map(texts.len() - first, |i| one(first + i)));
-    Ok(found)
+    let first = rows.len();
+    rows.extend(parallel::map(jobs.len() - first, |i| row_of(first + i)));
+    Ok(rows)
+}
+
+/// The row of one combination of a job at `path`.
+fn row(path: &Path, job: &Edited, overrides: &Overrides, shared: &SharedSurface) -> Row {
+    let planned = planned(JobText { path, text: &job.text }, overrides, shared);
+    Row { values: job.values.clone(), summary: planned.map_err(|e| Fault::from(&e)) }
 }
 
 /// Rows of combinations that could not be planned.
-pub fn unplanned(settings: &[Setting], some: Range<usize>, fault: &Fault) -> Vec<Row> {
-    some.map(|number| Row { values: values(settings, number), summary: Err(fault.clone()) }).collect()
+pub fn unplanned(settings: &[Setting], numbers: Range<usize>, fault: &Fault) -> Vec<Row> {
+    numbers.map(|number| Row { values: values(settings, number), summary: Err(fault.clone()) }).collect()
 }
 
-/// The figures of one job; the surface that the first has read is shared where it can be.
-fn planned(
-    (path, text): (&Path, &str),
-    overrides: &Overrides,
-    shared: &OnceLock<(Job, Arc<Surface>)>,
-) -> Result<Summary, Error> {
-    let plan = || {
-        let job = Job::parse(path, text, overrides)?;
-        let inputs = Inputs::load_beside(&job, shared.get().map(|(of, surface)| (of, surface)))?;
-        if shared.get().is_none() {
-            drop(shared.set((job.clone(), Arc::clone(&inputs.surface))));
-        }
-        Ok(plan::stepped(job, inputs)?.summary)
-    };
-    // Lines and columns are those of the text with its keys set, which nobody has.
-    let whole = |d: &Diag| match &d.place {
+/// The figures of one job. Its errors are placed in the file as a whole: lines and columns are those of the text with
+/// its keys set, which nobody has.
+fn planned(source: JobText<'_>, overrides: &Overrides, shared: &SharedSurface) -> Result<Summary, Error> {
+    let without_line = |d: &Diag| match &d.place {
         Place::Text { path, .. } | Place::File { path, .. } => d.clone().at(Place::file(path.clone())),
         _ => d.clone(),
     };
-    plan().map_err(|e: Error| Error::many(e.diags().iter().map(whole).collect()))
+    plan_sharing(source, overrides, shared).map_err(|e| Error::many(e.diags().iter().map(without_line).collect()))
+}
+
+/// Plans one job, with the surface that another has read where that can be.
+fn plan_sharing(source: JobText<'_>, overrides: &Overrides, shared: &SharedSurface) -> Result<Summary, Error> {
+    let job = Job::parse(source.path, source.text, overrides)?;
+    let inputs = Inputs::load_beside(&job, shared.get().map(|(reader, surface)| (reader, surface)))?;
+    if shared.get().is_none() {
+        // Another may have been first: then its surface is the shared one.
+        drop(shared.set((job.clone(), Arc::clone(&inputs.surface))));
+    }
+    Ok(plan::stepped(job, inputs)?.summary)
 }
 
 /// The rows as a table. The note has the codes of warnings, or why the row cannot be planned.
@@ -232,29 +257,22 @@ pub fn table(sweep: &Sweep) -> Table {
 /// Stops and times over the first setting, a line for every combination of the others; None where it has no numbers.
 pub fn chart(sweep: &Sweep) -> Option<Plot> {
     let key = sweep.keys.first()?;
-    let number = |v: &KeyValue| {
-        let text = v.to_string();
-        let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '-'))).unwrap_or(text.len());
-        text[..end].parse::<f64>().ok().map(|n| (n, text[end..].trim().to_owned()))
-    };
-    let xs: Option<Vec<(f64, String)>> = sweep.rows.iter().map(|r| number(&r.values[0])).collect();
-    let xs = xs?;
+    let xs: Vec<(f64, String)> = sweep.rows.iter().map(|r| number_and_unit(&r.values[0])).collect::<Option<_>>()?;
     let unit = xs.first()?.1.clone();
     if xs.iter().any(|x| x.1 != unit) {
         return None;
     }
     let mut names: Vec<String> = Vec::new();
-    let name = |row: &Row| row.values[1..].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    sweep.rows.iter().for_each(|row| {
-        if !names.contains(&name(row)) {
-            names.push(name(row));
+    for name in sweep.rows.iter().map(other_values) {
+        if !names.contains(&name) {
+            names.push(name);
         }
-    });
-    let panel = |y: Axis, of: fn(&Summary) -> f64| {
-        let series = names.iter().map(|of_name| {
-            let mine = sweep.rows.iter().zip(&xs).filter(|(row, _)| name(row) == *of_name);
-            let points = mine.map(|(row, x)| [x.0, row.summary.as_ref().map_or(f64::NAN, of)]);
-            Series::new(of_name, points.collect()).marked()
+    }
+    let panel = |y: Axis, figure: fn(&Summary) -> f64| {
+        let series = names.iter().map(|name| {
+            let own = sweep.rows.iter().zip(&xs).filter(|(row, _)| other_values(row) == *name);
+            let points = own.map(|(row, x)| [x.0, row.summary.as_ref().map_or(f64::NAN, figure)]);
+            Series::new(name, points.collect()).marked()
         });
         Panel { y, series: series.collect(), limits: Vec::new() }
     };
@@ -264,4 +282,16 @@ pub fn chart(sweep: &Sweep) -> Option<Plot> {
         panel(Axis::new("with loading", "min"), |s| s.loading.total_s / 60.0),
     ];
     Some(LineChart { title: format!("Sweep of {key}"), x: Axis::new(key, &unit), panels, limits: Vec::new() }.draw())
+}
+
+/// The number with which a value begins, and what follows it; None where it begins with something else.
+fn number_and_unit(v: &KeyValue) -> Option<(f64, String)> {
+    let text = v.to_string();
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '-'))).unwrap_or(text.len());
+    text[..end].parse::<f64>().ok().map(|n| (n, text[end..].trim().to_owned()))
+}
+
+/// The values of a row beside the first, as the name of a line.
+fn other_values(row: &Row) -> String {
+    row.values[1..].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }

@@ -8,7 +8,7 @@ use super::outcome::{Outcome, State};
 use super::report::Report;
 use super::unit::{Compile, Task, Unit};
 use super::work::End;
-use terrace_core::diag::{Diag, Error, Fault, Place};
+use terrace_core::diag::{Diag, Fault, Place};
 use terrace_input::job::Job;
 use terrace_report::job_folder;
 
@@ -48,6 +48,7 @@ pub(super) fn fragment(unit: &Unit, reports: &Path, reasons: &Reasons) -> Result
     }
 }
 
+/// The fault of a unit that left no report of what it is now.
 fn missing(unit: &Unit, why: String) -> Diag {
     let d = Diag::limit("unit-missing", format!("unit {} is missing: {why}", unit.id));
     d.at(Place::file(unit.job.display().to_string())).hint("run the same command again: what is there is kept")
@@ -55,10 +56,7 @@ fn missing(unit: &Unit, why: String) -> Diag {
 
 /// Whether the folder of a unit is here, made from these inputs, and whole.
 fn is_here(unit: &Unit) -> bool {
-    let here = || -> Result<bool, Error> {
-        let job = Job::load(&unit.job, &unit.overrides)?;
-        let pictures = matches!(&unit.task, Task::Compile(Compile { pictures: true, .. }));
-        Ok(job_folder::is_unchanged(&job, unit.inputs.clone(), pictures, unit.folder()))
-    };
-    here().unwrap_or(false)
+    let Ok(job) = Job::load(&unit.job, &unit.overrides) else { return false };
+    let has_pictures = matches!(&unit.task, Task::Compile(Compile { pictures: true, .. }));
+    job_folder::is_unchanged(&job, unit.inputs.clone(), has_pictures, unit.folder())
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::unit::Unit;
 use super::units::unwritable;
-use super::work::{Done, End};
+use super::work::{End, WorkResult};
 use terrace_core::diag::Error;
 use terrace_report::job_folder::{self, Durability};
 
@@ -30,8 +30,8 @@ pub struct Fragment {
 
 impl Fragment {
     /// The fragment of a unit that was worked on here.
-    pub fn new(unit: &Unit, done: Done, seconds: f64) -> Self {
-        Self { unit: unit.id, hash: done.hash, host: host(), seconds, end: done.end }
+    pub fn new(unit: &Unit, result: WorkResult, seconds: f64) -> Self {
+        Self { unit: unit.id, hash: result.hash, host: host(), seconds, end: result.end }
     }
 
     /// Writes it into the folder of reports, over one of an earlier try.
@@ -58,6 +58,7 @@ impl Fragment {
     }
 }
 
+/// The file of the report of a unit.
 fn file(reports: &Path, unit: usize) -> PathBuf {
     reports.join(format!("{unit:06}.json"))
 }

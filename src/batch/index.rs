@@ -46,6 +46,16 @@ pub fn index_html(report: &Report, folder: &Path) -> Result<String, Error> {
     Ok(h)
 }
 
+/// The address of a file of a job folder, seen from `folder`; None where there is no such file.
+fn link(outcome: &Outcome, name: &str, folder: &Path) -> Result<Option<String>, Error> {
+    let file = outcome.folder.join(name);
+    if !file.is_file() {
+        return Ok(None);
+    }
+    Ok(Some(address(&job_folder::path_from(&file, folder)?)))
+}
+
+/// The row of a job.
 fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
     let state = outcome.state.name();
     let job = escape(&outcome.job.display().to_string());
@@ -59,20 +69,14 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
         h.push_str("</td></tr>\n");
         return Ok(());
     };
-    // A link to a file of the job folder; None where it has no such file.
-    let link = |name: &str| -> Result<Option<String>, Error> {
-        let file = outcome.folder.join(name);
-        let is_there = file.is_file();
-        is_there.then(|| Ok(address(&job_folder::path_from(&file, folder)?))).transpose()
-    };
-    let picture = link("layout.svg")?.map_or(String::new(), |to| {
+    let picture = link(outcome, "layout.svg", folder)?.map_or(String::new(), |to| {
         format!("<a href=\"{to}\"><img src=\"{to}\" alt=\"block layout\" loading=\"lazy\"/></a>")
     });
     let mut links = Vec::new();
     for (name, shown) in
         [("view.html", "view"), ("report.html", "report"), ("runsheet.txt", "run sheet"), ("manifest.json", "manifest")]
     {
-        links.extend(link(name)?.map(|to| format!("<a href=\"{to}\">{shown}</a>")));
+        links.extend(link(outcome, name, folder)?.map(|to| format!("<a href=\"{to}\">{shown}</a>")));
     }
     let _ = writeln!(
         h,

@@ -12,12 +12,12 @@ use std::process::{ChildStderr, Command, ExitStatus, Stdio};
 
 use super::fragment::Fragment;
 use super::unit::{Task, Unit};
-use super::work::{Done, End};
+use super::work::{End, WorkResult};
 use terrace_core::diag::{Diag, Error, Fault, Place};
 use terrace_report::job_folder::{self, Durability};
 
 /// Bytes of a process's last messages that are kept.
-const SAID: usize = 4096;
+const MESSAGES: usize = 4096;
 
 /// How the process of a unit is made.
 pub struct Isolation<'a> {
@@ -35,23 +35,24 @@ pub struct Isolation<'a> {
 ///
 /// # Errors
 /// `unit-process` where no process can be started.
-pub fn run(units: &[&Unit], how: &Isolation<'_>, on_fragment: &mut dyn FnMut(&Fragment)) -> Result<(), Error> {
+pub fn run(units: &[&Unit], isolation: &Isolation<'_>, on_fragment: &mut dyn FnMut(&Fragment)) -> Result<(), Error> {
     let mut left = units.to_vec();
     while !left.is_empty() {
         let ids: Vec<usize> = left.iter().map(|unit| unit.id).collect();
-        let (status, said) = attempt(limited((how.command)(&ids), how.memory), &mut |fragment| {
+        let command = limited((isolation.command)(&ids), isolation.memory);
+        let (status, messages) = attempt(command, &mut |fragment| {
             left.retain(|unit| unit.id != fragment.unit);
             on_fragment(&fragment);
         })?;
-        // The process ended before it said of its next unit how that ended.
+        // The process ended without a fragment of its next unit.
         let Some(unit) = left.first().copied() else { break };
         if let Task::Compile(compile) = &unit.task {
             job_folder::recover(&compile.folder)?;
         }
-        let fault = fault(unit, status, &said, how.memory);
-        let done = Done { hash: unit.hash.clone(), end: End::failed(unit, &fault) };
-        let fragment = Fragment::new(unit, done, 0.0);
-        fragment.write(how.reports, how.durability)?;
+        let fault = fault(unit, status, &messages, isolation.memory);
+        let result = WorkResult { hash: unit.hash.clone(), end: End::failed(unit, &fault) };
+        let fragment = Fragment::new(unit, result, 0.0);
+        fragment.write(isolation.reports, isolation.durability)?;
         on_fragment(&fragment);
         left.remove(0);
     }
@@ -71,40 +72,44 @@ fn limited(command: Command, bytes: u64) -> Command {
 }
 
 /// Runs the command to its end; returns its status and its last messages.
-fn attempt(mut command: Command, heard: &mut dyn FnMut(Fragment)) -> Result<(ExitStatus, String), Error> {
+fn attempt(mut command: Command, on_fragment: &mut dyn FnMut(Fragment)) -> Result<(ExitStatus, String), Error> {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let program = command.get_program().to_string_lossy().into_owned();
-    let failed = |e: std::io::Error| {
-        let text = format!("cannot run {program}: {e}");
-        Error::from(Diag::input("unit-process", text).hint("a limit of memory needs a Unix with the shell sh"))
-    };
-    let mut child = command.spawn().map_err(failed)?;
+    let mut child = command.spawn().map_err(|e| cannot_run(&program, &e))?;
     let stderr = child.stderr.take().map(|stderr| std::thread::spawn(move || last_words(stderr)));
     for line in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok) {
         if let Ok(fragment) = serde_json::from_str(&line) {
-            heard(fragment);
+            on_fragment(fragment);
         }
     }
     let status = child.wait();
-    let said = stderr.and_then(|thread| thread.join().ok()).unwrap_or_default();
-    Ok((status.map_err(failed)?, said))
+    let messages = stderr.and_then(|thread| thread.join().ok()).unwrap_or_default();
+    Ok((status.map_err(|e| cannot_run(&program, &e))?, messages))
 }
 
+/// The fault of a command that the system does not run.
+fn cannot_run(program: &str, e: &std::io::Error) -> Error {
+    let text = format!("cannot run {program}: {e}");
+    Diag::input("unit-process", text).hint("a limit of memory needs a Unix with the shell sh").into()
+}
+
+/// The last bytes of what a process writes, as text.
 fn last_words(mut from: ChildStderr) -> String {
-    let (mut kept, mut chunk) = (Vec::new(), [0; 1024]);
+    let mut kept = Vec::new();
+    let mut chunk = [0; 1024];
     while let Ok(n @ 1..) = from.read(&mut chunk) {
         kept.extend_from_slice(&chunk[..n]);
-        kept.drain(..kept.len().saturating_sub(SAID));
+        kept.drain(..kept.len().saturating_sub(MESSAGES));
     }
     String::from_utf8_lossy(&kept).into_owned()
 }
 
 /// Why a process ended without a word of its unit.
-fn fault(unit: &Unit, status: ExitStatus, said: &str, memory: u64) -> Fault {
+fn fault(unit: &Unit, status: ExitStatus, messages: &str, memory: u64) -> Fault {
     let place = Place::file(unit.job.display().to_string());
-    let last = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+    let last = messages.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
     // The standard library says so before it aborts.
-    if memory > 0 && said.contains("memory allocation of") {
+    if memory > 0 && messages.contains("memory allocation of") {
         let text = format!("memory limit exceeded: the unit needs more than {} MB ({last})", memory >> 20);
         let d = Diag::limit("unit-memory", text).at(place);
         return d.hint("give it more with --memory, on workers that have it").into();

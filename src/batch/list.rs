@@ -10,7 +10,7 @@ use terrace_input::job::{Job, Overrides};
 use terrace_report::job_folder::{Hashes, default_output};
 
 /// A job file that was listed.
-struct Listed {
+struct JobEntry {
     path: PathBuf,
     folder: PathBuf,
     job: Result<Job, Error>,
@@ -32,15 +32,15 @@ pub fn plan(
     let jobs = jobs(paths, output, overrides)?;
     let hashes = Hashes::default();
     Ok(parallel::map(jobs.len(), |id| {
-        let Listed { path, folder, job } = &jobs[id];
+        let JobEntry { path, folder, job } = &jobs[id];
         let task = Task::Compile(Compile { folder: folder.clone(), verify: is_verified, pictures: is_drawn });
         Unit::new(id, path, task, overrides, job.as_ref().ok(), &hashes)
     }))
 }
 
 /// The jobs of several arguments.
-fn jobs(paths: &[PathBuf], output: Option<&Path>, overrides: &Overrides) -> Result<Vec<Listed>, Error> {
-    let mut entries: Vec<Listed> = Vec::new();
+fn jobs(paths: &[PathBuf], output: Option<&Path>, overrides: &Overrides) -> Result<Vec<JobEntry>, Error> {
+    let mut entries: Vec<JobEntry> = Vec::new();
     for path in paths {
         let is_folder = path.is_dir();
         let listed = listed(path)?.into_iter().filter_map(|file| entry(file, is_folder, output, overrides));
@@ -97,7 +97,7 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
 }
 
 /// The job of a file; None of a machine file in a folder of jobs.
-fn entry(path: PathBuf, is_folder: bool, output: Option<&Path>, overrides: &Overrides) -> Option<Listed> {
+fn entry(path: PathBuf, is_folder: bool, output: Option<&Path>, overrides: &Overrides) -> Option<JobEntry> {
     let job = Job::load(&path, overrides);
     // Machine files often lie next to the jobs that name them.
     if is_folder && job.is_err() && Machine::load(&path).is_ok() {
@@ -109,5 +109,5 @@ fn entry(path: PathBuf, is_folder: bool, output: Option<&Path>, overrides: &Over
         (Some(o), Some(name)) => o.join(name),
         _ => beside,
     };
-    Some(Listed { path, folder, job })
+    Some(JobEntry { path, folder, job })
 }

@@ -48,29 +48,42 @@ use work::End;
 /// # Panics
 /// On units of a sweep.
 pub fn run(units: &[Unit], settings: &Settings<'_>, on_outcome: &mut (dyn FnMut(&Outcome) + Send)) -> Report {
+    let queue = Queue { units, next: AtomicUsize::new(0), on_outcome: Mutex::new(on_outcome) };
+    let mut outcomes: Vec<Outcome> = units.iter().map(|unit| Outcome::of(unit, State::Left)).collect();
     // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
     // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
-    let (next_unit, on_outcome) = (AtomicUsize::new(0), Mutex::new(on_outcome));
-    let work_until_done = || {
-        let mut done = Vec::new();
-        while !settings.stop.load(Ordering::Relaxed) {
-            // Only a counter: nothing is published through it.
-            let i = next_unit.fetch_add(1, Ordering::Relaxed);
-            let Some(unit) = units.get(i) else { break };
-            let End::Job(outcome) = work(unit, settings).end else { unreachable!("units of a batch are jobs") };
-            on_outcome.lock().expect("on_outcome does not panic")(&outcome);
-            done.push((i, outcome));
-        }
-        done
-    };
-    let mut outcomes: Vec<Outcome> = units.iter().map(|unit| Outcome::of(unit, State::Left)).collect();
     std::thread::scope(|scope| {
         // As many as the pool has: each job that is worked on uses the pool too.
         let threads = rayon::current_num_threads().min(units.len());
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work_until_done)).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| queue.work(settings))).collect();
         for (i, outcome) in workers.into_iter().flat_map(|w| w.join().expect("panics of a job are caught")) {
             outcomes[i] = outcome;
         }
     });
     Report(outcomes)
+}
+
+/// Units that several threads work on.
+struct Queue<'a> {
+    units: &'a [Unit],
+    /// Number of the next unit.
+    next: AtomicUsize,
+    on_outcome: Mutex<&'a mut (dyn FnMut(&Outcome) + Send)>,
+}
+
+impl Queue<'_> {
+    /// Works on one unit after another until there is none left or all are to stop; returns what became of each, by
+    /// number.
+    fn work(&self, settings: &Settings<'_>) -> Vec<(usize, Outcome)> {
+        let mut outcomes = Vec::new();
+        while !settings.stop.load(Ordering::Relaxed) {
+            // Only a counter: nothing is published through it.
+            let i = self.next.fetch_add(1, Ordering::Relaxed);
+            let Some(unit) = self.units.get(i) else { break };
+            let End::Job(outcome) = work(unit, settings).end else { unreachable!("units of a batch are jobs") };
+            self.on_outcome.lock().expect("on_outcome does not panic")(&outcome);
+            outcomes.push((i, outcome));
+        }
+        outcomes
+    }
 }

@@ -18,26 +18,29 @@ const UNITS_OF_A_SWEEP: usize = 256;
 /// # Errors
 /// `sweep-many`.
 pub fn plan(job: &Job, overrides: &Overrides, settings: &[Setting]) -> Result<Vec<Unit>, Error> {
-    let all = sweep::combinations(settings)?;
+    let combinations = sweep::combinations(settings)?;
     let hashes = Hashes::default();
-    let count = all.div_ceil(all.div_ceil(UNITS_OF_A_SWEEP));
-    let unit = |id: usize| {
-        let (first, end) = (id * all / count, (id + 1) * all / count);
-        let some = Combinations { settings: settings.to_vec(), first, count: end - first };
-        Unit::new(id, &job.path, Task::Sweep(some), overrides, Some(job), &hashes)
-    };
-    Ok((0..count).map(unit).collect())
+    let count = combinations.div_ceil(combinations.div_ceil(UNITS_OF_A_SWEEP));
+    let units = (0..count).map(|id| {
+        let first = id * combinations / count;
+        let end = (id + 1) * combinations / count;
+        let task = Task::Sweep(Combinations { settings: settings.to_vec(), first, count: end - first });
+        Unit::new(id, &job.path, task, overrides, Some(job), &hashes)
+    });
+    Ok(units.collect())
 }
 
 /// The rows of all units of a sweep, in the order of the combinations.
 pub fn rows(units: &[Unit], reports: &Path, reasons: &Reasons) -> Vec<Row> {
-    let of = |unit: &Unit| {
-        let Task::Sweep(some) = &unit.task else { return Vec::new() };
-        match fragment(unit, reports, reasons).map(|found| found.end) {
-            Ok(End::Rows(rows)) => rows,
-            Ok(End::Job(_)) => Vec::new(),
-            Err(fault) => sweep::unplanned(&some.settings, some.first..some.first + some.count, &fault),
-        }
-    };
-    units.iter().flat_map(of).collect()
+    units.iter().flat_map(|unit| rows_of_unit(unit, reports, reasons)).collect()
+}
+
+/// The rows of one unit; where it left none, rows that say why.
+fn rows_of_unit(unit: &Unit, reports: &Path, reasons: &Reasons) -> Vec<Row> {
+    let Task::Sweep(task) = &unit.task else { return Vec::new() };
+    match fragment(unit, reports, reasons).map(|fragment| fragment.end) {
+        Ok(End::Rows(rows)) => rows,
+        Ok(End::Job(_)) => Vec::new(),
+        Err(fault) => sweep::unplanned(&task.settings, task.first..task.first + task.count, &fault),
+    }
 }

@@ -124,18 +124,22 @@ fn rate(role: &str) -> f64 {
 
 /// The hash of a unit whose job has these inputs now.
 pub(super) fn hash(job: Option<&Job>, task: &Task, overrides: &Overrides, inputs: &[InputFact]) -> String {
+    let json = |value: serde_json::Result<String>| value.unwrap_or_default();
+    let task = json(serde_json::to_string(task));
+    let overrides = json(serde_json::to_string(overrides));
+    let inputs = json(serde_json::to_string(inputs));
     let mut hasher = blake3::Hasher::new();
-    let mut add = |part: &str| {
+    for part in [
+        env!("CARGO_PKG_VERSION"),
+        job.map_or("", |job| &job.source),
+        job.and_then(|job| job.path.file_name()).and_then(OsStr::to_str).unwrap_or(""),
+        &task,
+        &overrides,
+        &inputs,
+    ] {
         // Lengths keep parts apart.
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part.as_bytes());
-    };
-    let json = |value: serde_json::Result<String>| value.unwrap_or_default();
-    add(env!("CARGO_PKG_VERSION"));
-    add(job.map_or("", |job| &job.source));
-    add(job.and_then(|job| job.path.file_name()).and_then(OsStr::to_str).unwrap_or(""));
-    add(&json(serde_json::to_string(task)));
-    add(&json(serde_json::to_string(overrides)));
-    add(&json(serde_json::to_string(inputs)));
+    }
     hasher.finalize().to_hex().to_string()
 }

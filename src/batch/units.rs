@@ -17,34 +17,45 @@ const MAX_FILE: u64 = 1 << 30;
 
 /// Which units of a file are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Chosen {
+pub enum UnitSelection {
     /// By their numbers.
     Numbers(Vec<RangeInclusive<usize>>),
     /// One of so many shares of about the same expected cost; counted from 1.
     Share(usize, usize),
 }
 
-impl FromStr for Chosen {
+impl FromStr for UnitSelection {
     type Err = String;
 
     /// `3`, `0-9,12`, or `3/40`: the third of forty shares.
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("{text:?} is neither units such as 0-9,12 nor a share such as 3/40");
-        let number = |text: &str| text.trim().parse::<usize>().map_err(|_| wrong());
-        if let Some((share, of)) = text.split_once('/') {
-            let (share, of) = (number(share)?, number(of)?);
-            return if (1..=of).contains(&share) { Ok(Self::Share(share, of)) } else { Err(wrong()) };
-        }
-        let range = |part: &str| match part.split_once('-') {
-            Some((from, to)) => Ok(number(from)?..=number(to)?),
-            None => number(part).map(|n| n..=n),
+        let chosen = match text.split_once('/') {
+            Some((share, count)) => share_of(share, count),
+            None => text.split(',').map(range).collect::<Option<Vec<_>>>().map(Self::Numbers),
         };
-        let ranges = text.split(',').map(range).collect::<Result<Vec<_>, String>>()?;
-        if ranges.iter().any(RangeInclusive::is_empty) { Err(wrong()) } else { Ok(Self::Numbers(ranges)) }
+        chosen.ok_or_else(|| format!("{text:?} is neither units such as 0-9,12 nor a share such as 3/40"))
     }
 }
 
-impl Chosen {
+/// The share of that number, from 1, of so many.
+fn share_of(share: &str, count: &str) -> Option<UnitSelection> {
+    let share = number(share)?;
+    let count = number(count)?;
+    (1..=count).contains(&share).then_some(UnitSelection::Share(share, count))
+}
+
+/// One number, or a range such as `0-9`; None where it is neither, or empty.
+fn range(text: &str) -> Option<RangeInclusive<usize>> {
+    let (from, to) = text.split_once('-').unwrap_or((text, text));
+    let range = number(from)?..=number(to)?;
+    (!range.is_empty()).then_some(range)
+}
+
+fn number(text: &str) -> Option<usize> {
+    text.trim().parse().ok()
+}
+
+impl UnitSelection {
     /// The units that are meant, in the order in which they are to be worked on.
     ///
     /// # Errors
@@ -52,20 +63,20 @@ impl Chosen {
     pub fn of<'a>(&self, units: &'a [Unit], file: &Path) -> Result<Vec<&'a Unit>, Error> {
         match self {
             Self::Share(share, of) => Ok(shares(units, *of).swap_remove(share - 1)),
-            Self::Numbers(ranges) => {
-                let one = |id: usize| {
-                    units.get(id).ok_or_else(|| {
-                        let text = format!("there is no unit {id}; the file has {} units, from 0", units.len());
-                        Diag::input("unit-unknown", text).at(Place::file(file.display().to_string())).into()
-                    })
-                };
-                ranges.iter().cloned().flatten().map(one).collect()
-            }
+            Self::Numbers(ranges) => ranges.iter().cloned().flatten().map(|id| unit_of(units, id, file)).collect(),
         }
     }
 }
 
-/// Numbers of units as [`Chosen`] reads them.
+/// The unit of a number.
+fn unit_of<'a>(units: &'a [Unit], id: usize, file: &Path) -> Result<&'a Unit, Error> {
+    units.get(id).ok_or_else(|| {
+        let text = format!("there is no unit {id}; the file has {} units, from 0", units.len());
+        Diag::input("unit-unknown", text).at(Place::file(file.display().to_string())).into()
+    })
+}
+
+/// Numbers of units as [`UnitSelection`] reads them.
 #[cfg(feature = "fleet")]
 pub(super) fn numbers(ids: &[usize]) -> String {
     ids.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
@@ -100,17 +111,13 @@ pub fn write(units: &[Unit], file: &Path, durability: Durability) -> Result<(), 
 /// `units-file` with the line that is not a unit; `units-version` where another version planned them.
 pub fn read(file: &Path) -> Result<Vec<Unit>, Error> {
     let bytes = diag::read_file(file, MAX_FILE)?;
-    let shown = file.display().to_string();
-    let fault = |line: usize, what: String| {
-        let d = Diag::input("units-file", what).at(Place::line(shown.clone(), line + 1));
-        Error::from(d.hint("make the file with `terrace batch … --plan FILE`, with this version of terrace"))
-    };
-    let lines = bytes.split(|&b| b == b'\n').filter(|line| !line.is_empty()).enumerate();
-    let units: Vec<Unit> = lines
-        .map(|(i, line)| serde_json::from_slice(line).map_err(|e| fault(i, format!("this is not a unit: {e}"))))
-        .collect::<Result<_, _>>()?;
+    let mut units: Vec<Unit> = Vec::new();
+    for (i, line) in bytes.split(|&b| b == b'\n').filter(|line| !line.is_empty()).enumerate() {
+        units.push(serde_json::from_slice(line).map_err(|e| no_unit(file, i, format!("this is not a unit: {e}")))?);
+    }
     if let Some((i, unit)) = units.iter().enumerate().find(|(i, unit)| unit.id != *i) {
-        return Err(fault(i, format!("the unit has the number {}, its line is that of number {i}", unit.id)));
+        let text = format!("the unit has the number {}, its line is that of number {i}", unit.id);
+        return Err(no_unit(file, i, text));
     }
     if let Some(unit) = units.iter().find(|unit| unit.terrace != env!("CARGO_PKG_VERSION")) {
         let text = format!("terrace {} planned these units, this is {}", unit.terrace, env!("CARGO_PKG_VERSION"));
@@ -118,6 +125,12 @@ pub fn read(file: &Path) -> Result<Vec<Unit>, Error> {
         return Err(d.hint("install the same version on all machines, and plan again").into());
     }
     Ok(units)
+}
+
+/// The fault of the line of unit `i`.
+fn no_unit(file: &Path, i: usize, text: String) -> Error {
+    let d = Diag::input("units-file", text).at(Place::line(file.display().to_string(), i + 1));
+    d.hint("make the file with `terrace batch … --plan FILE`, with this version of terrace").into()
 }
 
 /// The folder of the reports of a file of units.
@@ -136,10 +149,10 @@ mod tests {
 
     #[test]
     fn units_are_chosen_by_numbers_and_shares() {
-        let read = |text: &str| text.parse::<Chosen>();
-        assert_eq!(read("3"), Ok(Chosen::Numbers(vec![3..=3])));
-        assert_eq!(read("0-9,12"), Ok(Chosen::Numbers(vec![0..=9, 12..=12])));
-        assert_eq!(read("3/40"), Ok(Chosen::Share(3, 40)));
+        let read = |text: &str| text.parse::<UnitSelection>();
+        assert_eq!(read("3"), Ok(UnitSelection::Numbers(vec![3..=3])));
+        assert_eq!(read("0-9,12"), Ok(UnitSelection::Numbers(vec![0..=9, 12..=12])));
+        assert_eq!(read("3/40"), Ok(UnitSelection::Share(3, 40)));
         for wrong in ["", "a", "1-", "5-2", "0/3", "4/3", "1,,2"] {
             assert!(read(wrong).is_err(), "{wrong}");
         }

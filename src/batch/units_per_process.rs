@@ -14,10 +14,13 @@ pub fn groups<'a>(units: &[&'a Unit], slots: usize) -> Vec<Vec<&'a Unit>> {
     let slots = slots.max(1) as f64;
     // At most an eighth of what one slot has to do, at least enough that there are no more than some 64 to a slot.
     let [most, least] = [8.0, 64.0].map(|parts| all / (parts * slots));
-    let (mut out, mut rest, mut left) = (Vec::new(), sorted.as_slice(), all);
+    let mut out = Vec::new();
+    let mut rest = sorted.as_slice();
+    let mut left = all;
     while !rest.is_empty() {
         let wanted = (left / (2.0 * slots)).clamp(least, most);
-        let (mut count, mut cost) = (0, 0.0);
+        let mut count = 0;
+        let mut cost = 0.0;
         while count < rest.len() && (count == 0 || cost + rest[count].cost_s <= wanted) {
             cost += rest[count].cost_s;
             count += 1;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::outcome::{Figures, Outcome, State};
 use super::unit::{Combinations, Compile, Task, Unit, hash};
-use crate::sweep::{self, Row};
+use crate::sweep::{self, JobText, Row};
 use terrace_core::diag::{Diag, Error, Fault};
 use terrace_input::job::{Job, read_file};
 use terrace_plan::manifest::{self, InputFact};
@@ -62,9 +62,9 @@ impl End {
     }
 }
 
-/// A unit that was worked on.
+/// What the work of a unit came to.
 #[derive(Clone, Debug)]
-pub struct Done {
+pub struct WorkResult {
     /// The hash of what the job and its inputs were then; that of the plan, unless files have changed since.
     pub hash: String,
     /// What became of it.
@@ -72,7 +72,7 @@ pub struct Done {
 }
 
 /// Does the work of a unit. A fault is its end, a panic too: other units are not concerned.
-pub fn work(unit: &Unit, settings: &Settings<'_>) -> Done {
+pub fn work(unit: &Unit, settings: &Settings<'_>) -> WorkResult {
     // A job that cannot be read has the hash that its unit was planned with.
     let job = Job::load(&unit.job, &unit.overrides);
     let inputs = job.as_ref().ok().and_then(|job| job_folder::inputs(job).ok());
@@ -87,17 +87,17 @@ pub fn work(unit: &Unit, settings: &Settings<'_>) -> Done {
         Task::Sweep(some) => End::Rows(rows(unit, some)),
     }));
     let broke = |_| End::failed(unit, &Diag::bug("panic", "an invariant of the program broke").into());
-    Done { hash: now, end: end.unwrap_or_else(broke) }
+    WorkResult { hash: now, end: end.unwrap_or_else(broke) }
 }
 
 /// What became of a unit whose folder is up to date and need not be verified; None of others. Its files are as they
 /// were when it was planned.
 #[cfg(feature = "fleet")]
-pub fn up_to_date(unit: &Unit) -> Option<Done> {
+pub fn up_to_date(unit: &Unit) -> Option<WorkResult> {
     let Task::Compile(Compile { folder, verify: false, pictures }) = &unit.task else { return None };
     let job = Job::load(&unit.job, &unit.overrides).ok()?;
     let state = unchanged(&job, Some(unit.inputs.clone()), *pictures, folder)?;
-    Some(Done { hash: unit.hash.clone(), end: End::Job(Outcome::of(unit, state)) })
+    Some(WorkResult { hash: unit.hash.clone(), end: End::Job(Outcome::of(unit, state)) })
 }
 
 /// Brings a folder up to date, and says whether it was verified.
@@ -142,7 +142,7 @@ fn unchanged(job: &Job, inputs: Option<Vec<InputFact>>, pictures: bool, folder: 
 fn rows(unit: &Unit, some: &Combinations) -> Vec<Row> {
     let range = some.first..some.first + some.count;
     let planned = read_file(&unit.job).and_then(|text| {
-        let source = (unit.job.as_path(), text.as_str());
+        let source = JobText { path: &unit.job, text: &text };
         sweep::prepared(source, &unit.overrides, &some.settings)?;
         sweep::rows(source, &unit.overrides, &some.settings, range.clone(), &|| {})
     });

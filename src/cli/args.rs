@@ -11,7 +11,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::{examples, explain};
 
-use crate::batch::units::Chosen;
+use crate::batch::units::UnitSelection;
 #[cfg(feature = "compare")]
 use terrace_compare::compare::{SYSTEMS, System};
 use terrace_core::machine::PROFILES;
@@ -47,17 +47,21 @@ pub struct Args {
     pub command: Command,
 }
 
+/// A command with its examples below its help.
+fn with_examples(command: clap::Command, name: &str) -> clap::Command {
+    match examples::EXAMPLES.iter().find(|(n, _)| *n == name) {
+        Some((_, list)) => command.after_help(examples::help(list)),
+        None => command,
+    }
+}
+
 impl Args {
     /// The program's arguments with the examples of every command.
     pub fn described() -> clap::Command {
-        let about = |command: clap::Command, name: &str| match examples::EXAMPLES.iter().find(|(n, _)| *n == name) {
-            Some((_, list)) => command.after_help(examples::help(list)),
-            None => command,
-        };
-        let mut all = about(Self::command(), "");
+        let mut all = with_examples(Self::command(), "");
         let names: Vec<String> = all.get_subcommands().map(|c| c.get_name().to_owned()).collect();
         for name in names {
-            all = all.mut_subcommand(&name, |command| about(command, &name));
+            all = all.mut_subcommand(&name, |command| with_examples(command, &name));
         }
         // An option that all commands take is not shown where it has no effect.
         for (option, commands) in [("seed", &OF_SEED[..]), ("threads", &OF_THREADS[..])] {
@@ -344,7 +348,7 @@ pub enum Command {
     /// List the built-in machines, or print one as a file to start from.
     Machines {
         /// Name of a built-in machine.
-        #[arg(value_parser = Known(|| PROFILES.iter().map(|(name, _)| *name).collect()))]
+        #[arg(value_parser = NameParser(|| PROFILES.iter().map(|(name, _)| *name).collect()))]
         name: Option<String>,
         /// Print the JSON schema of machine files instead.
         #[arg(long, conflicts_with = "name")]
@@ -356,7 +360,7 @@ pub enum Command {
     /// Explain the code of a message, such as travel in `error[travel]`.
     Explain {
         /// The code.
-        #[arg(hide_possible_values = true, value_parser = Known(|| explain::sections().map(|s| s.code).collect()))]
+        #[arg(hide_possible_values = true, value_parser = NameParser(|| explain::sections().map(|s| s.code).collect()))]
         code: String,
     },
     /// Print completions for a shell.
@@ -367,7 +371,7 @@ pub enum Command {
     /// Print a manual page, for `man -l`, or write all to a folder.
     Man {
         /// Of a command; of terrace itself without.
-        #[arg(hide_possible_values = true, value_parser = Known(examples::commands))]
+        #[arg(hide_possible_values = true, value_parser = NameParser(examples::commands))]
         command: Option<String>,
         /// Folder to write the pages of terrace and of every command to: terrace.1, terrace-compile.1 and so on.
         #[arg(short, long, value_name = "FOLDER", conflicts_with = "command")]
@@ -407,8 +411,8 @@ pub struct Batch {
     pub units: Option<PathBuf>,
     /// Work on these units (0-9,12), or on a share of all (3/40: the third of forty); each leaves a report beside the
     /// file of units.
-    #[arg(long, value_name = "UNITS", requires = "units", value_parser = str::parse::<Chosen>)]
-    pub unit: Option<Chosen>,
+    #[arg(long, value_name = "UNITS", requires = "units", value_parser = str::parse::<UnitSelection>)]
+    pub unit: Option<UnitSelection>,
     /// Compile nothing: make one report of what the units of this file have left.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["jobs", "output", "verify", "plan", "units", "engine", "log"])]
     pub collect: Option<PathBuf>,
@@ -552,9 +556,9 @@ fn one_of<T: Copy + Send + Sync + 'static>(
 
 /// A name of a set that help and completions list; another is refused by the command, which knows what is near.
 #[derive(Clone)]
-struct Known(fn() -> Vec<&'static str>);
+struct NameParser(fn() -> Vec<&'static str>);
 
-impl TypedValueParser for Known {
+impl TypedValueParser for NameParser {
     type Value = String;
 
     fn parse_ref(
@@ -589,15 +593,16 @@ impl TypedValueParser for KnownSettings {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        static TYPED: LazyLock<Vec<String>> = LazyLock::new(|| {
-            let values = |KnownKey { key, names, takes_others }: KnownKey| {
-                let open = takes_others.then_some(String::new());
-                names.into_iter().chain(open).map(move |value| format!("{key}={value}"))
-            };
-            known_keys().into_iter().flat_map(values).collect()
-        });
+        static TYPED: LazyLock<Vec<String>> =
+            LazyLock::new(|| known_keys().into_iter().flat_map(typed_settings).collect());
         Some(Box::new(TYPED.iter().map(|typed| PossibleValue::new(typed.as_str()))))
     }
+}
+
+/// A key with each of its values that have names; with nothing behind it where others are to be typed.
+fn typed_settings(KnownKey { key, names, takes_others }: KnownKey) -> impl Iterator<Item = String> {
+    let open = takes_others.then_some(String::new());
+    names.into_iter().chain(open).map(move |value| format!("{key}={value}"))
 }
 
 /// Three numbers separated by commas.

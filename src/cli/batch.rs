@@ -17,15 +17,16 @@ use crate::batch::{self, Outcome, Report, Unit, units};
 use terrace_core::diag::{Error, Place};
 use terrace_report::job_folder::Durability;
 
+/// Runs the command, in whichever of its forms; returns the exit code.
 pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
     if let (Some(file), Some(chosen)) = (&asked.units, &asked.unit) {
         return fleet::work(args, file, chosen, asked.fleet.memory);
     }
     if let Some(file) = &asked.collect {
         let units = units::read(file)?;
-        let found = collect(&units, &units::reports(file), &Reasons::new());
-        write_results(args, asked, &found, &inputs(&units, asked))?;
-        return Ok(found.exit_code());
+        let report = collect(&units, &units::reports(file), &Reasons::new());
+        write_results(args, asked, &report, &inputs(&units, asked))?;
+        return Ok(report.exit_code());
     }
     let list = batch::plan(
         &asked.jobs,
@@ -35,12 +36,7 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
         !asked.no_pictures,
     )?;
     let inputs = inputs(&list, asked);
-    // What cannot be written at the end of a night is found before it begins.
-    for file in [&asked.report, &asked.log, &asked.index, &asked.plan].into_iter().flatten() {
-        refuse_input(file, &inputs)?;
-        std::fs::create_dir_all(folder_of(file))
-            .map_err(|e| unwritable("make the folder", Place::file(folder_of(file).display().to_string()), &e))?;
-    }
+    prepare_outputs(asked, &inputs)?;
     if let (Some(file), None) = (&asked.plan, asked.fleet.engine) {
         return fleet::plan(args, &list, file);
     }
@@ -53,8 +49,9 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
         view.job(outcome, [ended, list.len()]);
         log.iter_mut().for_each(|log| log.add(outcome));
     };
+    // By value: built without engines the type is empty, and only behind a reference would need an arm.
     let engine = asked.fleet.engine;
-    let found = match engine {
+    let report = match engine {
         #[cfg(feature = "fleet")]
         Some(Engine::Dask) => {
             let around = asked.output.clone().unwrap_or_default();
@@ -67,8 +64,19 @@ pub fn run(args: &Args, asked: &Batch) -> Result<u8, Error> {
     view.finish();
     // Before the result is printed: where a file cannot be written, its error is the only JSON object.
     log.map_or(Ok(()), Log::close)?;
-    write_results(args, asked, &found, &inputs)?;
-    Ok(found.exit_code())
+    write_results(args, asked, &report, &inputs)?;
+    Ok(report.exit_code())
+}
+
+/// Makes the folders of the files that will be written, so that what cannot be written at the end of a night is found
+/// before it begins.
+fn prepare_outputs(asked: &Batch, inputs: &[PathBuf]) -> Result<(), Error> {
+    for file in [&asked.report, &asked.log, &asked.index, &asked.plan].into_iter().flatten() {
+        refuse_input(file, inputs)?;
+        std::fs::create_dir_all(folder_of(file))
+            .map_err(|e| unwritable("make the folder", Place::file(folder_of(file).display().to_string()), &e))?;
+    }
+    Ok(())
 }
 
 /// All files that are read, and those that name them.
@@ -77,16 +85,16 @@ fn inputs(units: &[Unit], asked: &Batch) -> Vec<PathBuf> {
 }
 
 /// Writes the report and the page to the files that were asked for, and prints the report.
-fn write_results(args: &Args, asked: &Batch, found: &Report, inputs: &[PathBuf]) -> Result<(), Error> {
-    let json = show::json(&found.to_json());
-    let write = |file: &Option<PathBuf>, text: &dyn Fn(&Path) -> Result<String, Error>| match file {
-        Some(path) => write_file(args, path, text(folder_of(path))?.as_bytes(), inputs),
-        None => Ok(()),
-    };
-    let written =
-        [write(&asked.report, &|_| Ok(json.clone())), write(&asked.index, &|folder| batch::index_html(found, folder))];
-    written.into_iter().collect::<Result<(), Error>>()?;
-    print(&if args.json { json } else { found.to_string() })
+fn write_results(args: &Args, asked: &Batch, report: &Report, inputs: &[PathBuf]) -> Result<(), Error> {
+    let json = show::json(&report.to_json());
+    // Both are tried: where the report cannot be written, the page may be.
+    let report_written = asked.report.as_ref().map_or(Ok(()), |file| write_file(args, file, json.as_bytes(), inputs));
+    let page_written = asked
+        .index
+        .as_ref()
+        .map_or(Ok(()), |file| write_file(args, file, batch::index_html(report, folder_of(file))?.as_bytes(), inputs));
+    report_written.and(page_written)?;
+    print(&if args.json { json } else { report.to_string() })
 }
 
 /// The folder in which a file lies.
@@ -110,16 +118,22 @@ impl Log {
         Ok(Self { path: path.to_owned(), file, durability, failed: None })
     }
 
+    /// Appends the line of a job.
     fn add(&mut self, outcome: &Outcome) {
         let line = format!("{}\n", outcome.to_json());
-        let flush = || match self.durability {
-            Durability::Synced => self.file.sync_data(),
-            Durability::Unsynced => Ok(()),
-        };
-        let written = (&self.file).write_all(line.as_bytes()).and_then(|()| flush());
+        let written = (&self.file).write_all(line.as_bytes()).and_then(|()| self.flush());
         self.failed = self.failed.take().or(written.err());
     }
 
+    /// Waits for the disk, or does not.
+    fn flush(&self) -> std::io::Result<()> {
+        match self.durability {
+            Durability::Synced => self.file.sync_data(),
+            Durability::Unsynced => Ok(()),
+        }
+    }
+
+    /// Says what could not be written.
     fn close(self) -> Result<(), Error> {
         let place = Place::file(self.path.display().to_string());
         self.failed.map_or(Ok(()), |e| Err(unwritable("write the file", place, &e)))

@@ -28,7 +28,7 @@ pub(super) struct Carrier<'a> {
 }
 
 /// What became of units that were carried.
-pub(super) struct Carried {
+pub(super) struct CarryResult {
     pub(super) reports: PathBuf,
     pub(super) reasons: Reasons,
     /// Keeps the folder until the reports are collected: dropping it removes the folder.
@@ -37,11 +37,12 @@ pub(super) struct Carried {
 
 impl Carrier<'_> {
     /// Has the engine work on units; those that are up to date are reported at once, and not sent to it.
-    pub(super) fn carry(&self, list: &[Unit], on_fragment: &mut dyn FnMut(&Fragment)) -> Result<Carried, Error> {
+    pub(super) fn carry(&self, list: &[Unit], on_fragment: &mut dyn FnMut(&Fragment)) -> Result<CarryResult, Error> {
         let own = self.keep.is_none().then(|| OwnFolder::inside(self.around)).transpose()?;
         let in_own = own.as_ref().map(|own| own.path.join("units.jsonl"));
         let file = in_own.or_else(|| self.keep.map(Path::to_owned)).unwrap_or_default();
-        let (reports, durability) = (units::reports(&file), durability(self.args));
+        let reports = units::reports(&file);
+        let durability = durability(self.args);
         // First: it removes the reports of an older plan.
         units::write(list, &file, durability)?;
         let done_already = parallel::map(list.len(), |i| up_to_date(&list[i]));
@@ -69,7 +70,7 @@ impl Carrier<'_> {
             };
             reasons = engine::run(&rest, &fleet, &mut |news| self.hear(&news, rest.len(), on_fragment))?;
         }
-        Ok(Carried { reports, reasons, _own: own })
+        Ok(CarryResult { reports, reasons, _own: own })
     }
 
     fn hear(&self, news: &News<'_>, count: usize, on_fragment: &mut dyn FnMut(&Fragment)) {

@@ -14,7 +14,8 @@ use terrace_report::report::table::TERMINAL;
 pub(super) fn text(c: &Comparison) -> String {
     let verdict = Verdict::of(c).sentences.join("\n");
     let table = overview(c).text(TERMINAL);
-    let (galvo, loading) = (c.galvo.name(), c.loading.sentence_per_block());
+    let galvo = c.galvo.name();
+    let loading = c.loading.sentence_per_block();
     format!(
         "{verdict}\n\n{table}\ngalvo          {galvo}, in every row\nloading        of stepped rows: {loading}\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
     )
@@ -76,6 +77,7 @@ const FILES: [(&[&str], &[&str]); 3] = [
     ),
 ];
 
+/// Whether a comparison has a file of this name.
 fn is_ours(name: &Path) -> bool {
     let part = |part: Option<&std::ffi::OsStr>, list: &[&str]| part.is_some_and(|p| list.iter().any(|l| p == *l));
     FILES.iter().any(|(stems, formats)| part(name.file_stem(), stems) && part(name.extension(), formats))
@@ -86,16 +88,12 @@ fn is_ours(name: &Path) -> bool {
 /// # Errors
 /// `output-not-a-comparison` where it is not one, or holds something else too.
 pub(super) fn may_be_replaced(folder: &Path) -> Result<(), Error> {
-    let refused = |text: &str, hint: &str| -> Result<(), Error> {
-        let place = Place::file(folder.display().to_string());
-        Err(Diag::input("output-not-a-comparison", text).at(place).hint(hint).into())
-    };
     if std::fs::symlink_metadata(folder).is_err() {
         return Ok(());
     }
     if !folder.join(PAGE).is_file() {
         let text = "the output exists and is not a comparison";
-        return refused(text, "name another folder with -o, or remove it yourself");
+        return Err(no_comparison(folder, text, "name another folder with -o, or remove it yourself"));
     }
     for entry in std::fs::read_dir(folder).map_err(failed(folder, "list the old comparison"))? {
         let entry = entry.map_err(failed(folder, "list the old comparison"))?;
@@ -103,34 +101,43 @@ pub(super) fn may_be_replaced(folder: &Path) -> Result<(), Error> {
         let name = entry.file_name();
         if !is_file || !is_ours(Path::new(&name)) {
             let text = format!("the output holds {}, which is not a part of a comparison", name.display());
-            return refused(&text, "move it away, or name another folder with -o");
+            return Err(no_comparison(folder, &text, "move it away, or name another folder with -o"));
         }
     }
     Ok(())
 }
 
+/// The fault of a folder that holds something else than a comparison.
+fn no_comparison(folder: &Path, text: &str, hint: &str) -> Error {
+    let place = Place::file(folder.display().to_string());
+    Diag::input("output-not-a-comparison", text).at(place).hint(hint).into()
+}
+
+/// What makes the fault of something that the file system refuses.
 fn failed(folder: &Path, what: &'static str) -> impl Fn(std::io::Error) -> Error {
     move |e| unwritable(what, Place::file(folder.display().to_string()), &e)
 }
 
 /// Writes everything to a folder of its own, whole or not at all.
 pub(super) fn write(c: &Comparison, folder: &Path, durability: Durability) -> Result<(), Error> {
-    let fill = |new: &Path| {
-        let put = |name: &str, text: String| {
-            let file = new.join(name);
-            std::fs::write(&file, text).map_err(failed(&file, "write the file"))
-        };
-        for (name, table) in tables(c) {
-            put(&format!("{name}.txt"), table.text(TERMINAL))?;
-            put(&format!("{name}.csv"), table.csv())?;
-            put(&format!("{name}.md"), table.markdown())?;
-        }
-        for (name, plot) in plots(c) {
-            put(&format!("{name}.svg"), plot.file())?;
-        }
-        put("compare.json", show::json(&json(c)))?;
-        // Last: a folder without it is not whole.
-        put(PAGE, page(c))
+    job_folder::replace(folder, PAGE, durability, &|| may_be_replaced(folder), &|new| write_files(c, new))
+}
+
+/// Writes the files of a comparison into a folder.
+fn write_files(c: &Comparison, folder: &Path) -> Result<(), Error> {
+    let put = |name: &str, text: String| {
+        let file = folder.join(name);
+        std::fs::write(&file, text).map_err(failed(&file, "write the file"))
     };
-    job_folder::replace(folder, PAGE, durability, &|| may_be_replaced(folder), &fill)
+    for (name, table) in tables(c) {
+        put(&format!("{name}.txt"), table.text(TERMINAL))?;
+        put(&format!("{name}.csv"), table.csv())?;
+        put(&format!("{name}.md"), table.markdown())?;
+    }
+    for (name, plot) in plots(c) {
+        put(&format!("{name}.svg"), plot.file())?;
+    }
+    put("compare.json", show::json(&json(c)))?;
+    // Last: a folder without it is not whole.
+    put(PAGE, page(c))
 }

@@ -10,8 +10,8 @@ use super::args::Args;
 use super::{durability, print, show};
 use crate::batch::fragment::Fragment;
 use crate::batch::isolated::{self, Isolation};
-use crate::batch::units::{self, Chosen};
-use crate::batch::work::{Done, End};
+use crate::batch::units::{self, UnitSelection};
+use crate::batch::work::{End, WorkResult};
 use crate::batch::{Settings, Unit, work as work_on};
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_report::job_folder::Durability;
@@ -47,7 +47,8 @@ fn verified(folder: &Path) -> Result<(), Error> {
 /// Set by the first Ctrl-C; the second ends the program.
 pub(super) fn stop_on_ctrl_c(view: &show::Progress, is_fleet: bool) -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
-    let (stopped, view) = (stop.clone(), view.clone());
+    let stopped = stop.clone();
+    let view = view.clone();
     // Where the system takes no handler, Ctrl-C ends the program at once. Folders are whole either way.
     let _ = ctrlc::set_handler(move || {
         if stopped.swap(true, Ordering::Relaxed) {
@@ -73,42 +74,53 @@ pub(super) fn plan(args: &Args, list: &[Unit], file: &Path) -> Result<u8, Error>
 }
 
 /// `batch --unit`: works on units one after another; a line for each as it ends.
-pub(super) fn work(args: &Args, file: &Path, chosen: &Chosen, memory: Option<u64>) -> Result<u8, Error> {
+pub(super) fn work(args: &Args, file: &Path, chosen: &UnitSelection, memory: Option<u64>) -> Result<u8, Error> {
     let all = units::read(file)?;
     let list = chosen.of(&all, file)?;
-    let (reports, durability) = (units::reports(file), durability(args));
-    let mut worst = 0;
-    let mut on_fragment = |fragment: &Fragment| -> Result<(), Error> {
-        worst = worst.max(fragment.end.exit_code());
-        print(&if args.json { line(fragment) } else { shown(fragment) })
-    };
+    let reports = units::reports(file);
+    let durability = durability(args);
+    let mut printer = FragmentPrinter { is_json: args.json, exit_code: 0 };
     if let Some(memory) = memory {
         let command = |ids: &[usize]| again(args, file, ids);
         let mut failed = Ok(());
-        let how = Isolation { command: &command, memory, reports: &reports, durability };
-        isolated::run(&list, &how, &mut |fragment| failed = failed.clone().and(on_fragment(fragment)))?;
+        let isolation = Isolation { command: &command, memory, reports: &reports, durability };
+        isolated::run(&list, &isolation, &mut |fragment| failed = failed.clone().and(printer.print(fragment)))?;
         failed?;
     } else {
         let stop = AtomicBool::new(false);
         for unit in list {
             let begin = Instant::now();
-            let done = work_on(unit, &settings(args, &stop));
-            on_fragment(&ended(unit, done, begin, (&reports, durability)))?;
+            let result = work_on(unit, &settings(args, &stop));
+            printer.print(&reported(unit, result, begin, &reports, durability))?;
         }
     }
-    Ok(worst)
+    Ok(printer.exit_code)
+}
+
+/// Prints a line for every unit as it ends.
+struct FragmentPrinter {
+    is_json: bool,
+    /// The highest of all units.
+    exit_code: u8,
+}
+
+impl FragmentPrinter {
+    fn print(&mut self, fragment: &Fragment) -> Result<(), Error> {
+        self.exit_code = self.exit_code.max(fragment.end.exit_code());
+        print(&if self.is_json { line(fragment) } else { shown(fragment) })
+    }
 }
 
 /// Writes the report of a unit; one that cannot be written says why in place of what became of the unit.
-fn ended(unit: &Unit, done: Done, begin: Instant, (reports, durability): (&Path, Durability)) -> Fragment {
-    let fragment = Fragment::new(unit, done, begin.elapsed().as_secs_f64());
+fn reported(unit: &Unit, result: WorkResult, begin: Instant, reports: &Path, durability: Durability) -> Fragment {
+    let fragment = Fragment::new(unit, result, begin.elapsed().as_secs_f64());
     match fragment.write(reports, durability) {
         Ok(()) => fragment,
         Err(e) => Fragment { end: End::failed(unit, &(&e).into()), ..fragment },
     }
 }
 
-/// The same command for these units, in this process without a limit of its own.
+/// The command line that works on these units in another process, which sets no limit of memory itself.
 fn again(args: &Args, file: &Path, ids: &[usize]) -> Command {
     let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("terrace"));
     let mut command = Command::new(program);

@@ -223,7 +223,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&compare::json(&found)) } else { compare::text(&found) })?;
         }
         Command::Sweep { job, set, output, plot, fleet, choice } => {
-            sweep::run(args, (job, choice), (set, fleet), [output, plot].map(Option::as_deref))?;
+            sweep::run(args, job, choice, set, fleet, [output, plot].map(Option::as_deref))?;
         }
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch(asked) => return batch::run(args, asked),
@@ -257,7 +257,7 @@ fn run(args: &Args) -> Result<u8, Error> {
 }
 
 /// Looks at a file and says what it holds.
-fn inspect(args: &Args, file: &Path, look: impl FnOnce() -> Result<inspect::Shown, Error>) -> Result<(), Error> {
+fn inspect(args: &Args, file: &Path, look: impl FnOnce() -> Result<inspect::Inspection, Error>) -> Result<(), Error> {
     let steps = Steps::new(args.quiet);
     steps.begin(format!("reading {}", file.display()));
     let shown = look()?;
@@ -294,12 +294,12 @@ fn job_from_stdin() -> Result<String, Error> {
 
 /// What was proved of a folder.
 #[derive(Clone, Copy)]
-struct Proved {
+struct ProofCounts {
     rules: usize,
     checks: u64,
 }
 
-impl Proved {
+impl ProofCounts {
     /// In words, for a report.
     fn text(self) -> String {
         let Self { rules, checks } = self;
@@ -313,13 +313,13 @@ impl Proved {
 ///
 /// # Errors
 /// `not-verified` where it does not hold; what keeps it from being verified.
-fn proved(folder: &Path) -> Result<Proved, Error> {
+fn proved(folder: &Path) -> Result<ProofCounts, Error> {
     let proof = terrace_verify::verify(folder, None)?;
     if !proof.ok {
         let text = format!("the folder that was made does not verify:\n{}", proof.to_text());
         return Err(Diag::bug("not-verified", text).into());
     }
-    Ok(Proved { rules: proof.rules.len(), checks: proof.rules.iter().map(|rule| rule.checked).sum() })
+    Ok(ProofCounts { rules: proof.rules.len(), checks: proof.rules.iter().map(|rule| rule.checked).sum() })
 }
 
 fn compile(
@@ -341,7 +341,7 @@ fn compile(
     let proof = Cell::new(None);
     let prove = |folder: &Path| {
         proof.set(if is_proved { Some(proved(folder)?) } else { None });
-        Ok(proof.get().map(Proved::text))
+        Ok(proof.get().map(ProofCounts::text))
     };
     job_folder::write_proved(&plan, &target, writing, &progress, &prove)?;
     steps.done();
@@ -395,14 +395,15 @@ fn report(
     args: &Args,
     plan: &Plan,
     summary: AnySummary,
-    written: Option<(&Path, Option<Proved>)>,
+    written: Option<(&Path, Option<ProofCounts>)>,
 ) -> Result<(), Error> {
-    let (machine, focus) = (plan.machine(), &plan.job().focus);
+    let machine = plan.machine();
+    let focus = &plan.job().focus;
     if !args.json {
         return print(&(show::summary(&summary) + &show::optics(machine, focus) + &show::written(&summary, written)));
     }
     let mut json = summary.to_json();
-    if let Some((_, Some(Proved { rules, checks }))) = written {
+    if let Some((_, Some(ProofCounts { rules, checks }))) = written {
         json["verified"] = serde_json::json!({"rules": rules, "checks": checks});
     }
     print(&show::json(&json))

@@ -92,7 +92,8 @@ fn laid_and_estimated(args: &Args, job: &Job, laying: &Laying) -> Result<(Job, V
 /// The best single set-up: a fixture angle only where it saves some time.
 fn best(found: &[Orientation]) -> Option<&SetUp> {
     let single = |name: &str| found.iter().find(|w| w.name == name).and_then(|w| w.set_ups.first());
-    let (flat, leaning) = (single("as placed")?, single("tilted fixture"));
+    let flat = single("as placed")?;
+    let leaning = single("tilted fixture");
     Some(leaning.filter(|l| l.stage_s < (1.0 - WORTH) * flat.stage_s).unwrap_or(flat))
 }
 
@@ -167,31 +168,32 @@ fn text(found: &[Orientation], turned: Option<&Laying>) -> String {
 
 /// The table for machines.
 fn json(found: &[Orientation], job: &Job, laying: Option<&Laying>, rotate: [Angle; 3]) -> Value {
-    let degrees = |angles: [Angle; 3]| angles.map(Angle::as_deg);
-    let set_up = |s: &SetUp| {
-        let [lo, hi] = [s.area.lo, s.area.hi];
-        let area = [lo.x, lo.y, hi.x, hi.y].map(mm_from_nm);
-        json!({
-            "area_mm": area,
-            "lean_deg": s.lean_deg,
-            "rotate_deg": degrees(rotations(job, s)),
-            "stops": s.stops,
-            "stage_s": s.stage_s,
-        })
-    };
-    let way = |w: &Orientation| {
-        json!({
-            "name": w.name,
-            "set_ups": w.set_ups.iter().map(set_up).collect::<Vec<_>>(),
-            "stops": w.stops(),
-            "stage_s": w.stage_s(),
-        })
-    };
     let side =
         laying.map(|laying| json!({"up": laying.up, "faces_lens": laying.faces_lens, "reason": laying.reason.name()}));
     json!({
-        "orientations": found.iter().map(way).collect::<Vec<_>>(),
+        "orientations": found.iter().map(|orientation| orientation_json(orientation, job)).collect::<Vec<_>>(),
         "side": side,
-        "rotate_deg": degrees(rotate),
+        "rotate_deg": rotate.map(Angle::as_deg),
+    })
+}
+
+fn orientation_json(orientation: &Orientation, job: &Job) -> Value {
+    json!({
+        "name": orientation.name,
+        "set_ups": orientation.set_ups.iter().map(|set_up| set_up_json(set_up, job)).collect::<Vec<_>>(),
+        "stops": orientation.stops(),
+        "stage_s": orientation.stage_s(),
+    })
+}
+
+fn set_up_json(set_up: &SetUp, job: &Job) -> Value {
+    let [lo, hi] = [set_up.area.lo, set_up.area.hi];
+    let area_mm = [lo.x, lo.y, hi.x, hi.y].map(mm_from_nm);
+    json!({
+        "area_mm": area_mm,
+        "lean_deg": set_up.lean_deg,
+        "rotate_deg": rotations(job, set_up).map(Angle::as_deg),
+        "stops": set_up.stops,
+        "stage_s": set_up.stage_s,
     })
 }

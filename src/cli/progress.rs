@@ -210,7 +210,8 @@ mod tests {
     fn a_run_that_is_not_watched_says_one_line_whenever_time_has_passed() {
         let step = Mutex::new(Step { text: "cutting strokes".into(), begin: Instant::now(), done: None });
         let (end, ended) = channel();
-        let (mut lines, mut end) = (Vec::new(), Some(end));
+        let mut lines = Vec::new();
+        let mut end = Some(end);
         say_every(Duration::from_millis(5), &step, &ended, &mut |line| {
             lines.push(line.to_owned());
             locked(&step).done = Some((40, Instant::now()));

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::args::{Args, Left};
 use super::progress::Steps;
 use super::{durability, named, print, show};
-use crate::resume::{self, Choice};
+use crate::resume::{self, BlockChoice};
 use terrace_core::diag::Error;
 use terrace_core::duration::duration;
 
@@ -13,7 +13,7 @@ use terrace_core::duration::duration;
 pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {
     named::job_folder(folder)?;
     let done = left.done.as_deref().map(resume::listed).transpose()?.unwrap_or_default();
-    let choice = Choice { from: left.from, only: left.only.clone(), done };
+    let choice = BlockChoice { from: left.from, only: left.only.clone(), done };
     let steps = Steps::new(args.quiet);
     steps.begin("writing what is left");
     let found = resume::resume(folder, &choice, target, durability(args))?;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::args::{Args, RunArgs};
 use super::{eprintln_all, named, print, print_diag, show};
-use crate::run::journal::Settled;
+use crate::run::journal::JournalChoice;
 use crate::run::laser::Beam;
 use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
 use terrace_core::diag::{Diag, Error};
@@ -51,7 +51,7 @@ fn order(asked: &RunArgs) -> Order<'_> {
         log: asked.log.as_deref(),
         frames: asked.frames.as_deref(),
         beam: if asked.arm { Beam::Fire } else { Beam::Pilot },
-        settled: Settled {
+        journal_choice: JournalChoice {
             go_on: asked.go_on,
             redo: asked.redo.as_deref(),
             skip: asked.skip.as_deref(),

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::Proved;
+use super::ProofCounts;
 use crate::batch::Outcome;
 #[cfg(feature = "run")]
 use crate::run;
@@ -182,7 +182,7 @@ pub(super) fn hatch(saving: &HatchSaving, total: f64) -> String {
 }
 
 /// Where a job was written, what was proved of it, and what to do next; nothing of a job that was not.
-pub(super) fn written(s: &AnySummary, written: Option<(&Path, Option<Proved>)>) -> String {
+pub(super) fn written(s: &AnySummary, written: Option<(&Path, Option<ProofCounts>)>) -> String {
     let Some((folder, proved)) = written else { return String::new() };
     let mut text = format!("job folder     {}\n", folder.display());
     let layout = folder.join("layout.svg");
@@ -190,7 +190,7 @@ pub(super) fn written(s: &AnySummary, written: Option<(&Path, Option<Proved>)>) 
         text += &format!("open           {}\n", layout.display());
     }
     text += &match proved {
-        Some(Proved { rules, checks }) => {
+        Some(ProofCounts { rules, checks }) => {
             format!("verified       the files were read back and hold all {rules} rules ({checks} checks)\n")
         }
         None => format!("then run       terrace verify {}\n", shown(folder)),
@@ -275,7 +275,9 @@ fn on_the_fly(s: &OnTheFlySummary) -> String {
         format!("in the field   up to {:.3} mm from its centre", s.worst_displacement_mm),
     ];
     lines.extend(s.laser.iter().map(|l| {
-        let (error, speed, period) = (l.laser_error_mm, s.mark_speed_mm_s, l.servo_period_s);
+        let error = l.laser_error_mm;
+        let speed = s.mark_speed_mm_s;
+        let period = l.servo_period_s;
         format!("laser          up to {error:.4} mm early: {speed:.1} mm/s x {period} s in {}", l.file)
     }));
     lines.extend(errors(&s.budget));

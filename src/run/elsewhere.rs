@@ -24,7 +24,7 @@ pub(super) fn choose(order: &Order<'_>, manifest: &str) -> Result<PathBuf, Diag>
         [] => Ok(own),
         _ if is_begun && noted(manifest).contains(&real(&own)) => Ok(own),
         [(only, _)] if !is_begun && order.journal.is_none() => Ok(only.clone()),
-        _ if order.settled.again => Ok(own),
+        _ if order.journal_choice.again => Ok(own),
         [(other, count), ..] => {
             let text = format!("this job was begun with another journal, in which {count} blocks are begun or done");
             let with = Order { journal: Some(other.as_path()), ..*order };
@@ -53,24 +53,27 @@ fn others(own: &Path, folder: &Path, manifest: &str) -> Vec<(PathBuf, usize)> {
 /// # Errors
 /// `run-journal-note` where it cannot be written.
 pub(super) fn note(own: &Path, manifest: &str) -> Result<(), Diag> {
-    let (path, own) = (note_of(manifest), real(own));
+    let path = note_of(manifest);
+    let own = real(own);
     if noted(manifest).contains(&own) {
         return Ok(());
     }
-    let write = || {
-        // A line feed in a name must not make two of it.
-        let line = serde_json::to_string(&own).map_err(|e| std::io::Error::new(ErrorKind::InvalidInput, e))?;
-        path.parent().map_or(Ok(()), fs::create_dir_all)?;
-        let mut file = File::options().create(true).append(true).open(&path)?;
-        // A line that was not completed ends here.
-        file.write_all(format!("\n{line}\n").as_bytes())?;
-        file.sync_all()
-    };
-    write().map_err(|e| {
+    append(&path, &own).map_err(|e| {
         Diag::input("run-journal-note", format!("cannot note the journal of this job: {e}"))
             .at(Place::file(path.display().to_string()))
             .hint("make the folder writable, or set XDG_STATE_HOME to one that is; the journal's path must be Unicode")
     })
+}
+
+/// Appends the path of a journal to a note; returns when that is on the disk.
+fn append(note: &Path, journal: &Path) -> std::io::Result<()> {
+    // A line feed in a name must not make two of it.
+    let line = serde_json::to_string(journal).map_err(|e| std::io::Error::new(ErrorKind::InvalidInput, e))?;
+    note.parent().map_or(Ok(()), fs::create_dir_all)?;
+    let mut file = File::options().create(true).append(true).open(note)?;
+    // A line that was not completed ends here.
+    file.write_all(format!("\n{line}\n").as_bytes())?;
+    file.sync_all()
 }
 
 /// Journals that were noted of a manifest.

@@ -25,9 +25,9 @@ const MAX_FILE: u64 = 256 << 20;
 /// Longest first line, bytes.
 const MAX_HEAD: u64 = 4096;
 
-/// What the user says of the blocks that a journal holds.
+/// What is to become of the blocks that a journal holds, as the user says.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Settled<'a> {
+pub struct JournalChoice<'a> {
     /// To continue after those that have ended.
     pub go_on: bool,
     /// The block in doubt is to be marked again.
@@ -76,14 +76,15 @@ pub struct Journal {
 
 /// What the lines of a journal say together.
 #[derive(Debug, Default)]
-struct Found {
+struct Record {
     /// The part of the series, from 1.
     part: u32,
-    /// The manifest and the machine of the first line.
-    of: Option<String>,
+    /// The manifest that the first line names; None without one.
+    manifest: Option<String>,
+    /// The blocks that are done, in the order of their ends.
     done: Vec<String>,
-    /// The same, to look them up.
-    known: BTreeSet<String>,
+    /// The blocks that are done, to look them up.
+    done_set: BTreeSet<String>,
     in_doubt: Option<String>,
 }
 
@@ -95,75 +96,79 @@ pub fn beside(folder: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Opens and locks a journal, or begins one; answers with the blocks that are left, by number.
+    /// Opens and locks a journal, or begins one; returns the numbers of the blocks that are left.
     ///
     /// # Errors
     /// Where another run holds it, it is of another job, or what it holds is not settled.
     pub(super) fn open(path: PathBuf, order: &Order<'_>, folder: &Folder) -> Result<(Self, Vec<usize>), Error> {
+        let mut journal = Self::open_locked(path)?;
+        let mut record = journal.read()?;
+        match &record.manifest {
+            None => journal.start(folder)?,
+            Some(manifest) if *manifest != folder.manifest => return Err(journal.of_other_job().into()),
+            Some(_) if order.journal_choice.again => {
+                let number = record.part + 1;
+                journal.write(Event::Part { number })?;
+                record.take(Event::Part { number });
+            }
+            Some(_) => {}
+        }
+        journal.part = record.part.max(1);
+        if folder.blocks.iter().all(|b| record.is_done(&b.id)) {
+            let d = Diag::input("run-finished", format!("all {} blocks of this job are done", folder.blocks.len()));
+            return Err(journal.at(d).hint(format!("to mark another part: {}", order.command("--arm --again"))).into());
+        }
+        let done: BTreeSet<String> = journal.settle(&record, order)?.into_iter().collect();
+        let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
+        Ok((journal, left))
+    }
+
+    /// Opens and locks the file, and makes it where it is not there.
+    fn open_locked(path: PathBuf) -> Result<Self, Diag> {
         // Whatever is not a file, or larger than any journal, is not read.
-        if let Ok(found) = path.metadata()
-            && !(found.is_file() && found.len() <= MAX_FILE)
+        if let Ok(metadata) = path.metadata()
+            && !(metadata.is_file() && metadata.len() <= MAX_FILE)
         {
             let text = "this is not a journal: a regular file of at most 256 MB is wanted";
             let d = Diag::input("run-journal", text).at(Place::file(path.display().to_string()));
-            return Err(d.hint("name another file with --journal").into());
+            return Err(d.hint("name another file with --journal"));
         }
         let opened = File::options().create(true).read(true).append(true).open(&path);
-        let mut journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path, part: 1 };
+        let journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path, part: 1 };
         match journal.file.try_lock() {
-            Ok(()) => {}
+            Ok(()) => Ok(journal),
             Err(TryLockError::WouldBlock) => {
                 let d = Diag::input("run-journal-locked", "another run of this job is in progress");
-                return Err(journal.at(d).hint("wait for its end").into());
+                Err(journal.at(d).hint("wait for its end"))
             }
             Err(TryLockError::Error(e)) => {
                 let text = format!("the journal cannot be locked against a second run: {e}");
                 let hint = "name one on a disk of this computer with --journal";
-                return Err(journal.at(Diag::input("run-lock", text)).hint(hint).into());
+                Err(journal.at(Diag::input("run-lock", text)).hint(hint))
             }
         }
-        let mut found = journal.read()?;
-        if found.of.is_none() {
-            // A new name is on the disk when its folder is.
-            let whole = std::path::absolute(&journal.path).unwrap_or_else(|_| journal.path.clone());
-            let flushed = whole.parent().map_or(Ok(()), |folder| Durability::Synced.flush()(folder));
-            flushed.map_err(|e| unwritable(&journal.path, &e))?;
-        }
-        match &found.of {
-            None => journal.write(Event::Run {
-                terrace: env!("CARGO_PKG_VERSION").into(),
-                manifest: folder.manifest.clone(),
-                machine: folder.machine.name.clone(),
-                armed: true,
-            })?,
-            Some(manifest) if *manifest != folder.manifest => {
-                let d = Diag::input(
-                    "run-journal-other",
-                    "this journal belongs to another job, or to an earlier compilation of this one",
-                );
-                return Err(journal
-                    .at(d)
-                    .hint(format!(
-                        "delete {} if that part is finished, or name another with --journal",
-                        journal.path.display()
-                    ))
-                    .into());
-            }
-            Some(_) if order.settled.again => {
-                let number = found.part + 1;
-                journal.write(Event::Part { number })?;
-                found.take(Event::Part { number });
-            }
-            Some(_) => {}
-        }
-        journal.part = found.part.max(1);
-        if folder.blocks.iter().all(|b| found.is_done(&b.id)) {
-            let d = Diag::input("run-finished", format!("all {} blocks of this job are done", folder.blocks.len()));
-            return Err(journal.at(d).hint(format!("to mark another part: {}", order.command("--arm --again"))).into());
-        }
-        let done: BTreeSet<String> = journal.settle(&found, order)?.into_iter().collect();
-        let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
-        Ok((journal, left))
+    }
+
+    /// Writes the first line.
+    fn start(&mut self, folder: &Folder) -> Result<(), Diag> {
+        // A new name is on the disk when its folder is.
+        let whole = std::path::absolute(&self.path).unwrap_or_else(|_| self.path.clone());
+        let flushed = whole.parent().map_or(Ok(()), |folder| Durability::Synced.flush()(folder));
+        flushed.map_err(|e| unwritable(&self.path, &e))?;
+        self.write(Event::Run {
+            terrace: env!("CARGO_PKG_VERSION").into(),
+            manifest: folder.manifest.clone(),
+            machine: folder.machine.name.clone(),
+            armed: true,
+        })
+    }
+
+    /// The fault of a journal that names another manifest.
+    fn of_other_job(&self) -> Diag {
+        let text = "this journal belongs to another job, or to an earlier compilation of this one";
+        let shown = self.path.display();
+        let hint = format!("delete {shown} if that part is finished, or name another with --journal");
+        self.at(Diag::input("run-journal-other", text)).hint(hint)
     }
 
     /// The block is about to be marked.
@@ -201,43 +206,44 @@ impl Journal {
     }
 
     /// Reads the lines, and removes a last one that was not completed.
-    fn read(&mut self) -> Result<Found, Diag> {
+    fn read(&mut self) -> Result<Record, Diag> {
         let mut text = String::new();
-        let unreadable = |path: &Path, e| unwritable(path, &e);
-        self.file.read_to_string(&mut text).map_err(|e| unreadable(&self.path, e))?;
-        let whole = text.rfind('\n').map_or(0, |at| at + 1);
+        self.file.read_to_string(&mut text).map_err(|e| unwritable(&self.path, &e))?;
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
         if whole < text.len() {
-            self.file.set_len(whole as u64).map_err(|e| unreadable(&self.path, e))?;
+            self.file.set_len(whole as u64).map_err(|e| unwritable(&self.path, &e))?;
         }
-        self.file.seek(SeekFrom::End(0)).map_err(|e| unreadable(&self.path, e))?;
-        let mut found = Found::default();
+        self.file.seek(SeekFrom::End(0)).map_err(|e| unwritable(&self.path, &e))?;
+        let mut record = Record::default();
         for (i, line) in text[..whole].lines().enumerate() {
-            let wrong = || {
-                Diag::input("run-journal", "this is not a line of a journal")
-                    .at(Place::line(self.path.display().to_string(), i + 1))
-                    .hint("name another file with --journal")
-            };
-            let Line { event, .. } = serde_json::from_str(line).map_err(|_| wrong())?;
-            if found.of.is_none() != matches!(event, Event::Run { .. }) || !found.take(event) {
-                return Err(wrong());
+            let Line { event, .. } = serde_json::from_str(line).map_err(|_| self.no_line(i + 1))?;
+            if record.manifest.is_none() != matches!(event, Event::Run { .. }) || !record.take(event) {
+                return Err(self.no_line(i + 1));
             }
         }
-        Ok(found)
+        Ok(record)
+    }
+
+    /// The fault of a line that no run has written, or not after those before it.
+    fn no_line(&self, number: usize) -> Diag {
+        Diag::input("run-journal", "this is not a line of a journal")
+            .at(Place::line(self.path.display().to_string(), number))
+            .hint("name another file with --journal")
     }
 
     /// Which blocks are done, after what the user says of the block in doubt; that is written as well.
-    fn settle(&mut self, found: &Found, order: &Order<'_>) -> Result<Vec<String>, Diag> {
-        let settled = &order.settled;
-        let mut done = found.done.clone();
+    fn settle(&mut self, record: &Record, order: &Order<'_>) -> Result<Vec<String>, Diag> {
+        let choice = &order.journal_choice;
+        let mut done = record.done.clone();
         let count = done.len();
-        let named = settled.redo.or(settled.skip);
-        match &found.in_doubt {
+        let named = choice.redo.or(choice.skip);
+        match &record.in_doubt {
             None if named.is_some() => {
                 let block = named.unwrap_or_default();
                 let d = Diag::input("run-settled", format!("block {block} is not in doubt: no block is"));
                 return Err(self.at(d).hint("leave out --redo and --skip"));
             }
-            None if done.is_empty() || settled.go_on => {}
+            None if done.is_empty() || choice.go_on => {}
             None => {
                 let text = format!("{count} blocks are done by an earlier run, the last is {}", done[count - 1]);
                 let hint = format!(
@@ -247,7 +253,7 @@ impl Journal {
                 );
                 return Err(self.at(Diag::input("run-go-on", text)).hint(hint));
             }
-            Some(block) if !settled.go_on || named != Some(block) => {
+            Some(block) if !choice.go_on || named != Some(block) => {
                 let text = format!(
                     "{count} blocks are done by an earlier run; block {block} was begun, and may be marked not at all, in \
                      part or completely"
@@ -256,7 +262,7 @@ impl Journal {
                     format!("{}; to mark another part: {}", in_doubt(order, block), order.command("--arm --again"));
                 return Err(self.at(Diag::input("run-in-doubt", text)).hint(hint));
             }
-            Some(block) if settled.redo.is_some() => self.write(Event::Redo { block: block.clone() })?,
+            Some(block) if choice.redo.is_some() => self.write(Event::Redo { block: block.clone() })?,
             Some(block) => {
                 self.write(Event::Skip { block: block.clone() })?;
                 done.push(block.clone());
@@ -265,6 +271,7 @@ impl Journal {
         Ok(done)
     }
 
+    /// A diagnostic with the journal as its place.
     fn at(&self, d: Diag) -> Diag {
         d.at(Place::file(self.path.display().to_string()))
     }
@@ -272,38 +279,38 @@ impl Journal {
 
 /// How many blocks a journal has as begun on its last part; None where it is not of this manifest or nothing was begun.
 pub(super) fn begun(path: &Path, manifest: &str) -> Option<usize> {
-    path.metadata().ok().filter(|found| found.is_file() && found.len() <= MAX_FILE)?;
+    path.metadata().ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
     let mut lines = BufReader::new(File::open(path).ok()?);
     let event = |line: &[u8]| serde_json::from_slice(line).ok().map(|Line { event, .. }| event);
     let mut head = Vec::new();
     // Whatever else ends like a journal is not read whole.
     lines.by_ref().take(MAX_HEAD).read_until(b'\n', &mut head).ok()?;
-    let mut found = Found::default();
-    found.take(event(&head)?);
-    if found.of.as_deref() != Some(manifest) {
+    let mut record = Record::default();
+    record.take(event(&head)?);
+    if record.manifest.as_deref() != Some(manifest) {
         return None;
     }
     lines.split(b'\n').map_while(|line| event(&line.ok()?)).for_each(|event| {
-        found.take(event);
+        record.take(event);
     });
-    let count = found.done.len() + usize::from(found.in_doubt.is_some());
-    (count > 0 || found.part > 1).then_some(count)
+    let count = record.done.len() + usize::from(record.in_doubt.is_some());
+    (count > 0 || record.part > 1).then_some(count)
 }
 
-impl Found {
+impl Record {
     fn is_done(&self, block: &str) -> bool {
-        self.known.contains(block)
+        self.done_set.contains(block)
     }
 
     /// Takes one more line; false where it cannot follow those before.
     fn take(&mut self, event: Event) -> bool {
         match event {
-            Event::Run { manifest, .. } => (self.of, self.part) = (Some(manifest), 1),
+            Event::Run { manifest, .. } => (self.manifest, self.part) = (Some(manifest), 1),
             Event::Part { number } => {
                 if number != self.part + 1 {
                     return false;
                 }
-                *self = Self { part: number, of: self.of.take(), ..Self::default() };
+                *self = Self { part: number, manifest: self.manifest.take(), ..Self::default() };
             }
             Event::Begin { block } => {
                 if self.in_doubt.is_some() || self.is_done(&block) {
@@ -315,14 +322,14 @@ impl Found {
                 if self.in_doubt.take().as_ref() != Some(&block) {
                     return false;
                 }
-                self.known.insert(block.clone());
+                self.done_set.insert(block.clone());
                 self.done.push(block);
             }
             Event::Doubt { block } => {
                 if self.in_doubt.is_some() || self.done.pop_if(|last| *last == block).is_none() {
                     return false;
                 }
-                self.known.remove(&block);
+                self.done_set.remove(&block);
                 self.in_doubt = Some(block);
             }
             Event::Redo { block } => return self.in_doubt.take() == Some(block),
@@ -337,8 +344,8 @@ mod tests {
     use super::*;
 
     /// What lines say together; None where one cannot follow.
-    fn found(lines: &[&str]) -> Option<Found> {
-        let mut found = Found::default();
+    fn found(lines: &[&str]) -> Option<Record> {
+        let mut record = Record::default();
         let head = r#"{"time_s":1,"event":"run","terrace":"0","manifest":"ab","machine":"m","armed":true}"#;
         let all = std::iter::once(head.to_owned()).chain(lines.iter().map(|line| {
             let (event, value) = line.split_once(' ').expect("an event and its value");
@@ -348,7 +355,7 @@ mod tests {
             }
         }));
         let mut lines = all.map(|line| serde_json::from_str::<Line>(&line).expect("a line").event);
-        lines.all(|event| found.take(event)).then_some(found)
+        lines.all(|event| record.take(event)).then_some(record)
     }
 
     #[test]
@@ -373,7 +380,10 @@ mod tests {
     fn another_part_begins_with_nothing_done_and_is_counted() {
         let series =
             found(&["begin B1", "end B1", "part 2", "begin B1", "end B1", "begin B2", "part 3"]).expect("parts");
-        assert_eq!((series.part, series.done.len(), series.in_doubt, series.of.as_deref()), (3, 0, None, Some("ab")));
+        assert_eq!(
+            (series.part, series.done.len(), series.in_doubt, series.manifest.as_deref()),
+            (3, 0, None, Some("ab"))
+        );
         for wrong in [&["part 1"][..], &["part 3"], &["part 2", "part 2"]] {
             assert!(found(wrong).is_none(), "{wrong:?}");
         }

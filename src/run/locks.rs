@@ -31,30 +31,34 @@ pub(super) fn take(identities: &[String]) -> Result<Vec<File>, Diag> {
 }
 
 fn take_in(folder: &Path, identities: &[String]) -> Result<Vec<File>, Diag> {
-    let lock = |identity: &String| {
-        let path = folder.join(format!("{}.lock", &blake3::hash(identity.as_bytes()).to_hex()[..32]));
-        let at = |d: Diag| d.at(Place::file(path.display().to_string()));
-        let failed = |e: Error| {
-            let text = format!("{identity} cannot be locked against a second run: {e}");
-            let hint = format!(
-                "all users must be able to write to that folder; or set {FOLDER} to one of this computer, the same for \
-                 all who run this machine"
-            );
-            at(Diag::input("run-lock", text).hint(hint))
-        };
-        let file = make_folder(folder).and_then(|()| open(&path)).map_err(failed)?;
-        match file.try_lock() {
-            Ok(()) => Ok(file),
-            Err(TryLockError::WouldBlock) => {
-                let text = format!(
-                    "{identity} is driven by another run, or the laser's command of a killed one is still marking"
-                );
-                Err(at(Diag::input("run-locked", text).hint("wait for its end")))
-            }
-            Err(TryLockError::Error(e)) => Err(failed(e)),
+    identities.iter().map(|identity| lock(folder, identity)).collect()
+}
+
+/// Locks one machine or port.
+fn lock(folder: &Path, identity: &str) -> Result<File, Diag> {
+    let path = folder.join(format!("{}.lock", &blake3::hash(identity.as_bytes()).to_hex()[..32]));
+    let opened = make_folder(folder).and_then(|()| open(&path));
+    let file = opened.map_err(|e| cannot_lock(identity, &path, &e))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => {
+            let text =
+                format!("{identity} is driven by another run, or the laser's command of a killed one is still marking");
+            let d = Diag::input("run-locked", text).hint("wait for its end");
+            Err(d.at(Place::file(path.display().to_string())))
         }
-    };
-    identities.iter().map(lock).collect()
+        Err(TryLockError::Error(e)) => Err(cannot_lock(identity, &path, &e)),
+    }
+}
+
+/// The fault of a lock that the file system refuses.
+fn cannot_lock(identity: &str, path: &Path, e: &Error) -> Diag {
+    let text = format!("{identity} cannot be locked against a second run: {e}");
+    let hint = format!(
+        "all users must be able to write to that folder; or set {FOLDER} to one of this computer, the same for all who \
+         run this machine"
+    );
+    Diag::input("run-lock", text).hint(hint).at(Place::file(path.display().to_string()))
 }
 
 /// Makes the folder, in which every user may make files and remove none of another.

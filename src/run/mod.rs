@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use folder::{Block, Folder};
-use journal::{Journal, Settled};
+use journal::{Journal, JournalChoice};
 use laser::{Beam, Laser, Work};
 use log::Log;
 use moves::Moves;
@@ -96,8 +96,10 @@ impl Interrupt {
     /// # Errors
     /// `run-aborted` then.
     pub fn check(&self) -> Result<(), Diag> {
-        let aborted = || Diag::limit("run-aborted", "the run was aborted by a second Ctrl-C");
-        if self.is_abort() { Err(aborted()) } else { Ok(()) }
+        if self.is_abort() {
+            return Err(Diag::limit("run-aborted", "the run was aborted by a second Ctrl-C"));
+        }
+        Ok(())
     }
 }
 
@@ -160,7 +162,7 @@ pub struct Order<'a> {
     /// Frames to be shown in place of the blocks: of blocks in these ranges, or of the outline where there are none.
     pub frames: Option<&'a [[BlockId; 2]]>,
     /// What the user says of blocks that a journal holds.
-    pub settled: Settled<'a>,
+    pub journal_choice: JournalChoice<'a>,
 }
 
 impl Order<'_> {
@@ -178,11 +180,13 @@ impl Order<'_> {
 fn shell_word(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+:,@%".contains(c) || cfg!(windows) && c == '\\';
-    match () {
-        () if !text.is_empty() && text.chars().all(is_plain) => text,
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text
+    } else if cfg!(windows) {
         // No name of a file holds a double quote there.
-        () if cfg!(windows) => format!("\"{text}\""),
-        () => format!("'{}'", text.replace('\'', "'\\''")),
+        format!("\"{text}\"")
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
     }
 }
 
@@ -205,7 +209,7 @@ pub struct Outcome {
     pub in_work: Option<String>,
     /// What stopped the run; empty where it came to its end.
     pub errors: Vec<Message>,
-    /// The same, for the terminal.
+    /// What stopped the run, for the terminal.
     #[serde(skip)]
     pub stop: Option<Error>,
 }
@@ -217,16 +221,10 @@ pub struct Outcome {
 pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) -> Result<Outcome, Error> {
     let keys = RunFile::read(order.run_file)?;
     let _run_file = lock_run_file(order.run_file)?;
-    let named = keys.clone();
-    let locks = locks::take(&interrupt.wait_for(move || drivers::identities(&named))?)?;
+    let thread_keys = keys.clone();
+    let locks = locks::take(&interrupt.wait_for(move || drivers::identities(&thread_keys))?)?;
     let mut folder = Folder::read(order.folder)?;
-    if folder.machine.name != keys.machine {
-        let text = format!("the job is for machine {:?}, the run file for {:?}", folder.machine.name, keys.machine);
-        return Err(Diag::limit("run-machine", text)
-            .at(Place::file(order.run_file.display().to_string()))
-            .hint("compile the job for this machine, or use the run file of the other")
-            .into());
-    }
+    check_machine(order, &folder, &keys)?;
     let mut stage = drivers::stage(&keys.stage, console)?;
     let mut laser = drivers::laser(&keys, &folder, console)?;
     folder.choose_files(laser.format())?;
@@ -237,16 +235,8 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     console.phase("verifying the job folder");
     check(order, &folder, interrupt)?;
     let mut log = Log::open(order.log)?;
-    let (mut journal, left) = match order.beam {
-        Beam::Fire if order.frames.is_none() => {
-            let path = elsewhere::choose(order, &folder.manifest)?;
-            let (journal, left) = Journal::open(path.clone(), order, &folder)?;
-            elsewhere::note(&path, &folder.manifest)?;
-            (Some(journal), left)
-        }
-        _ => (None, (0..folder.blocks.len()).collect()),
-    };
-    // The first is that of the machine.
+    let (mut journal, left) = open_journal(order, &folder)?;
+    // The first lock is that of the machine: a command of the laser that outlives this program keeps it.
     laser.hold(locks[0].try_clone().map_err(|e| Diag::input("run-locked", format!("cannot hold the lock: {e}")))?);
     console.phase("connecting to stage and laser");
     let says = laser.open(interrupt)?;
@@ -269,7 +259,8 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     };
     let result = run.open_stage().and_then(|()| run.blocks(&left));
     let faults = run.end(result);
-    let (marked, in_work) = (run.marked, run.in_work.take());
+    let marked = run.marked;
+    let in_work = run.in_work.take();
     let finished = journal.as_ref().map_or(0, |_| folder.blocks.len() - left.len() + marked);
     let mut outcome = Outcome {
         armed: order.beam == Beam::Fire,
@@ -283,15 +274,43 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         stop: None,
     };
     if !faults.is_empty() {
-        let mut diags = faults;
-        if outcome.armed && !outcome.frames {
-            diags.push(certain(&outcome, order));
-        }
-        outcome.errors = diags.iter().map(Message::from).collect();
-        outcome.stop = Some(Error::many(diags));
+        outcome.add_faults(faults, order);
     }
     log.write("outcome", &outcome)?;
     Ok(outcome)
+}
+
+impl Outcome {
+    /// Says what stopped the run, and of an armed one which blocks are certain.
+    fn add_faults(&mut self, mut faults: Vec<Diag>, order: &Order<'_>) {
+        if self.armed && !self.frames {
+            faults.push(certain(self, order));
+        }
+        self.errors = faults.iter().map(Message::from).collect();
+        self.stop = Some(Error::many(faults));
+    }
+}
+
+/// Refuses a job for another machine than that of the run file.
+fn check_machine(order: &Order<'_>, folder: &Folder, keys: &RunFile) -> Result<(), Diag> {
+    if folder.machine.name == keys.machine {
+        return Ok(());
+    }
+    let text = format!("the job is for machine {:?}, the run file for {:?}", folder.machine.name, keys.machine);
+    Err(Diag::limit("run-machine", text)
+        .at(Place::file(order.run_file.display().to_string()))
+        .hint("compile the job for this machine, or use the run file of the other"))
+}
+
+/// The journal of a run that marks blocks, and the numbers of the blocks that are left; of other runs all are.
+fn open_journal(order: &Order<'_>, folder: &Folder) -> Result<(Option<Journal>, Vec<usize>), Error> {
+    if order.beam != Beam::Fire || order.frames.is_some() {
+        return Ok((None, (0..folder.blocks.len()).collect()));
+    }
+    let path = elsewhere::choose(order, &folder.manifest)?;
+    let (journal, left) = Journal::open(path.clone(), order, folder)?;
+    elsewhere::note(&path, &folder.manifest)?;
+    Ok((Some(journal), left))
 }
 
 /// One run at a time with a run file, on whichever computer, where its file system has locks; the lock lasts as long as
@@ -319,7 +338,8 @@ fn may_fire_frames(order: &Order<'_>, laser: &dyn Laser) -> Result<(), Diag> {
 
 /// Refuses a folder that does not verify.
 fn check(order: &Order<'_>, folder: &Folder, interrupt: &Interrupt) -> Result<(), Error> {
-    let (path, inputs) = (order.folder.to_owned(), order.inputs.map(Path::to_owned));
+    let path = order.folder.to_owned();
+    let inputs = order.inputs.map(Path::to_owned);
     let proof = interrupt.wait_for(move || terrace_verify::verify(&path, inputs.as_deref()))??;
     folder.is_unchanged()?;
     if proof.ok {
@@ -336,17 +356,17 @@ fn check(order: &Order<'_>, folder: &Folder, interrupt: &Interrupt) -> Result<()
 /// What is certain of an armed run that has stopped, and what is not.
 fn certain(outcome: &Outcome, order: &Order<'_>) -> Diag {
     let Outcome { finished, blocks, in_work, .. } = outcome;
-    let done = format!("{finished} of {blocks} blocks are done");
+    let progress = format!("{finished} of {blocks} blocks are done");
     match in_work {
         Some(block) => Diag::limit(
             "run-stopped",
-            format!("{done}; block {block} was begun, and may be marked not at all, in part or completely"),
+            format!("{progress}; block {block} was begun, and may be marked not at all, in part or completely"),
         )
         .hint(in_doubt(order, block)),
         None => {
             let words = if *finished > 0 { "--arm --go-on" } else { "--arm" };
             let hint = format!("remove the cause, then continue: {}", order.command(words));
-            Diag::limit("run-stopped", format!("{done}; no other block was begun")).hint(hint)
+            Diag::limit("run-stopped", format!("{progress}; no other block was begun")).hint(hint)
         }
     }
 }
@@ -359,6 +379,7 @@ fn in_doubt(order: &Order<'_>, block: &str) -> String {
     )
 }
 
+/// The stop of a run by the user's request.
 fn interrupted(before: &Block) -> Diag {
     Diag::limit("run-interrupted", format!("the run was ended before block {}", before.id))
 }
@@ -375,13 +396,16 @@ struct Run<'a> {
     beam: Beam,
     is_frames: bool,
     moves: Moves<'a>,
+    /// Blocks that are marked, or frames that are shown.
     marked: usize,
+    /// The block that is begun and has not ended.
     in_work: Option<String>,
     /// The block of this run that ended last.
     last: Option<String>,
 }
 
 impl Run<'_> {
+    /// Connects to the stage, and makes sure that nothing is being marked.
     fn open_stage(&mut self) -> Result<(), Diag> {
         let says = self.stage.open(self.interrupt)?;
         self.log.write("stage", &says)?;
@@ -417,8 +441,8 @@ impl Run<'_> {
                     return Err(interrupted(block));
                 }
             }
-            let done = if self.is_frames { self.frame(block) } else { self.block(block) };
-            done.map_err(|d| if d.place == Place::Nowhere { d.at(Place::Block(block.id.clone())) } else { d })?;
+            let result = if self.is_frames { self.frame(block) } else { self.block(block) };
+            result.map_err(|d| if d.place == Place::Nowhere { d.at(Place::Block(block.id.clone())) } else { d })?;
         }
         self.lift()
     }
@@ -437,7 +461,7 @@ impl Run<'_> {
         Err(Diag::limit("run-laser-busy", text).hint("wait for its end; nothing else may start it during a run"))
     }
 
-    /// Goes to a block, once nothing is being marked; answers with what is to be marked there.
+    /// Goes to a block, once nothing is being marked; returns what is to be marked there.
     fn approach(&mut self, block: &Block) -> Result<Work, Diag> {
         self.is_free()?;
         self.stage.heads_for(&block.id);
@@ -458,25 +482,24 @@ impl Run<'_> {
     fn frame(&mut self, block: &Block) -> Result<(), Diag> {
         let work = self.approach(block)?;
         self.log.write("frame", &block.id)?;
-        let shows = self.laser.format().is_some() && (self.beam == Beam::Fire || self.laser.has_pilot());
+        let is_driven = self.laser.format().is_some() && (self.beam == Beam::Fire || self.laser.has_pilot());
         let file = block.file.as_ref().map_or(String::new(), |file| format!(" ({file})"));
         let what = match self.beam {
             Beam::Fire => "was fired",
-            Beam::Pilot if shows => "is shown",
+            Beam::Pilot if is_driven => "is shown",
             Beam::Pilot => "lies here: show it",
         };
         let text = format!("the frame of block {}{file} {what}; compare it with layout.svg", block.id);
         let Self { laser, stage, interrupt, beam, .. } = self;
-        let mut is_fired = false;
-        let mut show = || {
-            // The pilot laser shows it again and again, the other fires once.
-            if !shows || is_fired {
+        // The pilot laser shows it again and again, the other fires once.
+        let mut is_due = is_driven;
+        self.console.ask_while(&text, interrupt, &mut || {
+            if !is_due {
                 return Ok(());
             }
-            is_fired = *beam == Beam::Fire;
+            is_due = *beam != Beam::Fire;
             laser.mark(&work, *beam, &mut **stage, interrupt)
-        };
-        self.console.ask_while(&text, interrupt, &mut show)?;
+        })?;
         // As at a registration point.
         self.moves.forget();
         self.marked += 1;
@@ -537,19 +560,21 @@ impl Run<'_> {
         Ok(())
     }
 
+    /// Lifts, once nothing is being marked.
     fn lift(&mut self) -> Result<(), Diag> {
         self.is_free()?;
         self.stage.heads_for("");
         self.moves.lift().map_or(Ok(()), |to| self.go(&to))
     }
 
+    /// Makes one move.
     fn go(&mut self, to: &Move) -> Result<(), Diag> {
         self.interrupt.check()?;
         self.log.write("move", &to.to_string())?;
         self.stage.go(to, self.interrupt)
     }
 
-    /// Switches laser and stage off, and answers with all that went wrong.
+    /// Switches laser and stage off; returns all that went wrong.
     fn end(&mut self, result: Result<(), Diag>) -> Vec<Diag> {
         let ends = [result, self.laser.off(), self.stage.halt()];
         let mut faults: Vec<Diag> = ends.into_iter().filter_map(Result::err).collect();
@@ -579,7 +604,7 @@ mod tests {
             log: None,
             beam: Beam::Fire,
             frames: None,
-            settled: Settled::default(),
+            journal_choice: JournalChoice::default(),
         };
         let command = order.command("--arm --go-on --redo B0133");
         let wanted =

@@ -120,7 +120,9 @@ impl Session {
         let mut child = command.spawn().map_err(|e| format!("cannot be started: {e}"))?;
         let (line, lines) = channel();
         let (message, messages) = channel();
-        let (stdin, out, err) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        let stdin = child.stdin.take();
+        let out = child.stdout.take();
+        let err = child.stderr.take();
         std::thread::spawn(move || {
             let read = out.into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok);
             read.filter_map(|text| serde_json::from_str(&text).ok()).try_for_each(|one: Line| line.send(one))

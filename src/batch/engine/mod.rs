@@ -76,7 +76,7 @@ struct Group<'a> {
     tries: usize,
 }
 
-/// Has all units worked on; answers with the reasons why some were not.
+/// Has all units worked on; returns the reasons why some were not.
 ///
 /// # Errors
 /// `engine-absent`, `engine-unreachable`, `engine-workers`; what the file system refuses.
@@ -99,7 +99,8 @@ pub fn run(units: &[&Unit], fleet: &Fleet<'_>, on_news: &mut dyn FnMut(News<'_>)
             None => {}
             Some(Event::Ended { task, code, out, err, worker }) => {
                 if let Some(group) = work.open.remove(&task) {
-                    work.ended(&mut session, group, &worker, (code, &out, &err), on_news)?;
+                    let process = EndedProcess { worker: &worker, code, out: &out, err: &err };
+                    work.ended(&mut session, group, &process, on_news)?;
                 }
             }
             Some(Event::Lost { task, why }) => work.lost(task, &why),
@@ -175,16 +176,10 @@ impl<'a> Work<'a, '_> {
 
     /// The command of a group on a worker.
     fn argv(&self, ids: &[usize]) -> Result<Vec<String>, Error> {
-        let text = |part: OsString| {
-            part.into_string().map_err(|part| {
-                let text = format!("the path {} cannot be given to the engine", part.to_string_lossy());
-                Error::from(Diag::input("unit-path", text).hint("use file names that are UTF-8 text"))
-            })
-        };
         let program = std::env::current_exe().map_err(|e| unstartable(&e))?;
         let memory = self.fleet.memory.map_or_else(|| "{memory}B".to_owned(), |bytes| format!("{bytes}B"));
-        let mut argv = vec![text(program.into())?, "batch".into()];
-        argv.extend(["--units".into(), text(self.fleet.file.into())?, "--unit".into(), numbers(ids)]);
+        let mut argv = vec![utf8_argument(program.into())?, "batch".into()];
+        argv.extend(["--units".into(), utf8_argument(self.fleet.file.into())?, "--unit".into(), numbers(ids)]);
         argv.extend(["--memory".into(), memory, "--json".into(), "-q".into(), format!("-j{}", self.fleet.threads)]);
         if self.fleet.durability == Durability::Unsynced {
             argv.push("--no-sync".into());
@@ -197,10 +192,10 @@ impl<'a> Work<'a, '_> {
         &mut self,
         session: &mut Session,
         group: Group<'a>,
-        worker: &str,
-        (code, out, err): (i32, &str, &str),
+        process: &EndedProcess<'_>,
         on_news: &mut dyn FnMut(News<'_>),
     ) -> Result<(), Error> {
+        let &EndedProcess { worker, code, out, err } = process;
         let mut not = group.not;
         not.insert(worker.to_owned());
         let tries = group.tries + 1;
@@ -241,6 +236,16 @@ impl<'a> Work<'a, '_> {
     }
 }
 
+/// The process of a group that has ended.
+struct EndedProcess<'a> {
+    /// The worker that it ran on.
+    worker: &'a str,
+    code: i32,
+    /// What it wrote to its output, and to its error output.
+    out: &'a str,
+    err: &'a str,
+}
+
 /// Whether a unit failed for want of room or rights on its machine.
 fn could_not_write(fragment: &Fragment) -> bool {
     match &fragment.end {
@@ -252,6 +257,15 @@ fn could_not_write(fragment: &Fragment) -> bool {
     }
 }
 
+/// A word of a command line, as the engine takes it.
+fn utf8_argument(word: OsString) -> Result<String, Error> {
+    word.into_string().map_err(|word| {
+        let text = format!("the path {} cannot be given to the engine", word.to_string_lossy());
+        Diag::input("unit-path", text).hint("use file names that are UTF-8 text").into()
+    })
+}
+
+/// The fault of a program that cannot be started.
 fn unstartable(e: &std::io::Error) -> Error {
     Diag::input("unit-process", format!("cannot find the program or the working folder: {e}")).into()
 }

@@ -18,8 +18,8 @@ use terrace_plan::manifest::{self, AnySummary};
 #[cfg(feature = "compare")]
 pub use nurbs::nurbs;
 
-/// What was found.
-pub struct Shown {
+/// What a file or folder holds, as text and as JSON.
+pub struct Inspection {
     pub text: String,
     pub json: serde_json::Value,
     pub warnings: Vec<Diag>,
@@ -29,15 +29,9 @@ pub struct Shown {
 ///
 /// # Errors
 /// Faults of the file; `surface-unit-stated` where a unit is given and has no meaning.
-pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
+pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Inspection, Error> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let without_unit = |what: &str| match unit {
-        None => Ok(()),
-        Some(_) => {
-            let d = Diag::input("surface-unit-stated", format!("--unit is given, but {what}"));
-            Err(Error::from(d.at(Place::file(path.display().to_string())).hint("leave out --unit")))
-        }
-    };
+    let without_unit = |why: &str| refuse_unit(path, unit, why);
     if path.is_dir() {
         return without_unit("a job folder has no unit").and_then(|()| folder(path));
     }
@@ -55,8 +49,17 @@ pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     }
 }
 
+/// Refuses `--unit` where it has no meaning.
+fn refuse_unit(path: &Path, unit: Option<FileUnit>, why: &str) -> Result<(), Error> {
+    if unit.is_none() {
+        return Ok(());
+    }
+    let d = Diag::input("surface-unit-stated", format!("--unit is given, but {why}"));
+    Err(d.at(Place::file(path.display().to_string())).hint("leave out --unit").into())
+}
+
 /// A file that a job may name as its surface, and perhaps as a texture.
-fn surface_file(path: &Path, unit: Option<FileUnit>, extension: &str) -> Result<Shown, Error> {
+fn surface_file(path: &Path, unit: Option<FileUnit>, extension: &str) -> Result<Inspection, Error> {
     let surface = surface::surface_file(path, unit);
     let Some((other, kind)) = texture::besides(path, unit, extension) else { return surface };
     match (surface, other) {
@@ -73,6 +76,7 @@ fn surface_file(path: &Path, unit: Option<FileUnit>, extension: &str) -> Result<
     }
 }
 
+/// Three numbers in a line.
 fn triple(v: [f64; 3], between: &str) -> String {
     v.map(|v| format!("{v:.4}")).join(between)
 }
@@ -81,7 +85,8 @@ fn plural(n: usize) -> &'static str {
     if n == 1 { "" } else { "s" }
 }
 
-fn job(path: &Path) -> Result<Shown, Error> {
+/// A job file.
+fn job(path: &Path) -> Result<Inspection, Error> {
     let job = Job::load(path, &Overrides::default())?;
     let machine = job.machine()?;
     let surface = job.surface_path();
@@ -97,12 +102,13 @@ fn job(path: &Path) -> Result<Shown, Error> {
     let json = json!({"kind": "job", "mode": job.mode.name(), "surface": surface.display().to_string(),
         "textures": job.textures.len(), "pdof_mm": pdof_mm, "machine": machine.name,
         "method": job.partition.method.name()});
-    Ok(Shown { text, json, warnings: Vec::new() })
+    Ok(Inspection { text, json, warnings: Vec::new() })
 }
 
-fn folder(path: &Path) -> Result<Shown, Error> {
-    let found = manifest::read(path)?;
-    let (figures, time_s, mark_mm) = match &found.summary {
+/// A job folder.
+fn folder(path: &Path) -> Result<Inspection, Error> {
+    let manifest = manifest::read(path)?;
+    let (figures, time_s, mark_mm) = match &manifest.summary {
         AnySummary::Stepped(s) => {
             let least = if s.loading.is_least() { " at least" } else { "" };
             let (loading, total) = (s.loading.sentence(s.blocks), duration(s.loading.total_s));
@@ -112,13 +118,13 @@ fn folder(path: &Path) -> Result<Shown, Error> {
     };
     let text = format!(
         "job folder made by terrace {}\nmode     {}\nmachine  {}\n{figures}\nmarks    {mark_mm:.3} mm\ntime     {}\nfiles    {}\n",
-        found.head.terrace,
-        found.head.mode.name(),
-        found.machine,
+        manifest.head.terrace,
+        manifest.head.mode.name(),
+        manifest.machine,
         duration(time_s),
-        found.head.files.len()
+        manifest.head.files.len()
     );
-    let json = json!({"kind": "folder", "mode": found.head.mode.name(), "summary": found.summary.to_json(),
-        "machine": found.machine});
-    Ok(Shown { text, json, warnings: Vec::new() })
+    let json = json!({"kind": "folder", "mode": manifest.head.mode.name(), "summary": manifest.summary.to_json(),
+        "machine": manifest.machine});
+    Ok(Inspection { text, json, warnings: Vec::new() })
 }

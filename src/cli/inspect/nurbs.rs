@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::{Shown, triple};
+use super::{Inspection, triple};
 use terrace_compare::nurbs::{Convergence, Decoupled, Examination, GridSteps, Inversion, Method, Surface, examine};
 use terrace_core::diag::Error;
 
@@ -16,11 +16,11 @@ const TIMED: Duration = Duration::from_millis(50);
 ///
 /// # Errors
 /// Faults of the file; `nurbs-grid` where algorithm I cannot have its grid.
-pub fn nurbs(path: &Path, steps: GridSteps) -> Result<Shown, Error> {
+pub fn nurbs(path: &Path, steps: GridSteps) -> Result<Inspection, Error> {
     let surface = Surface::load(path)?;
     let found = examine(&surface, steps)?;
     let rates = Rates::of(&surface, &found);
-    Ok(Shown { text: text(&surface, &found, &rates), json: json(&surface, &found, &rates), warnings: Vec::new() })
+    Ok(Inspection { text: text(&surface, &found, &rates), json: json(&surface, &found, &rates), warnings: Vec::new() })
 }
 
 /// Set-points per second of each algorithm, on one thread.
@@ -71,12 +71,6 @@ fn text(surface: &Surface, found: &Examination, rates: &Rates) -> String {
             (format!("no ({})", why.trim_start_matches("the net is not decoupled: ")), "does not apply".to_owned())
         }
     };
-    let how = |c: &Convergence| {
-        format!(
-            "{} of {} converge, in at most {} steps, {:.2} on average",
-            c.converged, c.samples, c.most_steps, c.mean_steps
-        )
-    };
     let millions = |rate: f64| format!("{:.2}", rate / 1e6);
     let of_ii = rates.decoupled.map_or(String::new(), |rate| format!("II {}, ", millions(rate)));
     format!(
@@ -100,10 +94,10 @@ fn text(surface: &Surface, found: &Examination, rates: &Rates) -> String {
         found.samples.len(),
         plain(found.grid.step()),
         plain(found.grid.kernel()),
-        how(&found.cold),
-        how(&found.warm),
+        convergence(&found.cold),
+        convergence(&found.warm),
         um(found.cold.worst.max(found.warm.worst)),
-        how(&found.newton),
+        convergence(&found.newton),
         found.point_operations,
         found.grid_operations,
         found.decoupled_operations,
@@ -112,6 +106,14 @@ fn text(surface: &Surface, found: &Examination, rates: &Rates) -> String {
         millions(rates.grid),
         millions(rates.warm),
         millions(rates.cold),
+    )
+}
+
+/// How Newton's method converges, in words.
+fn convergence(c: &Convergence) -> String {
+    format!(
+        "{} of {} converge, in at most {} steps, {:.2} on average",
+        c.converged, c.samples, c.most_steps, c.mean_steps
     )
 }
 
@@ -126,12 +128,13 @@ fn um(mm: f64) -> String {
     if um < 1e-6 { "0.000001".to_owned() } else { format!("{um:.*}", if um < 0.01 { 6 } else { 4 }) }
 }
 
+fn convergence_json(c: &Convergence) -> Value {
+    json!({"samples": c.samples, "converged": c.converged, "mean_steps": c.mean_steps, "most_steps": c.most_steps,
+        "worst_um": 1000.0 * c.worst})
+}
+
 fn json(surface: &Surface, found: &Examination, rates: &Rates) -> Value {
     let [lo, hi] = surface.hull();
-    let convergence = |c: &Convergence| {
-        json!({"samples": c.samples, "converged": c.converged, "mean_steps": c.mean_steps, "most_steps": c.most_steps,
-            "worst_um": 1000.0 * c.worst})
-    };
     let reason = found.decoupled_error.as_ref().err().and_then(|e| e.diags().first().map(|d| d.message.clone()));
     json!({
         "kind": "nurbs",
@@ -146,8 +149,8 @@ fn json(surface: &Surface, found: &Examination, rates: &Rates) -> Value {
         "algorithm_i": {"grid_mm": found.grid.step(), "kernel_mm": found.grid.kernel(), "samples": found.grid_reaches,
             "worst_um": found.grid_error.map(|e| 1000.0 * e)},
         "algorithm_ii": {"worst_um": found.decoupled_error.as_ref().ok().map(|e| 1000.0 * e)},
-        "algorithm_iii": {"cold": convergence(&found.cold), "warm": convergence(&found.warm),
-            "full_newton": convergence(&found.newton)},
+        "algorithm_iii": {"cold": convergence_json(&found.cold),
+            "warm": convergence_json(&found.warm), "full_newton": convergence_json(&found.newton)},
         "operations": {"point": found.point_operations, "algorithm_i": found.grid_operations,
             "algorithm_ii": found.decoupled_operations, "gauss_newton_step": found.step_operations,
             "newton_step": found.newton_step_operations},

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::{Shown, plural, triple};
+use super::{Inspection, plural, triple};
 use terrace_core::diag::{Diag, Error, Kind as DiagKind, Place};
 use terrace_core::geom::BoxMm;
 use terrace_input::job::FileUnit;
@@ -83,8 +83,9 @@ impl Facets {
 }
 
 /// A file of facets, points or heights.
-pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
-    let Read { content, facets, mesh, bodies, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
+pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Inspection, Error> {
+    let SurfaceReading { content, facets, mesh, bodies, is_unit_known, is_scaled, mut warnings } =
+        read_surface(path, unit)?;
     let shown = |json: Value| if is_unit_known { in_mm(&facets, json) } else { in_units(&facets, json) };
     Ok(match content {
         Content::Facets(n) | Content::Tessellated(n, _) => {
@@ -109,7 +110,7 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
             json["bodies"] = bodies.iter().map(body_json).collect();
             let listed = bodies_text(&bodies, unit);
             let text = format!("surface, {n} facets\n{text}{}{listed}{}", facets.text(), lines.collect::<String>());
-            Shown { text, json, warnings }
+            Inspection { text, json, warnings }
         }
         Content::Heightmap(map) => {
             let values = map.samples.range().unwrap_or_default();
@@ -131,7 +132,7 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
                 warnings.retain(|w| !["surface-tiny", "heightmap-flat", "heightmap-8-bit"].contains(&w.code));
                 ("the job file gives its scale: [surface.heightmap] pixel, z, values, nodata\n".into(), json)
             };
-            Shown { text: format!("{head}{text}"), json, warnings }
+            Inspection { text: format!("{head}{text}"), json, warnings }
         }
     })
 }
@@ -162,7 +163,7 @@ fn body_json(body: &Body) -> Value {
 }
 
 /// A surface file as it was read.
-struct Read {
+struct SurfaceReading {
     content: Content,
     facets: Facets,
     mesh: MeshCheck,
@@ -174,57 +175,94 @@ struct Read {
     warnings: Vec<Diag>,
 }
 
-/// Reads a surface in its own unit, in the one given, or as mm where neither is there; a height map without a scale in
-/// any that shows its samples.
-fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
-    let attempt = |unit_mm: Option<f64>, values: Option<Option<[f64; 2]>>| {
-        let scale =
-            |values| surface::Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], values, nodata: None, origin_mm: [0.0; 2] };
-        let options = surface::Options { unit_mm, heightmap: values.map(scale), ..Default::default() };
+/// How the heights of a map are taken that its file does not scale.
+#[derive(Clone, Copy)]
+enum MapValues {
+    /// From the least to the greatest number that the file can hold.
+    FullRange,
+    /// All numbers: of floats the range is not known before they are read, and any will do.
+    Any,
+}
+
+/// How a file is read.
+#[derive(Clone, Copy)]
+struct Attempt {
+    /// mm in one unit of the file; None where the file is to state it.
+    unit_mm: Option<f64>,
+    /// None where the file is to state the scale of a height map.
+    map_values: Option<MapValues>,
+}
+
+impl Attempt {
+    fn options(self) -> surface::Options {
+        let scale = self.map_values.map(|values| surface::Scale {
+            pixel_mm: 0.1,
+            z_mm: [0.0, 1.0],
+            values: match values {
+                MapValues::FullRange => None,
+                MapValues::Any => Some([-1e300, 1e300]),
+            },
+            nodata: None,
+            origin_mm: [0.0; 2],
+        });
+        surface::Options { unit_mm: self.unit_mm, heightmap: scale, ..Default::default() }
+    }
+
+    /// Reads a file so; `is_unit_given` says whether the unit was given with the command.
+    fn read(self, path: &Path, is_unit_given: bool) -> Result<SurfaceReading, Error> {
         let mut facets = Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], ..Facets::default() };
         let mut warnings = Vec::new();
-        let (mut mesh, mut bodies) = (MeshCheck::default(), Bodies::default());
-        let content = surface::read(path, &options, &mut warnings, &mut |facet| {
+        let mut mesh = MeshCheck::default();
+        let mut bodies = Bodies::default();
+        let content = surface::read(path, &self.options(), &mut warnings, &mut |facet| {
             facets.add(facet);
             mesh.facet(facet);
             bodies.facet(facet);
         })?;
         if let Content::Heightmap(map) = &content {
             let z = map.samples.range().unwrap_or_default().map(|v| map.z_mm[0] + v * map.z_mm[1]);
-            let far = |k: usize, n: usize| map.origin_mm[k] + (n - 1) as f64 * map.pixel_mm;
+            let end = |k: usize, n: usize| map.origin_mm[k] + (n - 1) as f64 * map.pixel_mm;
             facets.lo = [map.origin_mm[0], map.origin_mm[1], z[0]];
-            facets.hi = [far(0, map.columns), far(1, map.rows), z[1]];
+            facets.hi = [end(0, map.columns), end(1, map.rows), z[1]];
         }
-        let is_unit_known = unit_mm.is_none() || unit.is_some();
-        Ok::<_, Error>(Read { content, facets, mesh, bodies, is_unit_known, is_scaled: values.is_none(), warnings })
-    };
-    // Whole numbers have a range; of floats it is not known before they are read, and any will do.
-    const ANY: Option<[f64; 2]> = Some([-1e300, 1e300]);
-    let is =
-        |read: &Result<Read, Error>, code: &str| read.as_ref().is_err_and(|e| e.diags().iter().any(|d| d.code == code));
-    let mut found = attempt(unit.map(FileUnit::in_mm), None);
-    if unit.is_none() && is(&found, "surface-unit") {
-        found = attempt(Some(1.0), None);
-        if is(&found, "surface-size") {
-            // A map of land, whose place and size are not part's.
-            found = attempt(None, Some(ANY)).or(found);
+        let is_unit_known = self.unit_mm.is_none() || is_unit_given;
+        let is_scaled = self.map_values.is_none();
+        Ok(SurfaceReading { content, facets, mesh, bodies, is_unit_known, is_scaled, warnings })
+    }
+}
+
+/// Reads a surface in its own unit, in the one given, or as mm where neither is there; a height map without a scale in
+/// any that shows its samples.
+fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<SurfaceReading, Error> {
+    let attempt = |unit_mm, map_values| Attempt { unit_mm, map_values }.read(path, unit.is_some());
+    let mut reading = attempt(unit.map(FileUnit::in_mm), None);
+    if unit.is_none() && has_fault(&reading, "surface-unit") {
+        reading = attempt(Some(1.0), None);
+        if has_fault(&reading, "surface-size") {
+            // A map of land, whose place and size are not those of a part.
+            reading = attempt(None, Some(MapValues::Any)).or(reading);
         }
     }
-    for values in [None, ANY] {
-        if is(&found, "heightmap-scale") {
-            found = attempt(None, Some(values));
+    for values in [MapValues::FullRange, MapValues::Any] {
+        if has_fault(&reading, "heightmap-scale") {
+            reading = attempt(None, Some(values));
         }
     }
-    found
+    reading
+}
+
+/// Whether reading a file failed with a fault of this code.
+fn has_fault(reading: &Result<SurfaceReading, Error>, code: &str) -> bool {
+    reading.as_ref().is_err_and(|e| e.diags().iter().any(|d| d.code == code))
 }
 
 /// A STEP or IGES file, with facets coarse enough to be made at once.
-pub(super) fn cad(path: &Path) -> Result<Shown, Error> {
+pub(super) fn cad(path: &Path) -> Result<Inspection, Error> {
     let mut warnings = Vec::new();
     let fine = surface::Tessellation::within(0.1);
     let mesh = surface::load_cad(path, fine, &mut warnings)?;
     let (text, json) = crate::cli::import::shown(&mesh, fine);
-    Ok(Shown { text, json, warnings })
+    Ok(Inspection { text, json, warnings })
 }
 
 /// The box of a surface whose unit is known.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::{Shown, plural, triple};
+use super::{Inspection, plural, triple};
 use terrace_core::diag::{Diag, Error, Kind, Message};
 use terrace_input::job::FileUnit;
 use terrace_input::texture::contents::{Contents, InSpace, Pixels, Shapes};
@@ -14,7 +14,7 @@ use terrace_input::texture::{Paper, Selector};
 const MAX_LISTED: usize = 40;
 
 /// A file that only a texture can name.
-pub(super) fn drawing(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
+pub(super) fn drawing(path: &Path, unit: Option<FileUnit>) -> Result<Inspection, Error> {
     let mut warnings = Vec::new();
     let unit_mm = unit.map(FileUnit::in_mm);
     match Contents::read(path, unit_mm, &mut warnings)? {
@@ -36,7 +36,7 @@ pub(super) fn besides(
     path: &Path,
     unit: Option<FileUnit>,
     extension: &str,
-) -> Option<(Result<Shown, Error>, &'static str)> {
+) -> Option<(Result<Inspection, Error>, &'static str)> {
     match extension {
         "png" | "tif" | "tiff" => Some((drawing(path, None), "bitmap")),
         "csv" | "txt" | "xyz" => Some((in_space(path, unit), "curves")),
@@ -45,14 +45,14 @@ pub(super) fn besides(
 }
 
 /// Appends what a file is besides, if it can be that; `kind` is the key for it.
-pub(super) fn add(shown: &mut Shown, other: &Result<Shown, Error>, kind: &str) {
+pub(super) fn add(shown: &mut Inspection, other: &Result<Inspection, Error>, kind: &str) {
     if let Ok(other) = other {
         shown.text += &format!("as a texture: {}", other.text);
         shown.json[kind] = other.json.clone();
     }
 }
 
-fn shapes(found: &Shapes) -> Shown {
+fn shapes(found: &Shapes) -> Inspection {
     let o = &found.outlines;
     let mut text = format!("drawing, {} stroke{} ({} closed)", o.count, plural(o.count), o.closed);
     let mut json = json!({"kind": "drawing", "strokes": o.count, "closed": o.closed, "physical_size": found.is_sized});
@@ -75,7 +75,7 @@ fn shapes(found: &Shapes) -> Shown {
         text += "a job with it is refused, as the warnings say; on_unsupported = \"warn\" leaves out what they name\n";
     }
     let warnings = found.refused.iter().map(|d| Diag { kind: Kind::Warning, ..d.clone() }).collect();
-    Shown { text, json, warnings }
+    Inspection { text, json, warnings }
 }
 
 /// The list of names that choose shapes; `paper` says which of the colours are the page.
@@ -104,7 +104,7 @@ fn names(selectors: &[(Selector, usize)], paper: Option<Paper>, json: &mut Value
     text
 }
 
-fn bitmap(pixels: &Pixels, warnings: Vec<Diag>) -> Shown {
+fn bitmap(pixels: &Pixels, warnings: Vec<Diag>) -> Inspection {
     let &Pixels { columns, rows, per_mm, darkest, lightest, mean } = pixels;
     let mut text = format!("bitmap, {columns} x {rows} pixels, ");
     text += &match darkest == lightest {
@@ -120,7 +120,8 @@ fn bitmap(pixels: &Pixels, warnings: Vec<Diag>) -> Shown {
         "mean": mean, "dpi": Value::Null, "size_mm": Value::Null});
     text += &match per_mm {
         Some(per_mm) => {
-            let (dpi, size) = (per_mm.map(|n| n * 25.4), [columns as f64 / per_mm[0], rows as f64 / per_mm[1]]);
+            let dpi = per_mm.map(|n| n * 25.4);
+            let size = [columns as f64 / per_mm[0], rows as f64 / per_mm[1]];
             (json["dpi"], json["size_mm"]) = (json!(dpi), json!(size));
             let stated =
                 if dpi[0] == dpi[1] { format!("{:.2}", dpi[0]) } else { format!("{:.2} x {:.2}", dpi[0], dpi[1]) };
@@ -131,11 +132,11 @@ fn bitmap(pixels: &Pixels, warnings: Vec<Diag>) -> Shown {
         }
         None => "it states no resolution: a texture needs dpi = N or size = [...]\n".to_owned(),
     };
-    Shown { text, json, warnings }
+    Inspection { text, json, warnings }
 }
 
 /// A file as curves in space, in mm where its unit is known.
-fn in_space(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
+fn in_space(path: &Path, unit: Option<FileUnit>) -> Result<Inspection, Error> {
     let mut warnings = Vec::new();
     let is_dxf = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dxf"));
     let is_known = is_dxf || unit.is_some();
@@ -152,5 +153,5 @@ fn in_space(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
         json[format!("hi{key}")] = json!(hi);
     }
     text += &names(&selectors, None, &mut json);
-    Ok(Shown { text, json, warnings })
+    Ok(Inspection { text, json, warnings })
 }

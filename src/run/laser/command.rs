@@ -55,14 +55,12 @@ impl Command {
         Ok(Self { keys: keys.clone(), format, lock: None, is_doubtful: false })
     }
 
+    /// Starts a command; where it is for a block its words are filled with the block's.
     fn start(words: &[String], work: Option<&Work>, stdin: Stdio) -> Result<Child, Diag> {
-        let replaced = |word: &String| {
-            let Some(work) = work else { return word.clone() };
-            let file = work.file.as_ref().map_or(String::new(), |file| file.display().to_string());
-            let shift = Nm(work.focus_shift).mm().to_string();
-            filled(word, &[("{file}", file.as_str()), ("{block}", work.block.as_str()), (SHIFT, shift.as_str())])
+        let words: Vec<String> = match work {
+            Some(work) => words.iter().map(|word| filled_for(word, work)).collect(),
+            None => words.to_vec(),
         };
-        let words: Vec<String> = words.iter().map(replaced).collect();
         let mut command = std::process::Command::new(&words[0]);
         // Its output is not the result of this program.
         command.args(&words[1..]).stdin(stdin).stdout(io::stderr());
@@ -99,9 +97,17 @@ impl Command {
     }
 }
 
+/// A word of a command with what it names of a block.
+fn filled_for(word: &str, work: &Work) -> String {
+    let file = work.file.as_ref().map_or(String::new(), |file| file.display().to_string());
+    let shift = Nm(work.focus_shift).mm().to_string();
+    filled(word, &[("{file}", file.as_str()), ("{block}", work.block.as_str()), (SHIFT, shift.as_str())])
+}
+
 /// Puts values in place of their names, in one pass: a path that holds such a name stays as it is.
 fn filled(word: &str, values: &[(&str, &str)]) -> String {
-    let (mut out, mut rest) = (String::new(), word);
+    let mut out = String::new();
+    let mut rest = word;
     while let Some(at) = rest.find('{') {
         out += &rest[..at];
         rest = &rest[at..];

@@ -60,7 +60,7 @@ const TRIES: usize = 3;
 
 /// How long the driver waits.
 #[derive(Clone, Copy, Debug)]
-struct Waits {
+struct Timeouts {
     /// For an answer, until the request counts as lost.
     answer: Duration,
     /// For the answer to a load, each time.
@@ -73,7 +73,7 @@ struct Waits {
     agree: Duration,
 }
 
-const WAITS: Waits = Waits {
+const TIMEOUTS: Timeouts = Timeouts {
     answer: Duration::from_millis(500),
     load: Duration::from_secs(20),
     silence: Duration::from_secs(3),
@@ -153,7 +153,7 @@ impl Link {
     }
 
     /// Listens for so long; whether nothing came.
-    fn hears_nothing(&mut self, time: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
+    fn stays_silent(&mut self, time: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
         let until = Instant::now() + time;
         let mut is_quiet = true;
         loop {
@@ -172,11 +172,11 @@ impl Link {
     /// Listens until no late answer can come any more, and for [`SPREAD`] at least; whether nothing came.
     fn is_quiet(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
         while self.missing() > 0 {
-            if !self.hears_nothing(SLICE, interrupt)? {
+            if !self.stays_silent(SLICE, interrupt)? {
                 return Ok(false);
             }
         }
-        self.hears_nothing(SPREAD, interrupt)
+        self.stays_silent(SPREAD, interrupt)
     }
 
     /// Sends a command once and returns the next answer, whatever request it belongs to; None where none comes within
@@ -200,7 +200,7 @@ impl Link {
         }
     }
 
-    /// The same, repeated where no answer comes: for commands that may be done twice.
+    /// Sends a command, again where no answer comes: for commands that may be done twice.
     fn repeat(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
         for _ in 0..TRIES {
             if let Some(answer) = self.request(command, longest, interrupt)? {
@@ -216,7 +216,7 @@ pub struct LightBurn {
     host: String,
     folder: Option<String>,
     ports: [u16; 2],
-    waits: Waits,
+    timeouts: Timeouts,
     link: Option<Link>,
 }
 
@@ -226,7 +226,7 @@ impl LightBurn {
     /// None. [`Laser::open`] connects.
     pub fn new(host: Option<String>, folder: Option<String>, port: Option<u16>, answers: Option<u16>) -> Self {
         let ports = [port.unwrap_or(PORTS[0]), answers.unwrap_or(PORTS[1])];
-        Self { host: host.unwrap_or_else(|| "localhost".into()), folder, ports, waits: WAITS, link: None }
+        Self { host: host.unwrap_or_else(|| "localhost".into()), folder, ports, timeouts: TIMEOUTS, link: None }
     }
 
     fn link(&mut self) -> Result<&mut Link, Diag> {
@@ -235,10 +235,12 @@ impl LightBurn {
 
     /// Whether LightBurn is idle or busy now.
     fn state(&mut self, interrupt: &Interrupt) -> Result<Answer, Diag> {
-        let Waits { answer, silence, agree, .. } = self.waits;
+        let Timeouts { answer, silence, agree, .. } = self.timeouts;
         let link = self.link()?;
         // An answer that is late or another's reports a state of the past: of so many answers one must be a new one.
-        let (mut needed, mut seen, mut last) = (link.missing() + SURPLUS + 1, 0, None);
+        let mut needed = link.missing() + SURPLUS + 1;
+        let mut seen = 0;
+        let mut last = None;
         let begin = Instant::now();
         let mut heard = begin;
         loop {
@@ -269,10 +271,12 @@ impl LightBurn {
     }
 
     /// Polls until more answers than can be others' say that it is busy; whether they have in time.
-    fn begins(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
-        let Waits { answer, silence, begin: longest, .. } = self.waits;
+    fn wait_for_begin(&mut self, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let Timeouts { answer, silence, begin: longest, .. } = self.timeouts;
         let link = self.link()?;
-        let (begin, mut heard, mut busy) = (Instant::now(), Instant::now(), 0);
+        let begin = Instant::now();
+        let mut heard = Instant::now();
+        let mut busy = 0;
         while begin.elapsed() <= longest {
             match link.request("STATUS", answer, interrupt)? {
                 Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
@@ -292,10 +296,14 @@ impl LightBurn {
     }
 
     /// Polls until a block has ended; whether it has in time.
-    fn ends(&mut self, work: &Work, interrupt: &Interrupt) -> Result<bool, Diag> {
-        let Waits { answer, silence, .. } = self.waits;
-        let (begin, earliest, longest) = (Instant::now(), work.estimate / 2, work.longest());
-        let (mut idle, mut since, mut heard) = (0, begin, begin);
+    fn wait_for_end(&mut self, work: &Work, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let Timeouts { answer, silence, .. } = self.timeouts;
+        let begin = Instant::now();
+        let earliest = work.estimate / 2;
+        let longest = work.longest();
+        let mut idle = 0;
+        let mut since = begin;
+        let mut heard = begin;
         loop {
             if interrupt.is_abort() {
                 return Err(aborted());
@@ -317,7 +325,7 @@ impl LightBurn {
             }
             if std::mem::take(&mut link.surplus) {
                 // One of those that were counted may have been it.
-                link.hears_nothing(SPREAD, interrupt)?;
+                link.stays_silent(SPREAD, interrupt)?;
                 (idle, heard) = (0, Instant::now());
             }
             if idle >= ENDED && since.elapsed() >= SPREAD && begin.elapsed() >= earliest {
@@ -336,7 +344,7 @@ impl LightBurn {
             Diag::bug("lightburn-file", format!("block {} was handed to LightBurn without its file", work.block))
         })?;
         let path = self.path_there(file);
-        let longest = self.waits.load;
+        let longest = self.timeouts.load;
         let mut was_answered = false;
         for _ in 0..TRIES {
             match self.is_loaded(&format!("FORCELOAD:{path}"), interrupt)? {
@@ -355,7 +363,7 @@ impl LightBurn {
 
     /// Loads once; whether that was done for certain, None where there is no answer.
     fn is_loaded(&mut self, load: &str, interrupt: &Interrupt) -> Result<Option<bool>, Diag> {
-        let Waits { load: longest, answer, silence, .. } = self.waits;
+        let Timeouts { load: longest, answer, silence, .. } = self.timeouts;
         let link = self.link()?;
         link.quiet(interrupt)?;
         match link.request(load, longest, interrupt)? {
@@ -364,7 +372,8 @@ impl LightBurn {
             Some(Answer::Other(text)) => return Err(unknown("FORCELOAD", &text)),
             None => return Ok(None),
         }
-        let (mut after, mut heard) = (0, Instant::now());
+        let mut after = 0;
+        let mut heard = Instant::now();
         while after < SURPLUS {
             match link.request("STATUS", answer, interrupt)? {
                 Some(Answer::Ok) => (after, heard) = (after + 1, Instant::now()),
@@ -395,17 +404,17 @@ impl LightBurn {
 
     /// Starts the loaded block and waits until it has ended.
     fn start(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
-        let Waits { answer, begin, .. } = self.waits;
+        let Timeouts { answer, begin, .. } = self.timeouts;
         let block = &work.block;
         self.link()?.quiet(interrupt)?;
-        let said = self.link()?.request("START", answer, interrupt)?;
-        if let Some(Answer::Other(text)) = &said {
+        let start_answer = self.link()?.request("START", answer, interrupt)?;
+        if let Some(Answer::Other(text)) = &start_answer {
             return Err(unknown("START", text));
         }
         // The answer may be lost or another's, so only the state counts. START is sent once: a second one would mark the
         // block twice.
-        if !self.begins(interrupt)? {
-            if said == Some(Answer::No) {
+        if !self.wait_for_begin(interrupt)? {
+            if start_answer == Some(Answer::No) {
                 let text = format!("LightBurn refused START: block {block} is not marked");
                 return Err(Diag::limit("lightburn-start", text).hint("is the laser connected and ready in LightBurn?"));
             }
@@ -417,19 +426,20 @@ impl LightBurn {
                 Diag::limit("lightburn-unseen", text).hint("look at the part; see LightBurn in docs/operating.md")
             );
         }
-        if !self.ends(work, interrupt)? {
+        if !self.wait_for_end(work, interrupt)? {
             let text = format!("LightBurn still marks block {block} after {} s", work.longest().as_secs());
             return Err(Diag::limit("lightburn-time", text));
         }
         Ok(())
     }
 
+    /// Opens the socket to LightBurn's computer.
     fn connect(&self, interrupt: &Interrupt) -> Result<Link, Diag> {
         let [port, answers] = self.ports;
         let host = self.host.clone();
-        let found =
+        let addresses =
             interrupt.wait_for(move || (host.as_str(), port).to_socket_addrs().map(Iterator::collect::<Vec<_>>))?;
-        let to = found.ok().and_then(|all| all.iter().find(|a| a.is_ipv4()).or(all.first()).copied());
+        let to = addresses.ok().and_then(|all| all.iter().find(|a| a.is_ipv4()).or(all.first()).copied());
         let to = to.ok_or_else(|| {
             Diag::input("lightburn-address", format!("there is no host {:?}", self.host))
                 .hint("check laser.address of the run file")
@@ -443,7 +453,7 @@ impl LightBurn {
             Diag::input("lightburn-port", format!("the port {answers} for LightBurn's answers cannot be used: {e}"))
                 .hint("end the other program that talks to LightBurn")
         })?;
-        Ok(Link { socket, to, unanswered: VecDeque::new(), silence: self.waits.silence, surplus: false })
+        Ok(Link { socket, to, unanswered: VecDeque::new(), silence: self.timeouts.silence, surplus: false })
     }
 }
 
@@ -460,7 +470,7 @@ impl Laser for LightBurn {
     fn open(&mut self, interrupt: &Interrupt) -> Result<String, Diag> {
         let mut link = self.connect(interrupt)?;
         let to = link.to;
-        match link.repeat("PING", self.waits.answer, interrupt)? {
+        match link.repeat("PING", self.timeouts.answer, interrupt)? {
             Some(Answer::Ok) => {}
             Some(Answer::No) => return Err(unknown("PING", "!")),
             Some(Answer::Other(text)) => return Err(unknown("PING", &text)),

@@ -73,7 +73,7 @@ const POLL: Duration = Duration::from_millis(2);
 
 /// How long the driver waits.
 #[derive(Clone, Copy, Debug)]
-struct Waits {
+struct Timeouts {
     /// Until the card is busy after its start.
     begin: Duration,
     /// Until it is idle after an abort.
@@ -82,8 +82,8 @@ struct Waits {
     settle: Duration,
 }
 
-const WAITS: Waits =
-    Waits { begin: Duration::from_secs(1), stop: Duration::from_secs(2), settle: Duration::from_millis(50) };
+const TIMEOUTS: Timeouts =
+    Timeouts { begin: Duration::from_secs(1), stop: Duration::from_secs(2), settle: Duration::from_millis(50) };
 
 /// The two pipes of a card: USB, or a stand-in in tests.
 trait Transport {
@@ -99,7 +99,7 @@ pub struct Lmc {
     serial: Option<String>,
     correction: Option<PathBuf>,
     laser: LmcLaser,
-    waits: Waits,
+    timeouts: Timeouts,
     transport: Option<Box<dyn Transport>>,
     /// Whether the list of the last block was started.
     was_started: bool,
@@ -110,7 +110,7 @@ impl Lmc {
     /// it is given (.cor), none where it is None; `laser` what it drives, as in the machine file. [`Laser::open`]
     /// connects.
     pub fn new(serial: Option<String>, correction: Option<PathBuf>, laser: LmcLaser) -> Self {
-        Self { serial, correction, laser, waits: WAITS, transport: None, was_started: false }
+        Self { serial, correction, laser, timeouts: TIMEOUTS, transport: None, was_started: false }
     }
 
     fn write(&mut self, packet: &[u8]) -> Result<(), Diag> {
@@ -171,7 +171,7 @@ impl Lmc {
         self.command(ENABLE_Z, &[])?;
         self.command(WRITE_ANALOG_PORT_1, &[0x7FF])?;
         self.command(ENABLE_Z, &[])?;
-        interrupt.wait(self.waits.settle)
+        interrupt.wait(self.timeouts.settle)
     }
 
     fn execute(&mut self) -> Result<(), Diag> {
@@ -213,13 +213,14 @@ impl Lmc {
             self.oscillator(1)?;
         }
         let mut was_busy = self.send_list(list, until, interrupt)?;
-        let (begin, mut idle) = (Instant::now(), 0);
+        let begin = Instant::now();
+        let mut idle = 0;
         loop {
             if self.status()? & BUSY != 0 {
                 (was_busy, idle) = (true, 0);
             } else if was_busy {
                 idle += 1;
-            } else if begin.elapsed() > self.waits.begin {
+            } else if begin.elapsed() > self.timeouts.begin {
                 return Err(Diag::limit("lmc-unseen", "the card was not seen busy after the start of its list"));
             }
             if idle == IDLE_POLLS {
@@ -236,12 +237,21 @@ impl Lmc {
         Ok(())
     }
 
+    /// Stops the list that the card executes, if it does, and switches laser and output port off.
+    fn switch_off(&mut self) -> Result<(), Diag> {
+        if self.status()? & BUSY != 0 {
+            return self.abort();
+        }
+        self.oscillator(0)?;
+        self.command(WRITE_PORT, &[0]).map(|_| ())
+    }
+
     /// Stops a list, empties the list buffer and switches all off.
     fn abort(&mut self) -> Result<(), Diag> {
         self.command(STOP_EXECUTE, &[])?;
         self.oscillator(0)?;
         self.command(RESET_LIST, &[])?;
-        let until = Instant::now() + self.waits.stop;
+        let until = Instant::now() + self.timeouts.stop;
         while self.status()? & READY == 0 && Instant::now() < until {
             std::thread::sleep(POLL);
         }
@@ -330,14 +340,7 @@ impl Laser for Lmc {
         if self.transport.is_none() {
             return Ok(());
         }
-        let mut end = || {
-            if self.status()? & BUSY != 0 {
-                return self.abort();
-            }
-            self.oscillator(0)?;
-            self.command(WRITE_PORT, &[0]).map(|_| ())
-        };
-        end().map_err(|e| {
+        self.switch_off().map_err(|e| {
             let text = format!("the card could not be switched off: {}; the beam may be on", e.message);
             Diag::limit("lmc-off", text).hint("switch the laser off at the machine")
         })

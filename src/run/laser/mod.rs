@@ -56,7 +56,7 @@ pub trait Laser {
         false
     }
 
-    /// Connects, and makes sure that it is ready and off. Answers with what it says that it is, for the log.
+    /// Connects, and makes sure that it is ready and off. Returns what it says that it is, for the log.
     ///
     /// # Errors
     /// Where there is no answer, it is not ready, or the run is aborted.
@@ -108,9 +108,9 @@ mod tests {
     use crate::run::stage::Move;
 
     /// A stage that must not be touched.
-    pub(super) struct Rest;
+    pub(super) struct UntouchedStage;
 
-    impl Stage for Rest {
+    impl Stage for UntouchedStage {
         fn open(&mut self, _: &Interrupt) -> Result<String, Diag> {
             unreachable!("the laser does not open the stage")
         }

@@ -7,7 +7,7 @@
 //! The stage stands where GRBL is idle and its step counter is within half a step of the target, and the rounding of
 //! two reports. GRBL has no encoders: lost steps are not seen. How long the mechanics settle is not GRBL's to know.
 //!
-//! An abort is looked at between answers, for none of which the driver waits longer than `WAITS` says.
+//! An abort is looked at between answers, for none of which the driver waits longer than `TIMEOUTS` says.
 //!
 //! Sources: the pages "Interface", "Commands" and "Settings" of the documentation of GRBL 1.1.
 
@@ -30,6 +30,18 @@ const AXES: [char; 3] = ['X', 'Y', 'Z'];
 /// Modes as in the stage programs; the work offset must be that of G54 already.
 const MODES: &str = "G21 G90 G94 G17 G40 G80";
 
+/// Number of the setting: 1 where GRBL reports in inches.
+const REPORT_INCHES: u16 = 13;
+/// Number of the setting: 1 where GRBL can home.
+const HOMING: u16 = 22;
+/// Number of the setting: steps per mm of X; Y and Z have the next ones.
+const STEPS_MM: u16 = 100;
+/// Number of the setting: highest speed of X, mm/min; Y and Z have the next ones.
+const MAX_RATE: u16 = 110;
+/// Number of the setting: acceleration of X, mm/s²; Y and Z have the next ones.
+const ACCELERATION: u16 = 120;
+
+/// Real-time commands.
 const FEED_HOLD: u8 = b'!';
 const RESET: u8 = 0x18;
 const STATUS: u8 = b'?';
@@ -46,7 +58,7 @@ const ROUNDING_NM: i64 = 1_100;
 
 /// How long the driver waits.
 #[derive(Clone, Copy, Debug)]
-struct Waits {
+struct Timeouts {
     /// For an answer.
     answer: Duration,
     /// Until a request for status is repeated.
@@ -63,7 +75,7 @@ struct Waits {
     spare: Duration,
 }
 
-const WAITS: Waits = Waits {
+const TIMEOUTS: Timeouts = Timeouts {
     answer: Duration::from_secs(2),
     repeat: Duration::from_millis(250),
     boot: Duration::from_secs(6),
@@ -88,7 +100,7 @@ pub struct Grbl {
     port: String,
     baud: u32,
     identity: Option<String>,
-    waits: Waits,
+    timeouts: Timeouts,
     link: Option<Link>,
     axes: [Axis; 3],
     /// Work offset, nm.
@@ -106,7 +118,7 @@ impl Grbl {
             port: port.into(),
             baud: baud.unwrap_or(DEFAULT_BAUD),
             identity,
-            waits: WAITS,
+            timeouts: TIMEOUTS,
             link: None,
             axes: [axis; 3],
             offset: [0; 3],
@@ -143,7 +155,7 @@ impl Grbl {
 
     /// A new status report.
     fn report(&mut self) -> Result<Report, Diag> {
-        let Waits { answer, repeat, .. } = self.waits;
+        let Timeouts { answer, repeat, .. } = self.timeouts;
         let begin = Instant::now();
         while begin.elapsed() < answer {
             self.link()?.real_time(STATUS)?;
@@ -162,11 +174,11 @@ impl Grbl {
         Err(silence(answer))
     }
 
-    /// Sends a line and waits until GRBL has taken it; answers with what it sent before that.
+    /// Sends a line and waits until GRBL has taken it; returns what it sent before that.
     fn command(&mut self, line: &str) -> Result<Vec<Reply>, Diag> {
         self.link()?.send(line)?;
         let mut replies = Vec::new();
-        let end = self.wait(self.waits.answer, |reply| match reply {
+        let end = self.wait(self.timeouts.answer, |reply| match reply {
             Reply::Ok => Some(None),
             Reply::Error(number) => Some(Some(*number)),
             other => {
@@ -180,7 +192,7 @@ impl Grbl {
                 let text = format!("GRBL refuses {line:?} with error:{number}: {}", reply::error(number));
                 Err(Diag::limit("grbl-refused", text).hint("where the line is damaged, check cable and baud rate"))
             }
-            None => Err(silence(self.waits.answer)),
+            None => Err(silence(self.timeouts.answer)),
         }
     }
 
@@ -191,7 +203,7 @@ impl Grbl {
         let state = loop {
             interrupt.check()?;
             self.link()?.real_time(STATUS)?;
-            let until = Instant::now() + self.waits.repeat;
+            let until = Instant::now() + self.timeouts.repeat;
             let mut state = None;
             while let Some(reply) = self.link()?.next(until)? {
                 match reply {
@@ -204,9 +216,9 @@ impl Grbl {
             }
             match state {
                 // What a run before has begun comes to its end.
-                Some(state) if state.moves() && begin.elapsed() < self.waits.motion => std::thread::sleep(POLL),
+                Some(state) if state.moves() && begin.elapsed() < self.timeouts.motion => std::thread::sleep(POLL),
                 Some(state) => break state,
-                None if begin.elapsed() < self.waits.boot => {}
+                None if begin.elapsed() < self.timeouts.boot => {}
                 None => {
                     let text = format!("nothing on {} answers as GRBL does, at {} baud", self.port, self.baud);
                     let hint = "check stage.port and stage.baud; after a limit switch GRBL answers nothing until it \
@@ -245,28 +257,18 @@ impl Grbl {
     /// Reads the settings, sets the modes, switches the output off, and learns the work offset.
     fn make_ready(&mut self, interrupt: &Interrupt) -> Result<Report, Diag> {
         let replies = self.command("$$")?;
-        let setting = |number: u16| {
-            replies.iter().find_map(|reply| match reply {
-                Reply::Setting(n, value) if *n == number => Some(*value),
-                _ => None,
-            })
-        };
-        let positive = |number: u16| {
-            setting(number).filter(|value| value.is_finite() && *value > 0.0).ok_or_else(|| {
-                Diag::input("grbl-setting", format!("GRBL's setting ${number} is missing or not positive"))
-                    .hint("check the settings with $$")
-            })
-        };
-        if setting(22) != Some(1.0) {
+        if setting(&replies, HOMING) != Some(1.0) {
             let hint = "a stage that cannot home does not know where it is; fit limit switches and set $22=1";
             return Err(Diag::input("grbl-setting", "homing of GRBL is off ($22)").hint(hint));
         }
-        if setting(13) != Some(0.0) {
+        if setting(&replies, REPORT_INCHES) != Some(0.0) {
             return Err(Diag::input("grbl-setting", "GRBL reports in inches ($13)").hint("set $13=0"));
         }
         for (k, axis) in self.axes.iter_mut().enumerate() {
             let k = k as u16;
-            let (steps_mm, mm_min, mm_s2) = (positive(100 + k)?, positive(110 + k)?, positive(120 + k)?);
+            let steps_mm = positive_setting(&replies, STEPS_MM + k)?;
+            let mm_min = positive_setting(&replies, MAX_RATE + k)?;
+            let mm_s2 = positive_setting(&replies, ACCELERATION + k)?;
             *axis = Axis { step_nm: 1e6 / steps_mm, speed: mm_min * 1e6 / 60.0, acceleration: mm_s2 * 1e6 };
         }
         interrupt.check()?;
@@ -287,7 +289,7 @@ impl Grbl {
             Reply::G54(offset) => Some(*offset),
             _ => None,
         });
-        let g54 = g54.ok_or_else(|| silence(self.waits.answer))?;
+        let g54 = g54.ok_or_else(|| silence(self.timeouts.answer))?;
         self.offset = g54;
         for _ in 0..OFFSET_REPORTS {
             match self.report() {
@@ -311,6 +313,7 @@ impl Grbl {
         [0, 1, 2].map(|k| report.position[k] - shift[k])
     }
 
+    /// Whether the stage stands at a target.
     fn is_at(&self, report: &Report, target: &[(usize, i64)]) -> bool {
         let work = self.work(report);
         target.iter().all(|&(k, nm)| {
@@ -329,7 +332,7 @@ impl Grbl {
                 (nm - work[k]).abs() as f64 / axis.speed + axis.speed / axis.acceleration
             })
             .sum();
-        Duration::from_secs_f64((4.0 * s).min(86_400.0)) + self.waits.spare
+        Duration::from_secs_f64((4.0 * s).min(86_400.0)) + self.timeouts.spare
     }
 
     /// Sends a move and waits until the stage stands at its target.
@@ -339,7 +342,9 @@ impl Grbl {
             return Err(in_state(before.state));
         }
         self.command(line)?;
-        let (begin, longest) = (Instant::now(), self.longest(&before, target));
+        let begin = Instant::now();
+        let longest = self.longest(&before, target);
+        // Since when GRBL is idle beside its target.
         let mut idle = None;
         loop {
             if interrupt.is_abort() {
@@ -350,7 +355,7 @@ impl Grbl {
                 State::Idle if self.is_at(&report, target) => return Ok(()),
                 // GRBL may answer once more before it begins.
                 State::Idle => {
-                    if idle.get_or_insert_with(Instant::now).elapsed() > self.waits.begin {
+                    if idle.get_or_insert_with(Instant::now).elapsed() > self.timeouts.begin {
                         let at = mm(&self.work(&report));
                         let text = format!("GRBL took {line:?}, is idle, and the stage is at {at}");
                         let hint = "a character was lost on the line, or something else moved the stage: check the \
@@ -374,7 +379,7 @@ impl Grbl {
         let begin = Instant::now();
         while begin.elapsed() < longest {
             self.link()?.real_time(STATUS)?;
-            let until = Instant::now() + self.waits.repeat;
+            let until = Instant::now() + self.timeouts.repeat;
             while let Some(reply) = self.link()?.next(until)? {
                 if let Reply::Report(report) = reply {
                     return Ok(Some(report.state));
@@ -389,7 +394,7 @@ impl Grbl {
 
     /// Holds the motion, then resets GRBL, which empties its planner and switches its output off.
     fn reset(&mut self, state: Option<State>) -> Result<(), Diag> {
-        let Waits { answer, hold, .. } = self.waits;
+        let Timeouts { answer, hold, .. } = self.timeouts;
         if state.is_none_or(State::moves) {
             self.link()?.real_time(FEED_HOLD)?;
         }
@@ -418,12 +423,24 @@ impl Grbl {
     fn rest(&mut self, longest: Duration) -> Result<Option<State>, Diag> {
         let begin = Instant::now();
         while begin.elapsed() < longest {
-            match self.state(self.waits.answer)? {
+            match self.state(self.timeouts.answer)? {
                 Some(state) if !state.moves() => return Ok(Some(state)),
                 _ => std::thread::sleep(POLL),
             }
         }
         Ok(None)
+    }
+
+    /// Switches the output off: by a command where GRBL is idle and answers, else by a reset.
+    fn switch_off(&mut self) -> Result<(), Diag> {
+        let state = self.state(self.timeouts.repeat)?;
+        // A line without its end would become one with M5, and move.
+        let is_clear = self.link()?.is_answered();
+        if is_clear && state == Some(State::Idle) && self.command("M5").is_ok() {
+            self.is_locked = false;
+            return Ok(());
+        }
+        self.reset(state)
     }
 
     /// A fault of a move, with what is certain after the stage was halted.
@@ -459,24 +476,31 @@ impl Stage for Grbl {
         if self.link.is_none() {
             return Ok(());
         }
-        let mut end = || {
-            let state = self.state(self.waits.repeat)?;
-            // A line without its end would become one with M5, and move.
-            let is_clear = self.link()?.is_answered();
-            if is_clear && state == Some(State::Idle) && self.command("M5").is_ok() {
-                self.is_locked = false;
-                return Ok(());
-            }
-            self.reset(state)
-        };
-        end().map_err(|e: Diag| if e.code == "grbl-off" { e } else { uncertain(&e.message) })
+        self.switch_off().map_err(|e| if e.code == "grbl-off" { e } else { uncertain(&e.message) })
     }
+}
+
+/// The value of a setting in the answer to `$$`.
+fn setting(replies: &[Reply], number: u16) -> Option<f64> {
+    replies.iter().find_map(|reply| match reply {
+        Reply::Setting(n, value) if *n == number => Some(*value),
+        _ => None,
+    })
+}
+
+/// The value of a setting that must be above zero.
+fn positive_setting(replies: &[Reply], number: u16) -> Result<f64, Diag> {
+    setting(replies, number).filter(|value| value.is_finite() && *value > 0.0).ok_or_else(|| {
+        Diag::input("grbl-setting", format!("GRBL's setting ${number} is missing or not positive"))
+            .hint("check the settings with $$")
+    })
 }
 
 /// The line of a move, in the decimals of the stage programs.
 fn line(to: &Move) -> String {
     let words = to.0.iter().map(|&(axis, nm)| {
-        let (sign, size) = (if nm < 0 { "-" } else { "" }, nm.unsigned_abs());
+        let sign = if nm < 0 { "-" } else { "" };
+        let size = nm.unsigned_abs();
         format!(" {axis}{sign}{}.{:06}", size / 1_000_000, size % 1_000_000)
     });
     format!("G90 G21 G0{}", words.collect::<String>())
@@ -493,6 +517,7 @@ fn target(to: &Move) -> Result<Vec<(usize, i64)>, Diag> {
     })
 }
 
+/// A position in mm.
 fn mm(work: &[i64; 3]) -> String {
     let words = AXES.iter().zip(work).map(|(axis, nm)| format!("{axis}{:.3}", *nm as f64 / 1e6));
     words.collect::<Vec<_>>().join(" ")

@@ -77,6 +77,7 @@ impl LinuxCnc {
         Self { keys: keys.clone(), tolerance, link: None, was_open: false, is_started: false, token: 0, interrupt }
     }
 
+    /// The connection.
     fn link(&mut self) -> Result<&mut Link, Diag> {
         let address = &self.keys.address;
         self.link.as_mut().ok_or_else(|| lost(address, "it is closed"))
@@ -100,6 +101,7 @@ impl LinuxCnc {
         Err(alarm(format!("LinuxCNC refuses {what:?}: another client of linuxcncrsh may have taken control")))
     }
 
+    /// Gives a line of G-code.
     fn mdi(&mut self, code: &str) -> Result<(), Diag> {
         self.set(&format!("mdi {code}"))
     }
@@ -112,7 +114,7 @@ impl LinuxCnc {
         })
     }
 
-    /// Connects and takes control; answers with the server's name.
+    /// Connects and takes control; returns the server's name.
     fn connect(&mut self) -> Result<String, Diag> {
         let address = self.keys.address.clone();
         let opened = self.interrupt.wait_for(move || Link::open(&address))?;
@@ -157,24 +159,27 @@ impl LinuxCnc {
     fn position(&mut self, kind: &str) -> Result<[i64; 6], Diag> {
         let text = self.get(kind)?;
         let mut words = text.split(' ').map(|w| w.parse::<f64>().ok().filter(|v| v.abs() < 1e9));
-        let found = AXES.map(|_| words.next().flatten());
-        if found.contains(&None) {
+        let values = AXES.map(|_| words.next().flatten());
+        if values.contains(&None) {
             return Err(lost(&self.keys.address, &format!("{kind} is {text:?}")));
         }
-        Ok(found.map(|v| (v.unwrap_or_default() * 1e6).round() as i64))
+        Ok(values.map(|v| (v.unwrap_or_default() * 1e6).round() as i64))
     }
 
     /// Waits until the moves that were sent have ended at the target.
     fn arrive(&mut self, target: &[(usize, i64)], interrupt: &Interrupt) -> Result<(), Diag> {
-        let (mut least, mut moved, mut arrived) = (i64::MAX, Instant::now(), 0);
+        let mut least = i64::MAX;
+        let mut moved = Instant::now();
+        let mut arrived = 0;
         loop {
             interrupt.wait(EVERY)?;
             self.watch()?;
             let commanded = self.position("abs_cmd_pos")?;
             let actual = self.position("abs_act_pos")?;
-            let within = |at: &[i64; 6], by: i64| target.iter().all(|&(axis, to)| (at[axis] - to).abs() <= by);
+            let is_within =
+                |position: &[i64; 6], by: i64| target.iter().all(|&(axis, to)| (position[axis] - to).abs() <= by);
             // The control prints millionths of what it has in f64.
-            arrived = if within(&commanded, 1) && within(&actual, self.tolerance) { arrived + 1 } else { 0 };
+            arrived = if is_within(&commanded, 1) && is_within(&actual, self.tolerance) { arrived + 1 } else { 0 };
             if arrived == 2 {
                 return Ok(());
             }
@@ -191,13 +196,13 @@ impl LinuxCnc {
     }
 
     /// Sends what makes the control answer with `value`, 0 to 99, through the F word when it gets there.
-    fn answer(&mut self, value: &str) -> Result<(), Diag> {
+    fn request_answer(&mut self, value: &str) -> Result<(), Diag> {
         self.token = self.token % 9999 + 1;
         self.mdi(&format!("F[{}+{value}]", self.token * 100))
     }
 
-    /// Waits for that answer.
-    fn answered(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<u32, Diag> {
+    /// Waits for the answer that was requested last.
+    fn wait_for_answer(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<u32, Diag> {
         let end = Instant::now() + longest;
         loop {
             self.watch()?;
@@ -230,13 +235,13 @@ impl LinuxCnc {
         self.forget_errors();
         self.set("mode mdi")?;
         self.mdi("M65 P0")?;
-        self.answer("0")?;
-        self.answered(ANSWER, &Interrupt::default())?;
+        self.request_answer("0")?;
+        self.wait_for_answer(ANSWER, &Interrupt::default())?;
         self.is_started = false;
         Ok(())
     }
 
-    /// START, BUSY, and what came of them.
+    /// Sets START, and waits for BUSY to rise and to fall.
     fn exchange(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
         if self.input(interrupt)? != 0 {
             return Err(busy("BUSY of the scan card is on before START"));
@@ -248,10 +253,11 @@ impl LinuxCnc {
         }
         self.mdi(&format!("M66 P0 L4 Q{}", longest.as_secs_f64().ceil()))?;
         // #5399 is 1 or -1 after a wait for high, and 0 or -1 after one for low.
-        self.answer("#<_terrace>*10+[#5399+1]")?;
-        let found = self.answered(longest + RISE + ANSWER, interrupt)?;
+        self.request_answer("#<_terrace>*10+[#5399+1]")?;
+        let waits = self.wait_for_answer(longest + RISE + ANSWER, interrupt)?;
         self.is_started = false;
-        match [found / 10, found % 10] {
+        // How the wait for BUSY to rise ended, and that for it to fall.
+        match [waits / 10, waits % 10] {
             [2, 1] => self.stays_low(longest, interrupt),
             [2, _] => Err(not_fallen(longest)),
             _ => Err(busy("BUSY of the scan card has not risen within 5 s of START")),
@@ -271,8 +277,8 @@ impl LinuxCnc {
                 return Err(not_fallen(longest));
             }
             self.mdi(&format!("M66 P0 L4 Q{left}"))?;
-            self.answer("#5399+1")?;
-            if self.answered(Duration::from_secs_f64(left) + ANSWER, interrupt)? == 0 {
+            self.request_answer("#5399+1")?;
+            if self.wait_for_answer(Duration::from_secs_f64(left) + ANSWER, interrupt)? == 0 {
                 return Err(not_fallen(longest));
             }
         }
@@ -281,8 +287,8 @@ impl LinuxCnc {
     /// BUSY of the scan card as it is now, 0 or 1.
     fn input(&mut self, interrupt: &Interrupt) -> Result<u32, Diag> {
         self.mdi("M66 P0 L0")?;
-        self.answer("#5399")?;
-        self.answered(ANSWER, interrupt)
+        self.request_answer("#5399")?;
+        self.wait_for_answer(ANSWER, interrupt)
     }
 }
 
@@ -329,8 +335,8 @@ impl Stage for LinuxCnc {
         self.set("mode mdi")?;
         self.mdi("G21 G90 G94 G17 G40 G49 G80 G61.1")?;
         self.mdi("M65 P0")?;
-        self.answer("0")?;
-        self.answered(ANSWER, interrupt)?;
+        self.request_answer("0")?;
+        self.wait_for_answer(ANSWER, interrupt)?;
         let offset = self.position("pos_offset")?;
         if offset != [0; 6] {
             let text = format!("LinuxCNC has a work offset of {:?} mm", offset.map(|v| v as f64 / 1e6));
@@ -356,8 +362,8 @@ impl Stage for LinuxCnc {
     fn card_is_idle(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
         self.interrupt = interrupt.clone();
         self.mdi(&format!("M66 P0 L3 Q{}", RISE.as_secs()))?;
-        self.answer("#5399+1")?;
-        match self.answered(RISE + ANSWER, interrupt)? {
+        self.request_answer("#5399+1")?;
+        match self.wait_for_answer(RISE + ANSWER, interrupt)? {
             0 => Ok(()),
             _ => Err(busy("BUSY of the scan card is on before START")),
         }

@@ -19,7 +19,8 @@ impl fmt::Display for Move {
     /// The move as words of a program, with all six decimals: `X-1.000000 Y2.500000`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, &(letter, value)) in self.0.iter().enumerate() {
-            let (space, sign) = (if i > 0 { " " } else { "" }, if value < 0 { "-" } else { "" });
+            let space = if i > 0 { " " } else { "" };
+            let sign = if value < 0 { "-" } else { "" };
             let size = value.unsigned_abs();
             write!(f, "{space}{letter}{sign}{}.{:06}", size / 1_000_000, size % 1_000_000)?;
         }
@@ -35,7 +36,7 @@ pub(super) fn no_handshake() -> Diag {
 
 /// A stage and its control.
 pub trait Stage {
-    /// Connects, and makes sure that the control is ready: no alarm, homed, output off. Never moves. Answers with what
+    /// Connects, and makes sure that the control is ready: no alarm, homed, output off. Never moves. Returns what
     /// the control says that it is, for the log.
     ///
     /// # Errors

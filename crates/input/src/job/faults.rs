@@ -82,7 +82,8 @@ impl<'a> Faults<'a> {
 
     /// A fault at a place of the text.
     pub(super) fn push_at(&mut self, span: std::ops::Range<usize>, fault: Diag) {
-        let (path, source) = (self.path.display().to_string(), self.source.clone());
+        let path = self.path.display().to_string();
+        let source = self.source.clone();
         self.list.push(fault.at(Place::Text { path, source, span }));
     }
 

@@ -34,12 +34,17 @@ impl Passes {
     /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
     /// sections' `pitch` and a multiple of `grain`.
     pub fn grid_shift(&self, PassId(k): PassId, pitch: [Nm; 2], grain: Nm) -> [Nm; 2] {
-        let shift = |pitch: Nm| match self.shift {
+        pitch.map(|pitch| grain * (self.shift_of_pass(k, pitch) / grain))
+    }
+
+    /// The shift in pass `k` of a grid of this pitch, less than the pitch.
+    fn shift_of_pass(&self, k: u32, pitch: Nm) -> Nm {
+        match self.shift {
             Some(Nm(shift)) => Nm((i128::from(shift) * i128::from(k) % i128::from(pitch.0.max(1))) as i64),
             None => Nm((pitch.f64() * Self::share(k)) as i64),
-        };
-        pitch.map(|pitch| grain * (shift(pitch) / grain))
+        }
     }
+
     /// By how much levels lie lower in pass `k` than in the first, nm.
     pub fn level_shift_nm(&self, PassId(k): PassId, depth: Nm) -> f64 {
         if self.shift == Some(Nm(0)) { 0.0 } else { depth.f64() * Self::share(k) }

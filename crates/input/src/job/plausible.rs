@@ -46,7 +46,8 @@ impl Job {
 
     /// A depth range that is far beyond the depth of focus of the optics, or far below it.
     fn depth(&self, machine: &Machine) -> Option<Diag> {
-        let (depth, optics) = (self.focus.rule.range(self.focus.pdof).mm(), machine.depth_of_focus_mm());
+        let depth = self.focus.rule.range(self.focus.pdof).mm();
+        let optics = machine.depth_of_focus_mm();
         let depths = depth / optics;
         if (ODD_DEPTHS..=MOST_DEPTHS).contains(&depths) {
             return None;
@@ -97,21 +98,19 @@ impl Job {
         let spot = machine.lens.spot.as_mm();
         let field = machine.usable_field().map(|side| side.mm()).into_iter().fold(0.0, f64::max);
         self.textures.iter().enumerate().filter_map(move |(i, texture)| {
-            let at = |text: String| {
-                let place = self.place_of(&format!("texture.{i}.pitch"));
-                Some(Diag::warning("pitch-large", text).at(place))
-            };
+            let warning =
+                |text: String| Diag::warning("pitch-large", text).at(self.place_of(&format!("texture.{i}.pitch")));
             if let Some(pitch) = texture.kind.fill_pitch_mm().filter(|&pitch| pitch > MOST_PITCH * spot) {
                 let text = format!(
                     "areas are filled by lines {pitch} mm apart, which a spot of {spot} mm covers to {:.2} %: they look like \
                      separate lines",
                     100.0 * spot / pitch
                 );
-                return at(text).map(|d| d.hint("check its unit; without it the lines are half a spot apart"));
+                return Some(warning(text).hint("check its unit; without it the lines are half a spot apart"));
             }
             let pitch = texture.kind.texture_pitch_mm().filter(|&pitch| pitch > field)?;
-            at(format!("lines {pitch} mm apart are farther from each other than the field is wide ({field} mm)"))
-                .map(|d| d.hint("check its unit"))
+            let text = format!("lines {pitch} mm apart are farther from each other than the field is wide ({field} mm)");
+            Some(warning(text).hint("check its unit"))
         })
     }
 }

@@ -21,27 +21,30 @@ const KEYS: &str =
 
 /// The tables of a job file.
 const TABLES: [TableKey; 14] = {
-    const fn one(name: &'static str) -> TableKey {
+    const fn optional(name: &'static str) -> TableKey {
         TableKey { name, is_list: false, needed: None }
     }
-    const fn needed(name: &'static str, is_list: bool, hint: &'static str) -> TableKey {
-        TableKey { name, is_list, needed: Some(hint) }
+    const fn needed(name: &'static str, hint: &'static str) -> TableKey {
+        TableKey { name, is_list: false, needed: Some(hint) }
+    }
+    const fn needed_list(name: &'static str, hint: &'static str) -> TableKey {
+        TableKey { name, is_list: true, needed: Some(hint) }
     }
     [
-        needed("surface", false, "add [surface] with the file of the part and its unit"),
-        one("surface.heightmap"),
-        one("placement"),
-        needed("texture", true, "add a [[texture]] with pattern, file or curves: what is marked"),
-        needed("focus", false, "add [focus] with pdof = \"0.07 mm\", measured on your process"),
-        one("partition"),
-        one("order"),
-        one("passes"),
-        one("setups"),
-        one("limits"),
-        one("dose"),
-        needed("machine", false, "add [machine] with profile = \"xyz-galvo-40\", or file = \"machine.toml\""),
-        needed("pen", true, "add a [[pen]] at the end of the file, with its name, speed, power and frequency"),
-        one("emit"),
+        needed("surface", "add [surface] with the file of the part and its unit"),
+        optional("surface.heightmap"),
+        optional("placement"),
+        needed_list("texture", "add a [[texture]] with pattern, file or curves: what is marked"),
+        needed("focus", "add [focus] with pdof = \"0.07 mm\", measured on your process"),
+        optional("partition"),
+        optional("order"),
+        optional("passes"),
+        optional("setups"),
+        optional("limits"),
+        optional("dose"),
+        needed("machine", "add [machine] with profile = \"xyz-galvo-40\", or file = \"machine.toml\""),
+        needed_list("pen", "add a [[pen]] at the end of the file, with its name, speed, power and frequency"),
+        optional("emit"),
     ]
 };
 
@@ -68,7 +71,7 @@ pub fn read_text(path: &Path, from: &mut dyn Read) -> Result<String, Error> {
 /// Reads the text of the job file at `path`.
 ///
 /// # Errors
-/// As [`read_text`]; `not-a-job` for a folder, and for a file whose name says that it is something else.
+/// Those of [`read_text`]; `not-a-job` for a folder, and for a file whose name says that it is something else.
 pub fn read_file(path: &Path) -> Result<String, Error> {
     if let Some(fault) = not_a_job::by_name(path) {
         return Err(fault.into());
@@ -89,7 +92,7 @@ impl Job {
     /// Resolves the text of a job file that lies, or would lie, at `path`.
     ///
     /// # Errors
-    /// As [`Job::load`].
+    /// Those of [`Job::load`].
     pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
         if let Some(fault) = not_a_job::by_keys(path, &source) {

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::faults::Faults;
 use super::file::{
-    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, MarkPower, Mode, NonManifold, Parts, PassesKeys, PenKeys,
-    PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    FocusKeys, HeightmapKeys, JobFile, Level, LimitsKeys, MachineKeys, MarkPower, Mode, NonManifold, Parts, PassesKeys,
+    PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::partition::{self, Method};
 use super::passes::Passes;
@@ -86,28 +86,15 @@ pub(super) fn resolve(
         partition.objective = objective;
     }
     let machine = machine(&file.machine, f);
-    if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
-        let text = format!(
-            "limits.max_incidence is {} deg: it must be at least 0 and below 90 deg",
-            file.limits.max_incidence.as_deg()
-        );
-        f.push("limits.max_incidence", Diag::input("limits-incidence", text));
-    }
-    if !(0.0..=100.0).contains(&file.limits.max_off_part.as_percent()) {
-        let text = "limits.max_off_part is not between 0 % and 100 %";
-        f.push("limits.max_off_part", Diag::input("limits-share", text));
-    }
+    let limits = limits(&file.limits, f);
     let passes = passes(&file.passes, focus.depth, f);
     let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
     dose(file, f);
     let formats = formats(file, mode, f);
     let frames = frames(file, f);
-    // A file for on-the-fly jobs may be compiled stepped by --mode: then its emit.power is no fault.
-    if mode == Mode::OnTheFly {
-        on_the_fly(file, f);
-    } else if file.mode == Mode::Stepped && file.emit.power == MarkPower::Speed {
-        let fault = Diag::input("emit-power", "emit.power = \"speed\" is for jobs that are marked on the fly");
-        f.push("emit.power", fault.hint("leave it out: no file of a stepped job changes the power within a line"));
+    match mode {
+        Mode::OnTheFly => on_the_fly(file, f),
+        Mode::Stepped => stepped(file, f),
     }
     unused::warn(file, mode, f);
     let Faults { list, warnings, .. } = faults;
@@ -132,13 +119,7 @@ pub(super) fn resolve(
         order: Order { stops: file.order.stops, strokes: file.order.strokes },
         passes,
         setups,
-        limits: Limits {
-            warn_incidence: file.limits.warn_incidence,
-            max_incidence: file.limits.max_incidence,
-            steep: file.limits.steep,
-            max_off_part: file.limits.max_off_part,
-            implausible: file.limits.implausible,
-        },
+        limits,
         dose: file.dose,
         machine,
         pens,
@@ -152,14 +133,42 @@ pub(super) fn resolve(
     })
 }
 
+/// The surface file, and how it is to be read.
 fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
-    let scale = |h: &HeightmapKeys| surface::Scale {
-        pixel_mm: h.pixel.as_mm(),
-        z_mm: h.z.map(Length::as_mm),
-        values: h.values,
-        nodata: h.nodata,
-        origin_mm: h.origin.map(Length::as_mm),
-    };
+    check_surface_keys(keys, f);
+    SurfaceInput {
+        file: keys.file.clone(),
+        options: surface::Options {
+            unit_mm: keys.unit.map(|u| u.in_mm()),
+            datum: keys.datum,
+            scale: keys.scale,
+            heightmap: keys.heightmap.as_ref().map(heightmap_scale),
+            max_edge_mm: keys.max_edge.map(Length::as_mm),
+            tessellation: None,
+            pose: None,
+        },
+        weld: f.nm("surface.weld", keys.weld),
+        non_manifold: match keys.non_manifold {
+            NonManifold::Refuse => surface::NonManifold::Refuse,
+            NonManifold::Topmost => surface::NonManifold::Topmost,
+        },
+        tessellation: keys.tessellation,
+    }
+}
+
+/// The scale of a height map.
+fn heightmap_scale(keys: &HeightmapKeys) -> surface::Scale {
+    surface::Scale {
+        pixel_mm: keys.pixel.as_mm(),
+        z_mm: keys.z.map(Length::as_mm),
+        values: keys.values,
+        nodata: keys.nodata,
+        origin_mm: keys.origin.map(Length::as_mm),
+    }
+}
+
+/// Keys of the surface that do not go with its file, or have no possible value.
+fn check_surface_keys(keys: &SurfaceKeys, f: &mut Faults<'_>) {
     if keys.unit.is_some() && surface::is_cad(&keys.file) {
         let fault =
             Diag::input("surface-unit-stated", "surface.unit is stated, but STEP and IGES files state their own unit");
@@ -183,24 +192,6 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
         let fault = Diag::input("surface-datum", "surface.datum is not finite");
         f.push("surface.datum", fault.hint("give the place of the part's origin in the numbers of the file"));
     }
-    SurfaceInput {
-        file: keys.file.clone(),
-        options: surface::Options {
-            unit_mm: keys.unit.map(|u| u.in_mm()),
-            datum: keys.datum,
-            scale: keys.scale,
-            heightmap: keys.heightmap.as_ref().map(scale),
-            max_edge_mm: keys.max_edge.map(Length::as_mm),
-            tessellation: None,
-            pose: None,
-        },
-        weld: f.nm("surface.weld", keys.weld),
-        non_manifold: match keys.non_manifold {
-            NonManifold::Refuse => surface::NonManifold::Refuse,
-            NonManifold::Topmost => surface::NonManifold::Topmost,
-        },
-        tessellation: keys.tessellation,
-    }
 }
 
 /// How the part is laid, if the file says so.
@@ -210,9 +201,9 @@ fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Laid> {
         ("up", keys.up.map(Laid::Up)),
         ("level", keys.level.map(Laid::Level)),
     ];
-    let mut given = ways.into_iter().filter_map(|(key, way)| Some((key, way?)));
-    let (key, way) = given.next()?;
-    if let Some((other, _)) = given.next() {
+    let mut stated = ways.into_iter().filter_map(|(key, way)| Some((key, way?)));
+    let (key, way) = stated.next()?;
+    if let Some((other, _)) = stated.next() {
         let fault = Diag::input("placement-laid", format!("placement has both {key} and {other}"));
         f.push(&format!("placement.{other}"), fault.hint("keep the one that says how the part is laid"));
     }
@@ -249,6 +240,7 @@ fn check_stated_errors(file: &JobFile, f: &mut Faults<'_>) {
     }
 }
 
+/// Depth of focus, reserve and focal planes.
 fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
     let (key, pdof) = match (keys.pdof, keys.dof) {
         (Some(pdof), dof) => {
@@ -272,7 +264,7 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
     if keys.factor.is_some_and(|factor| !factor.is_finite() || factor <= 0.0) {
         f.push("focus.factor", Diag::input("focus-factor", "focus.factor must be above zero"));
         is_sound = false;
-    } else if !(1e-4..=1000.0).contains(&pdof.as_mm()) {
+    } else if !DEPTHS_MM.contains(&pdof.as_mm()) {
         f.push(
             key,
             Diag::input("focus-range", format!("the depth of focus comes to {pdof}"))
@@ -291,6 +283,9 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
     }
     Focus { pdof, reserve, depth: keys.rule.range(pdof - reserve), rule: keys.rule, level: keys.level, is_kept: false }
 }
+
+/// Depths of focus that a job may have, mm: from the tenth of a micrometre to a metre, as the hint says.
+const DEPTHS_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.0;
 
 /// Range of `focus.factor` in Cao and Zhu (2013), step 1: PDOF = 0.8 to 1.2 DOF.
 const FACTORS: std::ops::RangeInclusive<f64> = 0.8..=1.2;
@@ -311,6 +306,7 @@ fn factor_warnings(keys: &FocusKeys, f: &mut Faults<'_>) {
     }
 }
 
+/// The pens.
 fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
     if keys.is_empty() {
         f.push("pen", Diag::input("pen-none", "the job has no [[pen]]"));
@@ -319,42 +315,54 @@ fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
         let text = format!("the job has {} pens, more than {MAX_PENS}", keys.len());
         f.push("pen", Diag::input("pen-many", text));
     }
+    // Each name is compared with all before it: of too many pens the rest is not looked at.
     for (i, pen) in keys.iter().take(MAX_PENS).enumerate() {
-        if keys[..i].iter().any(|p| p.name == pen.name) {
-            f.push(&format!("pen.{i}.name"), Diag::input("pen-twice", format!("two pens are named {:?}", pen.name)));
-        }
-        if pen.name.starts_with('-') {
-            let text = format!("pen name {:?} begins with -, which spreadsheets take for a formula", pen.name);
-            f.push(&format!("pen.{i}.name"), Diag::input("pen-name", text).hint("begin it with a letter or a digit"));
-        }
-        if !pen.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || pen.name.is_empty() {
-            let text = format!("pen name {:?} holds something other than letters, digits, - and _", pen.name);
-            f.push(&format!("pen.{i}.name"), Diag::input("pen-name", text));
-        }
+        check_pen_name(i, keys, f);
         if !(1..=1000).contains(&pen.passes) {
             let text = format!("pen {:?} has {} passes", pen.name, pen.passes);
             f.push(&format!("pen.{i}.passes"), Diag::input("pen-passes", text).hint("1 to 1000 are possible"));
         }
     }
     for (i, pen) in keys.iter().enumerate() {
-        dwell_faults(i, pen, f);
+        check_dwell(i, pen, f);
     }
-    let pen = |p: &PenKeys| Pen {
-        name: p.name.clone(),
-        speed: p.speed,
-        power: p.power,
-        frequency: p.frequency,
-        passes: p.passes,
-        dwell: p.dwell.or(p.pulses.map(|n| Time::s(f64::from(n) / (p.frequency.as_khz() * 1e3)))),
-    };
     keys.iter().map(pen).collect()
+}
+
+/// One pen; dots that are stated in pulses take as long as these.
+fn pen(keys: &PenKeys) -> Pen {
+    Pen {
+        name: keys.name.clone(),
+        speed: keys.speed,
+        power: keys.power,
+        frequency: keys.frequency,
+        passes: keys.passes,
+        dwell: keys.dwell.or(keys.pulses.map(|n| Time::s(f64::from(n) / (keys.frequency.as_khz() * 1e3)))),
+    }
+}
+
+/// What is wrong with the name of pen `i`.
+fn check_pen_name(i: usize, pens: &[PenKeys], f: &mut Faults<'_>) {
+    let name = &pens[i].name;
+    let key = format!("pen.{i}.name");
+    if pens[..i].iter().any(|other| other.name == *name) {
+        f.push(&key, Diag::input("pen-twice", format!("two pens are named {name:?}")));
+    }
+    if name.starts_with('-') {
+        let text = format!("pen name {name:?} begins with -, which spreadsheets take for a formula");
+        f.push(&key, Diag::input("pen-name", text).hint("begin it with a letter or a digit"));
+    }
+    if !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || name.is_empty() {
+        let text = format!("pen name {name:?} holds something other than letters, digits, - and _");
+        f.push(&key, Diag::input("pen-name", text));
+    }
 }
 
 /// Longest dwell of a dot, s: a metre of dots would take days.
 const LONGEST_DWELL: f64 = 10.0;
 
 /// What is wrong with how long a pen marks a dot.
-fn dwell_faults(i: usize, pen: &PenKeys, f: &mut Faults<'_>) {
+fn check_dwell(i: usize, pen: &PenKeys, f: &mut Faults<'_>) {
     if pen.dwell.is_some() && pen.pulses.is_some() {
         let text = format!("pen {:?} has both dwell and pulses", pen.name);
         f.push(&format!("pen.{i}.pulses"), Diag::input("pen-dwell", text).hint("keep one of them"));
@@ -368,6 +376,7 @@ fn dwell_faults(i: usize, pen: &PenKeys, f: &mut Faults<'_>) {
     }
 }
 
+/// Where the machine is described.
 fn machine(keys: &MachineKeys, f: &mut Faults<'_>) -> Option<MachineInput> {
     match (&keys.profile, &keys.file) {
         (Some(_), Some(_)) => {
@@ -388,6 +397,27 @@ fn machine(keys: &MachineKeys, f: &mut Faults<'_>) -> Option<MachineInput> {
     }
 }
 
+/// What is skipped, and what causes a warning.
+fn limits(keys: &LimitsKeys, f: &mut Faults<'_>) -> Limits {
+    let max_deg = keys.max_incidence.as_deg();
+    if !(0.0..90.0).contains(&max_deg) {
+        let text = format!("limits.max_incidence is {max_deg} deg: it must be at least 0 and below 90 deg");
+        f.push("limits.max_incidence", Diag::input("limits-incidence", text));
+    }
+    if !(0.0..=100.0).contains(&keys.max_off_part.as_percent()) {
+        let text = "limits.max_off_part is not between 0 % and 100 %";
+        f.push("limits.max_off_part", Diag::input("limits-share", text));
+    }
+    Limits {
+        warn_incidence: keys.warn_incidence,
+        max_incidence: keys.max_incidence,
+        steep: keys.steep,
+        max_off_part: keys.max_off_part,
+        implausible: keys.implausible,
+    }
+}
+
+/// The passes; `depth` is the depth range of a block.
 fn passes(keys: &PassesKeys, depth: Nm, f: &mut Faults<'_>) -> Passes {
     if !(1..=MAX_PASSES).contains(&keys.count) {
         f.push(
@@ -408,6 +438,7 @@ fn passes(keys: &PassesKeys, depth: Nm, f: &mut Faults<'_>) -> Passes {
     Passes { count: keys.count, rotate: keys.rotate, lower, shift: f.nm_option("passes.shift", keys.shift) }
 }
 
+/// The set-ups.
 fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
     let count = [("columns", keys.columns), ("rows", keys.rows)].map(|(name, parts)| match parts {
         Parts::Named(_) => None,
@@ -420,7 +451,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
             Some(n)
         }
     });
-    let far = keys.registration.iter().flatten().any(|length| length.as_nm().is_none());
+    let is_far = keys.registration.iter().flatten().any(|length| length.as_nm().is_none());
     let points: Vec<P2> = keys
         .registration
         .iter()
@@ -429,7 +460,8 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
         .collect();
     let fault = if points.len() < 2 {
         Some("setups.registration has fewer than two points")
-    } else if !far && (1..points.len()).any(|i| points[..i].contains(&points[i])) {
+    // Points that are too far away are all put at one place, and have a fault already.
+    } else if !is_far && (1..points.len()).any(|i| points[..i].contains(&points[i])) {
         Some("two points of setups.registration are the same")
     } else {
         None
@@ -455,6 +487,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
     Setups { count, registration: points }
 }
 
+/// Checks the keys of dose compensation.
 fn dose(file: &JobFile, f: &mut Faults<'_>) {
     let Some(dose) = &file.dose else { return };
     if !(1.01..=10.0).contains(&dose.cap) {
@@ -465,44 +498,59 @@ fn dose(file: &JobFile, f: &mut Faults<'_>) {
     }
 }
 
+/// The formats that are written, each once.
 fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
-    let key = "emit.formats";
     let Some(formats) = &file.emit.formats else {
-        let possible = |format: &&Format| file.setups.is_none() || format.allows_setups();
-        return default_formats(mode).iter().filter(possible).copied().collect();
+        let allows_setups = |format: &&Format| file.setups.is_none() || format.allows_setups();
+        return default_formats(mode).iter().filter(allows_setups).copied().collect();
     };
     if formats.is_empty() {
         f.push(
-            key,
+            FORMATS_KEY,
             Diag::input("emit-none", "emit.formats is empty").hint("name at least one format, such as \"dxf\""),
         );
     }
     let mut formats = formats.clone();
     formats.sort_unstable();
     formats.dedup();
-    let possible = |fits: &dyn Fn(Format) -> bool| names(Format::all().filter(|&f| holds(f, mode) && fits(f)));
     if mode != file.mode {
-        // The job file is of the other mode: keys that only the other mode has are not faults.
-        let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|&&f| holds(f, mode));
-        formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
-        if !left.is_empty() {
-            let list = |formats: &[Format]| names(formats.iter().copied());
-            let text = format!("emit.formats {} cannot be written for {} jobs", list(&left), mode.name());
-            f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats of this job: {}", list(&formats))));
-        }
+        formats = formats_of_other_mode(&formats, mode, f);
     }
     for &format in &formats {
-        if !holds(format, mode) {
-            let text = format!("{:?} cannot be written for {} jobs", format.name(), mode.name());
-            let hint = format!("leave it out; formats for this mode: {}", possible(&|_| true));
-            f.push(key, Diag::input("emit-mode", text).hint(hint));
-        } else if file.setups.is_some() && !format.allows_setups() {
-            let text = format!("{:?} has no stop between set-ups, at which the part could be moved", format.name());
-            let hint = format!("leave it out; formats that stop between set-ups: {}", possible(&Format::allows_setups));
-            f.push(key, Diag::input("setups-format", text).hint(hint));
-        }
+        check_format(format, mode, file.setups.is_some(), f);
     }
     formats
+}
+
+/// The key that names formats.
+const FORMATS_KEY: &str = "emit.formats";
+
+/// The formats of a job file of the other mode: keys that only that mode has are not faults. Those that this mode
+/// cannot write are left out; where none is left they are the usual ones.
+fn formats_of_other_mode(formats: &[Format], mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
+    let (kept, left_out): (Vec<Format>, Vec<Format>) = formats.iter().partition(|&&format| holds(format, mode));
+    let formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
+    if !left_out.is_empty() {
+        let text = format!("emit.formats {} cannot be written for {} jobs", names(left_out), mode.name());
+        let hint = format!("formats of this job: {}", names(formats.iter().copied()));
+        f.warn(FORMATS_KEY, Diag::warning("emit-mode", text).hint(hint));
+    }
+    formats
+}
+
+/// What is wrong with a format for jobs of this mode, with or without set-ups.
+fn check_format(format: Format, mode: Mode, has_setups: bool, f: &mut Faults<'_>) {
+    let of_mode = Format::all().filter(|&format| holds(format, mode));
+    if !holds(format, mode) {
+        let text = format!("{:?} cannot be written for {} jobs", format.name(), mode.name());
+        let hint = format!("leave it out; formats for this mode: {}", names(of_mode));
+        f.push(FORMATS_KEY, Diag::input("emit-mode", text).hint(hint));
+    } else if has_setups && !format.allows_setups() {
+        let text = format!("{:?} has no stop between set-ups, at which the part could be moved", format.name());
+        let stopping = names(of_mode.filter(|format| format.allows_setups()));
+        let hint = format!("leave it out; formats that stop between set-ups: {stopping}");
+        f.push(FORMATS_KEY, Diag::input("setups-format", text).hint(hint));
+    }
 }
 
 /// The pen of frames: one that marks nothing.
@@ -526,12 +574,21 @@ fn frames(file: &JobFile, f: &mut Faults<'_>) -> Option<PenId> {
     Some(PenId(pen as u16))
 }
 
+/// What stepped programs cannot do.
+fn stepped(file: &JobFile, f: &mut Faults<'_>) {
+    // A file for on-the-fly jobs may be compiled stepped by --mode: then its emit.power is no fault.
+    if file.mode == Mode::Stepped && file.emit.power == MarkPower::Speed {
+        let fault = Diag::input("emit-power", "emit.power = \"speed\" is for jobs that are marked on the fly");
+        f.push("emit.power", fault.hint("leave it out: no file of a stepped job changes the power within a line"));
+    }
+}
+
 /// What on-the-fly programs cannot do.
 fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
     let along_contours = file.texture.iter().position(TextureKeys::runs_along_contours);
     let along_contours = along_contours.map(|i| format!("texture.{i}.direction"));
     let repeated = file.pen.iter().position(|p| p.passes > 1).map(|i| format!("pen.{i}.passes"));
-    let asked = [
+    let impossible = [
         ((file.passes.count > 1).then(|| "passes.count".to_owned()), "several passes (passes.count)"),
         (file.setups.is_some().then(|| "setups".to_owned()), "set-ups ([setups])"),
         (file.dose.is_some().then(|| "dose".to_owned()), "dose compensation ([dose])"),
@@ -547,7 +604,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
         let text = format!("on-the-fly jobs have no stops, so these keys have no effect: {}", unused.join(", "));
         f.warn(first, Diag::warning("fly-unused", text).hint("leave them out, or compile a stepped job"));
     }
-    for (key, what) in asked {
+    for (key, what) in impossible {
         if let Some(key) = key {
             f.push(
                 &key,

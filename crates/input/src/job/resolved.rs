@@ -273,44 +273,48 @@ impl Job {
     /// their pitch; all else stays.
     pub fn textures_of_pass(&self, PassId(k): PassId) -> Vec<texture::Request> {
         let turned = f64::from(k) * self.passes.rotate.as_rad();
-        let of_pass = |t: &texture::Request| {
-            let kind = t.kind.clone().of_pass(turned, Passes::share(k));
-            texture::Request { kind, ..t.clone() }
-        };
-        self.textures.iter().map(of_pass).collect()
+        let mut textures = self.textures.clone();
+        for texture in &mut textures {
+            texture.kind = texture.kind.clone().of_pass(turned, Passes::share(k));
+        }
+        textures
     }
 
-    /// The same error; where a file that the job names cannot be read, the key that names it is the place.
+    /// The error with the key that names a file as its place, where it says that the file cannot be read.
     #[must_use]
     pub fn at_keys(&self, e: &Error) -> Error {
-        let drawing = |(i, t): (usize, &texture::Request)| {
-            let masks = t.masks.list().map(|(key, mask)| (key, &mask.drawing));
-            let named = std::iter::once(("file", &t.kind)).chain(masks).filter_map(|(key, kind)| match kind {
-                texture::Kind::Drawing { path, .. } => Some((format!("texture.{i}.{key}"), path.clone())),
-                texture::Kind::Curves { path, .. } => Some((format!("texture.{i}.curves"), path.clone())),
-                _ => None,
-            });
-            named.collect::<Vec<_>>()
-        };
+        let named_files = self.named_files();
+        Error::many(e.diags().iter().map(|d| self.at_key(d, &named_files)).collect())
+    }
+
+    /// The files that the job file names, as they can be opened, each with its key.
+    fn named_files(&self) -> Vec<(String, PathBuf)> {
         let machine = match &self.machine {
             MachineInput::File(file) => Some(("machine.file".to_owned(), self.relative(file))),
             MachineInput::Profile(_) => None,
         };
         let surface = Some(("surface.file".to_owned(), self.surface_path()));
-        let named: Vec<(String, PathBuf)> =
-            surface.into_iter().chain(machine).chain(self.textures.iter().enumerate().flat_map(drawing)).collect();
-        let at = |d: &Diag| {
-            let Place::File { path, line: None } = &d.place else { return d.clone() };
-            let key = named.iter().find(|(_, file)| d.code == "file-unreadable" && file.display().to_string() == *path);
-            key.map_or_else(
-                || d.clone(),
-                |(key, _)| {
-                    let hint = format!("{}; paths in a job file are relative to the job file", d.hint);
-                    d.clone().at(self.place_of(key)).hint(hint)
-                },
-            )
-        };
-        Error::many(e.diags().iter().map(at).collect())
+        let mut files: Vec<(String, PathBuf)> = surface.into_iter().chain(machine).collect();
+        for (i, texture) in self.textures.iter().enumerate() {
+            let masks = texture.masks.list().map(|(key, mask)| (key, &mask.drawing));
+            for (key, kind) in std::iter::once(("file", &texture.kind)).chain(masks) {
+                match kind {
+                    texture::Kind::Drawing { path, .. } => files.push((format!("texture.{i}.{key}"), path.clone())),
+                    texture::Kind::Curves { path, .. } => files.push((format!("texture.{i}.curves"), path.clone())),
+                    _ => {}
+                }
+            }
+        }
+        files
+    }
+
+    /// A diagnostic with its key as its place, where it is about one of these files that cannot be read.
+    fn at_key(&self, d: &Diag, named_files: &[(String, PathBuf)]) -> Diag {
+        let Place::File { path, line: None } = &d.place else { return d.clone() };
+        let is_of = |file: &Path| d.code == "file-unreadable" && file.display().to_string() == *path;
+        let Some((key, _)) = named_files.iter().find(|(_, file)| is_of(file)) else { return d.clone() };
+        let hint = format!("{}; paths in a job file are relative to the job file", d.hint);
+        d.clone().at(self.place_of(key)).hint(hint)
     }
 
     /// The place of a key of the machine file, such as `delays.jump`; of a built-in machine its name in the job file.

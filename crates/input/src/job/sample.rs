@@ -18,11 +18,6 @@ pub const SCHEMA_NAME: &str = "job.schema.json";
 /// A gently curved 60 x 50 mm panel as binary STL in mm: z = 1.2 - (x/60)² - 0.8 (y/50)² + 0.15 sin(x/9).
 pub fn sample_surface() -> Vec<u8> {
     let (nx, ny) = (60u32, 50u32);
-    let point = |i: u32, j: u32| -> [f32; 3] {
-        let (x, y) = (f64::from(i) - 30.0, f64::from(j) - 25.0);
-        let z = 1.2 - (x / 60.0).powi(2) - 0.8 * (y / 50.0).powi(2) + 0.15 * (x / 9.0).sin();
-        [x as f32, y as f32, z as f32]
-    };
     let mut out = Vec::with_capacity(84 + (2 * nx * ny * 50) as usize);
     let mut header = [b' '; 80];
     header[..20].copy_from_slice(b"terrace sample panel");
@@ -30,7 +25,8 @@ pub fn sample_surface() -> Vec<u8> {
     out.extend_from_slice(&(2 * nx * ny).to_le_bytes());
     for j in 0..ny {
         for i in 0..nx {
-            let (a, b, c, d) = (point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1));
+            let (a, b, c, d) =
+                (sample_node(i, j), sample_node(i + 1, j), sample_node(i + 1, j + 1), sample_node(i, j + 1));
             for facet in [[a, b, c], [a, c, d]] {
                 // The normal may be left zero: readers derive it from the corners.
                 out.extend_from_slice(&[0; 12]);
@@ -42,4 +38,11 @@ pub fn sample_surface() -> Vec<u8> {
         }
     }
     out
+}
+
+/// Node (i, j) of the panel, whose cells are 1 mm wide.
+fn sample_node(i: u32, j: u32) -> [f32; 3] {
+    let (x, y) = (f64::from(i) - 30.0, f64::from(j) - 25.0);
+    let z = 1.2 - (x / 60.0).powi(2) - 0.8 * (y / 50.0).powi(2) + 0.15 * (x / 9.0).sin();
+    [x as f32, y as f32, z as f32]
 }

@@ -96,23 +96,33 @@ fn range(lo: &str, hi: &str) -> Result<Vec<KeyValue>, String> {
         None => (hi, STEPS),
     };
     let end = hi.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '-' | '+'))).unwrap_or(hi.len());
-    let (last, unit) = (&hi[..end], hi[end..].trim());
-    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| format!("{text:?} is not a number"));
+    let last = &hi[..end];
+    let unit = hi[end..].trim();
     // The unit may stand behind both ends.
-    let (from, to) = (number(lo.strip_suffix(unit).unwrap_or(lo))?, number(last)?);
+    let from = number(lo.strip_suffix(unit).unwrap_or(lo))?;
+    let to = number(last)?;
     if !(2..=MOST_VALUES).contains(&count) {
         return Err(format!("a range has 2 to {MOST_VALUES} values, not {count}"));
     }
-    let at = |i: usize| {
-        let exact = from + (to - from) * i as f64 / (count - 1) as f64;
-        let rounded = (exact * 1e6).round() / 1e6;
-        KeyValue(if unit.is_empty() { value(&rounded.to_string()) } else { Value::String(format!("{rounded} {unit}")) })
-    };
-    Ok((0..count).map(at).collect())
+    let step = |i: usize| from + (to - from) * i as f64 / (count - 1) as f64;
+    Ok((0..count).map(|i| rounded(step(i), unit)).collect())
 }
 
+/// An end of a range.
+fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse().map_err(|_| format!("{text:?} is not a number"))
+}
+
+/// A value of a range, to six decimals: without the noise of its division.
+fn rounded(v: f64, unit: &str) -> KeyValue {
+    let rounded = (v * 1e6).round() / 1e6;
+    KeyValue(if unit.is_empty() { value(&rounded.to_string()) } else { Value::String(format!("{rounded} {unit}")) })
+}
+
+/// Sets a key in a table of a job file.
 fn set(keys: &mut Table, key: &str, value: Value) -> Result<(), String> {
     let mut words = key.split('.').peekable();
+    // The value that the words before lead to.
     let mut at: &mut Value = match words.next() {
         Some(first) if words.peek().is_some() => keys.entry(first).or_insert_with(|| Value::Table(Table::new())),
         _ => return Err("it is not inside a table".into()),
@@ -153,12 +163,21 @@ pub struct KnownKey {
     pub takes_others: bool,
 }
 
+impl KnownKey {
+    /// Adds a value with a name, once.
+    fn add_name(&mut self, name: &str) {
+        if !self.names.iter().any(|other| other == name) {
+            self.names.push(name.to_owned());
+        }
+    }
+}
+
 /// All keys of a job file that stand in a table.
 pub fn known_keys() -> Vec<KnownKey> {
     let schema: serde_json::Value = serde_json::from_str(&super::json_schema()).expect("a schema is JSON");
-    let mut all = Vec::new();
-    keys_of(&schema, &schema, "", &mut all);
-    all
+    let mut keys = Vec::new();
+    keys_of(&schema, &schema, "", &mut keys);
+    keys
 }
 
 /// Keys of a job file that may have been meant by one that has no place: those of that last word, or those that differ
@@ -197,19 +216,14 @@ fn keys_of(schema: &serde_json::Value, at: &serde_json::Value, around: &str, out
 
 /// Adds the values that `at` allows.
 fn values_of(schema: &serde_json::Value, at: &serde_json::Value, known: &mut KnownKey) {
-    let mut named = |name: &str| {
-        if !known.names.iter().any(|other| other == name) {
-            known.names.push(name.to_owned());
-        }
-    };
     if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
         values_of(schema, &schema["$defs"][name], known);
     } else if let Some(name) = at["const"].as_str() {
-        named(name);
+        known.add_name(name);
     } else if let Some(names) = at["enum"].as_array() {
-        names.iter().filter_map(|name| name.as_str()).for_each(named);
+        names.iter().filter_map(|name| name.as_str()).for_each(|name| known.add_name(name));
     } else if at["type"] == "boolean" {
-        ["true", "false"].into_iter().for_each(named);
+        ["true", "false"].into_iter().for_each(|name| known.add_name(name));
     } else if let Some(choices) = at["anyOf"].as_array().or_else(|| at["oneOf"].as_array()) {
         choices.iter().for_each(|choice| values_of(schema, choice, known));
     } else if at["type"] != "null" {

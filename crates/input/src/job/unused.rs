@@ -6,31 +6,32 @@ use std::path::Path;
 use super::faults::Faults;
 use super::file::{JobFile, Mode};
 use super::texture::keys::{SourceKeys, TextureKeys};
-use crate::surface::{self, format::Holds};
+use crate::surface::{self, format::SurfaceKind};
 use crate::texture::pattern::PatternKeys;
 use crate::texture::{FillMode, StrokeMode};
 use terrace_core::diag::Diag;
 
-/// Warns of them, once for what has one cause.
+/// Warns of keys without effect, once for what has one cause.
 pub(super) fn warn(file: &JobFile, mode: Mode, f: &mut Faults<'_>) {
     surface_keys(file, f);
     file.texture.iter().enumerate().for_each(|(i, texture)| texture_keys(i, texture, f));
-    // Those of jobs without stops and passes have a warning of their own.
+    // On-the-fly jobs have a warning of their own, in `resolve`.
     if mode == Mode::Stepped {
-        stepped(file, f);
+        pass_keys(file, f);
     }
 }
 
-/// Tells which of these keys have no effect, and why.
-fn tell(f: &mut Faults<'_>, keys: &[(String, bool)], why: &str, hint: &str) {
-    let given: Vec<&str> = keys.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key.as_str()).collect();
-    let Some(first) = given.first() else { return };
-    let verb = if given.len() == 1 { "has" } else { "have" };
-    let text = format!("{} {verb} no effect: {why}", given.join(", "));
+/// Warns of those of these keys that have no effect; each with whether it has none.
+fn warn_of(f: &mut Faults<'_>, keys: &[(String, bool)], why: &str, hint: &str) {
+    let unused: Vec<&str> = keys.iter().filter(|(_, is_unused)| *is_unused).map(|(key, _)| key.as_str()).collect();
+    let Some(first) = unused.first() else { return };
+    let verb = if unused.len() == 1 { "has" } else { "have" };
+    let text = format!("{} {verb} no effect: {why}", unused.join(", "));
     f.warn(first, Diag::warning("key-unused", text).hint(hint));
 }
 
-fn stepped(file: &JobFile, f: &mut Faults<'_>) {
+/// Keys of passes.
+fn pass_keys(file: &JobFile, f: &mut Faults<'_>) {
     let passes = &file.passes;
     let is_rotated = passes.rotate.as_deg() != 0.0;
     if passes.count == 1 {
@@ -39,58 +40,67 @@ fn stepped(file: &JobFile, f: &mut Faults<'_>) {
             ("passes.lower".into(), passes.lower.as_mm() > 0.0),
             ("passes.shift".into(), passes.shift.is_some()),
         ];
-        tell(f, &keys, "the job has one pass", "leave it out, or set passes.count");
+        warn_of(f, &keys, "the job has one pass", "leave it out, or set passes.count");
         return;
     }
-    let turns = |t: &TextureKeys| {
-        let is_lines = matches!(t.source, SourceKeys::Pattern(PatternKeys::Hatch(_)) | SourceKeys::File(_));
-        is_lines && !t.runs_along_contours()
-    };
-    let is_turned = file.texture.iter().any(turns);
+    let is_turned = file.texture.iter().any(has_straight_hatches);
     let why = "no texture has straight hatches, which alone turn from pass to pass";
-    tell(f, &[("passes.rotate".into(), is_rotated && !is_turned)], why, "leave it out");
+    warn_of(f, &[("passes.rotate".into(), is_rotated && !is_turned)], why, "leave it out");
 }
 
+/// Whether a texture may have straight hatches.
+fn has_straight_hatches(keys: &TextureKeys) -> bool {
+    let has_hatches = matches!(keys.source, SourceKeys::Pattern(PatternKeys::Hatch(_)) | SourceKeys::File(_));
+    has_hatches && !keys.runs_along_contours()
+}
+
+/// Keys of the surface that its file has no use for.
 fn surface_keys(file: &JobFile, f: &mut Faults<'_>) {
     let keys = &file.surface;
     let extension = extension(&keys.file);
     let holds = surface::format::of(&keys.file).map(|format| format.holds);
-    let [is_cloud, is_map] = [Holds::Points, Holds::HeightMap].map(|kind| holds == Some(kind));
+    let [is_cloud, is_map] = [SurfaceKind::Points, SurfaceKind::HeightMap].map(|kind| holds == Some(kind));
     let kind = format!("a .{extension} file");
-    tell(
+    warn_of(
         f,
         &[("surface.max_edge".into(), keys.max_edge.is_some() && !is_cloud)],
         &format!("{kind} is not triangulated from points"),
         "leave it out",
     );
-    tell(
+    warn_of(
         f,
         &[("surface.heightmap".into(), keys.heightmap.is_some() && !is_map && !is_cloud)],
         &format!("{kind} is not a height map"),
         "leave [surface.heightmap] out",
     );
-    let is_rotated = [keys_of_pose(file), file.placement.turn.as_rad() != 0.0].contains(&true);
+    let is_rotated = has_pose_keys(file) || file.placement.turn.as_rad() != 0.0;
     let mesh_keys = [
         ("surface.unit".into(), keys.unit.is_some() && is_map),
         ("surface.weld".into(), keys.weld.as_mm() > 0.0 && is_map && !is_rotated),
         ("surface.non_manifold".into(), f.is_given("surface.non_manifold") && is_map && !is_rotated),
     ];
-    tell(f, &mesh_keys, &format!("{kind} is a height map, whose scale [surface.heightmap] has"), "leave it out");
+    warn_of(f, &mesh_keys, &format!("{kind} is a height map, whose scale [surface.heightmap] has"), "leave it out");
 }
 
-/// Whether the part is laid: a height map then becomes a mesh.
-fn keys_of_pose(file: &JobFile) -> bool {
+/// Whether a key says how the part is laid: a height map then becomes a mesh.
+fn has_pose_keys(file: &JobFile) -> bool {
     let placement = &file.placement;
     placement.rotate.is_some() || placement.up.is_some() || placement.level.is_some()
 }
 
+/// Keys of texture `i`.
 fn texture_keys(i: usize, keys: &TextureKeys, f: &mut Faults<'_>) {
     let key = |name: &str| format!("texture.{i}.{name}");
     if let SourceKeys::Pattern(PatternKeys::Dots(dots)) = &keys.source
         && !dots.is_random()
     {
         let has_own = keys.common.seed.is_some() && keys.common.soft.is_none();
-        tell(f, &[(key("seed"), has_own)], "dots without jitter have no random places", "leave it out, or add jitter");
+        warn_of(
+            f,
+            &[(key("seed"), has_own)],
+            "dots without jitter have no random places",
+            "leave it out, or add jitter",
+        );
     }
     let Some(keys) = keys.drawing() else { return };
     // Wide strokes are hatched too, unless the job says otherwise.
@@ -110,7 +120,7 @@ fn texture_keys(i: usize, keys: &TextureKeys, f: &mut Faults<'_>) {
         Some(FillMode::Rings) if is_drawing => ("areas are filled by rings", lines.to_vec()),
         _ => return,
     };
-    tell(f, &unused, why, "leave it out, or use fill = \"hatch\"");
+    warn_of(f, &unused, why, "leave it out, or use fill = \"hatch\"");
 }
 
 fn extension(file: &Path) -> String {

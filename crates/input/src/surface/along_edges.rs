@@ -6,12 +6,21 @@
 
 use super::Surface;
 use super::mesh::{NONE, Vertex};
-use super::topmost::{Choice, Hit, Side, Span, push_gap, seal};
+use super::topmost::{FacetChoice, Hit, Incline, Side, Span, push_gap, seal};
 use super::walk::{Cursor, Line, ON_RIM};
 use terrace_core::geom::{P2, orient};
 
 /// Least length of a stretch along an edge, nm: at less the segment crosses it.
 const RUN: f64 = 100.0;
+
+/// A stretch of a line along an edge of a facet, within rounding.
+#[derive(Clone, Copy)]
+struct EdgeRun {
+    /// The edge, 0 to 2.
+    edge: usize,
+    /// Parameters of its ends.
+    t: [f64; 2],
+}
 
 impl Surface {
     /// Walks as [`Surface::walk`] does a segment that runs along edges: all facets under it are cut with it, each on
@@ -30,7 +39,7 @@ impl Surface {
         for &f in &cursor.facets {
             self.closed_along(&line, f, [t0, t1], &mut cursor.sheets.hits);
         }
-        cursor.sheets.take(t0, t1, &self.choice(&line, cursor.limit2()), out);
+        cursor.sheets.take(t0, t1, &self.facet_choice(&line, cursor.limit2()), out);
         push_gap(out, t1, 1.0, line.half_nm);
         seal(out);
         self.close_on_rims(&line, cursor, out);
@@ -45,49 +54,56 @@ impl Surface {
             return false;
         }
         let line = self.line(a, b);
-        edges.any(|k| self.run(&line, f, k, [span.t0, span.t1]).is_some())
+        edges.any(|k| self.edge_run(&line, f, k, [span.t0, span.t1]).is_some())
     }
 
     /// The stretch between two parameters on which the line runs along edge k of facet f, within rounding.
-    fn run(&self, line: &Line, f: u32, k: usize, [from, to]: [f64; 2]) -> Option<[f64; 2]> {
-        let [u, v] = [k, (k + 1) % 3].map(|k| self.corner(f, k).0);
+    fn edge_run(&self, line: &Line, f: u32, k: usize, [from, to]: [f64; 2]) -> Option<EdgeRun> {
+        let [u, v] = [k, (k + 1) % 3].map(|k| self.corner(f, k).vertex);
         // Most edges lie beside the line, or cross it at a larger angle than leaves them near it for so long.
         let off = [u, v].map(|c| line.side(c) * 2.0 * line.half_nm);
         let is_beside = off[0] * off[1] > 0.0 && off[0].abs().min(off[1].abs()) > ON_RIM;
         let length = (f64::from(v.x) - f64::from(u.x)).hypot(f64::from(v.y) - f64::from(u.y));
+        // An edge that crosses the line is within ON_RIM of it over 2 * ON_RIM * length / |off[0] - off[1]| of its
+        // length. Twice that is compared, since this only sorts out early; below, the stretch itself is measured.
         if is_beside || (off[0] - off[1]).abs() * RUN > 4.0 * ON_RIM * length {
             return None;
         }
         let [s, e] = [u, v].map(|c| line.parameter(c.x.into(), c.y.into()));
         let near = line.near(u, v);
         let run = [near[0].max(from).max(s.min(e)), near[1].min(to).min(s.max(e))];
-        (run[1] - run[0] > RUN * 2.0 * line.half_nm).then_some(run)
+        (run[1] - run[0] > RUN * 2.0 * line.half_nm).then_some(EdgeRun { edge: k, t: run })
     }
 
     /// What decides between facets along a line.
-    pub(super) fn choice(&self, line: &Line, limit2: f64) -> Choice<impl Fn(u32) -> (f64, f64)> {
+    pub(super) fn facet_choice(&self, line: &Line, limit2: f64) -> FacetChoice<impl Fn(u32) -> Incline> {
         let left = [-line.d[1], line.d[0]];
-        let look = move |f: u32| {
-            let [x, y, z] = self.normal(f);
-            (-(x * left[0] + y * left[1]) / z, self.slope2(f))
-        };
-        Choice { half_nm: line.half_nm, limit2, first: line.shifted_to(), look }
+        FacetChoice {
+            half_nm: line.half_nm,
+            limit2,
+            tie_side: line.shifted_to(),
+            incline: move |f: u32| self.incline(f, left),
+        }
+    }
+
+    /// How facet f lies to a line, given the direction to the left of the line.
+    fn incline(&self, f: u32, left: [f64; 2]) -> Incline {
+        let [x, y, z] = self.normal(f);
+        Incline { rise_left: -(x * left[0] + y * left[1]) / z, slope2: self.slope2(f) }
     }
 
     /// Adds the stretches of the line in the closed facet f: those along its edges as ones on the facet's side.
     fn closed_along(&self, line: &Line, f: u32, [from, to]: [f64; 2], hits: &mut Vec<Hit>) {
         let whole = self.closed(line, f, from, to);
-        let mut runs: Vec<(usize, [f64; 2])> =
-            (0..3).filter_map(|k| Some((k, self.run(line, f, k, [from, to])?))).collect();
-        runs.sort_by(|(_, p), (_, q)| (q[1] - q[0]).total_cmp(&(p[1] - p[0])));
+        let mut runs: Vec<EdgeRun> = (0..3).filter_map(|k| self.edge_run(line, f, k, [from, to])).collect();
+        runs.sort_by(|p, q| (q.t[1] - q.t[0]).total_cmp(&(p.t[1] - p.t[0])));
         // Where edges meet the longer one counts.
         for i in 1..runs.len() {
-            runs[i].1 = runs[..i].iter().fold(runs[i].1, |run, (_, longer)| beside(run, *longer));
+            runs[i].t = runs[..i].iter().fold(runs[i].t, |run, longer| beside(run, longer.t));
         }
-        let is_long = |[t0, t1]: [f64; 2]| t1 - t0 > line.half_nm * 1e-3;
-        runs.retain(|(_, run)| is_long(*run));
-        for &(k, [t0, t1]) in &runs {
-            let [u, v, opposite] = [0, 1, 2].map(|i| self.corner(f, (k + i) % 3).0);
+        runs.retain(|run| line.has_length(run.t[0], run.t[1]));
+        for &EdgeRun { edge, t: [t0, t1] } in &runs {
+            let [u, v, opposite] = [0, 1, 2].map(|i| self.corner(f, (edge + i) % 3).vertex);
             let z = |t: f64| u.z + (v.z - u.z) * line.share(u, v, t);
             let side = line.side_of_edge(u, v, opposite);
             hits.push(Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side });
@@ -97,11 +113,11 @@ impl Surface {
             return;
         }
         // A line that leaves an edge at a small angle continues in the facet.
-        runs.sort_by(|(_, p), (_, q)| p[0].total_cmp(&q[0]));
+        runs.sort_by(|p, q| p.t[0].total_cmp(&q.t[0]));
         let mut t = span.t0;
-        for [t0, t1] in runs.iter().map(|(_, run)| *run).chain([[span.t1; 2]]) {
+        for [t0, t1] in runs.iter().map(|run| run.t).chain([[span.t1; 2]]) {
             let end = t0.min(span.t1);
-            if is_long([t, end]) {
+            if line.has_length(t, end) {
                 hits.push(Hit { span: span.cut(t, end), side });
             }
             t = t.max(t1);

@@ -69,6 +69,7 @@ impl Bodies {
         self.facets.push(ids);
     }
 
+    /// The corner that stands for all that a corner is joined with; ways to it are halved.
     fn root(&mut self, mut id: u32) -> u32 {
         while self.joined[id as usize] != id {
             let up = self.joined[self.joined[id as usize] as usize];
@@ -88,44 +89,64 @@ impl Bodies {
                 *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
             }
         }
-        let mut found: FxHashMap<u32, (Body, Point, f64)> = FxHashMap::default();
+        let mut sums: FxHashMap<u32, BodySum> = FxHashMap::default();
         for f in &facets {
             let root = self.root(f[0]);
-            let empty = || {
-                let body = Body { facets: 0, bounds: BoxMm::EMPTY, open_edges: (0, None), is_solid: false };
-                (body, [0.0; 3], 0.0)
-            };
-            let (body, sum, area) = found.entry(root).or_insert_with(empty);
-            body.facets += 1;
-            let corners = f.map(|id| self.places[id as usize]);
-            corners.iter().for_each(|p| body.bounds.add(*p));
-            let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| corners[k][i] - corners[0][i]));
-            let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
-            *area += normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-            *sum = [0, 1, 2].map(|i| sum[i] + normal[i]);
+            let sum = sums.entry(root).or_default();
+            sum.add(f.map(|id| self.places[id as usize]));
             for k in 0..3 {
                 let (a, b) = (f[k], f[(k + 1) % 3]);
                 if edges[&[a.min(b), a.max(b)]] == 1 {
-                    let [a, b] = [a, b].map(|id| self.places[id as usize]);
-                    body.open_edges.0 += 1;
-                    body.open_edges.1.get_or_insert([0, 1, 2].map(|i| (a[i] + b[i]) / 2.0));
+                    sum.add_open_edge([a, b].map(|id| self.places[id as usize]));
                 }
             }
         }
-        let mut bodies: Vec<Body> = found
-            .into_values()
-            .map(|(body, sum, area)| {
-                // Both are doubled: only their ratio counts.
-                let net = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
-                Body { is_solid: net < OPEN_SHEET_SHARE * area, ..body }
-            })
-            .collect();
+        let mut bodies: Vec<Body> = sums.into_values().map(BodySum::body).collect();
         bodies.sort_by(|a, b| {
             // In an order that is not that of the hash map.
-            let low_corner = |body: &Body| body.bounds.lo;
-            b.facets.cmp(&a.facets).then_with(|| low_corner(a).partial_cmp(&low_corner(b)).expect("finite corners"))
+            let by_corner = || a.bounds.lo.partial_cmp(&b.bounds.lo).expect("finite corners");
+            b.facets.cmp(&a.facets).then_with(by_corner)
         });
         bodies
+    }
+}
+
+/// The facets of a body, summed up.
+struct BodySum {
+    facets: usize,
+    bounds: BoxMm<3>,
+    /// Twice the sum of the areas as vectors, and twice that of their sizes.
+    area_vector: Point,
+    area: f64,
+    open_edges: (usize, Option<Point>),
+}
+
+impl Default for BodySum {
+    fn default() -> Self {
+        Self { facets: 0, bounds: BoxMm::EMPTY, area_vector: [0.0; 3], area: 0.0, open_edges: (0, None) }
+    }
+}
+
+impl BodySum {
+    fn add(&mut self, corners: [Point; 3]) {
+        self.facets += 1;
+        corners.iter().for_each(|p| self.bounds.add(*p));
+        let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| corners[k][i] - corners[0][i]));
+        let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+        self.area += normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        self.area_vector = [0, 1, 2].map(|i| self.area_vector[i] + normal[i]);
+    }
+
+    fn add_open_edge(&mut self, [a, b]: [Point; 2]) {
+        self.open_edges.0 += 1;
+        self.open_edges.1.get_or_insert([0, 1, 2].map(|i| (a[i] + b[i]) / 2.0));
+    }
+
+    fn body(self) -> Body {
+        // Both are doubled: only their ratio counts.
+        let net = self.area_vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let is_solid = net < OPEN_SHEET_SHARE * self.area;
+        Body { facets: self.facets, bounds: self.bounds, open_edges: self.open_edges, is_solid }
     }
 }
 

@@ -69,17 +69,18 @@ fn soup(noise: &mut Random, count: usize, mut corner: impl FnMut(&mut Random) ->
 /// Facets that are 1 to 10 nm wide.
 fn needles(noise: &mut Random, [w, h]: [i64; 2], tall: i64) -> Vec<Facet> {
     let count = 1 + noise.below(12);
-    let one = |noise: &mut Random| {
-        let a = [noise.between(-w, w), noise.between(-h, h), noise.between(-tall, tall)];
-        let b = match noise.below(3) {
-            0 => [a[0] + noise.between(-w, w), a[1], noise.between(-tall, tall)],
-            1 => [a[0], a[1] + noise.between(-h, h), noise.between(-tall, tall)],
-            _ => [noise.between(-w, w), noise.between(-h, h), noise.between(-tall, tall)],
-        };
-        let near = if noise.chance(50) { a } else { b };
-        [a, b, [near[0] + noise.between(-10, 10), near[1] + noise.between(-10, 10), noise.between(-tall, tall)]]
+    (0..count).map(|_| needle(noise, [w, h], tall)).collect()
+}
+
+fn needle(noise: &mut Random, [w, h]: [i64; 2], tall: i64) -> Facet {
+    let a = [noise.between(-w, w), noise.between(-h, h), noise.between(-tall, tall)];
+    let b = match noise.below(3) {
+        0 => [a[0] + noise.between(-w, w), a[1], noise.between(-tall, tall)],
+        1 => [a[0], a[1] + noise.between(-h, h), noise.between(-tall, tall)],
+        _ => [noise.between(-w, w), noise.between(-h, h), noise.between(-tall, tall)],
     };
-    (0..count).map(|_| one(noise)).collect()
+    let near = if noise.chance(50) { a } else { b };
+    [a, b, [near[0] + noise.between(-10, 10), near[1] + noise.between(-10, 10), noise.between(-tall, tall)]]
 }
 
 /// Facets around one vertex.
@@ -194,9 +195,18 @@ fn place(noise: &mut Random, facets: &[Facet], surface: &Surface, last: P2) -> P
     if noise.chance(10) { P2::new(p.x + noise.between(-1, 1), p.y + noise.between(-1, 1)) } else { p }
 }
 
-/// What one facet says of a place: how far inside its border it lies (nm, negative outside), the
-/// height of its plane there, and how much the height may change within [`NEAR`].
-fn seen(f: &Facet, [x, y]: [f64; 2]) -> Option<(f64, f64, f64)> {
+/// What one facet says of a place.
+#[derive(Debug)]
+struct FacetView {
+    /// How far inside the facet's border it lies, nm; negative outside.
+    depth: f64,
+    /// The height of the facet's plane there.
+    z: f64,
+    /// How much the height may change within [`NEAR`].
+    tolerance: f64,
+}
+
+fn view(f: &Facet, [x, y]: [f64; 2]) -> Option<FacetView> {
     let o = f[0];
     let q = |c: Corner| [(c[0] - o[0]) as f64, (c[1] - o[1]) as f64, (c[2] - o[2]) as f64];
     let (b, c) = (q(f[1]), q(f[2]));
@@ -224,7 +234,8 @@ fn seen(f: &Facet, [x, y]: [f64; 2]) -> Option<(f64, f64, f64)> {
     let slope = (n[0] / area).hypot(n[1] / area);
     let z = -(n[0] * p[0] + n[1] * p[1]) / area;
     let (lo, hi) = (b[2].min(c[2]).min(0.0), b[2].max(c[2]).max(0.0));
-    Some((depth, z.clamp(lo, hi) + o[2] as f64, (slope * 2.0 * NEAR).min(hi - lo) + 1.0))
+    let tolerance = (slope * 2.0 * NEAR).min(hi - lo) + 1.0;
+    Some(FacetView { depth, z: z.clamp(lo, hi) + o[2] as f64, tolerance })
 }
 
 /// Holds the spans of one stroke against all facets.
@@ -261,8 +272,9 @@ fn judge(facets: &[Facet], a: P2, b: P2, spans: &[Span]) -> Result<(), String> {
         let t = (w[0] + w[1]) / 2.0;
         let Some(span) = spans.iter().find(|s| s.t0 < t && t < s.t1) else { continue };
         let p = at(t);
-        let views: Vec<_> = facets.iter().filter_map(|f| seen(f, p)).filter(|v| v.0 > -NEAR).collect();
-        let must = views.iter().filter(|v| v.0 > NEAR).map(|v| v.1 - v.2).fold(f64::NEG_INFINITY, f64::max);
+        let views: Vec<FacetView> = facets.iter().filter_map(|f| view(f, p)).filter(|v| v.depth > -NEAR).collect();
+        let inside = views.iter().filter(|v| v.depth > NEAR);
+        let must = inside.map(|v| v.z - v.tolerance).fold(f64::NEG_INFINITY, f64::max);
         if span.facet().is_none() {
             if must > f64::NEG_INFINITY {
                 return Err(format!("a gap at {t} where a facet is at height {must}"));
@@ -273,7 +285,7 @@ fn judge(facets: &[Facet], a: P2, b: P2, spans: &[Span]) -> Result<(), String> {
         if z < must {
             return Err(format!("height {z} at {t} lies below a facet, {must}"));
         }
-        if !views.iter().any(|v| (v.1 - z).abs() <= v.2) {
+        if !views.iter().any(|v| (v.z - z).abs() <= v.tolerance) {
             return Err(format!("height {z} at {t} is not a facet's: {views:?}"));
         }
     }
@@ -295,7 +307,8 @@ fn trial(seed: u64) -> Option<Result<(), String>> {
 
 /// A few strokes over a surface of these facets.
 fn walk_about(noise: &mut Random, facets: &[Facet], surface: &Surface) -> Result<(), String> {
-    let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
+    let mut cursor = Cursor::default();
+    let mut spans = Vec::new();
     let mut last = P2::new(0, 0);
     for _ in 0..25 {
         let p = place(noise, facets, surface, last);

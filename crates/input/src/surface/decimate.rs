@@ -165,7 +165,8 @@ fn farthest(points: Vertices<'_>, of_vertex: &[u32], vertices: &[[f64; 3]], tria
     let chunks = parallel::map(points.count().div_ceil(CHUNK), |k| {
         let range = k * CHUNK..((k + 1) * CHUNK).min(points.count());
         let far = range.map(|i| {
-            let (point, cluster) = (points.at(i), of_vertex[i] as usize);
+            let point = points.at(i);
+            let cluster = of_vertex[i] as usize;
             let near = around
                 .of(cluster)
                 .iter()
@@ -210,7 +211,8 @@ fn distance2(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> f64 {
 /// Drops the vertices that no triangle has.
 fn compact(vertices: &mut Vec<[f64; 3]>, normals: &mut Vec<[f64; 3]>, triangles: &mut [[u32; 3]]) {
     let mut place = vec![u32::MAX; vertices.len()];
-    let (mut kept, mut looks) = (Vec::new(), Vec::new());
+    let mut kept = Vec::new();
+    let mut looks = Vec::new();
     for v in triangles.iter_mut().flatten() {
         let i = *v as usize;
         if place[i] == u32::MAX {
@@ -223,34 +225,56 @@ fn compact(vertices: &mut Vec<[f64; 3]>, normals: &mut Vec<[f64; 3]>, triangles:
     (*vertices, *normals) = (kept, looks);
 }
 
+/// A height map with fewer lines of samples, about `wanted` of its `of` triangles.
 fn of_height_map(map: &ImplicitMesh, wanted: usize, of: usize) -> Decimated {
     let step = (of as f64 / wanted.max(1) as f64).sqrt().ceil().max(1.0) as usize;
-    let lines = |count: usize| {
-        let mut all: Vec<usize> = (0..count).step_by(step).collect();
-        if all.last() != Some(&(count - 1)) {
-            all.push(count - 1);
-        }
-        all
-    };
-    let [xs, ys] = [map.columns, map.rows].map(lines);
-    let at = |i: usize, j: usize| {
-        let v = map.node(i, j);
-        let at = [map.origin.x as f64 + f64::from(v.x), map.origin.y as f64 + f64::from(v.y), v.z];
-        at.map(|c| c / NM_PER_MM)
-    };
-    let mut vertices: Vec<[f64; 3]> =
-        ys.iter().flat_map(|&j| xs.iter().map(move |&i| (i, j))).map(|(i, j)| at(i, j)).collect();
+    let xs = kept_lines(map.columns, step);
+    let ys = kept_lines(map.rows, step);
+    let mut vertices = Vec::with_capacity(xs.len() * ys.len());
+    for &j in &ys {
+        vertices.extend(xs.iter().map(|&i| node_mm(map, i, j)));
+    }
+    let mut triangles = grid_triangles(&vertices, [xs.len(), ys.len()]);
+    let mut normals = normals(&vertices, &triangles);
+    let within_mm = if step == 1 { 0.0 } else { farthest_sample(map, [&xs, &ys], &vertices) };
+    compact(&mut vertices, &mut normals, &mut triangles);
+    Decimated { vertices, normals, triangles, of, within_mm }
+}
+
+/// Every line whose number is a multiple of `step`, and the last.
+fn kept_lines(count: usize, step: usize) -> Vec<usize> {
+    let mut lines: Vec<usize> = (0..count).step_by(step).collect();
+    if lines.last() != Some(&(count - 1)) {
+        lines.push(count - 1);
+    }
+    lines
+}
+
+/// Node (i, j) of a map, part frame, mm; z is NaN where it is a hole.
+fn node_mm(map: &ImplicitMesh, i: usize, j: usize) -> [f64; 3] {
+    let v = map.node(i, j);
+    let nm = [map.origin.x as f64 + f64::from(v.x), map.origin.y as f64 + f64::from(v.y), v.z];
+    nm.map(|c| c / NM_PER_MM)
+}
+
+/// The triangles of a grid of so many columns and rows of vertices; none at a hole.
+fn grid_triangles(vertices: &[[f64; 3]], [columns, rows]: [usize; 2]) -> Vec<[u32; 3]> {
     let is_there = |v: u32| !vertices[v as usize][2].is_nan();
     let mut triangles = Vec::new();
-    for j in 0..ys.len() - 1 {
-        for i in 0..xs.len() - 1 {
-            let [a, b] = [j * xs.len() + i, (j + 1) * xs.len() + i].map(|v| v as u32);
+    for j in 0..rows - 1 {
+        for i in 0..columns - 1 {
+            let [a, b] = [j * columns + i, (j + 1) * columns + i].map(|v| v as u32);
             let both = [[a, a + 1, b + 1], [a, b + 1, b]];
             triangles.extend(both.into_iter().filter(|t| t.iter().all(|&v| is_there(v))));
         }
     }
+    triangles
+}
+
+/// The normals of vertices: those of their triangles, weighted by area.
+fn normals(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<[f64; 3]> {
     let mut normals = vec![[0.0; 3]; vertices.len()];
-    for t in &triangles {
+    for t in triangles {
         let a = area(t.map(|v| vertices[v as usize]));
         for &v in t {
             let n = &mut normals[v as usize];
@@ -258,18 +282,11 @@ fn of_height_map(map: &ImplicitMesh, wanted: usize, of: usize) -> Decimated {
         }
     }
     normals.iter_mut().for_each(|n| *n = unit(*n));
-    let within_mm = if step == 1 { 0.0 } else { farthest_sample(map, [&xs, &ys], &vertices, &at) };
-    compact(&mut vertices, &mut normals, &mut triangles);
-    Decimated { vertices, normals, triangles, of, within_mm }
+    normals
 }
 
 /// The largest distance along z of a sample from the triangles over the kept lines; next to a hole there are none.
-fn farthest_sample(
-    map: &ImplicitMesh,
-    [xs, ys]: [&[usize]; 2],
-    vertices: &[[f64; 3]],
-    at: &(impl Fn(usize, usize) -> [f64; 3] + Sync),
-) -> f64 {
+fn farthest_sample(map: &ImplicitMesh, [xs, ys]: [&[usize]; 2], vertices: &[[f64; 3]]) -> f64 {
     let every = (((map.columns * map.rows) as f64 / MEASURED as f64).sqrt().ceil() as usize).max(1);
     let rows: Vec<usize> = (0..map.rows).step_by(every).collect();
     let of_row = parallel::map(rows.len(), |r| {
@@ -278,7 +295,7 @@ fn farthest_sample(
         let mut worst = 0f64;
         for i in (0..map.columns).step_by(every) {
             let column = (xs.partition_point(|&x| x <= i) - 1).min(xs.len() - 2);
-            let z = at(i, j)[2];
+            let z = node_mm(map, i, j)[2];
             let (s, t) = (
                 (i - xs[column]) as f64 / (xs[column + 1] - xs[column]) as f64,
                 (j - ys[row]) as f64 / (ys[row + 1] - ys[row]) as f64,
@@ -335,6 +352,13 @@ mod tests {
             let off = dot(middle, middle).sqrt() - 50.0;
             assert!(off < 1e-9 && off > -few.within_mm - 0.1, "{off} {}", few.within_mm);
         }
+    }
+
+    #[test]
+    fn the_last_line_is_kept_once() {
+        assert_eq!(kept_lines(7, 3), [0, 3, 6]);
+        assert_eq!(kept_lines(8, 3), [0, 3, 6, 7]);
+        assert_eq!(kept_lines(2, 5), [0, 1]);
     }
 
     #[test]

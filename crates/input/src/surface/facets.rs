@@ -72,7 +72,8 @@ pub(crate) trait PartExtent {
     fn beyond(&self, place: Place, remedy: &str) -> Diag;
     /// The fault of a box that reaches beyond 4 m, without its remedy.
     fn too_far(&self, place: Place) -> Diag;
-    /// The same for a file whose coordinates the job can move and scale; the remedy has the keys.
+    /// The diagnostic for a box that reaches beyond 4 m, of a file whose coordinates the job can move and scale; the
+    /// remedy has the keys.
     fn beyond_in(&self, place: Place, unit: Unit, remedy: &str) -> Diag;
     /// A warning where the whole surface is smaller than 1 mm.
     fn tiny(&self, place: Place, remedy: &str) -> Option<Diag>;
@@ -84,12 +85,12 @@ impl PartExtent for BoxMm<3> {
     }
 
     fn beyond(&self, place: Place, remedy: &str) -> Diag {
-        let fits = |size: f64| size <= MAX_NM.mm();
+        let fits_by_size = self.size().into_iter().all(|side| side <= MAX_NM.mm());
         let shift = format!(
             "its size fits: subtract ({}) mm from all coordinates, so that it lies at its origin",
             mm(self.lo.map(f64::floor))
         );
-        self.too_far(place).hint(if self.size().into_iter().all(fits) { shift.as_str() } else { remedy })
+        self.too_far(place).hint(if fits_by_size { shift.as_str() } else { remedy })
     }
 
     fn too_far(&self, place: Place) -> Diag {
@@ -128,15 +129,18 @@ pub(crate) fn fits(v: f64) -> bool {
 
 /// Coordinates as a message shows them.
 fn mm(v: [f64; 3]) -> String {
-    let one = |v: f64| {
-        if v == 0.0 || (1e-3..1e9).contains(&v.abs()) {
-            // At most micrometres, without the zeros behind.
-            format!("{}", (v * 1e3).round() / 1e3)
-        } else {
-            format!("{v:.3e}")
-        }
-    };
-    format!("{}, {}, {}", one(v[0]), one(v[1]), one(v[2]))
+    let [x, y, z] = v.map(coordinate);
+    format!("{x}, {y}, {z}")
+}
+
+/// One coordinate as a message shows it.
+fn coordinate(v: f64) -> String {
+    if v == 0.0 || (1e-3..1e9).contains(&v.abs()) {
+        // At most micrometres, without the zeros behind.
+        format!("{}", (v * 1e3).round() / 1e3)
+    } else {
+        format!("{v:.3e}")
+    }
 }
 
 /// The remedy for a surface of the wrong size whose file carries no unit.
@@ -165,7 +169,7 @@ impl<'a> Facets<'a> {
         Self::with_remedy(path, unit, check_unit(unit), sink)
     }
 
-    /// The same with another remedy for a wrong size.
+    /// Nothing handed on yet, of a file for whose wrong size there is another remedy than its unit.
     pub(crate) fn with_remedy(
         path: &'a Path,
         unit: Unit,
@@ -220,9 +224,10 @@ impl<'a> Facets<'a> {
             let mut d = self.extent.beyond_in(place, self.unit, &self.remedy);
             // Few facets far away from all others are not the part.
             if self.beyond * 100 <= self.count {
-                let (n, all) = (self.beyond, self.count);
                 d = d.hint(format!(
-                    "{n} of {all} facets reach so far, the others from ({}) to ({}) mm: remove them if they are strays",
+                    "{} of {} facets reach so far, the others from ({}) to ({}) mm: remove them if they are strays",
+                    self.beyond,
+                    self.count,
                     mm(self.near.lo),
                     mm(self.near.hi)
                 ));
@@ -231,5 +236,17 @@ impl<'a> Facets<'a> {
         }
         notes.extend(self.extent.tiny(place(self.path), &self.remedy));
         Ok(Content::Facets(self.count))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_are_shown_to_the_micrometre_or_with_an_exponent() {
+        for (v, text) in [(0.0, "0"), (-12.34567, "-12.346"), (40.0, "40"), (1e-4, "1.000e-4"), (2.5e9, "2.500e9")] {
+            assert_eq!(coordinate(v), text);
+        }
     }
 }

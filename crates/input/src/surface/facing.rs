@@ -21,21 +21,36 @@ pub struct Facing {
     gentle: f64,
 }
 
+/// A place in plan, mm, and the topmost facet over it so far.
 struct Place {
-    at: [f64; 2],
-    top: Option<Top>,
+    p: [f64; 2],
+    top: Option<FacetView>,
 }
 
+/// A facet as a place sees it from above.
 #[derive(Clone, Copy)]
-struct Top {
+struct FacetView {
+    /// Its height there, mm.
     z: f64,
+    /// Whether it faces away from the lens.
     is_away: bool,
+    /// Whether it is no steeper than the limit.
     is_gentle: bool,
 }
 
-/// What was found.
+impl FacetView {
+    /// Of two facets over a place the one that counts: the upper one, or where they lie at one height the one that
+    /// faces the lens; else `self`.
+    fn above(self, earlier: Self) -> Self {
+        let is_below = earlier.z > self.z + NEAR;
+        let ties_and_faces = earlier.z > self.z - NEAR && !earlier.is_away;
+        if is_below || ties_and_faces { earlier } else { self }
+    }
+}
+
+/// How many places see a facet that faces them, and how many one that faces away.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct FacingCount {
     /// Places over a facet that is no steeper than the limit.
     pub places: usize,
     /// The places where that facet faces away.
@@ -49,22 +64,23 @@ impl Facing {
     pub fn new(places: &[[f64; 2]], gentle: f64) -> Self {
         let mut bounds = BoxMm::EMPTY;
         places.iter().for_each(|&p| bounds.add(p));
-        let mut it = Self {
-            places: places.iter().map(|&at| Place { at, top: None }).collect(),
+        let mut facing = Self {
+            places: places.iter().map(|&p| Place { p, top: None }).collect(),
             rows: vec![Vec::new(); places.len().max(1)],
             bounds,
             gentle,
         };
         for (i, p) in places.iter().enumerate() {
-            let row = it.row(p[1]);
-            it.rows[row].push(i);
+            let row = facing.row(p[1]);
+            facing.rows[row].push(i);
         }
-        for row in &mut it.rows {
+        for row in &mut facing.rows {
             row.sort_by(|&a, &b| places[a][0].total_cmp(&places[b][0]));
         }
-        it
+        facing
     }
 
+    /// The row of a height in plan, the first or the last where it lies beyond the places.
     fn row(&self, y: f64) -> usize {
         let side = (self.bounds.hi[1] - self.bounds.lo[1]).max(f64::MIN_POSITIVE);
         let count = self.rows.len();
@@ -82,36 +98,39 @@ impl Facing {
         if misses || normal[2] == 0.0 || !size.is_finite() {
             return;
         }
-        let (is_away, is_gentle) = (normal[2] < 0.0, normal[2].abs() >= self.gentle * size);
+        let is_away = normal[2] < 0.0;
+        let is_gentle = normal[2].abs() >= self.gentle * size;
         for row in self.row(over.lo[1])..=self.row(over.hi[1]) {
             let list = &self.rows[row];
-            let first = list.partition_point(|&i| self.places[i].at[0] < over.lo[0]);
+            let first = list.partition_point(|&i| self.places[i].p[0] < over.lo[0]);
             for &i in &list[first..] {
                 let place = &mut self.places[i];
-                if place.at[0] > over.hi[0] {
+                if place.p[0] > over.hi[0] {
                     break;
                 }
-                if !holds(&facet, place.at) {
+                if !holds(&facet, place.p) {
                     continue;
                 }
-                let d = [0, 1].map(|k| place.at[k] - facet[0][k]);
+                let d = [0, 1].map(|k| place.p[k] - facet[0][k]);
                 let z = facet[0][2] - (normal[0] * d[0] + normal[1] * d[1]) / normal[2];
-                let found = Top { z, is_away, is_gentle };
-                place.top = Some(match place.top {
-                    Some(top) if top.z > z + NEAR => top,
-                    Some(top) if top.z > z - NEAR && !top.is_away => top,
-                    _ => found,
-                });
+                let view = FacetView { z, is_away, is_gentle };
+                place.top = Some(place.top.map_or(view, |top| view.above(top)));
             }
         }
     }
 
     /// What lies topmost at the places.
-    pub fn seen(&self) -> Seen {
-        let gentle = || self.places.iter().filter_map(|p| Some((p.at, p.top.filter(|top| top.is_gentle)?)));
-        let mut away = gentle().filter(|(_, top)| top.is_away).map(|([x, y], top)| [x, y, top.z]).peekable();
-        let first = away.peek().copied();
-        Seen { places: gentle().count(), away: away.count(), first }
+    pub fn seen(&self) -> FacingCount {
+        let mut count = FacingCount { places: 0, away: 0, first: None };
+        for place in &self.places {
+            let Some(top) = place.top.filter(|top| top.is_gentle) else { continue };
+            count.places += 1;
+            if top.is_away {
+                count.away += 1;
+                count.first.get_or_insert([place.p[0], place.p[1], top.z]);
+            }
+        }
+        count
     }
 }
 
@@ -144,17 +163,17 @@ mod tests {
         };
         let (floor, top) =
             (square([-1.0, -1.0], [20.0, 20.0], 0.0, true), square([-1.0, -1.0], [20.0, 20.0], 5.0, false));
-        assert_eq!(seen(&[floor, top]), Seen { places: 10, away: 0, first: None });
-        assert_eq!(seen(&[top, floor]), Seen { places: 10, away: 0, first: None });
-        assert_eq!(seen(&[floor]), Seen { places: 10, away: 10, first: Some([0.5, 0.0, 0.0]) });
+        assert_eq!(seen(&[floor, top]), FacingCount { places: 10, away: 0, first: None });
+        assert_eq!(seen(&[top, floor]), FacingCount { places: 10, away: 0, first: None });
+        assert_eq!(seen(&[floor]), FacingCount { places: 10, away: 10, first: Some([0.5, 0.0, 0.0]) });
         // A hole over the last three places, on whose border none lies.
         let holed = square([-1.0, -1.0], [7.0, 20.0], 5.0, false);
-        assert_eq!(seen(&[holed, floor]), Seen { places: 10, away: 3, first: Some([7.5, 2.1, 0.0]) });
+        assert_eq!(seen(&[holed, floor]), FacingCount { places: 10, away: 3, first: Some([7.5, 2.1, 0.0]) });
         // Both windings at one height.
         assert_eq!(seen(&[floor, square([-1.0, -1.0], [20.0, 20.0], 0.0, false)]).away, 0);
         // Steep facets hide, and count for nothing.
         let steep = [[[-1.0, -1.0, 100.0], [20.0, -1.0, 200.0], [20.0, 20.0, 200.0]]; 2];
         assert_eq!(seen(&[floor, steep]).places, 0);
-        assert_eq!(Facing::new(&[], 0.5).seen(), Seen { places: 0, away: 0, first: None });
+        assert_eq!(Facing::new(&[], 0.5).seen(), FacingCount { places: 0, away: 0, first: None });
     }
 }

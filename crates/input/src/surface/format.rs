@@ -14,7 +14,7 @@ use terrace_core::diag::{Diag, Error};
 
 /// What a surface file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Holds {
+pub enum SurfaceKind {
     /// Facets.
     Facets,
     /// Exact surfaces, which become facets.
@@ -32,7 +32,7 @@ pub struct SurfaceFormat {
     /// Of file names, in small letters.
     pub extensions: &'static [&'static str],
     /// What such a file holds.
-    pub holds: Holds,
+    pub holds: SurfaceKind,
     pub(super) read: fn(SurfaceFile<'_>) -> Result<Content, Error>,
 }
 
@@ -41,55 +41,55 @@ pub static FORMATS: [SurfaceFormat; 9] = [
     SurfaceFormat {
         name: "an STL file",
         extensions: &["stl"],
-        holds: Holds::Facets,
+        holds: SurfaceKind::Facets,
         read: |f| stl::read(f.path, f.unit()?, f.notes, f.sink),
     },
     SurfaceFormat {
         name: "an OBJ file",
         extensions: &["obj"],
-        holds: Holds::Facets,
+        holds: SurfaceKind::Facets,
         read: |f| obj::read(f.path, f.unit()?, f.notes, f.sink),
     },
     SurfaceFormat {
         name: "a PLY file",
         extensions: &["ply"],
-        holds: Holds::Facets,
+        holds: SurfaceKind::Facets,
         read: |f| ply::read(f.path, f.unit()?, f.notes, f.sink),
     },
     SurfaceFormat {
         name: "a 3MF file",
         extensions: &["3mf"],
-        holds: Holds::Facets,
+        holds: SurfaceKind::Facets,
         read: |f| threemf::read(f.path, f.stated_unit_mm()?, f.options, f.notes, f.sink),
     },
     SurfaceFormat {
         name: "a STEP file",
         extensions: &["step", "stp"],
-        holds: Holds::ExactSurfaces,
+        holds: SurfaceKind::ExactSurfaces,
         read: exact_surfaces,
     },
     SurfaceFormat {
         name: "an IGES file",
         extensions: &["iges", "igs"],
-        holds: Holds::ExactSurfaces,
+        holds: SurfaceKind::ExactSurfaces,
         read: exact_surfaces,
     },
     SurfaceFormat {
         name: "a PNG image",
         extensions: &["png"],
-        holds: Holds::HeightMap,
+        holds: SurfaceKind::HeightMap,
         read: |f| png_image::read(f.path, f.scale()?, f.notes),
     },
     SurfaceFormat {
         name: "a TIFF image",
         extensions: &["tif", "tiff"],
-        holds: Holds::HeightMap,
+        holds: SurfaceKind::HeightMap,
         read: |f| tiff_image::read(f.path, f.scale()?, f.notes),
     },
     SurfaceFormat {
         name: "a point cloud",
         extensions: &["xyz", "csv", "txt", "asc", "pts", "ptx"],
-        holds: Holds::Points,
+        holds: SurfaceKind::Points,
         read: points_or_grid,
     },
 ];
@@ -100,6 +100,13 @@ pub fn of(path: &Path) -> Option<&'static SurfaceFormat> {
     FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
 }
 
+/// The extensions of files that hold such surfaces.
+fn extensions(holds: &[SurfaceKind]) -> String {
+    let formats = FORMATS.iter().filter(|format| holds.contains(&format.holds));
+    formats.flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
+/// The extension of a file, in lower case.
 fn extension(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
@@ -119,15 +126,11 @@ pub(super) fn unread(path: &Path) -> Diag {
             "convert it to GeoTIFF or an ESRI ASCII grid (.asc), with gdal_translate or QGIS".into()
         }
         _ => {
-            let read = |holds: &[Holds]| -> String {
-                let formats = FORMATS.iter().filter(|format| holds.contains(&format.holds));
-                formats.flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-            };
             format!(
                 "surfaces are read from {}, {} (height maps), and {} (points, or an ESRI grid)",
-                read(&[Holds::Facets, Holds::ExactSurfaces]),
-                read(&[Holds::HeightMap]),
-                read(&[Holds::Points])
+                extensions(&[SurfaceKind::Facets, SurfaceKind::ExactSurfaces]),
+                extensions(&[SurfaceKind::HeightMap]),
+                extensions(&[SurfaceKind::Points])
             )
         }
     };
@@ -147,6 +150,7 @@ pub(super) struct SurfaceFile<'a> {
 }
 
 impl<'a> SurfaceFile<'a> {
+    /// A fault of the file.
     fn refuse(&self, code: &'static str, text: String) -> Diag {
         Diag::input(code, text).at(lines::place(self.path))
     }
@@ -163,33 +167,31 @@ impl<'a> SurfaceFile<'a> {
 
     /// The unit of a file that states none.
     fn unit(&self) -> Result<Unit, Diag> {
-        let none = || {
-            self.refuse("surface-unit", format!("{} carries no unit", self.name)).hint("add unit = \"mm\" to [surface]")
-        };
         let scale = self.options.scale.unwrap_or(1.0);
-        let mm = self.stated_unit_mm()?.ok_or_else(none)? * scale;
+        let Some(unit_mm) = self.stated_unit_mm()? else {
+            let fault = self.refuse("surface-unit", format!("{} carries no unit", self.name));
+            return Err(fault.hint("add unit = \"mm\" to [surface]"));
+        };
+        let mm = unit_mm * scale;
         Ok(Unit { mm, scale, datum: self.options.datum.unwrap_or_default() })
     }
 
     /// Refuses `surface.datum` and `surface.scale`, which do not place such a file; `way` does.
     fn is_not_placed(&self, what: &str, way: &str) -> Result<(), Diag> {
-        match self.options.datum.is_some() || self.options.scale.is_some() {
-            true => {
-                let text = format!("surface.datum and surface.scale do not place {what}");
-                Err(self.refuse("surface-datum", text).hint(way))
-            }
-            false => Ok(()),
+        if self.options.datum.is_none() && self.options.scale.is_none() {
+            return Ok(());
         }
+        let text = format!("surface.datum and surface.scale do not place {what}");
+        Err(self.refuse("surface-datum", text).hint(way))
     }
 
     /// The scale of a height map.
     fn scale(&self) -> Result<&'a Scale, Diag> {
-        let none = || {
+        self.is_not_placed(self.name, WAY_OF_MAPS)?;
+        self.options.heightmap.as_ref().ok_or_else(|| {
             self.refuse("heightmap-scale", format!("{} carries no scale", self.name))
                 .hint("add [surface.heightmap] with pixel (sample spacing) and z (heights of two values)")
-        };
-        self.is_not_placed(self.name, WAY_OF_MAPS)?;
-        self.options.heightmap.as_ref().ok_or_else(none)
+        })
     }
 }
 

@@ -7,6 +7,7 @@
 
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
+use super::vertex::FacetCorner;
 use super::{Heightmap, Samples};
 use terrace_core::geom::{NM_PER_MM, P2};
 
@@ -78,10 +79,10 @@ impl ImplicitMesh {
         if f.is_multiple_of(2) { [(i, j), (i + 1, j), (i + 1, j + 1)] } else { [(i, j), (i + 1, j + 1), (i, j + 1)] }
     }
 
-    /// Corner k of facet f and the vertex's number.
-    pub(crate) fn corner(&self, f: u32, k: usize) -> (Vertex, u32) {
+    /// Corner k of facet f.
+    pub(crate) fn corner(&self, f: u32, k: usize) -> FacetCorner {
         let (i, j) = self.nodes(f)[k];
-        (self.node(i, j), (j * self.columns + i) as u32)
+        FacetCorner { vertex: self.node(i, j), number: (j * self.columns + i) as u32 }
     }
 
     /// Whether the three nodes of facet f exist.
@@ -133,21 +134,18 @@ impl ImplicitMesh {
     pub(crate) fn classes(&self) -> Vec<Class> {
         let [nx, ny] = self.cells();
         let (columns, rows) = (nx as i64 + 2, ny as i64 + 2);
-        let count = |i: i64, j: i64| (0..2).filter(|&h| self.facet(i, j, h).is_some()).count();
-        // Facets of every cell, the ring's being none, then sums over 3 x 3 cells.
-        let own: Vec<u8> =
-            (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j))).map(|(i, j)| count(i - 1, j - 1) as u8).collect();
-        let at = |i: i64, j: i64| {
-            let inside = (0..columns).contains(&i) && (0..rows).contains(&j);
-            if inside { own[(j * columns + i) as usize] } else { 0 }
-        };
-        let mut classes = Vec::with_capacity(own.len());
+        let facets_in = |i: i64, j: i64| (0..2).filter(|&half| self.facet(i, j, half).is_some()).count();
+        // Facets of every bin; those of the ring have none.
+        let mut counts = Vec::with_capacity((columns * rows) as usize);
+        for j in 0..rows {
+            counts.extend((0..columns).map(|i| facets_in(i - 1, j - 1) as u8));
+        }
+        let mut classes = Vec::with_capacity(counts.len());
         for j in 0..rows {
             for i in 0..columns {
-                let sum: u8 =
-                    (-1..=1).flat_map(|dj| (-1..=1).map(move |di| (di, dj))).map(|(di, dj)| at(i + di, j + dj)).sum();
-                classes.push(match sum {
+                classes.push(match sum_around(&counts, columns, i, j) {
                     0 => Class::Empty,
+                    // Nine cells of two facets each: no rim touches the one in the middle.
                     18 => Class::Simple,
                     _ => Class::Complex,
                 });
@@ -157,23 +155,53 @@ impl ImplicitMesh {
     }
 }
 
+/// The sum of a grid's values, row by row of `columns`, in cell (i, j) and its eight neighbours; outside it is 0.
+fn sum_around(values: &[u8], columns: i64, i: i64, j: i64) -> u8 {
+    let rows = values.len() as i64 / columns;
+    let mut sum = 0;
+    for row in (j - 1).max(0)..(j + 2).min(rows) {
+        for column in (i - 1).max(0)..(i + 2).min(columns) {
+            sum += values[(row * columns + column) as usize];
+        }
+    }
+    sum
+}
+
 impl Heightmap {
     /// Hands the facets of the implicit triangulation to `sink`, corners in mm.
     pub fn facets(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
-        let node = |i: usize, j: usize| {
-            let at = |axis: usize, n: usize| self.origin_mm[axis] + n as f64 * self.pixel_mm;
-            let value = self.samples.value(j * self.columns + i);
-            value.map(|v| [at(0, i), at(1, j), self.z_mm[0] + v * self.z_mm[1]])
-        };
         for j in 0..self.rows.saturating_sub(1) {
             for i in 0..self.columns.saturating_sub(1) {
-                let (ll, lr, ur, ul) = (node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1));
-                for corners in [[ll, lr, ur], [ll, ur, ul]] {
+                let lower_left = self.node_mm(i, j);
+                let lower_right = self.node_mm(i + 1, j);
+                let upper_right = self.node_mm(i + 1, j + 1);
+                let upper_left = self.node_mm(i, j + 1);
+                for corners in [[lower_left, lower_right, upper_right], [lower_left, upper_right, upper_left]] {
                     if let [Some(a), Some(b), Some(c)] = corners {
                         sink([a, b, c]);
                     }
                 }
             }
         }
+    }
+
+    /// The place of sample (i, j), mm; None where it is a hole.
+    fn node_mm(&self, i: usize, j: usize) -> Option<[f64; 3]> {
+        let along = |axis: usize, n: usize| self.origin_mm[axis] + n as f64 * self.pixel_mm;
+        let value = self.samples.value(j * self.columns + i)?;
+        Some([along(0, i), along(1, j), self.z_mm[0] + value * self.z_mm[1]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sum_around_counts_neighbours_within_the_grid_only() {
+        let values = [1, 2, 4, 8, 16, 32];
+        assert_eq!(sum_around(&values, 3, 1, 0), 63);
+        assert_eq!(sum_around(&values, 3, 0, 0), 1 + 2 + 8 + 16);
+        assert_eq!(sum_around(&values, 3, 2, 1), 2 + 4 + 16 + 32);
     }
 }

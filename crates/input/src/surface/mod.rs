@@ -36,6 +36,7 @@ mod topology;
 mod vertex;
 mod walk;
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use bins::{Bins, Class};
@@ -43,7 +44,7 @@ pub use cad::{About, CadMesh, Tessellation, load as load_cad};
 pub use decimate::Decimated;
 pub use facing::Facing;
 pub use faults::{Fault, FaultKind, NonManifold};
-use format::{Holds, SurfaceFile};
+use format::{SurfaceFile, SurfaceKind};
 pub use heightmap::Samples;
 use implicit_mesh::ImplicitMesh;
 use lines::Lines;
@@ -164,13 +165,13 @@ pub fn read(
 
 /// Whether a file holds points that are triangulated, by its name and how it begins.
 pub fn is_cloud(path: &Path) -> bool {
-    format::of(path).is_some_and(|format| format.holds == Holds::Points)
+    format::of(path).is_some_and(|format| format.holds == SurfaceKind::Points)
         && Lines::open(path, "a point cloud").is_ok_and(|lines| !heightmap::esri_grid::begins(lines.head()))
 }
 
 /// Whether a path names a file of exact surfaces, by its extension; such files state their unit.
 pub fn is_cad(path: &Path) -> bool {
-    format::of(path).is_some_and(|format| format.holds == Holds::ExactSurfaces)
+    format::of(path).is_some_and(|format| format.holds == SurfaceKind::ExactSurfaces)
 }
 
 /// Reads a surface file; points alone are laid as the options say.
@@ -202,7 +203,7 @@ impl MeshCheck {
     /// What was wrong, each kind once; `narrow_mm` is the width up to which a gap is a crack.
     ///
     /// # Errors
-    /// As [`Surface::load`], where nothing would be marked.
+    /// The faults of [`Surface::load`] by which nothing would be marked.
     pub fn finish(mut self, path: &Path, narrow_mm: f64) -> Result<Vec<Fault>, Error> {
         self.0.joining.narrow_mm = narrow_mm;
         Ok(self.0.finish(&path.display().to_string(), &mut Vec::new())?.1)
@@ -279,7 +280,8 @@ impl Surface {
 
     /// An unturned height map; None where every sample is a hole.
     fn from_heightmap(map: Heightmap) -> Option<Self> {
-        let (origin, pixel) = (map.origin_mm, map.pixel_mm);
+        let origin = map.origin_mm;
+        let pixel = map.pixel_mm;
         let grid = ImplicitMesh::new(map);
         let [i0, j0, i1, j1] = grid.node_box()?;
         let at = |o: f64, i: usize| o + i as f64 * pixel;
@@ -293,7 +295,7 @@ impl Surface {
     /// The surface of a file in millimetres, read as a job reads it that states nothing else: for tests and benches.
     ///
     /// # Errors
-    /// As [`Surface::load`].
+    /// Those of [`Surface::load`].
     pub fn load_mm(path: &Path) -> Result<Self, Error> {
         let options = Options { unit_mm: Some(1.0), ..Options::default() };
         Self::load(path, &options, Joining::default(), 0.0, &mut Vec::new(), &mut |_| {}, Task::silent())
@@ -302,7 +304,7 @@ impl Surface {
     /// A surface of the given facets (mm), for tests and benches.
     ///
     /// # Errors
-    /// As [`Surface::load`].
+    /// Those of [`Surface::load`].
     pub fn from_facets(facets: impl IntoIterator<Item = [[f64; 3]; 3]>, notes: &mut Vec<Diag>) -> Result<Self, Error> {
         let joining = Joining { non_manifold: NonManifold::Topmost, ..Joining::default() };
         let mut welder = Welder::new([1.0, 0.0], joining);
@@ -340,21 +342,19 @@ impl Surface {
 
     /// Sides of its box along x, y and z, mm, before any turn.
     pub fn size_mm(&self) -> [f64; 3] {
-        let mut z = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut add = |v: f64| z = [z[0].min(v), z[1].max(v)];
-        match &self.kind {
-            Kind::Mesh(mesh, _) => mesh.vertices.iter().for_each(|v| add(v.z)),
-            Kind::Implicit(grid, _) => grid.heights().for_each(add),
-        }
+        let [lowest, highest] = match &self.kind {
+            Kind::Mesh(mesh, _) => range_of(mesh.vertices.iter().map(|v| v.z)),
+            Kind::Implicit(grid, _) => range_of(grid.heights()),
+        };
         let [x, y] = self.part_box_mm.size();
-        [x, y, (z[1] - z[0]) / NM_PER_MM]
+        [x, y, (highest - lowest) / NM_PER_MM]
     }
 
     /// Share of the area of its facets that is steeper than a slope (tangent), 0 to 1.
     pub fn share_steeper(&self, slope: f64) -> f64 {
         let facets = (0..u32::try_from(self.facets).unwrap_or(u32::MAX)).filter(|&f| self.exists(f));
         let [steep, all] = facets.fold([0.0; 2], |[steep, all], f| {
-            let [a, b, c] = [0, 1, 2].map(|k| self.corner(f, k).0.p2());
+            let [a, b, c] = [0, 1, 2].map(|k| self.corner(f, k).vertex.p2());
             let slope2 = self.slope2(f);
             let area = terrace_core::geom::orient(a, b, c) * (1.0 + slope2).sqrt();
             [steep + if slope2 > slope * slope { area } else { 0.0 }, all + area]
@@ -362,6 +362,7 @@ impl Surface {
         if all > 0.0 { steep / all } else { 0.0 }
     }
 
+    /// Whether facet `f` is there: in a height map those with a hole at a corner are not.
     fn exists(&self, f: u32) -> bool {
         match &self.kind {
             Kind::Mesh(..) => true,
@@ -379,6 +380,7 @@ impl Surface {
         self.tessellation_mm
     }
 
+    /// Where the origin of its local coordinates lies on the turned part.
     fn origin(&self) -> P2 {
         match &self.kind {
             Kind::Mesh(m, _) => m.origin,
@@ -386,6 +388,7 @@ impl Surface {
         }
     }
 
+    /// Columns (axis 0) or rows (axis 1) of bins; a height map has one more at each border.
     fn bin_count(&self, axis: usize) -> i64 {
         match &self.kind {
             Kind::Mesh(_, b) => i64::from(b.grid.count[axis]),
@@ -409,6 +412,7 @@ impl Surface {
         }
     }
 
+    /// What a bin holds.
     fn class(&self, bin: usize) -> Class {
         match &self.kind {
             Kind::Mesh(_, b) => b.class[bin],
@@ -424,6 +428,7 @@ impl Surface {
             Kind::Implicit(g, _) => {
                 let columns = self.bin_count(0) as usize;
                 let (i, j) = ((bin % columns) as i64 - 1, (bin / columns) as i64 - 1);
+                // Facets of the neighbouring cells share the border of this one.
                 for y in j - 1..=j + 1 {
                     for x in i - 1..=i + 1 {
                         out.extend((0..2).filter_map(|half| g.facet(x, y, half)));
@@ -436,13 +441,18 @@ impl Surface {
     /// Whether the part is one plain sheet everywhere in a box (nm, turned part frame): no rim, no second sheet.
     pub fn is_plain(&self, lo: P2, hi: P2) -> bool {
         let o = self.origin();
-        let bins = |axis: usize, lo: i64, hi: i64| {
-            let [first, last] = [self.bin_line(axis, 0), self.bin_line(axis, self.bin_count(axis))];
-            (first <= lo && hi < last).then(|| self.bin_of(axis, lo)..=self.bin_of(axis, hi))
-        };
-        let Some((xs, ys)) = bins(0, lo.x - o.x, hi.x - o.x).zip(bins(1, lo.y - o.y, hi.y - o.y)) else { return false };
+        let xs = self.bins_within(0, lo.x - o.x, hi.x - o.x);
+        let ys = self.bins_within(1, lo.y - o.y, hi.y - o.y);
+        let Some((xs, ys)) = xs.zip(ys) else { return false };
         let columns = self.bin_count(0);
         ys.into_iter().all(|y| xs.clone().all(|x| self.class((y * columns + x) as usize) == Class::Simple))
+    }
+
+    /// The columns (axis 0) or rows (axis 1) of bins between two local coordinates; None where they reach beyond the
+    /// grid.
+    fn bins_within(&self, axis: usize, lo: i64, hi: i64) -> Option<RangeInclusive<i64>> {
+        let (first, end) = (self.bin_line(axis, 0), self.bin_line(axis, self.bin_count(axis)));
+        (first <= lo && hi < end).then(|| self.bin_of(axis, lo)..=self.bin_of(axis, hi))
     }
 
     /// Boxes over the part (nm, turned part frame) with the height of the highest point in each, nm,
@@ -456,13 +466,9 @@ impl Surface {
         let mut tops = vec![f64::NEG_INFINITY; (count[0] * count[1]) as usize];
         self.for_each_facet(|corners| {
             let z = corners.iter().fold(f64::NEG_INFINITY, |z, v| z.max(v.z));
-            let range = |axis: usize, get: fn(&mesh::Vertex) -> i32| {
-                let lo = corners.iter().map(get).min().unwrap_or(0);
-                let hi = corners.iter().map(get).max().unwrap_or(0);
-                self.bin_of(axis, i64::from(lo) - 1) / size[axis]..=self.bin_of(axis, i64::from(hi) + 1) / size[axis]
-            };
-            for y in range(1, |v| v.y) {
-                for x in range(0, |v| v.x) {
+            let columns = self.tile_range(0, size[0], corners.map(|v| v.x));
+            for y in self.tile_range(1, size[1], corners.map(|v| v.y)) {
+                for x in columns.clone() {
                     let top = &mut tops[(y * count[0] + x) as usize];
                     *top = top.max(z);
                 }
@@ -480,6 +486,13 @@ impl Surface {
             .collect()
     }
 
+    /// The columns (axis 0) or rows (axis 1) of tiles of so many bins that a facet touches, given its corners along the
+    /// axis; a facet that ends on a border of bins touches those on both sides.
+    fn tile_range(&self, axis: usize, bins: i64, [a, b, c]: [i32; 3]) -> RangeInclusive<i64> {
+        let (lo, hi) = (i64::from(a.min(b).min(c)), i64::from(a.max(b).max(c)));
+        self.bin_of(axis, lo - 1) / bins..=self.bin_of(axis, hi + 1) / bins
+    }
+
     /// Calls `sink` with the corners, nm, turned part frame, of every facet, upright ones included.
     pub fn each_facet(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         let o = self.origin();
@@ -495,8 +508,13 @@ impl Surface {
             }
             Kind::Implicit(g, _) => {
                 let all = 0..self.facets as u32;
-                all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).0)));
+                all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).vertex)));
             }
         }
     }
+}
+
+/// The least and the greatest of some heights.
+fn range_of(heights: impl Iterator<Item = f64>) -> [f64; 2] {
+    heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [lo.min(z), hi.max(z)])
 }

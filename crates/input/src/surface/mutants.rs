@@ -80,7 +80,8 @@ fn computed(begun: Instant) -> Duration {
 /// Hands damaged copies of `files` to `read`, which must end soon, without a panic and without much memory.
 pub(crate) fn each(files: &[Vec<u8>], words: &[&str], mut read: impl FnMut(&[u8])) {
     let longer = std::env::var("TERRACE_MUTANTS_SECONDS").ok().and_then(|text| text.parse().ok());
-    let (begun, before) = (Instant::now(), peak_kb());
+    let begun = Instant::now();
+    let before = peak_kb();
     let mut n = 0;
     while n < USUAL || longer.is_some_and(|seconds| begun.elapsed() < Duration::from_secs(seconds)) {
         for (i, file) in files.iter().enumerate() {

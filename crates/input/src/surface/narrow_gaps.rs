@@ -89,47 +89,74 @@ pub(super) fn narrow_gaps(
     if rims.is_empty() {
         return None;
     }
-    let (grid, listed) = in_cells(vertices, &rims, narrow_nm);
+    let rim_cells = RimCells::new(vertices, rims, narrow_nm);
+    let rims = &rim_cells.rims;
+    // Ends of rims, those at one vertex next to each other.
     let mut corners: Vec<(u32, u32)> =
         rims.iter().enumerate().flat_map(|(i, rim)| rim.ends.map(|v| (v, i as u32))).collect();
     corners.sort_unstable();
-    let mut found: Option<Gaps> = None;
+    let mut gaps: Option<Gaps> = None;
     let mut compared = 0;
     for at_corner in corners.chunk_by(|x, y| x.0 == y.0) {
         let corner = at_corner[0].0;
-        let v = vertices[corner as usize];
-        let cell = grid.along(1, v.y.into(), 0) as usize * grid.columns() + grid.along(0, v.x.into(), 0) as usize;
-        // The narrowest gap, and the nearest corner on its other side.
-        let mut gap = [f64::INFINITY; 2];
-        for &other in grid.around(cell).flat_map(|cell| listed.of(cell)) {
-            compared += 1;
-            let other = &rims[other as usize];
-            let own = at_corner.iter().map(|&(_, i)| rims[i as usize].out);
-            match between(corner, place(v), own, other, narrow_nm) {
-                Between::Nothing => {}
-                Between::Closed => {
-                    gap = [f64::INFINITY; 2];
-                    break;
-                }
-                Between::Gap(wide) => {
-                    let beside = other.ends.map(|e| distance(place(v), place(vertices[e as usize])));
-                    gap = [gap[0].min(wide), gap[1].min(beside[0]).min(beside[1])];
-                }
-            }
-        }
-        if gap[0].is_finite() {
-            let all = found.get_or_insert(Gaps { count: 0, at: corner, widest_nm: 0.0, weldable: (0, 0.0) });
-            all.count += 1;
-            all.widest_nm = all.widest_nm.max(gap[0]);
-            if gap[1] <= narrow_nm {
-                all.weldable = (all.weldable.0 + 1, all.weldable.1.max(gap[1]));
+        let own = || at_corner.iter().map(move |&(_, i)| rims[i as usize].out);
+        if let Some([wide, beside]) = rim_cells.gap_at(corner, own, &mut compared) {
+            let gaps = gaps.get_or_insert(Gaps { count: 0, at: corner, widest_nm: 0.0, weldable: (0, 0.0) });
+            gaps.count += 1;
+            gaps.widest_nm = gaps.widest_nm.max(wide);
+            if beside <= narrow_nm {
+                gaps.weldable = (gaps.weldable.0 + 1, gaps.weldable.1.max(beside));
             }
         }
         if compared > MAX_COMPARED {
             break;
         }
     }
-    found
+    gaps
+}
+
+/// Rims by cells of a grid.
+struct RimCells<'a> {
+    vertices: &'a [Vertex],
+    rims: Vec<Rim>,
+    grid: Grid,
+    /// The rims in each cell.
+    cells: Buckets<u32>,
+    narrow_nm: f64,
+}
+
+impl<'a> RimCells<'a> {
+    fn new(vertices: &'a [Vertex], rims: Vec<Rim>, narrow_nm: f64) -> Self {
+        let (grid, cells) = in_cells(vertices, &rims, narrow_nm);
+        Self { vertices, rims, grid, cells, narrow_nm }
+    }
+
+    /// The narrowest gap between a corner, whose own rims look out by `own`, and other rims, and the distance of the
+    /// nearest corner on the other side, nm; None where there is no gap. Adds the rims that it compares to `compared`.
+    fn gap_at<I: Iterator<Item = [f64; 2]>>(
+        &self,
+        corner: u32,
+        own: impl Fn() -> I,
+        compared: &mut usize,
+    ) -> Option<[f64; 2]> {
+        let v = self.vertices[corner as usize];
+        let grid = &self.grid;
+        let cell = grid.along(1, v.y.into(), 0) as usize * grid.columns() + grid.along(0, v.x.into(), 0) as usize;
+        let mut gap = [f64::INFINITY; 2];
+        for &other in grid.around(cell).flat_map(|cell| self.cells.of(cell)) {
+            *compared += 1;
+            let other = &self.rims[other as usize];
+            match between(corner, place(v), own(), other, self.narrow_nm) {
+                Between::Nothing => {}
+                Between::Closed => return None,
+                Between::Gap(wide) => {
+                    let beside = other.ends.map(|e| distance(place(v), place(self.vertices[e as usize])));
+                    gap = [gap[0].min(wide), gap[1].min(beside[0]).min(beside[1])];
+                }
+            }
+        }
+        gap[0].is_finite().then_some(gap)
+    }
 }
 
 /// What lies between a corner and another rim.
@@ -166,10 +193,12 @@ fn between(corner: u32, at: [f64; 3], mut own: impl Iterator<Item = [f64; 2]>, o
 
 /// A grid over the rims whose cells are at least as wide as a narrow gap, and the rims in each.
 fn in_cells(vertices: &[Vertex], rims: &[Rim], narrow_nm: f64) -> (Grid, Buckets<u32>) {
-    let mut all = <Box2>::EMPTY;
+    let mut extent = <Box2>::EMPTY;
     let ends = |rim: &Rim| rim.ends.map(|v| vertices[v as usize].p2());
-    rims.iter().flat_map(ends).for_each(|p| all.add(p));
-    let (lo, w, h) = (P2::new(all.lo.x - 4, all.lo.y - 4), all.hi.x - all.lo.x + 9, all.hi.y - all.lo.y + 9);
+    rims.iter().flat_map(ends).for_each(|p| extent.add(p));
+    let lo = P2::new(extent.lo.x - 4, extent.lo.y - 4);
+    let w = extent.hi.x - extent.lo.x + 9;
+    let h = extent.hi.y - extent.lo.y + 9;
     let about = (w as f64 * h as f64 / rims.len() as f64).sqrt();
     let mut size = (about.ceil() as i64).max(narrow_nm.ceil() as i64).max(w.max(h) / 65_000).max(1000);
     loop {

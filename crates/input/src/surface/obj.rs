@@ -42,7 +42,8 @@ pub(crate) fn read(
     memory::ask("the mesh", super::FACET_BYTES * (lines.length() / 40)).map_err(|d| d.at(place(path)))?;
     let mut reader = Reader::new(path, Facets::new(path, unit, sink));
     let mut stated = StatedUnit::new(unit);
-    let (mut unknown, mut surfaces) = (Words::default(), Words::default());
+    let mut unknown = Words::default();
+    let mut surfaces = Words::default();
     let mut statement = Vec::new();
     while let Some(at) = next_statement(&mut lines, &mut statement)? {
         let here = |d: Diag| d.at(Place::line(path.display().to_string(), at));
@@ -105,6 +106,7 @@ fn has_numbers(line: &[u8]) -> bool {
     words(line).next().is_some_and(|word| CONTINUED.contains(&word))
 }
 
+/// Whether a comment ends a line.
 fn has_comment(line: &[u8]) -> bool {
     words(line).any(|word| word.starts_with(b"#"))
 }
@@ -116,17 +118,34 @@ enum Fault {
     Weight(f64),
 }
 
+/// A vertex that is not where its numbers say.
+#[derive(Clone, Copy)]
+struct FaultyVertex {
+    /// Its number, from 0.
+    vertex: usize,
+    /// The line that has it.
+    line: usize,
+    fault: Fault,
+}
+
+/// A face that waits for the end of the file.
+struct WaitingFace {
+    line: usize,
+    /// How many of the waiting corners are its own.
+    corners: u32,
+}
+
 /// Vertices and faces so far.
 struct Reader<'a> {
     path: &'a Path,
     facets: Facets<'a>,
     vertices: Vec<[f64; 3]>,
-    /// Vertices that are not where their numbers say, and their lines.
-    faults: Vec<(usize, usize, Fault)>,
+    /// By rising number.
+    faulty: Vec<FaultyVertex>,
     polygon: Vec<usize>,
     corners: Vec<[f64; 3]>,
-    /// Faces that wait for the end of the file: line, number of corners; and the corners of all.
-    waiting: Vec<(usize, u32)>,
+    waiting: Vec<WaitingFace>,
+    /// The corners of all faces that wait.
     waiting_corners: Vec<u32>,
     crossed: Option<usize>,
 }
@@ -137,7 +156,7 @@ impl<'a> Reader<'a> {
             path,
             facets,
             vertices: Vec::new(),
-            faults: Vec::new(),
+            faulty: Vec::new(),
             polygon: Vec::new(),
             corners: Vec::new(),
             waiting: Vec::new(),
@@ -177,7 +196,7 @@ impl<'a> Reader<'a> {
                 Err(why) => return Err(no_number(word, why, Place::Nowhere)),
             }
         }
-        self.faults.extend(fault.map(|fault| (self.vertices.len(), line, fault)));
+        self.faulty.extend(fault.map(|fault| FaultyVertex { vertex: self.vertices.len(), line, fault }));
         self.vertices.push(p);
         Ok(())
     }
@@ -201,7 +220,7 @@ impl<'a> Reader<'a> {
         }
         let is_ahead = self.polygon.iter().any(|&i| i >= self.vertices.len());
         if is_ahead || !self.waiting.is_empty() {
-            self.waiting.push((line, self.polygon.len() as u32));
+            self.waiting.push(WaitingFace { line, corners: self.polygon.len() as u32 });
             self.waiting_corners.extend(self.polygon.iter().map(|&i| u32::try_from(i).unwrap_or(u32::MAX)));
             return Ok(());
         }
@@ -217,8 +236,8 @@ impl<'a> Reader<'a> {
                     format!("a face refers to vertex {}, but the file has {}", i as u64 + 1, self.vertices.len());
                 return Err(Diag::input("obj-index", text).at(self.place(line)).hint(COUNTED).into());
             };
-            if let Ok(at) = self.faults.binary_search_by_key(&i, |&(vertex, ..)| vertex) {
-                return Err(self.unusable(self.faults[at], line));
+            if let Ok(k) = self.faulty.binary_search_by_key(&i, |faulty| faulty.vertex) {
+                return Err(self.unusable(self.faulty[k], line));
             }
             self.corners.push(p);
         }
@@ -228,9 +247,9 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A face names a vertex that is nowhere.
-    fn unusable(&self, (vertex, line, fault): (usize, usize, Fault), face: usize) -> Error {
-        let named = format!("vertex {}, which the face in line {face} names,", vertex + 1);
+    /// The fault of a face, in a line of that number, that names a vertex that is nowhere.
+    fn unusable(&self, FaultyVertex { vertex, line, fault }: FaultyVertex, face_line: usize) -> Error {
+        let named = format!("vertex {}, which the face in line {face_line} names,", vertex + 1);
         let d = match fault {
             Fault::NotFinite => {
                 Diag::input("surface-number", format!("{named} has a coordinate that is not a finite number"))
@@ -243,11 +262,13 @@ impl<'a> Reader<'a> {
         d.at(self.place(line)).into()
     }
 
+    /// Hands on the faces that wait, and ends the file.
     fn finish(mut self, notes: &mut Vec<Diag>) -> Result<Content, Error> {
-        let (waiting, corners) = (std::mem::take(&mut self.waiting), std::mem::take(&mut self.waiting_corners));
+        let waiting = std::mem::take(&mut self.waiting);
+        let corners = std::mem::take(&mut self.waiting_corners);
         let mut rest = corners.as_slice();
-        for (line, count) in waiting {
-            let (polygon, others) = rest.split_at(count as usize);
+        for WaitingFace { line, corners } in waiting {
+            let (polygon, others) = rest.split_at(corners as usize);
             rest = others;
             self.polygon.clear();
             self.polygon.extend(polygon.iter().map(|&i| i as usize));
@@ -268,6 +289,7 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// The remedy for a face that names a vertex that is not there.
 const COUNTED: &str = "vertices count from 1, or back from the face: -1 is the last one before it";
 
 /// The vertex, counted from 0, that `v`, `v/vt`, `v//vn` or `v/vt/vn` names: from 1, or from the last vertex backwards.
@@ -321,7 +343,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("a.obj");
         std::fs::write(&path, text).expect("written");
-        let (mut got, mut notes) = (vec![], vec![]);
+        let mut got = vec![];
+        let mut notes = vec![];
         let result = read(&path, Unit::mm(1.0), &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }

@@ -164,19 +164,16 @@ impl OddFaces {
 
 /// Holds what the header promises against the length of the file, and asks for memory.
 fn check_counts(elements: &[Element], encoding: Encoding, length: u64) -> Result<(), Diag> {
-    let named = |name: &[u8]| elements.iter().position(|e| e.name == name);
-    let (vertex, face, strips) = (named(b"vertex"), named(b"face"), named(b"tristrips"));
+    let index_of = |name: &[u8]| elements.iter().position(|e| e.name == name);
+    let vertex = index_of(b"vertex");
+    let face = index_of(b"face");
+    let strips = index_of(b"tristrips");
     if vertex.is_some_and(|vertex| face.into_iter().chain(strips).any(|face| vertex > face)) {
         return Err(Diag::input("ply-header", "faces stand before the vertices that they name").hint(AGAIN));
     }
-    // A list of no items has its count alone; of text a digit and a space.
-    let least = |p: &Property| match encoding {
-        Encoding::Ascii => 2,
-        _ => p.list.unwrap_or(p.of).size() as u64,
-    };
     let mut need = 0u64;
     for element in elements {
-        let size = element.properties.iter().map(least).sum::<u64>().max(1);
+        let size = element.properties.iter().map(|p| least_bytes(p, encoding)).sum::<u64>().max(1);
         need = need.saturating_add(element.count.saturating_mul(size));
     }
     // The last line may lack its end.
@@ -194,6 +191,14 @@ fn check_counts(elements: &[Element], encoding: Encoding, length: u64) -> Result
     let facets = count(face).saturating_add(in_strips);
     let bytes = count(vertex).saturating_mul(24).saturating_add(super::FACET_BYTES.saturating_mul(facets));
     memory::ask("the mesh", bytes)
+}
+
+/// Bytes that a property takes at least: a list of no items has its count alone; of text a digit and a space.
+fn least_bytes(property: &Property, encoding: Encoding) -> u64 {
+    match encoding {
+        Encoding::Ascii => 2,
+        Encoding::Little | Encoding::Big => property.list.unwrap_or(property.of).size() as u64,
+    }
 }
 
 /// The file, of which lines and bytes are taken.
@@ -254,7 +259,8 @@ impl<'a> Input<'a> {
             let d = Diag::input("surface-format", "the file does not begin with the line \"ply\"").at(place(self.path));
             return Err(d.hint("give the file the extension of its format, or export it as PLY").into());
         }
-        let (mut encoding, mut elements) = (None, Vec::<Element>::new());
+        let mut encoding = None;
+        let mut elements = Vec::<Element>::new();
         while self.number < MAX_HEADER && self.next_line()? {
             let line = std::mem::take(&mut self.line);
             let found: Vec<&[u8]> = words(&line).collect();
@@ -323,7 +329,15 @@ fn property(of: &[&[u8]], name: &[u8]) -> Option<Property> {
 }
 
 /// What is done with the values of an element: the number of their property, and the value.
-type Take<'a> = dyn FnMut(usize, f64) -> Result<(), Diag> + 'a;
+type ValueSink<'a> = dyn FnMut(usize, f64) -> Result<(), Diag> + 'a;
+
+/// What is done with a value.
+#[derive(Clone, Copy, PartialEq)]
+enum Handling {
+    Read,
+    /// It is passed over; in a line of text it need not be a number.
+    Skip,
+}
 
 /// Reads elements as they are written.
 struct Reader<'a> {
@@ -344,7 +358,7 @@ impl Reader<'_> {
 
     /// Reads element `i` of a kind, and hands on the values of these properties; a list as its items. What the others
     /// hold is not looked at.
-    fn element(&mut self, element: &Element, i: u64, wanted: &[usize], take: &mut Take<'_>) -> Result<(), Error> {
+    fn element(&mut self, element: &Element, i: u64, wanted: &[usize], take: &mut ValueSink<'_>) -> Result<(), Error> {
         let name = || format!("{} {i} (counted from 0)", shown(&element.name));
         let mut at = 0;
         if self.encoding == Encoding::Ascii {
@@ -353,16 +367,16 @@ impl Reader<'_> {
         for (k, property) in element.properties.iter().enumerate() {
             let items = match property.list {
                 None => 1.0,
-                Some(count) => self.value(count, &mut at, true, &name)?,
+                Some(count) => self.value(count, &mut at, Handling::Read, &name)?,
             };
             if !(0.0..=1e9).contains(&items) || items.fract() != 0.0 {
                 let d = Diag::input("ply-count", format!("{} has a list of {items} items", name()));
                 return Err(d.at(self.place()).hint(AGAIN).into());
             }
-            let is_wanted = wanted.contains(&k);
+            let handling = if wanted.contains(&k) { Handling::Read } else { Handling::Skip };
             for _ in 0..items as u64 {
-                let value = self.value(property.of, &mut at, is_wanted, &name)?;
-                if !is_wanted {
+                let value = self.value(property.of, &mut at, handling, &name)?;
+                if handling == Handling::Skip {
                     continue;
                 }
                 take(k, value).map_err(|d| {
@@ -388,13 +402,19 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The next value; `at` counts those of a line of text, where one that is not wanted need not be a number.
-    fn value(&mut self, of: Scalar, at: &mut usize, is_wanted: bool, name: &dyn Fn() -> String) -> Result<f64, Error> {
+    /// The next value; `at` counts those of a line of text.
+    fn value(
+        &mut self,
+        of: Scalar,
+        at: &mut usize,
+        handling: Handling,
+        name: &dyn Fn() -> String,
+    ) -> Result<f64, Error> {
         if self.encoding == Encoding::Ascii {
             let word = self.words.get(*at).map(|range| &self.input.line[range.clone()]);
             *at += 1;
             return match word {
-                Some(_) if !is_wanted => Ok(0.0),
+                Some(_) if handling == Handling::Skip => Ok(0.0),
                 Some(word) => match number(word) {
                     Err(NoNumber::NotFinite) => Ok(f64::NAN),
                     value => value.map_err(|why| no_number(word, why, self.input.place()).into()),
@@ -530,7 +550,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("a.ply");
         std::fs::write(&path, bytes).expect("written");
-        let (mut got, mut notes) = (vec![], vec![]);
+        let mut got = vec![];
+        let mut notes = vec![];
         let result = read(&path, Unit::mm(1.0), &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }

@@ -22,17 +22,9 @@ pub(super) fn triangulate(polygon: &[[f64; 3]], facets: &mut Facets<'_>) -> bool
     }
     let outline = LineString::from_iter(polygon.iter().chain(polygon.first()).map(|p| (p[u], p[v])));
     let cut = Polygon::new(outline, vec![]).earcut_triangles_raw().triangle_indices;
-    let area = |t: &[[f64; 3]; 3]| {
-        let [a, b, c] = *t;
-        (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u])
-    };
-    let triangles = || {
-        cut.as_chunks::<3>()
-            .0
-            .iter()
-            .filter_map(|t| Some([*polygon.get(t[0])?, *polygon.get(t[1])?, *polygon.get(t[2])?]))
-    };
-    let covered: f64 = triangles().map(|t| area(&t).abs()).sum();
+    let corners = |t: &[usize; 3]| Some([*polygon.get(t[0])?, *polygon.get(t[1])?, *polygon.get(t[2])?]);
+    let triangles = || cut.as_chunks().0.iter().filter_map(corners);
+    let covered: f64 = triangles().map(|t| double_area(t, u, v).abs()).sum();
     if cut.is_empty() || covered == 0.0 {
         // No area in any plane: handed on as it is, the mesh counts and drops such facets.
         polygon.windows(2).skip(1).for_each(|e| facets.push([polygon[0], e[0], e[1]]));
@@ -41,6 +33,11 @@ pub(super) fn triangulate(polygon: &[[f64; 3]], facets: &mut Facets<'_>) -> bool
     triangles().for_each(|t| facets.push(t));
     // Twice the area both ways; sums of n terms, each rounded.
     (covered - normal[drop].abs()).abs() <= 4.0 * f64::EPSILON * polygon.len() as f64 * covered.max(normal[drop].abs())
+}
+
+/// Twice the signed area of a triangle in the plane of the axes u and v.
+fn double_area([a, b, c]: [[f64; 3]; 3], u: usize, v: usize) -> f64 {
+    (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u])
 }
 
 /// The normal of a polygon that need not be flat; its length is twice the area.

@@ -34,9 +34,9 @@ impl Surface {
     /// Whether the place at `t` lies on a rim.
     fn is_on_rim(&self, line: &Line, t: f64, cursor: &mut Cursor) -> bool {
         cursor.facets.clear();
-        let at = line.a.lerp(line.b, t);
-        let bin = self.bin_of(1, at.y) * self.bin_count(0) + self.bin_of(0, at.x);
-        self.bin_facets(bin as usize, [at, at], &mut cursor.facets);
+        let p = line.a.lerp(line.b, t);
+        let bin = self.bin_of(1, p.y) * self.bin_count(0) + self.bin_of(0, p.x);
+        self.bin_facets(bin as usize, [p, p], &mut cursor.facets);
         cursor.facets.iter().flat_map(|&f| self.rims(f)).any(|[u, v, _]| {
             let near = line.near(u, v);
             near[0] - line.half_nm <= t && t <= near[1] + line.half_nm
@@ -61,7 +61,7 @@ impl Surface {
             }
         }
         on_rim.clear();
-        sheets.take(from, to, &self.choice(line, limit2), on_rim);
+        sheets.take(from, to, &self.facet_choice(line, limit2), on_rim);
         let is_whole = !on_rim.is_empty() && on_rim.iter().all(|s| s.facet().is_some());
         // Neighbouring edges meet within rounding: spans are made to tile the gap.
         if is_whole {
@@ -74,7 +74,7 @@ impl Surface {
 
     /// The edges of facet f that have no facet on their other side, each with the corner opposite of it.
     fn rims(&self, f: u32) -> impl Iterator<Item = [Vertex; 3]> {
-        let corner = move |k: usize| self.corner(f, k % 3).0;
+        let corner = move |k: usize| self.corner(f, k % 3).vertex;
         (0..3).filter(move |&k| self.twin(f * 3 + k as u32) == NONE).map(move |k| [0, 1, 2].map(|i| corner(k + i)))
     }
 }
@@ -84,11 +84,6 @@ impl Line {
     /// second where it nowhere does. What is near to an edge is convex: its ends and what is next to it.
     pub(super) fn near(&self, u: Vertex, v: Vertex) -> [f64; 2] {
         let mut near = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut add = |t: [f64; 2]| {
-            if t[0] <= t[1] {
-                near = [near[0].min(t[0]), near[1].max(t[1])];
-            }
-        };
         // What lies within ON_RIM of an edge is a capsule: a disc around each end and a strip between. It is
         // convex, so the line is in it between the first and the last parameter at which it is in one of the three.
         for c in [u, v] {
@@ -96,7 +91,7 @@ impl Line {
             let half = (ON_RIM * ON_RIM - off * off).max(0.0).sqrt() * 2.0 * self.half_nm;
             let t = self.parameter(c.x.into(), c.y.into());
             if off.abs() <= ON_RIM {
-                add([t - half, t + half]);
+                near = hull(near, [t - half, t + half]);
             }
         }
         let ([l, m], length2) = self.along(u, v);
@@ -104,8 +99,7 @@ impl Line {
         let [o, r] = [self.a, self.b].map(|p| orient(u.p2(), v.p2(), p));
         let wide = ON_RIM * length2.sqrt();
         let (x, y) = (within(l, m, 0.0, length2), within(o, r, -wide, wide));
-        add([x[0].max(y[0]), x[1].min(y[1])]);
-        near
+        hull(near, [x[0].max(y[0]), x[1].min(y[1])])
     }
 
     /// The part of the edge from u to v, 0 to 1, at which the place at `t` is nearest to it.
@@ -123,11 +117,17 @@ impl Line {
     }
 }
 
+/// The shortest interval that contains two; of one whose first end is beyond its second, nothing.
+fn hull(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    if b[0] <= b[1] { [a[0].min(b[0]), a[1].max(b[1])] } else { a }
+}
+
 /// Where a linear function that is `a` at 0 and `b` at 1 lies between `lo` and `hi`.
 fn within(a: f64, b: f64, lo: f64, hi: f64) -> [f64; 2] {
     if a == b {
-        let all = [f64::NEG_INFINITY, f64::INFINITY];
-        return if (lo..=hi).contains(&a) { all } else { [all[1], all[0]] };
+        let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+        let nowhere = [f64::INFINITY, f64::NEG_INFINITY];
+        return if (lo..=hi).contains(&a) { everywhere } else { nowhere };
     }
     let [s, t] = [(lo - a) / (b - a), (hi - a) / (b - a)];
     [s.min(t), s.max(t)]
@@ -167,8 +167,17 @@ mod tests {
     }
 
     #[test]
+    fn within_finds_where_a_linear_function_keeps_its_limits() {
+        assert_eq!(within(0.0, 4.0, 1.0, 3.0), [0.25, 0.75]);
+        assert_eq!(within(4.0, 0.0, 1.0, 3.0), [0.25, 0.75]);
+        assert_eq!(within(2.0, 2.0, 1.0, 3.0), [f64::NEG_INFINITY, f64::INFINITY]);
+        assert_eq!(hull([0.0, 1.0], within(5.0, 5.0, 1.0, 3.0)), [0.0, 1.0]);
+    }
+
+    #[test]
     fn strokes_on_or_up_to_a_rotated_border_are_marked_in_full() {
-        let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
+        let mut spans = Vec::new();
+        let mut cursor = Cursor::default();
         for i in 0..200 {
             let turn = cos_sin(f64::from(i) * 0.731 + 0.001);
             let part = solid(turn);
@@ -202,7 +211,8 @@ mod tests {
 
     #[test]
     fn strokes_end_at_the_border_where_they_leave_the_part() {
-        let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
+        let mut spans = Vec::new();
+        let mut cursor = Cursor::default();
         let part = solid([1.0, 0.0]);
         for (beside, is_off) in [(1, false), (2, true), (5, true)] {
             let y = -f64::from(beside) / NM_PER_MM;

@@ -124,7 +124,8 @@ impl Binary {
 
     /// The facets for which the file has room, where the header counts none.
     fn by_length(count: u32, length: u64, file: &mut File, path: &Path) -> Result<Self, Error> {
-        let (facets, rest) = ((length - HEADER as u64) / FACET as u64, (length - HEADER as u64) % FACET as u64);
+        let facets = (length - HEADER as u64) / FACET as u64;
+        let rest = (length - HEADER as u64) % FACET as u64;
         let lacks = FACET as u64 - rest;
         let mut found = Self { facets, lacks: 0, note: None };
         if is_blank(file, HEADER as u64, path)? {
@@ -228,7 +229,7 @@ fn not_finite(path: &Path, facet: usize, corners: [[f64; 3]; 3]) -> Diag {
 
 /// What may follow in an ASCII file.
 #[derive(Clone, Copy, PartialEq)]
-enum Next {
+enum Expected {
     Solid,
     Facet,
     /// The normal, in any words, and the loop.
@@ -241,7 +242,7 @@ enum Next {
     EndFacet,
 }
 
-impl Next {
+impl Expected {
     fn wanted(self) -> &'static str {
         match self {
             Self::Solid => "\"solid\"",
@@ -298,7 +299,7 @@ fn after_name<'a, I: Iterator<Item = &'a [u8]> + Clone>(mut rest: I) -> I {
 
 /// How far the words of an ASCII file have come.
 struct Ascii {
-    next: Next,
+    next: Expected,
     corners: [[f64; 3]; 3],
     /// Where the last vertex began.
     vertex: Place,
@@ -310,7 +311,7 @@ struct Ascii {
 
 impl Ascii {
     fn new() -> Self {
-        Self { next: Next::Solid, corners: [[0.0; 3]; 3], vertex: Place::Nowhere, is_passing: false, open: None }
+        Self { next: Expected::Solid, corners: [[0.0; 3]; 3], vertex: Place::Nowhere, is_passing: false, open: None }
     }
 
     fn take(&mut self, word: &[u8], lines: &Lines, facets: &mut Facets<'_>) -> Result<(), Error> {
@@ -320,34 +321,34 @@ impl Ascii {
         }
         self.is_passing = false;
         self.next = match self.next {
-            Next::Number(corner, k) => self.number(word, corner, k, lines)?,
-            next if is(word, "color") && next != Next::Solid => {
+            Expected::Number(corner, k) => self.number(word, corner, k, lines)?,
+            next if is(word, "color") && next != Expected::Solid => {
                 self.is_passing = true;
                 next
             }
-            Next::Solid | Next::Facet if is(word, "solid") => {
-                if self.next == Next::Facet {
+            Expected::Solid | Expected::Facet if is(word, "solid") => {
+                if self.next == Expected::Facet {
                     self.open.get_or_insert_with(|| no_endsolid(lines.place()));
                 }
-                Next::Facet
+                Expected::Facet
             }
-            Next::Facet if is(word, "facet") => {
+            Expected::Facet if is(word, "facet") => {
                 self.is_passing = true;
-                Next::Outer
+                Expected::Outer
             }
-            Next::Facet if is(word, "endsolid") => Next::Solid,
-            Next::Outer if is(word, "outer") => Next::Loop,
-            Next::Loop if is(word, "loop") => Next::Vertex(0),
-            Next::Vertex(corner) if is(word, "vertex") => {
+            Expected::Facet if is(word, "endsolid") => Expected::Solid,
+            Expected::Outer if is(word, "outer") => Expected::Loop,
+            Expected::Loop if is(word, "loop") => Expected::Vertex(0),
+            Expected::Vertex(corner) if is(word, "vertex") => {
                 self.vertex = lines.place();
-                Next::Number(corner, 0)
+                Expected::Number(corner, 0)
             }
-            Next::EndLoop if is(word, "endloop") => Next::EndFacet,
-            Next::EndFacet if is(word, "endfacet") => {
+            Expected::EndLoop if is(word, "endloop") => Expected::EndFacet,
+            Expected::EndFacet if is(word, "endfacet") => {
                 facets.push(self.corners);
-                Next::Facet
+                Expected::Facet
             }
-            Next::Vertex(1..) | Next::EndLoop if !is_keyword() => {
+            Expected::Vertex(1..) | Expected::EndLoop if !is_keyword() => {
                 let text = format!("\"{}\" follows the three numbers of a vertex", shown(word));
                 return Err(bad_ascii(text).at(lines.place()).into());
             }
@@ -360,16 +361,16 @@ impl Ascii {
     }
 
     /// Takes number `k` of a corner.
-    fn number(&mut self, word: &[u8], corner: usize, k: usize, lines: &Lines) -> Result<Next, Error> {
+    fn number(&mut self, word: &[u8], corner: usize, k: usize, lines: &Lines) -> Result<Expected, Error> {
         match number(word) {
             Ok(v) => self.corners[corner][k] = v,
             Err(NoNumber::Text) if KEYWORDS.iter().any(|keyword| is(word, keyword)) => return Err(self.few(k)),
             Err(why) => return Err(no_number(word, why, lines.place()).into()),
         }
         Ok(match (corner, k) {
-            (2, 2) => Next::EndLoop,
-            (_, 2) => Next::Vertex(corner + 1),
-            _ => Next::Number(corner, k + 1),
+            (2, 2) => Expected::EndLoop,
+            (_, 2) => Expected::Vertex(corner + 1),
+            _ => Expected::Number(corner, k + 1),
         })
     }
 
@@ -380,12 +381,12 @@ impl Ascii {
     /// Ends the file.
     fn end(&mut self, lines: &Lines) -> Result<(), Error> {
         match self.next {
-            Next::Solid => Ok(()),
-            Next::Facet => {
+            Expected::Solid => Ok(()),
+            Expected::Facet => {
                 self.open.get_or_insert_with(|| no_endsolid(lines.place()));
                 Ok(())
             }
-            Next::Number(_, k) => Err(self.few(k)),
+            Expected::Number(_, k) => Err(self.few(k)),
             next => {
                 let text = format!("the file ends inside a facet, where {} belongs", next.wanted());
                 let d = Diag::input("stl-truncated", text).at(lines.place());
@@ -415,7 +416,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("a.stl");
         std::fs::write(&path, bytes).expect("written");
-        let (mut got, mut notes) = (vec![], vec![]);
+        let mut got = vec![];
+        let mut notes = vec![];
         let result = read(&path, Unit::mm(unit_mm), &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }

@@ -32,17 +32,60 @@ pub struct Joining {
     pub non_manifold: NonManifold,
 }
 
-/// A fault with the vertex at which one of its kind is.
-pub(super) type Placed = (FaultKind, usize, u32);
+/// A fault of a mesh.
+pub(super) struct MeshFault {
+    pub kind: FaultKind,
+    /// How often it occurs.
+    pub count: usize,
+    /// A vertex at which it occurs.
+    pub vertex: u32,
+}
 
-/// What [`survey`] finds.
+/// How often something occurs, and at which vertex first.
+#[derive(Clone, Copy, Default)]
+struct Occurrences {
+    count: usize,
+    first: u32,
+}
+
+impl Occurrences {
+    fn add(&mut self, vertex: u32) {
+        if self.count == 0 {
+            self.first = vertex;
+        }
+        self.count += 1;
+    }
+
+    /// The fault that they are, if there are any.
+    fn fault(self, kind: FaultKind) -> Option<MeshFault> {
+        (self.count > 0).then_some(MeshFault { kind, count: self.count, vertex: self.first })
+    }
+}
+
+/// A half-edge of a vertex that is the lower end of its edge. Those of one edge are next to each other when they are
+/// sorted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct EdgeSide {
+    /// The upper end of the edge.
+    upper: u32,
+    half_edge: u32,
+}
+
+impl EdgeSide {
+    /// The facet of the half-edge.
+    fn facet(self) -> u32 {
+        self.half_edge / 3
+    }
+}
+
+/// The twins of a mesh, and what is wrong with it.
 pub(super) struct Survey {
     /// The twin of every half-edge of the facets that stay.
     pub twins: Vec<u32>,
     /// Upright facets: not seen by the lens, but the head must keep clear of them.
     pub upright: Vec<[u32; 3]>,
     /// What is wrong.
-    pub faults: Vec<Placed>,
+    pub faults: Vec<MeshFault>,
 }
 
 /// Finds the twins of the facets that stay, and what is wrong. Duplicates and upright facets are taken out; `states`
@@ -55,11 +98,6 @@ pub(super) fn survey(
 ) -> Survey {
     let [narrow_nm, weld_nm] = [joining.narrow_mm, joining.weld_mm].map(|mm| mm * NM_PER_MM);
     let mut faults = Vec::new();
-    let mut push = |kind, (count, at): (usize, u32)| {
-        if count > 0 {
-            faults.push((kind, count, at));
-        }
-    };
     let mut edges = edges(vertices.len(), facets);
     let mut pass = Pass {
         vertices,
@@ -68,42 +106,47 @@ pub(super) fn survey(
         needle_nm: NEEDLE_NM.max(weld_nm),
         twins: vec![NONE; facets.len() * 3],
         rims: Vec::new(),
-        against: (0, 0),
-        needles: (0, 0),
-        many: [(0, 0); 2],
+        against: Occurrences::default(),
+        needles: Occurrences::default(),
+        many: [Occurrences::default(); 2],
     };
     for list in edges.each_mut() {
         list.sort_unstable();
-        list.chunk_by_mut(|x, y| x.0 == y.0).for_each(|same| pass.edge(same));
+        list.chunk_by_mut(|x, y| x.upper == y.upper).for_each(|sides| pass.edge(sides));
     }
     let Pass { twins, mut rims, against, needles, many: [touching, odd], .. } = pass;
-    let mut doubled = (0..facets.len()).filter(|&f| states[f] & DUPLICATE != 0);
-    push(FaultKind::Duplicate, doubled.next().map_or((0, 0), |first| (1 + doubled.count(), facets[first][0])));
-    if against.0 > 0 {
-        push(FaultKind::Winding, wound_against(&edges, facets, &states));
+    let mut duplicates = Occurrences::default();
+    for f in (0..facets.len()).filter(|&f| states[f] & DUPLICATE != 0) {
+        duplicates.add(facets[f][0]);
     }
-    push(FaultKind::Needle, needles);
-    push(FaultKind::Touching, touching);
-    push(FaultKind::NonManifold, odd);
+    // Edges say that there are such facets, but not which of the two facets is turned.
+    let wound = if against.count > 0 { wound_against(&edges, facets, &states) } else { Occurrences::default() };
+    faults.extend(duplicates.fault(FaultKind::Duplicate));
+    faults.extend(wound.fault(FaultKind::Winding));
+    faults.extend(needles.fault(FaultKind::Needle));
+    faults.extend(touching.fault(FaultKind::Touching));
+    faults.extend(odd.fault(FaultKind::NonManifold));
     drop(edges);
     rims.retain(|&he| states[he as usize / 3] & UPRIGHT == 0);
-    if let Some(Gaps { count, at, widest_nm, weldable: (corners, weld_nm) }) =
-        narrow_gaps(vertices, facets, rims, narrow_nm)
-    {
-        let [widest_mm, weld_mm] = [widest_nm, weld_nm].map(|nm| nm / NM_PER_MM);
-        push(FaultKind::Crack { widest_mm, weldable: (corners, weld_mm) }, (count, at));
-    }
+    faults.extend(narrow_gaps(vertices, facets, rims, narrow_nm).map(crack));
     let upright = (0..facets.len()).filter(|&f| states[f] & UPRIGHT != 0).map(|f| facets[f]).collect();
     Survey { twins: compact(facets, &states, twins), upright, faults }
 }
 
-/// The half-edges of every vertex that is the lower end of their edge, with the other end.
-fn edges(vertex_count: usize, facets: &[[u32; 3]]) -> Buckets<(u32, u32)> {
+/// The fault of narrow gaps.
+fn crack(gaps: Gaps) -> MeshFault {
+    let Gaps { count, at, widest_nm, weldable: (corners, weld_nm) } = gaps;
+    let [widest_mm, weld_mm] = [widest_nm, weld_nm].map(|nm| nm / NM_PER_MM);
+    MeshFault { kind: FaultKind::Crack { widest_mm, weldable: (corners, weld_mm) }, count, vertex: at }
+}
+
+/// The half-edges of every vertex that is the lower end of their edge.
+fn edges(vertex_count: usize, facets: &[[u32; 3]]) -> Buckets<EdgeSide> {
     Buckets::new(
         vertex_count,
         (0..facets.len() * 3).map(|he| {
             let (a, b) = ends(facets, he as u32);
-            (a.min(b) as usize, (a.max(b), he as u32))
+            (a.min(b) as usize, EdgeSide { upper: a.max(b), half_edge: he as u32 })
         }),
     )
 }
@@ -119,7 +162,7 @@ fn opposite(facets: &[[u32; 3]], he: u32) -> u32 {
     facets[he as usize / 3][(he as usize % 3 + 2) % 3]
 }
 
-/// Edges as they are gone through.
+/// One pass over all edges.
 struct Pass<'a> {
     vertices: &'a [Vertex],
     facets: &'a [[u32; 3]],
@@ -129,65 +172,71 @@ struct Pass<'a> {
     twins: Vec<u32>,
     /// Half-edges whose edge has no other facet.
     rims: Vec<u32>,
-    /// Count, and a vertex of the first: of edges whose two facets wind against each other,
-    against: (usize, u32),
-    /// of those with more than two by needles,
-    needles: (usize, u32),
-    /// and of the others with more than two: an even number, an odd one.
-    many: [(usize, u32); 2],
+    /// Edges whose two facets wind against each other.
+    against: Occurrences,
+    /// Edges that have more than two facets by needles alone.
+    needles: Occurrences,
+    /// Other edges of more than two facets: of an even number, of an odd one.
+    many: [Occurrences; 2],
 }
 
 impl Pass<'_> {
     /// Takes all half-edges of one edge.
-    fn edge(&mut self, same: &mut [(u32, u32)]) {
+    fn edge(&mut self, sides: &mut [EdgeSide]) {
         let facets = self.facets;
-        let (same, opposed) = self.without_duplicates(same);
-        match *same {
+        let (sides, opposed) = self.without_duplicates(sides);
+        match *sides {
             [] => {}
-            [(_, he)] => self.rims.push(he),
-            [(_, e), (_, f)] => {
-                if is_against(facets, self.states, e, f) {
-                    count(&mut self.against, ends(facets, e).0);
+            [side] => self.rims.push(side.half_edge),
+            [one, other] => {
+                if is_against(facets, self.states, one.half_edge, other.half_edge) {
+                    self.against.add(ends(facets, one.half_edge).0);
                 }
             }
-            _ => {
-                let is_needle = |&&(_, he): &&(u32, u32)| height(self.vertices, facets, he / 3) <= self.needle_nm;
-                let needles = same.iter().filter(is_needle).count();
-                let (left, at) = (same.len() - needles, ends(facets, same[0].1).0);
-                let of = if left <= 2 { &mut self.needles } else { &mut self.many[(left + opposed) % 2] };
-                count(of, at);
+            [first, ..] => {
+                let is_needle = |side: &&EdgeSide| height(self.vertices, facets, side.facet()) <= self.needle_nm;
+                let left = sides.len() - sides.iter().filter(is_needle).count();
+                // Bodies that touch along an edge have an even number of facets there; where it is odd a sheet hangs on
+                // it.
+                let kind = if left <= 2 { &mut self.needles } else { &mut self.many[(left + opposed) % 2] };
+                kind.add(ends(facets, first.half_edge).0);
             }
         }
         // Proper for the walk: exactly two that do not stand upright, on opposite sides.
-        let mut seen = same.iter().map(|&(_, he)| he).filter(|&he| self.states[he as usize / 3] & UPRIGHT == 0);
-        if let (Some(e), Some(f), None) = (seen.next(), seen.next(), seen.next())
-            && ends(facets, e).0 != ends(facets, f).0
+        let states = &self.states;
+        let mut seen = sides.iter().filter(|side| states[side.facet() as usize] & UPRIGHT == 0);
+        if let (Some(one), Some(other), None) = (seen.next(), seen.next(), seen.next())
+            && ends(facets, one.half_edge).0 != ends(facets, other.half_edge).0
         {
-            self.twins[e as usize] = f;
-            self.twins[f as usize] = e;
+            self.twins[one.half_edge as usize] = other.half_edge;
+            self.twins[other.half_edge as usize] = one.half_edge;
         }
     }
 
-    /// Puts the half-edges of duplicates last, marks their facets and leaves them out. Answers also how many of them
+    /// Puts the half-edges of duplicates last, marks their facets and leaves them out. Returns also how many of them
     /// wind against the facet that they repeat: such a pair is a body without thickness, and both of its facets belong
     /// to the edge.
-    fn without_duplicates<'b>(&mut self, same: &'b mut [(u32, u32)]) -> (&'b [(u32, u32)], usize) {
+    fn without_duplicates<'b>(&mut self, sides: &'b mut [EdgeSide]) -> (&'b [EdgeSide], usize) {
         let facets = self.facets;
-        if same.len() < 2 || same.len() == 2 && opposite(facets, same[0].1) != opposite(facets, same[1].1) {
-            return (same, 0);
+        let opposite = |side: &EdgeSide| opposite(facets, side.half_edge);
+        if sides.len() < 2 || sides.len() == 2 && opposite(&sides[0]) != opposite(&sides[1]) {
+            return (sides, 0);
         }
-        same.sort_unstable_by_key(|&(_, he)| (opposite(facets, he), he));
-        let (mut kept, mut opposed) = (1, 0);
-        for i in 1..same.len() {
-            if opposite(facets, same[i].1) == opposite(facets, same[kept - 1].1) {
-                opposed += usize::from(!is_against(facets, self.states, same[i].1, same[kept - 1].1));
-                self.states[same[i].1 as usize / 3] |= DUPLICATE;
+        sides.sort_unstable_by_key(|side| (opposite(side), side.half_edge));
+        // Those before number `kept` are of different facets.
+        let mut kept = 1;
+        let mut opposed = 0;
+        for i in 1..sides.len() {
+            let last = sides[kept - 1];
+            if opposite(&sides[i]) == opposite(&last) {
+                opposed += usize::from(!is_against(facets, self.states, sides[i].half_edge, last.half_edge));
+                self.states[sides[i].facet() as usize] |= DUPLICATE;
             } else {
-                same.swap(kept, i);
+                sides.swap(kept, i);
                 kept += 1;
             }
         }
-        (&same[..kept], opposed)
+        (&sides[..kept], opposed)
     }
 }
 
@@ -203,65 +252,58 @@ fn height(vertices: &[Vertex], facets: &[[u32; 3]], f: u32) -> f64 {
     double_area / length(u).max(length(v)).max(length(w))
 }
 
-fn count(of: &mut (usize, u32), at: u32) {
-    if of.0 == 0 {
-        of.1 = at;
-    }
-    of.0 += 1;
-}
-
 /// Whether two facets, one on each side of an edge, wound against each other in their file: they run along it in one
 /// direction.
 fn is_against(facets: &[[u32; 3]], states: &[u8], e: u32, f: u32) -> bool {
-    let start = |he: u32| {
-        let (a, b) = ends(facets, he);
-        if states[he as usize / 3] & TURNED == 0 { a } else { b }
-    };
-    start(e) == start(f)
+    start_in_file(facets, states, e) == start_in_file(facets, states, f)
 }
 
-/// How many facets wind against the larger part of those that they hang together with over edges of two facets; and
-/// a corner of
-/// the first.
-fn wound_against(edges: &Buckets<(u32, u32)>, facets: &[[u32; 3]], states: &[u8]) -> (usize, u32) {
-    let mut bodies = Bodies { parent: (0..facets.len() as u32).collect(), is_against: vec![false; facets.len()] };
-    let is_kept = |&&(_, he): &&(u32, u32)| states[he as usize / 3] & DUPLICATE == 0;
+/// Where a half-edge began in the file.
+fn start_in_file(facets: &[[u32; 3]], states: &[u8], he: u32) -> u32 {
+    let (a, b) = ends(facets, he);
+    if states[he as usize / 3] & TURNED == 0 { a } else { b }
+}
+
+/// The facets that wind against the larger part of those that they hang together with over edges of two facets.
+fn wound_against(edges: &Buckets<EdgeSide>, facets: &[[u32; 3]], states: &[u8]) -> Occurrences {
+    let mut sheets = Sheets { parent: (0..facets.len() as u32).collect(), is_against: vec![false; facets.len()] };
     // Half-edges of one edge are next to each other, since every bucket is sorted by the other end.
     for list in (0..edges.len()).map(|b| edges.of(b)) {
-        for same in list.chunk_by(|x, y| x.0 == y.0) {
-            let mut kept = same.iter().filter(is_kept);
-            if let (Some(&(_, e)), Some(&(_, f)), None) = (kept.next(), kept.next(), kept.next()) {
-                bodies.join(e / 3, f / 3, is_against(facets, states, e, f));
+        for sides in list.chunk_by(|x, y| x.upper == y.upper) {
+            let mut kept = sides.iter().filter(|side| states[side.facet() as usize] & DUPLICATE == 0);
+            if let (Some(one), Some(other), None) = (kept.next(), kept.next(), kept.next()) {
+                let is_against = is_against(facets, states, one.half_edge, other.half_edge);
+                sheets.join(one.facet(), other.facet(), is_against);
             }
         }
     }
-    let of = |f: usize, bodies: &mut Bodies| bodies.root(f as u32);
     let kept = || (0..facets.len()).filter(|&f| states[f] & DUPLICATE == 0);
-    let mut sides = vec![[0u32; 2]; facets.len()];
+    // By root: how many facets wind as it does, and how many against it.
+    let mut counts = vec![[0u32; 2]; facets.len()];
     for f in kept() {
-        let (root, side) = of(f, &mut bodies);
-        sides[root as usize][usize::from(side)] += 1;
+        let (root, is_against) = sheets.root(f as u32);
+        counts[root as usize][usize::from(is_against)] += 1;
     }
-    let mut found = (0, 0);
+    let mut wound = Occurrences::default();
     for f in kept() {
-        let (root, side) = of(f, &mut bodies);
-        let [along, against] = sides[root as usize];
+        let (root, is_against) = sheets.root(f as u32);
+        let [along, against] = counts[root as usize];
         // Of equal parts the second one.
-        if side == (against <= along) && along.min(against) > 0 {
-            count(&mut found, facets[f][0]);
+        if is_against == (against <= along) && along.min(against) > 0 {
+            wound.add(facets[f][0]);
         }
     }
-    found
+    wound
 }
 
-/// Facets that hang together, and which of them wind against the root of their body (union-find).
-struct Bodies {
+/// Facets that hang together, and which of them wind against the root of their sheet (union-find).
+struct Sheets {
     parent: Vec<u32>,
     /// Against the parent.
     is_against: Vec<bool>,
 }
 
-impl Bodies {
+impl Sheets {
     /// The root of a facet, and whether the facet winds against it.
     fn root(&mut self, f: u32) -> (u32, bool) {
         let (mut at, mut against) = (f as usize, false);
@@ -276,12 +318,14 @@ impl Bodies {
         (at as u32, against)
     }
 
+    /// Joins the sheets of two facets, given whether these wind against each other.
     fn join(&mut self, e: u32, f: u32, is_against: bool) {
-        let ((e, ea), (f, fa)) = (self.root(e), self.root(f));
-        if e != f {
-            let (low, high) = (e.min(f), e.max(f));
+        let (e_root, e_against) = self.root(e);
+        let (f_root, f_against) = self.root(f);
+        if e_root != f_root {
+            let (low, high) = (e_root.min(f_root), e_root.max(f_root));
             self.parent[high as usize] = low;
-            self.is_against[high as usize] = is_against ^ ea ^ fa;
+            self.is_against[high as usize] = is_against ^ e_against ^ f_against;
         }
     }
 }

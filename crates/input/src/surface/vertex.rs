@@ -19,6 +19,13 @@ impl Vertex {
     }
 }
 
+/// A corner of a facet: the vertex that it shares with its neighbours, and the number of that.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FacetCorner {
+    pub vertex: Vertex,
+    pub number: u32,
+}
+
 /// A place so near to a rim, nm, lies on it: the grid's diagonal, half of it for the rounding of the stroke
 /// and half for that of the rim, and the noise of f64.
 pub(super) const ON_RIM: f64 = std::f64::consts::SQRT_2 + 0.05;

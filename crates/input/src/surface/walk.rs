@@ -16,7 +16,8 @@
 
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
-use super::topmost::{Hit, Sheets, Side, Span, interpolate, push_gap, push_on, seal};
+use super::topmost::{Hit, ProfilePoint, Sheets, Side, Span, height_between, push_gap, push_span, seal};
+use super::vertex::FacetCorner;
 pub(super) use super::vertex::ON_RIM;
 use super::{Kind, Surface};
 use terrace_core::geom::{P2, normal, orient, slope2};
@@ -26,9 +27,13 @@ use terrace_core::geom::{P2, normal, orient, slope2};
 pub struct Cursor {
     /// Square of the steepest slope that is marked.
     limit2: f64,
+    /// The facet on which the last segment ended, and its bin; None where it did not end on a free sheet.
     pub(super) last: Option<(u32, usize)>,
+    /// Scratch: the facets that may lie under a stretch.
     pub(super) facets: Vec<u32>,
+    /// Scratch: the facets under a stretch, cut with it.
     pub(super) sheets: Sheets,
+    /// Scratch: what rims hold of a gap.
     pub(super) on_rim: Vec<Span>,
 }
 
@@ -54,7 +59,9 @@ impl Default for Cursor {
 pub(super) struct Line {
     pub(super) a: P2,
     pub(super) b: P2,
+    /// From `a` to `b`, nm.
     pub(super) d: [f64; 2],
+    /// One over the square of its length.
     inv_len2: f64,
     /// Sign of a corner that lies exactly on the line.
     pub(super) tie: f64,
@@ -66,8 +73,10 @@ impl Line {
     fn new(a: P2, b: P2) -> Self {
         let d = [(b.x - a.x) as f64, (b.y - a.y) as f64];
         let len2 = d[0] * d[0] + d[1] * d[1];
-        let positive = d[1] > 0.0 || d[1] == 0.0 && d[0] < 0.0;
-        let tie = if positive { f64::MIN_POSITIVE } else { -f64::MIN_POSITIVE };
+        // Shifted by (ε, ε²), the segment moves to its right where it leads up; where it is level, ε² alone counts, and
+        // it moves to its right where it leads to the left. Corners on it are then on its left.
+        let is_shifted_right = d[1] > 0.0 || d[1] == 0.0 && d[0] < 0.0;
+        let tie = if is_shifted_right { f64::MIN_POSITIVE } else { -f64::MIN_POSITIVE };
         Self { a, b, d, inv_len2: 1.0 / len2, tie, half_nm: 0.5 / len2.sqrt() }
     }
 
@@ -97,75 +106,93 @@ impl Line {
         ((x - self.a.x as f64) * self.d[0] + (y - self.a.y as f64) * self.d[1]) * self.inv_len2
     }
 
-    /// Parameter and height where the line crosses the edge (u, v), given their sides. The same bits
-    /// from either facet of the edge.
+    /// Where the line crosses the edge (u, v), given the sides of its ends. The same bits from either facet of the
+    /// edge.
     #[inline]
-    fn crossing(&self, (u, un): (Vertex, u32), ou: f64, (v, vn): (Vertex, u32), ov: f64) -> (f64, f64) {
+    fn crossing(&self, u: FacetCorner, side_u: f64, v: FacetCorner, side_v: f64) -> ProfilePoint {
         // From the corner of the lower number, whichever facet asks.
-        let (u, ou, v, ov) = if un < vn { (u, ou, v, ov) } else { (v, ov, u, ou) };
-        let s = ou / (ou - ov);
-        let x = f64::from(u.x) + s * (f64::from(v.x) - f64::from(u.x));
-        let y = f64::from(u.y) + s * (f64::from(v.y) - f64::from(u.y));
-        (self.parameter(x, y), u.z + s * (v.z - u.z))
+        let (from, side_from, to, side_to) = if u.number < v.number {
+            (u.vertex, side_u, v.vertex, side_v)
+        } else {
+            (v.vertex, side_v, u.vertex, side_u)
+        };
+        let s = side_from / (side_from - side_to);
+        let x = f64::from(from.x) + s * (f64::from(to.x) - f64::from(from.x));
+        let y = f64::from(from.y) + s * (f64::from(to.y) - f64::from(from.y));
+        ProfilePoint { t: self.parameter(x, y), z: from.z + s * (to.z - from.z) }
+    }
+
+    /// Whether a stretch between two parameters has a length. A facet that the line meets in one point alone may seem
+    /// to have one by rounding: below a thousandth of half a nanometre it has none.
+    pub(super) fn has_length(&self, t0: f64, t1: f64) -> bool {
+        t1 - t0 > self.half_nm * 1e-3
     }
 }
 
-/// The line through one facet: where it enters and leaves, and the half-edge by which it leaves.
+/// The line through one facet.
 struct Through {
-    t_in: f64,
-    z_in: f64,
-    t_out: f64,
-    z_out: f64,
-    exit: usize,
+    entry: ProfilePoint,
+    exit: ProfilePoint,
+    /// The edge by which the line leaves, 0 to 2.
+    exit_edge: usize,
+    /// Sides of the three corners, never zero.
     sides: [f64; 3],
 }
 
 /// A stretch of a line through bins of one class.
 struct Stretch {
+    class: Class,
     /// Parameters of its ends.
     t: [f64; 2],
     /// The first and the last bin of the stretch.
     bins: [usize; 2],
+    /// Whether the line ends with it.
+    is_last: bool,
 }
 
 /// Steps from bin to bin along a segment.
 struct BinSteps<'a> {
     surface: &'a Surface,
     line: &'a Line,
-    at: [i64; 2],
+    /// Column and row of the present bin.
+    cell: [i64; 2],
+    /// Parameters at which the next border across x and the next across y is met.
     next: [f64; 2],
+    /// Parameter at which the present bin was entered.
     t: f64,
     t_end: f64,
 }
 
 impl<'a> BinSteps<'a> {
     fn new(surface: &'a Surface, line: &'a Line, t: f64, t_end: f64) -> Self {
-        let at = [(0, line.a.x), (1, line.a.y)].map(|(axis, a)| {
+        let cell = [(0, line.a.x), (1, line.a.y)].map(|(axis, a)| {
             let v = if t == 0.0 { a } else { (a as f64 + t * line.d[axis]).floor() as i64 };
             let bin = surface.bin_of(axis, v);
             // Moving down from a bin line, the segment lies in the bin below it.
             let below = t == 0.0 && line.d[axis] < 0.0 && bin > 0 && surface.bin_line(axis, bin) == a;
             bin - i64::from(below)
         });
-        let mut steps = Self { surface, line, at, next: [f64::INFINITY; 2], t, t_end };
+        let mut steps = Self { surface, line, cell, next: [f64::INFINITY; 2], t, t_end };
         (0..2).for_each(|axis| steps.aim(axis));
         steps
     }
 
+    /// Finds where the line leaves the present column (axis 0) or row (axis 1).
     fn aim(&mut self, axis: usize) {
         let d = self.line.d[axis];
         let a = if axis == 0 { self.line.a.x } else { self.line.a.y };
         self.next[axis] = if d > 0.0 {
-            (self.surface.bin_line(axis, self.at[axis] + 1) - a) as f64 / d
+            (self.surface.bin_line(axis, self.cell[axis] + 1) - a) as f64 / d
         } else if d < 0.0 {
-            (self.surface.bin_line(axis, self.at[axis]) - a) as f64 / d
+            (self.surface.bin_line(axis, self.cell[axis]) - a) as f64 / d
         } else {
             f64::INFINITY
         };
     }
 
+    /// Number of the present bin.
     fn bin(&self) -> usize {
-        (self.at[1] * self.surface.bin_count(0) + self.at[0]) as usize
+        (self.cell[1] * self.surface.bin_count(0) + self.cell[0]) as usize
     }
 
     /// Moves to the next bin; None at the end of the stretch or of the grid.
@@ -174,13 +201,31 @@ impl<'a> BinSteps<'a> {
         if self.next[axis] >= self.t_end {
             return None;
         }
+        // Rounding must not lead back along the line.
         self.t = self.next[axis].max(self.t);
-        self.at[axis] += if self.line.d[axis] > 0.0 { 1 } else { -1 };
-        if self.at[axis] < 0 || self.at[axis] >= self.surface.bin_count(axis) {
+        self.cell[axis] += if self.line.d[axis] > 0.0 { 1 } else { -1 };
+        if self.cell[axis] < 0 || self.cell[axis] >= self.surface.bin_count(axis) {
             return None;
         }
         self.aim(axis);
         Some(())
+    }
+
+    /// The stretch from parameter `from`, in the present bin, through the bins in a row that have the class of this
+    /// one; afterwards the present bin is the one behind it.
+    fn through_one_class(&mut self, from: f64) -> Stretch {
+        let first = self.bin();
+        let class = self.surface.class(first);
+        let mut last = first;
+        loop {
+            if self.step().is_none() {
+                return Stretch { class, t: [from, self.t_end], bins: [first, last], is_last: true };
+            }
+            if self.surface.class(self.bin()) != class {
+                return Stretch { class, t: [from, self.t], bins: [first, last], is_last: false };
+            }
+            last = self.bin();
+        }
     }
 }
 
@@ -196,26 +241,17 @@ impl Surface {
         };
         push_gap(out, 0.0, t0, line.half_nm);
         let mut steps = BinSteps::new(self, &line, t0, t1);
-        let mut t = t0;
+        let mut from = t0;
         let mut is_compared = false;
         loop {
             // Bins of one class in a row make one stretch: the walk starts and ends once in it.
-            let (class, first) = (self.class(steps.bin()), steps.bin());
-            let mut last = first;
-            let more = loop {
-                if steps.step().is_none() {
-                    break false;
-                }
-                if self.class(steps.bin()) != class {
-                    break true;
-                }
-                last = steps.bin();
-            };
-            let end = if more { steps.t } else { t1 };
-            match class {
-                Class::Empty => push_gap(out, t, end, line.half_nm),
+            let stretch = steps.through_one_class(from);
+            let [_, end] = stretch.t;
+            match stretch.class {
+                Class::Empty => push_gap(out, from, end, line.half_nm),
                 Class::Simple => {
-                    let reached = self.walk_free(&line, &Stretch { t: [t, end], bins: [first, last] }, cursor, out);
+                    // The free walk stops where it finds no facet to start on, and at a rim.
+                    let reached = self.walk_free(&line, &stretch, cursor, out);
                     if reached < end {
                         is_compared = true;
                         self.compare(&line, reached, end, cursor, out);
@@ -223,13 +259,13 @@ impl Surface {
                 }
                 Class::Complex => {
                     is_compared = true;
-                    self.compare(&line, t, end, cursor, out);
+                    self.compare(&line, from, end, cursor, out);
                 }
             }
-            t = end;
-            if !more {
+            if stretch.is_last {
                 break;
             }
+            from = end;
         }
         push_gap(out, t1, 1.0, line.half_nm);
         seal(out);
@@ -254,99 +290,102 @@ impl Surface {
                 return None;
             }
             for (limit, beyond_a, beyond_b) in [(lo, a < lo, b < lo), (hi, a >= hi, b >= hi)] {
-                let at = (limit - a) as f64 / line.d[axis];
+                let t_limit = (limit - a) as f64 / line.d[axis];
                 if beyond_a {
-                    t[0] = f64::max(t[0], at);
+                    t[0] = f64::max(t[0], t_limit);
                 } else if beyond_b {
-                    t[1] = f64::min(t[1], at);
+                    t[1] = f64::min(t[1], t_limit);
                 }
             }
         }
         (t[0] < t[1]).then_some(t)
     }
 
+    /// Where the line enters and leaves facet f; None where it passes beside it.
     #[inline]
     fn through(&self, line: &Line, f: u32) -> Option<Through> {
-        let c = [0, 1, 2].map(|k| self.corner(f, k));
-        let sides = c.map(|(v, _)| line.side_shifted(v));
-        let cross = |k: usize| line.crossing(c[k], sides[k], c[(k + 1) % 3], sides[(k + 1) % 3]);
-        let exit = (0..3).find(|&k| sides[k] < 0.0 && sides[(k + 1) % 3] > 0.0)?;
-        let enter = (0..3).find(|&k| sides[k] > 0.0 && sides[(k + 1) % 3] < 0.0)?;
-        let ((t_in, z_in), (t_out, z_out)) = (cross(enter), cross(exit));
-        Some(Through { t_in, z_in, t_out, z_out, exit, sides })
+        let corners = [0, 1, 2].map(|k| self.corner(f, k));
+        let sides = corners.map(|corner| line.side_shifted(corner.vertex));
+        let crossing = |k: usize| line.crossing(corners[k], sides[k], corners[(k + 1) % 3], sides[(k + 1) % 3]);
+        // Facets run counter-clockwise: the line leaves by the edge whose first corner lies right and second left.
+        let exit_edge = (0..3).find(|&k| sides[k] < 0.0 && sides[(k + 1) % 3] > 0.0)?;
+        let entry_edge = (0..3).find(|&k| sides[k] > 0.0 && sides[(k + 1) % 3] < 0.0)?;
+        Some(Through { entry: crossing(entry_edge), exit: crossing(exit_edge), exit_edge, sides })
     }
 
     /// The facet to start on at parameter `t` in bin `bin`: of those that the line meets there, the
     /// highest.
     fn start(&self, line: &Line, t: f64, bin: usize, cursor: &mut Cursor) -> Option<(u32, Through)> {
-        if let Some((f, b)) = cursor.last
-            && b == bin
-            && let Some(h) = self.through(line, f)
-            && h.t_in <= t
-            && t < h.t_out
+        if let Some((f, last_bin)) = cursor.last
+            && last_bin == bin
+            && let Some(through) = self.through(line, f)
+            && through.entry.t <= t
+            && t < through.exit.t
         {
-            return Some((f, h));
+            return Some((f, through));
         }
         let mut best: Option<(f64, u32, Through)> = None;
         cursor.facets.clear();
-        let at = line.a.lerp(line.b, t);
-        self.bin_facets(bin, [at, at], &mut cursor.facets);
+        let p = line.a.lerp(line.b, t);
+        self.bin_facets(bin, [p, p], &mut cursor.facets);
         for &f in &cursor.facets {
-            if let Some(h) = self.through(line, f)
-                && h.t_in - t <= line.half_nm
-                && t - h.t_out <= line.half_nm
+            if let Some(through) = self.through(line, f)
+                && through.entry.t - t <= line.half_nm
+                && t - through.exit.t <= line.half_nm
             {
-                let z = interpolate(t.clamp(h.t_in, h.t_out.max(h.t_in)), h.t_in, h.z_in, h.t_out, h.z_out);
-                if best.as_ref().is_none_or(|(bz, _, _)| z > *bz) {
-                    best = Some((z, f, h));
+                let Through { entry, exit, .. } = through;
+                let z = height_between(t.clamp(entry.t, exit.t.max(entry.t)), entry, exit);
+                if best.as_ref().is_none_or(|(best_z, _, _)| z > *best_z) {
+                    best = Some((z, f, through));
                 }
             }
         }
-        best.map(|(_, f, h)| (f, h))
+        best.map(|(_, f, through)| (f, through))
     }
 
     /// From facet to facet along a stretch of simple bins; returns how far it came.
     fn walk_free(&self, line: &Line, stretch: &Stretch, cursor: &mut Cursor, out: &mut Vec<Span>) -> f64 {
-        let &Stretch { t: [mut t, t_to], bins: [first, last] } = stretch;
-        let Some((mut f, h)) = self.start(line, t, first, cursor) else {
+        let &Stretch { t: [mut t, t_to], bins: [first, last], .. } = stretch;
+        let Some((mut f, start)) = self.start(line, t, first, cursor) else {
             cursor.last = None;
             return t;
         };
-        // The line lies in facet f from t_in to t_out, spans are written up to t. The sign of a side is exact and
+        // The line lies in facet f from `entry` to `exit`, spans are written up to t. The sign of a side is exact and
         // never 0, so of the three corners one lies alone on its side, and the line crosses the two edges to it:
         // it enters by one and leaves by the other.
-        let Through { mut t_in, mut z_in, mut t_out, mut z_out, mut exit, mut sides } = h;
+        let Through { mut entry, mut exit, mut exit_edge, mut sides } = start;
         loop {
-            if t_out >= t_to {
-                let z = interpolate(t, t_in, z_in, t_out, z_out);
-                push_on(out, t, z, t_to, interpolate(t_to, t_in, z_in, t_out, z_out), f, line.half_nm);
+            if exit.t >= t_to {
+                let (z0, z1) = (height_between(t, entry, exit), height_between(t_to, entry, exit));
+                push_span(out, Span { t0: t, t1: t_to, z0, z1, facet: f }, line.half_nm);
                 cursor.last = Some((f, last));
                 return t_to;
             }
-            // Facets that the line clips by less than rounding, t_out <= t, leave no span, but are walked through.
-            if t_out > t {
-                push_on(out, t, interpolate(t, t_in, z_in, t_out, z_out), t_out, z_out, f, line.half_nm);
-                t = t_out;
+            // Facets that the line clips by less than rounding, exit.t <= t, leave no span, but are walked through.
+            if exit.t > t {
+                let z0 = height_between(t, entry, exit);
+                push_span(out, Span { t0: t, t1: exit.t, z0, z1: exit.z, facet: f }, line.half_nm);
+                t = exit.t;
             }
-            let twin = self.twin(f * 3 + exit as u32);
+            let twin = self.twin(f * 3 + exit_edge as u32);
             if twin == NONE {
                 cursor.last = None;
                 return t;
             }
-            // The edge is left by (right, left); its twin runs the other way. Only the corner
+            // The corners of the edge lie right and left of the line; its twin runs the other way. Only the corner
             // opposite of it is new.
-            let (right, left) = (sides[exit], sides[(exit + 1) % 3]);
+            let (right, left) = (sides[exit_edge], sides[(exit_edge + 1) % 3]);
             let k = (twin % 3) as usize;
             f = twin / 3;
-            let opposite = line.side_shifted(self.corner(f, (k + 2) % 3).0);
+            let opposite = line.side_shifted(self.corner(f, (k + 2) % 3).vertex);
             sides[k] = left;
             sides[(k + 1) % 3] = right;
             sides[(k + 2) % 3] = opposite;
-            // Leave by the edge whose first corner lies right and second left.
-            exit = if opposite > 0.0 { (k + 1) % 3 } else { (k + 2) % 3 };
-            (t_in, z_in) = (t_out, z_out);
-            let (u, v) = (self.corner(f, exit), self.corner(f, (exit + 1) % 3));
-            (t_out, z_out) = line.crossing(u, sides[exit], v, sides[(exit + 1) % 3]);
+            // The line leaves by the edge whose first corner lies right and second left.
+            exit_edge = if opposite > 0.0 { (k + 1) % 3 } else { (k + 2) % 3 };
+            entry = exit;
+            let (u, v) = (self.corner(f, exit_edge), self.corner(f, (exit_edge + 1) % 3));
+            exit = line.crossing(u, sides[exit_edge], v, sides[(exit_edge + 1) % 3]);
         }
     }
 
@@ -356,11 +395,9 @@ impl Surface {
         self.facets_under(line, [t_from, t_to], &mut cursor.facets);
         cursor.sheets.hits.clear();
         for &f in &cursor.facets {
-            if let Some(h) = self.closed(line, f, t_from, t_to) {
-                cursor.sheets.hits.push(h);
-            }
+            cursor.sheets.hits.extend(self.closed(line, f, t_from, t_to));
         }
-        cursor.sheets.take(t_from, t_to, &self.choice(line, cursor.limit2), out);
+        cursor.sheets.take(t_from, t_to, &self.facet_choice(line, cursor.limit2), out);
     }
 
     /// The facets that may lie under a stretch of the line, each once, rising: of all bins that it passes.
@@ -381,41 +418,38 @@ impl Surface {
     /// The stretch of the line between the two parameters that lies in the closed facet f; None if
     /// it has no length.
     pub(super) fn closed(&self, line: &Line, f: u32, t_from: f64, t_to: f64) -> Option<Hit> {
-        let c = [0, 1, 2].map(|k| self.corner(f, k));
-        let sides = c.map(|(v, _)| line.side_snapped(v));
+        let corners = [0, 1, 2].map(|k| self.corner(f, k));
+        let sides = corners.map(|corner| line.side_snapped(corner.vertex));
         // A closed facet meets the line between two of at most three places: corners that lie on it, and crossings
         // of edges whose ends lie on opposite sides. Borders count, else a line along an edge would meet neither
         // facet.
-        let mut ends: [(f64, f64); 3] = [(0.0, 0.0); 3];
+        let mut ends = [ProfilePoint { t: 0.0, z: 0.0 }; 3];
         let mut n = 0;
         for k in 0..3 {
             let next = (k + 1) % 3;
             if sides[k] == 0.0 {
-                ends[n] = (line.parameter(c[k].0.x.into(), c[k].0.y.into()), c[k].0.z);
+                let Vertex { x, y, z } = corners[k].vertex;
+                ends[n] = ProfilePoint { t: line.parameter(x.into(), y.into()), z };
                 n += 1;
             } else if sides[next] != 0.0 && (sides[k] < 0.0) != (sides[next] < 0.0) {
-                ends[n] = line.crossing(c[k], sides[k], c[next], sides[next]);
+                ends[n] = line.crossing(corners[k], sides[k], corners[next], sides[next]);
                 n += 1;
             }
         }
         let ends = &ends[..n];
-        let (&lo, &hi) =
-            (ends.iter().min_by(|p, q| p.0.total_cmp(&q.0))?, ends.iter().max_by(|p, q| p.0.total_cmp(&q.0))?);
-        let (t0, t1) = (lo.0.max(t_from), hi.0.min(t_to));
-        let z = |t: f64| interpolate(t, lo.0, lo.1, hi.0, hi.1);
-        // A facet that the line meets in one point alone may seem to have a length by rounding.
-        let side = match (sides.iter().any(|s| *s > 0.0), sides.iter().any(|s| *s < 0.0)) {
-            (true, false) => Side::Left,
-            (false, true) => Side::Right,
-            _ => Side::Both,
-        };
-        (t1 - t0 > line.half_nm * 1e-3).then(|| Hit { span: Span { t0, t1, z0: z(t0), z1: z(t1), facet: f }, side })
+        let &first = ends.iter().min_by(|p, q| p.t.total_cmp(&q.t))?;
+        let &last = ends.iter().max_by(|p, q| p.t.total_cmp(&q.t))?;
+        let (t0, t1) = (first.t.max(t_from), last.t.min(t_to));
+        line.has_length(t0, t1).then(|| {
+            let (z0, z1) = (height_between(t0, first, last), height_between(t1, first, last));
+            Hit { span: Span { t0, t1, z0, z1, facet: f }, side: Side::of_facet(sides) }
+        })
     }
 
     /// Square of the slope (tangent) of a facet.
     pub fn slope2(&self, f: u32) -> f64 {
         slope2([0, 1, 2].map(|k| {
-            let v = self.corner(f, k).0;
+            let v = self.corner(f, k).vertex;
             [f64::from(v.x), f64::from(v.y), v.z].into()
         }))
     }
@@ -423,23 +457,24 @@ impl Surface {
     /// The direction in which a facet looks, upwards, of length 1.
     pub fn normal(&self, f: u32) -> [f64; 3] {
         normal([0, 1, 2].map(|k| {
-            let v = self.corner(f, k).0;
+            let v = self.corner(f, k).vertex;
             [f64::from(v.x), f64::from(v.y), v.z].into()
         }))
     }
 
-    /// Corner k of facet f and the number of the vertex.
+    /// Corner k of facet f.
     #[inline]
-    pub(super) fn corner(&self, f: u32, k: usize) -> (Vertex, u32) {
+    pub(super) fn corner(&self, f: u32, k: usize) -> FacetCorner {
         match &self.kind {
             Kind::Mesh(m, _) => {
-                let v = m.facets[f as usize][k];
-                (m.vertices[v as usize], v)
+                let number = m.facets[f as usize][k];
+                FacetCorner { vertex: m.vertices[number as usize], number }
             }
             Kind::Implicit(g, _) => g.corner(f, k),
         }
     }
 
+    /// The half-edge on the other side of half-edge `he`, or [`NONE`] at a rim.
     #[inline]
     pub(super) fn twin(&self, he: u32) -> u32 {
         match &self.kind {
@@ -597,10 +632,7 @@ mod tests {
         let s = surface(sheet(30, 10.0, f));
         let (a, b) = ([0.3, 0.7], [9.1, 8.2]);
         let whole = spans(&s, a, b);
-        let z_at = |out: &[Span], t: f64| {
-            let span = out.iter().find(|s| s.t0 <= t && t <= s.t1).expect("tiled");
-            interpolate(t, span.t0, span.z0, span.t1, span.z1)
-        };
+        let z_at = |out: &[Span], t: f64| out.iter().find(|s| s.t0 <= t && t <= s.t1).expect("tiled").z(t);
         for i in 1..50 {
             let m = <P2>::from_mm(a[0], a[1])
                 .expect("near")

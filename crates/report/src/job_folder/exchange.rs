@@ -13,7 +13,7 @@
 //! killed, and, where the new folder and its parent are flushed, when power fails. Limits: file systems
 //! without locks (some network shares) are used without one.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::path::{Component, Path, PathBuf};
 
@@ -86,32 +86,30 @@ impl Drop for Lock {
     }
 }
 
+/// The fault of an output that names no folder, as `/` and `..` do.
+fn nameless(given: &Path) -> Error {
+    let d = Diag::input("output-name", "the output has no name of its own").at(place(given));
+    d.hint("name a folder, such as -o hood.job").into()
+}
+
+/// The hidden neighbour of the folder at `path` of a name, such as `.NAME.new`.
+fn hidden(path: &Path, name: &OsStr, ending: &str) -> PathBuf {
+    let mut hidden = OsString::from(".");
+    hidden.push(name);
+    hidden.push(ending);
+    path.with_file_name(hidden)
+}
+
 impl Target {
     /// Finds the place of a folder that is whole when it holds the file `sign`; touches nothing.
     pub(super) fn find(given: &Path, sign: &'static str) -> Result<Self, Error> {
-        let nameless = || {
-            let d = Diag::input("output-name", "the output has no name of its own").at(place(given));
-            Error::from(d.hint("name a folder, such as -o hood.job"))
-        };
         if given.file_name().is_none() {
-            return Err(nameless());
+            return Err(nameless(given));
         }
         let path = resolved(given).map_err(|e| failed("find the folder", given, &e))?;
-        let name = path.file_name().ok_or_else(nameless)?.to_owned();
-        let hidden = |what: &str| {
-            let mut hidden = OsString::from(".");
-            hidden.push(&name);
-            hidden.push(what);
-            path.with_file_name(hidden)
-        };
-        Ok(Self {
-            new: hidden(".new"),
-            old: hidden(".old"),
-            lock: hidden(".lock"),
-            claim: hidden(".claim"),
-            path,
-            sign,
-        })
+        let name = path.file_name().ok_or_else(|| nameless(given))?;
+        let [new, old, lock, claim] = [".new", ".old", ".lock", ".claim"].map(|ending| hidden(&path, name, ending));
+        Ok(Self { new, old, lock, claim, path, sign })
     }
 
     /// Finishes or undoes what a stopped run left.
@@ -183,7 +181,7 @@ impl Target {
         self.put(flush, swap)
     }
 
-    /// The same, by a function that exchanges two names in one step, or cannot.
+    /// [`Target::exchange`] by a function that exchanges two names in one step, or cannot.
     fn put(&self, flush: &Flush<'_>, swap: fn(&Path, &Path) -> bool) -> Result<(), Error> {
         flush_tree(&self.new, flush).map_err(|e| failed("put the new folder on the disk", &self.new, &e))?;
         let parent = self.path.parent().unwrap_or(Path::new("/"));
@@ -328,7 +326,8 @@ mod tests {
     fn at_no_moment_there_is_no_folder() {
         let dir = tempfile::tempdir().expect("a folder");
         made(dir.path(), "0").put(&|_| Ok(()), swap).expect("put in place");
-        let (sign, is_done) = (dir.path().join("a.job"), AtomicBool::new(false));
+        let sign = dir.path().join("a.job");
+        let is_done = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let seen = scope.spawn(|| {
                 let mut looks = 0_u64;

@@ -78,6 +78,7 @@ impl Write for Hashed {
     }
 }
 
+/// Makes a folder.
 fn make(path: &Path) -> Result<(), Error> {
     fs::create_dir(path).map_err(|e| failed("make the folder", path, &e))
 }
@@ -106,15 +107,17 @@ pub(super) fn head(job: &Job, target: &Path) -> Result<Head, Error> {
 
 /// Says in the report of a folder what was proved of it.
 pub(super) fn tell_proof(folder: &Path, proved: &str) -> Result<(), Error> {
-    let read = |name: &str| {
-        let path = folder.join(name);
-        fs::read(&path).map_err(|e| failed("read the file again", &path, &e))
-    };
-    let report =
-        String::from_utf8_lossy(&read(REPORT)?).replacen(report::NOT_VERIFIED, &report::page::escape(proved), 1);
+    let report = read_again(folder, REPORT)?;
+    let report = String::from_utf8_lossy(&report).replacen(report::NOT_VERIFIED, &report::page::escape(proved), 1);
     let fact = put(folder, REPORT, report.as_bytes())?;
-    put(folder, MANIFEST, &manifest::with_file(&read(MANIFEST)?, &fact)?)?;
+    put(folder, MANIFEST, &manifest::with_file(&read_again(folder, MANIFEST)?, &fact)?)?;
     Ok(())
+}
+
+/// The bytes of a file that was written before.
+fn read_again(folder: &Path, name: &str) -> Result<Vec<u8>, Error> {
+    let path = folder.join(name);
+    fs::read(&path).map_err(|e| failed("read the file again", &path, &e))
 }
 
 /// The report of a folder.
@@ -130,7 +133,8 @@ pub(super) fn stepped(
 ) -> Result<Vec<u8>, Error> {
     let [whole, formats, framed] = Phase::Write.task(progress).split([1, 6, 3]);
     let SteppedPlan { job, machine, checked, passes, summary, figures, .. } = plan;
-    let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
+    let part = file_name(&job.surface.file);
+    let name = file_name(&job.path);
     filling.stream("program.txt", &|to| program::text::write(to, checked.program(), checked.origins()))?;
     drop(whole);
     let block_file = emit::block_file(&job.formats);
@@ -180,11 +184,11 @@ impl Programs<'_> {
         let Stepped { checked, machine, .. } = self.emitted;
         self.write_formats(filling, &self.emitted, &self.emitted, marked)?;
         let Some((pen, points)) = self.frames else { return Ok(()) };
-        let of_blocks = emit::frames::frames(checked, pen, machine);
-        let of_blocks = Stepped { checked: &of_blocks, figures: &[], frames: Some(points), ..self.emitted };
+        let block_frames = emit::frames::frames(checked, pen, machine);
+        let by_block = Stepped { checked: &block_frames, figures: &[], frames: Some(points), ..self.emitted };
         // Where one file holds the job, it holds the frames of its outline.
-        let of_outline = emit::frames::of_outline(checked, pen, machine);
-        self.write_formats(filling, &Stepped { checked: &of_outline, ..of_blocks }, &of_blocks, framed)
+        let outline_frames = emit::frames::of_outline(checked, pen, machine);
+        self.write_formats(filling, &Stepped { checked: &outline_frames, ..by_block }, &by_block, framed)
     }
 
     /// Writes the files of every format: `whole` to those with one file for the job, `by_block` to those with one for every
@@ -222,26 +226,37 @@ impl Programs<'_> {
         task: Task<'_>,
     ) -> Result<(), Error> {
         let folder = filling.folder;
-        let program = emitted.checked.program();
-        let name = |i: usize| match emitted.frames {
-            None => Program::block_file(program.id(i), ending),
-            Some(_) => emit::frames::of_block(program.id(i), ending),
-        };
-        let task = task.of_steps(program.blocks.len());
-        let one = |i: usize| {
-            let name = name(i);
-            let bytes = match self.whole {
-                None => write(emitted, i),
-                Some(whole) => diag::read_file(&whole.join(&name), u64::MAX)?,
-            };
-            let fact = put(folder, &name, &bytes);
+        let count = emitted.checked.program().blocks.len();
+        let task = task.of_steps(count);
+        make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
+        let facts = parallel::map(count, |i| {
+            let fact = self.block(folder, emitted, i, ending, write);
             task.step();
             fact
-        };
-        make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
-        let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
-        filling.files.extend(written?);
+        });
+        filling.files.extend(facts.into_iter().collect::<Result<Vec<FileFact>, Error>>()?);
         Ok(())
+    }
+
+    /// The file of block `i`: made, or copied from the folder of the whole job.
+    fn block(
+        &self,
+        folder: &Path,
+        emitted: &Stepped<'_>,
+        i: usize,
+        ending: &str,
+        write: WriteBlock,
+    ) -> Result<FileFact, Error> {
+        let id = emitted.checked.program().id(i);
+        let name = match emitted.frames {
+            None => Program::block_file(id, ending),
+            Some(_) => emit::frames::of_block(id, ending),
+        };
+        let bytes = match self.whole {
+            None => write(emitted, i),
+            Some(whole) => diag::read_file(&whole.join(&name), u64::MAX)?,
+        };
+        put(folder, &name, &bytes)
     }
 }
 

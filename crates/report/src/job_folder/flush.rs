@@ -48,7 +48,9 @@ fn synced(path: &Path) -> io::Result<()> {
 
 /// Flushes a folder with everything in it: files first, then folders from the innermost out.
 pub(super) fn flush_tree(folder: &Path, flush: &Flush<'_>) -> io::Result<()> {
-    let (mut files, mut folders, mut open) = (Vec::new(), Vec::new(), vec![folder.to_owned()]);
+    let mut files = Vec::new();
+    let mut folders = Vec::new();
+    let mut open = vec![folder.to_owned()];
     while let Some(folder) = open.pop() {
         for entry in fs::read_dir(&folder)? {
             let entry = entry?;

@@ -64,8 +64,8 @@ pub fn recover(target: &Path) -> Result<(), Error> {
 /// already is waited for.
 ///
 /// # Errors
-/// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job. Whatever fails, an
-/// older folder is unchanged.
+/// Those of [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job. Whatever
+/// fails, an older folder is unchanged.
 pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
     write_with(plan, target, Durability::Synced, &|_, _| {})
 }
@@ -73,7 +73,7 @@ pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
 /// [`write()`] that waits for the disk or does not, and reports how far it is.
 ///
 /// # Errors
-/// As [`write()`].
+/// Those of [`write()`].
 pub fn write_with(plan: &Plan, target: &Path, durability: Durability, progress: Progress<'_>) -> Result<(), Error> {
     write_proved(plan, target, Writing { durability, pictures: true }, progress, &|_| Ok(None))
 }
@@ -93,7 +93,7 @@ pub(crate) type Prove<'a> = dyn Fn(&Path) -> Result<Option<String>, Error> + 'a;
 /// [`write_with`] that has the new folder proved before it takes the place of `target`; its report says so.
 ///
 /// # Errors
-/// As [`write()`], and what `prove` says: an older folder is then unchanged.
+/// Those of [`write()`], and what `prove` says: an older folder is then unchanged.
 pub fn write_proved(
     plan: &Plan,
     target: &Path,
@@ -115,7 +115,7 @@ pub fn write_stepped(plan: &SteppedPlan, target: &Path, pictures: bool) -> Resul
     write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
-/// The same on the fly, without pictures.
+/// For mutants of the verifier: the folder of an on-the-fly plan that was tampered with, without pictures.
 #[cfg(any(test, feature = "test-support"))]
 pub fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
     let fill: &FillJob<'_> = &|filling, head| files::on_the_fly(plan, head, filling, false, &|_, _| {});
@@ -160,23 +160,23 @@ pub fn replace(
     allowed: &dyn Fn() -> Result<(), Error>,
     fill: &dyn Fn(&Path) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    let fill = |new: &Path| {
+    exchange(&Target::find(target, sign)?, durability.flush(), allowed, &|new| {
         fs::create_dir(new).map_err(|e| failed("make the folder", new, &e))?;
         fill(new)
-    };
-    exchange(&Target::find(target, sign)?, durability.flush(), allowed, &fill)
+    })
 }
 
 /// Lets `fill` make a job folder of a stepped job, and puts it in the place of `target`.
 ///
 /// # Errors
-/// As [`prepare`], and what `fill` says. An older folder is then unchanged.
+/// Those of [`prepare`], and what `fill` says. An older folder is then unchanged.
 pub fn replace_stepped(target: &Path, durability: Durability, fill: &Fill<'_>) -> Result<(), Error> {
-    let found = Target::find(target, MANIFEST)?;
-    let allowed = || found.refuse_unless_replaceable(Mode::Stepped, &[]);
+    let place = Target::find(target, MANIFEST)?;
+    let allowed = || place.refuse_unless_replaceable(Mode::Stepped, &[]);
     replace(target, MANIFEST, durability, &allowed, &|new| files::fill(new, fill))
 }
 
+/// Lets `fill` make the new folder of a target under its lock, and puts it in its place.
 fn exchange(
     target: &Target,
     flush: &Flush<'_>,
@@ -216,14 +216,11 @@ pub fn input_paths(job: &Job) -> Vec<PathBuf> {
 
 /// Whether the folder was made from exactly this job and these inputs by this program, and is whole.
 pub fn is_unchanged(job: &Job, inputs: Vec<InputFact>, pictures: bool, folder: &Path) -> bool {
-    let made = || {
-        let found = Head::read(folder).ok()?;
-        let wanted = Head::new(job, path_from(&job.path, folder).ok()?, inputs);
-        let is_there = |f: &FileFact| fs::metadata(folder.join(&f.file)).is_ok_and(|m| m.len() == f.bytes);
-        let is_drawn = found.files.iter().any(|f| f.file == files::REPORT);
-        Some(found.is_same(&wanted) && (is_drawn || !pictures) && found.files.iter().all(is_there))
-    };
-    made().unwrap_or(false)
+    let (Ok(head), Ok(job_file)) = (Head::read(folder), path_from(&job.path, folder)) else { return false };
+    let wanted = Head::new(job, job_file, inputs);
+    let is_there = |f: &FileFact| fs::metadata(folder.join(&f.file)).is_ok_and(|m| m.len() == f.bytes);
+    let is_drawn = head.files.iter().any(|f| f.file == files::REPORT);
+    head.is_same(&wanted) && (is_drawn || !pictures) && head.files.iter().all(is_there)
 }
 
 /// The right to bring a job folder up to date; ends when dropped, and with the process.
@@ -290,7 +287,8 @@ mod tests {
     fn a_new_folder_is_flushed_before_it_takes_its_name_and_its_parent_before_the_old_one_goes() {
         let dir = tempfile::tempdir().expect("a folder");
         let top = fs::canonicalize(dir.path()).expect("there");
-        let (parent, new) = (top.join("a"), top.join("a/.out.job.new"));
+        let parent = top.join("a");
+        let new = top.join("a/.out.job.new");
         let first = flushed(&top.join("a/out.job"), "one");
         let again = flushed(&top.join("a/out.job"), "two");
         for (seen, replaces) in [(&first, false), (&again, true)] {

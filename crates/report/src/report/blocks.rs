@@ -22,14 +22,17 @@ fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
 /// other block a shade darker.
 fn fills(job: &Layout<'_>, sheet: &Sheet) -> Vec<colour::Colour> {
     let range = job.shades();
-    let is_odd = |i: usize, block: &Block| {
-        if sheet.gridded { block.stop.level.rem_euclid(2) == 1 } else { i % 2 == 1 }
-    };
-    let fill = |(i, block): (usize, &Block)| {
+    let fill = |i: usize| {
         let c = colour::light(colour::of_height(job.shade_of(i), range));
-        if job.shade == Shade::Height && is_odd(i, block) { colour::shaded(c) } else { c }
+        if is_darker(job, sheet, i) { colour::shaded(c) } else { c }
     };
-    job.blocks().iter().enumerate().map(fill).collect()
+    (0..job.blocks().len()).map(fill).collect()
+}
+
+/// Whether block `i` is a shade darker than its neighbours.
+fn is_darker(job: &Layout<'_>, sheet: &Sheet, i: usize) -> bool {
+    let is_odd = if sheet.gridded { job.blocks()[i].stop.level.rem_euclid(2) == 1 } else { i % 2 == 1 };
+    job.shade == Shade::Height && is_odd
 }
 
 /// The blocks as filled regions; those without a cell of the map as dots where their marks lie.
@@ -106,7 +109,8 @@ pub(super) fn windows(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Elemen
 /// The middle of the points of a block's marks, in mm of the drawing.
 fn middle_of_marks(job: &Layout<'_>, block: &Block) -> [f64; 2] {
     let program = job.checked.program();
-    let (mut sum, mut count) = ([0i64; 2], 0i64);
+    let mut sum = [0i64; 2];
+    let mut count = 0i64;
     for p in program.strokes_of(block).iter().flat_map(|s| program.points_of(s)) {
         sum = [sum[0] + i64::from(p.x), sum[1] + i64::from(p.y)];
         count += 1;

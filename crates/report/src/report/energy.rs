@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use super::energy_map::EnergyMap;
+use super::energy_map::{EnergyMap, EnergyPeak};
 use super::page::escape;
 use super::{Layout, mm, plain};
 use terrace_core::geom::Nm;
@@ -17,7 +17,7 @@ const LISTED: usize = 10;
 
 /// The line that leads to the map.
 pub(super) fn map_line(h: &mut String, map: &EnergyMap) {
-    let Some((median, times, [x, y], cell)) = map.worst() else { return };
+    let Some(EnergyPeak { median, ratio, centre: [x, y], cell }) = map.peak() else { return };
     let _ = writeln!(
         h,
         "<p><a href=\"energy.svg\">Map of the energy by area (energy.svg)</a>: median {} J/cm2 {} in cells of {} mm; at most \
@@ -25,7 +25,7 @@ pub(super) fn map_line(h: &mut String, map: &EnergyMap) {
         plain(median, 3),
         map.area(),
         plain(cell, 3),
-        plain(times, 2),
+        plain(ratio, 2),
         plain(x, 2),
         plain(y, 2),
     );

@@ -23,93 +23,101 @@ const COLOURS: i64 = 13;
 /// Lists of blocks that are summed beside each other: a fixed number, so that sums are the same on any computer.
 const LISTS: usize = 16;
 
+/// Square cells over the box of a texture.
+#[derive(Clone, Copy, Debug)]
+struct Cells {
+    /// Lower left corner, part frame, mm.
+    lo: [f64; 2],
+    /// Side of a cell, mm.
+    side: f64,
+    /// Columns and rows.
+    count: [usize; 2],
+}
+
+impl Cells {
+    /// Over a box of that size, its longer side of [`CELLS`] cells that are no smaller than the spot.
+    fn over(lo: [f64; 2], size: [f64; 2], spot: f64) -> Self {
+        let side = (size[0].max(size[1]) / CELLS).max(spot);
+        Self { lo, side, count: size.map(|v| ((v / side).ceil() as usize).max(1)) }
+    }
+
+    fn len(&self) -> usize {
+        self.count[0] * self.count[1]
+    }
+
+    /// Number of the cell that holds a point, mm, or lies next to it; row by row from the lower left.
+    fn holding(&self, p: [f64; 2]) -> usize {
+        let [x, y] = [0, 1].map(|k| {
+            let v = (p[k] - self.lo[k]) / self.side;
+            (v.max(0.0) as usize).min(self.count[k] - 1)
+        });
+        y * self.count[0] + x
+    }
+
+    /// The centre of a cell, mm.
+    fn centre(&self, cell: usize) -> [f64; 2] {
+        let place = [cell % self.count[0], cell / self.count[0]];
+        [0, 1].map(|k| self.lo[k] + (place[k] as f64 + 0.5) * self.side)
+    }
+}
+
 /// Energy by area over the texture, that of all passes together.
 pub struct EnergyMap {
     /// What the area is of.
     area: &'static str,
-    /// Lower left corner, part frame.
-    lo: [f64; 2],
-    cell: f64,
-    size: [usize; 2],
-    /// J/cm², row by row from the lower left.
+    cells: Cells,
+    /// Of every cell, J/cm².
     energy: Vec<f64>,
     /// Of the cells with marks.
     median: f64,
 }
 
+/// The cell with the most energy.
+pub(super) struct EnergyPeak {
+    /// Median of the cells with marks, J/cm².
+    pub median: f64,
+    /// Its energy as a multiple of the median.
+    pub ratio: f64,
+    /// Its centre, mm.
+    pub centre: [f64; 2],
+    /// Side of a cell, mm.
+    pub cell: f64,
+}
+
 impl EnergyMap {
     /// Of the marks of a job.
     pub fn of(job: &Layout<'_>) -> Self {
-        let (lo, size) = (job.texture.lo.mm(), job.texture_size().map(|v| v.mm()));
-        let cell = (size[0].max(size[1]) / CELLS).max(job.machine.lens.spot.as_mm());
-        let count = size.map(|v| ((v / cell).ceil() as usize).max(1));
-        let program = job.checked.program();
-        let add = |energy: &mut [f64], i: usize| {
-            let block = &program.blocks[i];
-            let centre = Turn::drawn(block.stop.centre).mm();
-            // J/mm² to J/cm².
-            let share = 100.0 * job.figures[i].slope.cos()[0] / (cell * cell);
-            let mut put = |at: [f64; 2], joule: f64| {
-                let [x, y] = [0, 1].map(|k| {
-                    let v = (centre[k] + at[k] - lo[k]) / cell;
-                    (v.max(0.0) as usize).min(count[k] - 1)
-                });
-                energy[y * count[0] + x] += share * joule;
-            };
-            for stroke in program.strokes_of(block) {
-                let (pen, points) = (&program.pens[stroke.pen.index()], program.points_of(stroke));
-                let (beam, passes) = (pen.beam(job.machine), f64::from(pen.passes));
-                deposits(points, beam, cell / 4.0, |at, joule| put(at, passes * joule));
-                if let ([dot], Some(dwell)) = (points, pen.dwell) {
-                    let at = [dot.x, dot.y].map(|v| f64::from(v) / NM_PER_MM);
-                    put(at, passes * beam.power * dwell.as_s());
-                }
-            }
-        };
-        let blocks = program.blocks.len();
-        let mut energy = vec![0.0; count[0] * count[1]];
-        let of_list = |k: usize, ()| {
-            let mut energy = vec![0.0; count[0] * count[1]];
-            (k * blocks / LISTS..(k + 1) * blocks / LISTS).for_each(|i| add(&mut energy, i));
+        let size = job.texture_size().map(|v| v.mm());
+        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm());
+        let blocks = job.checked.program().blocks.len();
+        let mut energy = vec![0.0; cells.len()];
+        let energy_of_list = |k: usize, ()| {
+            let mut energy = vec![0.0; cells.len()];
+            (k * blocks / LISTS..(k + 1) * blocks / LISTS).for_each(|i| add_block(job, i, &cells, &mut energy));
             energy
         };
-        parallel::in_order(vec![(); LISTS], of_list, |list: Vec<f64>| {
+        parallel::in_order(vec![(); LISTS], energy_of_list, |list: Vec<f64>| {
             energy.iter_mut().zip(list).for_each(|(sum, e)| *sum += e);
         });
-        Self::new("of surface", lo, cell, count, energy)
+        Self::new("of surface", cells, energy)
     }
 
     /// Of the moves of an on-the-fly program, whose spot has the speed of each: by area as the lens sees it.
     pub(crate) fn of_moves(job: &OnTheFlyLayout<'_>) -> Self {
-        let (lo, size) = (job.texture.lo.mm(), job.texture.size().map(|v| v.mm()));
-        let cell = (size[0].max(size[1]) / CELLS).max(job.machine.lens.spot.as_mm());
-        let count = size.map(|v| ((v / cell).ceil() as usize).max(1));
-        let mut energy = vec![0.0; count[0] * count[1]];
-        for moved in job.program.marked(job.machine) {
-            let Marked { pen, s, way_mm, from, to } = moved;
-            let pen = &job.program.pens[pen.index()];
-            let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
-            let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
-            let way = (to[0] - from[0]).hypot(to[1] - from[1]);
-            let steps = (4.0 * way / cell).ceil().max(1.0);
-            for k in 0..steps as u32 {
-                let share = (f64::from(k) + 0.5) / steps;
-                let [x, y] = [0, 1].map(|k| {
-                    let v = (from[k] + share * (to[k] - from[k]) - lo[k]) / cell;
-                    (v.max(0.0) as usize).min(count[k] - 1)
-                });
-                // J/mm² to J/cm².
-                energy[y * count[0] + x] += 100.0 * joule / (steps * cell * cell);
-            }
+        let size = job.texture.size().map(|v| v.mm());
+        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm());
+        let mut energy = vec![0.0; cells.len()];
+        for marked in job.program.marked(job.machine) {
+            add_move(job, &marked, &cells, &mut energy);
         }
-        Self::new("seen along z", lo, cell, count, energy)
+        Self::new("seen along z", cells, energy)
     }
 
-    fn new(area: &'static str, lo: [f64; 2], cell: f64, size: [usize; 2], energy: Vec<f64>) -> Self {
+    fn new(area: &'static str, cells: Cells, energy: Vec<f64>) -> Self {
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
-        Self { area, lo, cell, size, energy, median }
+        Self { area, cells, energy, median }
     }
 
     /// What the area is of, after a number of J/cm2.
@@ -117,13 +125,15 @@ impl EnergyMap {
         self.area
     }
 
-    /// Median of the cells with marks, J/cm²; the most of any cell as a multiple of it, and where that is; the side of a
-    /// cell. None where nothing is marked.
-    pub(super) fn worst(&self) -> Option<(f64, f64, [f64; 2], f64)> {
+    /// The cell with the most energy; None where nothing is marked.
+    pub(super) fn peak(&self) -> Option<EnergyPeak> {
         let most = (0..self.energy.len()).max_by(|a, b| self.energy[*a].total_cmp(&self.energy[*b]))?;
-        let place = [most % self.size[0], most / self.size[0]];
-        let at = [0, 1].map(|k| self.lo[k] + (place[k] as f64 + 0.5) * self.cell);
-        (self.median > 0.0).then(|| (self.median, self.energy[most] / self.median, at, self.cell))
+        (self.median > 0.0).then(|| EnergyPeak {
+            median: self.median,
+            ratio: self.energy[most] / self.median,
+            centre: self.cells.centre(most),
+            cell: self.cells.side,
+        })
     }
 
     /// The colour of an energy; 0 for none.
@@ -136,6 +146,45 @@ impl EnergyMap {
     }
 }
 
+/// Adds the energy of block `i` of a job to its cells.
+fn add_block(job: &Layout<'_>, i: usize, cells: &Cells, energy: &mut [f64]) {
+    let program = job.checked.program();
+    let block = &program.blocks[i];
+    let centre = Turn::drawn(block.stop.centre).mm();
+    // J/mm² to J/cm².
+    let share = 100.0 * job.figures[i].slope.cos()[0] / (cells.side * cells.side);
+    let cell_at = |[x, y]: [f64; 2]| cells.holding([centre[0] + x, centre[1] + y]);
+    for stroke in program.strokes_of(block) {
+        let pen = &program.pens[stroke.pen.index()];
+        let points = program.points_of(stroke);
+        let beam = pen.beam(job.machine);
+        let passes = f64::from(pen.passes);
+        // A quarter of a cell: steps are finer than what is shown.
+        deposits(points, beam, cells.side / 4.0, |p, joule| energy[cell_at(p)] += share * (passes * joule));
+        if let ([dot], Some(dwell)) = (points, pen.dwell) {
+            let p = [dot.x, dot.y].map(|v| f64::from(v) / NM_PER_MM);
+            energy[cell_at(p)] += share * (passes * beam.power * dwell.as_s());
+        }
+    }
+}
+
+/// Adds the energy of a move of an on-the-fly program, spread evenly over its way, to its cells.
+fn add_move(job: &OnTheFlyLayout<'_>, marked: &Marked, cells: &Cells, energy: &mut [f64]) {
+    let &Marked { pen, s, way_mm, from, to } = marked;
+    let pen = &job.program.pens[pen.index()];
+    // Where the power follows the speed of the spot the energy is that of the way at full power and speed.
+    let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
+    let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
+    let way = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let steps = (4.0 * way / cells.side).ceil().max(1.0);
+    for k in 0..steps as u32 {
+        let share = (f64::from(k) + 0.5) / steps;
+        let p = [0, 1].map(|k| from[k] + share * (to[k] - from[k]));
+        // J/mm² to J/cm².
+        energy[cells.holding(p)] += 100.0 * joule / (steps * cells.side * cells.side);
+    }
+}
+
 /// The text of the file, of the job of a name.
 pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     const WIDTH: f64 = 900.0;
@@ -143,11 +192,12 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     let colours: Vec<_> = (0..COLOURS).map(|k| of_height(k, [0, COLOURS - 1])).collect();
     let palette: Vec<[u8; 4]> =
         std::iter::once([255, 255, 255, 0]).chain(colours.iter().map(|[r, g, b]| [*r, *g, *b, 255])).collect();
-    let [columns, rows] = map.size;
+    let [columns, rows] = map.cells.count;
     let pixels: Vec<u8> =
         (0..rows).rev().flat_map(|y| map.energy[y * columns..][..columns].iter().map(|e| map.colour(*e))).collect();
     let height = (WIDTH * rows as f64 / columns as f64).ceil();
-    let (address, [x, y]) = (image::of_indices(map.size, &palette, &pixels), map.lo);
+    let address = image::of_indices(map.cells.count, &palette, &pixels);
+    let [x, y] = map.cells.lo;
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" \
          viewBox=\"0 0 {WIDTH} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
@@ -179,9 +229,23 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
         height + 50.0,
         plain(map.median, 3),
         map.area,
-        plain(map.cell, 3),
+        plain(map.cells.side, 3),
         plain(x, 3),
         plain(y, 3),
     );
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_beyond_the_cells_count_for_the_next_one() {
+        let cells = Cells::over([10.0, 20.0], [800.0, 100.0], 0.1);
+        assert_eq!((cells.side, cells.count), (2.0, [400, 50]));
+        assert_eq!(cells.holding([13.0, 22.5]), 401);
+        assert_eq!(cells.centre(401), [13.0, 23.0]);
+        assert_eq!(cells.holding([-5.0, 1e9]), 49 * 400);
+    }
 }

@@ -67,12 +67,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>, energy_map: &EnergyMap) -> Stri
             format!("{} times P / v of its pen, at ({x}, {y}) mm", plain(s.line_energy.worst_share, 2))
         }),
     ];
-    let early = |l: &LaserSwitching| {
-        let text =
-            format!("{} mm early: one period of {} s of the servo", plain(l.laser_error_mm, 4), l.servo_period_s);
-        (format!("Laser of {} switched up to", l.file), text)
-    };
-    let rows = rows.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(s.laser.iter().map(early));
+    let rows = rows.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(s.laser.iter().map(switching_row));
     h.push_str("<div class=\"row\">\n<div class=\"wide\">\n<h2>Figures</h2>\n<table>\n");
     for (name, value) in rows {
         let _ = writeln!(h, "<tr><td>{name}</td><td>{value}</td></tr>");
@@ -96,4 +91,10 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>, energy_map: &EnergyMap) -> Stri
     record::histograms(&mut h, job.scene, &job.program.pens);
     record::pens(&mut h, &job.program.pens, job.machine);
     h + "</body>\n</html>\n"
+}
+
+/// Name and value of how early the laser is switched.
+fn switching_row(l: &LaserSwitching) -> (String, String) {
+    let early = format!("{} mm early: one period of {} s of the servo", plain(l.laser_error_mm, 4), l.servo_period_s);
+    (format!("Laser of {} switched up to", l.file), early)
 }

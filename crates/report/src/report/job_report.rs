@@ -124,6 +124,7 @@ pub(super) fn warnings(h: &mut String, all: &[Message]) {
     all.iter().for_each(|message| page::message(h, message));
 }
 
+/// The figures of the job.
 fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
     let s = job.summary;
     let [columns, rows] = job.sections.count;
@@ -173,6 +174,7 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
     h.push_str("</table></div>\n");
 }
 
+/// The parts of the job time as a bar and as a table.
 fn times(h: &mut String, job: &Layout<'_>) {
     let parts = seconds(job);
     let sum: f64 = parts.iter().map(|p| p.2).sum();
@@ -213,6 +215,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
     );
 }
 
+/// The methods of partition that were compared.
 fn candidates(h: &mut String, job: &Layout<'_>) {
     if job.summary.candidates.is_empty() {
         return;
@@ -237,6 +240,7 @@ fn deviations(b: &Block) -> [f64; 2] {
     [b.z_lo, b.z_hi].map(|z| (z - b.stop.focus).f64() / 1000.0)
 }
 
+/// The larger of the two deviations, without sign, um.
 fn worst(b: &Block) -> f64 {
     deviations(b).into_iter().fold(0.0, |a, d| a.max(d.abs()))
 }
@@ -249,25 +253,28 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     }
     h.push_str("<h2>Defocus of the blocks, um</h2>\n<div class=\"row\">\n<div class=\"wide\"><table>\n");
     h.push_str("<tr><th>over all blocks</th><th>min</th><th>mean</th><th>max</th></tr>\n");
-    let row = |h: &mut String, name: &str, value: &dyn Fn(&Block) -> f64| {
-        let fold = |start: f64, f: fn(f64, f64) -> f64| blocks.iter().map(value).fold(start, f);
-        let mean = blocks.iter().map(value).sum::<f64>() / blocks.len() as f64;
-        let [lo, mean, hi] =
-            [fold(f64::INFINITY, f64::min), mean, fold(f64::NEG_INFINITY, f64::max)].map(|v| plain(v, 2));
-        let _ = writeln!(h, "<tr><td>{name}</td><td>{lo}</td><td>{mean}</td><td>{hi}</td></tr>");
-    };
-    row(h, "lowest mark against focus", &|b| deviations(b)[0]);
-    row(h, "highest mark against focus", &|b| deviations(b)[1]);
-    row(h, "largest of the two, unsigned", &worst);
-    row(h, "height of the marks", &|b| (b.z_hi - b.z_lo).f64() / 1000.0);
+    let values = |of_block: fn(&Block) -> f64| blocks.iter().map(of_block);
+    spread_row(h, "lowest mark against focus", values(|b| deviations(b)[0]));
+    spread_row(h, "highest mark against focus", values(|b| deviations(b)[1]));
+    spread_row(h, "largest of the two, unsigned", values(worst));
+    spread_row(h, "height of the marks", values(|b| (b.z_hi - b.z_lo).f64() / 1000.0));
     h.push_str("</table></div>\n");
     h.push_str("</div>\n");
 }
 
+/// A row with the least, the mean and the largest of some values.
+fn spread_row(h: &mut String, name: &str, values: impl ExactSizeIterator<Item = f64> + Clone) {
+    let mean = values.clone().sum::<f64>() / values.len() as f64;
+    let lo = values.clone().fold(f64::INFINITY, f64::min);
+    let hi = values.fold(f64::NEG_INFINITY, f64::max);
+    let [lo, mean, hi] = [lo, mean, hi].map(|v| plain(v, 2));
+    let _ = writeln!(h, "<tr><td>{name}</td><td>{lo}</td><td>{mean}</td><td>{hi}</td></tr>");
+}
+
 /// Slope effects over all blocks.
 fn slopes(h: &mut String, job: &Layout<'_>) {
-    let all: Vec<Slope> = (0..job.blocks().len()).map(|i| job.figures(i).slope).collect();
-    if all.is_empty() {
+    let slopes: Vec<Slope> = (0..job.blocks().len()).map(|i| job.figures(i).slope).collect();
+    if slopes.is_empty() {
         return;
     }
     h.push_str(
@@ -275,27 +282,36 @@ fn slopes(h: &mut String, job: &Layout<'_>) {
          <div class=\"wide\"><table>\n\
          <tr><th></th><th>mean of the blocks</th><th>worst mark</th></tr>\n",
     );
-    let row = |h: &mut String, name: &str, of: fn(&Slope) -> [f64; 2], worse: fn(f64, f64) -> f64| {
-        let mean = all.iter().map(|s| of(s)[0]).sum::<f64>() / all.len() as f64;
-        let worst = all.iter().map(|s| of(s)[1]).reduce(worse).unwrap_or(mean);
-        let _ = writeln!(h, "<tr><td>{name}</td><td>{}</td><td>{}</td></tr>", plain(mean, 4), plain(worst, 4));
-    };
-    row(h, "incidence, deg", Slope::incidence_deg, f64::max);
-    row(h, "stretch uphill", Slope::stretch, f64::max);
-    row(h, "dose", Slope::dose, f64::min);
+    let values = |of_slope: fn(&Slope) -> [f64; 2]| slopes.iter().map(of_slope);
+    slope_row(h, "incidence, deg", values(Slope::incidence_deg), f64::max);
+    slope_row(h, "stretch uphill", values(Slope::stretch), f64::max);
+    slope_row(h, "dose", values(Slope::dose), f64::min);
     h.push_str("</table></div>\n");
 }
 
-fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
+/// A row with the mean over the blocks and the worst mark of some values, which are these two for every block.
+fn slope_row(
+    h: &mut String,
+    name: &str,
+    values: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
+    worse: fn(f64, f64) -> f64,
+) {
+    let mean = values.clone().map(|[mean, _]| mean).sum::<f64>() / values.len() as f64;
+    let worst = values.map(|[_, worst]| worst).reduce(worse).unwrap_or(mean);
+    let _ = writeln!(h, "<tr><td>{name}</td><td>{}</td><td>{}</td></tr>", plain(mean, 4), plain(worst, 4));
+}
+
+/// The table of all blocks.
+fn blocks(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
     let program = job.checked.program();
-    let [first, second] = if gridded { ["section", "level"] } else { ["window x", "window y"] };
+    let [first, second] = if is_gridded { ["section", "level"] } else { ["window x", "window y"] };
     let _ = write!(
         h,
         "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded; mm, s.</p>\n\
          <div class=\"wide\"><table id=\"blocks\">\n\
          <tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
          <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
-        if gridded { "" } else { " and centres of windows" },
+        if is_gridded { "" } else { " and centres of windows" },
     );
     let mut pass = PassId(0);
     for (i, b) in job.blocks().iter().enumerate() {
@@ -304,13 +320,14 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
             let _ = writeln!(h, "<tr><th colspan=\"13\">pass {}</th></tr>", pass.number());
         }
         let [x, y, z] = b.stage.0.map(|v| mm(Nm(v), 4));
-        let [first, second] = if gridded {
+        let [first, second] = if is_gridded {
             [format!("{},{}", b.stop.section.0[0], b.stop.section.0[1]), b.stop.level.to_string()]
         } else {
             [mm(Nm(b.stop.centre.x), 3), mm(Nm(b.stop.centre.y), 3)]
         };
         let slope = job.figures(i).slope;
-        let (angle, dose) = (plain(slope.incidence_deg()[0], 2), plain(slope.dose()[0], 3));
+        let angle = plain(slope.incidence_deg()[0], 2);
+        let dose = plain(slope.dose()[0], 3);
         let _ = writeln!(
             h,
             "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{angle}<td>{dose}<td>{}<td>{}<td>{}<td>{}",

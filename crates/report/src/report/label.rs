@@ -99,7 +99,8 @@ impl Pieces {
             if c[i] == 0 {
                 continue;
             }
-            let (left, below) = (c[i - 1] == c[i], c[i - w] == c[i]);
+            let left = c[i - 1] == c[i];
+            let below = c[i - w] == c[i];
             of_cell[i] = match (left, below) {
                 (true, true) => join(&mut parent, of_cell[i - 1], of_cell[i - w]),
                 (true, false) => of_cell[i - 1],
@@ -124,6 +125,7 @@ impl Pieces {
     }
 }
 
+/// The provisional piece that stands for all that `p` is joined with; ways to it are halved.
 fn root(parent: &mut [u32], mut p: u32) -> u32 {
     while parent[p as usize] != p {
         parent[p as usize] = parent[parent[p as usize] as usize];
@@ -132,6 +134,7 @@ fn root(parent: &mut [u32], mut p: u32) -> u32 {
     p
 }
 
+/// Joins two provisional pieces; returns the one that stands for both.
 fn join(parent: &mut [u32], a: u32, b: u32) -> u32 {
     if a == b {
         return a;
@@ -158,25 +161,29 @@ fn cells_of(pieces: &Pieces, grid: &PaddedMap, mut f: impl FnMut(usize, usize, u
 fn depths(grid: &PaddedMap, of_cell: &[u32]) -> Vec<u16> {
     let w = grid.width;
     let mut deep = vec![0u16; of_cell.len()];
-    let relax = |deep: &mut [u16], i: usize, near: [(usize, u16); 4]| {
-        let mut d = deep[i];
-        for (j, step) in near {
-            d = d.min(step.saturating_add(if of_cell[j] == of_cell[i] { deep[j] } else { 0 }));
-        }
-        deep[i] = d;
-    };
+    // Up: the shortest ways that come from below and from the left.
     for i in w..of_cell.len() - w {
         if of_cell[i] != 0 {
             deep[i] = u16::MAX;
-            relax(&mut deep, i, [(i - 1, 3), (i - w, 3), (i - w - 1, 4), (i - w + 1, 4)]);
+            deep[i] = depth_from(&deep, of_cell, i, [i - 1, i - w], [i - w - 1, i - w + 1]);
         }
     }
+    // Down: those from above and from the right.
     for i in (w..of_cell.len() - w).rev() {
         if of_cell[i] != 0 {
-            relax(&mut deep, i, [(i + 1, 3), (i + w, 3), (i + w + 1, 4), (i + w - 1, 4)]);
+            deep[i] = depth_from(&deep, of_cell, i, [i + 1, i + w], [i + w + 1, i + w - 1]);
         }
     }
     deep
+}
+
+/// The depth of cell `i` by way of two cells that share a side with it and two that share a corner: a step is 3 thirds
+/// of a cell, or 4, about 3 times the root of 2.
+fn depth_from(deep: &[u16], of_cell: &[u32], i: usize, sides: [usize; 2], corners: [usize; 2]) -> u16 {
+    let by_way_of = |j: usize, step: u16| step.saturating_add(if of_cell[j] == of_cell[i] { deep[j] } else { 0 });
+    let by_sides = sides.into_iter().map(|j| by_way_of(j, 3));
+    let by_corners = corners.into_iter().map(|j| by_way_of(j, 4));
+    by_sides.chain(by_corners).fold(deep[i], u16::min)
 }
 
 /// Directions tried, in degrees, level first.

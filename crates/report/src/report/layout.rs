@@ -18,9 +18,9 @@ use std::fmt::Write;
 use svg::Node;
 use svg::node::element::Element;
 
-use super::legend::{self, Shown};
+use super::legend;
 use super::outline::{self, Outlines, PaddedMap};
-use super::part::{self, Shading, Silhouette};
+use super::part::{self, Looks};
 use super::sheet::{Detail, FONTS, LEAST_FONT, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
 use super::{Layout, OnTheFlyLayout, Picture, Shade, blocks, clean, label, stage, travel, unmarked};
 use terrace_core::geom::Nm;
@@ -42,12 +42,12 @@ const DETAILS: [Detail; 7] = [
 
 /// The layout of a stepped job as the text of an SVG file.
 pub fn layout_svg(job: &Layout<'_>) -> String {
-    within(job, &Traced::of(job), LIMIT)
+    within(job, &SharedShapes::of(job), LIMIT)
 }
 
-/// The same layout in several shades.
+/// The layout of a stepped job in several shades.
 pub fn layout_svgs<const N: usize>(job: &Layout<'_>, shades: [Shade; N]) -> [String; N] {
-    let traced = Traced::of(job);
+    let traced = SharedShapes::of(job);
     let texts = parallel::map(N, |i| within(&Layout { shade: shades[i], ..job.clone() }, &traced, LIMIT));
     texts.try_into().expect("a text for each shade")
 }
@@ -60,7 +60,7 @@ pub fn on_the_fly_svg(job: &OnTheFlyLayout<'_>) -> String {
 }
 
 /// The layout in at most `limit` bytes, or as few as there can be.
-pub(super) fn within(job: &Layout<'_>, traced: &Traced, limit: usize) -> String {
+pub(super) fn within(job: &Layout<'_>, traced: &SharedShapes, limit: usize) -> String {
     let picture = Picture::of_stepped(job);
     let sheet = Sheet::of(&picture);
     let blocks = Blocks { layout: job, outlines: &traced.outlines, spots: &traced.spots };
@@ -91,13 +91,13 @@ struct Blocks<'a> {
 }
 
 /// What a layout has in every shade.
-pub(super) struct Traced {
+pub(super) struct SharedShapes {
     outlines: Outlines,
     spots: Vec<label::Spot>,
     looks: Looks,
 }
 
-impl Traced {
+impl SharedShapes {
     pub(super) fn of(job: &Layout<'_>) -> Self {
         let picture = Picture::of_stepped(job);
         let grid = PaddedMap::of(job.map, job.blocks().len());
@@ -107,18 +107,6 @@ impl Traced {
             || Looks::of(&picture),
         );
         Self { outlines, spots, looks }
-    }
-}
-
-/// How the part looks.
-struct Looks {
-    silhouette: Silhouette,
-    shading: Shading,
-}
-
-impl Looks {
-    fn of(job: &Picture<'_>) -> Self {
-        Self { silhouette: Silhouette::of(job), shading: Shading::of(job.relief) }
     }
 }
 
@@ -138,8 +126,7 @@ fn draw(drawing: &Drawing<'_>, detail: Detail) -> String {
     layers.push(stage::first_field(job, sheet));
     layers.push(legend::measures(sheet));
     layers.extend(blocks.map(|b| blocks::numbers(b.layout, sheet, b.spots)));
-    let shown = Shown { silhouette: &looks.silhouette, shading: &looks.shading };
-    let (legend, [x0, y0, x1, y1]) = legend::draw(job, sheet, &shown);
+    let (legend, [x0, y0, x1, y1]) = legend::draw(job, sheet, looks);
     layers.push(legend);
     let (width, height) = (x1 - x0, y1 - y0);
     let mut root = el(
@@ -197,7 +184,8 @@ pub(super) fn at_width(svg: &str, width: u32) -> String {
 /// Dashed section lines with the numbers of columns below and of rows at the left.
 fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     let (u, s) = (sheet.unit, job.sections);
-    let (width, dash) = (num(u * 0.12), format!("{} {}", num(u * 0.9), num(u * 0.5)));
+    let width = num(u * 0.12);
+    let dash = format!("{} {}", num(u * 0.9), num(u * 0.5));
     let mut g = layer("layer-sections", "Sections", &[("pointer-events", "none")]);
     let [x0, y0, x1, y1] = sheet_box(grid_box(job));
     let at = |o: f64, pitch: Nm, k: f64| o + pitch.mm() * k;
@@ -214,7 +202,7 @@ fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     path.assign("d", d);
     g.append(path);
     let mut captions = el("g", &[("id", "section-captions"), ("fill", "#444")]);
-    // Every so-manieth number where they are too many to be read.
+    // Numbers are left out evenly where there is no room for all.
     let font = LEAST_FONT * u;
     let every = |pitch: Nm, room: f64| (room / pitch.mm()).ceil().max(1.0) as usize;
     let wide = 0.66 * font * f64::from(s.count[0].max(1).ilog10() + 1) + 0.8 * u;

@@ -9,9 +9,9 @@ use svg::node::element::Element;
 
 use super::colour::{self, BEYOND, BORDER, Colour, FAULT, FIELD, FILLS, OUTLINE, PART, PATH, TRAVEL, hex};
 use super::marks::{self, grouped};
-use super::part::{Shading, Silhouette};
+use super::part::Looks;
 use super::sheet::{BESIDE, FONT, FOOT, GAP, LEAST_FONT, LEFT, RIM, Sheet, TOP, el, num, rectangle, text};
-use super::travel::{self, Seen};
+use super::travel::{self, Visibility};
 use super::unmarked::{self, Lines};
 use super::{Layout, Mode, OnTheFlyLayout, Picture, Shade, clean, length_text, mm, plain};
 use terrace_core::duration::duration;
@@ -23,12 +23,6 @@ const LINE: f64 = 1.42;
 const CARDS: f64 = 1.8;
 /// Rows of texture that is not marked, and pens, that are listed at most.
 const MOST_ROWS: usize = 5;
-
-/// What the legend shows besides the job.
-pub(super) struct Shown<'a> {
-    pub silhouette: &'a Silhouette,
-    pub shading: &'a Shading,
-}
 
 /// Axes at the lower left corner and a scale bar at the lower right, both below the part.
 pub(super) fn measures(sheet: &Sheet) -> Element {
@@ -57,7 +51,9 @@ pub(super) fn measures(sheet: &Sheet) -> Element {
     g.append(text([x + arm + 0.5 * u, y + 0.5 * u], FONT * u, "start", "x"));
     g.append(text([x + 0.8 * u, y - arm + 0.8 * u], FONT * u, "start", "y"));
     if has_origin(sheet) {
-        let (gap, end, tick) = (0.9 * u, num(2.0 * u), num(0.14 * u));
+        let gap = 0.9 * u;
+        let end = num(2.0 * u);
+        let tick = num(0.14 * u);
         let (near, far) = (num(gap), num(-gap));
         let cross = format!("M-{end} 0H{far}M{near} 0H{end}M0 -{end}V{far}M0 {near}V{end}");
         let mut e = el("path", &[("id", "origin"), ("stroke", "#111"), ("stroke-width", &tick), ("d", &cross)]);
@@ -92,44 +88,87 @@ fn scale_bar(g: &mut Element, sheet: &Sheet) {
     g.append(text([x1, y + 2.7 * u], FONT * u, "end", &format!("{} mm", num(length))));
 }
 
+/// A column of the legend.
+#[derive(Clone, Copy)]
+struct Slot {
+    left: f64,
+    top: f64,
+    /// In units.
+    width: f64,
+}
+
+/// The columns of the legend: right of the part and below it, or below it alone. `left` is the left end of the sheet.
+fn slots(sheet: &Sheet, left: f64) -> Vec<Slot> {
+    let (u, [_, y0, x1, _]) = (sheet.unit, sheet.view);
+    let left = left + RIM * u;
+    // The sheet is 100 units wide.
+    let room = 100.0 - 2.0 * RIM;
+    if sheet.below {
+        return slots_below(sheet, left, room, 3);
+    }
+    let mut slots = vec![Slot { left: x1 + GAP * u, top: y0, width: BESIDE }];
+    slots.extend(slots_below(sheet, left, room - GAP - BESIDE, 2));
+    slots
+}
+
+/// Columns of equal width below the part, from `left` on, in so many units of room.
+fn slots_below(sheet: &Sheet, left: f64, room: f64, count: usize) -> Vec<Slot> {
+    let (u, [_, _, _, y1]) = (sheet.unit, sheet.view);
+    let width = (room - GAP * (count - 1) as f64) / count as f64;
+    let slot = |k: usize| Slot { left: left + k as f64 * (width + GAP) * u, top: y1 + FOOT * u, width };
+    (0..count).map(slot).collect()
+}
+
+/// The cards of the legend, in the order in which they are laid out.
+#[derive(Clone, Copy)]
+enum Card {
+    Heading,
+    Colours,
+    NotMarked,
+    Times,
+    Key,
+}
+
+impl Card {
+    const ALL: [Self; 5] = [Self::Heading, Self::Colours, Self::NotMarked, Self::Times, Self::Key];
+
+    /// The card in a column of so many units.
+    fn written(self, job: &Picture<'_>, sheet: &Sheet, looks: &Looks, width: f64) -> Column {
+        let u = sheet.unit;
+        let mut column = Column { elements: Vec::new(), u, width: width * u, y: 0.0 };
+        match self {
+            Self::Heading => heading(&mut column, job, sheet),
+            Self::Colours => colours(&mut column, job, sheet),
+            Self::NotMarked => not_marked(&mut column, job),
+            Self::Times => times(&mut column, job),
+            Self::Key => key(&mut column, job, sheet, looks),
+        }
+        column
+    }
+}
+
 /// The legend, and the box of the whole sheet.
-pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) -> (Element, [f64; 4]) {
-    let (u, [x0, y0, x1, y1]) = (sheet.unit, sheet.view);
+pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet, looks: &Looks) -> (Element, [f64; 4]) {
+    let (u, [x0, y0, _, y1]) = (sheet.unit, sheet.view);
     let mut g = el("g", &[("id", "layer-legend"), ("inkscape:groupmode", "layer"), ("inkscape:label", "Legend")]);
     let left = x0 - (LEFT + RIM) * u;
     let top = y0 - if job.origins.len() > 1 { TOP } else { RIM } * u;
-    // Left, top and width of the columns.
-    let below = |first: f64, room: f64, count: usize| {
-        let width = (room - GAP * (count - 1) as f64) / count as f64;
-        (0..count).map(move |k| [first + k as f64 * (width + GAP) * u, y1 + FOOT * u, width])
-    };
-    let columns: Vec<[f64; 3]> = if sheet.below {
-        below(left + RIM * u, 100.0 - 2.0 * RIM, 3).collect()
-    } else {
-        let beside = [x1 + GAP * u, y0, BESIDE];
-        std::iter::once(beside).chain(below(left + RIM * u, 100.0 - 2.0 * RIM - GAP - BESIDE, 2)).collect()
-    };
-    let cards: [&dyn Fn(&mut Column); 5] =
-        [&|c| heading(c, job, sheet), &|c| colours(c, job, sheet), &|c| not_marked(c, job), &|c| times(c, job), &|c| {
-            key(c, job, sheet, shown)
-        }];
-    let written = |card: usize, width: f64| {
-        let mut column = Column { elements: Vec::new(), u, width: width * u, y: 0.0 };
-        cards[card](&mut column);
-        column
-    };
-    let heights: Vec<Vec<f64>> =
-        (0..cards.len()).map(|card| columns.iter().map(|c| written(card, c[2]).y / u).collect()).collect();
-    let begins: Vec<f64> = columns.iter().map(|c| (c[1] - y0) / u).collect();
-    let mut ends: Vec<f64> = columns.iter().map(|c| c[1]).collect();
+    let slots = slots(sheet, left);
+    let heights: Vec<Vec<f64>> = Card::ALL
+        .iter()
+        .map(|card| slots.iter().map(|slot| card.written(job, sheet, looks, slot.width).y / u).collect())
+        .collect();
+    let begins: Vec<f64> = slots.iter().map(|slot| (slot.top - y0) / u).collect();
+    // Where the next card of each column begins.
+    let mut ends: Vec<f64> = slots.iter().map(|slot| slot.top).collect();
     let mut lowest = y1 + FOOT * u;
-    for (card, k) in shortest(&heights, &begins).into_iter().enumerate() {
-        let [x, _, width] = columns[k];
-        let column = written(card, width);
+    for (card, k) in Card::ALL.into_iter().zip(shortest(&heights, &begins)) {
+        let column = card.written(job, sheet, looks, slots[k].width);
         if column.elements.is_empty() {
             continue;
         }
-        let mut moved = el("g", &[("transform", &format!("translate({} {})", num(x), num(ends[k])))]);
+        let place = format!("translate({} {})", num(slots[k].left), num(ends[k]));
+        let mut moved = el("g", &[("transform", &place)]);
         column.elements.into_iter().for_each(|e| moved.append(e));
         g.append(moved);
         lowest = lowest.max(ends[k] + column.y);
@@ -141,28 +180,40 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) -> (Elem
 /// The columns of cards with which the longest column ends highest; of equal ones that in which the first cards are in
 /// the first columns. `heights` are by card and column.
 fn shortest(heights: &[Vec<f64>], begins: &[f64]) -> Vec<usize> {
-    let count = begins.len();
-    let choice = |mut n: usize| {
-        let mut columns = vec![0; heights.len()];
-        for k in columns.iter_mut().rev() {
-            (*k, n) = (n % count, n / count);
-        }
-        columns
-    };
-    let end = |columns: &[usize]| {
-        let mut ends = begins.to_vec();
-        for (card, &k) in columns.iter().enumerate().filter(|(card, k)| heights[*card][**k] > 0.0) {
-            ends[k] += heights[card][k] + CARDS;
-        }
-        // Tenths of a unit: what no eye sees decides nothing.
-        (ends.iter().fold(0.0f64, |a, &b| a.max(b)) * 10.0).round() as i64
-    };
-    (0..count.pow(heights.len() as u32)).map(choice).min_by_key(|columns| end(columns)).unwrap_or_default()
+    // All ways are tried: three columns for five cards are 243.
+    let ways = begins.len().pow(heights.len() as u32);
+    let columns = (0..ways).map(|n| columns_of_way(n, heights.len(), begins.len()));
+    columns.min_by_key(|columns| longest_end(columns, heights, begins)).unwrap_or_default()
+}
+
+/// The columns of cards as the digits of a number: the first card is the most significant.
+fn columns_of_way(mut n: usize, cards: usize, count: usize) -> Vec<usize> {
+    let mut columns = vec![0; cards];
+    for k in columns.iter_mut().rev() {
+        *k = n % count;
+        n /= count;
+    }
+    columns
+}
+
+/// Where the longest column ends with the cards in these columns, in tenths of a unit: what no eye sees decides
+/// nothing.
+fn longest_end(columns: &[usize], heights: &[Vec<f64>], begins: &[f64]) -> i64 {
+    let mut ends = begins.to_vec();
+    for (card, &k) in columns.iter().enumerate().filter(|(card, k)| heights[*card][**k] > 0.0) {
+        ends[k] += heights[card][k] + CARDS;
+    }
+    (ends.iter().fold(0.0f64, |a, &b| a.max(b)) * 10.0).round() as i64
 }
 
 /// Width of a text in DejaVu Sans, the widest of the faces, in its font size; never less.
 fn width_of(words: &str) -> f64 {
-    let of = |c: char| match c {
+    words.chars().map(width_of_letter).sum()
+}
+
+/// Width of a letter in its font size, rounded up by classes.
+fn width_of_letter(c: char) -> f64 {
+    match c {
         ' ' | '.' | ',' | ':' | ';' | 'i' | 'j' | 'l' | '\'' => 0.33,
         'f' | 't' | 'r' | '(' | ')' | '-' | '/' | 'I' | 'J' => 0.42,
         'm' | 'M' | 'W' | '%' | '@' | '\u{2026}' => 1.0,
@@ -170,8 +221,7 @@ fn width_of(words: &str) -> f64 {
         'A'..='Z' | '&' => 0.79,
         c if c.is_ascii() => 0.64,
         _ => 1.05,
-    };
-    words.chars().map(of).sum()
+    }
 }
 
 /// The beginning of a text, as much of it as is no wider than `most` font sizes.
@@ -204,8 +254,11 @@ fn wrapped(words: &str, most: f64) -> Vec<String> {
 /// A card that is written from the top down; its upper left corner is the origin.
 struct Column {
     elements: Vec<Element>,
+    /// A unit of the sheet, mm.
     u: f64,
+    /// Width, mm.
     width: f64,
+    /// How far down it is written, mm.
     y: f64,
 }
 
@@ -213,6 +266,7 @@ struct Column {
 const INDENT: f64 = 5.0;
 
 impl Column {
+    /// Goes to the next line, of a font in units; returns where its letters stand.
     fn next(&mut self, font: f64) -> f64 {
         self.y += LINE * font * self.u;
         // The base line, with room for what goes below it.
@@ -231,6 +285,7 @@ impl Column {
         }
     }
 
+    /// A line in bold, with a value at the right end.
     fn title(&mut self, words: &str, value: &str) {
         let y = self.next(FONT);
         let mut t = text([0.0, y], FONT * self.u, "start", words);
@@ -276,6 +331,7 @@ fn swatch(u: f64, y: f64, fill: &str) -> Element {
     rectangle([0.0, y - 0.75 * u, 4.0 * u, y + 0.75 * u], &[("fill", fill)])
 }
 
+/// Name and figures of the job.
 fn heading(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
     // Bold letters are up to an eighth wider.
     let name = clean(job.job);
@@ -301,6 +357,7 @@ fn heading(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
     }
 }
 
+/// The figures of a stepped job.
 fn stepped(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     let s = job.summary;
     if job.passes > 1 {
@@ -335,6 +392,7 @@ fn stepped(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     warnings(c, s.warnings.len(), "report.html");
 }
 
+/// The figures of an on-the-fly job.
 fn on_the_fly(c: &mut Column, job: &OnTheFlyLayout<'_>) {
     let s = job.summary;
     c.pair(0.0, "on the fly, axes", job.program.kind.letters());
@@ -375,6 +433,7 @@ fn colours(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
     c.lines(0.0, &format!("drawn: {}", job.marks.words()));
 }
 
+/// The colours of blocks from the least to the greatest value, with values below them.
 fn ramp(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     let u = c.u;
     let is_height = job.shade == Shade::Height;
@@ -431,7 +490,7 @@ fn not_marked(c: &mut Column, job: &Picture<'_>) {
     }
 }
 
-/// The parts of the job time as a bar and as lines.
+/// The parts of the job time and their colours.
 pub(super) const PARTS: [(&str, Colour); 6] = [
     ("mark", FILLS[0]),
     ("jump", FILLS[1]),
@@ -449,6 +508,7 @@ pub(super) fn seconds(job: &Layout<'_>) -> Vec<(&'static str, Colour, f64)> {
     all.filter(|((name, _), _)| has(name)).map(|((name, fill), s)| (name, fill, s)).collect()
 }
 
+/// The parts of the job time as a bar and as lines.
 fn times(c: &mut Column, job: &Picture<'_>) {
     let u = c.u;
     let (total, parts) = match job.mode {
@@ -478,11 +538,12 @@ fn times(c: &mut Column, job: &Picture<'_>) {
     }
 }
 
-fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
+/// What lines and areas of the picture mean.
+fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, looks: &Looks) {
     let dash = |a: f64, b: f64| format!("{} {}", num(a * sheet.unit), num(b * sheet.unit));
     c.title("how to read it", "");
-    let heights = if shown.shading.factor > 1.0 { format!(", z x {}", shown.shading.factor) } else { String::new() };
-    let beyond = if shown.silhouette.is_cut() { "; it extends beyond the picture" } else { "" };
+    let heights = if looks.shading.factor > 1.0 { format!(", z x {}", looks.shading.factor) } else { String::new() };
+    let beyond = if looks.silhouette.is_cut() { "; it extends beyond the picture" } else { "" };
     c.row(
         |u, y| vec![swatch(u, y, PART), line(u, y - 0.75 * u, OUTLINE, 0.16, "")],
         &format!("part, relief shaded{heights}{beyond}"),
@@ -505,10 +566,10 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
     c.row(path, &format!("{what}, ring to square"));
     let rectangles: Vec<_> = job.origins.iter().map(|&origin| travel::rectangle(job.machine, origin)).collect();
     let [w, h] = rectangles.first().map_or([0.0; 2], |r| [r[2] - r[0], r[3] - r[1]]).map(num);
-    let limit = match travel::seen(job, sheet) {
-        Seen::Whole => "",
-        Seen::Partly => ", part of it beyond the picture",
-        Seen::None => ", beyond the picture",
+    let limit = match travel::visibility(job, sheet) {
+        Visibility::Whole => "",
+        Visibility::Partly => ", part of it beyond the picture",
+        Visibility::None => ", beyond the picture",
     };
     c.row(|u, y| vec![line(u, y, TRAVEL, 0.2, &dash(1.1, 0.7))], &format!("machine travel, {w} x {h} mm{limit}"));
     if has_origin(sheet) {
@@ -523,6 +584,7 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
     }
 }
 
+/// A cross in the middle of a symbol.
 fn plus(u: f64, y: f64) -> String {
     let [x, arm] = [2.0 * u, 0.9 * u];
     format!("M{} {}h{}M{} {}v{}", num(x - arm), num(y), num(2.0 * arm), num(x), num(y - arm), num(2.0 * arm))

@@ -56,12 +56,54 @@ enum Body {
     Image { address: String, size: [usize; 2], pitch: f64 },
 }
 
-/// What is found of marks.
-struct Found {
+/// What some marks sum up to.
+struct Totals {
+    /// The box around them, mm.
     area: BoxMm<2>,
     points: usize,
+    /// Length, mm.
     length: f64,
-    pens: Vec<bool>,
+    /// Whether there is a mark of each pen; pens beyond the list have none.
+    has_pen: Vec<bool>,
+}
+
+impl Totals {
+    const NONE: Self = Self { area: BoxMm::EMPTY, points: 0, length: 0.0, has_pen: Vec::new() };
+
+    /// Of the marks of a chunk.
+    fn of(chunk: &Chunk<'_>) -> Self {
+        let mut totals = Self::NONE;
+        for mark in chunk.marks {
+            totals.points += mark.len as usize;
+            totals.length += mark.length_mm;
+            totals.add_pen(mark.pen.index());
+            for p in chunk.group.points_of(mark) {
+                let [x, y, _] = chunk.group.frame.part_from_group(p.at);
+                totals.area.add([x, y]);
+            }
+        }
+        totals
+    }
+
+    fn add(&mut self, other: &Self) {
+        if other.points > 0 {
+            self.area.add(other.area.lo);
+            self.area.add(other.area.hi);
+        }
+        self.points += other.points;
+        self.length += other.length;
+        (0..other.has_pen.len()).filter(|&k| other.has_pen[k]).for_each(|k| self.add_pen(k));
+    }
+
+    fn add_pen(&mut self, pen: usize) {
+        self.has_pen.resize(self.has_pen.len().max(pen + 1), false);
+        self.has_pen[pen] = true;
+    }
+
+    /// The pens that there are marks of, rising.
+    fn pens(&self) -> Vec<PenId> {
+        (0..self.has_pen.len()).filter(|&k| self.has_pen[k]).map(|k| PenId(k as u16)).collect()
+    }
 }
 
 impl Marks {
@@ -70,28 +112,19 @@ impl Marks {
         Self::within(scene, groups, MOST)
     }
 
-    /// The same, as lines of at most `most` bytes or as an image.
+    /// The marks of some groups of a scene, as lines of at most `most` bytes or as an image.
     fn within(scene: &Scene, groups: Range<usize>, most: usize) -> Self {
         let chunks = chunks(&scene.groups[groups]);
-        let found = parallel::map(chunks.len(), |i| look(&chunks[i]));
-        let mut all = Found { area: BoxMm::EMPTY, points: 0, length: 0.0, pens: Vec::new() };
-        for one in found {
-            if one.points > 0 {
-                all.area.add(one.area.lo);
-                all.area.add(one.area.hi);
-            }
-            all.points += one.points;
-            all.length += one.length;
-            all.pens.resize(all.pens.len().max(one.pens.len()), false);
-            one.pens.iter().enumerate().filter(|(_, is)| **is).for_each(|(k, _)| all.pens[k] = true);
-        }
-        let pens: Vec<PenId> = (0..all.pens.len()).filter(|&k| all.pens[k]).map(|k| PenId(k as u16)).collect();
-        let area = if all.points == 0 { BoxMm::rectangle(0.0, 0.0, 1.0, 1.0) } else { all.area };
+        let mut totals = Totals::NONE;
+        parallel::map(chunks.len(), |i| Totals::of(&chunks[i])).iter().for_each(|chunk| totals.add(chunk));
+        let pens = totals.pens();
+        let area = if totals.points == 0 { BoxMm::rectangle(0.0, 0.0, 1.0, 1.0) } else { totals.area };
         let count = chunks.iter().map(|c| c.marks.len()).sum();
         let drawing = Drawing { chunks: &chunks, pens: &pens, area };
-        let lines = (all.points * LEAST_BYTES <= most).then(|| drawing.lines(most)).flatten();
+        // Lines that cannot be short enough are not tried.
+        let lines = (totals.points * LEAST_BYTES <= most).then(|| drawing.lines(most)).flatten();
         let body = lines.unwrap_or_else(|| drawing.image());
-        Self { count, pens, area, length: all.length, body }
+        Self { count, pens, area, length: totals.length, body }
     }
 
     /// The pens that are drawn.
@@ -174,24 +207,9 @@ struct Chunk<'a> {
     marks: &'a [Mark],
 }
 
+/// The marks of groups in chunks, for threads.
 fn chunks(groups: &[Group]) -> Vec<Chunk<'_>> {
     groups.iter().flat_map(|group| group.marks.chunks(CHUNK).map(move |marks| Chunk { group, marks })).collect()
-}
-
-fn look(chunk: &Chunk<'_>) -> Found {
-    let mut found = Found { area: BoxMm::EMPTY, points: 0, length: 0.0, pens: Vec::new() };
-    for mark in chunk.marks {
-        found.points += mark.len as usize;
-        found.length += mark.length_mm;
-        let pen = mark.pen.index();
-        found.pens.resize(found.pens.len().max(pen + 1), false);
-        found.pens[pen] = true;
-        for p in chunk.group.points_of(mark) {
-            let [x, y, _] = chunk.group.frame.part_from_group(p.at);
-            found.area.add([x, y]);
-        }
-    }
-    found
 }
 
 /// Marks while they are drawn.
@@ -202,11 +220,12 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    /// How many colours there are, and the colour of a mark.
+    /// How many colours there are.
     fn colours(&self) -> usize {
         self.pens.len().clamp(1, PENS.len())
     }
 
+    /// Number of the colour of a mark.
     fn colour_of(&self, mark: &Mark) -> usize {
         self.pens.binary_search(&mark.pen).unwrap_or(0) % PENS.len()
     }
@@ -215,28 +234,14 @@ impl Drawing<'_> {
     fn lines(&self, most: usize) -> Option<Body> {
         let [w, h] = self.area.size();
         let step = (w.max(h) / STEPS).max(1e-6);
-        let made = parallel::map(self.chunks.len(), |i| self.lines_of(&self.chunks[i], step));
-        let bytes: usize = made.iter().flatten().map(String::len).sum();
+        let data = parallel::map(self.chunks.len(), |i| self.lines_of(&self.chunks[i], step));
+        let bytes: usize = data.iter().flatten().map(String::len).sum();
         if bytes > most {
             return None;
         }
         let mut elements = String::with_capacity(bytes + 1000);
-        for k in 0..self.colours() {
-            let [r, g, b] = PENS[k];
-            elements.push_str(&format!("<g stroke=\"{}\">", hex([r, g, b])));
-            let mut open = 0;
-            for d in made.iter().map(|colours| &colours[k]).filter(|d| !d.is_empty()) {
-                if open == 0 {
-                    elements.push_str("\n<path d=\"");
-                }
-                elements.push_str(d);
-                open += d.len();
-                if open > PATH {
-                    elements.push_str("\"/>");
-                    open = 0;
-                }
-            }
-            elements.push_str(if open > 0 { "\"/>\n</g>\n" } else { "\n</g>\n" });
+        for (k, colour) in PENS.iter().enumerate().take(self.colours()) {
+            push_group(&mut elements, *colour, data.iter().map(|by_colour| by_colour[k].as_str()));
         }
         Some(Body::Lines { elements, step })
     }
@@ -245,38 +250,34 @@ impl Drawing<'_> {
     fn lines_of(&self, chunk: &Chunk<'_>, step: f64) -> Vec<String> {
         let mut out = vec![String::new(); self.colours()];
         let mut digits = itoa::Buffer::new();
-        let mut put = |d: &mut String, v: i64, is_first: bool| {
-            if !is_first && v >= 0 {
-                d.push(' ');
-            }
-            d.push_str(digits.format(v));
-        };
         for mark in chunk.marks {
             let d = &mut out[self.colour_of(mark)];
             let mut last: Option<[i64; 2]> = None;
-            let mut drawn = false;
+            let mut has_length = false;
             for p in chunk.group.points_of(mark) {
                 let [x, y, _] = chunk.group.frame.part_from_group(p.at);
-                let at = [x - self.area.lo[0], self.area.hi[1] - y].map(|v| (v / step).round() as i64);
+                let place = [x - self.area.lo[0], self.area.hi[1] - y].map(|v| (v / step).round() as i64);
                 match last {
                     None => {
                         d.push('M');
-                        put(d, at[0], true);
-                        put(d, at[1], false);
+                        d.push_str(digits.format(place[0]));
+                        push_next(d, &mut digits, place[1]);
                     }
-                    Some(last) if last == at => continue,
+                    Some(last) if last == place => continue,
+                    Some(last) if has_length => {
+                        push_next(d, &mut digits, place[0] - last[0]);
+                        push_next(d, &mut digits, place[1] - last[1]);
+                    }
                     Some(last) => {
-                        if !drawn {
-                            d.push('l');
-                        }
-                        put(d, at[0] - last[0], !drawn);
-                        put(d, at[1] - last[1], false);
-                        drawn = true;
+                        d.push('l');
+                        d.push_str(digits.format(place[0] - last[0]));
+                        push_next(d, &mut digits, place[1] - last[1]);
+                        has_length = true;
                     }
                 }
-                last = Some(at);
+                last = Some(place);
             }
-            if !drawn {
+            if !has_length {
                 // A dot, or what is smaller than a step: its round ends are seen.
                 d.push_str("h1");
             }
@@ -288,98 +289,148 @@ impl Drawing<'_> {
     fn image(&self) -> Body {
         let [w, h] = self.area.size();
         let pitch = (w.max(h) / (PIXELS - 2.0)).max(1e-6);
+        // One free point before the marks, one behind them, and one into which a deposit at their end reaches.
         let size = [w, h].map(|v| (v / pitch - 1e-6).ceil().max(0.0) as usize + 3);
         let colours = self.colours();
         let planes = parallel::fold(
             self.chunks.len(),
             || vec![0u16; if self.chunks.is_empty() { 0 } else { colours * size[0] * size[1] }],
             |planes, i| self.cover(&self.chunks[i], planes, size, pitch),
-            |all, one| all.iter_mut().zip(one).for_each(|(a, b)| *a = a.saturating_add(b)),
+            |sum, planes| sum.iter_mut().zip(planes).for_each(|(a, b)| *a = a.saturating_add(b)),
         );
-        let area = size[0] * size[1];
         let mut palette = vec![[255, 255, 255, 0]];
         for [r, g, b] in &PENS[..colours] {
             palette.extend((1..=LEVELS).map(|level| [*r, *g, *b, (u32::from(level) * 255 / u32::from(LEVELS)) as u8]));
         }
-        let mut pixels = vec![0u8; area];
-        for (i, pixel) in pixels.iter_mut().enumerate().take(planes.len()) {
-            let of = |k: usize| planes[k * area + i];
-            let (mut sum, mut most) = (0, 0);
-            for k in 0..colours {
-                sum += u32::from(of(k));
-                if of(k) > of(most) {
-                    most = k;
-                }
-            }
-            let level = (sum.min(FULL) * u32::from(LEVELS) + FULL / 2) / FULL;
-            if level > 0 {
-                *pixel = most as u8 * LEVELS + level as u8;
-            }
-        }
+        let pixels = pixels_of(&planes, colours, size[0] * size[1]);
         // As large as all else that a picture takes: gone before the image is packed.
         drop(planes);
         Body::Image { address: image::of_indices(size, &palette, &pixels), size, pitch }
     }
 
-    /// Adds what the marks of a chunk cover.
+    /// Adds what the marks of a chunk cover to the plane of each colour.
     fn cover(&self, chunk: &Chunk<'_>, planes: &mut [u16], size: [usize; 2], pitch: f64) {
         let area = size[0] * size[1];
         for mark in chunk.marks {
             let k = self.colour_of(mark);
             let plane = &mut planes[k * area..(k + 1) * area];
-            let mut deposit = |x: f64, y: f64, amount: f64| {
-                // Between the centres of four points.
-                let (x, y) = (x - 0.5, y - 0.5);
-                let (column, row) = (x as usize, y as usize);
-                let (fx, fy) = (x - column as f64, y - row as f64);
-                let at = row * size[0] + column;
-                for (to, share) in [
-                    (at, (1.0 - fx) * (1.0 - fy)),
-                    (at + 1, fx * (1.0 - fy)),
-                    (at + size[0], (1.0 - fx) * fy),
-                    (at + size[0] + 1, fx * fy),
-                ] {
-                    if let Some(cell) = plane.get_mut(to) {
-                        *cell = cell.saturating_add((amount * share * f64::from(FULL)) as u16);
-                    }
-                }
-            };
-            let place = |p: &crate::scene::Point| {
+            let places = chunk.group.points_of(mark).iter().map(|p| {
                 let [x, y, _] = chunk.group.frame.part_from_group(p.at);
                 [(x - self.area.lo[0]) / pitch + 1.0, (self.area.hi[1] - y) / pitch + 1.0]
-            };
-            let points = chunk.group.points_of(mark);
-            let mut from = place(&points[0]);
-            if points.len() == 1 {
-                deposit(from[0], from[1], 1.0);
+            });
+            Plane { cells: plane, columns: size[0] }.cover(places);
+        }
+    }
+}
+
+/// Appends a number of path data that follows another: a minus sign separates them as well as a space.
+fn push_next(d: &mut String, digits: &mut itoa::Buffer, v: i64) {
+    if v >= 0 {
+        d.push(' ');
+    }
+    d.push_str(digits.format(v));
+}
+
+/// Appends the lines of a colour, in elements of about [`PATH`] bytes of path data.
+fn push_group<'a>(elements: &mut String, colour: [u8; 3], data: impl Iterator<Item = &'a str>) {
+    elements.push_str(&format!("<g stroke=\"{}\">", hex(colour)));
+    // Bytes in the open element; 0 without one.
+    let mut open = 0;
+    for d in data.filter(|d| !d.is_empty()) {
+        if open == 0 {
+            elements.push_str("\n<path d=\"");
+        }
+        elements.push_str(d);
+        open += d.len();
+        if open > PATH {
+            elements.push_str("\"/>");
+            open = 0;
+        }
+    }
+    elements.push_str(if open > 0 { "\"/>\n</g>\n" } else { "\n</g>\n" });
+}
+
+/// Indices into the palette for planes of `area` points, one plane a colour: the colour that covers most of a point, as
+/// opaque as all of them cover it.
+fn pixels_of(planes: &[u16], colours: usize, area: usize) -> Vec<u8> {
+    let mut pixels = vec![0u8; area];
+    for (i, pixel) in pixels.iter_mut().enumerate().take(planes.len()) {
+        let covered = |k: usize| planes[k * area + i];
+        let mut sum = 0;
+        let mut most = 0;
+        for k in 0..colours {
+            sum += u32::from(covered(k));
+            if covered(k) > covered(most) {
+                most = k;
             }
-            // Every SPACING along the line one deposit; what is left at its end is one too.
-            let mut due = SPACING / 2.0;
-            let mut left = 0.0;
-            for p in &points[1..] {
-                let to = place(p);
-                let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-                let length = dx.hypot(dy);
-                let mut at = due;
-                while at <= length {
-                    let t = at / length;
-                    deposit(from[0] + t * dx, from[1] + t * dy, SPACING * WIDTH);
-                    at += SPACING;
-                }
-                due = at - length;
-                left = SPACING / 2.0 - due;
-                from = to;
+        }
+        let level = (sum.min(FULL) * u32::from(LEVELS) + FULL / 2) / FULL;
+        if level > 0 {
+            *pixel = most as u8 * LEVELS + level as u8;
+        }
+    }
+    pixels
+}
+
+/// How much of each point of an image the marks of a colour cover.
+struct Plane<'a> {
+    /// Row by row from the upper left; [`FULL`] is a point that is covered once.
+    cells: &'a mut [u16],
+    columns: usize,
+}
+
+impl Plane<'_> {
+    /// Adds a line through these places, in points of the image from its upper left, or a dot.
+    fn cover(&mut self, mut places: impl ExactSizeIterator<Item = [f64; 2]>) {
+        let is_dot = places.len() == 1;
+        let Some(mut from) = places.next() else { return };
+        if is_dot {
+            return self.deposit(from, 1.0);
+        }
+        // Every SPACING along the line one deposit; what is left at its end is one too.
+        let mut due = SPACING / 2.0;
+        let mut left = 0.0;
+        for to in places {
+            let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+            let length = dx.hypot(dy);
+            let mut way = due;
+            while way <= length {
+                let t = way / length;
+                self.deposit([from[0] + t * dx, from[1] + t * dy], SPACING * WIDTH);
+                way += SPACING;
             }
-            if left != 0.0 && points.len() > 1 {
-                deposit(from[0], from[1], (left.max(0.0)) * WIDTH);
+            due = way - length;
+            left = SPACING / 2.0 - due;
+            from = to;
+        }
+        if left != 0.0 {
+            self.deposit(from, left.max(0.0) * WIDTH);
+        }
+    }
+
+    /// Adds an amount, in covered points, at a place: each of the four points whose centres lie around it gets the more
+    /// the nearer it is.
+    fn deposit(&mut self, [x, y]: [f64; 2], amount: f64) {
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (column, row) = (x as usize, y as usize);
+        let (fx, fy) = (x - column as f64, y - row as f64);
+        let first = row * self.columns + column;
+        for (i, share) in [
+            (first, (1.0 - fx) * (1.0 - fy)),
+            (first + 1, fx * (1.0 - fy)),
+            (first + self.columns, (1.0 - fx) * fy),
+            (first + self.columns + 1, fx * fy),
+        ] {
+            if let Some(cell) = self.cells.get_mut(i) {
+                *cell = cell.saturating_add((amount * share * f64::from(FULL)) as u16);
             }
         }
     }
 }
 
-/// Steps of opacity of an image.
+/// Steps of opacity of an image: with all colours of [`PENS`] and the ground they are indices of a byte.
 const LEVELS: u8 = 15;
-/// What covers a point of an image.
+/// What covers a point of an image; a u16 holds 31 times that, and saturates beyond.
 const FULL: u32 = 2048;
 /// Distance of deposits along a mark, in points: with a half their shares of a point sum up to the same everywhere.
 const SPACING: f64 = 0.5;
@@ -395,7 +446,8 @@ mod tests {
     fn scene(lines: &[(u16, Vec<[f64; 2]>)]) -> Scene {
         let mut group = Group::new(Frame::upright([100.0, -50.0, 0.0]));
         for (pen, line) in lines {
-            let (first, len) = (group.points.len() as u32, line.len() as u32);
+            let first = group.points.len() as u32;
+            let len = line.len() as u32;
             let length_mm = line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
             group.marks.push(Mark { pen: PenId(*pen), length_mm, first, len });
             let at = |p: &[f64; 2]| [(p[0] * 1e6) as i32, (p[1] * 1e6) as i32, 0];

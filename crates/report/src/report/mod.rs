@@ -147,7 +147,7 @@ struct Picture<'a> {
     mode: Mode<'a>,
 }
 
-/// What only one of them has.
+/// The layout of the mode that the job has.
 enum Mode<'a> {
     Stepped(&'a Layout<'a>),
     OnTheFly(&'a OnTheFlyLayout<'a>),
@@ -156,22 +156,28 @@ enum Mode<'a> {
 impl<'a> Picture<'a> {
     fn of_stepped(layout: &'a Layout<'a>) -> Self {
         let Layout { job, machine, part, texture, turn_rad, scene, relief, marks, .. } = *layout;
-        let (pens, origins) = (layout.checked.program().pens.as_slice(), layout.checked.origins());
-        let (groups, mode) = (layout.blocks.clone(), Mode::Stepped(layout));
+        let pens = layout.checked.program().pens.as_slice();
+        let origins = layout.checked.origins();
+        let groups = layout.blocks.clone();
+        let mode = Mode::Stepped(layout);
         Self { job, machine, pens, origins, part, texture, turn_rad, scene, groups, relief, marks, mode }
     }
 
     fn of_on_the_fly(layout: &'a OnTheFlyLayout<'a>) -> Self {
         let OnTheFlyLayout { job, machine, part, texture, turn_rad, scene, relief, marks, .. } = *layout;
-        let (pens, origins) = (layout.program.pens.as_slice(), std::slice::from_ref(&layout.program.origin));
-        let (groups, mode) = (0..scene.groups.len(), Mode::OnTheFly(layout));
+        let pens = layout.program.pens.as_slice();
+        let origins = std::slice::from_ref(&layout.program.origin);
+        let groups = 0..scene.groups.len();
+        let mode = Mode::OnTheFly(layout);
         Self { job, machine, pens, origins, part, texture, turn_rad, scene, groups, relief, marks, mode }
     }
 
+    /// The groups that are drawn.
     fn groups(&self) -> &'a [Group] {
         &self.scene.groups[self.groups.clone()]
     }
 
+    /// The layout of a stepped job.
     fn stepped(&self) -> Option<&'a Layout<'a>> {
         match self.mode {
             Mode::Stepped(layout) => Some(layout),
@@ -201,6 +207,7 @@ pub enum Shade {
 }
 
 impl Layout<'_> {
+    /// The blocks that are drawn, as they lie over the part.
     fn blocks(&self) -> &[Block] {
         &self.drawn[self.blocks.clone()]
     }
@@ -233,10 +240,10 @@ impl Layout<'_> {
         }
     }
 
-    /// Least and greatest of it, zeros without a block.
+    /// Least and greatest of what the colours of blocks stand for, zeros without a block.
     fn shades(&self) -> [i64; 2] {
-        let all = || (0..self.blocks().len()).map(|i| self.shade_of(i));
-        [all().min().unwrap_or(0), all().max().unwrap_or(0)]
+        let shades = || (0..self.blocks().len()).map(|i| self.shade_of(i));
+        [shades().min().unwrap_or(0), shades().max().unwrap_or(0)]
     }
 
     /// Extents of the texture; zeros without one.
@@ -254,22 +261,26 @@ impl Layout<'_> {
 /// The blocks as they lie over the part: those that are tilted with the place where the optical axis meets
 /// the focal plane, in the frame of the part that is not turned, for pictures.
 pub fn drawn(checked: &Checked, machine: &Machine) -> Vec<Block> {
-    let over = |block: &Block| {
-        let mut block = block.clone();
-        let stop = &mut block.stop;
-        if !stop.tilt.is_upright() {
-            let turn = machine.turn(stop.tilt, checked.origin());
-            let at = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.focus.0].map(|v| v as f64)));
-            let [x, y, z] = at.at.map(|v| v.round() as i64);
-            let by = Nm(z) - stop.focus;
-            stop.centre = P2::new(x, y);
-            for v in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
-                *v += by;
-            }
-        }
-        block
-    };
-    checked.program().blocks.iter().map(over).collect()
+    let blocks = checked.program().blocks.iter();
+    blocks
+        .map(|block| if block.stop.tilt.is_upright() { block.clone() } else { upright(block, checked, machine) })
+        .collect()
+}
+
+/// A tilted block with the place where the optical axis meets the focal plane in the frame of the part that is not
+/// turned; its heights keep their distances from the focal plane.
+fn upright(block: &Block, checked: &Checked, machine: &Machine) -> Block {
+    let mut block = block.clone();
+    let stop = &mut block.stop;
+    let turn = machine.turn(stop.tilt, checked.origin());
+    let focus = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.focus.0].map(|v| v as f64)));
+    let [x, y, z] = focus.at.map(|v| v.round() as i64);
+    let shift = Nm(z) - stop.focus;
+    stop.centre = P2::new(x, y);
+    for height in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
+        *height += shift;
+    }
+    block
 }
 
 /// Name of the drawing of a pass after the first, `k` from 1.

@@ -153,9 +153,7 @@ const CORNER_RUN: i32 = 3;
 pub(super) fn simplify(ring: &[Corner], tolerance: f64, out: &mut Vec<Half>) {
     out.clear();
     let n = ring.len();
-    let long = |i: usize| run(ring, i) >= CORNER_RUN;
-    let is_kept = |i: usize| ring[i].junction || (long(i + n - 1) && long(i) && turns(ring, i));
-    let kept: Vec<usize> = (0..n).filter(|&i| is_kept(i)).collect();
+    let kept: Vec<usize> = (0..n).filter(|&i| ring[i].junction || is_corner(ring, i)).collect();
     let mut scratch = Scratch { limit: 2.0 * tolerance, ..Scratch::default() };
     match kept.as_slice() {
         [] => {
@@ -180,6 +178,11 @@ pub(super) fn simplify(ring: &[Corner], tolerance: f64, out: &mut Vec<Half>) {
         out.clear();
         out.extend(exact());
     }
+}
+
+/// Whether two long runs meet at corner `i`, at an angle.
+fn is_corner(ring: &[Corner], i: usize) -> bool {
+    run(ring, i + ring.len() - 1) >= CORNER_RUN && run(ring, i) >= CORNER_RUN && turns(ring, i)
 }
 
 /// Whether the border changes direction at corner `i`.
@@ -217,7 +220,8 @@ fn stretch(ring: &[Corner], from: usize, to: usize, out: &mut Vec<Half>) {
     let at = |i: usize| ring[i % n].at.map(|v| 2 * v);
     out.push(at(from));
     for i in from..to {
-        let (leaves, arrives) = (i == from, i + 1 == to);
+        let leaves = i == from;
+        let arrives = i + 1 == to;
         let adds = match (leaves, arrives) {
             (true, true) => false,
             (true, false) => run(ring, i + 1) > 1,

@@ -21,7 +21,8 @@ const AROUND: i64 = 10;
 
 /// Which part of `part` a picture shows whose texture has the box `texture`.
 pub fn relief_area(part: Box2, texture: Box2) -> Box2 {
-    let (whole, size) = (part.size(), texture.size());
+    let whole = part.size();
+    let size = texture.size();
     let most = size[0].max(size[1]);
     if texture.is_empty() || whole.iter().all(|&w| w <= most * WHOLE) {
         return part;
@@ -35,6 +36,18 @@ pub fn relief_area(part: Box2, texture: Box2) -> Box2 {
     if shown.lo.x >= shown.hi.x || shown.lo.y >= shown.hi.y { part } else { shown }
 }
 
+/// How the part looks.
+pub(super) struct Looks {
+    pub silhouette: Silhouette,
+    pub shading: Shading,
+}
+
+impl Looks {
+    pub(super) fn of(job: &Picture<'_>) -> Self {
+        Self { silhouette: Silhouette::of(job), shading: Shading::of(job.relief) }
+    }
+}
+
 /// The silhouette of the part.
 pub(super) struct Silhouette {
     outlines: Outlines,
@@ -44,7 +57,8 @@ pub(super) struct Silhouette {
 
 impl Silhouette {
     pub(super) fn of(job: &Picture<'_>) -> Self {
-        let (grid, part) = (job.relief.grid, job.part);
+        let grid = job.relief.grid;
+        let part = job.part;
         let [columns, rows] = [grid.columns(), grid.rows()];
         let cells = PaddedMap::padded([columns, rows], |i| u32::from(!job.relief.z_mm[i].is_nan()));
         let shown = grid.bounds();
@@ -140,33 +154,14 @@ impl Shading {
         let (columns, rows) = (relief.grid.columns(), relief.grid.rows());
         let pitch = relief.grid.pitch[0].mm();
         let z = |x: usize, y: usize| f64::from(relief.z_mm[y * columns + x]);
-        // Slope between the neighbours that are there.
-        let slope = |at: &dyn Fn(usize) -> f64, i: usize, count: usize| {
-            let (lo, hi) = (i.saturating_sub(1), (i + 1).min(count - 1));
-            let (a, b) = if at(lo).is_nan() {
-                (i, hi)
-            } else if at(hi).is_nan() {
-                (lo, i)
-            } else {
-                (lo, hi)
-            };
-            let step = (at(b) - at(a)) / (pitch * (b - a).max(1) as f64);
-            if step.is_nan() { 0.0 } else { step }
-        };
         let slopes: Vec<Option<[f64; 2]>> = (0..columns * rows)
             .map(|i| {
                 let (x, y) = (i % columns, i / columns);
-                let there = !z(x, y).is_nan();
-                there.then(|| [slope(&|k| z(k, y), x, columns), slope(&|k| z(x, k), y, rows)])
+                let is_part = !z(x, y).is_nan();
+                is_part.then(|| [slope(|k| z(k, y), x, columns, pitch), slope(|k| z(x, k), y, rows, pitch)])
             })
             .collect();
-        let (mut sum, mut count) = (0.0, 0u32);
-        for [x, y] in slopes.iter().flatten() {
-            sum += (x * x + y * y).min(1.0);
-            count += 1;
-        }
-        let usual = (sum / f64::from(count.max(1))).sqrt();
-        let factor = [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * usual >= 0.25).unwrap_or(10.0);
+        let factor = exaggeration(&slopes);
         // Towards the light: from the upper left, 45 degrees high.
         let light = [-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2];
         let mut pairs = Vec::with_capacity(2 * columns * rows);
@@ -174,6 +169,7 @@ impl Shading {
             for slope in &slopes[y * columns..(y + 1) * columns] {
                 let [x, y] = slope.map_or([0.0; 2], |s| s.map(|v| v * factor));
                 let lit = (light[2] - light[0] * x - light[1] * y) / (1.0 + x * x + y * y).sqrt();
+                // Level ground is left as it is: black over what is darker, white over what is lighter.
                 let over = ((lit - light[2]) * STEPS).round() / STEPS;
                 let opacity = if over < 0.0 { -over * 0.7 } else { over * 0.9 };
                 pairs.extend([if over < 0.0 { 0 } else { 255 }, (opacity.min(0.45) * 255.0) as u8]);
@@ -192,5 +188,52 @@ impl Shading {
         picture.assign("href", self.address.as_str());
         g.append(picture);
         g
+    }
+}
+
+/// Slope at cell `i` of a row of `count` heights, between those of its neighbours that are on the part; 0 where none
+/// is.
+fn slope(z: impl Fn(usize) -> f64, i: usize, count: usize, pitch: f64) -> f64 {
+    let (before, after) = (i.saturating_sub(1), (i + 1).min(count - 1));
+    let (a, b) = if z(before).is_nan() {
+        (i, after)
+    } else if z(after).is_nan() {
+        (before, i)
+    } else {
+        (before, after)
+    };
+    let slope = (z(b) - z(a)) / (pitch * (b - a).max(1) as f64);
+    if slope.is_nan() { 0.0 } else { slope }
+}
+
+/// By how much heights are multiplied so that the root of the mean square of the slopes, each of at most 1, reaches a
+/// quarter; at most 10.
+fn exaggeration(slopes: &[Option<[f64; 2]>]) -> f64 {
+    let mut sum = 0.0;
+    let mut count = 0u32;
+    for [x, y] in slopes.iter().flatten() {
+        sum += (x * x + y * y).min(1.0);
+        count += 1;
+    }
+    let usual = (sum / f64::from(count.max(1))).sqrt();
+    [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * usual >= 0.25).unwrap_or(10.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slope_uses_the_neighbours_on_the_part() {
+        let z = [0.0, 1.0, 3.0, f64::NAN];
+        assert_eq!([0, 1, 2].map(|i| slope(|k| z[k], i, 4, 0.5)), [2.0, 3.0, 4.0]);
+        assert_eq!(slope(|_| 7.0, 0, 1, 0.5), 0.0);
+    }
+
+    #[test]
+    fn flat_reliefs_are_exaggerated() {
+        assert_eq!(exaggeration(&[Some([0.2, 0.0]), None]), 2.0);
+        assert_eq!(exaggeration(&[Some([3.0, 0.0])]), 1.0);
+        assert_eq!(exaggeration(&[]), 10.0);
     }
 }

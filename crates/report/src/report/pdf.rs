@@ -24,7 +24,7 @@ const NUMBER: f32 = 1.2;
 /// better.
 ///
 /// # Errors
-/// As [`super::png`].
+/// Those of [`super::png`].
 pub fn pdf(svg: &str) -> Result<Vec<u8>, Error> {
     let size = tree(svg, 0)?.size();
     let [short, long] = PAGES[usize::from(size.width().max(size.height()) > LARGE)];
@@ -62,7 +62,7 @@ fn compressed(bytes: &[u8]) -> Vec<u8> {
 
 /// What a page or a group names.
 #[derive(Clone, Copy)]
-enum Named {
+enum Resource {
     /// A graphics state.
     State(Ref),
     /// An image, or a group drawn on its own.
@@ -70,17 +70,17 @@ enum Named {
 }
 
 /// Every object is named by its number; the page and each group name all there are so far.
-fn resources(names: &[Named], mut resources: pdf_writer::writers::Resources<'_>) {
+fn resources(names: &[Resource], mut resources: pdf_writer::writers::Resources<'_>) {
     let mut states = resources.ext_g_states();
-    for named in names {
-        if let Named::State(id) = named {
+    for resource in names {
+        if let Resource::State(id) = resource {
             states.pair(Name(name(*id).as_bytes()), id);
         }
     }
     states.finish();
     let mut objects = resources.x_objects();
-    for named in names {
-        if let Named::Object(id) = named {
+    for resource in names {
+        if let Resource::Object(id) = resource {
             objects.pair(Name(name(*id).as_bytes()), id);
         }
     }
@@ -94,7 +94,7 @@ fn name(id: Ref) -> String {
 struct Writer {
     pdf: Pdf,
     next: i32,
-    names: Vec<Named>,
+    names: Vec<Resource>,
 }
 
 impl Writer {
@@ -108,7 +108,7 @@ impl Writer {
         if opacity < 1.0 {
             let id = self.name();
             self.pdf.ext_graphics(id).stroking_alpha(opacity).non_stroking_alpha(opacity);
-            self.names.push(Named::State(id));
+            self.names.push(Resource::State(id));
             content.set_parameters(Name(name(id).as_bytes()));
         }
     }
@@ -134,7 +134,7 @@ impl Writer {
             resources(&self.names, object.resources());
             object.finish();
             self.opacity(content, group.opacity().get());
-            self.names.push(Named::Object(id));
+            self.names.push(Resource::Object(id));
             content.x_object(Name(name(id).as_bytes()));
         } else {
             self.children(content, group)?;
@@ -228,7 +228,7 @@ impl Writer {
         object.filter(Filter::FlateDecode);
         object.color_space().device_gray();
         object.finish();
-        self.names.push(Named::Object(id));
+        self.names.push(Resource::Object(id));
         content.save_state();
         // An image fills the unit square, its first row at the top.
         let (w, h) = (image.size().width(), image.size().height());
@@ -247,7 +247,8 @@ fn pixels(bytes: &[u8]) -> ([i32; 2], Vec<u8>, Vec<u8>) {
     let mut data = vec![0; reader.output_buffer_size().expect("a PNG of ours is small")];
     let info = reader.next_frame(&mut data).expect("a PNG of ours");
     let samples = info.color_type.samples();
-    let (mut colours, mut opacity) = (Vec::new(), Vec::new());
+    let mut colours = Vec::new();
+    let mut opacity = Vec::new();
     for pixel in data[..info.buffer_size()].chunks_exact(samples) {
         let colour = if samples == 2 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
         colours.extend(colour);

@@ -66,7 +66,9 @@ fn bars(h: &mut String, histogram: &Histogram, axis: &str, label: &str) {
     let sum: f64 = histogram.bins.iter().sum();
     let share = |v: f64| if sum > 0.0 { 100.0 * v / sum } else { 0.0 };
     let most = histogram.bins.iter().copied().map(share).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-    let (left, wide, high) = (46.0, 430.0, 120.0);
+    let left = 46.0;
+    let wide = 430.0;
+    let high = 120.0;
     let step = wide / histogram.bins.len() as f64;
     let edges = histogram.edges();
     let _ = write!(
@@ -112,8 +114,10 @@ pub(super) fn pens(h: &mut String, pens: &[Pen], machine: &Machine) {
          <th>dwell of dots</th></tr>\n",
     );
     for pen in pens {
-        let (name, watts) = (escape(&pen.name), plain(pen.power.as_w(machine.laser.max_power), 2));
-        let (speed, frequency) = (pen.speed.as_mm_s(), pen.frequency.as_khz());
+        let name = escape(&pen.name);
+        let watts = plain(pen.power.as_w(machine.laser.max_power), 2);
+        let speed = pen.speed.as_mm_s();
+        let frequency = pen.frequency.as_khz();
         let _ = writeln!(
             h,
             "<tr><td>{name}</td><td>{speed} mm/s</td><td>{} ({watts} W)</td><td>{frequency} kHz</td><td>{}</td>\

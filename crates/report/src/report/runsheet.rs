@@ -284,19 +284,37 @@ fn has_drawings(sheet: &Sheet<'_>) -> bool {
 /// What to do, in order; only what the files of this folder need.
 fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     writeln!(out, "\nBEFORE THE FIRST BLOCK")?;
-    if has_drawings(sheet) {
-        writeln!(
-            out,
-            "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
-        )?;
-        writeln!(out, "    a line of 10 mm on scrap and measure it.")?;
-        writeln!(
-            out,
-            "  - The zero of every drawing is the optical axis. Import it there: no centring, no fit to the field."
-        )?;
-    } else {
-        writeln!(out, "  - Mark a line of 10 mm on scrap and measure it.")?;
+    check_scale(out, sheet)?;
+    place_part(out, sheet)?;
+    set_up_lightburn(out, sheet)?;
+    move_stage(out, sheet)?;
+    set_zoom(out, sheet)?;
+    writeln!(
+        out,
+        "  - terrace is not a safety system. Enclosure, interlock, eye protection and emergency stop are your own."
+    )?;
+    writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
+    use_files(out, sheet)
+}
+
+/// How to make sure that lengths come out as they are.
+fn check_scale(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    if !has_drawings(sheet) {
+        return writeln!(out, "  - Mark a line of 10 mm on scrap and measure it.");
     }
+    writeln!(
+        out,
+        "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
+    )?;
+    writeln!(out, "    a line of 10 mm on scrap and measure it.")?;
+    writeln!(
+        out,
+        "  - The zero of every drawing is the optical axis. Import it there: no centring, no fit to the field."
+    )
+}
+
+/// How to place the part and to find the focus.
+fn place_part(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     writeln!(
         out,
         "  - Place the part so that its zero and turn are as this sheet says. Show the first and the last block"
@@ -313,20 +331,29 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         )?;
     }
     let place = if sheet.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
-    writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")?;
-    if sheet.used().any(|t| t.format == Format::Lightburn) {
-        let [w, h] = sheet.machine.lens.field.map(|f| f.as_mm());
-        writeln!(
-            out,
-            "  - LightBurn: the working area of the device must be {w} x {h} mm (Edit, Device Settings), or every block lies"
-        )?;
-        writeln!(
-            out,
-            "    off its place: its shapes lie about the point {} {} mm of that area. terrace cannot read the device.",
-            w / 2.0,
-            h / 2.0
-        )?;
+    writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")
+}
+
+/// The working area that LightBurn must have, where its files are used.
+fn set_up_lightburn(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    if !sheet.used().any(|t| t.format == Format::Lightburn) {
+        return Ok(());
     }
+    let [w, h] = sheet.machine.lens.field.map(|f| f.as_mm());
+    writeln!(
+        out,
+        "  - LightBurn: the working area of the device must be {w} x {h} mm (Edit, Device Settings), or every block lies"
+    )?;
+    writeln!(
+        out,
+        "    off its place: its shapes lie about the point {} {} mm of that area. terrace cannot read the device.",
+        w / 2.0,
+        h / 2.0
+    )
+}
+
+/// How to move the stage, by a program and by hand.
+fn move_stage(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     if sheet.used().any(|t| t.moves_stage) {
         writeln!(
             out,
@@ -338,25 +365,27 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         out,
         "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
     )?;
-    writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
-    if let Some(zoom) = &sheet.machine.zoom {
-        writeln!(
-            out,
-            "  - SHIFT is what the zoom optic adds to the focal plane that the stage sets, up is positive, within {} of 0.",
-            Length::mm(zoom.range.as_mm() / 2.0)
-        )?;
-        let who = if sheet.used().any(|t| t.carries_focus_shift) {
-            "The files of this way set it."
-        } else {
-            "Set it before each block."
-        };
-        writeln!(out, "    At 0 the focal plane is the working distance below the lens. {who}")?;
-    }
+    writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")
+}
+
+/// How the zoom optic is set, where the machine has one.
+fn set_zoom(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    let Some(zoom) = &sheet.machine.zoom else { return Ok(()) };
     writeln!(
         out,
-        "  - terrace is not a safety system. Enclosure, interlock, eye protection and emergency stop are your own."
+        "  - SHIFT is what the zoom optic adds to the focal plane that the stage sets, up is positive, within {} of 0.",
+        Length::mm(zoom.range.as_mm() / 2.0)
     )?;
-    writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
+    let who = if sheet.used().any(|t| t.carries_focus_shift) {
+        "The files of this way set it."
+    } else {
+        "Set it before each block."
+    };
+    writeln!(out, "    At 0 the focal plane is the working distance below the lens. {who}")
+}
+
+/// What each format is for, and which are not used.
+fn use_files(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     for target in sheet.used() {
         for (i, line) in target.sheet.iter().enumerate() {
             writeln!(out, "  {} {line}", if i == 0 { '-' } else { ' ' })?;
@@ -426,7 +455,8 @@ fn blocks(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         "    {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11}{shift} {:>8} {:>11} {:>9}  pens  file",
         "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
     )?;
-    let (mut pass, mut setup) = (PassId(0), None);
+    let mut pass = PassId(0);
+    let mut setup = None;
     for (i, block) in program.blocks.iter().enumerate() {
         if block.pass != pass {
             pass = block.pass;

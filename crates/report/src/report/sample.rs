@@ -127,7 +127,8 @@ impl Sample {
             let mut group = Group::new(Frame::upright([x, y, block.stop.focus.mm()]));
             for stroke in program.strokes_of(block) {
                 let points = program.points_of(stroke);
-                let (from, length_mm) = (group.points.len() as u32, stroke_mm(points));
+                let from = group.points.len() as u32;
+                let length_mm = stroke_mm(points);
                 group.marks.push(Mark { pen: stroke.pen, length_mm, first: from, len: stroke.len });
                 group.points.extend(points.iter().map(|p| Point { at: [p.x, p.y, 0], ..Point::default() }));
             }
@@ -162,7 +163,8 @@ impl Sample {
         };
         let mut order: Vec<usize> = (0..heights.len()).collect();
         order.sort_by(|&a, &b| heights[b].total_cmp(&heights[a]).then(a.cmp(&b)));
-        let (mut windows, mut covered) = (Vec::new(), vec![false; heights.len()]);
+        let mut windows = Vec::new();
+        let mut covered = vec![false; heights.len()];
         let mut of_mark: Vec<Vec<u32>> = vec![Vec::new(); heights.len()];
         for &top in &order {
             if covered[top] {
@@ -224,7 +226,8 @@ impl Sample {
             at = [x, y];
             let nm = |mm: f64| (mm * 1e6).round() as i64;
             let centre = P2::new(nm(x), nm(y));
-            let (z_lo, z_hi) = (nm(z), nm(z + depth));
+            let z_lo = nm(z);
+            let z_hi = nm(z + depth);
             let start = program.strokes.len();
             for run in runs[w].iter().filter(|r| r[1] > r[0]) {
                 let first = program.points.len() as u32;
@@ -240,7 +243,8 @@ impl Sample {
                     len: 2,
                 });
             }
-            let (z_lo, z_hi) = (Nm(z_lo), Nm(z_hi));
+            let z_lo = Nm(z_lo);
+            let z_hi = Nm(z_hi);
             let focus = (z_lo + z_hi) / 2;
             program.blocks.push(Block {
                 pass: PassId(0),

@@ -207,7 +207,8 @@ pub(super) fn push_command(d: &mut String, command: char, values: &[i64], decima
         } else if k > 0 {
             d.push(' ');
         }
-        let (whole, mut part) = (v.unsigned_abs() / scale, v.unsigned_abs() % scale);
+        let whole = v.unsigned_abs() / scale;
+        let mut part = v.unsigned_abs() % scale;
         if whole > 0 || part == 0 {
             d.push_str(digits.format(whole));
         }

@@ -3,6 +3,7 @@
 //! to the blocks.
 
 use std::fmt::Write;
+use std::ops::Range;
 
 use svg::Node;
 use svg::node::element::Element;
@@ -21,34 +22,36 @@ const COVER: f64 = 0.03;
 /// A way on the fly is drawn to this share of the sheet's width.
 const NEAR: f64 = 1e-4;
 
+/// A place where the field stays for some blocks.
+struct Stay {
+    centre: P2,
+    /// The blocks, as numbers of [`Layout::blocks`]; on the fly samples of the way.
+    blocks: Range<usize>,
+}
+
+impl Stay {
+    /// Its place in the drawing.
+    fn place(&self) -> [f64; 2] {
+        [mm_from_nm(self.centre.x), -mm_from_nm(self.centre.y)]
+    }
+
+    /// How far it is to another, mm.
+    fn distance_mm(&self, other: &Self) -> f64 {
+        mm_from_nm(self.centre.distance(other.centre) as i64)
+    }
+}
+
 /// Where the stage stands, in machining order, or on the fly its way: stays at one place are one dot.
 pub(super) fn path(job: &Picture<'_>, sheet: &Sheet, detail: Detail) -> Element {
     let u = sheet.unit;
     let mut g = layer("layer-stage-path", "Stage path", &[("opacity", ".75")]);
-    let mut stays: Vec<(P2, std::ops::Range<usize>)> = Vec::new();
-    for (i, centre) in job.places().into_iter().enumerate() {
-        match stays.last_mut() {
-            Some((at, range)) if *at == centre => range.end = i + 1,
-            _ => stays.push((centre, i..i + 1)),
-        }
-    }
     let stepped = job.stepped();
+    let mut stays = stays(job);
     if stepped.is_none() {
-        let points: Vec<[f64; 2]> = stays.iter().map(|(p, _)| p.mm()).collect();
-        let (mut keep, mut spans) = (Vec::new(), Vec::new());
-        thin(&points, NEAR * 100.0 * u, &mut keep, &mut spans);
-        let mut kept = keep.iter();
-        stays.retain(|_| kept.next().is_some_and(|k| *k));
+        // The sheet is 100 units wide.
+        thin_out(&mut stays, NEAR * 100.0 * u);
     }
-    let at = |p: P2| [mm_from_nm(p.x), -mm_from_nm(p.y)];
-    let mut d = String::new();
-    let mut last = [0; 2];
-    for (k, (p, _)) in stays.iter().enumerate() {
-        let to = at(*p).map(|v| sheet.step_mm(v));
-        push_command(&mut d, if k == 0 { 'M' } else { 'l' }, &[to[0] - last[0], to[1] - last[1]], sheet.decimals);
-        last = to;
-    }
-    let length: f64 = stays.windows(2).map(|w| mm_from_nm(w[0].0.distance(w[1].0) as i64)).sum();
+    let length: f64 = stays.windows(2).map(|w| w[0].distance_mm(&w[1])).sum();
     let [x0, y0, x1, y1] = sheet.view;
     let full = u * 0.14;
     let width = (COVER * (x1 - x0) * (y1 - y0) / length.max(u)).clamp(full / 5.0, full);
@@ -63,42 +66,82 @@ pub(super) fn path(job: &Picture<'_>, sheet: &Sheet, detail: Detail) -> Element 
             ("stroke-width", &line),
             ("stroke-linejoin", "round"),
             ("pointer-events", "none"),
-            ("d", &d),
+            ("d", &line_through(&stays, sheet)),
         ],
     ));
     // An arrow on every move, or on moves far enough from each other.
-    let (apart, mut since) =
-        (if is_thin { length / ARROWS[usize::from(stepped.is_none())] } else { 0.0 }, f64::INFINITY);
-    let mut arrows = String::new();
-    for w in stays.windows(2) {
-        let move_mm = mm_from_nm(w[0].0.distance(w[1].0) as i64);
-        since += move_mm;
-        if since >= apart && (!is_thin || move_mm >= u) {
-            push_arrow(&mut arrows, at(w[0].0), at(w[1].0), u);
-            since = 0.0;
-        }
-    }
+    let [apart, least] = if is_thin { [length / ARROWS[usize::from(stepped.is_none())], u] } else { [0.0; 2] };
+    let arrows = arrows(&stays, apart, least, u);
     g.append(el("path", &[("id", "stage-arrows"), ("fill", PATH), ("pointer-events", "none"), ("d", &arrows)]));
     if let Some(layout) = stepped.filter(|_| !is_thin) {
         g.append(dots(layout, &stays, u, detail));
     }
-    if let (Some((first, _)), Some((last, _))) = (stays.first(), stays.last()) {
-        ends(&mut g, at(*first), at(*last), u);
+    if let (Some(first), Some(last)) = (stays.first(), stays.last()) {
+        ends(&mut g, first.place(), last.place(), u);
     }
     g
+}
+
+/// The stays of a job, in order.
+fn stays(job: &Picture<'_>) -> Vec<Stay> {
+    let mut stays: Vec<Stay> = Vec::new();
+    for (i, centre) in job.places().into_iter().enumerate() {
+        match stays.last_mut() {
+            Some(stay) if stay.centre == centre => stay.blocks.end = i + 1,
+            _ => stays.push(Stay { centre, blocks: i..i + 1 }),
+        }
+    }
+    stays
+}
+
+/// Leaves out what lies within `limit`, mm, of the way through the others.
+fn thin_out(stays: &mut Vec<Stay>, limit: f64) {
+    let points: Vec<[f64; 2]> = stays.iter().map(|stay| stay.centre.mm()).collect();
+    let mut keep = Vec::new();
+    thin(&points, limit, &mut keep, &mut Vec::new());
+    let mut kept = keep.iter();
+    stays.retain(|_| kept.next().is_some_and(|is_kept| *is_kept));
+}
+
+/// The path data of the line through all stays.
+fn line_through(stays: &[Stay], sheet: &Sheet) -> String {
+    let mut d = String::new();
+    let mut last = [0; 2];
+    for (k, stay) in stays.iter().enumerate() {
+        let to = stay.place().map(|v| sheet.step_mm(v));
+        push_command(&mut d, if k == 0 { 'M' } else { 'l' }, &[to[0] - last[0], to[1] - last[1]], sheet.decimals);
+        last = to;
+    }
+    d
+}
+
+/// The path data of arrows on moves of at least `least` mm, after every `apart` mm of the way.
+fn arrows(stays: &[Stay], apart: f64, least: f64, u: f64) -> String {
+    let mut d = String::new();
+    // Way since the last arrow; the first move has one.
+    let mut since = f64::INFINITY;
+    for w in stays.windows(2) {
+        let move_mm = w[0].distance_mm(&w[1]);
+        since += move_mm;
+        if since >= apart && move_mm >= least {
+            push_arrow(&mut d, w[0].place(), w[1].place(), u);
+            since = 0.0;
+        }
+    }
+    d
 }
 
 /// Arrows on a path that is drawn thin, and on a way on the fly.
 const ARROWS: [f64; 2] = [60.0, 20.0];
 
-/// The places where the stage stands, each telling its blocks.
-fn dots(job: &Layout<'_>, stays: &[(P2, std::ops::Range<usize>)], u: f64, detail: Detail) -> Element {
+/// The places where the stage stands, each with its blocks as a tooltip.
+fn dots(job: &Layout<'_>, stays: &[Stay], u: f64, detail: Detail) -> Element {
     let mut stops = el("g", &[("id", "stage-stops"), ("fill", PATH)]);
-    for (k, (p, range)) in stays.iter().enumerate() {
-        let [x, y] = p.mm();
+    for (k, Stay { centre, blocks }) in stays.iter().enumerate() {
+        let [x, y] = centre.mm();
         let dot = el("circle", &[("cx", &num(x)), ("cy", &num(-y)), ("r", &num(u * 0.2))]);
-        let (first, last) = (job.id(range.start), job.id(range.end - 1));
-        let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), range.len());
+        let (first, last) = (job.id(blocks.start), job.id(blocks.end - 1));
+        let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), blocks.len());
         stops.append(if detail.full { titled(dot, title) } else { dot });
     }
     stops

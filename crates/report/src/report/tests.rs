@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::blocks::TIERS;
-use super::layout::{LIMIT, Traced, within};
+use super::layout::{LIMIT, SharedShapes, within};
 use super::outline::{PaddedMap, area2, simplify, trace};
 use super::sample::Sample;
 use super::{EnergyMap, NOT_VERIFIED, layout_svg, report_html};
@@ -76,7 +76,8 @@ fn neighbours_share_the_simplified_border() {
         let labels: Vec<u32> = (0..64 * 64).map(|i| nearest(i % 64, i / 64)).collect();
         let outlines = trace(&PaddedMap::of(&map(64, &labels), sites.len()));
         let mut edges: BTreeMap<([i32; 2], [i32; 2]), i32> = BTreeMap::new();
-        let (mut points, mut has_sliver) = (Vec::new(), false);
+        let mut points = Vec::new();
+        let mut has_sliver = false;
         for ring in &outlines.rings {
             let corners = outlines.corners_of(ring);
             simplify(corners, tolerance, &mut points);
@@ -242,7 +243,8 @@ fn the_legend_stays_off_the_part_and_on_the_sheet() {
         let legend = tree.node_by_id("layer-legend").expect("a legend");
         // The tree begins at 0, the drawing at the corner of its view.
         let [x1, y1] = sample.texture.hi.mm();
-        let (right, foot) = (x1 - view[0], y1 - view[1]);
+        let right = x1 - view[0];
+        let foot = y1 - view[1];
         let mut open = vec![legend];
         let mut seen = 0;
         while let Some(node) = open.pop() {
@@ -266,7 +268,8 @@ fn equal_input_gives_equal_bytes_and_no_job_name_breaks_the_files() {
     let mut sample = Sample::ripple();
     assert_eq!(layout_svg(&sample.layout()), layout_svg(&sample.layout()));
     sample.name = "</title><script>alert(1)</script> & \"quoted\" \u{1} ".repeat(20);
-    let (svg, html) = (layout_svg(&sample.layout()), report(&sample));
+    let svg = layout_svg(&sample.layout());
+    let html = report(&sample);
     ids(&svg);
     assert!(!html.contains("<script") && !svg.contains("<script"));
     assert!(!html.contains('\u{1}'));
@@ -294,13 +297,16 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
     let whole = layout_svg(&sample.layout()).len();
     let mut last = whole;
     for limit in [whole - 1, whole * 7 / 10] {
-        let svg = within(&sample.layout(), &Traced::of(&sample.layout()), limit);
+        let svg = within(&sample.layout(), &SharedShapes::of(&sample.layout()), limit);
         ids(&svg);
         assert!(svg.len() <= limit && svg.len() < last, "{} bytes of {limit}", svg.len());
         assert_eq!(svg.matches("id=\"block-").count(), sample.checked.program().blocks.len());
         last = svg.len();
     }
-    assert!(within(&sample.layout(), &Traced::of(&sample.layout()), 0).len() <= last, "the coarsest where none fits");
+    assert!(
+        within(&sample.layout(), &SharedShapes::of(&sample.layout()), 0).len() <= last,
+        "the coarsest where none fits"
+    );
 }
 
 /// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
@@ -312,8 +318,8 @@ fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
     for label in sample.map.labels_mut() {
         *label = random.below(blocks as usize) as u32 + 1;
     }
-    let whole = within(&sample.layout(), &Traced::of(&sample.layout()), usize::MAX).len();
-    let svg = within(&sample.layout(), &Traced::of(&sample.layout()), whole / 4);
+    let whole = within(&sample.layout(), &SharedShapes::of(&sample.layout()), usize::MAX).len();
+    let svg = within(&sample.layout(), &SharedShapes::of(&sample.layout()), whole / 4);
     assert!(svg.len() <= whole / 4, "{} bytes of {whole}", svg.len());
     assert_eq!(svg.matches("id=\"block-").count(), blocks as usize);
 }

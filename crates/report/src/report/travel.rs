@@ -13,18 +13,21 @@ use terrace_core::machine::{Machine, Origin};
 
 /// The rectangle in the drawing: left, top, right, bottom.
 pub(super) fn rectangle(machine: &Machine, origin: Origin) -> [f64; 4] {
-    let range = |k: usize| {
-        let (_, axis) = machine.axes()[k];
-        let ends = axis.travel_nm().map(|end| mm_from_nm(axis.sign() * end.0 - origin[k]));
-        [ends[0].min(ends[1]), ends[0].max(ends[1])]
-    };
-    let ([x0, x1], [y0, y1]) = (range(0), range(1));
+    let [x0, x1] = travel_mm(machine, origin, 0);
+    let [y0, y1] = travel_mm(machine, origin, 1);
     [x0, -y1, x1, -y0]
+}
+
+/// From and to where the centre of the field can go along axis `k`, part frame, mm.
+fn travel_mm(machine: &Machine, origin: Origin, k: usize) -> [f64; 2] {
+    let (_, axis) = machine.axes()[k];
+    let ends = axis.travel_nm().map(|end| mm_from_nm(axis.sign() * end.0 - origin[k]));
+    [ends[0].min(ends[1]), ends[0].max(ends[1])]
 }
 
 /// How much of the rectangles lies on the sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Seen {
+pub(super) enum Visibility {
     /// All sides.
     Whole,
     /// Some sides.
@@ -54,12 +57,12 @@ fn sides(view: [f64; 4], r: [f64; 4]) -> Vec<[f64; 4]> {
 }
 
 /// How much of the travel of all set-ups the layer shows.
-pub(super) fn seen(job: &Picture<'_>, sheet: &Sheet) -> Seen {
+pub(super) fn visibility(job: &Picture<'_>, sheet: &Sheet) -> Visibility {
     let counts = job.origins.iter().map(|&origin| sides(sheet.view, rectangle(job.machine, origin)).len());
-    match counts.fold((0, 0), |(sum, all), n| (sum + n, all + 4)) {
-        (0, _) => Seen::None,
-        (sum, all) if sum == all => Seen::Whole,
-        _ => Seen::Partly,
+    match counts.sum::<usize>() {
+        0 => Visibility::None,
+        sum if sum == 4 * job.origins.len() => Visibility::Whole,
+        _ => Visibility::Partly,
     }
 }
 
@@ -67,7 +70,8 @@ pub(super) fn seen(job: &Picture<'_>, sheet: &Sheet) -> Seen {
 pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
     let u = sheet.unit;
     let mut g = layer("layer-travel", "Machine travel", &[]);
-    let (width, dash) = (num(0.18 * u), format!("{} {}", num(1.1 * u), num(0.7 * u)));
+    let width = num(0.18 * u);
+    let dash = format!("{} {}", num(1.1 * u), num(0.7 * u));
     let look = [
         ("fill", "none"),
         ("stroke", TRAVEL),
@@ -75,7 +79,8 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
         ("stroke-dasharray", dash.as_str()),
         ("pointer-events", "stroke"),
     ];
-    let mut ends = f64::NEG_INFINITY;
+    // Where the last number ends.
+    let mut number_end = f64::NEG_INFINITY;
     for (k, &origin) in job.origins.iter().enumerate() {
         let r = rectangle(job.machine, origin);
         let d: String = sides(sheet.view, r)
@@ -89,12 +94,17 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
         }
         // Set-ups come from the left to the right; those that lie one above the other share a number's place.
         let (left, right) = (r[0].max(sheet.view[0]), r[2].min(sheet.view[2]));
-        let (middle, half) = ((left + right) / 2.0, 3.2 * FONT * u);
-        if job.origins.len() > 1 && left < right && middle - half > ends && middle + half < sheet.view[2] + 2.0 * u {
+        let middle = (left + right) / 2.0;
+        let half = 3.2 * FONT * u;
+        if job.origins.len() > 1
+            && left < right
+            && middle - half > number_end
+            && middle + half < sheet.view[2] + 2.0 * u
+        {
             let mut t = text([middle, sheet.view[1] - 1.1 * u], FONT * u, "middle", &format!("set-up {}", k + 1));
             t.assign("fill", TRAVEL);
             g.append(t);
-            ends = middle + half;
+            number_end = middle + half;
         }
     }
     g

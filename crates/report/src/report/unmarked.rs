@@ -11,7 +11,7 @@ use super::sheet::{Sheet, el, layer, num, push_command, titled};
 use super::{length_text, plain};
 use crate::scene::{UnmarkedLine, UnmarkedRow};
 
-/// Points that are drawn of red lines, and of grey ones; of more, every so-manieth line is.
+/// Points that are drawn of red lines, and of grey ones; where there are more, lines are left out evenly.
 const MOST: [usize; 2] = [60_000, 20_000];
 
 /// The rows of one colour that are drawn, and how many lines stand for each that is.
@@ -25,8 +25,8 @@ impl<'a> Lines<'a> {
     /// The unmarked lines that are drawn in red, or those in grey.
     pub(super) fn of(job: &Picture<'a>, is_fault: bool) -> Self {
         let unmarked = &job.scene.unmarked;
-        let of = |line: &&UnmarkedLine| unmarked.rows[line.row].reason.is_fault() == is_fault;
-        let lines: Vec<&UnmarkedLine> = unmarked.lines.iter().filter(of).collect();
+        let has_colour = |line: &&UnmarkedLine| unmarked.rows[line.row].reason.is_fault() == is_fault;
+        let lines: Vec<&UnmarkedLine> = unmarked.lines.iter().filter(has_colour).collect();
         let points: usize = lines.iter().map(|line| line.points.len()).sum();
         let one_of = points.div_ceil(MOST[usize::from(!is_fault)]).max(1);
         Self { lines, one_of }
@@ -42,15 +42,15 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
         &[("fill", "none"), ("stroke-linecap", "round"), ("stroke-linejoin", "round")],
     );
     for is_fault in [false, true] {
-        let found = Lines::of(job, is_fault);
+        let Lines { lines, one_of } = Lines::of(job, is_fault);
         let (colour, width) = if is_fault { (FAULT, 0.22 * u) } else { (BEYOND, 0.08 * u) };
         for (row, entry) in job.scene.unmarked.rows.iter().enumerate() {
             if entry.reason.is_fault() != is_fault {
                 continue;
             }
             let mut d = String::new();
-            let lines = found.lines.iter().step_by(found.one_of).filter(|line| line.row == row);
-            lines.for_each(|line| push_line(&mut d, sheet, line));
+            let drawn = lines.iter().step_by(one_of).filter(|line| line.row == row);
+            drawn.for_each(|line| push_line(&mut d, sheet, line));
             if d.is_empty() {
                 continue;
             }
@@ -62,9 +62,10 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet) -> Element {
     g
 }
 
+/// Appends a line, in steps of the sheet; of one step or a dot its round ends are seen.
 fn push_line(d: &mut String, sheet: &Sheet, line: &UnmarkedLine) {
     let mut last: Option<[i64; 2]> = None;
-    let mut drawn = false;
+    let mut has_length = false;
     for p in &line.points {
         let at = [sheet.step_mm(p[0]), -sheet.step_mm(p[1])];
         match last {
@@ -72,12 +73,12 @@ fn push_line(d: &mut String, sheet: &Sheet, line: &UnmarkedLine) {
             Some(last) if last == at => continue,
             Some(last) => {
                 push_command(d, 'l', &[at[0] - last[0], at[1] - last[1]], sheet.decimals);
-                drawn = true;
+                has_length = true;
             }
         }
         last = Some(at);
     }
-    if !drawn && last.is_some() {
+    if !has_length && last.is_some() {
         push_command(d, 'h', &[1], sheet.decimals);
     }
 }

@@ -2,7 +2,7 @@
 
 use terrace_core::geom::P2;
 use terrace_input::surface::Surface;
-use terrace_plan::projection::Tracer;
+use terrace_plan::projection::{Piece, Tracer};
 
 /// Steps until the place where a leaning beam meets a smooth surface is known to a nanometre.
 const STEPS: usize = 24;
@@ -30,16 +30,16 @@ impl<'a> Beams<'a> {
     }
 
     /// Height, nm, and normal of the topmost surface at a place; None off the part.
-    fn look(&mut self, x: f64, y: f64) -> Option<(f64, [f64; 3])> {
+    fn surface_under(&mut self, x: f64, y: f64) -> Option<(f64, [f64; 3])> {
         let p = P2::new(x.round() as i64, y.round() as i64);
         let normals = self.tracer.normals();
-        let mut found = None;
+        let mut surface = None;
         self.tracer.segment(p, p, |piece| {
-            if piece.skip.is_none() && found.is_none() {
-                found = Some((piece.z0, normals.under(&piece)));
+            if piece.skip.is_none() && surface.is_none() {
+                surface = Some((piece.z0, normals.under(&piece)));
             }
         });
-        found
+        surface
     }
 
     /// Where the beam through `at`, nm, whose direction against the light is `up`, meets the part; the search begins at
@@ -50,14 +50,16 @@ impl<'a> Beams<'a> {
         let mut hit = None;
         for _ in 0..STEPS {
             let p = [0, 1, 2].map(|k| at[k] + w * up[k]);
-            let near = || [[0.0; 2], [RIM, 0.0], [-RIM, 0.0], [0.0, RIM], [0.0, -RIM]].into_iter();
-            let Some((z, normal)) = near().find_map(|[x, y]| self.look(p[0] + x, p[1] + y)) else { break };
+            let mut offsets = [[0.0; 2], [RIM, 0.0], [-RIM, 0.0], [0.0, RIM], [0.0, -RIM]].into_iter();
+            let surface = offsets.find_map(|[x, y]| self.surface_under(p[0] + x, p[1] + y));
+            let Some((z, normal)) = surface else { break };
             let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
             // A facet that looks away from the beam is met by none; the search continues from the height under the
             // place.
             let step = if cos > 1e-3 { (z - p[2]) * normal[2] / cos } else { (z - p[2]) / up[2].max(1e-3) };
             w += step;
             hit = Some(Hit { height: w, cos });
+            // The scene rounds heights to nanometres.
             if step.abs() < 0.5 {
                 break;
             }
@@ -65,12 +67,11 @@ impl<'a> Beams<'a> {
         hit
     }
 
-    /// Pieces of the segment from `a` to `b`: parameter, height, nm, and tangent of the slope at the begin and at the
-    /// end of each.
-    pub(super) fn along(&mut self, a: P2, b: P2, mut sink: impl FnMut([(f64, f64); 2], f64)) {
+    /// The pieces of the segment from `a` to `b` that lie on the part, in order.
+    pub(super) fn along(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
         self.tracer.segment(a, b, |piece| {
             if piece.skip.is_none() {
-                sink([(piece.t0, piece.z0), (piece.t1, piece.z1)], piece.slope2.sqrt());
+                sink(piece);
             }
         });
     }

@@ -15,9 +15,11 @@ const GROUP: usize = 4096;
 const GROUP_MARKS: usize = 32;
 /// Samples of the motion that are kept.
 const SAMPLES: usize = 40_000;
-/// Lines stray from the marks by this share of the spot at most, and by this one of half the depth range.
-const OF_SPOT: f64 = 0.05;
-const OF_DEPTH: f64 = 0.04;
+/// Lines stray from the marks by this share of the spot at most.
+const SHARE_OF_SPOT: f64 = 0.05;
+/// Lines stray from the marks by this share of half the depth range at most: of all of it that is the share of stepped
+/// jobs.
+const SHARE_OF_HALF_DEPTH: f64 = 0.04;
 
 /// How the head moves over the part.
 #[derive(Clone, Debug, Default)]
@@ -48,7 +50,7 @@ pub struct MotionSample {
 pub fn of_on_the_fly(plan: &OnTheFlyPlan, relief: &Relief) -> Result<Scene, Error> {
     let program = plan.checked.program();
     let half_depth = plan.job.focus.half_depth_mm() * NM_PER_MM;
-    let limit = (OF_SPOT * plan.machine.lens.spot.as_mm() * NM_PER_MM).min(OF_DEPTH * half_depth);
+    let limit = (SHARE_OF_SPOT * plan.machine.lens.spot.as_mm() * NM_PER_MM).min(SHARE_OF_HALF_DEPTH * half_depth);
     let spots = program.spots(&plan.machine)?;
     let mut scene = Scene {
         unmarked: unmarked::of_on_the_fly(plan, relief),
@@ -56,104 +58,143 @@ pub fn of_on_the_fly(plan: &OnTheFlyPlan, relief: &Relief) -> Result<Scene, Erro
         motion: Some(motion(program, &spots)),
         ..Scene::default()
     };
-    let mut maker =
-        Maker { beams: Beams::new(&plan.inputs.surface), scene: &mut scene, limit, height: 0.0, line: Vec::new() };
-    let mut before = None;
+    let mut builder = SceneBuilder {
+        beams: Beams::new(&plan.inputs.surface),
+        scene: &mut scene,
+        limit,
+        height: 0.0,
+        line: Vec::new(),
+    };
+    // The mark of the step before.
+    let mut open_mark = None;
     for (us, from, step) in program.steps() {
-        if before.is_some() && step.mark != before {
-            maker.end(before);
+        if open_mark.is_some() && step.mark != open_mark {
+            builder.end_mark(open_mark);
         }
         if step.mark.is_some() {
-            if maker.line.is_empty() {
-                maker.add(&spots(from), us);
+            if builder.line.is_empty() {
+                builder.add(&spots(from), us);
             }
-            maker.add(&spots(&step.to), step.us);
+            builder.add(&spots(&step.to), step.us);
         }
-        before = step.mark;
+        open_mark = step.mark;
     }
-    maker.end(before);
+    builder.end_mark(open_mark);
     Ok(scene)
 }
 
-/// The marks while they are followed.
-struct Maker<'a> {
-    beams: Beams<'a>,
-    scene: &'a mut Scene,
-    limit: f64,
-    height: f64,
-    /// The points of the open mark: where they lie in the part, nm, and their time.
-    line: Vec<([f64; 3], Point, i64)>,
+/// A point of the open mark.
+struct LinePoint {
+    /// Where it lies in the part, nm.
+    p: [f64; 3],
+    /// Its defocus and incidence; its place in a group is not known yet.
+    point: Point,
+    /// When the beam is there, microseconds from the program's start.
+    us: i64,
 }
 
-impl Maker<'_> {
+/// The scene while marks are followed over the surface.
+struct SceneBuilder<'a> {
+    beams: Beams<'a>,
+    scene: &'a mut Scene,
+    /// How far a line may stray from its mark, nm.
+    limit: f64,
+    /// Height of the last point over the focal plane, along the beam, nm.
+    height: f64,
+    /// The points of the open mark.
+    line: Vec<LinePoint>,
+}
+
+impl SceneBuilder<'_> {
+    /// Appends the point of the part under a spot to the open mark.
     fn add(&mut self, spot: &program::Spot, us: i64) {
-        let at = spot.part.map(|v| v * NM_PER_MM);
-        let hit = self.beams.hit(at, spot.up, self.height);
+        let focus = spot.part.map(|v| v * NM_PER_MM);
+        let hit = self.beams.hit(focus, spot.up, self.height);
         self.height = hit.map_or(self.height, |hit| hit.height);
-        let part = [0, 1, 2].map(|k| at[k] + self.height * spot.up[k]);
+        let p = [0, 1, 2].map(|k| focus[k] + self.height * spot.up[k]);
         let incidence_deg = hit.map_or(0.0, |hit| hit.cos.clamp(-1.0, 1.0).acos().to_degrees()) as f32;
         let point = Point { at: [0; 3], defocus_um: (self.height / 1e3) as f32, incidence_deg };
-        self.line.push((part, point, us));
+        self.line.push(LinePoint { p, point, us });
     }
 
-    fn end(&mut self, mark: Option<program::Mark>) {
+    /// Ends the open mark, if there is one, and appends it to a group.
+    fn end_mark(&mut self, mark: Option<program::Mark>) {
         let line = std::mem::take(&mut self.line);
-        let (Some(mark), Some(first)) = (mark, line.first()) else { return };
-        let bare: Vec<[f64; 3]> = line.iter().map(|l| l.0).collect();
-        let (mut keep, mut spans) = (Vec::new(), Vec::new());
-        thin(&bare, self.limit, &mut keep, &mut spans);
-        let scene = &mut *self.scene;
-        let full = scene.groups.last().is_none_or(|g| g.points.len() >= GROUP || g.marks.len() >= GROUP_MARKS);
-        if full {
-            let origin = first.0.map(|v| v.round() / NM_PER_MM);
-            let clock = first.2 as f64 / 1e6;
-            scene.groups.push(Group { clock_s: [clock; 3], ..Group::new(Frame::upright(origin)) });
-        }
-        let Some(group) = scene.groups.last_mut() else { return };
-        let origin = group.frame.origin.map(|v| v * NM_PER_MM);
-        let length_mm = bare.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>() / NM_PER_MM;
-        let (from, mut steepest) = (group.points.len(), 0f32);
-        for (k, (at, point, us)) in line.iter().enumerate().rev() {
-            steepest = steepest.max(point.incidence_deg);
-            if keep[k] {
-                let at = [0, 1, 2].map(|i| (at[i] - origin[i]).round() as i32);
-                group.points.push(Point { at, incidence_deg: steepest, ..*point });
-                group.times_us.push(*us);
-                steepest = 0.0;
-            }
-        }
-        group.points[from..].reverse();
-        group.times_us[from..].reverse();
-        scene.thinned.points += keep.iter().filter(|k| !**k).count();
+        let (Some(mark), Some(first), Some(last)) = (mark, line.first(), line.last()) else { return };
+        let places: Vec<[f64; 3]> = line.iter().map(|point| point.p).collect();
+        let mut keep = Vec::new();
+        thin(&places, self.limit, &mut keep, &mut Vec::new());
+        let Some(group) = self.open_group(first) else { return };
+        let from = group.points.len();
+        append_thinned(group, &line, &keep);
+        let length = places.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
         let len = (group.points.len() - from) as u32;
-        group.marks.push(Mark { pen: mark.pen, length_mm, first: from as u32, len });
-        group.clock_s[2] = line.last().map_or(group.clock_s[2], |l| l.2 as f64 / 1e6);
-        let (begun, others) = (group.clock_s[0], scene.groups.len());
-        // The head is under way to a run from the end of the one before.
-        if others > 1 {
-            let before = scene.groups[others - 2].clock_s[2];
-            scene.groups[others - 1].clock_s[0] = before.min(begun);
-        } else {
-            scene.groups[0].clock_s[0] = 0.0;
+        group.marks.push(Mark { pen: mark.pen, length_mm: length / NM_PER_MM, first: from as u32, len });
+        group.clock_s[2] = last.us as f64 / 1e6;
+        self.scene.thinned.points += keep.iter().filter(|is_kept| !**is_kept).count();
+        self.set_approach();
+    }
+
+    /// The last group, or a new one around `first` where that is full.
+    fn open_group(&mut self, first: &LinePoint) -> Option<&mut Group> {
+        let groups = &mut self.scene.groups;
+        let is_full = groups.last().is_none_or(|g| g.points.len() >= GROUP || g.marks.len() >= GROUP_MARKS);
+        if is_full {
+            let origin = first.p.map(|v| v.round() / NM_PER_MM);
+            let clock = first.us as f64 / 1e6;
+            groups.push(Group { clock_s: [clock; 3], ..Group::new(Frame::upright(origin)) });
+        }
+        groups.last_mut()
+    }
+
+    /// The head is under way to the last group from the end of the one before, to the first from the program's start.
+    fn set_approach(&mut self) {
+        match self.scene.groups.as_mut_slice() {
+            [.., before, last] => last.clock_s[0] = before.clock_s[2].min(last.clock_s[0]),
+            [first] => first.clock_s[0] = 0.0,
+            [] => {}
         }
     }
+}
+
+/// Appends the points of a line that are kept, and their times, to a group.
+fn append_thinned(group: &mut Group, line: &[LinePoint], keep: &[bool]) {
+    let origin = group.frame.origin.map(|v| v * NM_PER_MM);
+    let from = group.points.len();
+    // What is left out between two points is as steep as the steepest of it.
+    let mut steepest = 0f32;
+    for (LinePoint { p, point, us }, &is_kept) in line.iter().zip(keep).rev() {
+        steepest = steepest.max(point.incidence_deg);
+        if is_kept {
+            let at = [0, 1, 2].map(|i| (p[i] - origin[i]).round() as i32);
+            group.points.push(Point { at, incidence_deg: steepest, ..*point });
+            group.times_us.push(*us);
+            steepest = 0.0;
+        }
+    }
+    group.points[from..].reverse();
+    group.times_us[from..].reverse();
 }
 
 /// The head at moves evenly spread over the program.
 fn motion(program: &program::Program, spots: &impl Fn(&AxisCommands) -> program::Spot) -> Motion {
     let count = program.moves.len();
     let every = count.div_ceil(SAMPLES).max(1);
-    let sample = |us: i64, at: &AxisCommands, is_on: bool| {
-        let mut centre = *at;
-        (centre[5], centre[6]) = (0, 0);
-        let (spot, centre) = (spots(at), spots(&centre));
-        MotionSample { time_s: us as f64 / 1e6, centre: centre.part, up: centre.up, spot: spot.part, is_on }
-    };
-    let mut samples = vec![sample(0, &program.start, false)];
+    let mut samples = vec![motion_sample(spots, 0, &program.start)];
     for (i, m) in program.moves.iter().enumerate() {
         if (i + 1) % every == 0 || i + 1 == count {
-            samples.push(sample(m.us, &m.to, m.mark.is_some()));
+            samples.push(MotionSample { is_on: m.mark.is_some(), ..motion_sample(spots, m.us, &m.to) });
         }
     }
     Motion { samples }
+}
+
+/// The head at these commands, the laser off until then.
+fn motion_sample(spots: impl Fn(&AxisCommands) -> program::Spot, us: i64, commands: &AxisCommands) -> MotionSample {
+    // With u and v at 0 the beam goes through the centre of the field.
+    let mut at_centre = *commands;
+    (at_centre[5], at_centre[6]) = (0, 0);
+    let spot = spots(commands);
+    let centre = spots(&at_centre);
+    MotionSample { time_s: us as f64 / 1e6, centre: centre.part, up: centre.up, spot: spot.part, is_on: false }
 }

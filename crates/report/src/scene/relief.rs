@@ -22,7 +22,8 @@ impl Relief {
         let columns = grid.columns();
         let mut z_mm = vec![f32::NAN; grid.len()];
         parallel::map_items(z_mm.chunks_mut(columns).collect(), |row, heights: &mut [f32]| {
-            let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
+            let mut cursor = Cursor::default();
+            let mut spans = Vec::new();
             let Nm(half) = pitch / 2;
             let y = grid.origin.y + pitch.0 * row as i64 + half;
             let (a, b) = (P2::new(grid.origin.x, y), P2::new(grid.origin.x + pitch.0 * columns as i64, y));

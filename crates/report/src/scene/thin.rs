@@ -40,7 +40,8 @@ mod tests {
     #[test]
     fn straight_runs_lose_their_inner_points_and_corners_stay() {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.001, 0.0], [3.0, 0.0, 0.0], [3.0, 2.0, 0.0], [3.0, 2.0, 1.0]];
-        let (mut keep, mut spans) = (Vec::new(), Vec::new());
+        let mut keep = Vec::new();
+        let mut spans = Vec::new();
         thin(&points, 0.01, &mut keep, &mut spans);
         assert_eq!(keep, [true, false, false, true, true, true]);
         thin(&points, 0.0005, &mut keep, &mut spans);

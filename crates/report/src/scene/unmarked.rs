@@ -5,6 +5,7 @@
 //! are not is stated.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::relief::Relief;
 use terrace_core::geom::{Box2, Grid, NM_PER_MM, P2, length_mm};
@@ -14,12 +15,14 @@ use terrace_input::surface::Surface;
 use terrace_input::texture::Texture;
 use terrace_plan::manifest::LeftOut;
 use terrace_plan::plan::{OnTheFlyPlan, SteppedPlan};
-use terrace_plan::projection::{Skip, Tracer, segments};
+use terrace_plan::projection::{Piece, Skip, Tracer, segments};
 
 /// Strokes of a chunk.
 const CHUNK: usize = 4096;
 /// Lines that are kept of each chunk.
 const MOST: usize = 1000;
+/// Lines that are kept of pieces too short to be marked, which are not found by chunks.
+const MOST_SMALL: usize = 20 * MOST;
 
 /// Why texture is not marked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -106,40 +109,48 @@ pub struct UnmarkedLine {
     pub points: Vec<[f64; 3]>,
 }
 
-/// What is found of one row.
+/// How much texture is not marked for one reason.
 #[derive(Clone, Copy)]
-struct Sum {
+struct UnmarkedSum {
+    /// Length, nm: whole numbers, so that the order of adding changes nothing.
     length: i64,
     dots: u64,
     area: Box2,
 }
 
-impl Default for Sum {
+impl Default for UnmarkedSum {
     fn default() -> Self {
         Self { length: 0, dots: 0, area: Box2::EMPTY }
     }
 }
 
-/// Lines, each with the index of its texture.
-type Lines = Vec<(usize, Vec<[f64; 3]>)>;
+/// The points of a line, mm.
+type Line = Vec<[f64; 3]>;
 
-/// What is found of a chunk.
+/// Lines, each with the index of its texture.
+type Lines = Vec<(usize, Line)>;
+
+/// What is not marked of a chunk of strokes.
 #[derive(Default)]
-struct Found {
+struct ChunkUnmarked {
+    /// Length of the whole chunk, nm.
     length: i64,
+    /// Dots of the whole chunk.
     dots: u64,
-    sums: BTreeMap<Reason, Sum>,
-    lines: Vec<(Reason, Vec<[f64; 3]>)>,
+    sums: BTreeMap<Reason, UnmarkedSum>,
+    lines: Vec<(Reason, Line)>,
+    /// Lines that are not kept.
     left_out: usize,
 }
 
+/// What is not marked of a stepped job.
 pub(super) fn of_stepped(plan: &SteppedPlan, relief: &Relief) -> Unmarked {
     let s = &plan.summary;
     let mut out = Unmarked::default();
     if s.skipped_off_part_mm > 0.0 || s.skipped_steep_mm > 0.0 || s.dots.texture > s.dots.marked {
         out = traced(&plan.job, &plan.passes[0].strokes, &plan.inputs.surface, relief);
     }
-    let mut sums: BTreeMap<usize, Sum> = BTreeMap::new();
+    let mut sums: BTreeMap<usize, UnmarkedSum> = BTreeMap::new();
     let mut lines = Vec::new();
     for sliver in &plan.slivers {
         let ends = sliver.ends;
@@ -148,7 +159,7 @@ pub(super) fn of_stepped(plan: &SteppedPlan, relief: &Relief) -> Unmarked {
         let flat = ends.map(|[x, y, _]| P2::new(x.round() as i64, y.round() as i64));
         sum.length += flat[0].distance(flat[1]).round() as i64;
         flat.iter().for_each(|&p| sum.area.add(p));
-        if lines.len() < MOST * 20 {
+        if lines.len() < MOST_SMALL {
             lines.push((k, ends.map(|p| p.map(|v| v / NM_PER_MM)).to_vec()));
         } else {
             out.lines_left_out += 1;
@@ -159,15 +170,18 @@ pub(super) fn of_stepped(plan: &SteppedPlan, relief: &Relief) -> Unmarked {
     out
 }
 
+/// What is not marked of an on-the-fly job.
 pub(super) fn of_on_the_fly(plan: &OnTheFlyPlan, relief: &Relief) -> Unmarked {
-    let (s, texture) = (&plan.summary.lengths, &plan.texture);
+    let s = &plan.summary.lengths;
+    let texture = &plan.texture;
     let mut out = Unmarked::default();
     if s.skipped_off_part_mm > 0.0 || s.skipped_steep_mm > 0.0 {
         out = traced(&plan.job, texture, &plan.inputs.surface, relief);
     }
-    let mut sums: BTreeMap<usize, Sum> = BTreeMap::new();
+    let mut sums: BTreeMap<usize, UnmarkedSum> = BTreeMap::new();
     let mut lines = Vec::new();
-    let (mut drawn, mut tracer) = (Vec::new(), Tracer::new(&plan.inputs.surface, f64::INFINITY));
+    let mut drawn = Vec::new();
+    let mut tracer = Tracer::new(&plan.inputs.surface, f64::INFINITY);
     for left in &plan.left_out {
         texture.stroke(left.stroke as usize, &mut drawn);
         let points = stretch(&drawn, left);
@@ -175,36 +189,42 @@ pub(super) fn of_on_the_fly(plan: &OnTheFlyPlan, relief: &Relief) -> Unmarked {
         let sum = sums.entry(k).or_default();
         sum.length += ((left.to_mm - left.from_mm) * NM_PER_MM).round() as i64;
         points.iter().for_each(|&p| sum.area.add(p));
-        let mut line = Vec::new();
-        for (a, b) in segments(&points) {
-            tracer.segment(a, b, |piece| {
-                line.extend([(piece.t0, piece.z0), (piece.t1, piece.z1)].map(|(t, z)| {
-                    let [x, y] = a.lerp(b, t).mm();
-                    [x, y, z / NM_PER_MM]
-                }));
-            });
-        }
-        line.dedup();
-        lines.push((k, line));
+        lines.push((k, line_on_part(&mut tracer, &points)));
     }
     out.add_rows(Reason::Focus, &sums, lines, |k| lengths(texture, k));
     out.sort();
     out
 }
 
-/// A stretch of a stroke; of a closed one it may run on over the end.
+/// The line of some points as it lies on the part.
+fn line_on_part(tracer: &mut Tracer<'_>, points: &[P2]) -> Line {
+    let mut line = Vec::new();
+    for (a, b) in segments(points) {
+        tracer.segment(a, b, |piece| {
+            line.extend([(piece.t0, piece.z0), (piece.t1, piece.z1)].map(|(t, z)| {
+                let [x, y] = a.lerp(b, t).mm();
+                [x, y, z / NM_PER_MM]
+            }));
+        });
+    }
+    line.dedup();
+    line
+}
+
+/// The stretch of a stroke that is left out; of a closed one it may run on over the end.
 fn stretch(drawn: &[P2], left: &LeftOut) -> Vec<P2> {
     let whole = length_mm(drawn);
     let mut out = Vec::new();
-    let mut at = 0.0;
+    // Way along the stroke to the segment that is looked at, mm; the second round continues it.
+    let mut way = 0.0;
     for round in 0..2 {
         for w in drawn.windows(2) {
             let length = w[0].distance(w[1]) / NM_PER_MM;
-            let (from, to) = (left.from_mm.max(at), left.to_mm.min(at + length));
+            let (from, to) = (left.from_mm.max(way), left.to_mm.min(way + length));
             if from < to && length > 0.0 {
-                out.extend([from, to].map(|v| w[0].lerp(w[1], ((v - at) / length).clamp(0.0, 1.0))));
+                out.extend([from, to].map(|v| w[0].lerp(w[1], ((v - way) / length).clamp(0.0, 1.0))));
             }
-            at += length;
+            way += length;
         }
         if left.to_mm <= whole || round == 1 || drawn.first() != drawn.last() {
             break;
@@ -217,10 +237,10 @@ fn stretch(drawn: &[P2], left: &LeftOut) -> Vec<P2> {
 /// Length, nm, and dots of a texture.
 fn lengths(texture: &Texture, k: usize) -> [f64; 2] {
     let strokes = texture.strokes_of(k);
-    let chunk = |i: usize| (strokes.start + i * CHUNK)..(strokes.start + (i + 1) * CHUNK).min(strokes.end);
     let sums = parallel::map(strokes.len().div_ceil(CHUNK), |i| {
-        let (mut points, mut sum) = (Vec::new(), [0.0; 2]);
-        for stroke in chunk(i) {
+        let mut points = Vec::new();
+        let mut sum = [0.0; 2];
+        for stroke in chunk(&strokes, i) {
             texture.stroke(stroke, &mut points);
             sum[0] += length_mm(&points) * NM_PER_MM;
             sum[1] += f64::from(u8::from(points.len() == 1));
@@ -230,6 +250,11 @@ fn lengths(texture: &Texture, k: usize) -> [f64; 2] {
     sums.into_iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
+/// The strokes of chunk `i`.
+fn chunk(strokes: &Range<usize>, i: usize) -> Range<usize> {
+    (strokes.start + i * CHUNK)..(strokes.start + (i + 1) * CHUNK).min(strokes.end)
+}
+
 /// Traces all textures over the part.
 fn traced(job: &Job, texture: &Texture, surface: &Surface, relief: &Relief) -> Unmarked {
     let outside = Outside::of(relief);
@@ -237,31 +262,20 @@ fn traced(job: &Job, texture: &Texture, surface: &Surface, relief: &Relief) -> U
     let mut out = Unmarked::default();
     for (k, request) in job.textures.iter().enumerate() {
         let strokes = texture.strokes_of(k);
-        let chunk = |i: usize| (strokes.start + i * CHUNK)..(strokes.start + (i + 1) * CHUNK).min(strokes.end);
-        let found = parallel::map(strokes.len().div_ceil(CHUNK), |i| {
-            let mut found = Found::default();
+        let rules = SkipRules { is_placed: request.is_placed(), outside: &outside, level };
+        let chunks = parallel::map(strokes.len().div_ceil(CHUNK), |i| {
+            let mut unmarked = ChunkUnmarked::default();
             let mut tracer = Tracer::new(surface, job.limits.max_slope());
             let mut points = Vec::new();
-            let why = Why { is_placed: request.is_placed(), outside: &outside, level };
-            for stroke in chunk(i) {
+            for stroke in chunk(&strokes, i) {
                 texture.stroke(stroke, &mut points);
-                found.trace(&mut tracer, &points, &why);
+                unmarked.add_stroke(&mut tracer, &points, &rules);
             }
-            found
+            unmarked
         });
-        let whole = found.iter().fold([0.0; 2], |a, f| [a[0] + f.length as f64, a[1] + f.dots as f64]);
-        let mut all = Found::default();
-        for one in found {
-            for (reason, sum) in one.sums {
-                let into = all.sums.entry(reason).or_default();
-                into.length += sum.length;
-                into.dots += sum.dots;
-                into.area = into.area.union(sum.area);
-            }
-            all.lines.extend(one.lines);
-            out.lines_left_out += one.left_out;
-        }
-        let Found { sums, lines, .. } = all;
+        let whole = chunks.iter().fold([0.0; 2], |a, c| [a[0] + c.length as f64, a[1] + c.dots as f64]);
+        let ChunkUnmarked { sums, lines, left_out, .. } = joined(chunks);
+        out.lines_left_out += left_out;
         let mut by_reason: BTreeMap<Reason, Lines> = BTreeMap::new();
         lines.into_iter().for_each(|(reason, line)| by_reason.entry(reason).or_default().push((k, line)));
         for (reason, sum) in sums {
@@ -272,12 +286,30 @@ fn traced(job: &Job, texture: &Texture, surface: &Surface, relief: &Relief) -> U
     out
 }
 
+/// What is not marked of all chunks.
+fn joined(chunks: Vec<ChunkUnmarked>) -> ChunkUnmarked {
+    let mut whole = ChunkUnmarked::default();
+    for chunk in chunks {
+        whole.length += chunk.length;
+        whole.dots += chunk.dots;
+        for (reason, sum) in chunk.sums {
+            let into = whole.sums.entry(reason).or_default();
+            into.length += sum.length;
+            into.dots += sum.dots;
+            into.area = into.area.union(sum.area);
+        }
+        whole.lines.extend(chunk.lines);
+        whole.left_out += chunk.left_out;
+    }
+    whole
+}
+
 impl Unmarked {
     /// Appends rows of one reason, by texture, and their lines; `whole` is the length, nm, and the dots of a texture.
     fn add_rows(
         &mut self,
         reason: Reason,
-        sums: &BTreeMap<usize, Sum>,
+        sums: &BTreeMap<usize, UnmarkedSum>,
         lines: Lines,
         whole: impl Fn(usize) -> [f64; 2],
     ) {
@@ -311,15 +343,17 @@ impl Unmarked {
     }
 }
 
-/// How a reason is found.
-struct Why<'a> {
+/// What decides for which reason a piece is not marked.
+struct SkipRules<'a> {
+    /// Whether the job places the texture, so that what lies off the part is a fault.
     is_placed: bool,
     outside: &'a Outside,
     /// Height of what has no part near it, mm.
     level: f64,
 }
 
-impl Why<'_> {
+impl SkipRules<'_> {
+    /// The reason for a piece around `middle`.
     fn reason(&self, skip: Skip, middle: P2) -> Reason {
         match skip {
             Skip::Steep => Reason::Steep,
@@ -330,59 +364,83 @@ impl Why<'_> {
     }
 }
 
-impl Found {
-    fn trace(&mut self, tracer: &mut Tracer<'_>, points: &[P2], why: &Why<'_>) {
+impl ChunkUnmarked {
+    /// Adds what is not marked of a stroke.
+    fn add_stroke(&mut self, tracer: &mut Tracer<'_>, points: &[P2], rules: &SkipRules<'_>) {
         let is_dot = points.len() == 1;
         self.dots += u64::from(is_dot);
-        let (mut all, mut height): (f64, Option<f64>) = (0.0, None);
-        let mut sums: BTreeMap<Reason, f64> = BTreeMap::new();
-        let mut open: Option<(Reason, Vec<[f64; 3]>)> = None;
-        let mut done = Vec::new();
+        let mut length = 0f64;
+        let mut stroke = StrokeUnmarked::new(is_dot);
         for (a, b) in segments(points) {
-            let length = a.distance(b);
-            all += length;
-            tracer.segment(a, b, |piece| {
-                if piece.skip != Some(Skip::OffPart) {
-                    height = Some(piece.z1 / NM_PER_MM);
-                }
-                let Some(skip) = piece.skip else {
-                    done.extend(open.take());
-                    return;
-                };
-                let reason = why.reason(skip, a.lerp(b, (piece.t0 + piece.t1) / 2.0));
-                let sum = self.sums.entry(reason).or_default();
-                sum.dots += u64::from(is_dot);
-                *sums.entry(reason).or_default() += length * (piece.t1 - piece.t0);
-                let ends = [(piece.t0, piece.z0), (piece.t1, piece.z1)].map(|(t, z)| {
-                    let p = a.lerp(b, t);
-                    sum.area.add(p);
-                    let [x, y] = p.mm();
-                    [x, y, if skip == Skip::Steep { z / NM_PER_MM } else { height.unwrap_or(f64::NAN) }]
-                });
-                match &mut open {
-                    Some((last, line)) if *last == reason => line.push(ends[1]),
-                    _ => {
-                        done.extend(open.take());
-                        let line = if is_dot { vec![ends[0]] } else { ends.to_vec() };
-                        open = Some((reason, line));
-                    }
-                }
-            });
+            length += a.distance(b);
+            tracer.segment(a, b, |piece| stroke.add(a, b, &piece, rules, &mut self.sums));
         }
-        done.extend(open);
-        self.length += all.round() as i64;
-        for (reason, length) in sums {
+        stroke.end_line();
+        self.length += length.round() as i64;
+        for (reason, length) in stroke.lengths {
             self.sums.entry(reason).or_default().length += length.round() as i64;
         }
-        for (reason, mut line) in done {
+        for (reason, mut line) in stroke.lines {
             if self.lines.len() == MOST {
                 self.left_out += 1;
                 continue;
             }
-            // A line that begins off the part lies at the height of the first part that follows.
-            line.iter_mut().filter(|p| p[2].is_nan()).for_each(|p| p[2] = height.unwrap_or(why.level));
+            // A line that begins off the part lies at the height of the part where the stroke was last over it.
+            let height = stroke.height_mm.unwrap_or(rules.level);
+            line.iter_mut().filter(|p| p[2].is_nan()).for_each(|p| p[2] = height);
             self.lines.push((reason, line));
         }
+    }
+}
+
+/// What is not marked of one stroke, while it is traced.
+struct StrokeUnmarked {
+    is_dot: bool,
+    /// Height of the part where the stroke was last over it, mm.
+    height_mm: Option<f64>,
+    /// Length by reason, nm.
+    lengths: BTreeMap<Reason, f64>,
+    /// The line to whose end the stroke is traced.
+    open: Option<(Reason, Line)>,
+    /// The lines before it.
+    lines: Vec<(Reason, Line)>,
+}
+
+impl StrokeUnmarked {
+    fn new(is_dot: bool) -> Self {
+        Self { is_dot, height_mm: None, lengths: BTreeMap::new(), open: None, lines: Vec::new() }
+    }
+
+    /// Adds a piece of the segment from `a` to `b`, and what it adds to a chunk to `sums`.
+    fn add(&mut self, a: P2, b: P2, piece: &Piece, rules: &SkipRules<'_>, sums: &mut BTreeMap<Reason, UnmarkedSum>) {
+        if piece.skip != Some(Skip::OffPart) {
+            self.height_mm = Some(piece.z1 / NM_PER_MM);
+        }
+        let Some(skip) = piece.skip else { return self.end_line() };
+        let reason = rules.reason(skip, a.lerp(b, (piece.t0 + piece.t1) / 2.0));
+        let sum = sums.entry(reason).or_default();
+        sum.dots += u64::from(self.is_dot);
+        *self.lengths.entry(reason).or_default() += a.distance(b) * (piece.t1 - piece.t0);
+        let ends = [(piece.t0, piece.z0), (piece.t1, piece.z1)].map(|(t, z)| {
+            let p = a.lerp(b, t);
+            sum.area.add(p);
+            let [x, y] = p.mm();
+            // Off the part a piece has no height: it lies at that of the part before it, if there is one.
+            [x, y, if skip == Skip::Steep { z / NM_PER_MM } else { self.height_mm.unwrap_or(f64::NAN) }]
+        });
+        match &mut self.open {
+            Some((last, line)) if *last == reason => line.push(ends[1]),
+            _ => {
+                self.end_line();
+                let line = if self.is_dot { vec![ends[0]] } else { ends.to_vec() };
+                self.open = Some((reason, line));
+            }
+        }
+    }
+
+    /// Ends the open line, if there is one.
+    fn end_line(&mut self) {
+        self.lines.extend(self.open.take());
     }
 }
 
@@ -393,6 +451,7 @@ struct Outside {
 }
 
 impl Outside {
+    /// Floods the cells without part of a relief from its rim.
     fn of(relief: &Relief) -> Self {
         let (columns, rows) = (relief.grid.columns(), relief.grid.rows());
         let mut cells = vec![false; relief.z_mm.len()];

@@ -25,12 +25,7 @@ impl Columns {
     /// What groups of both modes have.
     fn of_groups(scene: &Scene) -> Self {
         let mut out = Self(Map::new());
-        let frame = |f: &Frame| {
-            let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| f.axes[k][i]));
-            let all: Vec<f64> = rows.concat().into_iter().chain(f.origin).collect();
-            if f.is_upright() { Value::Null } else { json!(all) }
-        };
-        out.put("frame", scene.groups.iter().map(|g| frame(&g.frame)));
+        out.put("frame", scene.groups.iter().map(|g| axes_and_origin(&g.frame)));
         out.put("origin", scene.groups.iter().map(|g| json!(g.frame.origin)));
         for (k, name) in ["begin", "start", "end"].into_iter().enumerate() {
             out.put(name, scene.groups.iter().map(|g| json!(g.clock_s[k])));
@@ -63,7 +58,8 @@ impl Columns {
 
     /// The blocks of a stepped job.
     pub(super) fn stepped(plan: &SteppedPlan, scene: &Scene) -> Self {
-        let (checked, machine) = (&plan.checked, &plan.machine);
+        let checked = &plan.checked;
+        let machine = &plan.machine;
         let program = checked.program();
         let mut out = Self::of_groups(scene);
         let blocks = || program.blocks.iter();
@@ -90,6 +86,15 @@ impl Columns {
         out.put("files", (0..program.blocks.len()).map(|i| files(plan, i)));
         out
     }
+}
+
+/// Where a group lies in the part: rotation by rows, then the origin, mm; null where its axes are those of the part.
+fn axes_and_origin(frame: &Frame) -> Value {
+    if frame.is_upright() {
+        return Value::Null;
+    }
+    let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| frame.axes[k][i]));
+    json!(rows.concat().into_iter().chain(frame.origin).collect::<Vec<f64>>())
 }
 
 /// How the part is turned at a block: rotation by rows, then the shift, mm; null where it is not.

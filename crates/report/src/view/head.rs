@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::marks::ChunkHead;
-use crate::scene::{Histogram, Scene};
+use crate::scene::{Histogram, Scene, UnmarkedRow};
 use terrace_core::diag::Message;
 use terrace_core::geom::NM_PER_MM;
 use terrace_core::machine::{FieldShape, Machine, Origin};
@@ -35,7 +35,7 @@ pub(super) struct Head<'a> {
     pub passes: u32,
     pub setups: usize,
     pub maps: Vec<MapHead>,
-    pub blocks: Named,
+    pub blocks: ListHead,
     pub chunks: Vec<ChunkHead>,
     pub incidence_deg_per_step: f64,
     pub defocus_um_per_step: f64,
@@ -51,12 +51,14 @@ pub(super) struct Head<'a> {
     pub figures: &'a [(&'static str, String)],
 }
 
+/// A list that the page decodes from the element of a name.
 #[derive(Serialize)]
-pub(super) struct Named {
+pub(super) struct ListHead {
     pub name: &'static str,
     pub count: usize,
 }
 
+/// The surface of the part as the page has it.
 #[derive(Serialize)]
 pub(super) struct PartHead {
     triangles: usize,
@@ -69,23 +71,27 @@ pub(super) struct PartHead {
 
 impl PartHead {
     pub(super) fn new(part: &Decimated, bounds: [[f64; 3]; 2]) -> Self {
-        let (triangles, vertices) = (part.triangles.len(), part.vertices.len());
+        let triangles = part.triangles.len();
+        let vertices = part.vertices.len();
         Self { triangles, of: part.of, within_mm: part.within_mm, vertices, bounds }
     }
 }
 
+/// The usable field.
 #[derive(Serialize)]
 pub(super) struct FieldHead {
     size: [f64; 2],
     shape: &'static str,
 }
 
+/// The lens.
 #[derive(Serialize)]
 pub(super) struct LensHead {
     working_distance_mm: f64,
     diameter_mm: f64,
 }
 
+/// A pen.
 #[derive(Serialize)]
 pub(super) struct PenHead<'a> {
     name: &'a str,
@@ -96,6 +102,20 @@ pub(super) struct PenHead<'a> {
     dwell_us: Option<f64>,
 }
 
+impl<'a> PenHead<'a> {
+    fn new(pen: &'a Pen) -> Self {
+        Self {
+            name: &pen.name,
+            speed_mm_s: pen.speed.as_mm_s(),
+            power: pen.power.to_string(),
+            frequency_khz: pen.frequency.as_khz(),
+            passes: pen.passes,
+            dwell_us: pen.dwell.map(|dwell| dwell.as_us()),
+        }
+    }
+}
+
+/// The scanner.
 #[derive(Serialize)]
 pub(super) struct ScannerHead {
     jump_speed_mm_s: f64,
@@ -104,6 +124,7 @@ pub(super) struct ScannerHead {
     polygon_delay_us: f64,
 }
 
+/// The map of a pass.
 #[derive(Serialize)]
 pub(super) struct MapHead {
     pub name: String,
@@ -114,6 +135,7 @@ pub(super) struct MapHead {
     pub rows: usize,
 }
 
+/// Texture that is not marked, for one reason.
 #[derive(Serialize)]
 pub(super) struct SkippedHead {
     reason: &'static str,
@@ -126,6 +148,22 @@ pub(super) struct SkippedHead {
     bounds: [f64; 4],
 }
 
+impl SkippedHead {
+    fn new(row: &UnmarkedRow) -> Self {
+        let ([x0, y0], [x1, y1]) = (row.area.lo.mm(), row.area.hi.mm());
+        Self {
+            reason: row.reason.name(),
+            text: row.reason.text(),
+            texture: row.texture,
+            length_mm: row.length_mm,
+            share_percent: row.share_percent,
+            dots: row.dots,
+            bounds: [x0, y0, x1, y1],
+        }
+    }
+}
+
+/// The lines that are not marked.
 #[derive(Serialize)]
 pub(super) struct LinesHead {
     pub name: &'static str,
@@ -134,12 +172,14 @@ pub(super) struct LinesHead {
     pub left_out: usize,
 }
 
+/// The motion of an on-the-fly job.
 #[derive(Serialize)]
 pub(super) struct MotionHead {
     pub name: &'static str,
     pub samples: usize,
 }
 
+/// Least and greatest values, for the colours.
 #[derive(Serialize)]
 pub(super) struct Ranges {
     pub height_mm: [f64; 2],
@@ -148,18 +188,21 @@ pub(super) struct Ranges {
     pub dose: [f64; 2],
 }
 
+/// Marked length by value.
 #[derive(Serialize)]
 pub(super) struct Histograms {
-    defocus_um: Bars,
-    incidence_deg: Bars,
+    defocus_um: HistogramHead,
+    incidence_deg: HistogramHead,
 }
 
+/// One histogram.
 #[derive(Serialize)]
-struct Bars {
+struct HistogramHead {
     edges: Vec<f64>,
     length_mm: Vec<f64>,
 }
 
+/// How lines were made simpler.
 #[derive(Serialize)]
 pub(super) struct ThinnedHead {
     within_um: f64,
@@ -201,15 +244,7 @@ pub(super) fn pivot(machine: &Machine, origin: Origin) -> Option<[f64; 3]> {
 }
 
 pub(super) fn pens(pens: &[Pen]) -> Vec<PenHead<'_>> {
-    let head = |pen: &'_ Pen| PenHead {
-        name: "",
-        speed_mm_s: pen.speed.as_mm_s(),
-        power: pen.power.to_string(),
-        frequency_khz: pen.frequency.as_khz(),
-        passes: pen.passes,
-        dwell_us: pen.dwell.map(|dwell| dwell.as_us()),
-    };
-    pens.iter().map(|pen| PenHead { name: &pen.name, ..head(pen) }).collect()
+    pens.iter().map(PenHead::new).collect()
 }
 
 pub(super) fn scanner(machine: &Machine) -> ScannerHead {
@@ -226,27 +261,15 @@ pub(super) fn scanner(machine: &Machine) -> ScannerHead {
 }
 
 pub(super) fn skipped(scene: &Scene) -> Vec<SkippedHead> {
-    let row = |row: &crate::scene::UnmarkedRow| {
-        let ([x0, y0], [x1, y1]) = (row.area.lo.mm(), row.area.hi.mm());
-        SkippedHead {
-            reason: row.reason.name(),
-            text: row.reason.text(),
-            texture: row.texture,
-            length_mm: row.length_mm,
-            share_percent: row.share_percent,
-            dots: row.dots,
-            bounds: [x0, y0, x1, y1],
-        }
-    };
-    scene.unmarked.rows.iter().map(row).collect()
+    scene.unmarked.rows.iter().map(SkippedHead::new).collect()
 }
 
 pub(super) fn histograms(scene: &Scene, pens: &[Pen]) -> Histograms {
     let passes: Vec<u32> = pens.iter().map(|pen| pen.passes).collect();
-    let bars = |h: Histogram| Bars { edges: h.edges(), length_mm: h.bins };
+    let head = |h: Histogram| HistogramHead { edges: h.edges(), length_mm: h.bins };
     Histograms {
-        defocus_um: bars(Histogram::of_defocus(scene, &passes)),
-        incidence_deg: bars(Histogram::of_incidence(scene, &passes)),
+        defocus_um: head(Histogram::of_defocus(scene, &passes)),
+        incidence_deg: head(Histogram::of_incidence(scene, &passes)),
     }
 }
 

@@ -10,7 +10,7 @@ use terrace_core::geom::BoxMm;
 
 /// Points of a chunk; a group with more is a chunk of its own.
 const POINTS: usize = 1 << 15;
-/// Points of a mark at most; of a longer one the parts share their ends.
+/// Points of a mark at most, so that their number takes 16 bits; of a longer one the parts share their ends.
 const LONGEST: usize = 60_000;
 /// The finest step of coordinates, mm: finer ones would only make the file larger.
 const FINEST: f64 = 2e-5;
@@ -60,32 +60,29 @@ pub(super) fn chunk(
     groups: Range<usize>,
     defocus_step: Option<f64>,
 ) -> (ChunkHead, String) {
-    let mut lines: Vec<(u16, &Group, Mark)> = Vec::new();
+    let mut lines: Vec<Line<'_>> = Vec::new();
     for (k, group) in scene.groups[groups.clone()].iter().enumerate() {
-        lines.extend(group.marks.iter().flat_map(parts).map(|mark| (k as u16, group, mark)));
+        lines.extend(group.marks.iter().flat_map(parts).map(|mark| Line { number: k as u16, group, mark }));
     }
-    let points = || lines.iter().flat_map(|(_, group, mark)| group.points_of(mark));
-    let reach = |axes: Range<usize>| {
-        points().flat_map(|p| p.at[axes.clone()].iter().copied()).map(i32::unsigned_abs).max().unwrap_or(0)
-    };
-    let step = |reach: u32| (f64::from(reach) / 1e6 / f64::from(i16::MAX)).max(FINEST);
-    let (xy_mm, z_mm) = (step(reach(0..2)), step(reach(2..3)));
+    let points = || lines.iter().flat_map(|line| line.group.points_of(&line.mark));
+    let xy_mm = step_mm(points(), 0..2);
+    let z_mm = step_mm(points(), 2..3);
     let stepped =
         |axis: usize, mm: f64| points().map(move |p| (f64::from(p.at[axis]) / 1e6 / mm).round() as i16 as u16);
     let count = points().count();
     let mut data = Data::default();
     data.u32(lines.len() as u32);
     data.u32(count as u32);
-    data.u16_planes(lines.iter().map(|(k, ..)| *k));
-    data.u8(lines.iter().map(|(.., m)| m.pen.0 as u8));
-    data.u16_planes(lines.iter().map(|(.., m)| m.len as u16));
+    data.u16_planes(lines.iter().map(|line| line.number));
+    data.u8(lines.iter().map(|line| line.mark.pen.0 as u8));
+    data.u16_planes(lines.iter().map(|line| line.mark.len as u16));
     for (axis, mm) in [xy_mm, xy_mm, z_mm].into_iter().enumerate() {
         data.u16_delta(stepped(axis, mm));
     }
     data.u8(points().map(|p| (f64::from(p.incidence_deg) / INCIDENCE_STEP).round().min(255.0) as u8));
     if let Some(um) = defocus_step {
         data.u16_delta(points().map(move |p: &Point| (f64::from(p.defocus_um) / um).round() as i16 as u16));
-        let times = lines.iter().flat_map(|(_, group, mark)| &group.times_us[mark.points()]);
+        let times = lines.iter().flat_map(|line| &line.group.times_us[line.mark.points()]);
         data.u32_delta(times.map(|&us| us as u32));
     }
     let mut bounds = BoxMm::of([]);
@@ -104,6 +101,21 @@ pub(super) fn chunk(
         z_mm,
     };
     (head, data.element(&name))
+}
+
+/// A mark, or a part of a long one, as it is written.
+struct Line<'a> {
+    /// Number of its group in the chunk.
+    number: u16,
+    group: &'a Group,
+    mark: Mark,
+}
+
+/// The step, mm, in which the coordinates of points along some axes fit in 16 bits with sign.
+fn step_mm<'a>(points: impl Iterator<Item = &'a Point>, axes: Range<usize>) -> f64 {
+    let coordinates = points.flat_map(|p| p.at[axes.clone()].iter().copied());
+    let reach = coordinates.map(i32::unsigned_abs).max().unwrap_or(0);
+    (f64::from(reach) / 1e6 / f64::from(i16::MAX)).max(FINEST)
 }
 
 /// A mark as one that can be written, or in parts that share their ends.

@@ -18,7 +18,7 @@ mod tests;
 use crate::report::page::escape;
 use crate::scene::{Motion, MotionSample, Scene};
 use blocks::Columns;
-use head::{Head, LinesHead, MapHead, MotionHead, Named, PartHead, Ranges};
+use head::{Head, LinesHead, ListHead, MapHead, MotionHead, PartHead, Ranges};
 use pack::Data;
 use terrace_core::duration::duration;
 use terrace_core::geom::BoxMm;
@@ -63,8 +63,12 @@ pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
     let s = &plan.summary;
     let focus = || program.blocks.iter().map(|b| b.stop.focus.mm());
     let dose = || plan.figures.iter().map(|f| f.slope).flat_map(|s: Slope| s.dose());
-    let maps: Vec<(u32, usize, &BlockMap)> =
-        plan.passes.iter().zip(1..).map(|(pass, k)| (k, pass.blocks.start, &pass.map)).collect();
+    let maps: Vec<PassMap<'_>> = plan
+        .passes
+        .iter()
+        .zip(1..)
+        .map(|(pass, number)| PassMap { number, first: pass.blocks.start, map: &pass.map })
+        .collect();
     let subject = Subject {
         job,
         mode: Mode::Stepped,
@@ -160,8 +164,7 @@ struct Subject<'a> {
     time_s: f64,
     mark_mm: f64,
     passes: u32,
-    /// Of every pass its number, its first block and its map.
-    maps: Vec<(u32, usize, &'a BlockMap)>,
+    maps: Vec<PassMap<'a>>,
     heights: [f64; 2],
     dose: [f64; 2],
     warnings: &'a [terrace_core::diag::Message],
@@ -169,10 +172,20 @@ struct Subject<'a> {
     blocks: String,
 }
 
+/// Which block lies where in a pass.
+struct PassMap<'a> {
+    /// Of the pass, from 1.
+    number: u32,
+    /// Index of its first block in the program.
+    first: usize,
+    map: &'a BlockMap,
+}
+
 impl Subject<'_> {
     fn page(&self, scene: &Scene) -> String {
         let defocus = scene.points().map(|p| f64::from(p.defocus_um));
         let most = defocus.clone().fold(0.0, |most, d| f64::max(most, d.abs()));
+        // No finer than a nanometre, to which the scene has it.
         let defocus_step = (most / f64::from(i16::MAX)).max(1e-3);
         let fly_step = (self.mode == Mode::OnTheFly).then_some(defocus_step);
         let ranges_of_groups = marks::chunks(scene);
@@ -191,7 +204,7 @@ impl Subject<'_> {
         let mut data = vec![Data::text(&self.blocks).element("blocks"), mesh(&part, &part_box)];
         data.extend(elements);
         let (maps, more): (Vec<_>, Vec<_>) =
-            parallel::map(self.maps.len(), |k| map(k, self.maps[k])).into_iter().unzip();
+            parallel::map(self.maps.len(), |k| map(k, &self.maps[k])).into_iter().unzip();
         data.extend(more);
         let skipped_lines = (!scene.unmarked.lines.is_empty()).then(|| {
             let (head, element) = skipped(scene);
@@ -222,7 +235,7 @@ impl Subject<'_> {
             passes: self.passes,
             setups: self.origins.len(),
             maps,
-            blocks: Named { name: "blocks", count: scene.groups.len() },
+            blocks: ListHead { name: "blocks", count: scene.groups.len() },
             chunks,
             incidence_deg_per_step: marks::INCIDENCE_STEP,
             defocus_um_per_step: defocus_step,
@@ -301,7 +314,7 @@ fn mesh(part: &Decimated, bounds: &BoxMm<3>) -> String {
 }
 
 /// The map of a pass, coarser where it has more cells than a picture needs.
-fn map(k: usize, (pass, first, map): (u32, usize, &BlockMap)) -> (MapHead, String) {
+fn map(k: usize, &PassMap { number: pass, first, map }: &PassMap<'_>) -> (MapHead, String) {
     let [columns, rows] = map.size().map(|n| n as usize);
     let every = columns.max(rows).div_ceil(MAP_CELLS).max(1);
     let (wide, high) = (columns.div_ceil(every), rows.div_ceil(every));

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::*;
-use crate::run::laser::tests::Rest;
+use crate::run::laser::tests::UntouchedStage;
 
 /// What the responder does wrong.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,7 +44,7 @@ impl Responder {
         // Any free port for the answers; the responder answers to where a request comes from.
         let mut laser = LightBurn::new(Some("127.0.0.1".into()), folder.map(Into::into), Some(self.port), Some(0));
         let ms = Duration::from_millis;
-        laser.waits = Waits { answer: ms(60), load: ms(60), silence: ms(300), begin: ms(500), agree: ms(5000) };
+        laser.timeouts = Timeouts { answer: ms(60), load: ms(60), silence: ms(300), begin: ms(500), agree: ms(5000) };
         laser
     }
 
@@ -54,8 +54,11 @@ impl Responder {
 }
 
 fn respond(socket: &UdpSocket, faults: Faults, log: &Sender<String>) {
-    let (mut is_silent, mut has_started, mut has_lost) = (false, false, false);
-    let (mut busy_until, mut buffer) = (Instant::now(), [0; 512]);
+    let mut is_silent = false;
+    let mut has_started = false;
+    let mut has_lost = false;
+    let mut busy_until = Instant::now();
+    let mut buffer = [0; 512];
     for number in 1.. {
         let Ok((count, from)) = socket.recv_from(&mut buffer) else { return };
         let command = String::from_utf8_lossy(&buffer[..count]).into_owned();
@@ -104,7 +107,7 @@ fn work(estimate: Duration) -> Work {
 }
 
 fn mark(laser: &mut LightBurn, interrupt: &Interrupt) -> Result<(), Diag> {
-    laser.mark(&work(Duration::ZERO), Beam::Fire, &mut Rest, interrupt)
+    laser.mark(&work(Duration::ZERO), Beam::Fire, &mut UntouchedStage, interrupt)
 }
 
 /// Opens, marks one block, and switches off.
@@ -178,7 +181,8 @@ fn a_refusal_of_start_that_comes_late_is_not_taken_for_busy() {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let port = socket.local_addr().expect("bound").port();
     std::thread::spawn(move || {
-        let (mut buffer, mut held) = ([0; 512], None);
+        let mut buffer = [0; 512];
+        let mut held = None;
         while let Ok((count, from)) = socket.recv_from(&mut buffer) {
             match &buffer[..count] {
                 b"START" => held = Some("!"),
@@ -202,7 +206,8 @@ fn a_late_answer_is_not_taken_for_that_of_a_load_that_fails() {
     let port = socket.local_addr().expect("bound").port();
     let (log, received) = channel();
     std::thread::spawn(move || {
-        let (mut buffer, mut number) = ([0; 512], 0);
+        let mut buffer = [0; 512];
+        let mut number = 0;
         while let Ok((count, from)) = socket.recv_from(&mut buffer) {
             let command = String::from_utf8_lossy(&buffer[..count]).into_owned();
             number += 1;
@@ -234,7 +239,8 @@ fn block_that_does_not_end_times_out_and_an_abort_says_that_the_beam_may_be_on()
     let port = socket.local_addr().expect("bound").port();
     let (tell, started) = channel();
     std::thread::spawn(move || {
-        let (mut buffer, mut is_busy) = ([0; 512], false);
+        let mut buffer = [0; 512];
+        let mut is_busy = false;
         while let Ok((count, from)) = socket.recv_from(&mut buffer) {
             if &buffer[..count] == b"START" {
                 is_busy = true;
@@ -373,7 +379,7 @@ fn up_to_three_busy_answers_of_others_are_no_beginning_of_a_block() {
     // It begins 400 ms after START: what comes before is not it.
     let mut laser = marks_after(400, MARKING, (0..3).map(|i| (10 + 20 * i, "!", true)).collect()).driver(None);
     laser.open(&Interrupt::default()).expect("it answers");
-    laser.waits.begin = Duration::from_secs(2);
+    laser.timeouts.begin = Duration::from_secs(2);
     let begin = Instant::now();
     assert_eq!(mark(&mut laser, &Interrupt::default()), Ok(()));
     assert!(begin.elapsed() >= Duration::from_millis(400) + MARKING, "{:?}", begin.elapsed());
@@ -435,7 +441,7 @@ fn answers_without_end_are_reported() {
         _ => ("OK", vec![]),
     })
     .driver(None);
-    laser.waits.agree = Duration::from_millis(300);
+    laser.timeouts.agree = Duration::from_millis(300);
     let e = laser.open(&Interrupt::default()).expect_err("they contradict each other");
     assert!(e.code == "lightburn-answer" && e.message.contains("contradict"), "{e}");
 }

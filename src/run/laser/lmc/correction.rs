@@ -9,7 +9,7 @@ const POINTS: usize = 65 * 65;
 /// Label of the files with numbers in double precision, in UTF-16; all others have whole numbers.
 const LABEL: &str = "LMC1COR_1.0";
 
-/// Bytes before the points.
+/// Bytes before the points: of files with numbers in double precision, and of all others.
 const HEADERS: [usize; 2] = [22 + 506, 22 + 14];
 
 /// The shifts as the card takes them: size, and 0x8000 more for a negative one.
@@ -21,20 +21,23 @@ pub(super) fn read(file: &Path) -> Result<Vec<[u16; 2]>, Diag> {
     } else {
         bytes.get(HEADERS[1]..).map(|b| b.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b).into()).collect())
     };
-    let fault = |text: &str| {
-        Diag::input("lmc-correction", text)
-            .at(Place::file(file.display().to_string()))
-            .hint("state the .cor file that EzCad uses for this lens")
-    };
     let values = values
         .filter(|v| v.len() >= 2 * POINTS)
-        .ok_or_else(|| fault("this is not a field correction of 65 x 65 points"))?;
+        .ok_or_else(|| fault(file, "this is not a field correction of 65 x 65 points"))?;
     let shifts: Option<Vec<u16>> = values[..2 * POINTS].iter().map(|v| shift(*v)).collect();
     shifts
         .map(|s| s.as_chunks().0.to_vec())
-        .ok_or_else(|| fault("a shift of the field correction is beyond 32767 units"))
+        .ok_or_else(|| fault(file, "a shift of the field correction is beyond 32767 units"))
 }
 
+/// What is wrong with a file of a field correction.
+fn fault(file: &Path, text: &str) -> Diag {
+    Diag::input("lmc-correction", text)
+        .at(Place::file(file.display().to_string()))
+        .hint("state the .cor file that EzCad uses for this lens")
+}
+
+/// A shift as the card takes it; None beyond what 15 bits hold.
 fn shift(value: f64) -> Option<u16> {
     let size = value.abs().round_ties_even();
     (size <= 32767.0).then(|| size as u16 + if value < 0.0 && size > 0.0 { 0x8000 } else { 0 })

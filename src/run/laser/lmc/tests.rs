@@ -5,7 +5,7 @@ use std::process::Command;
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use crate::run::laser::tests::Rest;
+use crate::run::laser::tests::UntouchedStage;
 
 /// A card that executes a list for some requests.
 #[derive(Debug, Default)]
@@ -66,7 +66,7 @@ fn driver(card: Card, laser: LmcLaser) -> (Lmc, Arc<Mutex<Card>>) {
     let mut lmc = Lmc::new(None, None, laser);
     lmc.transport = Some(Box::new(Pipe(card.clone())));
     let ms = Duration::from_millis;
-    lmc.waits = Waits { begin: ms(50), stop: ms(100), settle: ms(0) };
+    lmc.timeouts = Timeouts { begin: ms(50), stop: ms(100), settle: ms(0) };
     (lmc, card)
 }
 
@@ -119,7 +119,7 @@ fn file(bytes: &[u8]) -> File {
 }
 
 fn mark(lmc: &mut Lmc, work: &Work, beam: Beam) -> Result<(), Diag> {
-    lmc.mark(work, beam, &mut Rest, &Interrupt::default())
+    lmc.mark(work, beam, &mut UntouchedStage, &Interrupt::default())
 }
 
 /// What was written, in hex, without the requests for the status.
@@ -149,7 +149,8 @@ fn words_are_those_of_galvoplotter_for_opening_marking_pilot_and_abort() {
         let (mut lmc, card) = driver(Card { length: 4, ..Card::default() }, laser);
         // One packet; and four, of which the last begins after the start.
         let blocks = [3, 450].map(|strokes| file(&list(strokes)));
-        let (mut orders, mut sent) = (vec!["open".to_owned()], Vec::new());
+        let mut orders = vec!["open".to_owned()];
+        let mut sent = Vec::new();
         lmc.open(&Interrupt::default()).expect("open");
         sent.push(written(&card));
         for block in &blocks {
@@ -243,7 +244,7 @@ fn a_list_that_does_not_end_and_an_abort_stop_the_card() {
             interrupt.request();
             interrupt.request();
         });
-        lmc.mark(&file(&list(3)).work, Beam::Fire, &mut Rest, &interrupt).expect_err("aborted")
+        lmc.mark(&file(&list(3)).work, Beam::Fire, &mut UntouchedStage, &interrupt).expect_err("aborted")
     });
     assert!(e.code == "lmc-aborted" && e.message.contains("the card was stopped and its laser is off"), "{e}");
     assert!(card.lock().expect("one test").busy == 0);

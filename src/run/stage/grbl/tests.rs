@@ -61,8 +61,11 @@ impl Simulator {
     fn driver(&self) -> Grbl {
         let mut grbl = Grbl::new(&self.port, None, Some("stage 7".into()));
         let ms = Duration::from_millis;
-        let (answer, repeat, boot, motion) = (ms(800), ms(200), ms(800), ms(3000));
-        grbl.waits = Waits { answer, repeat, boot, motion, hold: ms(800), begin: ms(200), spare: ms(500) };
+        let answer = ms(800);
+        let repeat = ms(200);
+        let boot = ms(800);
+        let motion = ms(3000);
+        grbl.timeouts = Timeouts { answer, repeat, boot, motion, hold: ms(800), begin: ms(200), spare: ms(500) };
         grbl
     }
 
@@ -288,7 +291,7 @@ fn a_port_that_never_ends_a_line_or_says_nothing_of_use_is_left() {
             });
             let mut grbl = Grbl::new(port, None, None);
             let ms = Duration::from_millis;
-            grbl.waits = Waits { repeat: ms(100), boot: ms(300), answer: ms(300), ..WAITS };
+            grbl.timeouts = Timeouts { repeat: ms(100), boot: ms(300), answer: ms(300), ..TIMEOUTS };
             let e = grbl.open(&Interrupt::default()).expect_err("no GRBL");
             is_done.store(true, std::sync::atomic::Ordering::SeqCst);
             assert_eq!(e.code, "grbl-answer", "{e}");

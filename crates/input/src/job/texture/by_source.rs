@@ -28,6 +28,23 @@ struct Source {
     keys: Vec<String>,
 }
 
+impl Source {
+    /// The source whose keys are those of a table of a JSON schema.
+    fn new(name: &str, table: &Value) -> Self {
+        Self { name: name.into(), needs: words_of(&table["required"]), keys: keys_of(table) }
+    }
+}
+
+/// The words of a list of a JSON schema.
+fn words_of(list: &Value) -> Vec<String> {
+    list.as_array().into_iter().flatten().filter_map(|word| Some(word.as_str()?.to_owned())).collect()
+}
+
+/// The keys of a table of a JSON schema.
+fn keys_of(table: &Value) -> Vec<String> {
+    table["properties"].as_object().into_iter().flatten().map(|(key, _)| key.clone()).collect()
+}
+
 /// The keys of all sources, from the types that read them.
 struct Schema {
     common: Vec<String>,
@@ -37,30 +54,35 @@ struct Schema {
 }
 
 static SCHEMA: LazyLock<Schema> = LazyLock::new(|| {
-    let words = |list: &Value| -> Vec<String> {
-        list.as_array().into_iter().flatten().filter_map(|word| Some(word.as_str()?.to_owned())).collect()
-    };
-    let keys = |table: &Value| -> Vec<String> {
-        table["properties"].as_object().into_iter().flatten().map(|(key, _)| key.clone()).collect()
-    };
-    let source =
-        |name: &str, table: &Value| Source { name: name.into(), needs: words(&table["required"]), keys: keys(table) };
     let patterns = schemars::schema_for!(PatternKeys).to_value();
-    let pattern = |one: &Value| {
-        let table = one["$ref"].as_str().and_then(|name| patterns["$defs"].get(name.rsplit('/').next()?));
-        source(one["properties"]["pattern"]["const"].as_str().unwrap_or_default(), table.unwrap_or(one))
-    };
     Schema {
-        common: keys(&schemars::schema_for!(CommonKeys).to_value()),
-        patterns: patterns["oneOf"].as_array().into_iter().flatten().map(pattern).collect(),
-        drawing: source("a drawing", &schemars::schema_for!(DrawingKeys).to_value()),
-        curves: source("space curves", &schemars::schema_for!(CurvesKeys).to_value()),
+        common: keys_of(&schemars::schema_for!(CommonKeys).to_value()),
+        patterns: patterns["oneOf"].as_array().into_iter().flatten().map(|entry| pattern(&patterns, entry)).collect(),
+        drawing: Source::new("a drawing", &schemars::schema_for!(DrawingKeys).to_value()),
+        curves: Source::new("space curves", &schemars::schema_for!(CurvesKeys).to_value()),
     }
 });
+
+/// The source of an entry of the schema of patterns, which has its keys in itself or refers to them.
+fn pattern(patterns: &Value, entry: &Value) -> Source {
+    let table = entry["$ref"].as_str().and_then(|name| patterns["$defs"].get(name.rsplit('/').next()?));
+    Source::new(entry["properties"]["pattern"]["const"].as_str().unwrap_or_default(), table.unwrap_or(entry))
+}
 
 impl Schema {
     fn sources(&self) -> impl Iterator<Item = &Source> {
         self.patterns.iter().chain([&self.drawing, &self.curves])
+    }
+
+    /// Whether every source has a key.
+    fn is_common(&self, key: &str) -> bool {
+        self.common.iter().any(|common| common == key)
+    }
+
+    /// Whether any source has a key.
+    fn has(&self, key: &str) -> bool {
+        let is_of_source = || self.sources().any(|source| source.keys.iter().any(|known| known == key));
+        SOURCES.contains(&key) || self.is_common(key) || is_of_source()
     }
 }
 
@@ -94,9 +116,9 @@ fn source(i: usize, table: &DeTable<'_>, f: &mut Faults<'_>) -> Option<&'static 
         f.push(&format!("texture.{i}.file"), fault);
         return None;
     }
-    let given: Vec<&'static str> = SOURCES.into_iter().filter(|key| table.contains_key(*key)).collect();
-    match given[..] {
-        [one] => Some(one),
+    let sources: Vec<&'static str> = SOURCES.into_iter().filter(|key| table.contains_key(*key)).collect();
+    match sources[..] {
+        [source] => Some(source),
         [] => {
             let fault = Diag::input("texture-empty", "a texture has neither pattern nor file nor curves");
             let hint = "add pattern = \"hatch\" and pitch = \"0.1 mm\", or file = \"drawing.svg\"";
@@ -104,7 +126,7 @@ fn source(i: usize, table: &DeTable<'_>, f: &mut Faults<'_>) -> Option<&'static 
             None
         }
         [first, ..] => {
-            let fault = Diag::input("texture-both", format!("the texture has both {}", given.join(" and ")));
+            let fault = Diag::input("texture-both", format!("the texture has both {}", sources.join(" and ")));
             f.push(&format!("texture.{i}.{first}"), fault.hint("keep one"));
             None
         }
@@ -124,28 +146,23 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
     let specific =
         if own.is_empty() { String::new() } else { format!("keys specific to {}: {}", source.name, own.join(", ")) };
     let missing: Vec<&String> = source.needs.iter().filter(|key| !table.contains_key(key.as_str())).collect();
-    let is_known = |key: &str| {
-        let of_sources = || SCHEMA.sources().any(|other| other.keys.iter().any(|known| known == key));
-        SOURCES.contains(&key) || SCHEMA.common.iter().any(|known| known == key) || of_sources()
-    };
     // A key that is misspelt is reported as such, and not as missing.
-    if table.keys().all(|key| is_known(key.get_ref())) {
+    if table.keys().all(|key| SCHEMA.has(key.get_ref())) {
         for key in &missing {
             let fault = Diag::input("texture-key", format!("{} needs {key}", source.name));
             f.push(&format!("texture.{i}.{tag}"), fault.hint(&specific));
         }
     }
     for key in f.keys_given(&format!("texture.{i}")) {
-        let is = |known: &str| *known == key;
-        if key == tag || own.iter().any(|own| is(own)) || SCHEMA.common.iter().any(|common| is(common)) {
+        if key == tag || own.iter().any(|own| *own == key) || SCHEMA.is_common(&key) {
             continue;
         }
-        if is_known(&key) {
+        if SCHEMA.has(&key) {
             let fault = Diag::input("texture-key", format!("{key} does not apply to {}", source.name));
             f.push(&format!("texture.{i}.{key}"), fault.hint(&specific));
-        } else if let Some((found, _)) = table.get_key_value(key.as_str()) {
+        } else if let Some((misspelt, _)) = table.get_key_value(key.as_str()) {
             let known = own.iter().copied().chain(SCHEMA.common.iter().map(String::as_str));
-            f.push_at(found.span(), diag::unknown_key(&key, &known.collect::<Vec<_>>()));
+            f.push_at(misspelt.span(), diag::unknown_key(&key, &known.collect::<Vec<_>>()));
         }
         table.remove(key.as_str());
     }
@@ -154,10 +171,10 @@ fn holds_own_keys(i: usize, table: &mut DeTable<'_>, tag: &str, f: &mut Faults<'
 
 /// The table with its keys apart; None where it names a pattern by something else than a text.
 fn sorted<'a>(table: DeTable<'a>, span: &Range<usize>, tag: &'static str, f: &mut Faults<'_>) -> Option<DeTable<'a>> {
-    let (mut own, mut common) = (DeTable::new(), DeTable::new());
+    let mut own = DeTable::new();
+    let mut common = DeTable::new();
     for (key, value) in table {
-        let is_common = SCHEMA.common.iter().any(|known| *known == **key.get_ref());
-        if is_common { &mut common } else { &mut own }.insert(key, value);
+        if SCHEMA.is_common(key.get_ref()) { &mut common } else { &mut own }.insert(key, value);
     }
     let mut own = DeValue::Table(own);
     if tag == "pattern"

@@ -36,13 +36,14 @@ pub(super) fn resolve(texture: &Texture<'_>, f: &mut Faults<'_>) -> Masks {
         let fault = Diag::input("texture-key", format!("{key} does not apply to space curves"));
         f.push(&texture.key(key), fault.hint("cut the curves in their file"));
     }
-    let mut mask = |key: &str, keys: &Option<MaskKeys>| keys.as_ref().and_then(|keys| one(texture, key, keys, f));
-    let (inside, outside) = (mask("inside", &keys.inside), mask("outside", &keys.outside));
+    let inside = keys.inside.as_ref().and_then(|keys| mask(texture, "inside", keys, f));
+    let outside = keys.outside.as_ref().and_then(|keys| mask(texture, "outside", keys, f));
     Masks { inside, outside, soft_mm: keys.soft.map_or(0.0, Length::as_mm), seed: keys.seed.unwrap_or(0) }
 }
 
-fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) -> Option<Mask> {
-    let (file, name) = mask.file();
+/// The mask that the key `inside` or `outside` names; None where it names no drawing.
+fn mask(texture: &Texture<'_>, key: &str, keys: &MaskKeys, f: &mut Faults<'_>) -> Option<Mask> {
+    let (file, name) = keys.file();
     if file.is_empty() || name.is_some_and(str::is_empty) {
         let fault = Diag::input("texture-key", format!("{key} names no file, or nothing in it"));
         f.push(&texture.key(key), fault.hint("write \"mask.svg#outline\", or \"mask.svg\" for all of a drawing"));
@@ -53,7 +54,7 @@ fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) ->
         f.push(&texture.key(key), fault);
         return None;
     }
-    let (page, turn, mirror, unit, area) = match mask {
+    let (page, turn, mirror, unit, area) = match keys {
         // Its page lies where a drawing with the same keys would.
         MaskKeys::Named(_) => {
             let area = if texture.keys.common.area.is_some() { texture.area_as_given() } else { Area::Unlimited };
@@ -64,20 +65,16 @@ fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) ->
         }
         MaskKeys::Placed(keys) => ((&**keys).into(), keys.turn, keys.mirror, keys.unit, Area::Unlimited),
     };
-    let is_placed = matches!(mask, MaskKeys::Placed(_));
+    let is_placed = matches!(keys, MaskKeys::Placed(_));
     // Faults of the texture's own keys are reported once, by itself.
     let (size, position) = if is_placed {
         page::resolve(page, &|name| texture.key(&format!("{key}.{name}")), f)
     } else {
-        page::wanted(page)
-    };
-    let labels = |name: &str| match KINDS.iter().any(|kind| name.starts_with(&format!("{kind}:"))) {
-        true => vec![Selector::Label(name.to_owned())],
-        false => KINDS.iter().map(|kind| Selector::Label(format!("{kind}:{name}"))).collect(),
+        page::of_agreeing(page)
     };
     let marking = Marking {
         stroke: StrokeMode::Centre,
-        only: name.map(labels).unwrap_or_default(),
+        only: name.map(selectors).unwrap_or_default(),
         mirror,
         ..Marking::default()
     };
@@ -92,4 +89,13 @@ fn one(texture: &Texture<'_>, key: &str, mask: &MaskKeys, f: &mut Faults<'_>) ->
         marking: Box::new(marking),
     };
     Some(Mask { drawing, area, name: name.map(str::to_owned) })
+}
+
+/// What a name in a drawing selects: of a name without a kind, all that may have it.
+fn selectors(name: &str) -> Vec<Selector> {
+    if KINDS.iter().any(|kind| name.starts_with(&format!("{kind}:"))) {
+        vec![Selector::Label(name.to_owned())]
+    } else {
+        KINDS.iter().map(|kind| Selector::Label(format!("{kind}:{name}"))).collect()
+    }
 }

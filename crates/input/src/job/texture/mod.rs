@@ -32,6 +32,7 @@ pub(super) struct Texture<'a> {
 }
 
 impl Texture<'_> {
+    /// A key of its table, as faults name it.
     fn key(&self, name: &str) -> String {
         format!("texture.{}.{name}", self.i)
     }
@@ -79,6 +80,7 @@ impl Texture<'_> {
         }
     }
 
+    /// The area of the texture.
     fn area(&self, f: &mut Faults<'_>) -> texture::Area {
         if let Some(AreaKeys::Rectangle(r)) = &self.keys.common.area {
             let [x0, y0, x1, y1] = r.map(Length::as_mm);
@@ -93,6 +95,7 @@ impl Texture<'_> {
         self.area_as_given()
     }
 
+    /// What it is made from.
     fn kind(&self, f: &mut Faults<'_>) -> texture::Kind {
         match &self.keys.source {
             SourceKeys::Pattern(pattern) => {
@@ -113,6 +116,7 @@ impl Texture<'_> {
         }
     }
 
+    /// A drawing or a bitmap.
     fn drawing(&self, keys: &DrawingKeys, f: &mut Faults<'_>) -> texture::Kind {
         if keys.unit.is_some() && !is_dxf(&keys.file) {
             let fault = Diag::input("texture-key", "unit applies to DXF drawings alone");
@@ -137,6 +141,7 @@ impl Texture<'_> {
         }
     }
 
+    /// Curves in space.
     fn curves(&self, keys: &CurvesKeys, f: &mut Faults<'_>) -> texture::Kind {
         if self.keys.common.area.is_some() {
             let fault = Diag::input("texture-key", "area does not apply to space curves, which stay where they are");
@@ -211,20 +216,22 @@ impl Texture<'_> {
         [only, except]: [&[String]; 2],
         f: &mut Faults<'_>,
     ) -> (Vec<texture::Selector>, Vec<texture::Selector>) {
-        let mut selectors = |key: &str, names: &[String]| -> Vec<texture::Selector> {
-            names.iter().filter_map(|name| self.selector(key, name, f)).collect()
-        };
-        (selectors("only", only), selectors("except", except))
+        (self.selectors("only", only, f), self.selectors("except", except, f))
+    }
+
+    /// What the names of a key choose.
+    fn selectors(&self, key: &str, names: &[String], f: &mut Faults<'_>) -> Vec<texture::Selector> {
+        names.iter().filter_map(|name| self.selector(key, name, f)).collect()
     }
 
     /// The pens of colours and labels.
     fn pens_of(&self, pens: &BTreeMap<String, String>, f: &mut Faults<'_>) -> Vec<(texture::Selector, PenId)> {
-        let mut found = Vec::new();
+        let mut selected = Vec::new();
         for (name, pen) in pens {
             let pen = self.named_pen("pens", pen, f);
-            found.extend(self.selector("pens", name, f).map(|selector| (selector, pen)));
+            selected.extend(self.selector("pens", name, f).map(|selector| (selector, pen)));
         }
-        found
+        selected
     }
 
     /// Which colours are the page.

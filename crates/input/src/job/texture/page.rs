@@ -34,7 +34,7 @@ impl From<&PlacedMaskKeys> for PageKeys {
 /// Size and position of the page.
 pub(super) fn resolve(keys: PageKeys, place: &dyn Fn(&str) -> String, f: &mut Faults<'_>) -> (Size, Position) {
     // Of two keys that say the same thing the second is at fault.
-    for (one, has_one, other, has_other) in [
+    for (first, has_first, second, has_second) in [
         ("size", keys.size.is_some(), "scale", keys.scale.is_some()),
         ("size", keys.size.is_some(), "fit", keys.fit.is_some()),
         ("scale", keys.scale.is_some(), "fit", keys.fit.is_some()),
@@ -42,20 +42,20 @@ pub(super) fn resolve(keys: PageKeys, place: &dyn Fn(&str) -> String, f: &mut Fa
         ("origin", keys.origin.is_some(), "fit", keys.fit.is_some()),
         ("origin", keys.origin.is_some(), "align", keys.align.is_some()),
     ] {
-        if has_one && has_other {
-            let fault = Diag::input("texture-key", format!("the texture has both {one} and {other}"));
-            f.push(&place(other), fault.hint("keep one"));
+        if has_first && has_second {
+            let fault = Diag::input("texture-key", format!("the texture has both {first} and {second}"));
+            f.push(&place(second), fault.hint("keep one"));
         }
     }
     if let Some(scale) = keys.scale.filter(|v| !(v.is_finite() && *v > 0.0)) {
         let fault = Diag::input("texture-key", format!("scale {scale} is not possible"));
         f.push(&place("scale"), fault.hint("write a number above 0: 2.0 is twice as large as the file states"));
     }
-    wanted(keys)
+    of_agreeing(keys)
 }
 
-/// The same of keys that are known to agree.
-pub(super) fn wanted(keys: PageKeys) -> (Size, Position) {
+/// Size and position of the page of keys that are known to agree.
+pub(super) fn of_agreeing(keys: PageKeys) -> (Size, Position) {
     let size = match (keys.size, keys.scale, keys.fit) {
         (Some(size), ..) => Size::Mm(size.map(Length::as_mm)),
         (_, Some(scale), _) => Size::Scaled(scale),

@@ -1,10 +1,19 @@
 //! The keys of a `[[texture]]` that say how a bitmap is marked.
 
+use std::ops::{Range, RangeInclusive};
+
 use super::keys::{CommonKeys, DpiKeys, DpiName, DrawingKeys};
 use crate::job::faults::Faults;
 use crate::texture::{Resolution, Screen, Tone};
 use terrace_core::diag::Diag;
 use terrace_core::units::{Length, Share};
+
+/// Possible pixels in an inch.
+const DPI: RangeInclusive<f64> = 0.01..=1e6;
+/// Possible exponents of the tone.
+const GAMMA: RangeInclusive<f64> = 0.01..=100.0;
+/// Possible thresholds, percent: at 100 % all of a bitmap would be dark.
+const PERCENT: Range<f64> = 0.0..100.0;
 
 /// How a bitmap is marked; None where nothing is said of it.
 pub(super) fn resolve(
@@ -35,35 +44,35 @@ pub(super) fn resolve(
         let fault = Diag::input("texture-key", "the texture has both size and dpi");
         f.push(&place("dpi"), fault.hint("keep one"));
     }
-    let mut number = |key: &str, value: Option<f64>, is_good: bool, hint: &str| {
-        if let Some(v) = value.filter(|v| !(v.is_finite() && is_good)) {
+    let dpi = keys.dpi.and_then(|d| if let DpiKeys::Number(v) = d { Some(v) } else { None });
+    let threshold = keys.threshold.map(Share::as_percent);
+    // Not a number lies in no range.
+    for (key, impossible, hint) in [
+        ("dpi", dpi.filter(|v| !DPI.contains(v)), "write pixels in an inch, 0.01 to 1000000, or \"file\""),
+        ("gamma", keys.gamma.filter(|v| !GAMMA.contains(v)), "write 0.01 to 100"),
+        ("threshold", threshold.filter(|v| !PERCENT.contains(v)), "write 0 % to less than 100 %"),
+    ] {
+        if let Some(v) = impossible {
             f.push(&place(key), Diag::input("texture-key", format!("{key} {v} is not possible")).hint(hint));
         }
-    };
-    let dpi = keys.dpi.and_then(|d| if let DpiKeys::Number(v) = d { Some(v) } else { None });
-    let is_dpi = dpi.is_some_and(|v| (0.01..=1e6).contains(&v));
-    number("dpi", dpi, is_dpi, "write pixels in an inch, 0.01 to 1000000, or \"file\"");
-    number("gamma", keys.gamma, keys.gamma.is_some_and(|v| (0.01..=100.0).contains(&v)), "write 0.01 to 100");
-    let threshold = keys.threshold.map(Share::as_percent);
-    let is_share = threshold.is_some_and(|v| (0.0..100.0).contains(&v));
-    number("threshold", threshold, is_share, "write 0 % to less than 100 %");
-    let is_said = keys.dpi.is_some()
+    }
+    let is_stated = keys.dpi.is_some()
         || keys.gamma.is_some()
         || keys.invert
         || keys.screen.is_some()
         || keys.threshold.is_some()
         || keys.period.is_some();
-    let given = Tone::default();
-    is_said.then(|| Tone {
+    let usual = Tone::default();
+    is_stated.then(|| Tone {
         resolution: keys.dpi.map(|d| match d {
             DpiKeys::Number(v) => Resolution::Dpi(v),
             DpiKeys::Stated(DpiName::File) => Resolution::File,
         }),
-        gamma: keys.gamma.unwrap_or(given.gamma),
+        gamma: keys.gamma.unwrap_or(usual.gamma),
         invert: keys.invert,
         screen,
-        threshold: threshold.map_or(given.threshold, |v| v / 100.0),
+        threshold: threshold.map_or(usual.threshold, |v| v / 100.0),
         period_mm: keys.period.map(Length::as_mm),
-        seed: common.seed.unwrap_or(given.seed),
+        seed: common.seed.unwrap_or(usual.seed),
     })
 }

@@ -156,7 +156,9 @@ impl CadMesh {
     pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
         let mut parts = bytes.splitn(3, |&b| b == b'\n');
         let mut next = || parts.next().ok_or("it ends within its header".to_owned());
-        let (first, second, body) = (next()?, next()?, next()?);
+        let first = next()?;
+        let second = next()?;
+        let body = next()?;
         let version = greeting(first)?.occt.unwrap_or_default();
         let mut about = match header(second)? {
             Header::Mesh(about) => about,
@@ -196,7 +198,8 @@ impl CadMesh {
     /// header. Vertices that are equal become one.
     pub fn to_ply(&self, comments: &[String]) -> Vec<u8> {
         let mut at: FxHashMap<[u64; 3], u32> = FxHashMap::default();
-        let (mut vertices, mut faces) = (Vec::new(), Vec::with_capacity(13 * self.triangles.len()));
+        let mut vertices = Vec::new();
+        let mut faces = Vec::with_capacity(13 * self.triangles.len());
         // -0 and 0 are one place.
         let bits = |p: [f64; 3]| p.map(|v| (v + 0.0).to_bits());
         for corners in &self.triangles {

@@ -6,6 +6,7 @@
 
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read, Write};
+use std::ops::Range;
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -24,7 +25,7 @@ pub(super) const SCRIPT: &str = include_str!("convert.py");
 const PACKAGE: &str = "cadquery-ocp-novtk==8.0.1.1.0";
 
 /// Bytes of the converter's messages that are kept.
-const SAID: usize = 4096;
+const MESSAGES: usize = 4096;
 
 /// Limits of the converter: time, and memory (Linux).
 struct Limits {
@@ -35,15 +36,17 @@ struct Limits {
 impl Limits {
     /// The usual ones, or those of the environment.
     fn from_environment() -> Result<Self, Diag> {
-        let set = |name: &str, usual: u64| match std::env::var(name) {
-            Err(_) => Ok(usual),
-            Ok(text) => text.parse().ok().filter(|n| (1..=1_000_000).contains(n)).ok_or_else(|| {
-                let text = format!("{name} is {text:?}, which is not a whole number from 1 to 1000000");
-                Diag::input("cad-converter", text).hint(format!("leave it unset for the usual limit of {usual}"))
-            }),
-        };
-        Ok(Self { seconds: set("TERRACE_CONVERTER_SECONDS", 300)?, megabytes: set("TERRACE_CONVERTER_MB", 4096)? })
+        Ok(Self { seconds: limit("TERRACE_CONVERTER_SECONDS", 300)?, megabytes: limit("TERRACE_CONVERTER_MB", 4096)? })
     }
+}
+
+/// A limit of the environment, or the usual one.
+fn limit(name: &str, usual: u64) -> Result<u64, Diag> {
+    let Ok(text) = std::env::var(name) else { return Ok(usual) };
+    text.parse().ok().filter(|n| (1..=1_000_000).contains(n)).ok_or_else(|| {
+        let text = format!("{name} is {text:?}, which is not a whole number from 1 to 1000000");
+        Diag::input("cad-converter", text).hint(format!("leave it unset for the usual limit of {usual}"))
+    })
 }
 
 /// How a run of the converter ended, where it gave no answer.
@@ -87,7 +90,8 @@ fn run_with(
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(|e| End::Absent(format!("cannot be started: {e}")))?;
     let begun = Instant::now();
-    let (answer, said) = (mpsc::channel(), mpsc::channel());
+    let answer = mpsc::channel();
+    let said = mpsc::channel();
     if let (Some(stdin), Some(stdout), Some(stderr)) = (child.stdin.take(), child.stdout.take(), child.stderr.take()) {
         std::thread::spawn(move || give(stdin));
         std::thread::spawn(move || answer.0.send(listen(stdout)));
@@ -104,17 +108,17 @@ fn run_with(
     let said = said.1.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
     match (heard, status) {
         (_, None) => Err(End::Fault(out_of_time(limits))),
-        (Ok(Heard::Mesh(bytes)), Some(status)) if status.success() => Ok(bytes),
-        (Ok(Heard::Absent(why)), _) => Err(End::Absent(why)),
-        (Ok(Heard::Refused { error, text }), _) => Err(End::Fault(refused(path, &error, &text))),
-        (Ok(Heard::TooMuch(d)), _) => Err(End::Fault(d)),
-        (Ok(Heard::Nothing), Some(status)) if status.code().is_some() => {
+        (Ok(ConverterAnswer::Mesh(bytes)), Some(status)) if status.success() => Ok(bytes),
+        (Ok(ConverterAnswer::Absent(why)), _) => Err(End::Absent(why)),
+        (Ok(ConverterAnswer::Refused { error, text }), _) => Err(End::Fault(refused(path, &error, &text))),
+        (Ok(ConverterAnswer::TooMuch(d)), _) => Err(End::Fault(d)),
+        (Ok(ConverterAnswer::Nothing), Some(status)) if status.code().is_some() => {
             // No word before the bindings were loaded: this is no Python that has them.
             Err(End::Absent(format!("it ended with {status}{}", quoted(&said))))
         }
         // Its pipe was closed before it had written all of that.
-        (Ok(Heard::Garbage(why)), _) => Err(End::Fault(garbage(path, &why))),
-        (Ok(Heard::Short(why)), Some(status)) if status.success() => Err(End::Fault(garbage(path, &why))),
+        (Ok(ConverterAnswer::Garbage(why)), _) => Err(End::Fault(garbage(path, &why))),
+        (Ok(ConverterAnswer::Short(why)), Some(status)) if status.success() => Err(End::Fault(garbage(path, &why))),
         (_, Some(status)) => Err(End::Fault(crashed(status, limits, &said))),
     }
 }
@@ -126,7 +130,7 @@ fn give(mut stdin: ChildStdin) {
 
 /// What came from the converter.
 #[derive(PartialEq)]
-enum Heard {
+enum ConverterAnswer {
     /// A mesh, with its two lines before it.
     Mesh(Vec<u8>),
     /// The bindings are not there.
@@ -144,52 +148,55 @@ enum Heard {
 }
 
 /// Reads what the converter writes, no more than its header says.
-fn listen(stdout: ChildStdout) -> Heard {
+fn listen(stdout: ChildStdout) -> ConverterAnswer {
     let mut input = BufReader::with_capacity(1 << 16, stdout);
     let mut all = Vec::new();
-    let mut line = |all: &mut Vec<u8>| {
-        let from = all.len();
-        let read = input.by_ref().take(MAX_LINE as u64).read_until(b'\n', all);
-        let end = if all.last() == Some(&b'\n') { all.len() - 1 } else { all.len() };
-        read.map(|_| from..end).unwrap_or(from..from)
-    };
-    let first = line(&mut all);
+    let first = append_line(&mut input, &mut all);
     if first.is_empty() {
-        return Heard::Nothing;
+        return ConverterAnswer::Nothing;
     }
     match greeting(&all[first]).map(|greeting| greeting.absent) {
         Ok(None) => {}
-        Ok(Some(why)) => return Heard::Absent(why),
-        Err(why) => return Heard::Garbage(why),
+        Ok(Some(why)) => return ConverterAnswer::Absent(why),
+        Err(why) => return ConverterAnswer::Garbage(why),
     }
-    let second = line(&mut all);
+    let second = append_line(&mut input, &mut all);
     if second.is_empty() || (all.last() != Some(&b'\n') && second.len() < MAX_LINE) {
-        return Heard::Short("it ends within its header".into());
+        return ConverterAnswer::Short("it ends within its header".into());
     }
     let about = match header(&all[second]) {
         Ok(Header::Mesh(about)) => about,
-        Ok(Header::Error { error, text }) => return Heard::Refused { error, text },
-        Err(why) => return Heard::Garbage(why),
+        Ok(Header::Error { error, text }) => return ConverterAnswer::Refused { error, text },
+        Err(why) => return ConverterAnswer::Garbage(why),
     };
-    let Some(body) = about.body() else { return Heard::Garbage("its counts are beyond all memory".into()) };
+    let Some(body) = about.body() else { return ConverterAnswer::Garbage("its counts are beyond all memory".into()) };
     // The bytes, and the mesh that is made of them.
     if let Err(d) = memory::ask("the mesh of the file", body.saturating_mul(2)) {
-        return Heard::TooMuch(d);
+        return ConverterAnswer::TooMuch(d);
     }
     match input.take(body.saturating_add(1)).read_to_end(&mut all) {
-        Ok(read) if read as u64 == body => Heard::Mesh(all),
-        Ok(read) if (read as u64) < body => Heard::Short(format!("{read} of {body} bytes follow its header")),
-        Ok(_) => Heard::Garbage("more follows than its header says".into()),
-        Err(e) => Heard::Garbage(format!("it cannot be read: {e}")),
+        Ok(read) if read as u64 == body => ConverterAnswer::Mesh(all),
+        Ok(read) if (read as u64) < body => ConverterAnswer::Short(format!("{read} of {body} bytes follow its header")),
+        Ok(_) => ConverterAnswer::Garbage("more follows than its header says".into()),
+        Err(e) => ConverterAnswer::Garbage(format!("it cannot be read: {e}")),
     }
+}
+
+/// Appends a line to what was read; returns where it stands there without its end, or nothing where it cannot be read.
+fn append_line(input: &mut impl BufRead, all: &mut Vec<u8>) -> Range<usize> {
+    let from = all.len();
+    let read = input.take(MAX_LINE as u64).read_until(b'\n', all);
+    let end = if all.last() == Some(&b'\n') { all.len() - 1 } else { all.len() };
+    read.map(|_| from..end).unwrap_or(from..from)
 }
 
 /// The end of what the converter prints; all of it is taken, so that it can continue.
 fn last_words(mut stderr: ChildStderr) -> String {
-    let (mut kept, mut chunk) = (Vec::new(), [0; 4096]);
+    let mut kept = Vec::new();
+    let mut chunk = [0; 4096];
     while let Ok(read @ 1..) = stderr.read(&mut chunk) {
         kept.extend_from_slice(&chunk[..read]);
-        let more = kept.len().saturating_sub(SAID);
+        let more = kept.len().saturating_sub(MESSAGES);
         kept.drain(..more);
     }
     let text = String::from_utf8_lossy(&kept).into_owned();

@@ -23,7 +23,9 @@ const PARAMETERS: usize = 64;
 /// Checks a file.
 pub(super) fn check(path: &Path) -> Result<(), Error> {
     let mut lines = Lines::open(path, "an IGES file")?;
-    let (mut section, mut counts, mut last) = (0, [0u64; 5], Vec::new());
+    let mut section = 0;
+    let mut counts = [0u64; 5];
+    let mut last = Vec::new();
     while lines.advance()? {
         let line = lines.line();
         if line.iter().all(u8::is_ascii_whitespace) {
@@ -143,7 +145,8 @@ fn compared(flag: &str, name: &str) -> Unit {
     let capitals = name.to_ascii_uppercase();
     let named = UNITS.iter().find(|(_, names)| names.contains(&capitals.as_str()));
     let number = flag.parse().ok().filter(|&n: &usize| (1..=UNITS.len()).contains(&n));
-    let (both, is_unstated) = (format!("flag {flag:?}, name {name:?}"), ["", "0"].contains(&flag));
+    let both = format!("flag {flag:?}, name {name:?}");
+    let is_unstated = ["", "0"].contains(&flag);
     match (number, named) {
         (Some(BY_NAME) | None, _) if name.is_empty() && (is_unstated || number.is_some()) => Unit::Absent,
         (Some(BY_NAME), Some((mm, _))) if STANDARD.contains(&name) || *mm == 1.0 => Unit::Agrees,
@@ -184,7 +187,10 @@ fn global_section(path: &Path) -> Result<Vec<u8>, Error> {
 
 /// The global parameters: texts without their count, everything else as it is.
 fn parameters(data: &[u8]) -> Result<Vec<String>, String> {
-    let (mut out, mut rest, mut between, mut end) = (Vec::new(), data, b',', b';');
+    let mut out = Vec::new();
+    let mut rest = data;
+    let mut between = b',';
+    let mut end = b';';
     loop {
         rest = rest.trim_ascii_start();
         let (value, after) = match counted(rest)? {
@@ -229,7 +235,8 @@ fn finite(data: &[u8]) -> Result<(), String> {
         let word = word.trim_ascii();
         let Some(e) = word.iter().position(|b| b"EeDd".contains(b)) else { continue };
         let is_number = |part: &[u8]| !part.is_empty() && part.iter().all(|b| b.is_ascii_digit() || b"+-.".contains(b));
-        let (mantissa, exponent) = (&word[..e], &word[e + 1..]);
+        let mantissa = &word[..e];
+        let exponent = &word[e + 1..];
         let text = String::from_utf8_lossy(word);
         let huge = || text.to_ascii_lowercase().replace('d', "e").parse::<f64>().is_ok_and(|v| !v.is_finite());
         if is_number(mantissa) && is_number(exponent) && huge() {

@@ -174,11 +174,15 @@ impl Header {
         if cell <= 0.0 {
             return Err(Diag::input("grid-header", format!("cellsize is {cell}")).hint(AGAIN));
         }
-        let along = |corner: &str, centre: &str| match self.of(centre) {
+        Ok((cell, [self.lower_left("xllcorner", "xllcenter", cell)?, self.lower_left("yllcorner", "yllcenter", cell)?]))
+    }
+
+    /// The place of the lower left sample along an axis: the centre of the cell, or half a cell beside its corner.
+    fn lower_left(&self, corner: &str, centre: &str, cell: f64) -> Result<f64, Diag> {
+        match self.of(centre) {
             Some(v) => Ok(v),
             None => self.need(corner).map(|v| v + cell / 2.0),
-        };
-        Ok((cell, [along("xllcorner", "xllcenter")?, along("yllcorner", "yllcenter")?]))
+        }
     }
 }
 

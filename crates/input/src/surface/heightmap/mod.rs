@@ -180,36 +180,38 @@ fn check_square([x, y]: [f64; 2], what: &str, remedy: &str) -> Result<(), Diag> 
 
 /// The line from values to heights: z of value 0, and the step of one value.
 fn check_scale(scale: &Scale, full: Option<[f64; 2]>) -> Result<[f64; 2], Diag> {
-    let bad = |text: String, key: &str| {
-        Diag::input("heightmap-scale", text).hint(format!("correct {key} in [surface.heightmap]"))
-    };
     let numbers = [scale.pixel_mm, scale.z_mm[0], scale.z_mm[1], scale.origin_mm[0], scale.origin_mm[1]];
     if scale.pixel_mm <= 0.0 || numbers.iter().chain(scale.values.iter().flatten()).any(|v| !v.is_finite()) {
-        return Err(bad(
+        return Err(bad_scale(
             "the scale of the height map is invalid: pixel must be positive, and z, values and origin finite".into(),
             "pixel, z, values or origin",
         ));
     }
     let Some([from, to]) = scale.values.or(full) else {
         let text = "the samples of this file are floats or elevations, whose range is not known beforehand";
-        return Err(bad(text.into(), "values: state the two values that z belongs to"));
+        return Err(bad_scale(text.into(), "values: state the two values that z belongs to"));
     };
     if from == to {
-        return Err(bad(format!("values are both {from}: two heights need two values"), "values"));
+        return Err(bad_scale(format!("values are both {from}: two heights need two values"), "values"));
     }
-    let misses = |v: &f64, whole: bool| full.is_some_and(|[lo, hi]| *v < lo || *v > hi || whole && v.fract() != 0.0);
-    let named = |v: f64| {
-        let [lo, hi] = full.unwrap_or_default();
-        format!("{v} does not occur in this file: its samples go from {lo} to {hi}")
-    };
-    if let Some(v) = [from, to].into_iter().find(|v| misses(v, false)) {
-        return Err(bad(format!("value {}", named(v)), "values"));
-    }
-    if let Some(v) = scale.nodata.filter(|v| misses(v, true)) {
-        return Err(bad(format!("nodata {}", named(v)), "nodata"));
+    if let Some([lo, hi]) = full {
+        let is_beyond = |v: f64| v < lo || v > hi;
+        let absence = format!("does not occur in this file: its samples go from {lo} to {hi}");
+        if let Some(v) = [from, to].into_iter().find(|v| is_beyond(*v)) {
+            return Err(bad_scale(format!("value {v} {absence}"), "values"));
+        }
+        // Heights may be given for values between two samples; a sample that is a hole is a whole number.
+        if let Some(v) = scale.nodata.filter(|v| is_beyond(*v) || v.fract() != 0.0) {
+            return Err(bad_scale(format!("nodata {v} {absence}"), "nodata"));
+        }
     }
     let step = (scale.z_mm[1] - scale.z_mm[0]) / (to - from);
     Ok([scale.z_mm[0] - from * step, step])
+}
+
+/// The fault of a scale that cannot be used.
+fn bad_scale(text: String, key: &str) -> Diag {
+    Diag::input("heightmap-scale", text).hint(format!("correct {key} in [surface.heightmap]"))
 }
 
 /// What a reader makes of a file of this name and these bytes, and what it says of it.

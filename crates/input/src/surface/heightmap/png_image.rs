@@ -75,7 +75,9 @@ fn decode(input: impl std::io::BufRead + Seek) -> Result<Image, Diag> {
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
     let info = decoder.read_header_info().map_err(damaged)?;
-    let (width, height, is_interlaced) = (info.width, info.height, info.interlaced);
+    let width = info.width;
+    let height = info.height;
+    let is_interlaced = info.interlaced;
     let is_8_bit = info.bit_depth == BitDepth::Eight;
     check_samples(info.color_type, info.bit_depth)?;
     check_size(width.into(), height.into(), if is_interlaced { MAX_SAMPLES / 2 } else { MAX_SAMPLES })?;

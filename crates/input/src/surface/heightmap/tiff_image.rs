@@ -125,15 +125,11 @@ fn check_samples<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<u64, Diag> 
 /// Refuses cells that are not square by the resolution, or by the scale or the transformation of GeoTIFF.
 fn check_cells<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<(), Diag> {
     let remedy = "resample the map to square cells, or remove the tags if they are wrong";
-    let mut numbers = |tag: Tag| {
-        let value = decoder.find_tag(tag).map_err(damaged)?;
-        Ok::<_, Diag>(value.map(numbers_of).unwrap_or_default())
-    };
-    if let [x, y, ..] = numbers(Tag::ModelPixelScaleTag)?[..] {
+    if let [x, y, ..] = numbers(decoder, Tag::ModelPixelScaleTag)?[..] {
         check_square([x, y], "the tag ModelPixelScale", remedy)?;
     }
     // Columns of the matrix are the sides of a cell.
-    if let [a, b, _, _, c, d, ..] = numbers(Tag::ModelTransformationTag)?[..] {
+    if let [a, b, _, _, c, d, ..] = numbers(decoder, Tag::ModelTransformationTag)?[..] {
         let what = "the tag ModelTransformation";
         check_square([a.hypot(c), b.hypot(d)], what, remedy)?;
         if (a * b + c * d).abs() > 1e-6 * a.hypot(c) * b.hypot(d) {
@@ -141,7 +137,7 @@ fn check_cells<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<(), Diag> {
             return Err(Diag::input("heightmap-cells", text).hint(remedy));
         }
     }
-    let [x, y] = [numbers(Tag::XResolution)?, numbers(Tag::YResolution)?].map(|v| v.first().copied());
+    let [x, y] = [numbers(decoder, Tag::XResolution)?, numbers(decoder, Tag::YResolution)?].map(|v| v.first().copied());
     // Samples a length: the more, the smaller the cell.
     match (x, y) {
         (Some(x), Some(y)) => check_square([y, x], "the tags XResolution and YResolution", remedy),
@@ -149,7 +145,13 @@ fn check_cells<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<(), Diag> {
     }
 }
 
-/// The numbers of a tag.
+/// The numbers of a tag; none where the file does not have it.
+fn numbers<R: Read + Seek>(decoder: &mut Decoder<R>, tag: Tag) -> Result<Vec<f64>, Diag> {
+    let value = decoder.find_tag(tag).map_err(damaged)?;
+    Ok(value.map(numbers_of).unwrap_or_default())
+}
+
+/// The numbers of a value.
 fn numbers_of(value: Value) -> Vec<f64> {
     match value {
         Value::List(values) => values.into_iter().flat_map(numbers_of).collect(),

@@ -10,8 +10,8 @@ use terrace_core::geom::{BoxMm, P2, Pose};
 /// From so many rows `0 0 0` on, these are places where nothing was measured, wherever the others lie.
 const MANY_ZEROS: usize = 10;
 
-/// Rows of a height that may mean that nothing was measured.
-struct Held {
+/// Rows of one height that may mean that nothing was measured; kept until all others are known.
+struct SuspectRows {
     z: f64,
     rows: Vec<[f64; 3]>,
     first: Place,
@@ -20,12 +20,14 @@ struct Held {
 /// Whether scanners and maps write this height, in whatever unit, where they measured nothing: -999 and more nines,
 /// with up to three decimals, and the least number of 16 bits.
 fn may_be_no_data(z: f64) -> bool {
-    let all_nines = |decimals: i32| {
-        let whole = -z * 10f64.powi(decimals);
-        let digits = (whole + 1.0).log10();
-        (whole - whole.round()).abs() < 1e-6 * 10f64.powi(decimals) && (digits - digits.round()).abs() < 1e-12
-    };
-    z == -32768.0 || (-1e6..=-999.0).contains(&z) && (0..=3).any(all_nines)
+    z == -32768.0 || (-1e6..=-999.0).contains(&z) && (0..=3).any(|decimals| is_all_nines(-z, decimals))
+}
+
+/// Whether a number is written as nines alone, with so many decimals: one more of its last digit is a power of ten.
+fn is_all_nines(v: f64, decimals: i32) -> bool {
+    let whole = v * 10f64.powi(decimals);
+    let digits = (whole + 1.0).log10();
+    (whole - whole.round()).abs() < 1e-6 * 10f64.powi(decimals) && (digits - digits.round()).abs() < 1e-12
 }
 
 /// The points so far, and those that cannot be used.
@@ -39,7 +41,7 @@ pub(super) struct Cloud {
     first_dropped: Option<Place>,
     zeros: usize,
     first_zero: Option<Place>,
-    held: Vec<Held>,
+    suspect: Vec<SuspectRows>,
     /// Least and largest height of all other rows, in file units.
     heights: [f64; 2],
 }
@@ -56,7 +58,7 @@ impl Cloud {
             first_dropped: None,
             zeros: 0,
             first_zero: None,
-            held: Vec::new(),
+            suspect: Vec::new(),
             heights: [f64::INFINITY, f64::NEG_INFINITY],
         }
     }
@@ -69,7 +71,7 @@ impl Cloud {
 
     /// How many points there are.
     pub(super) fn len(&self) -> usize {
-        self.points.len() + self.held.iter().map(|held| held.rows.len()).sum::<usize>()
+        self.points.len() + self.suspect.iter().map(|suspect| suspect.rows.len()).sum::<usize>()
     }
 
     /// Adds a row in file units.
@@ -80,9 +82,9 @@ impl Cloud {
             return;
         }
         if may_be_no_data(row[2]) {
-            match self.held.iter_mut().find(|held| held.z == row[2]) {
-                Some(held) => held.rows.push(row),
-                None => self.held.push(Held { z: row[2], rows: vec![row], first: place() }),
+            match self.suspect.iter_mut().find(|suspect| suspect.z == row[2]) {
+                Some(suspect) => suspect.rows.push(row),
+                None => self.suspect.push(SuspectRows { z: row[2], rows: vec![row], first: place() }),
             }
             return;
         }
@@ -115,20 +117,20 @@ impl Cloud {
 
     /// Decides what rows of such heights are: no points where they lie farther below all others than these
     /// lie apart.
-    fn end_held(&mut self, notes: &mut Vec<Diag>) {
+    fn end_suspect(&mut self, notes: &mut Vec<Diag>) {
         let [low, high] = self.heights;
-        for held in std::mem::take(&mut self.held) {
-            let z = held.z;
+        for suspect in std::mem::take(&mut self.suspect) {
+            let z = suspect.z;
             if low.is_finite() && low - z > high - low {
                 let text = format!(
                     "{} rows have the height {z}, far below the others, {low} to {high}, as where nothing was measured; left \
                      out",
-                    held.rows.len()
+                    suspect.rows.len()
                 );
-                let d = Diag::warning("points-no-data", text).at(held.first);
+                let d = Diag::warning("points-no-data", text).at(suspect.first);
                 notes.push(d.hint("export the cloud without them; where they were, neighbours are joined"));
             } else {
-                held.rows.into_iter().for_each(|row| self.put(row, || held.first.clone()));
+                suspect.rows.into_iter().for_each(|row| self.put(row, || suspect.first.clone()));
             }
         }
     }
@@ -136,7 +138,8 @@ impl Cloud {
     /// Decides what the rows `0 0 0` are: two or more are not points where the others lie elsewhere, and so are many.
     fn end_zeros(&mut self, are_none: bool, notes: &mut Vec<Diag>) {
         let Some(place) = self.first_zero.clone() else { return };
-        let (origin, box3) = (self.place([0.0; 3]), self.extent);
+        let origin = self.place([0.0; 3]);
+        let box3 = self.extent;
         let is_outside = (0..3).any(|k| origin[k] < box3.lo[k] || origin[k] > box3.hi[k]);
         let zeros = self.zeros;
         if are_none || zeros >= MANY_ZEROS || zeros > 1 && is_outside {
@@ -155,7 +158,7 @@ impl Cloud {
         zeros_are_none: bool,
         notes: &mut Vec<Diag>,
     ) -> Result<Vec<Point>, Error> {
-        self.end_held(notes);
+        self.end_suspect(notes);
         self.end_zeros(zeros_are_none, notes);
         if let Some(place) = self.first_beyond {
             return Err(self.extent.beyond_in(place, self.unit, &check_unit(self.unit)).into());
@@ -170,5 +173,27 @@ impl Cloud {
             return Err(no_surface(path, text, "export the cloud as rows of x y z").into());
         }
         Ok(self.points)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_of_nines_may_mean_that_nothing_was_measured() {
+        for (z, may_be) in [
+            (-999.0, true),
+            (-9999.0, true),
+            (-9999.99, true),
+            (-999.999, true),
+            (-32768.0, true),
+            (-998.0, false),
+            (-99.0, false),
+            (999.0, false),
+            (-9990.0, false),
+        ] {
+            assert_eq!(may_be_no_data(z), may_be, "{z}");
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! The columns of a row, and what parts them.
+//! The columns of a row, and what separates them.
 
 /// What parts the columns.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -29,7 +29,7 @@ impl Layout {
     }
 
     /// The columns that a row of names gives.
-    pub(super) fn named_by_row(&self, line: &[u8]) -> Result<names::Named, Diag> {
+    pub(super) fn named_by_row(&self, line: &[u8]) -> Result<names::NamedColumns, Diag> {
         let mut named = names::of_row(line, self.separator, self.columns)?;
         if named.is_none() && self.may_lack_last {
             named = names::of_row(line, self.separator, self.columns - 1)?;
@@ -42,7 +42,7 @@ impl Layout {
     }
 
     /// The columns that a comment gives.
-    pub(super) fn named_by_comment(&self, line: &[u8]) -> Result<Option<names::Named>, Diag> {
+    pub(super) fn named_by_comment(&self, line: &[u8]) -> Result<Option<names::NamedColumns>, Diag> {
         names::of_comment(line, self.separator, self.columns)
     }
 
@@ -83,6 +83,7 @@ impl Layout {
     }
 }
 
+/// The remedy for rows of another number of columns.
 const SAME_COLUMNS: &str = "every row needs the same columns; the file may be cut short";
 
 /// Whether a row before the points is one of names: the first three columns are, or three are and none is a number.

@@ -53,7 +53,8 @@ pub(crate) fn read(
             facets.push(corners);
         }
     }
-    let (all, left) = (mesh.num_inner_faces(), facets.count());
+    let all = mesh.num_inner_faces();
+    let left = facets.count();
     if left == 0 {
         let text = format!("every triangle between the points has an edge longer than {max_edge:.6} mm");
         return Err(no_surface(path, text, "raise max_edge in [surface]").into());
@@ -214,7 +215,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("a.csv");
         std::fs::write(&path, text).expect("written");
-        let (mut got, mut notes) = (vec![], vec![]);
+        let mut got = vec![];
+        let mut notes = vec![];
         let lines = Lines::open(&path, "a point cloud").expect("text");
         let result =
             read(lines, &path, Unit::mm(1.0), &Options { max_edge_mm, ..Options::default() }, &mut notes, &mut |f| {

@@ -108,9 +108,20 @@ fn meaning(word: &str) -> Meaning {
     }
 }
 
+impl Name {
+    /// Whether it says that column `i` is another than x, y and z in this order would have there.
+    fn contradicts(&self, i: usize) -> bool {
+        match self.meaning {
+            Meaning::Axis(k) | Meaning::Surveyed(k) => k != i,
+            Meaning::Other => i < 3,
+            Meaning::Unknown => false,
+        }
+    }
+}
+
 /// The columns of x, y and z by their names.
 #[derive(Debug)]
-pub(super) struct Named {
+pub(super) struct NamedColumns {
     pub xyz: [usize; 3],
     /// What is to be reported of the choice.
     pub note: Option<Diag>,
@@ -122,7 +133,7 @@ pub(super) struct Named {
 ///
 /// # Errors
 /// The names contradict each other, or the columns that would be taken.
-pub(super) fn of_row(line: &[u8], separator: Separator, columns: usize) -> Result<Option<Named>, Diag> {
+pub(super) fn of_row(line: &[u8], separator: Separator, columns: usize) -> Result<Option<NamedColumns>, Diag> {
     if columns < 3 {
         return Ok(None);
     }
@@ -131,23 +142,18 @@ pub(super) fn of_row(line: &[u8], separator: Separator, columns: usize) -> Resul
         return Ok(Some(named));
     }
     let list = listed(&names);
-    let is_elsewhere = |(i, name): (usize, &Name)| match name.meaning {
-        Meaning::Axis(k) | Meaning::Surveyed(k) => k != i,
-        Meaning::Other => i < 3,
-        Meaning::Unknown => false,
-    };
-    if names.iter().enumerate().any(is_elsewhere) {
+    if names.iter().enumerate().any(|(i, name)| name.contradicts(i)) {
         let text = format!("the columns are named {list}, which does not say which are x, y and z");
         return Err(Diag::input("points-names", text).hint(NAME_THEM));
     }
-    Ok(Some(Named { xyz: [0, 1, 2], note: Some(taken(&names, [0, 1, 2])), unit_mm: None }))
+    Ok(Some(NamedColumns { xyz: [0, 1, 2], note: Some(taken(&names, [0, 1, 2])), unit_mm: None }))
 }
 
 /// The columns that a comment gives to rows of `columns` columns; None where it names none.
 ///
 /// # Errors
 /// The comment names x, y and z in another order, but not one name for each column.
-pub(super) fn of_comment(line: &[u8], separator: Separator, columns: usize) -> Result<Option<Named>, Diag> {
+pub(super) fn of_comment(line: &[u8], separator: Separator, columns: usize) -> Result<Option<NamedColumns>, Diag> {
     let text = line.trim_ascii_start();
     let marks = text.iter().take_while(|b| b"#/%!;".contains(b)).count();
     let text = &text[marks..];
@@ -169,6 +175,7 @@ pub(super) fn of_comment(line: &[u8], separator: Separator, columns: usize) -> R
     Ok(None)
 }
 
+/// The remedy for names that do not say which columns are x, y and z.
 const NAME_THEM: &str = "name all columns in a row before the points, three of them x, y and z";
 
 /// The names of a line, if there is one for each of so many columns.
@@ -191,10 +198,10 @@ fn split(line: &[u8], separator: Separator, columns: RangeInclusive<usize>) -> O
 }
 
 /// The columns of x, y and z where each has a name; x and y are both in letters or both in the words of surveyors.
-fn by_names(names: &[Name]) -> Result<Option<Named>, Diag> {
+fn by_names(names: &[Name]) -> Result<Option<NamedColumns>, Diag> {
     let find = |meaning: Meaning| names.iter().position(|name| name.meaning == meaning);
-    let [Some(z), ..] = [find(Meaning::Axis(2)).or_else(|| find(Meaning::Surveyed(2)))] else { return Ok(None) };
-    let pair = |of: fn(usize) -> Meaning| find(of(0)).zip(find(of(1)));
+    let Some(z) = find(Meaning::Axis(2)).or_else(|| find(Meaning::Surveyed(2))) else { return Ok(None) };
+    let pair = |meaning: fn(usize) -> Meaning| find(meaning(0)).zip(find(meaning(1)));
     let Some((x, y)) = pair(Meaning::Axis).or_else(|| pair(Meaning::Surveyed)) else { return Ok(None) };
     let xyz = [x, y, z];
     let units: Vec<f64> = xyz.iter().filter_map(|&i| names[i].unit_mm).collect();
@@ -205,7 +212,7 @@ fn by_names(names: &[Name]) -> Result<Option<Named>, Diag> {
     let is_letter = |&i: &usize| matches!(names[i].meaning, Meaning::Axis(_));
     let is_twice = names.iter().filter(|name| matches!(name.meaning, Meaning::Axis(_))).count() > 3;
     let note = (!xyz.iter().all(is_letter) || is_twice).then(|| taken(names, xyz));
-    Ok(Some(Named { xyz, note, unit_mm: units.first().copied() }))
+    Ok(Some(NamedColumns { xyz, note, unit_mm: units.first().copied() }))
 }
 
 /// Says which columns are taken.
@@ -215,6 +222,7 @@ fn taken(names: &[Name], xyz: [usize; 3]) -> Diag {
     Diag::warning("points-names", text).hint("name the columns x, y and z if that is wrong")
 }
 
+/// The first of some names, for a message.
 fn listed(names: &[Name]) -> String {
     names.iter().take(6).map(|name| name.shown.as_str()).collect::<Vec<_>>().join(", ")
 }

@@ -55,7 +55,7 @@ impl<'a> Rows<'a> {
         if line.is_empty() {
             return Ok(());
         }
-        if is_comment(line, self.layout.is_none()) {
+        if is_comment(line) || self.layout.is_none() && is_semicolon_comment(line) {
             self.comment(line, lines);
             return Ok(());
         }
@@ -183,15 +183,15 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Whether a line is a comment. A semicolon begins one before the points, where it parts no columns.
-fn is_comment(line: &[u8], is_before: bool) -> bool {
-    let is_marked =
-        line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%") || line.starts_with(b"!");
-    let by_semicolon = || match line.strip_prefix(b";") {
-        Some(rest) => !rest.contains(&b';') && fields(rest, Separator::Blanks).all(|w| number(w).is_err()),
-        None => false,
-    };
-    is_marked || is_before && by_semicolon()
+/// Whether a line is a comment wherever it stands.
+fn is_comment(line: &[u8]) -> bool {
+    line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%") || line.starts_with(b"!")
+}
+
+/// Whether a semicolon begins a comment, as it does before the points where it separates no columns.
+fn is_semicolon_comment(line: &[u8]) -> bool {
+    let Some(rest) = line.strip_prefix(b";") else { return false };
+    !rest.contains(&b';') && fields(rest, Separator::Blanks).all(|w| number(w).is_err())
 }
 
 /// The number of a row that has nothing but a whole one.

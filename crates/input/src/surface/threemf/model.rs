@@ -187,7 +187,8 @@ fn tag(parent: Option<Tag>, name: &str) -> Tag {
 
 /// The element of a slicer's namespace within another.
 fn foreign_tag(space: &str, parent: Option<Tag>, name: &str) -> Tag {
-    let (is_cura, is_slic3r) = (space.starts_with(CURA), space.starts_with(SLIC3R));
+    let is_cura = space.starts_with(CURA);
+    let is_slic3r = space.starts_with(SLIC3R);
     match (parent, name) {
         (Some(Tag::Object), "settings") if is_cura => Tag::Settings,
         (Some(Tag::Settings), "setting") if is_cura => Tag::Setting,
@@ -215,7 +216,8 @@ pub(super) fn read(input: &mut dyn BufRead, name: &str) -> Result<Model, Diag> {
                     ResolveResult::Unbound => "",
                     ResolveResult::Unknown(prefix) => return Err(no_namespace(name, &prefix)),
                 };
-                let (is_core, parent) = (space == CORE, parser.stack.last().copied());
+                let is_core = space == CORE;
+                let parent = parser.stack.last().copied();
                 let tag =
                     if is_core { tag(parent, local.as_ref()) } else { foreign_tag(space, parent, local.as_ref()) };
                 has_model |= tag == Tag::Model;
@@ -277,7 +279,8 @@ impl Parser<'_> {
 
     /// The root element: the unit and the extensions.
     fn model(&mut self, e: &BytesStart<'_>, namespace: &dyn Fn(&str) -> Option<String>) -> Result<(), Diag> {
-        let (mut unit, mut required) = (None, None);
+        let mut unit = None;
+        let mut required = None;
         attributes(e, self.name, |key, value| {
             match key {
                 "unit" => unit = Some(text_of(value, self.name)?),
@@ -450,7 +453,10 @@ impl Parser<'_> {
     }
 
     fn instance(&self, e: &BytesStart<'_>) -> Result<Instance, Diag> {
-        let (mut object, mut path, mut transform, mut is_printable) = (None, None, Transform::IDENTITY, true);
+        let mut object = None;
+        let mut path = None;
+        let mut transform = Transform::IDENTITY;
+        let mut is_printable = true;
         attributes(e, self.name, |key, value| {
             // The path has the prefix of the production extension; nothing else is called so.
             match key.rsplit_once(':').map_or(key, |(_, local)| local) {
@@ -510,7 +516,9 @@ impl Parser<'_> {
 
     /// A volume of Slic3r: a range of triangles.
     fn volume(&mut self, e: &BytesStart<'_>) -> Result<(), Diag> {
-        let (mut first, mut last, mut is_modifier) = (None, None, false);
+        let mut first = None;
+        let mut last = None;
+        let mut is_modifier = false;
         attributes(e, self.name, |key, value| {
             match key {
                 "ts" => first = value.trim().parse().ok(),

@@ -134,7 +134,8 @@ impl<'a> Package<'a> {
         let path = self.path;
         let index = self.index(name).ok_or_else(|| self.fault("3mf-part", format!("there is no part {name}")))?;
         let file = self.archive.by_index(index).map_err(|e| damaged(name, &e).at(place(path)))?;
-        let (size, packed) = (file.size(), file.compressed_size());
+        let size = file.size();
+        let packed = file.compressed_size();
         if size > most || size / MAX_RATIO > packed {
             let text = format!("{name} has {size} bytes, packed in {packed}");
             let hint = format!("no model is packed {MAX_RATIO} to 1 or better: export it again");
@@ -177,7 +178,8 @@ struct Relationship {
 fn relationships(input: &mut dyn BufRead, name: &str) -> Result<Vec<Relationship>, Diag> {
     let mut reader = Reader::from_reader(input);
     reader.config_mut().expand_empty_elements = true;
-    let (mut buffer, mut found) = (Vec::new(), Vec::new());
+    let mut buffer = Vec::new();
+    let mut found = Vec::new();
     loop {
         buffer.clear();
         match reader.read_event_into(&mut buffer).map_err(|e| xml_fault(name, &e))? {

@@ -32,7 +32,8 @@ fn read_bytes(bytes: &[u8], stated_mm: Option<f64>) -> Outcome {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("a.3mf");
     std::fs::write(&path, bytes).expect("written");
-    let (mut got, mut notes) = (vec![], vec![]);
+    let mut got = vec![];
+    let mut notes = vec![];
     let result = read(&path, stated_mm, &crate::surface::Options::default(), &mut notes, &mut |f| got.push(f));
     (result, got, notes)
 }
@@ -206,7 +207,8 @@ fn assert_refused((result, got, _): Outcome, code: &str, say: &str) {
 #[test]
 fn ranges_of_triangles_that_are_not_the_part_are_left_out() {
     let text = model(&[(1, "model", &three())], "<item objectid=\"1\"/>");
-    let (part, name) = (property("volume_type", "ModelPart"), property("name", "cut"));
+    let part = property("volume_type", "ModelPart");
+    let name = property("name", "cut");
     for (kind, say) in [
         (property("volume_type", "ParameterModifier"), "ParameterModifier"),
         (property("volume_type", "SupportBlocker"), "SupportBlocker"),
@@ -233,7 +235,8 @@ fn ranges_of_triangles_that_are_not_the_part_are_left_out() {
         "NegativeVolume",
     );
     let modifier = property("modifier", "1");
-    let (all, parts) = (ranges(1, &[(0, 2, &modifier)]), ranges(1, &[(0, 1, &part), (2, 2, &part)]));
+    let all = ranges(1, &[(0, 2, &modifier)]);
+    let parts = ranges(1, &[(0, 1, &part), (2, 2, &part)]);
     assert_refused(project(&text, PRUSA, &all), "surface-empty", "nothing is the part: modifier of object 1");
     let (result, got, notes) = project(&text, PRUSA, &parts);
     assert!(result.is_ok() && got.len() == 3 && notes.is_empty(), "all of it is the part");
@@ -523,7 +526,8 @@ fn damaged_projects_never_panic() {
     let good = [rels.as_bytes(), whole[0].as_bytes(), whole[1].as_bytes(), whole[2].as_bytes()];
     let (result, _, notes) = outcome(good);
     assert!(matches!(result, Ok(Content::Facets(6))) && notes.len() == 1, "{:?} {notes:?}", result.err());
-    let (mut accepted, mut refused) = (0, 0);
+    let mut accepted = 0;
+    let mut refused = 0;
     for i in 0..good.len() {
         crate::surface::mutants::each(&[good[i].to_vec()], WORDS, |bytes| {
             let mut parts = good;

@@ -2,8 +2,8 @@
 
 use svg::Node;
 
-use super::canvas::{Canvas, FONT, MARGIN, SMALL, Swatch, foot, tenth};
-use super::ticks::{Ends, Ruler, brief, is_shown};
+use super::canvas::{Canvas, FONT, MARGIN, SMALL, Swatch, XLabels, foot, tenth};
+use super::ticks::{AxisEnds, Ruler, brief, is_shown};
 use super::{Axis, Bar, Bars, Plot, WIDTH, words};
 use crate::report::colour::{self, Colour, hex};
 use crate::report::legend::PARTS;
@@ -33,10 +33,10 @@ impl Bars {
         let (left, right) = (MARGIN + widest + 10.0, WIDTH - MARGIN - ends - 10.0);
         let (axis, unit) = self.axis(most);
         let range = Some([0.0, if most > 0.0 { most / unit } else { 1.0 }]);
-        let x = Ruler::new(&axis, range, Ends::AtValues, foot([left, right]));
+        let x = Ruler::new(&axis, range, AxisEnds::AtValues, foot([left, right]));
         let top = canvas.at + 4.0;
         let rect = [left, top, right, top + PITCH * self.rows.len() as f64];
-        canvas.frame(rect, &x, None, true);
+        canvas.frame(rect, &x, None, XLabels::Below);
         let scale = if most > 0.0 { (right - left) / most } else { 0.0 };
         for (k, (Bar { parts, is_hatched, .. }, total)) in self.rows.iter().zip(&totals).enumerate() {
             let middle = top + PITCH * (k as f64 + 0.5);

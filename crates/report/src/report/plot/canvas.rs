@@ -141,8 +141,10 @@ impl Canvas {
     }
 
     /// Grid, frame, ticks and labels round a place; where `y` is None only what belongs to the other axis.
-    pub fn frame(&mut self, [left, top, right, bottom]: Rect, x: &Ruler, y: Option<&Ruler>, has_x_labels: bool) {
-        let (mut minor, mut major, mut ticks) = (String::new(), String::new(), String::new());
+    pub fn frame(&mut self, [left, top, right, bottom]: Rect, x: &Ruler, y: Option<&Ruler>, x_labels: XLabels) {
+        let mut minor = String::new();
+        let mut major = String::new();
+        let mut ticks = String::new();
         for tick in &x.ticks {
             let at = tenth(left + x.share(tick.value) * (right - left));
             let d = if tick.label.is_empty() { &mut minor } else { &mut major };
@@ -165,7 +167,7 @@ impl Canvas {
                 self.push(el("path", &[("fill", "none"), ("stroke", stroke), ("stroke-width", width), ("d", &d)]));
             }
         }
-        for tick in x.ticks.iter().filter(|t| has_x_labels && !t.label.is_empty()) {
+        for tick in x.ticks.iter().filter(|t| x_labels == XLabels::Below && !t.label.is_empty()) {
             let at = left + x.share(tick.value) * (right - left);
             self.words([at, bottom + 14.0], SMALL, "middle", &tick.label, f64::INFINITY);
         }
@@ -202,6 +204,15 @@ impl Canvas {
         self.parts.into_iter().for_each(|e| root.append(e));
         Plot { title: self.title, element: root.to_string() }
     }
+}
+
+/// Whether the labels of the horizontal axis stand below a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum XLabels {
+    /// They do.
+    Below,
+    /// They stand below another frame, which has the same axis.
+    Elsewhere,
 }
 
 /// Space for the labels of an axis along the foot of a frame, whose labels may reach to the rim of the drawing.

@@ -1,7 +1,7 @@
 //! Paths in the plane, equal scales both ways.
 
-use super::canvas::{Canvas, FONT, MARGIN, SMALL, Swatch, foot, side};
-use super::ticks::{Ends, Ruler, is_shown, range};
+use super::canvas::{Canvas, FONT, MARGIN, SMALL, Swatch, XLabels, foot, side};
+use super::ticks::{AxisEnds, Ruler, is_shown, range};
 use super::{Axis, Look, MARKS, Paths, Plot, Series, WIDTH, style, thin};
 
 /// Least and largest height of the plot.
@@ -24,16 +24,14 @@ impl Paths {
         canvas.words([MARGIN, canvas.at + 12.0], FONT, "start", &view.y.title, WIDTH - 2.0 * MARGIN);
         let top = canvas.at + 28.0;
         let rect @ [left, _, right, bottom] = [view.left, top, view.right, top + view.high];
-        canvas.frame(rect, &view.x, Some(&view.y), true);
-        let at = |p: &[f64; 2]| {
-            let place = || [left + view.x.share(p[0]) * (right - left), bottom - view.y.share(p[1]) * view.high];
-            is_point(p).then(place)
-        };
-        let lines: Vec<Vec<Option<[f64; 2]>>> = self.series.iter().map(|s| s.points.iter().map(at).collect()).collect();
+        canvas.frame(rect, &view.x, Some(&view.y), XLabels::Below);
+        let place = |p: &[f64; 2]| view.place(*p, bottom);
+        let lines: Vec<Vec<Option<[f64; 2]>>> =
+            self.series.iter().map(|s| s.points.iter().map(place).collect()).collect();
         for (k, (series, runs)) in self.series.iter().zip(thin::paths(&lines)).enumerate() {
             canvas.line(&runs, style(k));
             if series.look == Look::LineAndMarks && series.points.len() <= MARKS {
-                canvas.marks(series.points.iter().filter_map(at), style(k));
+                canvas.marks(series.points.iter().filter_map(place), style(k));
             }
         }
         if !self.series.iter().flat_map(|s| &s.points).any(is_point) {
@@ -44,6 +42,7 @@ impl Paths {
     }
 }
 
+/// Whether a point can be shown.
 fn is_point(p: &[f64; 2]) -> bool {
     p.iter().all(|&v| is_shown(v, false))
 }
@@ -59,11 +58,7 @@ struct View {
 
 impl View {
     fn of(paths: &Paths) -> Self {
-        let points = |axis: usize| {
-            let all = paths.series.iter().flat_map(|s: &Series| &s.points).filter(|p| is_point(p));
-            range(all.map(|p| p[axis]), false).unwrap_or([0.0, 1.0])
-        };
-        let [x, y] = [points(0), points(1)];
+        let [x, y] = [0, 1].map(|axis| extent(paths, axis));
         let [cx, cy] = [x, y].map(|r| r[0] / 2.0 + r[1] / 2.0);
         let most = (x[1] - x[0]).max(y[1] - y[0]);
         // Where all points are one, around it a little.
@@ -75,13 +70,13 @@ impl View {
             let wide = right - left;
             let high = (wide * dy / dx).clamp(LEAST, MOST);
             let scale = (wide / dx).min(high / dy);
-            let ruler = |name: &str, middle: f64, length: f64, room| {
+            let around = |middle: f64, length: f64| {
                 let half = length / scale / 2.0;
-                let axis = Axis::new(name, &paths.unit);
-                Ruler::new(&axis, Some([middle - half, middle + half]), Ends::AtValues, room)
+                Some([middle - half, middle + half])
             };
-            let x = ruler(&paths.x, cx, wide, foot([left, right]));
-            let y = ruler(&paths.y, cy, high, side(high));
+            let axis = |name: &str| Axis::new(name, &paths.unit);
+            let x = Ruler::new(&axis(&paths.x), around(cx, wide), AxisEnds::AtValues, foot([left, right]));
+            let y = Ruler::new(&axis(&paths.y), around(cy, high), AxisEnds::AtValues, side(high));
             let widest = y.widest(SMALL);
             // Wider labels make the plot narrower, at most to a third.
             if widest <= margin || margin > WIDTH / 2.0 {
@@ -90,4 +85,16 @@ impl View {
             margin = widest;
         }
     }
+
+    /// Where a point lies in a plot that ends below at `bottom`; None where it cannot be shown.
+    fn place(&self, p: [f64; 2], bottom: f64) -> Option<[f64; 2]> {
+        let wide = self.right - self.left;
+        is_point(&p).then(|| [self.left + self.x.share(p[0]) * wide, bottom - self.y.share(p[1]) * self.high])
+    }
+}
+
+/// Least and largest coordinate of all points along an axis; without points 0 to 1.
+fn extent(paths: &Paths, axis: usize) -> [f64; 2] {
+    let points = paths.series.iter().flat_map(|s: &Series| &s.points).filter(|p| is_point(p));
+    range(points.map(|p| p[axis]), false).unwrap_or([0.0, 1.0])
 }

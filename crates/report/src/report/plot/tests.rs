@@ -297,7 +297,8 @@ fn a_hatched_bar_is_grey_with_lines_across_it_and_no_colours_of_its_parts() {
         let parts = vec!["mark".into(), "jump".into()];
         Bars { title: "t".into(), value: Axis::new("time", "s"), parts, rows }.draw()
     };
-    let (usual, hatched) = (drawn(vec![bar("a", false)]), drawn(vec![bar("a", true)]));
+    let usual = drawn(vec![bar("a", false)]);
+    let hatched = drawn(vec![bar("a", true)]);
     let count = |plot: &Plot, what: &str| plot.file().matches(what).count();
     let grey = hex(crate::report::colour::SPARE);
     assert_eq!([count(&usual, &grey), count(&hatched, &grey)], [0, 2]);

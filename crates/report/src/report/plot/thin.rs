@@ -85,7 +85,8 @@ pub fn paths(all: &[Vec<Option<[f64; 2]>>]) -> Vec<Vec<Vec<[f64; 2]>>> {
 
 fn path(points: &[Option<[f64; 2]>], tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let mut runs = Vec::new();
-    let (mut keep, mut spans) = (Vec::new(), Vec::new());
+    let mut keep = Vec::new();
+    let mut spans = Vec::new();
     for run in points.split(Option::is_none) {
         // Most points of a fine path go here, at no cost: a third of the tolerance.
         let mut coarse: Vec<[f64; 2]> = Vec::new();

@@ -36,8 +36,10 @@ impl TickSpace {
 
 /// Whether an axis ends at ticks or where the values end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ends {
+pub enum AxisEnds {
+    /// At ticks, next beyond the values.
     AtTicks,
+    /// Where the values end.
     AtValues,
 }
 
@@ -51,6 +53,9 @@ pub(crate) struct Ruler {
     /// Name and unit.
     pub title: String,
 }
+
+/// Air at an end of an axis, as a share of its length.
+const AIR: f64 = 0.04;
 
 /// Whether a value can be shown on an axis.
 pub fn is_shown(v: f64, is_log: bool) -> bool {
@@ -67,7 +72,7 @@ pub fn range(values: impl Iterator<Item = f64>, is_log: bool) -> Option<[f64; 2]
 
 /// A range that ends a little beyond limits, so that none lies on the frame; not below 0 where it was not.
 pub(crate) fn with_air([lo, hi]: [f64; 2], limits: &[Limit], is_log: bool) -> [f64; 2] {
-    let by = if is_log { (hi / lo).powf(0.04) } else { 0.04 * (hi - lo) };
+    let by = if is_log { (hi / lo).powf(AIR) } else { AIR * (hi - lo) };
     let least = if lo >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
     let around = |v: f64| if is_log { [v / by, v * by] } else { [(v - by).max(least), v + by] };
     let shown = limits.iter().map(|l| l.value).filter(|&v| is_shown(v, is_log));
@@ -93,59 +98,72 @@ fn widened([lo, hi]: [f64; 2], is_log: bool) -> [f64; 2] {
 
 impl Ruler {
     /// An axis over a range; without one over 0 to 1, or 1 to 10.
-    pub fn new(axis: &Axis, range: Option<[f64; 2]>, ends: Ends, space: TickSpace) -> Self {
+    pub fn new(axis: &Axis, range: Option<[f64; 2]>, ends: AxisEnds, space: TickSpace) -> Self {
         let empty = if axis.is_log { [1.0, 10.0] } else { [0.0, 1.0] };
         let [lo, hi] = widened(range.unwrap_or(empty), axis.is_log);
         if axis.is_log { Self::log(axis, [lo, hi], ends, space) } else { Self::linear(axis, [lo, hi], ends, space) }
     }
 
-    fn linear(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, space: TickSpace) -> Self {
-        let exponent = thousands(lo.abs().max(hi.abs()));
-        let title = title(axis, exponent);
-        let of = |most: u32| {
-            let step = Step::of((hi - lo) / f64::from(most));
-            let outer = [step.below(lo), step.above(hi)];
-            let [lo, hi] = if ends == Ends::AtTicks { outer.map(|k| step.at(k)) } else { [lo, hi] };
-            let ticks = (outer[0]..=outer[1])
-                .map(|k| Tick { value: step.at(k), label: step.label(k, exponent) })
-                .filter(|t| (lo..=hi).contains(&t.value))
-                .collect();
-            Self { lo, hi, is_log: false, ticks, title: title.clone() }
-        };
+    /// An axis of even steps: the finest whose labels have room, or the coarsest without those that do not.
+    fn linear(axis: &Axis, range: [f64; 2], ends: AxisEnds, space: TickSpace) -> Self {
         let most = if space.is_level { 10 } else { 6 };
-        let inside = |most: u32| of(most).inside(space);
-        (2..=most).rev().map(inside).find(|r| r.has_room(space)).unwrap_or_else(|| of(2).thinned(space))
+        let mut finer_first = (2..=most).rev().map(|count| Self::of_steps(axis, range, count, ends).inside(space));
+        let with_room = finer_first.find(|ruler| ruler.has_room(space));
+        with_room.unwrap_or_else(|| Self::of_steps(axis, range, 2, ends).thinned(space))
     }
 
-    fn log(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, space: TickSpace) -> Self {
-        let air = if ends == Ends::AtTicks { (hi / lo).powf(0.04) } else { 1.0 };
-        let [lo, hi] = [lo / air, hi * air];
-        let [first, last] = [lo.log10().floor() as i32, hi.log10().ceil() as i32];
-        let of = |(labelled, every): (&[i32], i32)| {
-            let minor = last - first <= 8;
-            let ticks = (first..=last)
-                .flat_map(|e| (1..10).map(move |m| (m, e)))
-                .filter(|&(m, _)| m == 1 || minor)
-                .map(|(m, e)| {
-                    let is_labelled = labelled.contains(&m) && e.rem_euclid(every) == 0;
-                    let label = if is_labelled { power(m, e) } else { String::new() };
-                    Tick { value: f64::from(m) * ten(e), label }
-                })
-                .filter(|t| (lo..=hi).contains(&t.value))
-                .collect();
-            Self { lo, hi, is_log: true, ticks, title: title(axis, 0) }
+    /// An axis of at most `most` even steps over a range, rounded outwards where it ends at ticks.
+    fn of_steps(axis: &Axis, [lo, hi]: [f64; 2], most: u32, ends: AxisEnds) -> Self {
+        let exponent = thousands(lo.abs().max(hi.abs()));
+        let step = Step::of((hi - lo) / f64::from(most));
+        let outer = [step.below(lo), step.above(hi)];
+        let [lo, hi] = match ends {
+            AxisEnds::AtTicks => outer.map(|k| step.at(k)),
+            AxisEnds::AtValues => [lo, hi],
         };
+        let ticks = (outer[0]..=outer[1])
+            .map(|k| Tick { value: step.at(k), label: step.label(k, exponent) })
+            .filter(|t| (lo..=hi).contains(&t.value))
+            .collect();
+        Self { lo, hi, is_log: false, ticks, title: title(axis, exponent) }
+    }
+
+    /// A logarithmic axis: as many labels as have room.
+    fn log(axis: &Axis, [lo, hi]: [f64; 2], ends: AxisEnds, space: TickSpace) -> Self {
+        // A logarithmic axis is not rounded outwards to ticks, but gets air instead.
+        let air = if ends == AxisEnds::AtTicks { (hi / lo).powf(AIR) } else { 1.0 };
+        let range = [lo / air, hi * air];
         let [fine, middle, coarse] = [&[1, 2, 5][..], &[1, 3], &[1]];
-        let tried = [(fine, 1), (middle, 1), (coarse, 1), (coarse, 2), (coarse, 5), (coarse, 10), (coarse, 25)];
-        let found = tried.into_iter().map(|t| of(t).inside(space)).find(|r| r.has_room(space));
+        let labellings = [(fine, 1), (middle, 1), (coarse, 1), (coarse, 2), (coarse, 5), (coarse, 10), (coarse, 25)];
+        let mut finer_first = labellings.into_iter().map(|(multiples, every)| {
+            let labelled = PowerLabels { multiples, every };
+            Self::of_powers(axis, range, labelled).inside(space)
+        });
         // Within less than a decade the ticks are those of an even axis.
-        found.unwrap_or_else(|| {
-            let mut even = Self::linear(axis, [lo, hi], Ends::AtValues, space);
+        finer_first.find(|ruler| ruler.has_room(space)).unwrap_or_else(|| {
+            let mut even = Self::linear(axis, range, AxisEnds::AtValues, space);
             even.is_log = true;
             even.thinned(space)
         })
     }
 
+    /// A logarithmic axis over a range with these labels.
+    fn of_powers(axis: &Axis, [lo, hi]: [f64; 2], labelled: PowerLabels<'_>) -> Self {
+        let [first, last] = [lo.log10().floor() as i32, hi.log10().ceil() as i32];
+        let has_multiples = last - first <= 8;
+        let ticks = (first..=last)
+            .flat_map(|e| (1..10).map(move |m| (m, e)))
+            .filter(|&(m, _)| m == 1 || has_multiples)
+            .map(|(m, e)| {
+                let label = if labelled.has(m, e) { power(m, e) } else { String::new() };
+                Tick { value: f64::from(m) * ten(e), label }
+            })
+            .filter(|t| (lo..=hi).contains(&t.value))
+            .collect();
+        Self { lo, hi, is_log: true, ticks, title: title(axis, 0) }
+    }
+
+    /// The ticks that have a label.
     fn labels(&self) -> impl Iterator<Item = &Tick> {
         self.ticks.iter().filter(|t| !t.label.is_empty())
     }
@@ -157,8 +175,9 @@ impl Ruler {
 
     /// From and to where on the axis a label reaches.
     fn reach(&self, tick: &Tick, space: TickSpace) -> [f64; 2] {
-        let (at, half) = (self.share(tick.value) * space.length, space.half(&tick.label));
-        [at - half, at + half]
+        let middle = self.share(tick.value) * space.length;
+        let half = space.half(&tick.label);
+        [middle - half, middle + half]
     }
 
     /// Without the labels that reach too far beyond the ends.
@@ -181,6 +200,7 @@ impl Ruler {
     /// Without the labels that have no room next to those before them.
     fn thinned(self, space: TickSpace) -> Self {
         let mut thin = self.inside(space);
+        // Where the last label that stays ends.
         let mut end = f64::NEG_INFINITY;
         for k in 0..thin.ticks.len() {
             let [from, to] = thin.reach(&thin.ticks[k], space);
@@ -196,6 +216,22 @@ impl Ruler {
     /// Width of the widest label.
     pub fn widest(&self, font: f64) -> f64 {
         self.ticks.iter().map(|t| words::width(&t.label, font)).fold(0.0, f64::max)
+    }
+}
+
+/// Which ticks of a logarithmic axis have labels.
+#[derive(Clone, Copy)]
+struct PowerLabels<'a> {
+    /// These multiples of a power of ten ...
+    multiples: &'a [i32],
+    /// ... of every so many decades.
+    every: i32,
+}
+
+impl PowerLabels<'_> {
+    /// Whether `m` times ten to the power of `e` has one.
+    fn has(self, m: i32, e: i32) -> bool {
+        self.multiples.contains(&m) && e.rem_euclid(self.every) == 0
     }
 }
 
@@ -225,16 +261,23 @@ impl Step {
     fn size(self) -> f64 {
         self.factor as f64 * ten(self.exponent)
     }
+
+    /// Multiple `k`. A power of ten is exact and a fraction of it is not: it is divided by.
     fn at(self, k: i64) -> f64 {
         let n = (k * self.factor) as f64;
         if self.exponent < 0 { n / ten(-self.exponent) } else { n * ten(self.exponent) }
     }
+
+    /// Number of the greatest multiple up to `v`; one that exceeds it by the rounding of a division counts.
     fn below(self, v: f64) -> i64 {
         (v / self.size() + 1e-9).floor() as i64
     }
+
+    /// Number of the least multiple from `v` on; one that falls short of it by the rounding of a division counts.
     fn above(self, v: f64) -> i64 {
         (v / self.size() - 1e-9).ceil() as i64
     }
+
     /// Multiple `k` divided by a power of ten.
     fn label(self, k: i64, by: i32) -> String {
         let e = self.exponent - by;
@@ -252,12 +295,14 @@ fn ten(exponent: i32) -> f64 {
     10f64.powi(exponent)
 }
 
+/// Name and unit of an axis whose values are divided by a power of ten.
 fn title(axis: &Axis, exponent: i32) -> String {
     let by = if exponent == 0 { String::new() } else { format!("10{}", raised(exponent)) };
     let unit = [by, axis.unit.clone()].join(" ");
     [axis.name.as_str(), unit.trim()].into_iter().filter(|w| !w.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
+/// A number as an exponent.
 fn raised(exponent: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     let sign = if exponent < 0 { "⁻" } else { "" };
@@ -288,7 +333,7 @@ pub(crate) fn brief(v: f64) -> String {
 mod tests {
     use super::*;
 
-    fn labels(axis: &Axis, range: [f64; 2], ends: Ends) -> Vec<String> {
+    fn labels(axis: &Axis, range: [f64; 2], ends: AxisEnds) -> Vec<String> {
         let space = TickSpace { length: 800.0, beyond: [40.0; 2], is_level: true, font: 12.0 };
         Ruler::new(axis, Some(range), ends, space)
             .ticks
@@ -304,28 +349,31 @@ mod tests {
             assert_eq!(Step::of(v).size(), size, "{v}");
         }
         let plain = Axis::new("x", "mm");
-        assert_eq!(labels(&plain, [0.0, 1.0], Ends::AtTicks).first().map(String::as_str), Some("0.0"));
-        assert_eq!(labels(&plain, [0.0, 0.3], Ends::AtTicks), ["0.00", "0.05", "0.10", "0.15", "0.20", "0.25", "0.30"]);
+        assert_eq!(labels(&plain, [0.0, 1.0], AxisEnds::AtTicks).first().map(String::as_str), Some("0.0"));
         assert_eq!(
-            labels(&plain, [-7.0, 12.0], Ends::AtTicks),
+            labels(&plain, [0.0, 0.3], AxisEnds::AtTicks),
+            ["0.00", "0.05", "0.10", "0.15", "0.20", "0.25", "0.30"]
+        );
+        assert_eq!(
+            labels(&plain, [-7.0, 12.0], AxisEnds::AtTicks),
             ["-8", "-6", "-4", "-2", "0", "2", "4", "6", "8", "10", "12"]
         );
         assert_eq!(
-            labels(&plain, [-7.0, 12.0], Ends::AtValues),
+            labels(&plain, [-7.0, 12.0], AxisEnds::AtValues),
             ["-6", "-4", "-2", "0", "2", "4", "6", "8", "10", "12"]
         );
     }
 
     #[test]
     fn long_labels_stand_further_apart() {
-        let some = labels(&Axis::new("sigma", ""), [13_203.8, 13_203.801], Ends::AtValues);
+        let some = labels(&Axis::new("sigma", ""), [13_203.8, 13_203.801], AxisEnds::AtValues);
         assert!((2..=6).contains(&some.len()) && some.iter().all(|l| l.len() >= 10), "{some:?}");
     }
 
     #[test]
     fn scale_factors_of_large_values_go_to_the_title() {
         let space = TickSpace { length: 200.0, beyond: [12.0; 2], is_level: false, font: 12.0 };
-        let ruler = |lo, hi| Ruler::new(&Axis::new("jerk", "mm/s³"), Some([lo, hi]), Ends::AtTicks, space);
+        let ruler = |lo, hi| Ruler::new(&Axis::new("jerk", "mm/s³"), Some([lo, hi]), AxisEnds::AtTicks, space);
         let large = ruler(0.0, 4.2e7);
         assert_eq!((large.title.as_str(), large.ticks[1].label.as_str()), ("jerk, 10⁶ mm/s³", "10"));
         let small = ruler(-3e-5, 1e-5);
@@ -336,15 +384,15 @@ mod tests {
     #[test]
     fn a_logarithmic_axis_has_powers_or_their_twos_and_fives() {
         let axis = Axis::new("t", "s").log();
-        assert_eq!(labels(&axis, [0.5, 40.0], Ends::AtValues), ["0.5", "1", "2", "5", "10", "20"]);
-        let wide = labels(&axis, [1e-12, 1e12], Ends::AtValues);
+        assert_eq!(labels(&axis, [0.5, 40.0], AxisEnds::AtValues), ["0.5", "1", "2", "5", "10", "20"]);
+        let wide = labels(&axis, [1e-12, 1e12], AxisEnds::AtValues);
         assert!(wide.contains(&"10⁻¹⁰".to_owned()) && wide.contains(&"1".to_owned()), "{wide:?}");
-        let narrow = labels(&axis, [52.0, 58.0], Ends::AtValues);
+        let narrow = labels(&axis, [52.0, 58.0], AxisEnds::AtValues);
         assert!(narrow.len() >= 3 && narrow.contains(&"55".to_owned()), "{narrow:?}");
         let gap = Ruler::new(
             &axis,
             range([0.0, -1.0, f64::NAN].into_iter(), true),
-            Ends::AtValues,
+            AxisEnds::AtValues,
             TickSpace { length: 100.0, beyond: [20.0; 2], is_level: true, font: 12.0 },
         );
         assert_eq!([gap.lo, gap.hi], [1.0, 10.0]);

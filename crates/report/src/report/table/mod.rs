@@ -264,11 +264,11 @@ impl Table {
             if k > 0 {
                 out.push('\n');
             }
-            self.line(&mut out, block, &widths, &heads, true);
+            self.line(&mut out, block, &widths, &heads, CellAlign::Foot);
             let rule: Vec<String> = block.iter().map(|&c| "-".repeat(widths[c])).collect();
             out += &rule.join(GAP);
             out.push('\n');
-            cells.iter().for_each(|row| self.line(&mut out, block, &widths, row, false));
+            cells.iter().for_each(|row| self.line(&mut out, block, &widths, row, CellAlign::Top));
         }
         out
     }
@@ -298,14 +298,17 @@ impl Table {
         lines
     }
 
-    /// A row of wrapped cells; those of a head stand at its foot.
-    fn line(&self, out: &mut String, block: &[usize], widths: &[usize], cells: &[Vec<String>], foot: bool) {
+    /// A row of wrapped cells.
+    fn line(&self, out: &mut String, block: &[usize], widths: &[usize], cells: &[Vec<String>], align: CellAlign) {
         let high = block.iter().map(|&c| cells[c].len()).max().unwrap_or(0);
         for k in 0..high {
             let parts: Vec<String> = block
                 .iter()
                 .map(|&c| {
-                    let above = if foot { high - cells[c].len() } else { 0 };
+                    let above = match align {
+                        CellAlign::Top => 0,
+                        CellAlign::Foot => high - cells[c].len(),
+                    };
                     let part = k.checked_sub(above).and_then(|k| cells[c].get(k)).map_or("", String::as_str);
                     let air = " ".repeat(widths[c] - length(part));
                     if self.columns[c].is_right() { air + part } else { part.to_owned() + &air }
@@ -319,36 +322,30 @@ impl Table {
     /// A table of GitHub's Markdown, title first.
     pub fn markdown(&self) -> String {
         let mut out = if self.title.is_empty() { String::new() } else { format!("**{}**\n\n", escaped(&self.title)) };
-        let mut line = |cells: Vec<String>| out += &format!("| {} |\n", cells.join(" | "));
-        line(
-            self.columns
-                .iter()
-                .map(|c| escaped(&if c.unit.is_empty() { c.name.clone() } else { format!("{}, {}", c.name, c.unit) }))
-                .collect(),
-        );
-        line(self.columns.iter().map(|c| if c.is_right() { "---:" } else { "---" }.into()).collect());
+        let names = self.columns.iter().map(|c| match c.unit.as_str() {
+            "" => escaped(&c.name),
+            unit => escaped(&format!("{}, {unit}", c.name)),
+        });
+        out += &markdown_line(names);
+        out += &markdown_line(self.columns.iter().map(|c| if c.is_right() { "---:" } else { "---" }.into()));
         for r in 0..self.rows.len() {
-            let cell = |c: usize| {
-                let text = escaped(&self.shown(r, c));
-                if self.is_struck(r, c) && !text.is_empty() { format!("~~{text}~~") } else { text }
-            };
-            line((0..self.columns.len()).map(cell).collect());
+            out += &markdown_line((0..self.columns.len()).map(|c| self.markdown_cell(r, c)));
         }
         out
     }
 
+    /// A cell of Markdown.
+    fn markdown_cell(&self, r: usize, c: usize) -> String {
+        let text = escaped(&self.shown(r, c));
+        if self.is_struck(r, c) && !text.is_empty() { format!("~~{text}~~") } else { text }
+    }
+
     /// Comma separated, point as decimal mark, keys in the first line, quoted as RFC 4180 says.
     pub fn csv(&self) -> String {
-        let value = |cell: &Cell| match cell {
-            Cell::Missing => String::new(),
-            Cell::Text(v) => csv_cell(v),
-            Cell::Count(v) => v.to_string(),
-            Cell::Number(v) => v.to_string(),
-        };
         let keys: Vec<String> = self.keys.iter().map(|k| csv_cell(k)).collect();
         let mut out = keys.join(",") + "\n";
         for row in &self.rows {
-            out += &row.iter().map(value).collect::<Vec<_>>().join(",");
+            out += &row.iter().map(csv_value).collect::<Vec<_>>().join(",");
             out.push('\n');
         }
         out
@@ -433,7 +430,31 @@ pub fn plain(v: f64, decimals: usize) -> String {
     if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// A cell of CSV whose text may hold what parts cells, or begin with what a spreadsheet takes for a formula: such a
+/// Where cells stand that have fewer lines than others of their row.
+#[derive(Clone, Copy)]
+enum CellAlign {
+    /// As cells do.
+    Top,
+    /// As heads do, next to the cells below them.
+    Foot,
+}
+
+/// A line of Markdown.
+fn markdown_line(cells: impl Iterator<Item = String>) -> String {
+    format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+}
+
+/// A cell of CSV: numbers as they are, texts quoted where they must be.
+fn csv_value(cell: &Cell) -> String {
+    match cell {
+        Cell::Missing => String::new(),
+        Cell::Text(v) => csv_cell(v),
+        Cell::Count(v) => v.to_string(),
+        Cell::Number(v) => v.to_string(),
+    }
+}
+
+/// A cell of CSV whose text may hold what separates cells, or begin with what a spreadsheet takes for a formula: such a
 /// text gets an apostrophe in front. Numbers stay as they are.
 pub(super) fn csv_cell(text: &str) -> String {
     let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
