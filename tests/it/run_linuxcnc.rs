@@ -269,9 +269,9 @@ fn an_inverted_or_bouncing_busy_never_lets_the_stage_move_with_the_laser_on() {
     assert_eq!(bouncing.until_idle(), "OK");
     assert_eq!(rises(&bouncing.samples()), [4, 4]);
 
-    // A run asks over the network, which takes seconds on a very busy computer.
+    // A run asks over the network, which takes tenths of a second on a busy computer.
     let mut by_run = Simulation::new();
-    by_run.bad_card(0.02, 4.0, "bouncing");
+    by_run.bad_card(0.02, 1.5, "bouncing");
     bench.run_file(&stage_of(&by_run), "driver = \"handshake\"");
     assert_ended(&bench.run(&["--arm"]), 0, &[]);
     assert_eq!(rises(&by_run.samples()), [4, 4]);

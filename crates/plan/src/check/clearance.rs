@@ -274,6 +274,19 @@ mod tests {
     use terrace_core::program::SetupId;
     use terrace_core::units::Length;
 
+    /// Limits that the head alone can break.
+    fn limits<'a>(machine: &'a Machine, origins: &'a [Origin], clearance: &'a Clearance) -> Limits<'a> {
+        Limits {
+            machine,
+            origins,
+            setups_needed: [1, 1],
+            depth: Nm(70_000),
+            max_slope: 2.0,
+            clearance,
+            facets: &|_| (),
+        }
+    }
+
     #[test]
     fn a_head_swings_by_way_of_upright_between_set_ups() {
         let (mut program, origin) = terrace_core::program::sample::program();
@@ -286,16 +299,7 @@ mod tests {
         let place = Box2 { lo: P2::new(900_000_000, 0), hi: P2::new(900_000_001, 1) };
         let found = |top: Nm, program: &Program| {
             let clearance = Clearance::new(&[(place, top)], &machine);
-            let limits = Limits {
-                machine: &machine,
-                origins: &[origin, origin],
-                setups_needed: [1, 1],
-                depth: Nm(70_000),
-                max_slope: 2.0,
-                clearance: &clearance,
-                facets: &|_| (),
-            };
-            swing(program, &limits, 1)
+            swing(program, &limits(&machine, &[origin, origin], &clearance), 1)
         };
         // Where the head just keeps clear on the straight way it is too near when it goes by way of upright.
         let straight = found(Nm(0), &program);
@@ -315,15 +319,8 @@ mod tests {
         // The part is far too high everywhere.
         let place = Box2 { lo: P2::new(-900_000_000, -900_000_000), hi: P2::new(900_000_000, 900_000_000) };
         let clearance = Clearance::new(&[(place, Nm(2_000_000_000))], &machine);
-        let limits = Limits {
-            machine: &machine,
-            origins: &[origin],
-            setups_needed: [1, 1],
-            depth: Nm(70_000),
-            max_slope: 2.0,
-            clearance: &clearance,
-            facets: &|_| (),
-        };
+        let origins = [origin];
+        let limits = limits(&machine, &origins, &clearance);
         for (deg, is_movement) in [(0, false), (30, true)] {
             let tilt = TiltAngles([0, deg * 1_000_000]);
             for (block, plane) in program.blocks.iter_mut().zip([0, 5_000_000]) {
@@ -346,15 +343,8 @@ mod tests {
         }
         let place = Box2 { lo: P2::new(900_000_000, 0), hi: P2::new(900_000_001, 1) };
         let clearance = Clearance::new(&[(place, Nm(0))], &machine);
-        let limits = Limits {
-            machine: &machine,
-            origins: &[origin],
-            setups_needed: [1, 1],
-            depth: Nm(70_000),
-            max_slope: 2.0,
-            clearance: &clearance,
-            facets: &|_| (),
-        };
+        let origins = [origin];
+        let limits = limits(&machine, &origins, &clearance);
         program.blocks[1].retract = true;
         let lifted = swing(&program, &limits, 1);
         program.blocks[1].retract = false;
