@@ -422,6 +422,13 @@ fn a_scan_card_is_started_and_watched_and_one_that_does_not_answer_stops_the_run
         assert!(!shell.control().start);
         assert_eq!(starts(&shell), before + usize::from(!is_high), "{card:?}");
     }
+    // A control that reads the input late: the contact has bounced, or the mark has ended, when it looks.
+    for (card, read_delay) in [(Card::Bouncing, 0.004), (Card::Works, 0.03)] {
+        std::fs::remove_file(&journal).expect("removed");
+        (shell.control().card, shell.control().marks) = (card, Marks::default());
+        shell.control().read_delay = read_delay;
+        assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    }
     // One that a run has started which was then killed: it is about to mark.
     std::fs::remove_file(&journal).expect("removed");
     shell.control().card = Card::Works;

@@ -252,15 +252,16 @@ impl LinuxCnc {
             self.mdi(code)?;
         }
         self.mdi(&format!("M66 P0 L4 Q{}", longest.as_secs_f64().ceil()))?;
-        // #5399 is 1 or -1 after a wait for high, and 0 or -1 after one for low.
+        // #5399 is -1 after a wait that timed out. After one that ended it is the input when the control reads it, some
+        // ms later: a contact that bounces, or a short BUSY, is low by then.
         self.request_answer("#<_terrace>*10+[#5399+1]")?;
         let waits = self.wait_for_answer(longest + RISE + ANSWER, interrupt)?;
         self.is_started = false;
         // How the wait for BUSY to rise ended, and that for it to fall.
         match [waits / 10, waits % 10] {
-            [2, 1] => self.stays_low(longest, interrupt),
-            [2, _] => Err(not_fallen(longest)),
-            _ => Err(busy("BUSY of the scan card has not risen within 5 s of START")),
+            [0, _] => Err(busy("BUSY of the scan card has not risen within 5 s of START")),
+            [_, 0] => Err(not_fallen(longest)),
+            _ => self.stays_low(longest, interrupt),
         }
     }
 

@@ -39,6 +39,8 @@ pub struct Control {
     pub start: bool,
     /// How long a move takes.
     pub move_time: Duration,
+    /// How long after the end of a wait it reads the input, s.
+    pub read_delay: f64,
     /// From when to when the stage moved, s of `clock`.
     pub moves: Vec<[f64; 2]>,
     pub clock: Clock,
@@ -74,6 +76,7 @@ impl Shell {
             mdi: Vec::new(),
             start: false,
             move_time: Duration::ZERO,
+            read_delay: 0.0,
             moves: Vec::new(),
             clock: Clock::start(),
             enabled: false,
@@ -260,7 +263,8 @@ impl Control {
         let wait = |this: &mut Self, wanted: bool, longest: f64| {
             let found = this.card.reaches(&this.marks, wanted, now, longest);
             // Nobody has to wait for what never comes.
-            this.input = if found.is_some() { f64::from(u8::from(wanted)) } else { -1.0 };
+            let at_read = |s| f64::from(u8::from(this.card.busy(&this.marks, now + s + this.read_delay)));
+            this.input = found.map_or(-1.0, at_read);
             if found.is_none() {
                 this.clock.skip(longest);
             }
