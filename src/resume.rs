@@ -50,21 +50,15 @@ impl BlockChoice {
     }
 }
 
-/// Largest list of finished blocks, bytes.
-const MAX_LIST: u64 = 64 << 20;
-
-/// The blocks that a file lists as finished: names apart by blanks, tabs, commas, semicolons or line breaks. `#` begins
-/// a comment, which ends with its line.
+/// The blocks that a text names: one after another, apart by white space or commas, `#` begins a comment.
 ///
 /// # Errors
 /// `resume-done` with the line.
 pub fn listed(path: &Path) -> Result<BTreeSet<BlockId>, Error> {
-    let bytes = diag::read_file(path, MAX_LIST)?;
+    let bytes = diag::read_file(path, 64 << 20)?;
     let text = diag::utf8(bytes)
         .map_err(|e| e.at(Diag::input("resume-done", format!("the list is {e}")), path.display().to_string()))?;
-    let mut blocks = BTreeSet::new();
-    // Windows PowerShell writes a byte order mark.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    let mut out = BTreeSet::new();
     for (i, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();
         for word in line.split([' ', '\t', ',', ';', '\r']).filter(|w| !w.is_empty()) {
@@ -73,10 +67,10 @@ pub fn listed(path: &Path) -> Result<BTreeSet<BlockId>, Error> {
                     .at(Place::line(path.display().to_string(), i + 1))
                     .hint("list the names of finished blocks, such as B0001")
             })?;
-            blocks.insert(id);
+            out.insert(id);
         }
     }
-    Ok(blocks)
+    Ok(out)
 }
 
 /// A range of blocks, such as `B0200-B0210`, or one block.

@@ -409,9 +409,8 @@ impl fmt::Display for Beyond {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Focus([worst, allowed]) => {
-                // Both in the unit of the worst.
-                let (unit, um_per_unit) = if *worst >= 1000.0 { ("mm", 1000.0) } else { ("um", 1.0) };
-                let [worst, allowed] = apart(worst / um_per_unit, allowed / um_per_unit);
+                let (unit, by) = if *worst >= 1000.0 { ("mm", 1000.0) } else { ("um", 1.0) };
+                let [worst, allowed] = apart(worst / by, allowed / by);
                 write!(f, "{worst} {unit} out of focus, {allowed} {unit} allowed")
             }
             Self::Incidence([worst, allowed]) => {
@@ -466,7 +465,7 @@ mod tests {
         Comparison {
             job: "job".into(),
             machine: "xyz-galvo-40".into(),
-            limits: Limits { half_depth: 0.035, angle: 20f64.to_radians(), field: 28.0 },
+            limits: Limits { focus: 0.035, angle: 20f64.to_radians(), field: 28.0 },
             marked_mm: 1000.0,
             passes: 1,
             loading: Loading { way: LoadingWay::Ovf, ..Loading::default() },

@@ -14,12 +14,9 @@ use super::Diag;
 /// # Errors
 /// `memory`, with both figures.
 pub fn ask(what: &str, bytes: u64) -> Result<(), Diag> {
-    // So little is granted unchecked: the limits are files that would have to be read.
+    // Little is always there, and the limits are files that would have to be read.
     const LITTLE: u64 = 16 << 20;
-    if bytes <= LITTLE {
-        return Ok(());
-    }
-    match tightest().filter(|limit| bytes > limit.left) {
+    match tightest().filter(|limit| bytes > LITTLE && bytes > limit.left) {
         None => Ok(()),
         Some(limit) => {
             let text = format!(

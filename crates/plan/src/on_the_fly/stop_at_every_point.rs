@@ -67,7 +67,7 @@ mod tests {
             .iter()
             .zip(&marks)
             .map(|(x, m)| {
-                let [u, v] = x.seen(m.p).uv;
+                let [u, v, _] = x.field_from_part(m.p);
                 [x.xyz[0], x.xyz[1], x.xyz[2], x.a, x.c, u, v]
             })
             .collect();

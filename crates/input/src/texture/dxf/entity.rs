@@ -4,11 +4,10 @@ use super::colour::EntityPaint;
 use super::hatch::{BoundaryEdge, Hatch};
 use super::outline::Vertex;
 use super::record::Record;
-use super::space::Z;
+use super::space::{Point, Z};
 use super::spline::Spline;
 use super::tags::{Fault, Tag, TagPlace};
 use super::tally::Issue;
-use terrace_core::geom::SpacePoint;
 
 /// A line type as an entity or layer gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,29 +29,29 @@ pub(super) struct Entity {
     pub(super) paint: EntityPaint,
     pub(super) line_type: LineType,
     pub(super) is_hidden: bool,
-    pub(super) extrusion: SpacePoint,
+    pub(super) extrusion: Point,
 }
 
 #[derive(Debug)]
 pub(super) enum EntityKind {
-    Line([SpacePoint; 2]),
-    Dot(SpacePoint),
+    Line([Point; 2]),
+    Dot(Point),
     /// An arc, counter-clockwise between angles in degrees; without them a circle.
     Arc {
-        centre: SpacePoint,
+        centre: Point,
         radius: f64,
         angles: Option<[f64; 2]>,
     },
     Ellipse {
-        centre: SpacePoint,
-        major: SpacePoint,
+        centre: Point,
+        major: Point,
         ratio: f64,
         params: [f64; 2],
     },
     Polyline(Polyline),
     Spline(Box<Spline>),
     /// In the order round it.
-    Solid([SpacePoint; 4]),
+    Solid([Point; 4]),
     Hatch(Box<Hatch>),
     Insert(Box<Insert>),
     /// What is counted, not drawn.
@@ -98,8 +97,8 @@ pub(super) struct Polyline {
 pub(super) struct Insert {
     /// The number of its block.
     pub(super) block: u32,
-    pub(super) place: SpacePoint,
-    pub(super) scale: SpacePoint,
+    pub(super) place: Point,
+    pub(super) scale: Point,
     /// Degrees.
     pub(super) turn: f64,
     /// Columns and rows of an array, at least 1.
@@ -246,6 +245,6 @@ fn insert(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<Insert,
 }
 
 /// The direction that the plane of an entity faces.
-pub(super) fn extrusion(r: &Record<'_, '_>) -> Result<SpacePoint, Fault> {
+pub(super) fn extrusion(r: &Record<'_, '_>) -> Result<Point, Fault> {
     Ok(r.point(210)?.unwrap_or(Z))
 }

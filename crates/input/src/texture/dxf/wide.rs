@@ -10,8 +10,7 @@
 
 use super::entity::Polyline;
 use super::outline::{Arc, Heading, Outline, Vertex};
-use super::space::{add, cross, dot, length, sub, times, unit};
-use terrace_core::geom::SpacePoint;
+use super::space::{Point, add, cross, dot, length, sub, times, unit};
 
 /// Cosine of the turn beyond which two segments meet at less than 30 deg.
 const SHARP: f64 = -0.866_025_403_784_438_6;
@@ -21,13 +20,13 @@ const TANGENT: f64 = 1e-6;
 
 /// From one vertex to the next.
 struct Segment {
-    from: SpacePoint,
-    to: SpacePoint,
+    from: Point,
+    to: Point,
     /// None for a straight one.
     arc: Option<Arc>,
     widths: [f64; 2],
     /// Directions at both ends.
-    along: [SpacePoint; 2],
+    along: [Point; 2],
 }
 
 impl Segment {
@@ -45,7 +44,7 @@ impl Segment {
     }
 
     /// A point at one of its ends, beside the line: to the left where the side is positive.
-    fn beside(&self, end: usize, side: f64) -> SpacePoint {
+    fn beside(&self, end: usize, side: f64) -> Point {
         let p = [self.from, self.to][end];
         add(p, times(left(self.along[end]), side * self.widths[end] / 2.0))
     }
@@ -75,7 +74,7 @@ impl Segment {
     }
 }
 
-fn left([x, y, _]: SpacePoint) -> SpacePoint {
+fn left([x, y, _]: Point) -> Point {
     [-y, x, 0.0]
 }
 
@@ -143,7 +142,7 @@ fn corner(a: &Segment, b: &Segment, out: &mut Outline<'_>) -> bool {
     let area = cross(u, v)[2];
     let tip = add(p, times(u, cross(sub(q, p), v)[2] / area));
     let tip = Some(tip).filter(|t| is_known && t.iter().all(|c| c.is_finite()));
-    let mut ring: Vec<SpacePoint> = [Some(a.to), Some(p), tip, Some(q)].into_iter().flatten().collect();
+    let mut ring: Vec<Point> = [Some(a.to), Some(p), tip, Some(q)].into_iter().flatten().collect();
     if turn < 0.0 {
         ring.reverse();
     }
