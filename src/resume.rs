@@ -50,15 +50,21 @@ impl BlockChoice {
     }
 }
 
-/// The blocks that a text names: one after another, apart by white space or commas, `#` begins a comment.
+/// Largest list of finished blocks, bytes.
+const MAX_LIST: u64 = 64 << 20;
+
+/// The blocks that a file lists as finished: names apart by blanks, tabs, commas, semicolons or line breaks. `#` begins
+/// a comment, which ends with its line.
 ///
 /// # Errors
 /// `resume-done` with the line.
 pub fn listed(path: &Path) -> Result<BTreeSet<BlockId>, Error> {
-    let bytes = diag::read_file(path, 64 << 20)?;
+    let bytes = diag::read_file(path, MAX_LIST)?;
     let text = diag::utf8(bytes)
         .map_err(|e| e.at(Diag::input("resume-done", format!("the list is {e}")), path.display().to_string()))?;
-    let mut out = BTreeSet::new();
+    let mut blocks = BTreeSet::new();
+    // Windows PowerShell writes a byte order mark.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     for (i, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();
         for word in line.split([' ', '\t', ',', ';', '\r']).filter(|w| !w.is_empty()) {
@@ -67,10 +73,10 @@ pub fn listed(path: &Path) -> Result<BTreeSet<BlockId>, Error> {
                     .at(Place::line(path.display().to_string(), i + 1))
                     .hint("list the names of finished blocks, such as B0001")
             })?;
-            out.insert(id);
+            blocks.insert(id);
         }
     }
-    Ok(out)
+    Ok(blocks)
 }
 
 /// A range of blocks, such as `B0200-B0210`, or one block.

@@ -49,13 +49,14 @@ use work::End;
 /// On units of a sweep.
 pub fn run(units: &[Unit], settings: &Settings<'_>, on_outcome: &mut (dyn FnMut(&Outcome) + Send)) -> Report {
     let queue = Queue { units, next: AtomicUsize::new(0), on_outcome: Mutex::new(on_outcome) };
+    // Units that no thread has begun when `settings.stop` is set stay `Left`.
     let mut outcomes: Vec<Outcome> = units.iter().map(|unit| Outcome::of(unit, State::Left)).collect();
     // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
     // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
     std::thread::scope(|scope| {
         // As many as the pool has: each job that is worked on uses the pool too.
         let threads = rayon::current_num_threads().min(units.len());
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| queue.work(settings))).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| queue.work_through(settings))).collect();
         for (i, outcome) in workers.into_iter().flat_map(|w| w.join().expect("panics of a job are caught")) {
             outcomes[i] = outcome;
         }
@@ -74,7 +75,7 @@ struct Queue<'a> {
 impl Queue<'_> {
     /// Works on one unit after another until there is none left or all are to stop; returns what became of each, by
     /// number.
-    fn work(&self, settings: &Settings<'_>) -> Vec<(usize, Outcome)> {
+    fn work_through(&self, settings: &Settings<'_>) -> Vec<(usize, Outcome)> {
         let mut outcomes = Vec::new();
         while !settings.stop.load(Ordering::Relaxed) {
             // Only a counter: nothing is published through it.

@@ -47,7 +47,7 @@ pub struct Args {
     pub command: Command,
 }
 
-/// A command with its examples below its help.
+/// A command with its examples below its help; `name` is empty for the program itself.
 fn with_examples(command: clap::Command, name: &str) -> clap::Command {
     match examples::EXAMPLES.iter().find(|(n, _)| *n == name) {
         Some((_, list)) => command.after_help(examples::help(list)),
@@ -63,7 +63,8 @@ impl Args {
         for name in names {
             all = all.mut_subcommand(&name, |command| with_examples(command, &name));
         }
-        // An option that all commands take is not shown where it has no effect.
+        // An option that all commands take is not shown where it has no effect: a command with a hidden copy of its own
+        // does not get the global one, and accepts it all the same.
         for (option, commands) in [("seed", &OF_SEED[..]), ("threads", &OF_THREADS[..])] {
             let hidden = all.get_arguments().find(|arg| arg.get_id() == option).cloned().map(|arg| arg.hide(true));
             for name in examples::commands().into_iter().filter(|name| !commands.contains(name)) {

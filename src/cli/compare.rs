@@ -39,7 +39,7 @@ pub(super) fn json(c: &Comparison) -> Value {
         })).collect::<Vec<_>>(),
         "marked_m": c.marked_mm / 1000.0,
         "limits": {
-            "fod_um": c.limits.focus * 1000.0,
+            "fod_um": c.limits.half_depth * 1000.0,
             "bia_deg": c.limits.angle.to_degrees(),
             "displacement_mm": c.limits.field,
         },

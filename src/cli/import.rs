@@ -20,29 +20,29 @@ pub fn run(args: &Args, file: &Path, output: Option<&Path>, chord: Length, angle
         return Err(Diag::input("import-tolerance", text).hint(hint).into());
     }
     let mut warnings = Vec::new();
-    let fine = Tessellation { chord_mm: chord.as_mm(), angle_rad: angle.as_rad() };
+    let tessellation = Tessellation { chord_mm: chord.as_mm(), angle_rad: angle.as_rad() };
     let steps = Steps::new(args.quiet);
     steps.begin(format!("converting {}", file.display()));
-    let mesh = load_cad(file, fine, &mut warnings)?;
+    let mesh = load_cad(file, tessellation, &mut warnings)?;
     steps.done();
     super::warn(args, &warnings);
     let target = output.map_or_else(|| file.with_extension("ply"), Path::to_owned);
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    // A comment is one line.
+    // A comment in PLY is one line, and a file name may hold line feeds.
     let name: String = name.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
     let about = &mesh.about;
     let comments = [
         format!("made by terrace {} from {name}", env!("CARGO_PKG_VERSION")),
-        format!("unit mm, chord tolerance {} mm, Open CASCADE {}", fine.chord_mm, about.occt),
+        format!("unit mm, chord tolerance {} mm, Open CASCADE {}", tessellation.chord_mm, about.occt),
     ];
     write_file(args, &target, &mesh.to_ply(&comments), &[PathBuf::from(file)])?;
-    let (text, mut json) = shown(&mesh, fine);
+    let (text, mut json) = shown(&mesh, tessellation);
     json["file"] = json!(target.display().to_string());
     super::print(&if args.json { show::json(&json) } else { format!("{text}{}\n", target.display()) })
 }
 
 /// What a converted file holds, as text and JSON.
-pub fn shown(mesh: &CadMesh, fine: Tessellation) -> (String, Value) {
+pub fn shown(mesh: &CadMesh, tessellation: Tessellation) -> (String, Value) {
     let about = &mesh.about;
     let BoxMm { lo, hi } = BoxMm::<3>::of(mesh.facets().flatten());
     let size = [0, 1, 2].map(|k| hi[k] - lo[k]);
@@ -57,14 +57,14 @@ pub fn shown(mesh: &CadMesh, fine: Tessellation) -> (String, Value) {
         mesh.facet_count(),
         // Rounded up: never less than measured.
         (about.worst_mm * 1e6).ceil() / 1e6,
-        fine.chord_mm,
+        tessellation.chord_mm,
         triple(size, " x "),
         triple(lo, ", "),
         triple(hi, ", "),
         about.occt
     );
     let json = json!({"kind": "cad", "unit": about.unit, "faces": about.faces, "bodies": about.bodies,
-        "free_edges": about.free_edges, "facets": mesh.facet_count(), "tolerance_mm": fine.chord_mm,
+        "free_edges": about.free_edges, "facets": mesh.facet_count(), "tolerance_mm": tessellation.chord_mm,
         "worst_mm": about.worst_mm, "lo_mm": lo, "hi_mm": hi, "open_cascade": about.occt});
     (text, json)
 }

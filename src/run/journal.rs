@@ -133,7 +133,8 @@ impl Journal {
             let d = Diag::input("run-journal", text).at(Place::file(path.display().to_string()));
             return Err(d.hint("name another file with --journal"));
         }
-        let opened = File::options().create(true).read(true).append(true).open(&path);
+        // Not to append: on Windows a file that is open for that alone cannot be cut back.
+        let opened = File::options().create(true).read(true).write(true).truncate(false).open(&path);
         let journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path, part: 1 };
         match journal.file.try_lock() {
             Ok(()) => Ok(journal),
@@ -196,7 +197,7 @@ impl Journal {
     fn write(&mut self, event: Event) -> Result<(), Diag> {
         let mut line = serde_json::to_vec(&Line { time_s: now_s(), event }).expect("plain JSON");
         line.push(b'\n');
-        let before = self.file.metadata().map_err(|e| unwritable(&self.path, &e))?.len();
+        let before = self.file.seek(SeekFrom::End(0)).map_err(|e| unwritable(&self.path, &e))?;
         let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
         written.map_err(|e| {
             // Half a line would make the next one unreadable. Where even this fails, the file is read up to it.
@@ -207,25 +208,26 @@ impl Journal {
 
     /// Reads the lines, and removes a last one that was not completed.
     fn read(&mut self) -> Result<Record, Diag> {
-        let mut text = String::new();
-        self.file.read_to_string(&mut text).map_err(|e| unwritable(&self.path, &e))?;
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        if whole < text.len() {
-            self.file.set_len(whole as u64).map_err(|e| unwritable(&self.path, &e))?;
+        let mut bytes = Vec::new();
+        self.file.read_to_end(&mut bytes).map_err(|e| unwritable(&self.path, &e))?;
+        // How many bytes the completed lines take. The last line may end within a character.
+        let complete = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+        if complete < bytes.len() {
+            self.file.set_len(complete as u64).map_err(|e| unwritable(&self.path, &e))?;
         }
-        self.file.seek(SeekFrom::End(0)).map_err(|e| unwritable(&self.path, &e))?;
         let mut record = Record::default();
-        for (i, line) in text[..whole].lines().enumerate() {
-            let Line { event, .. } = serde_json::from_str(line).map_err(|_| self.no_line(i + 1))?;
+        for (i, line) in bytes[..complete].split_inclusive(|&byte| byte == b'\n').enumerate() {
+            let Line { event, .. } = serde_json::from_slice(line).map_err(|_| self.line_fault(i + 1))?;
+            // The first line, and no other, is a `run`.
             if record.manifest.is_none() != matches!(event, Event::Run { .. }) || !record.take(event) {
-                return Err(self.no_line(i + 1));
+                return Err(self.line_fault(i + 1));
             }
         }
         Ok(record)
     }
 
     /// The fault of a line that no run has written, or not after those before it.
-    fn no_line(&self, number: usize) -> Diag {
+    fn line_fault(&self, number: usize) -> Diag {
         Diag::input("run-journal", "this is not a line of a journal")
             .at(Place::line(self.path.display().to_string(), number))
             .hint("name another file with --journal")
@@ -356,6 +358,26 @@ mod tests {
         }));
         let mut lines = all.map(|line| serde_json::from_str::<Line>(&line).expect("a line").event);
         lines.all(|event| record.take(event)).then_some(record)
+    }
+
+    #[test]
+    fn a_last_line_that_ends_within_a_character_is_cut_off_and_written_over() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("part.run.jsonl");
+        let run = |machine: &str| {
+            let line = r#"{"time_s":1,"event":"run","terrace":"0","manifest":"ab","machine":"M","armed":true}"#;
+            line.replace('M', machine) + "\n"
+        };
+        let stop = "{\"time_s\":2,\"event\":\"stop\",\"why\":\"Störung".as_bytes();
+        let whole = [run("Gerät").as_bytes(), &stop[..stop.len() - "rung".len() - 1]].concat();
+        assert!(std::str::from_utf8(&whole).is_err());
+        std::fs::write(&path, &whole).expect("written");
+        let mut journal = Journal::open_locked(path.clone()).expect("opened");
+        assert_eq!(journal.read().expect("read").manifest.as_deref(), Some("ab"));
+        journal.begin("B0001").expect("written");
+        let text = std::fs::read_to_string(&path).expect("UTF-8");
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines.len() == 2 && lines[0] == run("Gerät").trim_end() && lines[1].contains("B0001"), "{text}");
     }
 
     #[test]

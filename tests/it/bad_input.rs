@@ -563,6 +563,10 @@ fn a_missing_table_or_file_is_named() {
         assert!(text.contains(&format!("error[{code}]: ")) && text.contains(say), "{to}: {text}");
         assert!(!dir.path().join("out.job").exists());
     }
+    // Nothing is held against a depth of focus that nobody has stated.
+    let reserve = edited(dir.path(), "pdof = \"0.07 mm\"", "reserve = \"2 mm\"");
+    let text = said(&compile(&reserve, &dir.path().join("out.job")));
+    assert!(text.contains("error[focus-missing]: ") && !text.contains("focus-reserve"), "{text}");
     for bytes in [&b"\xff\xfe\x00"[..], b"", b"\x00\x00\x00\x00", &[b'['; 100_000]] {
         let job = dir.path().join("noise.toml");
         std::fs::write(&job, bytes).expect("writable");

@@ -183,6 +183,11 @@ fn keys_that_do_not_apply_are_refused() {
         ("file = \"disc.png\"\ndpi = 300\nscreen = \"lines\"\nperiod = \"1 mm\"", "texture-key", "screen = \"lines\""),
         ("file = \"disc.png\"\ndpi = 300\nscreen = \"dashes\"\nfill = \"rings\"", "texture-key", "screen = \"dashes\""),
         ("pattern = \"hatch\"\npitch = \"1 mm\"\ninvert = true", "texture-key", "invert does not apply to hatch"),
+        (
+            "pattern = \"hatch\"\npitch = \"1 mm\"\ninside = { file = \"leaf.svg\", unit = \"mm\" }",
+            "texture-key",
+            "unit applies to DXF drawings alone",
+        ),
         ("file = \"disc.png\"", "bitmap-size", "64 x 64 pixels"),
         ("file = \"disc.png\"\ndpi = \"file\"", "bitmap-size", "states no resolution"),
     ] {

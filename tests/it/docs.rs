@@ -51,12 +51,12 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
         ("src/surface/threemf/", "fault(", "input"),
         ("src/machine/read.rs", "fault(", "input"),
         ("crates/verify/src/", "unusable(", "input"),
-        ("src/texture/svg/tally.rs", "Told", "warning"),
+        ("src/texture/svg/tally.rs", "Warned", "warning"),
         ("src/texture/svg/tally.rs", "Refused", "input"),
         ("src/texture/svg/tally.rs", "Refused", "warning"),
         ("src/texture/svg/remarks.rs", "report(", "input"),
         ("src/texture/svg/remarks.rs", "report(", "warning"),
-        ("src/texture/dxf/tally.rs", "Told", "warning"),
+        ("src/texture/dxf/tally.rs", "Warned", "warning"),
         ("src/texture/dxf/tally.rs", "Refused", "input"),
         ("src/texture/dxf/tally.rs", "Refused", "warning"),
         ("src/texture/dxf/", "fault(", "input"),
@@ -138,7 +138,7 @@ fn scan_for_codes_finds_every_form() {
     codes_of("src/a.rs", "Diag::limit(\n    \"a-b\", x); Diag::bug(\"c\", y)", &mut found);
     codes_of(
         "src/texture/svg/tally.rs",
-        "(Issue::Text, Refused, \"svg-t\", 1), (\n Issue::Dot,\n Told,\n \"svg-d\",",
+        "(Issue::Text, Refused, \"svg-t\", 1), (\n Issue::Dot,\n Warned,\n \"svg-d\",",
         &mut found,
     );
     let codes: Vec<&str> = found.keys().map(String::as_str).collect();

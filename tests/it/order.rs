@@ -43,7 +43,7 @@ fn program(order: &str, machine: &str) -> (Program, f64, f64) {
 fn focal_planes_rise_or_fall_where_that_is_asked() {
     let heights = |order: &str| {
         let (program, time, _) = program(order, "");
-        (program.blocks.iter().map(|b| b.stop.focus).collect::<Vec<_>>(), time)
+        (program.blocks.iter().map(|b| b.stop.lpfl).collect::<Vec<_>>(), time)
     };
     let (free, least) = heights("stops = \"time\"");
     let (up, up_time) = heights("stops = \"z-up\"");
@@ -64,7 +64,7 @@ fn each_section_is_visited_once_where_z_moves_are_fast() {
     assert_eq!(moves, distinct.len() - 1);
     // Stops that share a place and a focal plane are not a move; the stage comes from the centre of its travel, which
     // may be over the first.
-    let at = |i: usize| (program.blocks[i].stop.centre, program.blocks[i].stop.focus);
+    let at = |i: usize| (program.blocks[i].stop.centre, program.blocks[i].stop.lpfl);
     let rest = (1..places.len()).filter(|&i| places[i] == places[i - 1] && at(i) != at(i - 1)).count();
     let whole = distinct.len() as f64 * 3.7 + rest as f64 * 0.3;
     assert!((whole - time).abs() < 1e-9 || (whole - 3.4 - time).abs() < 1e-9, "{whole} {time}");

@@ -33,13 +33,13 @@ const VIEWPORT: &str = "the unit depends on the size of the window";
 #[derive(Clone, Copy)]
 enum Exception {
     /// Where this warning is given.
-    Told(&'static str),
+    Warned(&'static str),
     /// Chromium's picture is less exact than that of resvg, which is asked instead; with the reason.
     Resvg(#[allow(dead_code, reason = "it is for the reader")] &'static str),
     /// What else is seen is not a part of a drawing; with the reason.
     Aside(#[allow(dead_code, reason = "it is for the reader")] &'static str),
 }
-use Exception::{Aside, Resvg, Told};
+use Exception::{Aside, Resvg, Warned};
 
 /// A tile that is turned: Chromium draws it once, as a bitmap, and blurs its edges by a pixel of the page.
 const TILE: Exception = Resvg("Chromium draws the tile of a pattern as a bitmap and turns that");
@@ -48,17 +48,17 @@ const WINDOW: Exception = Aside("the background is that of the window, which no 
 
 const EXCEPTIONS: &[(&str, Exception)] = &[
     ("paint-servers/pattern/transform-and-patternTransform.svg", TILE),
-    ("painting/stroke-dasharray/em-units.svg", Told("svg-unit")),
-    ("painting/stroke-dashoffset/em-units.svg", Told("svg-unit")),
-    ("shapes/rect/ch-values.svg", Told("svg-unit")),
-    ("shapes/rect/em-values.svg", Told("svg-unit")),
-    ("shapes/rect/ex-values.svg", Told("svg-unit")),
-    ("shapes/rect/ic-values.svg", Told("svg-unit")),
-    ("shapes/rect/lh-values.svg", Told("svg-unit")),
-    ("shapes/rect/rlh-values.svg", Told("svg-unit")),
-    ("shapes/rect/vi-and-vb-values.svg", Told("svg-unit")),
-    ("shapes/rect/vmin-and-vmax-values.svg", Told("svg-unit")),
-    ("shapes/rect/vw-and-vh-values.svg", Told("svg-unit")),
+    ("painting/stroke-dasharray/em-units.svg", Warned("svg-unit")),
+    ("painting/stroke-dashoffset/em-units.svg", Warned("svg-unit")),
+    ("shapes/rect/ch-values.svg", Warned("svg-unit")),
+    ("shapes/rect/em-values.svg", Warned("svg-unit")),
+    ("shapes/rect/ex-values.svg", Warned("svg-unit")),
+    ("shapes/rect/ic-values.svg", Warned("svg-unit")),
+    ("shapes/rect/lh-values.svg", Warned("svg-unit")),
+    ("shapes/rect/rlh-values.svg", Warned("svg-unit")),
+    ("shapes/rect/vi-and-vb-values.svg", Warned("svg-unit")),
+    ("shapes/rect/vmin-and-vmax-values.svg", Warned("svg-unit")),
+    ("shapes/rect/vw-and-vh-values.svg", Warned("svg-unit")),
     ("structure/svg/background-color-with-viewbox.svg", WINDOW),
     ("structure/svg/background-color.svg", WINDOW),
 ];
@@ -116,7 +116,7 @@ fn fault(name: &str, verdict: &Result<Verdict, String>, read_before: &BTreeSet<&
         Ok(verdict @ Verdict::Refused(_)) => Some(format!("was read before, {verdict}")),
         Ok(verdict @ Verdict::Wrong { warnings, .. }) => match exception {
             Some(Aside(_)) => None,
-            Some(Told(code)) if warnings.contains(code) => None,
+            Some(Warned(code)) if warnings.contains(code) => None,
             _ => Some(verdict.to_string()),
         },
         Err(e) => Some(e.clone()),

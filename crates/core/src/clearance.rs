@@ -7,7 +7,7 @@
 mod facets;
 mod head;
 
-pub use facets::{EachFacet, Entered, Facets, Way};
+pub use facets::{EachFacet, Facets, Intrusion, Way};
 pub use head::Head;
 
 use parry2d::bounding_volume::Aabb;
@@ -20,8 +20,11 @@ use crate::machine::Machine;
 /// The part's height by tiles.
 pub struct Clearance {
     bvh: Bvh,
+    /// Boxes of the part with the highest surface point in each.
     tiles: Vec<(Box2, Nm)>,
+    /// Half the lens's diameter.
     radius: Nm,
+    /// How far above the focal plane the part may reach under the head: the working distance less the clearance.
     gap: Nm,
 }
 
@@ -65,17 +68,6 @@ impl Clearance {
         // cost a lift, never a collision.
         let top = self.bvh.intersect_aabb(&path).map(|i| self.tiles[i as usize].1).max();
         top.map_or(Nm::MIN, |t| t - self.gap)
-    }
-
-    /// The lowest focal plane of a standstill over `at` of the turned part at which the head keeps clear.
-    pub fn lowest_focus_turned(&self, turn: &Turn, at: P2<Turned>) -> Nm {
-        let beyond = |v: i64, lo: i64, hi: i64| Nm((lo - v).max(v - hi).max(0));
-        let is_under_head = |area: &Box2<Turned>| {
-            beyond(at.x, area.lo.x, area.hi.x) <= self.radius && beyond(at.y, area.lo.y, area.hi.y) <= self.radius
-        };
-        let tiles = self.tiles.iter().map(|(area, top)| TurnedTile::new(area, *top, turn));
-        let tops = tiles.filter(|tile| is_under_head(&tile.area)).map(|tile| tile.top);
-        tops.max().map_or(Nm::MIN, |t| t - self.gap)
     }
 
     /// The lowest focal plane at which the head may stay anywhere while two tilt axes go from one pair of

@@ -174,10 +174,13 @@ impl Budget {
         out
     }
 
-    /// The budget in three lines, for reading.
+    /// The budget in three lines, for reading: lateral, depth, and what is not stated, empty where everything is.
     pub fn lines(&self) -> [String; 3] {
         let in_block = |t: &Terms| t.block.as_ref().map_or(String::new(), |block| format!(" in {block}"));
-        let known = |t: &Terms| Some(t.known()).filter(|k| !k.is_empty()).unwrap_or("nothing stated".into());
+        let known = |t: &Terms| {
+            let text = t.known();
+            if text.is_empty() { String::from("nothing stated") } else { text }
+        };
         let lateral = &self.lateral;
         let depth = &self.depth;
         [
@@ -281,12 +284,12 @@ impl<'a> StatedErrors<'a> {
 
     /// The errors of a block.
     pub fn of_block(&self, block: &Block, figures: &BlockFigures) -> Errors {
-        let focus = block.stop.focus;
+        let lpfl = block.stop.lpfl;
         let cos = figures.slope.cos()[1];
         let is_tilted = !block.stop.tilt.is_upright();
         let tilt = || self.machine.turn(block.stop.tilt, Origin::default()).lean().asin();
         self.errors(&ErrorSources {
-            defocus: (block.z_hi - focus).max(focus - block.z_lo).f64() / 1e3,
+            defocus: (block.z_hi - lpfl).max(lpfl - block.z_lo).f64() / 1e3,
             cos,
             cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(0.0) } else { cos },
             is_tilted,
@@ -371,10 +374,11 @@ impl<'a> StatedErrors<'a> {
     }
 }
 
-/// The terms of a block that are known, by name, and what they come to.
+/// The terms of a block that are known, by name, and what they come to: `errors_um` of a block in the manifest.
 impl Serialize for Errors {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         let mut map = s.serialize_map(None)?;
+        // Both budgets in one map: the only cause in both is the tilt, which is never known.
         for (side, terms) in [("lateral", &self.lateral), ("depth", &self.depth)] {
             for Term { cause, um } in &terms.terms {
                 if let Some(um) = um {

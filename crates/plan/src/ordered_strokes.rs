@@ -23,7 +23,7 @@ pub struct OrderedStrokes {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Band {
     /// Height of the focal plane.
-    pub focus: Nm,
+    pub lpfl: Nm,
     /// Lowest and highest height that it admits.
     pub z: [Nm; 2],
     /// The strokes of the band, as a range of [`OrderedStrokes::strokes`].
@@ -115,7 +115,7 @@ mod tests {
         let (mut program, _) = sample::program();
         (program.pens[0].passes, program.pens[1].passes) = (2, 3);
         let once = OrderedStrokes::of_program(&program);
-        let band = |strokes: &Range<usize>| Band { focus: Nm(0), z: [Nm(0); 2], strokes: strokes.clone() };
+        let band = |strokes: &Range<usize>| Band { lpfl: Nm(0), z: [Nm(0); 2], strokes: strokes.clone() };
         let mut bands: Vec<Band> = program.blocks.iter().map(|block| band(&block.strokes)).collect();
         let repeats = once.clone().repeated(&mut bands);
         assert!(repeats.pens.iter().all(|pen| pen.passes == 1));

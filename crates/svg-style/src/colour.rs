@@ -142,27 +142,31 @@ pub(crate) fn colour(reading: &Reading, css: &mut Parser<'_>) -> Result<Colour, 
     unresolved(reading, css).map(Colour::new)
 }
 
+/// A colour as it is written: `color-mix()`, `light-dark()` and system colours are read here, all others by
+/// `cssparser_color`.
 fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fault> {
     let before = css.state();
-    let name = match css.next()? {
-        Token::Function(name) => Some((name.to_ascii_lowercase(), true)),
-        Token::Ident(name) => Some((name.to_ascii_lowercase(), false)),
-        _ => None,
+    let (name, is_function) = match css.next()? {
+        Token::Function(name) => (name.to_ascii_lowercase(), true),
+        Token::Ident(name) => (name.to_ascii_lowercase(), false),
+        // Such as `#fff`.
+        _ => (String::new(), false),
     };
-    match name.as_ref().map(|(name, is_function)| (name.as_str(), *is_function)) {
-        Some(("color-mix", true)) => return css.parse_nested_block(|css| mix(reading, css)),
-        // Of the two the one for light pages, as paper is.
-        Some(("light-dark", true)) => {
+    match (name.as_str(), is_function) {
+        ("color-mix", true) => return css.parse_nested_block(|css| mix(reading, css)),
+        // The first of the two, for light pages, as paper is; the second must be a colour all the same.
+        ("light-dark", true) => {
             return css.parse_nested_block(|css| {
                 let light = unresolved(reading, css)?;
                 css.expect_comma()?;
                 unresolved(reading, css).map(|_| light)
             });
         }
-        Some((name @ ("contrast-color" | "alpha" | "color-contrast"), true)) => {
+        (name @ ("contrast-color" | "alpha" | "color-contrast"), true) => {
             return Err(reading.unknown(format!("{name}()")));
         }
-        Some((name, false)) => {
+        (name, false) => {
+            // The one system colour that is not opaque.
             if name == "highlight" {
                 return Ok(Parsed::from_rgba(0, 65, 198, 0.8).0);
             }
@@ -175,7 +179,7 @@ fn unresolved(reading: &Reading, css: &mut Parser<'_>) -> Result<Unresolved, Fau
     css.reset(&before);
     let is_legacy = has_commas(css);
     let parsed = css.try_parse(|css| parse_color_with(&Components { reading, is_legacy }, css));
-    if parsed.is_err() && name.is_some_and(|(_, is_function)| is_function) && is_relative(css) {
+    if parsed.is_err() && is_function && is_relative(css) {
         return Err(reading.unknown("a colour relative to another (from)"));
     }
     parsed.map(|Parsed(colour)| colour)

@@ -25,9 +25,9 @@ impl Map {
         Self::scale(1.0, 1.0, by)
     }
 
-    /// Turns from the x axis towards the y axis.
+    /// Turns about the origin, by an angle from the x axis towards the y axis.
     pub(crate) fn turn(degrees: f64) -> Self {
-        // Quarter turns are exact.
+        // Quarter turns are made exact: the cosine of pi / 2 in f64 is not 0.
         let (sin, cos) = match degrees.rem_euclid(360.0) {
             0.0 => (0.0, 1.0),
             90.0 => (1.0, 0.0),

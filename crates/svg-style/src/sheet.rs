@@ -110,7 +110,6 @@ impl Sheets {
             layer: UNLAYERED,
             parent: None,
             block: Block::default(),
-            is_in_rule: false,
             may_import: true,
         };
         let mut rules = StyleSheetParser::new(&mut css, &mut reader);
@@ -228,11 +227,10 @@ struct SheetReader<'s> {
     /// Line of the drawing in which the sheet begins.
     line: u32,
     layer: usize,
-    /// The selectors of the rule that is being read.
+    /// The selectors of the rule that is being read; None outside of rules.
     parent: Option<SelectorList<Svg>>,
     /// What that rule declares, up to the next rule in it.
     block: Block,
-    is_in_rule: bool,
     /// Whether `@import` and `@namespace` may follow.
     may_import: bool,
 }
@@ -334,6 +332,7 @@ impl<'i> QualifiedRuleParser<'i> for SheetReader<'_> {
     }
 
     fn parse_block(&mut self, list: SelectorList<Svg>, _: &ParserState, css: &mut Parser<'i>) -> Result<(), Fault> {
+        // `Sheets::add` fails then, whatever else the sheet holds.
         if self.sheets.excess.is_some() {
             return Ok(());
         }
@@ -341,11 +340,9 @@ impl<'i> QualifiedRuleParser<'i> for SheetReader<'_> {
         // cascade (CSS Nesting 1).
         self.flush();
         let outer_parent = self.parent.replace(list);
-        let was_in_rule = std::mem::replace(&mut self.is_in_rule, true);
         self.body(css);
         self.flush();
         self.parent = outer_parent;
-        self.is_in_rule = was_in_rule;
         Ok(())
     }
 }
@@ -460,7 +457,7 @@ fn layer_name(css: &mut Parser<'_>) -> Result<Vec<Arc<str>>, Fault> {
 
 impl RuleBodyItemParser<'_, (), ()> for SheetReader<'_> {
     fn parse_declarations(&self) -> bool {
-        self.is_in_rule
+        self.parent.is_some()
     }
 
     fn parse_qualified(&self) -> bool {

@@ -153,7 +153,7 @@ impl JobFacts {
         let by = self.passes.lowered(block.pass);
         let mut block = block.clone();
         let stop = &mut block.stop;
-        for z in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
+        for z in [&mut stop.lpfl, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
             *z = z.saturating_add(by);
         }
         block

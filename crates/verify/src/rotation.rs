@@ -1,9 +1,7 @@
 //! How a job lays its part, by the verifier's own arithmetic: each rotation turns points in a plane.
 
-use terrace_core::geom::cos_sin;
-use terrace_input::job::Laid;
-
-type Point = [f64; 3];
+use terrace_core::geom::{SpacePoint, cos_sin};
+use terrace_input::job::Attitude;
 
 /// The rotation from the surface file to the part frame.
 pub(super) enum Rotation {
@@ -15,11 +13,11 @@ pub(super) enum Rotation {
 
 impl Rotation {
     /// The rotation of a job that was accepted.
-    pub(super) fn new(laid: &Laid) -> Self {
+    pub(super) fn new(laid: &Attitude) -> Self {
         let up = match *laid {
-            Laid::Rotated(angles) => return Self::Axes(angles.map(|a| cos_sin(a.as_rad()))),
-            Laid::Up(up) => up,
-            Laid::Level([a, b, c]) => {
+            Attitude::Rotated(angles) => return Self::Axes(angles.map(|a| cos_sin(a.as_rad()))),
+            Attitude::Up(up) => up,
+            Attitude::Level([a, b, c]) => {
                 let [u, v] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
                 [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
             }
@@ -33,11 +31,11 @@ impl Rotation {
         Self::Tilt([y / level, -x / level], [z / whole, level / whole])
     }
 
-    pub(super) fn facet(&self, facet: [Point; 3]) -> [Point; 3] {
+    pub(super) fn facet(&self, facet: [SpacePoint; 3]) -> [SpacePoint; 3] {
         facet.map(|p| self.point(p))
     }
 
-    pub(super) fn point(&self, [x, y, z]: Point) -> Point {
+    pub(super) fn point(&self, [x, y, z]: SpacePoint) -> SpacePoint {
         match self {
             Self::Axes([about_x, about_y, about_z]) => {
                 let turn = |[c, s]: [f64; 2], u: f64, v: f64| [c * u - s * v, s * u + c * v];
@@ -70,11 +68,11 @@ mod tests {
             let (up, points, p) = (point(), [point(), point(), point()], point());
             let angles = point().map(|v| format!("{v} deg").parse::<Angle>().expect("an angle"));
             for laid in [
-                Laid::Rotated(angles),
-                Laid::Up(up),
-                Laid::Level(points),
-                Laid::Up([0.0, 0.0, -1.0]),
-                Laid::Up([0.0, 0.0, 3.0]),
+                Attitude::Rotated(angles),
+                Attitude::Up(up),
+                Attitude::Level(points),
+                Attitude::Up([0.0, 0.0, -1.0]),
+                Attitude::Up([0.0, 0.0, 3.0]),
             ] {
                 let (own, other) = (Rotation::new(&laid).point(p), laid.pose().expect("a rotation").apply(p));
                 assert!(own.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-10), "{laid:?}: {own:?} {other:?}");

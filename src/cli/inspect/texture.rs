@@ -78,14 +78,17 @@ fn shapes(found: &Shapes) -> Inspection {
     Inspection { text, json, warnings }
 }
 
-/// The list of names that choose shapes; `paper` says which of the colours are the page.
+/// Sets `selectors` in `json` to the names that choose shapes, and returns them as text. `paper` says which of the
+/// colours are the page; None of space curves, which have no page.
 fn names(selectors: &[(Selector, usize)], paper: Option<Paper>, json: &mut Value) -> String {
     let is_page = |selector: &Selector| match selector {
         Selector::Colour(colour) => paper.is_some_and(|paper| paper.holds(*colour)),
         Selector::Label(_) => false,
     };
-    let named = |(selector, shapes): &(Selector, usize)| json!({"name": selector.to_string(), "shapes": shapes, "page": is_page(selector)});
-    json["selectors"] = selectors.iter().map(named).collect();
+    json["selectors"] = selectors
+        .iter()
+        .map(|(selector, shapes)| json!({"name": selector.to_string(), "shapes": shapes, "page": is_page(selector)}))
+        .collect();
     match selectors {
         [] => return String::new(),
         [(one, _)] => return format!("pens, only and except can name {one} alone\n"),
@@ -94,9 +97,9 @@ fn names(selectors: &[(Selector, usize)], paper: Option<Paper>, json: &mut Value
     let listed = &selectors[..selectors.len().min(MAX_LISTED)];
     let width = listed.iter().map(|(selector, _)| selector.to_string().chars().count()).max().unwrap_or(0);
     let mut text = "pens, only and except can name\n".to_owned();
-    for (selector, n) in listed {
+    for (selector, shapes) in listed {
         let page = if is_page(selector) { ", the page" } else { "" };
-        text += &format!("  {:<width$}  {n} shape{}{page}\n", selector.to_string(), plural(*n));
+        text += &format!("  {:<width$}  {shapes} shape{}{page}\n", selector.to_string(), plural(*shapes));
     }
     if selectors.len() > listed.len() {
         text += &format!("  and {} more, which --json lists\n", selectors.len() - listed.len());

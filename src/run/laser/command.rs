@@ -55,16 +55,18 @@ impl Command {
         Ok(Self { keys: keys.clone(), format, lock: None, is_doubtful: false })
     }
 
-    /// Starts a command; where it is for a block its words are filled with the block's.
+    /// Starts a command. With `work`, its file, block and shift replace `{file}`, `{block}` and `{shift}` in the words.
+    /// The command has `stdin` open until it ends, so `mark` gives it the lock there.
     fn start(words: &[String], work: Option<&Work>, stdin: Stdio) -> Result<Child, Diag> {
         let words: Vec<String> = match work {
             Some(work) => words.iter().map(|word| filled_for(word, work)).collect(),
             None => words.to_vec(),
         };
+        // `new` refuses a command without a program.
         let mut command = std::process::Command::new(&words[0]);
         // Its output is not the result of this program.
         command.args(&words[1..]).stdin(stdin).stdout(io::stderr());
-        // Ctrl-C at the terminal is not for it: the first one lets the block end.
+        // Ctrl-C at the terminal is not for it: the first one lets the block end. `kill` ends the whole group.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command.spawn().map_err(|e| {

@@ -155,11 +155,12 @@ impl LinuxCnc {
         if error == "OK" { Ok(()) } else { Err(alarm(format!("LinuxCNC reports: {error}"))) }
     }
 
-    /// Positions of all axes in millionths.
+    /// Positions of all axes in millionths of mm or degrees; `kind` is which of them to get, such as `abs_act_pos`.
     fn position(&mut self, kind: &str) -> Result<[i64; 6], Diag> {
         let text = self.get(kind)?;
-        let mut words = text.split(' ').map(|w| w.parse::<f64>().ok().filter(|v| v.abs() < 1e9));
-        let values = AXES.map(|_| words.next().flatten());
+        // NaN and infinity do not pass either; below 1e9, whole millionths are exact in f64.
+        let mut numbers = text.split(' ').map(|w| w.parse::<f64>().ok().filter(|v| v.abs() < 1e9));
+        let values = AXES.map(|_| numbers.next().flatten());
         if values.contains(&None) {
             return Err(lost(&self.keys.address, &format!("{kind} is {text:?}")));
         }

@@ -97,7 +97,7 @@ impl StageJudge<'_> {
 /// Between what ends a stage may be along an axis: in plan the scanner's field, in height the focus where it is
 /// marked.
 fn ends(even: &Samples, allowed: ScannerLimits, axis: usize) -> Vec<[f64; 2]> {
-    let half = [allowed.half_field[0], allowed.half_field[1], allowed.focus][axis];
+    let half = [allowed.half_field[0], allowed.half_field[1], allowed.half_depth][axis];
     let reach = |on: bool| if on || axis < 2 { half } else { f64::INFINITY };
     even.at.iter().zip(&even.on).map(|(p, &on)| [p[axis] - reach(on), p[axis] + reach(on)]).collect()
 }
@@ -151,7 +151,7 @@ fn filtered(even: &Samples, family: Family, allowed: ScannerLimits) -> FilteredS
     });
     let z = largest(start, 0.8, 1.0, 0.5, |strength| {
         let smooth = stage(&height, family.at(strength));
-        let is_in_focus = is_in_focus(&height, &smooth, &even.on, allowed.focus);
+        let is_in_focus = is_in_focus(&height, &smooth, &even.on, allowed.half_depth);
         (smooth, is_in_focus)
     });
     let strength = [xy.as_ref().map_or(0.0, |r| r.strength), z.as_ref().map_or(0.0, |r| r.strength)];
@@ -166,6 +166,6 @@ fn is_within_field(path: &[[f64; 2]], stage: &[[f64; 2]], half_field: [f64; 2]) 
 }
 
 /// Whether what a stage leaves of the heights of a path is in focus at all samples that mark.
-fn is_in_focus(path: &[[f64; 1]], stage: &[[f64; 1]], on: &[bool], focus: f64) -> bool {
-    path.iter().zip(stage).zip(on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= focus)
+fn is_in_focus(path: &[[f64; 1]], stage: &[[f64; 1]], on: &[bool], half_depth: f64) -> bool {
+    path.iter().zip(stage).zip(on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= half_depth)
 }

@@ -4,7 +4,7 @@ use super::axis_errors::AxisErrors;
 use super::filters::{FAMILIES, filters};
 use super::{Beyond, Curves, Figures, Hardware, RestTimes, Split, Subject, marked, path_of};
 use terrace_core::diag::Error;
-use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
+use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, P3Mm, mm_from_nm};
 use terrace_core::machine::{Commanded, Machine};
 use terrace_core::motion::{GalvoModel, StageMove, stage_move};
 use terrace_core::parallel;
@@ -105,7 +105,7 @@ impl<'a> Follower<'a> {
     }
 
     fn allowed(&self) -> Result<ScannerLimits, Error> {
-        ScannerLimits::of(self.subject.machine, self.subject.limits.focus)
+        ScannerLimits::of(self.subject.machine, self.subject.limits.half_depth)
     }
 
     /// The figures of the strokes in their order, synchronised as a whole.
@@ -215,9 +215,10 @@ impl<'a> Follower<'a> {
     /// What marks get from a synchronised motion.
     fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<MarksOfMotion, Error> {
         let nodes = sync.nodes(path, schedule);
-        let half = self.subject.machine.usable_field().map(|f| f.mm() / 2.0);
+        let half = self.subject.machine.half_usable_field_mm();
         let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
-            axes: Axes { xyz, a: 0.0, c: 0.0 },
+            // Nothing turns: the part may be taken to lie with its origin at the pivot.
+            axes: Axes { xyz: P3Mm::new(xyz), a: 0.0, c: 0.0 },
             spot: [b[0] - xyz[0], b[1] - xyz[1]],
             on,
         });
@@ -277,14 +278,14 @@ impl<'a> Follower<'a> {
         let machine = self.subject.machine;
         let mut path = path_of(self.subject, ordered, band.strokes.clone());
         let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
-        let plane = band.focus.mm();
+        let plane = band.lpfl.mm();
         path.nodes.iter_mut().for_each(|node| node.at[2] = plane);
         let schedule = Schedule::of(&path, machine, &ordered.pens, 0.0);
         let sync = synchronise(&path, &schedule, machine, allowed, schedule.step_s(BAND_SAMPLES));
         // The marks are judged at their own heights again.
         path.nodes.iter_mut().zip(heights).for_each(|(node, z)| node.at[2] = z);
         let ends =
-            [path.nodes[0].at, path.nodes[path.len() - 1].at].map(nm).map(|[x, y, _]| Commanded([x, y, band.focus.0]));
+            [path.nodes[0].at, path.nodes[path.len() - 1].at].map(nm).map(|[x, y, _]| Commanded([x, y, band.lpfl.0]));
         Ok(BandMotion {
             followed: self.followed(&path, &schedule, &sync)?,
             time: Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) },
@@ -330,7 +331,7 @@ impl<'a> Follower<'a> {
             }
         }
         let mut beyond_travel: Vec<Beyond> = Vec::new();
-        beyond_travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
+        beyond_travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz.mm))));
         beyond_travel.extend(turns_too_far(&model, &made.axes));
         let nodes: Vec<[f64; AXES]> =
             made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
@@ -356,7 +357,7 @@ impl<'a> Follower<'a> {
             .expect("the profile states the limits of A and C");
         let area = self.whole.texture;
         let pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
-        KinematicModel { pivot, ..model }
+        KinematicModel { pivot: P3Mm::new(pivot), ..model }
     }
 
     /// The time of a motion, and what the model of the article makes of its stage in step with the spot: at rest at
@@ -412,13 +413,13 @@ impl<'a> Follower<'a> {
         curves.space = nodes
             .map(|(axes, node)| {
                 let tool = axes.tool();
-                [model.from_pivot(node.at), tool.p, tool.n]
+                [model.from_pivot(node.at).mm, tool.p.mm, tool.n.0]
             })
             .collect();
         let deviations = made.deviation.iter().zip(&way).zip(&path.nodes);
         curves.along = deviations
             .filter(|(_, node)| node.pen.is_some())
-            .map(|((d, &w), _)| [w, d.focus * 1000.0, d.angle.to_degrees(), d.lateral])
+            .map(|((d, &w), _)| [w, d.defocus * 1000.0, d.angle.to_degrees(), d.lateral])
             .collect();
     }
 
@@ -446,7 +447,7 @@ impl<'a> Follower<'a> {
         let half_field = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
         let [_, until_s] = times[times.len().min(DRAWN) - 1];
         let (following_error, axis_errors) = following(machine, &half_field, feed, samples, step_s, until_s)?;
-        let travel = travel(made.axes.iter().map(|a| a.xyz));
+        let travel = travel(made.axes.iter().map(|a| a.xyz.mm));
         let followed =
             MarksOfMotion { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
         let axis_errors = Some(axis_errors);
@@ -482,25 +483,27 @@ fn following(
     let mirror = Servo::of_scanner(machine)?;
     let mut samples = samples.peekable();
     let mut axis_errors = AxisErrors::new(step_s, until_s);
-    let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else {
+    let Some(&Sample { axes: Axes { xyz, a, c }, spot, .. }) = samples.peek() else {
         return Ok((Vec::new(), axis_errors));
     };
+    let [x, y, z] = xyz.mm;
     let mut stage_axes = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
     let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, feed, step_s, spot[k]));
     let mut out = Vec::new();
     for Sample { axes, spot, on } in samples {
-        let [x, y, z] = axes.xyz;
+        let [x, y, z] = axes.xyz.mm;
         let commands = [x, y, z, axes.a, axes.c];
         let reached: [f64; 5] = std::array::from_fn(|k| stage_axes[k].step(commands[k]));
         let [x, y, z, a, c] = reached;
         // Where the axes that are late see what is to be marked.
-        let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
-        let missed = [0, 1].map(|k| seen[k] - spot[k]);
+        let seen = Axes { xyz: P3Mm::new([x, y, z]), a, c }.seen(axes.spot(spot[0], spot[1]).p);
+        let missed = [0, 1].map(|k| seen.uv[k] - spot[k]);
         let half = half_field([0, 1].map(|k| spot[k] + missed[k]));
         let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k], half[k]));
         if on {
-            let [lag, error, focus] = [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen[2]].map(|v| 1000.0 * v);
-            out.push([lag, error, focus, step_s]);
+            let [lag, error, defocus] =
+                [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen.height].map(|v| 1000.0 * v);
+            out.push([lag, error, defocus, step_s]);
         }
         let [dx, dy, dz, da, dc] = std::array::from_fn(|k| commands[k] - reached[k]);
         let [du, dv] = mirrors.each_ref().map(Scanner::following_error);
@@ -563,16 +566,19 @@ struct Sample {
     on: bool,
 }
 
-/// A turning motion at even steps of time, and the steps, s.
-fn sampled<'a>(made: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl Iterator<Item = Sample> + use<'a>, f64) {
+/// A turning motion at even steps of time from its start to its end, and the length of a step, s.
+fn sampled<'a>(motion: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl Iterator<Item = Sample> + use<'a>, f64) {
+    /// Longest step, s, unless the motion would then have more than `MOST` steps.
+    const STEP_S: f64 = 1e-3;
     const MOST: usize = 500_000;
-    let total = made.total_s();
-    let count = ((total / 1e-3).ceil() as usize).clamp(1, MOST);
-    let step_s = total / count as f64;
-    let mut reader = made.read(model);
+    let total_s = motion.total_s();
+    let count = ((total_s / STEP_S).ceil() as usize).clamp(1, MOST);
+    let step_s = total_s / count as f64;
+    let mut reader = motion.read(model);
     let samples = (0..=count).map(move |k| {
         let Instant { axes, node, field } = reader.at(k as f64 * step_s);
-        Sample { axes, spot: field, on: made.path.pen_at(node + 1).is_some() }
+        // The spot comes from `node`: it is on the stretch that ends at the next one.
+        Sample { axes, spot: field, on: motion.path.pen_at(node + 1).is_some() }
     });
     (samples, step_s)
 }
@@ -581,8 +587,8 @@ fn sampled<'a>(made: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl Iter
 fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
         let (p, b) = (path.nodes[i].at, beam(i));
-        let angle = subject.height_field.at([p[0], p[1]]).normal()[2].acos();
-        Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
+        let angle = subject.height_field.at(p.xy()).normal().0[2].acos();
+        Deviation { defocus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
     };
     (0..path.len()).map(deviation).collect()
 }
@@ -616,8 +622,8 @@ fn mark_mm(ordered: &OrderedStrokes, bands: &[Band]) -> f64 {
 }
 
 /// A point in mm as one in nm.
-fn nm(p: [f64; 3]) -> [i64; 3] {
-    p.map(|v| (v * NM_PER_MM).round() as i64)
+fn nm(p: P3Mm) -> [i64; 3] {
+    p.mm.map(|v| (v * NM_PER_MM).round() as i64)
 }
 
 /// Length of the way through some points.

@@ -375,7 +375,7 @@ pub fn compare(
         strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
     let whole = whole.repeated();
     let limits = mark_limits(job, machine);
-    let height_field = HeightField::followed(&inputs.surface, whole.texture, limits.focus).ok_or_else(|| {
+    let height_field = HeightField::followed(&inputs.surface, whole.texture, limits.half_depth).ok_or_else(|| {
         Diag::limit("compare-surface", "the texture lies entirely off the part")
             .hint("compare its area with the part's box")
     })?;
@@ -423,9 +423,9 @@ pub fn compare(
 
 /// What all marks should keep.
 fn mark_limits(job: &Job, machine: &Machine) -> Limits {
-    let half = machine.usable_field().map(|f| f.mm() / 2.0);
+    let half = machine.half_usable_field_mm();
     Limits {
-        focus: job.focus.half_depth_mm(),
+        half_depth: job.focus.half_depth_mm(),
         angle: job.limits.warn_incidence.as_rad(),
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
@@ -519,13 +519,14 @@ fn run_system(system: &System, subject: &Subject<'_>, follower: &Follower<'_>, t
 fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures {
     let spread = |pick: fn(&Deviation) -> f64| Statistics::of(deviations.iter().map(pick).zip(weights.iter().copied()));
     // A nanometre, and as little of an angle, for rounding.
-    let less = |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
+    let less =
+        |d: &Deviation| Deviation { defocus: d.defocus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
     let marks = || deviations.iter().zip(weights).filter(|(_, w)| **w > 0.0);
     let inside = marks().filter(|(d, _)| limits.hold(less(d))).map(|(_, w)| w).sum::<f64>();
     let marked_mm = marks().map(|(_, w)| w).sum::<f64>();
     let figures = Figures {
         marked_mm,
-        focus_um: spread(|d| d.focus * 1000.0),
+        focus_um: spread(|d| d.defocus * 1000.0),
         incidence_deg: spread(|d| d.angle.to_degrees()),
         displacement_mm: spread(|d| d.lateral),
         // In this order all of it is exactly 100.
@@ -534,8 +535,8 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     };
     let keeps = |pick: fn(&Deviation) -> f64, limit: f64| marks().all(|(d, _)| pick(&less(d)) <= limit);
     let mut beyond = Vec::new();
-    if !keeps(|d| d.focus, limits.focus) {
-        beyond.push(Beyond::Focus([figures.focus_um.worst, limits.focus * 1000.0]));
+    if !keeps(|d| d.defocus, limits.half_depth) {
+        beyond.push(Beyond::Focus([figures.focus_um.worst, limits.half_depth * 1000.0]));
     }
     if !keeps(|d| d.angle, limits.angle) {
         beyond.push(Beyond::Incidence([figures.incidence_deg.worst, limits.angle.to_degrees()]));

@@ -117,7 +117,7 @@ fn deviations(c: &Comparison) -> Option<Table> {
     let mut columns = vec![Column::text("system"), Column::text("figure"), Column::text("unit")];
     columns.extend(["mean", "median", "of 95 %", "worst"].map(|name| Column::number(name, "", 3)));
     let mut table = Table::new("How deviations are spread over the marks", columns);
-    let mut any = false;
+    let mut has_rows = false;
     for (system, f) in c.rows.iter().filter_map(|r| Some((r.system, r.figures.as_ref().ok()?))) {
         let spreads = [
             ("FOD", "um", f.of_marks(f.focus_um)),
@@ -129,12 +129,12 @@ fn deviations(c: &Comparison) -> Option<Table> {
         ];
         for (name, unit, spread) in spreads {
             let Some(s) = spread else { continue };
-            let figures = [s.mean, s.median, s.p95, s.worst].map(Cell::from);
-            table.push([system.into(), name.into(), unit.into()].into_iter().chain(figures).collect());
-            any = true;
+            let values = [s.mean, s.median, s.p95, s.worst].map(Cell::from);
+            table.push([system.into(), name.into(), unit.into()].into_iter().chain(values).collect());
+            has_rows = true;
         }
     }
-    any.then_some(table)
+    has_rows.then_some(table)
 }
 
 /// The table of decompositions for scanner and stage; None where none was made.
@@ -193,7 +193,7 @@ fn shared(c: &Comparison) -> Option<Table> {
         table.row([
             (*name).into(),
             s.strength.into(),
-            (s.worst.focus * 1000.0).into(),
+            (s.worst.defocus * 1000.0).into(),
             s.worst.angle.to_degrees().into(),
             s.worst.lateral.into(),
             s.rms_acceleration.into(),
@@ -222,7 +222,7 @@ fn back_off(c: &Comparison) -> Option<Table> {
         let d = trial.found;
         table.row([
             (trial.strength * 1000.0).into(),
-            (d.focus * 1000.0).into(),
+            (d.defocus * 1000.0).into(),
             d.angle.to_degrees().into(),
             d.lateral.into(),
             if trial.holds { "yes" } else { "no" }.into(),
@@ -369,7 +369,7 @@ fn back_off_chart(c: &Comparison) -> Option<Plot> {
         let points = c.curves.back_off.iter().map(|r| [r.strength * 1000.0, part(&r.found)]).collect();
         vec![Series::new("worst of all marks", points).marked()]
     };
-    let series = [worst(|d| d.focus * 1000.0), worst(|d| d.angle.to_degrees()), worst(|d| d.lateral)];
+    let series = [worst(|d| d.defocus * 1000.0), worst(|d| d.angle.to_degrees()), worst(|d| d.lateral)];
     let title = "Seven axes: how strongly the path may be smoothed".into();
     let panels = deviation_panels(c, series);
     Some(LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw())
@@ -387,12 +387,12 @@ fn deviations_chart(c: &Comparison) -> Option<Plot> {
 }
 
 /// Panels of focal offset, beam incidence and displacement, each with its limit for seven axes.
-fn deviation_panels(c: &Comparison, [focus, angle, field]: [Vec<Series>; 3]) -> Vec<Panel> {
+fn deviation_panels(c: &Comparison, [defocus, angle, field]: [Vec<Series>; 3]) -> Vec<Panel> {
     let limits = c.curves.seven.unwrap_or(c.limits);
     let panel =
         |y: Axis, series: Vec<Series>, limit: f64| Panel { y, series, limits: vec![Limit::new("limit", limit)] };
     vec![
-        panel(Axis::new("FOD", "um"), focus, limits.focus * 1000.0),
+        panel(Axis::new("FOD", "um"), defocus, limits.half_depth * 1000.0),
         panel(Axis::new("BIA", "deg"), angle, limits.angle.to_degrees()),
         panel(Axis::new("displacement", "mm"), field, limits.field),
     ]
@@ -443,7 +443,7 @@ fn limits(c: &Comparison) -> String {
         c.machine,
         c.loading.sentence_per_block(),
         c.galvo.name(),
-        c.limits.focus * 1000.0,
+        c.limits.half_depth * 1000.0,
         c.limits.angle.to_degrees(),
         c.limits.field,
         c.marked_mm / 1000.0

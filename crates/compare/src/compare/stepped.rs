@@ -2,7 +2,7 @@
 
 use super::{Figures, Hardware, KeyCost, Split, Subject, marked, path_of};
 use terrace_core::diag::Error;
-use terrace_core::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
+use terrace_core::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, P3Mm, Turn, mm_from_nm};
 use terrace_core::machine::{Carries, Commanded, Machine, Origin};
 use terrace_core::program::{Block, Program};
 use terrace_core::progress::Task;
@@ -243,15 +243,15 @@ fn figures(subject: &Subject<'_>, plan: &SteppedProgram<'_>) -> Figures {
 }
 
 /// How far a place of a mark, mm, part frame, is from the ideal beam at the stop of its block.
-fn deviation([x, y, z]: [f64; 3], block: &Block, turn: &Turn, height_field: &HeightField) -> Deviation {
+fn deviation(place: P3Mm, block: &Block, turn: &Turn, height_field: &HeightField) -> Deviation {
     let stop = &block.stop;
-    let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
+    let p = turn.apply(P3::new(place.mm.map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
     let centre = stop.centre.mm();
     // On a slope a place that is some nanometres off lies at another height: no mark lies beyond its block's depth.
     let height = p[2].clamp(block.z_lo.mm(), block.z_hi.mm());
     Deviation {
-        focus: (height - stop.focus.mm()).abs(),
-        angle: turn.slope2(height_field.at([x, y]).normal()).sqrt().atan(),
+        defocus: (height - stop.lpfl.mm()).abs(),
+        angle: turn.slope2(height_field.at(place.xy()).normal().0).sqrt().atan(),
         lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
     }
 }
@@ -259,7 +259,7 @@ fn deviation([x, y, z]: [f64; 3], block: &Block, turn: &Turn, height_field: &Hei
 /// The strokes of all blocks where they lie on the untilted part, seen along z; points in the box of the texture.
 fn seen_from_above(program: &Program, turns: &[Turn], height_field: &HeightField, texture: Box2) -> OrderedStrokes {
     OrderedStrokes::placed(program, |i, point| {
-        let [x, y, _] = place_on_part(point, &program.blocks[i], &turns[i], height_field);
+        let [x, y] = place_on_part(point, &program.blocks[i], &turns[i], height_field).xy();
         // Rounding must put nothing beyond an edge of the part.
         let [x, y] = [x, y].map(|v| (v * NM_PER_MM).round() as i64);
         P2::new(x.clamp(texture.lo.x, texture.hi.x), y.clamp(texture.lo.y, texture.hi.y))
@@ -267,10 +267,10 @@ fn seen_from_above(program: &Program, turns: &[Turn], height_field: &HeightField
 }
 
 /// Where the beam through a point of the focal plane meets the part, at no other height than the block's marks, mm.
-fn place_on_part(point: FieldPoint, block: &Block, turn: &Turn, height_field: &HeightField) -> [f64; 3] {
-    let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
-    let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - focus).mm());
-    let point = [centre.x + i64::from(point.x), centre.y + i64::from(point.y), focus.0];
+fn place_on_part(point: FieldPoint, block: &Block, turn: &Turn, height_field: &HeightField) -> P3Mm {
+    let (centre, lpfl, up) = (block.stop.centre, block.stop.lpfl, turn.up());
+    let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - lpfl).mm());
+    let point = [centre.x + i64::from(point.x), centre.y + i64::from(point.y), lpfl.0];
     let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
     let (mut way, mut p) = (0.0f64, from);
     // Newton's steps along the beam: it closes in on the height field by its direction against the slope.
@@ -280,7 +280,7 @@ fn place_on_part(point: FieldPoint, block: &Block, turn: &Turn, height_field: &H
         way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
         p = [0, 1, 2].map(|k| from[k] + way * up[k]);
     }
-    p
+    P3Mm::new(p)
 }
 
 /// The block of every stroke.

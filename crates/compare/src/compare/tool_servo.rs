@@ -340,7 +340,7 @@ impl Fit {
 /// # Errors
 /// `compare-nurbs` where it lies farther off than the defocus that is allowed, or is not there at all.
 fn fit(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<Fit, Error> {
-    let allowed = follower.subject().limits.focus;
+    let allowed = follower.subject().limits.half_depth;
     let refused = |text: String| {
         let hint = "give the NURBS surface of this part, in mm and in the frame of the placed part";
         Err(Diag::limit("compare-nurbs", text).hint(hint).into())
@@ -349,7 +349,7 @@ fn fit(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) ->
     let mut fit = Fit { worst: 0.0, points: 0 };
     let mut inversion = inversion.clone();
     for node in nodes.iter().step_by(nodes.len().div_ceil(COMPARED).max(1)).filter(|node| node.pen.is_some()) {
-        let [x, y, z] = node.at;
+        let [x, y, z] = node.at.mm;
         let Ok(found) = inversion.next([x, y]) else {
             return refused(format!("the NURBS surface is not under the mark at {x:.3}, {y:.3} mm"));
         };

@@ -409,8 +409,9 @@ impl fmt::Display for Beyond {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Focus([worst, allowed]) => {
-                let (unit, by) = if *worst >= 1000.0 { ("mm", 1000.0) } else { ("um", 1.0) };
-                let [worst, allowed] = apart(worst / by, allowed / by);
+                // Both in the unit of the worst.
+                let (unit, um_per_unit) = if *worst >= 1000.0 { ("mm", 1000.0) } else { ("um", 1.0) };
+                let [worst, allowed] = apart(worst / um_per_unit, allowed / um_per_unit);
                 write!(f, "{worst} {unit} out of focus, {allowed} {unit} allowed")
             }
             Self::Incidence([worst, allowed]) => {
@@ -465,7 +466,7 @@ mod tests {
         Comparison {
             job: "job".into(),
             machine: "xyz-galvo-40".into(),
-            limits: Limits { focus: 0.035, angle: 20f64.to_radians(), field: 28.0 },
+            limits: Limits { half_depth: 0.035, angle: 20f64.to_radians(), field: 28.0 },
             marked_mm: 1000.0,
             passes: 1,
             loading: Loading { way: LoadingWay::Ovf, ..Loading::default() },

@@ -26,7 +26,7 @@ pub struct Convergence {
     pub mean_steps: f64,
     /// Most steps of these.
     pub most_steps: usize,
-    /// How far a height is from that of the sample at most, mm.
+    /// Largest difference of a height that was found from that of its sample, mm.
     pub worst: f64,
 }
 
@@ -128,21 +128,21 @@ fn is_height_map(surface: &Surface, uvs: &[[f64; 2]]) -> bool {
     least * most > 0.0
 }
 
-/// How inversions of the samples end.
+/// How inversions of the samples end, by their x and y; each height that is found is compared with its z.
 fn convergence(
     samples: &[[f64; 3]],
     mut invert: impl FnMut([f64; 2]) -> Result<InvertedPoint<f64>, NotConverged>,
 ) -> Convergence {
     let mut out = Convergence { samples: samples.len(), ..Convergence::default() };
-    let mut steps = 0.0;
+    let mut total_steps = 0.0;
     for &[x, y, z] in samples {
         let Ok(point) = invert([x, y]) else { continue };
         out.converged += 1;
-        steps += point.steps as f64;
+        total_steps += point.steps as f64;
         out.most_steps = out.most_steps.max(point.steps);
         out.worst = out.worst.max((point.at[2] - z).abs());
     }
-    out.mean_steps = steps / out.converged.max(1) as f64;
+    out.mean_steps = total_steps / out.converged.max(1) as f64;
     out
 }
 

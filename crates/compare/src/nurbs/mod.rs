@@ -50,9 +50,11 @@ const UP_TO: [usize; 3] = [1, 3, 6];
 /// Largest coordinate of a control point, mm.
 const FARTHEST: f64 = 1e4;
 /// Largest ratio of two weights.
-const WEIGHTS: f64 = 1e6;
-/// Farthest knot from 0, and the least distance of two knots that differ, as shares of the range of the parameter.
-const KNOTS: [f64; 2] = [1e6, 1e-9];
+const MAX_WEIGHT_RATIO: f64 = 1e6;
+/// Farthest knot from 0, as a multiple of the range of the parameter.
+const FARTHEST_KNOT: f64 = 1e6;
+/// Least distance of two knots that differ, as a share of the range of the parameter.
+const LEAST_KNOT_DISTANCE: f64 = 1e-9;
 
 impl Surface {
     /// The surface of control points (`points[i][j]`: i along u, j along v), their weights, and knots as in STEP with
@@ -94,25 +96,26 @@ impl Surface {
             if knots.iter().any(|t| !t.is_finite()) || knots.windows(2).any(|w| w[0] > w[1]) {
                 return refused(format!("knots along {name} do not ascend"), "sort them");
             }
+            // The parameter ranges from knot p to knot n.
             if knots[p] >= knots[n] {
                 return refused(format!("knots along {name} leave no range of the parameter"), "check the knots");
             }
             let range = knots[n] - knots[p];
-            if !(range.is_normal() && knots.iter().all(|t| t.abs() <= KNOTS[0] * range)) {
+            if !(range.is_normal() && knots.iter().all(|t| t.abs() <= FARTHEST_KNOT * range)) {
                 let text = format!("knots along {name} lie beyond 1e6 times the range of the parameter, {range}");
                 return refused(text, "let them begin at 0");
             }
-            if knots.windows(2).any(|w| w[0] < w[1] && w[1] - w[0] < KNOTS[1] * range) {
+            if knots.windows(2).any(|w| w[0] < w[1] && w[1] - w[0] < LEAST_KNOT_DISTANCE * range) {
                 let text = format!("two knots along {name} differ by less than 1e-9 of the range of the parameter");
                 return refused(text, "write them as one knot of a higher multiplicity");
             }
-            // More would tear the surface apart.
+            // At a knot inside the range that is there p + 1 times the surface may have a gap.
             if (1..n).any(|i| knots[i] == knots[i + p]) {
                 let text = format!("a knot along {name} inside the range is there more than {p} times");
                 return refused(text, "divide the surface there");
             }
         }
-        // Only their ratios count.
+        // Only the ratios of weights count, so they are divided by the largest.
         let largest = weights.into_iter().flatten().flatten().fold(0.0, |most: f64, &w| most.max(w));
         let mut net = Vec::with_capacity(count[0] * count[1]);
         for (i, row) in points.iter().enumerate() {
@@ -124,7 +127,7 @@ impl Surface {
                 if !(stated > 0.0 && stated.is_finite()) {
                     return refused(format!("weight {i}, {j} is not positive"), "1 is the weight of a plain B-spline");
                 }
-                if largest > WEIGHTS * stated {
+                if largest > MAX_WEIGHT_RATIO * stated {
                     let text = format!("weight {i}, {j} is {stated}, the largest {largest}");
                     return refused(text, "a factor of 1e6 is the most");
                 }

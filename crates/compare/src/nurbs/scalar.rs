@@ -9,7 +9,7 @@ pub trait Scalar:
 {
     /// A constant.
     fn of(v: f64) -> Self;
-    /// The value without its derivatives.
+    /// The plain number, for comparisons and roundings: what is done with it is not counted.
     fn value(self) -> f64;
     /// e to its power.
     fn exp(self) -> Self;
@@ -44,6 +44,7 @@ pub fn counted<R>(work: impl FnOnce() -> R) -> (R, u64) {
 }
 
 impl Counted {
+    /// The result of one operation, which is counted.
     fn done(v: f64) -> Self {
         OPERATIONS.set(OPERATIONS.get() + 1);
         Self(v)

@@ -28,7 +28,7 @@ pub struct Way {
 
 /// A place of the part that is too high for a head.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entered {
+pub struct Intrusion {
     /// By how much, along the optical axis, nm.
     pub by: f64,
     /// The place.
@@ -40,7 +40,7 @@ type HeadPoint = [f64; 6];
 
 impl Way {
     /// The highest place of a facet that enters the head by more than `least`.
-    fn entered(&self, corners: &[[f64; 3]; 3], least: f64) -> Option<Entered> {
+    fn entered(&self, corners: &[[f64; 3]; 3], least: f64) -> Option<Intrusion> {
         let goes = [0, 1, 2].map(|k| self.ends[1][k] - self.ends[0][k]);
         let first = corners.map(|p| {
             let [x, y, z] = self.turn.apply(P3::new(p)).at;
@@ -56,7 +56,7 @@ impl Way {
             highest = highest.into_iter().chain(others).reduce(|a, b| if b[2] > a[2] { b } else { a });
         }
         let [_, _, by, x, y, z] = highest?;
-        (by > least).then_some(Entered { by, at: P3::new([x, y, z]) })
+        (by > least).then_some(Intrusion { by, at: P3::new([x, y, z]) })
     }
 
     /// By how much what lies in a box can enter at most.
@@ -172,7 +172,7 @@ impl Facets {
     }
 
     /// The place that enters a head farthest on its way, if any does.
-    pub fn entered(&self, way: &Way) -> Option<Entered> {
+    pub fn entered(&self, way: &Way) -> Option<Intrusion> {
         let mut worst = None;
         if !self.nodes.is_empty() {
             self.search(0, way, &mut worst);
@@ -181,8 +181,8 @@ impl Facets {
     }
 
     /// Looks below a node for a place that enters farther than `worst`.
-    fn search(&self, node: usize, way: &Way, worst: &mut Option<Entered>) {
-        let least = |worst: &Option<Entered>| worst.map_or(0.0, |w| w.by);
+    fn search(&self, node: usize, way: &Way, worst: &mut Option<Intrusion>) {
+        let least = |worst: &Option<Intrusion>| worst.map_or(0.0, |w| w.by);
         let Node { around, facets, second } = &self.nodes[node];
         if way.most(*around) <= least(worst) {
             return;
@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     /// What enters a head of radius 50 that goes from `a` to `b`, its lower end at z.
-    fn entered(facets: &[[[f64; 3]; 3]], a: [f64; 3], b: [f64; 3]) -> Option<Entered> {
+    fn entered(facets: &[[[f64; 3]; 3]], a: [f64; 3], b: [f64; 3]) -> Option<Intrusion> {
         let all = Facets::above(f64::NEG_INFINITY, &|sink| facets.iter().for_each(|f| sink(*f)));
         all.entered(&Way { turn: Turn::none(), ends: [a, b], radius: 50.0 })
     }

@@ -1,11 +1,11 @@
-//! Where a tilted head could touch the part on its way.
+//! Where the head could touch a part that is turned, or leans over it.
 //!
-//! At one tilt the head moves straight through the turned part, along its beam or not: the way is cut into pieces, and
+//! At one tilt the head stands or moves straight through the turned part, along its beam or not: the way is cut into pieces, and
 //! over each the part is looked at as under a head that stands. While the tilt axes turn, each in its own time, the
 //! lower end of the head must stay above the highest place of the whole part.
 
 use super::{Clearance, TurnedTile};
-use crate::geom::{Box2, NM_PER_MM, Nm, P2, P3, Turned};
+use crate::geom::{Box2, NM_PER_MM, Nm, P2, P3, Turn, Turned};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 
 /// Pieces into which a way is cut.
@@ -90,22 +90,19 @@ impl Way {
     }
 }
 
-impl Head<'_> {
-    /// How far the head comes too near to the part on the straight way of the stage from `a` to `b` at one tilt; 0 or
-    /// less where it keeps clear, the least number where no tile is near.
-    pub(crate) fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
-        let turn = self.machine.turn(tilt, self.origin);
-        let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
+impl Clearance {
+    /// How far the head comes too near to the part as turned where its field's centre goes straight from one of `ends` to
+    /// the other, nm; 0 or less where it keeps clear, the least number where no tile is near.
+    pub fn over_turned(&self, turn: &Turn, ends: [[f64; 3]; 2]) -> Nm {
         let [x, y, z] = turn.rows();
-        let Clearance { radius, gap, .. } = *self.clearance;
-        let way = Way { ends, lean: [-x[2], -y[2]], up: z[2], radius, gap };
+        let way = Way { ends, lean: [-x[2], -y[2]], up: z[2], radius: self.radius, gap: self.gap };
         // A piece that holds the whole way, and what rounding of the places on it may do, is as near to every tile as
         // any piece of it, or nearer. A tile that does not rise into the head there rises into it nowhere.
         let whole = way.piece(0, PIECES).grown(Nm(1));
         let mut clear = Nm::MIN;
         let mut doubtful = Vec::new();
-        for (area, top) in &self.clearance.tiles {
-            let tile = TurnedTile::new(area, *top, &turn);
+        for (area, top) in &self.tiles {
+            let tile = TurnedTile::new(area, *top, turn);
             match way.over(&tile, &whole) {
                 // It may touch, and is looked at piece by piece.
                 Some(over) if over > Nm(0) => doubtful.push(tile),
@@ -117,13 +114,22 @@ impl Head<'_> {
         if doubtful.is_empty() {
             return clear;
         }
-        let pieces = if a == b { 1 } else { PIECES };
+        let pieces = if ends[0] == ends[1] { 1 } else { PIECES };
         // A piece more on both sides, so that another division of the way finds nothing nearer.
         let wider = (0..pieces).map(|i| way.piece(i.saturating_sub(1), i + 2));
         let over = |piece: Piece| doubtful.iter().filter_map(|tile| way.over(tile, &piece)).max();
         wider.map(|piece| over(piece).unwrap_or(Nm::MIN)).max().unwrap_or(Nm::MIN)
     }
+}
 
+impl Head<'_> {
+    /// How far the head comes too near to the part on the straight way of the stage from `a` to `b` at one tilt; 0 or
+    /// less where it keeps clear, the least number where no tile is near.
+    pub(crate) fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
+        let turn = self.machine.turn(tilt, self.origin);
+        let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
+        self.clearance.over_turned(&turn, ends)
+    }
     /// How far the head comes too near, at most, to the highest place of the part while its axes turn from one tilt to
     /// another, the stage at `z` (as commanded, nm) and anywhere in x and y. For axes that carry the head.
     pub fn over_swing(&self, from: TiltAngles, to: TiltAngles, z: i64) -> Nm {
@@ -209,6 +215,28 @@ mod tests {
         assert!(head.over_lift(leaning, at(0.0, leaning)) > Nm(0));
         assert!(head.over_lift(leaning, at(-40.0, leaning)) <= Nm(0));
         assert!(head.over_move((at(-40.0, level), level), (at(-40.0, leaning), leaning)) > Nm(0), "it must lift first");
+    }
+
+    #[test]
+    fn the_lower_part_of_a_wall_that_a_table_has_turned_lies_beside_its_top() {
+        let machine = machine();
+        let clearance = Clearance::new(&[tile([0.0, -5.0], [1.0, 5.0], 300.0)], &machine);
+        let table = Machine::built_in("xyz-tilt-galvo-40").expect("a profile");
+        let lean =
+            table.tilt.as_ref().expect("axes").commands([20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos()]);
+        let turn = table.turn(lean, Origin::default());
+        // Where the wall stands 100 mm high, 200 mm below its top. The head is 50 mm wide.
+        let wall = turn.apply(P3::new([0.0, 0.0, 100.0 * NM_PER_MM])).at;
+        let top = turn.apply(P3::new([0.0, 0.0, 300.0 * NM_PER_MM])).at;
+        assert!((wall[0] - top[0]).abs() > 60.0 * NM_PER_MM, "{wall:?} {top:?}");
+        let over = |below: f64, beside: f64| {
+            let at = [wall[0], wall[1] + beside * NM_PER_MM, wall[2] - below * NM_PER_MM];
+            clearance.over_turned(&turn, [at; 2])
+        };
+        // The lower end keeps 10 mm above the focal plane.
+        assert!(over(12.0, 0.0) > Nm(0));
+        assert!(over(12.0, 100.0) <= Nm(0));
+        assert!(over(-400.0, 0.0) <= Nm(0));
     }
 
     #[test]

@@ -199,6 +199,7 @@ impl Diag {
     }
 }
 
+/// On one line, without severity and code: `place: message (hint)`.
 impl fmt::Display for Diag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.place != Place::Nowhere {

@@ -24,15 +24,21 @@ impl TableKey {
         if self.is_list { format!("[[{}]]", self.name) } else { format!("[{}]", self.name) }
     }
 
-    /// The place of the table in a document: None where the table around it is not there, or is a list.
-    fn found<'a>(&self, root: &'a DeTable<'_>) -> Option<Option<&'a toml::Spanned<DeValue<'a>>>> {
-        let (around, last) = self.name.rsplit_once('.').map_or((None, self.name), |(a, last)| (Some(a), last));
+    /// The name without the tables around it.
+    fn last_name(&self) -> &'static str {
+        self.name.rsplit_once('.').map_or(self.name, |(_, last)| last)
+    }
+
+    /// The table of a document that this one belongs in: the root where the name has no point. None where that table is
+    /// not there, or is a list.
+    fn parent<'a, 'i>(&self, root: &'a DeTable<'i>) -> Option<&'a DeTable<'i>> {
+        let Some((around, _)) = self.name.rsplit_once('.') else { return Some(root) };
         let mut table = root;
-        for step in around.into_iter().flat_map(|around| around.split('.')) {
-            let DeValue::Table(inner) = table.get(step)?.get_ref() else { return None };
+        for name in around.split('.') {
+            let DeValue::Table(inner) = table.get(name)?.get_ref() else { return None };
             table = inner;
         }
-        Some(table.get(last))
+        Some(table)
     }
 }
 
@@ -42,8 +48,10 @@ pub fn table_faults(path: &Path, source: &Arc<str>, what: &str, tables: &[TableK
     let file = path.display().to_string();
     let mut faults = Vec::new();
     for key in tables {
-        let (heading, Some(found)) = (key.heading(), key.found(root.get_ref())) else { continue };
-        let Some(value) = found else {
+        // A table is judged only where the one around it is there and is no list.
+        let Some(parent) = key.parent(root.get_ref()) else { continue };
+        let heading = key.heading();
+        let Some(value) = parent.get(key.last_name()) else {
             let Some(hint) = key.needed else { continue };
             // A slip of the name is reported where it stands.
             let is_slip = |name: &str| {

@@ -17,7 +17,7 @@ mod turn;
 pub use box_mm::BoxMm;
 pub use buckets::{Buckets, counting_sort};
 pub use field::{ControllerPoint, FieldPoint};
-pub use frame::{Controller, P3, Part, Turned};
+pub use frame::{Controller, P3, P3Mm, Part, Turned, UnitVector};
 pub use grid::Grid;
 pub use nm::Nm;
 pub use pose::Pose;
@@ -28,6 +28,12 @@ use std::fmt;
 use std::marker::PhantomData;
 
 use nalgebra::Point3;
+
+/// A point of a drawing: x and y in the unit of the module.
+pub type PlanePoint = [f64; 2];
+
+/// A point in space, or a vector: x, y and z in the unit of the module.
+pub type SpacePoint = [f64; 3];
 
 /// Nanometres in a millimetre.
 pub const NM_PER_MM: f64 = 1e6;

@@ -64,6 +64,7 @@ pub struct Rate {
     currency: [u8; 3],
 }
 
+/// What messages call a rate, and how they show one.
 const WHAT: &str = "hourly rate";
 const EXAMPLE: &str = "80 EUR/h";
 
@@ -77,8 +78,9 @@ impl FromStr for Rate {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
         let (per_h, unit) = number_and_unit(text, WHAT, EXAMPLE)?;
-        let letters = unit.strip_suffix("/h").and_then(|letters| <[u8; 3]>::try_from(letters.as_bytes()).ok());
-        match letters.filter(|letters| letters.iter().all(u8::is_ascii_uppercase)) {
+        // Any three capital letters are taken as a currency; there is no list of them here.
+        let currency = unit.strip_suffix("/h").and_then(|letters| <[u8; 3]>::try_from(letters.as_bytes()).ok());
+        match currency.filter(|letters| letters.iter().all(u8::is_ascii_uppercase)) {
             Some(currency) => Ok(Self { per_h, currency }),
             None => {
                 Err(format!("{text:?} is not money per hour; write it as {EXAMPLE:?}, the currency in three letters"))

@@ -38,16 +38,16 @@ impl Machine {
         if step.f64() <= 2.0 * MET { step * 2 } else { Nm(20_000).max(step * 8) }
     }
 
-    /// The commands that bring the centre of the field to the point `p` of the turned part, at the height `focus`. The
+    /// The commands that bring the centre of the field to the point `p` of the turned part, at the focal height `lpfl`. The
     /// height is met to `MET`, where a tilt is so small that no position within `stand_room` does, to half
     /// an increment.
-    pub fn stand(&self, tilt: TiltAngles, p: P2<Turned>, focus: Nm, origin: Origin) -> Stand {
+    pub fn stand(&self, tilt: TiltAngles, p: P2<Turned>, lpfl: Nm, origin: Origin) -> Stand {
         let Some(head) = self.tilt.as_ref().filter(|_| self.tilts_head() && !tilt.is_upright()) else {
-            return Stand { stage: self.stage_from_part(p, focus, origin), by: [0; 3] };
+            return Stand { stage: self.stage_from_part(p, lpfl, origin), by: [0; 3] };
         };
         let turn = head.turn(tilt, origin);
         let (swing, step) = (head.swing(tilt), self.increment_nm().f64());
-        let wanted = P3::<Turned>::new([p.x, p.y, focus.0].map(|v| v as f64));
+        let wanted = P3::<Turned>::new([p.x, p.y, lpfl.0].map(|v| v as f64));
         let field = turn.back(wanted).at;
         let mut at = [0, 1, 2].map(|k| ((field[k] + origin[k] as f64 - swing[k]) / step).round() * step);
         let reached = |at: [f64; 3]| turn.apply(P3::new([0, 1, 2].map(|k| at[k] - origin[k] as f64 + swing[k]))).at;
@@ -66,13 +66,13 @@ impl Machine {
     }
 
     /// Whether commands bring the centre of the field to the point `p` of the turned part and the focal plane to the
-    /// height `focus`: exactly, but for a tilted head, whose place is known to a nanometre.
-    pub fn reaches(&self, stage: Commanded, tilt: TiltAngles, p: P2<Turned>, focus: Nm, origin: Origin) -> bool {
+    /// focal height `lpfl`: exactly, but for a tilted head, whose place is known to a nanometre.
+    pub fn reaches(&self, stage: Commanded, tilt: TiltAngles, p: P2<Turned>, lpfl: Nm, origin: Origin) -> bool {
         if !self.tilts_head() || tilt.is_upright() {
-            return stage == self.stage_from_part(p, focus, origin);
+            return stage == self.stage_from_part(p, lpfl, origin);
         }
         let place = self.turn(tilt, origin).apply(self.field_centre(stage, tilt, origin));
-        [p.x, p.y, focus.0].iter().enumerate().all(|(k, &v)| (place[k] - v as f64).abs() <= 1.0)
+        [p.x, p.y, lpfl.0].iter().enumerate().all(|(k, &v)| (place[k] - v as f64).abs() <= 1.0)
     }
 
     /// Where commands bring the centre of the field, part frame, nm: x, y and the height of the focal plane.
@@ -138,12 +138,12 @@ mod tests {
     #[test]
     fn height_is_met_to_half_an_increment_with_fine_increments_at_any_tilt() {
         let mut machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
-        let (wanted, focus) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
+        let (wanted, lpfl) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
         for step in [1, 3, 7, 20] {
             machine.stage.increment = Length::mm(f64::from(step) * 1e-6);
             for commands in [[0, 100], [0, 3_000], [30_000_000, 0], [20_000_000, -90], [-12_345_600, 3_210_900]] {
                 let commands = TiltAngles(commands);
-                let Stand { by, .. } = machine.stand(commands, wanted, focus, Origin::default());
+                let Stand { by, .. } = machine.stand(commands, wanted, lpfl, Origin::default());
                 assert!(by[2].abs() <= i64::from(step / 2 + 1), "{step} {commands:?}: {by:?}");
                 assert!(by[0].abs().max(by[1].abs()) <= machine.stand_room().0, "{step} {commands:?}: {by:?}");
             }
@@ -154,12 +154,12 @@ mod tests {
     fn a_tilted_head_stands_where_its_field_meets_the_place_to_the_nanometre() {
         let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
         let origin = Origin([-225_000_000, -224_000_000, 3_000_100]);
-        let (wanted, focus) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
+        let (wanted, lpfl) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
         for commands in [[12_345_600, -3_210_900], [0, 100], [-20_000_000, 20_000_000], [0, 230_000]].map(TiltAngles) {
-            let Stand { stage, by } = machine.stand(commands, wanted, focus, origin);
+            let Stand { stage, by } = machine.stand(commands, wanted, lpfl, origin);
             assert!(stage.0.iter().all(|v| v % machine.increment_nm().0 == 0), "{stage:?}");
             let back = machine.turn(commands, origin).apply(machine.field_centre(stage, commands, origin));
-            let meant = [wanted.x + by[0], wanted.y + by[1], focus.0 + by[2]];
+            let meant = [wanted.x + by[0], wanted.y + by[1], lpfl.0 + by[2]];
             let off = (0..3).map(|k| (back[k] - meant[k] as f64).abs()).fold(0.0, f64::max);
             assert!(off <= 0.51, "{commands:?}: {off}");
             let room = machine.stand_room().0;
@@ -167,7 +167,7 @@ mod tests {
             // A ten-thousandth of a degree tilts no focal plane by enough.
             assert!(by[2].abs() <= if commands[1] == 100 { 50 } else { 1 }, "{by:?}");
         }
-        let upright = machine.stand(TiltAngles::UPRIGHT, wanted, focus, origin);
-        assert_eq!(upright, Stand { stage: machine.stage_from_part(wanted, focus, origin), by: [0; 3] });
+        let upright = machine.stand(TiltAngles::UPRIGHT, wanted, lpfl, origin);
+        assert_eq!(upright, Stand { stage: machine.stage_from_part(wanted, lpfl, origin), by: [0; 3] });
     }
 }

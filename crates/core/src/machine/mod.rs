@@ -549,6 +549,11 @@ impl Machine {
         size.map(|s| Nm::floor(s * NM_PER_MM + 1e-3).max(Nm(0)) / 2 * 2)
     }
 
+    /// How far marks may lie from the optical axis along x and y, mm: half of [`Self::usable_field`].
+    pub fn half_usable_field_mm(&self) -> [f64; 2] {
+        self.usable_field().map(|size| size.mm() / 2.0)
+    }
+
     /// Full sizes of the upright rectangle around all places that may be marked from one standstill.
     pub fn field_box(&self) -> [Nm; 2] {
         match self.lens.shape {
@@ -589,9 +594,9 @@ impl Machine {
     }
 
     /// The axis commands that bring the optical axis over the point `p` of the part and the focal plane to
-    /// the height `focus`, the part lying at `origin`.
-    pub fn stage_from_part(&self, p: P2<Turned>, focus: Nm, origin: Origin) -> Commanded {
-        let p = [p.x, p.y, focus.0];
+    /// the focal height `lpfl`, the part lying at `origin`.
+    pub fn stage_from_part(&self, p: P2<Turned>, lpfl: Nm, origin: Origin) -> Commanded {
+        let p = [p.x, p.y, lpfl.0];
         let mut out = Commanded::default();
         for (i, (_, axis)) in self.axes().into_iter().enumerate() {
             out[i] = axis.sign() * (p[i] + origin[i]);

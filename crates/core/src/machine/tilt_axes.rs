@@ -306,17 +306,21 @@ fn fault(key: &str, text: impl Into<String>, hint: &str) -> Fault {
     (key.to_owned(), Diag::input("machine-tilt", text).hint(hint))
 }
 
-/// The angles of a table's axes, outer and inner, in radians, that turn a direction of the part to the lens.
+/// The angles of a table's axes, outer and inner, in radians, that turn a direction of the part, of any length, to the
+/// lens: to z. The inner axis turns it first, into the plane across the outer axis, in which that one can raise it. The
+/// outer axis is A or B (see [`Tilt::faults`]).
 fn to_the_lens(axes: [Letter; 2], [x, y, z]: [f64; 3]) -> [f64; 2] {
     let flat = x.hypot(y);
     match axes {
-        // The inner axis turns the direction into the plane in which the outer one can raise it.
         [Letter::A, Letter::B] => [y.atan2(x.hypot(z)), (-x).atan2(z)],
         [Letter::B, Letter::A] => [(-x).atan2(y.hypot(z)), y.atan2(z)],
+        // From here on the inner axis is C, which need not turn what lies along it.
         _ if flat == 0.0 => [0.0; 2],
-        // Of the two ways round the one with the smaller turn.
+        // Two angles of C, half a turn apart, bring the direction into that plane: the smaller one is taken. Where both
+        // are a quarter turn it is always the same one, whatever the sign of the zero.
         [Letter::A, _] if y == 0.0 => [x.atan2(z), std::f64::consts::FRAC_PI_2],
         [Letter::A, _] => [(flat * y.signum()).atan2(z), (x / y).atan()],
+        // B and C.
         _ if x == 0.0 => [(-y).atan2(z), -std::f64::consts::FRAC_PI_2],
         _ => [(-flat * x.signum()).atan2(z), (-y / x).atan()],
     }

@@ -125,26 +125,31 @@ impl LineEnergy {
     }
 }
 
-/// Calls `visit` with the place, mm in the field, and the energy, J, of every piece of `step` mm or less of one pass of
-/// a stroke.
+/// Divides the segments of one pass of a stroke into equal pieces of `step` mm or less, and calls `visit` for each with
+/// its middle, mm in the field, and the energy that it gets, J. Leaves dots out.
 pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl FnMut([f64; 2], f64)) {
-    let mut all = runs(points).map(|run| (run.length, beam.model.motion(run, beam.speed)));
-    let (mut length, mut motion, mut way) = (0.0, None, 0.0);
+    let mut run_motions = runs(points).map(|run| (run.length, beam.model.motion(run, beam.speed)));
+    // The run that holds the segment, and how much of it lies before the segment, mm.
+    let (mut run_length, mut motion, mut run_before) = (0.0, None, 0.0);
     for pair in points.windows(2) {
         let [x, y] = way_mm(pair[0], pair[1]);
-        let own = x.hypot(y);
-        if own == 0.0 {
+        let length = x.hypot(y);
+        // Runs leave out segments of no length too.
+        if length == 0.0 {
             continue;
         }
-        // The run's length is the sum of the same numbers in the same order.
-        if way >= length {
-            (length, motion) = all.next().unwrap_or_default();
-            way = 0.0;
+        // Equal at the end of a run, without a rounding error: its length is the sum of the same numbers in the same
+        // order.
+        if run_before >= run_length {
+            (run_length, motion) = run_motions.next().unwrap_or_default();
+            run_before = 0.0;
         }
-        let count = (own / step).ceil().max(1.0);
+        let count = (length / step).ceil().max(1.0);
+        // When the spot has gone a share of the segment, s: from the start of the run, or of the segment where it is
+        // always at speed. Only differences count.
         let time = |share: f64| match &motion {
-            Some(motion) => motion.time_at(way + share * own),
-            None => share * own / beam.speed,
+            Some(motion) => motion.time_at(run_before + share * length),
+            None => share * length / beam.speed,
         };
         let mut before = time(0.0);
         for k in 1..=count as u32 {
@@ -154,7 +159,7 @@ pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl Fn
             visit([from[0] + middle * x, from[1] + middle * y], beam.power * (now - before));
             before = now;
         }
-        way += own;
+        run_before += length;
     }
 }
 

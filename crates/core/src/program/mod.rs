@@ -81,7 +81,7 @@ pub struct Stop {
     /// Point of the turned part under the optical axis.
     pub centre: P2<Turned>,
     /// Height of the focal plane (LPFL) in the part frame.
-    pub focus: Nm,
+    pub lpfl: Nm,
     /// Lowest height that the stop admits.
     pub z_lo: Nm,
     /// Highest height that the stop admits.
@@ -113,8 +113,8 @@ pub struct Block {
 
 impl Block {
     /// Height of the plane that the stage sets: the focal plane with the zoom optic at rest.
-    pub fn plane(&self) -> Nm {
-        self.stop.focus - self.focus_shift
+    pub fn stage_plane(&self) -> Nm {
+        self.stop.lpfl - self.focus_shift
     }
     /// Whether the zoom optic alone goes to this block from the one before it; the stage stands still.
     pub fn is_reached_by_zoom(&self, before: &Block) -> bool {

@@ -48,9 +48,9 @@ pub fn program() -> (Program, Origin) {
             program.strokes.push(Stroke { source, segment, reversed, pen, first, len: points.len() as u32 });
             program.points.extend(points);
         }
-        let [x, y, focus] = at;
-        let focus = Nm(focus);
-        let (z_lo, z_hi) = (focus - Nm(35_000), focus + Nm(35_000));
+        let [x, y, lpfl] = at;
+        let lpfl = Nm(lpfl);
+        let (z_lo, z_hi) = (lpfl - Nm(35_000), lpfl + Nm(35_000));
         program.blocks.push(Block {
             pass: PassId(0),
             setup: SetupId(0),
@@ -59,11 +59,11 @@ pub fn program() -> (Program, Origin) {
                 level,
                 tilt: TiltAngles::UPRIGHT,
                 centre: P2::new(x, y),
-                focus,
+                lpfl,
                 z_lo,
                 z_hi,
             },
-            stage: machine.stage_from_part(P2::new(x, y), focus, origin),
+            stage: machine.stage_from_part(P2::new(x, y), lpfl, origin),
             focus_shift: Nm(0),
             retract,
             z_lo: z_lo + Nm(100),

@@ -90,7 +90,7 @@ impl Text {
             stop.tilt[1],
             stop.centre.x,
             stop.centre.y,
-            stop.focus.0,
+            stop.lpfl.0,
             stop.z_lo.0,
             stop.z_hi.0,
         ]);
@@ -179,10 +179,10 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<Origin>), String> {
             fields.end()?;
             focus_shift = changed.ok_or("no other focus shift begins here")?;
         }
-        let (mut block, strokes) = block(lines.fields("block ")?, i)?;
+        let (mut block, stroke_count) = block(lines.fields("block ")?, i)?;
         (block.pass, block.setup, block.focus_shift) = (pass, setup, focus_shift);
         let start = program.strokes.len();
-        for _ in 0..strokes {
+        for _ in 0..stroke_count {
             stroke(Fields(lines.next()?), &mut program)?;
         }
         block.strokes = start..program.strokes.len();
@@ -194,11 +194,14 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<Origin>), String> {
     if lines.rest.is_empty() { Ok((program, origins)) } else { Err("something follows the end".into()) }
 }
 
+/// Reads a `pen` line from its end: the name, which stands first, may hold the separator itself.
 fn pen(line: &str) -> Result<Pen, String> {
     let rest = line.strip_prefix("pen ").ok_or("the line does not start with \"pen\"")?;
-    // Passes are a bare number, a dwell has a unit.
-    let dwell = rest.rsplit_once(" | ").and_then(|(rest, last)| Some((rest, last.parse::<Time>().ok()?)));
-    let (rest, dwell) = dwell.map_or((rest, None), |(rest, dwell)| (rest, Some(dwell)));
+    // The dwell is there only for pens that state one. It has a unit; the passes, which are last without it, have none.
+    let (rest, dwell) = match rest.rsplit_once(" | ").map(|(before, last)| (before, last.parse::<Time>())) {
+        Some((before, Ok(dwell))) => (before, Some(dwell)),
+        _ => (rest, None),
+    };
     let mut parts = rest.rsplitn(5, " | ");
     let mut next = || parts.next().ok_or_else(|| "a pen has a name and four values, separated by \" | \"".to_owned());
     let passes = next()?.parse().map_err(|_| "passes are not a number")?;
@@ -209,7 +212,8 @@ fn pen(line: &str) -> Result<Pen, String> {
     Ok(Pen { name, speed, power, frequency, passes, dwell })
 }
 
-/// A block without its strokes, and how many there are.
+/// Reads a `block` line from its id on, which must be that of the block at `index`. Returns the block without its
+/// strokes, and the number of stroke lines that follow.
 fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let id = BlockId::new(index).to_string();
     if f.word()? != id.as_bytes() {
@@ -219,18 +223,20 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let level = f.number()?;
     let tilt = TiltAngles([f.number()?, f.number()?]);
     let centre = P2::new(f.number()?, f.number()?);
-    let stop = Stop { section, level, tilt, centre, focus: f.nm()?, z_lo: f.nm()?, z_hi: f.nm()? };
+    let stop = Stop { section, level, tilt, centre, lpfl: f.nm()?, z_lo: f.nm()?, z_hi: f.nm()? };
     let stage = Commanded([f.number()?, f.number()?, f.number()?]);
     let retract = match f.word()? {
         b"0" => false,
         b"1" => true,
         _ => return Err("the retract mark is neither 0 nor 1".into()),
     };
+    // The heights of the block's marks; those of the stop are the heights that it admits.
     let (z_lo, z_hi) = (f.nm()?, f.nm()?);
-    let strokes = f.number()?;
+    let stroke_count = f.number()?;
     f.end()?;
+    // These stand on lines of their own; the caller, which has read them, puts them in.
     let (pass, setup, focus_shift) = (PassId(0), SetupId(0), Nm(0));
-    Ok((Block { pass, setup, stop, stage, focus_shift, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
+    Ok((Block { pass, setup, stop, stage, focus_shift, retract, z_lo, z_hi, strokes: 0..0 }, stroke_count))
 }
 
 fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {

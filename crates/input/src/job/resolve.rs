@@ -1,6 +1,7 @@
 //! From the file as written to a job that cannot be wrong: every fault is found here, without opening any
 //! other file.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use super::file::{
 };
 use super::partition::{self, Method};
 use super::passes::Passes;
-use super::resolved::{Focus, Job, Laid, Limits, MachineInput, Order, Overrides, Placement, Setups, SurfaceInput};
+use super::resolved::{Attitude, Focus, Job, Limits, MachineInput, Order, Overrides, Placement, Setups, SurfaceInput};
 use super::texture::Texture;
 use super::texture::keys::TextureKeys;
 use super::unused;
@@ -195,11 +196,11 @@ fn check_surface_keys(keys: &SurfaceKeys, f: &mut Faults<'_>) {
 }
 
 /// How the part is laid, if the file says so.
-fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Laid> {
+fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Attitude> {
     let ways = [
-        ("rotate", keys.rotate.map(Laid::Rotated)),
-        ("up", keys.up.map(Laid::Up)),
-        ("level", keys.level.map(Laid::Level)),
+        ("rotate", keys.rotate.map(Attitude::Rotated)),
+        ("up", keys.up.map(Attitude::Up)),
+        ("level", keys.level.map(Attitude::Level)),
     ];
     let mut stated = ways.into_iter().filter_map(|(key, way)| Some((key, way?)));
     let (key, way) = stated.next()?;
@@ -208,13 +209,15 @@ fn laid(keys: &PlacementKeys, f: &mut Faults<'_>) -> Option<Laid> {
         f.push(&format!("placement.{other}"), fault.hint("keep the one that says how the part is laid"));
     }
     let is_finite = match way {
-        Laid::Rotated(_) => true,
-        Laid::Up(direction) => direction.iter().all(|v| v.is_finite()),
-        Laid::Level(points) => points.iter().flatten().all(|v| v.is_finite()),
+        Attitude::Rotated(_) => true,
+        Attitude::Up(direction) => direction.iter().all(|v| v.is_finite()),
+        Attitude::Level(points) => points.iter().flatten().all(|v| v.is_finite()),
     };
     if !is_finite || way.pose().is_none() {
         let (text, hint) = match way {
-            Laid::Level(_) => ("the points of placement.level lie on one line", "give three points that span a plane"),
+            Attitude::Level(_) => {
+                ("the points of placement.level lie on one line", "give three points that span a plane")
+            }
             _ => ("placement.up has no direction", "give x, y and z of the direction that is to look at the lens"),
         };
         f.push(&format!("placement.{key}"), Diag::input("placement-laid", text).hint(hint));
@@ -240,9 +243,10 @@ fn check_stated_errors(file: &JobFile, f: &mut Faults<'_>) {
     }
 }
 
-/// Depth of focus, reserve and focal planes.
-fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
-    let (key, pdof) = match (keys.pdof, keys.dof) {
+/// The PDOF that the file states, as such or as a factor of DOF, and the key that it comes from; where the file states
+/// none, one to check the other keys with.
+fn stated_pdof(keys: &FocusKeys, f: &mut Faults<'_>) -> (&'static str, Length) {
+    match (keys.pdof, keys.dof) {
         (Some(pdof), dof) => {
             if dof.is_some() {
                 let fault = Diag::input("focus-both", "focus has both pdof and dof");
@@ -257,9 +261,15 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
                 Diag::input("focus-missing", "focus has neither pdof nor dof")
                     .hint("add pdof = \"0.07 mm\", measured on your process; it is never derived from the optics"),
             );
-            ("focus", Length::mm(1.0))
+            // As deep as a job may be, so that no other key is at fault against a depth that nobody has stated.
+            ("focus", Length::mm(*DEPTHS_MM.end()))
         }
-    };
+    }
+}
+
+/// Depth of focus, reserve and focal planes.
+fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
+    let (key, pdof) = stated_pdof(keys, f);
     let mut is_sound = true;
     if keys.factor.is_some_and(|factor| !factor.is_finite() || factor <= 0.0) {
         f.push("focus.factor", Diag::input("focus-factor", "focus.factor must be above zero"));
@@ -273,6 +283,7 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
         is_sound = false;
     }
     factor_warnings(keys, f);
+    // A PDOF beyond all lengths has a fault already; such a reserve gets one below.
     let pdof = pdof.as_nm().unwrap_or(MAX_NM);
     let reserve = keys.reserve.as_nm().unwrap_or(MAX_NM);
     // A depth that is at fault itself says nothing of the reserve.
@@ -438,6 +449,30 @@ fn passes(keys: &PassesKeys, depth: Nm, f: &mut Faults<'_>) -> Passes {
     Passes { count: keys.count, rotate: keys.rotate, lower, shift: f.nm_option("passes.shift", keys.shift) }
 }
 
+/// The points of `setups.registration`, nm.
+fn registration(keys: &SetupsKeys, f: &mut Faults<'_>) -> Vec<P2> {
+    // Lengths that are too far have a fault already and all become 0: points of these may be the same by that alone.
+    let is_far = keys.registration.iter().flatten().any(|length| length.as_nm().is_none());
+    let points: Vec<P2> = keys
+        .registration
+        .iter()
+        .map(|point| point.map(|length| f.nm("setups.registration", length).0))
+        .map(|[x, y]| P2::new(x, y))
+        .collect();
+    let fault = if points.len() < 2 {
+        Some("setups.registration has fewer than two points")
+    } else if !is_far && points.iter().collect::<BTreeSet<_>>().len() < points.len() {
+        Some("two points of setups.registration are the same")
+    } else {
+        None
+    };
+    if let Some(text) = fault {
+        let hint = "name tooling holes or corners, x and y in the part's own frame; every set-up must reach two";
+        f.push("setups.registration", Diag::input("setups-registration", text).hint(hint));
+    }
+    points
+}
+
 /// The set-ups.
 fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
     let count = [("columns", keys.columns), ("rows", keys.rows)].map(|(name, parts)| match parts {
@@ -451,25 +486,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
             Some(n)
         }
     });
-    let is_far = keys.registration.iter().flatten().any(|length| length.as_nm().is_none());
-    let points: Vec<P2> = keys
-        .registration
-        .iter()
-        .map(|point| point.map(|length| f.nm("setups.registration", length).0))
-        .map(|[x, y]| P2::new(x, y))
-        .collect();
-    let fault = if points.len() < 2 {
-        Some("setups.registration has fewer than two points")
-    // Points that are too far away are all put at one place, and have a fault already.
-    } else if !is_far && (1..points.len()).any(|i| points[..i].contains(&points[i])) {
-        Some("two points of setups.registration are the same")
-    } else {
-        None
-    };
-    if let Some(text) = fault {
-        let hint = "name tooling holes or corners, x and y in the part's own frame; every set-up must reach two";
-        f.push("setups.registration", Diag::input("setups-registration", text).hint(hint));
-    }
+    let registration = registration(keys, f);
     if file.placement.origin.is_some() {
         f.push(
             "placement.origin",
@@ -484,7 +501,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
                 .hint("use another partition.method, or leave [setups] out"),
         );
     }
-    Setups { count, registration: points }
+    Setups { count, registration }
 }
 
 /// Checks the keys of dose compensation.

@@ -103,7 +103,7 @@ pub struct Placement {
     /// centre of travel.
     pub origin: Option<Origin>,
     /// How the surface file is rotated before all else; None: it lies as it is.
-    pub laid: Option<Laid>,
+    pub laid: Option<Attitude>,
     /// Turn of the part about its z axis, counter-clockwise.
     pub turn: Angle,
     /// How far points of the registered part lie from where they should in x and y, and in z, where the job states it.
@@ -112,7 +112,7 @@ pub struct Placement {
 
 /// How the job says that a part is laid under the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Laid {
+pub enum Attitude {
     /// Rotated about x, y and z of the surface file, in this order.
     Rotated([Angle; 3]),
     /// This direction of the surface file looks at the lens.
@@ -129,7 +129,7 @@ impl Placement {
     }
 }
 
-impl Laid {
+impl Attitude {
     /// The rotation; None without one.
     pub fn pose(&self) -> Option<Pose> {
         match *self {

@@ -9,9 +9,7 @@ use std::collections::hash_map::Entry;
 use rustc_hash::FxHashMap;
 
 use terrace_core::diag::{Diag, Place};
-use terrace_core::geom::{BoxMm, NM_PER_MM};
-
-type Point = [f64; 3];
+use terrace_core::geom::{BoxMm, NM_PER_MM, SpacePoint};
 
 /// Facets that are connected by shared corners; two boxes that touch in one corner are one body.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +19,7 @@ pub struct Body {
     /// The box of the body's facets, mm.
     pub bounds: BoxMm<3>,
     /// Edges of one facet alone, and the middle of the first of them.
-    pub open_edges: (usize, Option<Point>),
+    pub open_edges: (usize, Option<SpacePoint>),
     /// Whether the normals of its facets nearly cancel, as those of a closed body do; edges may still be open.
     pub is_solid: bool,
 }
@@ -30,7 +28,7 @@ pub struct Body {
 #[derive(Default)]
 pub struct Bodies {
     corners: FxHashMap<[i64; 3], u32>,
-    places: Vec<Point>,
+    places: Vec<SpacePoint>,
     /// The corner that stands for each corner's body, as far as it is known.
     joined: Vec<u32>,
     facets: Vec<[u32; 3]>,
@@ -45,7 +43,7 @@ pub const MAX_TOLD: usize = 10;
 
 impl Bodies {
     /// Takes a facet, corners in mm.
-    pub fn facet(&mut self, facet: [Point; 3]) {
+    pub fn facet(&mut self, facet: [SpacePoint; 3]) {
         if !facet.iter().flatten().all(|v| v.abs() < 1e9) {
             return;
         }
@@ -116,9 +114,9 @@ struct BodySum {
     facets: usize,
     bounds: BoxMm<3>,
     /// Twice the sum of the areas as vectors, and twice that of their sizes.
-    area_vector: Point,
+    area_vector: SpacePoint,
     area: f64,
-    open_edges: (usize, Option<Point>),
+    open_edges: (usize, Option<SpacePoint>),
 }
 
 impl Default for BodySum {
@@ -128,7 +126,7 @@ impl Default for BodySum {
 }
 
 impl BodySum {
-    fn add(&mut self, corners: [Point; 3]) {
+    fn add(&mut self, corners: [SpacePoint; 3]) {
         self.facets += 1;
         corners.iter().for_each(|p| self.bounds.add(*p));
         let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| corners[k][i] - corners[0][i]));
@@ -137,7 +135,7 @@ impl BodySum {
         self.area_vector = [0, 1, 2].map(|i| self.area_vector[i] + normal[i]);
     }
 
-    fn add_open_edge(&mut self, [a, b]: [Point; 2]) {
+    fn add_open_edge(&mut self, [a, b]: [SpacePoint; 2]) {
         self.open_edges.0 += 1;
         self.open_edges.1.get_or_insert([0, 1, 2].map(|i| (a[i] + b[i]) / 2.0));
     }
@@ -161,7 +159,7 @@ impl Body {
 
 /// What a user should know of the bodies of a file before it is marked: holes in closed ones, and one above another.
 pub fn warnings(bodies: &[Body], place: &Place) -> Vec<Diag> {
-    let shown = |p: Point| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
+    let shown = |p: SpacePoint| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
     let mut out = Vec::new();
     let holed = |b: &&Body| b.is_solid && b.open_edges.0 > 0;
     if let Some(first) = bodies.iter().find(holed) {
@@ -201,7 +199,7 @@ mod tests {
     use super::*;
 
     /// The facets of an upright box, the top with two, one or no facets.
-    fn block(lo: Point, hi: Point, tops: usize) -> Vec<[Point; 3]> {
+    fn block(lo: SpacePoint, hi: SpacePoint, tops: usize) -> Vec<[SpacePoint; 3]> {
         let at = |i: usize, up: bool| {
             let [x, y] = [[lo[0], lo[1]], [hi[0], lo[1]], [hi[0], hi[1]], [lo[0], hi[1]]][i % 4];
             [x, y, if up { hi[2] } else { lo[2] }]
@@ -217,7 +215,7 @@ mod tests {
         out
     }
 
-    fn found(facets: Vec<[Point; 3]>) -> (Vec<Body>, Vec<&'static str>) {
+    fn found(facets: Vec<[SpacePoint; 3]>) -> (Vec<Body>, Vec<&'static str>) {
         let mut bodies = Bodies::default();
         facets.into_iter().for_each(|f| bodies.facet(f));
         let bodies = bodies.finish();

@@ -50,8 +50,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Twice the area of a triangle times its normal.
-fn area(t: [[f64; 3]; 3]) -> [f64; 3] {
+/// The normal of a triangle, as long as twice its area.
+fn weighted_normal(t: [[f64; 3]; 3]) -> [f64; 3] {
     let (u, v) = (minus(t[1], t[0]), minus(t[2], t[0]));
     [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
 }
@@ -89,8 +89,11 @@ fn of_mesh(mesh: &Mesh, wanted: usize) -> Decimated {
     let size = if all <= wanted {
         0.0
     } else {
-        let whole: f64 =
-            mesh.facets.iter().chain(&mesh.upright).map(|f| dot(area(of(f)), area(of(f))).sqrt() / 2.0).sum();
+        let area = |f: &[u32; 3]| {
+            let normal = weighted_normal(of(f));
+            dot(normal, normal).sqrt() / 2.0
+        };
+        let whole: f64 = mesh.facets.iter().chain(&mesh.upright).map(area).sum();
         (2.0 * whole / wanted as f64).sqrt()
     };
     let Clusters { of_vertex, mut vertices, mut normals } = Clusters::new(points, size);
@@ -99,7 +102,7 @@ fn of_mesh(mesh: &Mesh, wanted: usize) -> Decimated {
     for (k, facet) in mesh.facets.iter().chain(&mesh.upright).enumerate() {
         let t = facet.map(|v| of_vertex[v as usize]);
         if k < mesh.facets.len() {
-            let a = area(of(facet));
+            let a = weighted_normal(of(facet));
             for &v in &t {
                 let n = &mut normals[v as usize];
                 *n = [n[0] + a[0], n[1] + a[1], n[2] + a[2]];
@@ -181,7 +184,7 @@ fn farthest(points: Vertices<'_>, of_vertex: &[u32], vertices: &[[f64; 3]], tria
 
 /// Square of the distance of a point from a triangle.
 fn distance2(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> f64 {
-    let n = area([a, b, c]);
+    let n = weighted_normal([a, b, c]);
     let nn = dot(n, n);
     if nn > 0.0 {
         // The foot of the perpendicular, if it lies within.
@@ -235,7 +238,7 @@ fn of_height_map(map: &ImplicitMesh, wanted: usize, of: usize) -> Decimated {
         vertices.extend(xs.iter().map(|&i| node_mm(map, i, j)));
     }
     let mut triangles = grid_triangles(&vertices, [xs.len(), ys.len()]);
-    let mut normals = normals(&vertices, &triangles);
+    let mut normals = vertex_normals(&vertices, &triangles);
     let within_mm = if step == 1 { 0.0 } else { farthest_sample(map, [&xs, &ys], &vertices) };
     compact(&mut vertices, &mut normals, &mut triangles);
     Decimated { vertices, normals, triangles, of, within_mm }
@@ -271,14 +274,14 @@ fn grid_triangles(vertices: &[[f64; 3]], [columns, rows]: [usize; 2]) -> Vec<[u3
     triangles
 }
 
-/// The normals of vertices: those of their triangles, weighted by area.
-fn normals(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<[f64; 3]> {
+/// The normals of vertices, of length 1: those of their triangles, weighted by area; upwards where no triangle is.
+fn vertex_normals(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<[f64; 3]> {
     let mut normals = vec![[0.0; 3]; vertices.len()];
     for t in triangles {
-        let a = area(t.map(|v| vertices[v as usize]));
+        let weighted = weighted_normal(t.map(|v| vertices[v as usize]));
         for &v in t {
-            let n = &mut normals[v as usize];
-            *n = [n[0] + a[0], n[1] + a[1], n[2] + a[2]];
+            let sum = &mut normals[v as usize];
+            *sum = [sum[0] + weighted[0], sum[1] + weighted[1], sum[2] + weighted[2]];
         }
     }
     normals.iter_mut().for_each(|n| *n = unit(*n));

@@ -4,9 +4,7 @@
 //! topmost facet there faces away. Nothing of it is used to plan a job: the walk takes the topmost facet whatever its
 //! winding.
 
-use terrace_core::geom::BoxMm;
-
-type Point = [f64; 3];
+use terrace_core::geom::{BoxMm, SpacePoint};
 
 /// Facets that lie as near to each other as this, mm, are at one height: one that faces the lens is seen.
 const NEAR: f64 = 1e-6;
@@ -56,7 +54,7 @@ pub struct FacingCount {
     /// The places where that facet faces away.
     pub away: usize,
     /// The first of these, mm.
-    pub first: Option<Point>,
+    pub first: Option<SpacePoint>,
 }
 
 impl Facing {
@@ -88,7 +86,7 @@ impl Facing {
     }
 
     /// Takes a facet.
-    pub fn facet(&mut self, facet: [Point; 3]) {
+    pub fn facet(&mut self, facet: [SpacePoint; 3]) {
         let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| facet[k][i] - facet[0][i]));
         let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
         let size = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
@@ -135,7 +133,7 @@ impl Facing {
 }
 
 /// Whether a facet lies over a place, its border included.
-fn holds(facet: &[Point; 3], p: [f64; 2]) -> bool {
+fn holds(facet: &[SpacePoint; 3], p: [f64; 2]) -> bool {
     let sides = [0, 1, 2].map(|k| {
         let (a, b) = (facet[k], facet[(k + 1) % 3]);
         (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
@@ -148,7 +146,7 @@ mod tests {
     use super::*;
 
     /// A level square of two facets, seen from the side that its winding says.
-    fn square(lo: [f64; 2], hi: [f64; 2], z: f64, is_away: bool) -> [[Point; 3]; 2] {
+    fn square(lo: [f64; 2], hi: [f64; 2], z: f64, is_away: bool) -> [[SpacePoint; 3]; 2] {
         let [a, b, c, d] = [[lo[0], lo[1], z], [hi[0], lo[1], z], [hi[0], hi[1], z], [lo[0], hi[1], z]];
         if is_away { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] }
     }
@@ -156,7 +154,7 @@ mod tests {
     #[test]
     fn the_topmost_facet_of_each_place_counts() {
         let places: Vec<[f64; 2]> = (0..10).map(|i| [f64::from(i) + 0.5, 0.3 * f64::from(i)]).collect();
-        let seen = |facets: &[[[Point; 3]; 2]]| {
+        let seen = |facets: &[[[SpacePoint; 3]; 2]]| {
             let mut facing = Facing::new(&places, 0.5);
             facets.iter().flatten().for_each(|&f| facing.facet(f));
             facing.seen()

@@ -180,9 +180,10 @@ pub(crate) enum NoNumber {
 /// A finite number; its exponent may have the D of Fortran.
 pub(crate) fn number(word: &[u8]) -> Result<f64, NoNumber> {
     let text = std::str::from_utf8(word).ok();
-    match text.and_then(|t| t.parse::<f64>().ok().or_else(|| with_d(t))) {
+    match text.and_then(|t| t.parse::<f64>().ok().or_else(|| with_fortran_exponent(t))) {
         Some(v) if v.is_finite() => Ok(v),
         Some(_) => Err(NoNumber::NotFinite),
+        // Rust parses nan and inf, but not what C programs write, such as `-nan(ind)` and `1.#INF`.
         None if is_nan(word) || has(word, b".#inf") => Err(NoNumber::NotFinite),
         None if word.contains(&b',') && word.iter().any(u8::is_ascii_digit) => Err(NoNumber::Comma),
         None => Err(NoNumber::Text),
@@ -190,7 +191,7 @@ pub(crate) fn number(word: &[u8]) -> Result<f64, NoNumber> {
 }
 
 /// A number such as 1.5D+02.
-fn with_d(text: &str) -> Option<f64> {
+fn with_fortran_exponent(text: &str) -> Option<f64> {
     let (digits, exponent) = text.split_once(['d', 'D'])?;
     let is_number = digits.ends_with(|c: char| c.is_ascii_digit() || c == '.');
     is_number.then(|| format!("{digits}e{exponent}").parse().ok())?

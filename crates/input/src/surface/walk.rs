@@ -70,12 +70,14 @@ pub(super) struct Line {
 }
 
 impl Line {
+    /// The segment from `a` to `b`, in the mesh's own coordinates; they differ, since parameters divide by its length.
     fn new(a: P2, b: P2) -> Self {
         let d = [(b.x - a.x) as f64, (b.y - a.y) as f64];
         let len2 = d[0] * d[0] + d[1] * d[1];
         // Shifted by (ε, ε²), the segment moves to its right where it leads up; where it is level, ε² alone counts, and
         // it moves to its right where it leads to the left. Corners on it are then on its left.
         let is_shifted_right = d[1] > 0.0 || d[1] == 0.0 && d[0] < 0.0;
+        // Almost zero, so that crossings computed with it lie in the corner itself.
         let tie = if is_shifted_right { f64::MIN_POSITIVE } else { -f64::MIN_POSITIVE };
         Self { a, b, d, inv_len2: 1.0 / len2, tie, half_nm: 0.5 / len2.sqrt() }
     }

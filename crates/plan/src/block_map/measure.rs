@@ -88,15 +88,18 @@ pub(super) fn seam_cells(grid: &Grid, labels: &[u32]) -> f64 {
     PAIRS.iter().map(|&(pair, weight)| weight * parted_pairs(grid, labels, pair) as f64).sum()
 }
 
-/// How many pairs of cells, the second `dx` columns and `dy` rows from the first, have two labels.
+/// How many pairs of cells, the second `dx` columns and `dy` rows (0 or more) from the first, have two labels that
+/// differ, neither of them 0.
 fn parted_pairs(grid: &Grid, labels: &[u32], [dx, dy]: [isize; 2]) -> usize {
     let columns = grid.columns();
-    // Columns of the first and of the second cells of the pairs that lie in the grid.
-    let from = 0.max(-dx) as usize;
-    let to = 0.max(dx) as usize;
-    let width = columns.saturating_sub(from + to);
+    // Where the first and the second cells of the pairs begin in their rows. A grid narrower than a pair has no pairs:
+    // `width` is 0 then.
+    let first = 0.max(-dx) as usize;
+    let second = 0.max(dx) as usize;
+    let width = columns.saturating_sub(first + second);
     let parted_in_rows = |a: &[u32], b: &[u32]| {
-        let pairs = a[from.min(columns)..][..width].iter().zip(&b[to.min(columns)..][..width]);
+        let pairs = a[first.min(columns)..][..width].iter().zip(&b[second.min(columns)..][..width]);
+        // No branches and no checks for overflow, so that the loop can be vectorised: a row has fewer than 2^32 pairs.
         pairs.fold(0u32, |n, (&a, &b)| n.wrapping_add(u32::from((a != b) & (a != 0) & (b != 0)))) as usize
     };
     let above = labels.chunks_exact(columns).skip(dy as usize);

@@ -139,7 +139,7 @@ fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
     let c = block.stop.centre;
     let at = [c.x + i64::from(p.x), c.y + i64::from(p.y)];
     turn.map_or(at, |turn| {
-        let [x, y, _] = turn.back(P3::new([at[0], at[1], block.stop.focus.0].map(|v| v as f64))).at;
+        let [x, y, _] = turn.back(P3::new([at[0], at[1], block.stop.lpfl.0].map(|v| v as f64))).at;
         [x.round() as i64, y.round() as i64]
     })
 }

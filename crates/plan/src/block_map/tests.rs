@@ -34,7 +34,7 @@ fn program(blocks: &[Made]) -> Program {
                 len,
             });
         }
-        let (z_lo, z_hi, focus) = (Nm(*z_lo), Nm(*z_hi), Nm((z_lo + z_hi) / 2));
+        let (z_lo, z_hi, lpfl) = (Nm(*z_lo), Nm(*z_hi), Nm((z_lo + z_hi) / 2));
         program.blocks.push(Block {
             pass: PassId(0),
             setup: SetupId(0),
@@ -43,7 +43,7 @@ fn program(blocks: &[Made]) -> Program {
                 level: 0,
                 tilt: TiltAngles::UPRIGHT,
                 centre: Turn::upright(*centre),
-                focus,
+                lpfl,
                 z_lo,
                 z_hi,
             },
@@ -385,7 +385,7 @@ fn bands_have_the_map_of_blocks_in_one_section_over_all_of_the_texture() {
     let pitch = area.size().map(|s| (s + Nm(1)) * 2);
     let section = Sections { origin: area.lo, pitch, count: [1, 1] };
     let of_blocks = BlockMap::new(&program, &section, &none(&program), pitch, &surface, area);
-    let band = |b: &Block| Band { focus: b.stop.focus, z: [b.stop.z_lo, b.stop.z_hi], strokes: b.strokes.clone() };
+    let band = |b: &Block| Band { lpfl: b.stop.lpfl, z: [b.stop.z_lo, b.stop.z_hi], strokes: b.strokes.clone() };
     let bands: Vec<Band> = program.blocks.iter().map(band).collect();
     let of_bands = BlockMap::of_bands(&OrderedStrokes::of_program(&program), &bands, &surface, area);
     assert_eq!(of_bands.labels(), of_blocks.labels());

@@ -5,7 +5,7 @@
 //! head turns about its tilt axes a bound decides.
 
 use super::Limits;
-use terrace_core::clearance::{Entered, Facets, Head, Way};
+use terrace_core::clearance::{Facets, Head, Intrusion, Way};
 use terrace_core::diag::{Diag, Place};
 use terrace_core::geom::{NM_PER_MM, Nm, P3, Turn};
 use terrace_core::machine::{Commanded, Machine, Origin, TiltAngles};
@@ -34,7 +34,7 @@ struct Doubt {
 struct Hit {
     block: usize,
     when: When,
-    entered: Entered,
+    entered: Intrusion,
 }
 
 /// The faults of a program: at most one at stops, one on the way to them, and one of tilting.
@@ -84,14 +84,16 @@ fn stop(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
     let clearance = limits.clearance;
     let stop = &block.stop;
     let origin = limits.origins[block.setup.index()];
-    let lowest = if stop.tilt.is_upright() {
-        clearance.lowest_focus(stop.centre, stop.centre)
+    let plane = block.stage_plane();
+    let keeps_clear = if stop.tilt.is_upright() {
+        clearance.lowest_focus(stop.centre, stop.centre) <= plane
     } else {
-        clearance.lowest_focus_turned(&limits.machine.turn(stop.tilt, origin), stop.centre)
+        let centre = [stop.centre.x, stop.centre.y, plane.0].map(|v| v as f64);
+        clearance.over_turned(&limits.machine.turn(stop.tilt, origin), [centre; 2]) <= Nm(0)
     };
     let leans = limits.machine.tilts_head() && !stop.tilt.is_upright();
     let head = Head { machine: limits.machine, origin, clearance };
-    let is_clear = lowest <= block.plane() && !(leans && head.over_lift(stop.tilt, block.stage) > Nm(0));
+    let is_clear = keeps_clear && !(leans && head.over_lift(stop.tilt, block.stage) > Nm(0));
     let from = if leans { raised(block.stage, limits.machine) } else { block.stage };
     (!is_clear).then(|| way(limits, block, [from, block.stage]))
 }
@@ -116,8 +118,8 @@ fn movement(program: &Program, limits: &Limits<'_>, i: usize) -> Option<Way> {
     }
     let way = way(limits, block, [from, Commanded([block.stage[0], block.stage[1], from[2]])]);
     let is_clear = if block.stop.tilt.is_upright() {
-        let focus = limits.machine.field_centre(from, block.stop.tilt, limits.origins[block.setup.index()])[2];
-        limits.clearance.lowest_focus(before.stop.centre, block.stop.centre) <= Nm::round(focus)
+        let lpfl = limits.machine.field_centre(from, block.stop.tilt, limits.origins[block.setup.index()])[2];
+        limits.clearance.lowest_focus(before.stop.centre, block.stop.centre) <= Nm::round(lpfl)
     } else {
         limits.clearance.is_below(&way)
     };
@@ -144,7 +146,7 @@ fn way(limits: &Limits<'_>, block: &Block, ends: [Commanded; 2]) -> Way {
 
 /// Stops at which the head would enter the part.
 fn at_stops(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag> {
-    let Entered { by, at } = worst(hits)?;
+    let Intrusion { by, at } = worst(hits)?;
     let text = format!(
         "at {} the head would come too near to a higher place of the part: {}{}",
         share(hits, program),
@@ -156,7 +158,7 @@ fn at_stops(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Dia
 
 /// Stops on the way to which it would.
 fn on_ways(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag> {
-    let Entered { by, at } = worst(hits)?;
+    let Intrusion { by, at } = worst(hits)?;
     let text = format!(
         "on the way to {} the head would come too near to a higher place of the part, even at the end of travel: {}{}",
         share(hits, program),
@@ -219,7 +221,7 @@ fn highest(limits: &Limits<'_>) -> P3 {
 }
 
 /// The deepest of some hits, the first of equal ones.
-fn worst(hits: &[&Hit]) -> Option<Entered> {
+fn worst(hits: &[&Hit]) -> Option<Intrusion> {
     hits.iter().map(|hit| hit.entered).reduce(|a, b| if b.by > a.by { b } else { a })
 }
 

@@ -250,11 +250,11 @@ fn broken_heights(block: &Block, limits: &Limits<'_>, broken: &mut Vec<String>) 
         broken.push(format!("P3: marks between {} and {} nm span more than {} nm", z_lo.0, z_hi.0, limits.depth.0));
     }
     let step = limits.machine.increment_nm();
-    let defocus = (z_hi - stop.focus).max(stop.focus - z_lo);
-    if (stop.focus < z_lo - step || stop.focus > z_hi + step) && defocus > limits.depth / 2 {
+    let defocus = (z_hi - stop.lpfl).max(stop.lpfl - z_lo);
+    if (stop.lpfl < z_lo - step || stop.lpfl > z_hi + step) && defocus > limits.depth / 2 {
         broken.push(format!(
             "P6: the focal plane {} nm lies outside of the marks, {} to {} nm, and farther from them than half of {} nm",
-            stop.focus.0, z_lo.0, z_hi.0, limits.depth.0
+            stop.lpfl.0, z_lo.0, z_hi.0, limits.depth.0
         ));
     }
 }
@@ -272,9 +272,9 @@ fn broken_place(block: &Block, limits: &Limits<'_>, broken: &mut Vec<String>) {
         broken.push(format!("P4: no tilt axes go to {:?} millionths of a degree", stop.tilt.0));
     }
     let step = machine.increment_nm();
-    let is_there = machine.reaches(block.stage, stop.tilt, stop.centre, block.plane(), origin);
+    let is_there = machine.reaches(block.stage, stop.tilt, stop.centre, block.stage_plane(), origin);
     if !is_there || block.stage.0.iter().any(|v| v % step.0 != 0) {
-        let stand = machine.stand(stop.tilt, stop.centre, block.plane(), origin);
+        let stand = machine.stand(stop.tilt, stop.centre, block.stage_plane(), origin);
         broken.push(format!(
             "P4: stage target {:?} nm is not where the block lies, {:?} nm, in steps of {} nm",
             block.stage.0, stand.stage.0, step.0
@@ -383,7 +383,7 @@ mod tests {
         assert_breaks("P4: no tilt axes", |p, _| p.blocks[1].stop.tilt = TiltAngles([0, 100]));
         assert_breaks("P5", |p, _| p.strokes[0].pen = PenId(2));
         assert_breaks("P6", |p, m| {
-            p.blocks[1].stop.focus += Nm(40_000);
+            p.blocks[1].stop.lpfl += Nm(40_000);
             p.blocks[1].stage[2] += 40_000 * m.stage.z.sign();
         });
         assert_breaks("P7: a block of an earlier pass", |p, _| {

@@ -127,6 +127,6 @@ fn on_part(block: &Block, turn: &Turn, p: &FieldPoint) -> [i64; 2] {
     if block.stop.tilt.is_upright() {
         return [x, y];
     }
-    let at = turn.back(P3::new([x, y, block.stop.focus.0].map(|v| v as f64)));
+    let at = turn.back(P3::new([x, y, block.stop.lpfl.0].map(|v| v as f64)));
     [at[0].round() as i64, at[1].round() as i64]
 }

@@ -172,7 +172,8 @@ impl<'a> Writer<'a> {
         self.stop_on_timeout(number + 4, &busy);
     }
 
-    /// Modes, output off, and the tests that end the program where an offset is active.
+    /// Modes, output off, and the tests that end the program where an offset is active. G54 takes the place of other
+    /// work offsets and G49 switches a tool length off, so that only G54 itself and G92 are left to test.
     fn linuxcnc_preamble(&mut self) {
         self.line("G21 G90 G94 G17 G40 G49 G80 G61.1 G54");
         self.line(self.off);
@@ -182,9 +183,9 @@ impl<'a> Writer<'a> {
             (parameter, format!("G54 has an offset in {letter}"))
         });
         let offsets = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
-        // o-numbers are unique in a program: those before are of the blocks.
+        // o-numbers are unique in a program: the tests of the blocks have those up to here.
         let first = LABELS * self.job.checked.program().blocks.len() + 1;
-        for (number, (parameter, what)) in (first..).zip(offsets.collect::<Vec<_>>()) {
+        for (number, (parameter, what)) in (first..).zip(offsets) {
             self.line(&format!("o{number} if [#{parameter} NE 0]"));
             self.line(&format!("(MSG, {what})"));
             self.line("M2");
@@ -192,15 +193,16 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Modes, output off, and the offsets off: words that GRBL reads on lines of their own.
+    /// Modes with G54; then tool length and G92 off, each on a line of its own, as GRBL reads them; output off.
     fn m0_preamble(&mut self) {
         self.line("G21 G90 G94 G17 G40 G80 G54");
         self.line("G49");
         self.line("G92.1");
+        // Mach may still have coordinates that G68 has turned.
         if self.job.machine.controller.dialect == Dialect::Mach {
             self.line("G69");
         }
-        self.line("M5");
+        self.line(self.off);
     }
 
     fn line(&mut self, text: &str) {

@@ -29,7 +29,7 @@ impl Pose {
     pub(super) fn of(machine: &Machine, block: &Block, origin: Origin) -> Self {
         let turn = machine.turn(block.stop.tilt, origin);
         let centre = block.stop.centre;
-        let at = turn.back(P3::new([centre.x, centre.y, block.plane().0].map(|v| v as f64))).at;
+        let at = turn.back(P3::new([centre.x, centre.y, block.stage_plane().0].map(|v| v as f64))).at;
         let [x, y, z] = turn.rows();
         let turns = [x[1].atan2(x[0]), (-x[2]).atan2(x[0].hypot(x[1])), y[2].atan2(z[2])];
         Self { at: at.map(|v| v.round() as i64), turns: turns.map(|v| (v.to_degrees() * 1e6).round() as i64) }

@@ -86,7 +86,8 @@ fn is_there<'a, D: serde::Deserializer<'a>>(value: D) -> Result<bool, D::Error> 
 }
 
 impl Head {
-    /// The head of a job whose file lies at `file` as seen from its folder; files are still to come.
+    /// The head for a new job folder that holds all blocks; `file` is the path of the job file from inside the folder.
+    /// The caller adds the files of the folder.
     pub fn new(job: &Job, file: String, inputs: Vec<InputFact>) -> Self {
         let blake3 = blake3::hash(job.source.as_bytes()).to_hex().to_string();
         Self {

@@ -54,10 +54,10 @@ pub struct FlyLengths {
 }
 
 impl FlyLengths {
-    /// The lengths of a texture of which `left_out` is left out besides what was skipped when it was followed over the
-    /// part.
+    /// The lengths of a texture. `skipped` is what was not marked when the texture was followed over the part;
+    /// `left_out` is what the axes cannot keep in focus, and none of it is in `skipped`.
     pub fn new(texture_mm: f64, skipped: &Skipped, left_out: &[LeftOut]) -> Self {
-        let skipped_focus_mm = left_out.iter().map(|l| l.to_mm - l.from_mm).sum();
+        let skipped_focus_mm = left_out.iter().map(|stretch| stretch.to_mm - stretch.from_mm).sum();
         Self {
             texture_mm,
             skipped_mm: skipped.off_part + skipped.steep + skipped.small + skipped_focus_mm,

@@ -78,7 +78,7 @@ impl<B: Serialize> Manifest<B> {
     }
 }
 
-/// The text of the manifest of a job.
+/// The text of the manifest of a stepped job whose folder holds all blocks.
 pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
     let manifest = Manifest {
@@ -99,6 +99,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         frames: facts.job.frames.map(|pen| Frames::new(&program.pens[pen.index()].name, facts.checked, facts.machine)),
         blocks: Blocks(facts),
         summary: facts.summary.clone(),
+        // Only the folder of a resumed job holds some blocks alone; its writer sets this.
         subset: None,
     };
     manifest.bytes()
@@ -393,7 +394,7 @@ fn block_entry(facts: &Facts<'_>, stated: &StatedErrors<'_>, index: usize) -> Bl
         section: block.stop.section.0,
         level: block.stop.level,
         centre_mm: block.stop.centre.mm(),
-        lpfl_mm: block.stop.focus.mm(),
+        lpfl_mm: block.stop.lpfl.mm(),
         focus_shift_mm: block.focus_shift.mm(),
         lift_z_mm: lift_mm(facts.machine, facts.checked, index),
         stage: block.stage.mm(),

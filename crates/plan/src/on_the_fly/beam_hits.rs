@@ -10,7 +10,7 @@ use crate::on_the_fly::path::{Followed, Path};
 use crate::on_the_fly::program::{AxisCommands, Kind, Program};
 use crate::projection::Tracer;
 use terrace_core::diag::Error;
-use terrace_core::geom::{NM_PER_MM, P2};
+use terrace_core::geom::{NM_PER_MM, P2, P3Mm, UnitVector};
 use terrace_core::machine::Machine;
 use terrace_input::surface::Surface;
 
@@ -26,8 +26,8 @@ const ROUNDED: f64 = 1e-6;
 /// What a mark must keep.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Out of focus along the beam.
-    pub focus: f64,
+    /// Largest defocus, along the beam: half the depth range.
+    pub half_depth: f64,
     /// Angle of the beam to the part's normal.
     pub angle: f64,
     /// In plan, from the place of the path that the beam passes through to where it meets the part.
@@ -54,8 +54,8 @@ struct MarkHit {
 /// Focal offset and incidence of the marks of a program on the part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FocusOnPart {
-    /// Largest focal offset.
-    pub focus: f64,
+    /// Largest defocus.
+    pub defocus: f64,
     /// Largest angle.
     pub angle: f64,
     /// The first place beyond a limit.
@@ -67,32 +67,33 @@ pub(crate) struct FocusOnPart {
 /// A beam: where it meets the focal plane, and the direction against it.
 #[derive(Clone, Copy)]
 struct Beam {
-    at: [f64; 3],
-    up: [f64; 3],
+    at: P3Mm,
+    up: UnitVector,
 }
 
 /// The place of a segment that lies nearest to a beam.
 struct NearestPlace {
     /// How far it is from the beam, across it.
     distance: f64,
-    place: [f64; 3],
+    place: P3Mm,
 }
 
 impl Beam {
     /// The place of a segment that lies nearest to the beam.
-    fn nearest(&self, a: [f64; 3], b: [f64; 3]) -> NearestPlace {
-        let to = self.across([0, 1, 2].map(|k| self.at[k] - a[k]));
-        let way = self.across([0, 1, 2].map(|k| b[k] - a[k]));
+    fn nearest(&self, a: P3Mm, b: P3Mm) -> NearestPlace {
+        let to = self.across(self.at.way_from(a));
+        let way = self.across(b.way_from(a));
         let length2 = dot(way, way);
         let t = if length2 > 0.0 { (dot(to, way) / length2).clamp(0.0, 1.0) } else { 0.0 };
         let off = [0, 1, 2].map(|k| to[k] - t * way[k]);
-        NearestPlace { distance: dot(off, off).sqrt(), place: [0, 1, 2].map(|k| a[k] + t * (b[k] - a[k])) }
+        NearestPlace { distance: dot(off, off).sqrt(), place: a.lerp(b, t) }
     }
 
     /// The part of a vector across the beam.
     fn across(&self, v: [f64; 3]) -> [f64; 3] {
-        let along: f64 = (0..3).map(|k| v[k] * self.up[k]).sum();
-        [0, 1, 2].map(|k| v[k] - along * self.up[k])
+        let UnitVector(up) = self.up;
+        let along: f64 = (0..3).map(|k| v[k] * up[k]).sum();
+        [0, 1, 2].map(|k| v[k] - along * up[k])
     }
 }
 
@@ -103,8 +104,8 @@ fn dot(v: [f64; 3], w: [f64; 3]) -> f64 {
 /// Where a beam meets the part.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BeamHit {
-    /// Out of focus; infinite where the beam misses the part.
-    pub focus: f64,
+    /// Distance from the focal plane along the beam; infinite where the beam misses the part.
+    pub defocus: f64,
     /// Angle to the normal.
     pub angle: f64,
     /// Beside the path, in plan; 0 of upright beams, which meet the part wherever it is.
@@ -112,11 +113,11 @@ pub struct BeamHit {
 }
 
 impl BeamHit {
-    const MISSED: Self = Self { focus: f64::INFINITY, angle: 0.0, beside: 0.0 };
+    const MISSED: Self = Self { defocus: f64::INFINITY, angle: 0.0, beside: 0.0 };
 
     fn max(self, other: Self) -> Self {
         Self {
-            focus: self.focus.max(other.focus),
+            defocus: self.defocus.max(other.defocus),
             angle: self.angle.max(other.angle),
             beside: self.beside.max(other.beside),
         }
@@ -125,7 +126,7 @@ impl BeamHit {
 
 /// The path of one mark, and how far along it beams have come.
 struct MarkPath {
-    nodes: Vec<[f64; 3]>,
+    nodes: Vec<P3Mm>,
     /// The node before the last beam.
     at: usize,
 }
@@ -148,7 +149,7 @@ impl MarkPath {
 
     /// Where a beam passes through the path: on the segment of the last beam or the next that it passes [`THROUGH`];
     /// where there is none, on the one that it passes nearest.
-    fn place(&mut self, beam: &Beam) -> [f64; 3] {
+    fn place(&mut self, beam: &Beam) -> P3Mm {
         let mut best = NearestPlace { distance: f64::INFINITY, place: self.nodes[self.at] };
         for i in self.at..self.nodes.len() - 1 {
             let nearest = beam.nearest(self.nodes[i], self.nodes[i + 1]);
@@ -221,7 +222,7 @@ pub(crate) fn focus_on_part(
             }
         };
         let length = way[0].hypot(way[1]);
-        out.focus = out.focus.max(worst.hit.focus);
+        out.defocus = out.defocus.max(worst.hit.defocus);
         out.angle = out.angle.max(worst.hit.angle);
         if !judge.keeps_limits(worst.hit) {
             out.first.get_or_insert(Miss { at: worst.at, hit: worst.hit });
@@ -251,8 +252,8 @@ impl FocusOnPart {
 }
 
 impl BeamJudge<'_> {
-    fn keeps_limits(&self, BeamHit { focus, angle, beside }: BeamHit) -> bool {
-        focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED && beside <= self.limits.beside
+    fn keeps_limits(&self, BeamHit { defocus, angle, beside }: BeamHit) -> bool {
+        defocus <= self.limits.half_depth && angle <= self.limits.angle + ROUNDED && beside <= self.limits.beside
     }
 
     /// The worse of two hits, at the place of the first that does not keep its limits; where both do, of the second.
@@ -262,7 +263,7 @@ impl BeamJudge<'_> {
 
     /// The worst of an upright move, on the line or just next to it where it runs along a border.
     fn upright(&mut self, a: &Beam, b: &Beam) -> MarkHit {
-        let [p, q] = [a, b].map(|beam| [beam.at[0], beam.at[1]].map(|v| v * NM_PER_MM));
+        let [p, q] = [a, b].map(|beam| beam.at.xy().map(|v| v * NM_PER_MM));
         let way = [q[0] - p[0], q[1] - p[1]];
         let length = way[0].hypot(way[1]);
         let side = if length > 0.0 { [-way[1] / length, way[0] / length] } else { [1.0, 0.0] };
@@ -292,8 +293,8 @@ impl BeamJudge<'_> {
         });
         let start = MarkHit { hit: BeamHit::default(), at: p.mm() };
         ends.into_iter().fold(start, |worst, (t, z, normal)| {
-            let focus = (z / NM_PER_MM - (plane_z[0] + t * (plane_z[1] - plane_z[0]))).abs();
-            let hit = BeamHit { focus, angle: normal[2].clamp(-1.0, 1.0).acos(), beside: 0.0 };
+            let defocus = (z / NM_PER_MM - (plane_z[0] + t * (plane_z[1] - plane_z[0]))).abs();
+            let hit = BeamHit { defocus, angle: normal[2].clamp(-1.0, 1.0).acos(), beside: 0.0 };
             self.worse(worst, MarkHit { hit, at: p.lerp(q, t).mm() })
         })
     }
@@ -308,8 +309,8 @@ impl BeamJudge<'_> {
         let mut worst = MarkHit::default();
         for beam in beams {
             let place = path.as_mut().map_or(beam.at, |path| path.place(&beam));
-            let hit = self.near(&beam, [place[0], place[1]], way);
-            worst = self.worse(worst, MarkHit { hit, at: [beam.at[0], beam.at[1]] });
+            let hit = self.near(&beam, place.xy(), way);
+            worst = self.worse(worst, MarkHit { hit, at: beam.at.xy() });
         }
         worst
     }
@@ -327,7 +328,7 @@ impl BeamJudge<'_> {
         for s in [0.0, -1.0, 1.0] {
             for t in [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0] {
                 let by = [s * along[0] - t * along[1], s * along[1] + t * along[0]].map(|v| v * BORDER / NM_PER_MM);
-                let beam = Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up };
+                let beam = Beam { at: beam.at.moved([by[0], by[1], 0.0]), up: beam.up };
                 let beside = self.hit(&beam, [place[0] + by[0], place[1] + by[1]]);
                 if let Some(hit) = beside.filter(|&hit| self.keeps_limits(hit)) {
                     return hit;
@@ -340,12 +341,12 @@ impl BeamJudge<'_> {
 
     /// The highest part along a beam that should meet it at `meant`.
     fn hit(&mut self, beam: &Beam, meant: [f64; 2]) -> Option<BeamHit> {
-        let up = beam.up;
+        let UnitVector(up) = beam.up;
         if up[2] <= 0.0 {
             return None;
         }
         // From above the part down to twice the limit below the focal plane; what lies lower is missed.
-        let heights = [self.top.max(beam.at[2]) + self.limits.focus, beam.at[2] - 2.0 * self.limits.focus];
+        let heights = [self.top.max(beam.at[2]) + self.limits.half_depth, beam.at[2] - 2.0 * self.limits.half_depth];
         let [high, low] = heights.map(|z| [0, 1].map(|k| (beam.at[k] + up[k] / up[2] * (z - beam.at[2])) * NM_PER_MM));
         let (p, q) = on_grid(high, low);
         // A beam that is upright to the nanometre meets what lies first under it.
@@ -370,7 +371,7 @@ impl BeamJudge<'_> {
         let (off, normal) = found?;
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
         let [x, y] = [0, 1].map(|k| beam.at[k] + off * up[k] - meant[k]);
-        Some(BeamHit { focus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
+        Some(BeamHit { defocus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
     }
 }
 
@@ -411,21 +412,21 @@ mod tests {
 
     /// A beam through a point of the upper plate that leans by 30 degrees, so that it goes down towards +x.
     fn through(x: f64) -> Beam {
-        Beam { at: [x, 0.0, 0.0], up: [-0.5, 0.0, 0.75f64.sqrt()] }
+        Beam { at: P3Mm::new([x, 0.0, 0.0]), up: UnitVector([-0.5, 0.0, 0.75f64.sqrt()]) }
     }
 
     #[test]
     fn a_leaning_beam_that_passes_an_edge_meets_the_part_beside_its_path() {
         let surface = ledge();
-        let limits = Limits { focus: 0.1, angle: 1.0, beside: 1e-3 };
+        let limits = Limits { half_depth: 0.1, angle: 1.0, beside: 1e-3 };
         let mut judge = BeamJudge { tracer: Tracer::new(&surface, f64::INFINITY), limits, top: 0.0 };
         let hit = judge.hit(&through(0.9), [0.9, 0.0]).expect("the upper plate");
-        assert!(hit.focus < 1e-9 && hit.beside < 1e-9 && (hit.angle.to_degrees() - 30.0).abs() < 1e-6, "{hit:?}");
+        assert!(hit.defocus < 1e-9 && hit.beside < 1e-9 && (hit.angle.to_degrees() - 30.0).abs() < 1e-6, "{hit:?}");
         assert!(judge.keeps_limits(hit));
         // Past the edge it falls on the lower one: 0.05 tan 30 deg farther on.
         let hit = judge.hit(&through(1.01), [1.01, 0.0]).expect("the lower plate");
         assert!((hit.beside - 0.05 / 3f64.sqrt()).abs() < 1e-6, "{hit:?}");
-        assert!((hit.focus - 0.05 / 0.75f64.sqrt()).abs() < 1e-6 && !judge.keeps_limits(hit), "{hit:?}");
+        assert!((hit.defocus - 0.05 / 0.75f64.sqrt()).abs() < 1e-6 && !judge.keeps_limits(hit), "{hit:?}");
         // Past it by less than rounding, a beam beside it counts.
         let near = judge.near(&through(1.0 + 5e-5), [1.0 + 5e-5, 0.0], [1.0, 0.0]);
         assert!(judge.keeps_limits(near), "{near:?}");
@@ -440,11 +441,13 @@ mod tests {
 
     #[test]
     fn beams_are_followed_along_the_path_of_their_mark() {
-        let mut mark = MarkPath { nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]], at: 0 };
+        let nodes = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]].map(P3Mm::new).to_vec();
+        let mut mark = MarkPath { nodes, at: 0 };
         // There and back: the path continues, though the first leg is as near.
         for (x, leg) in [(0.2, 0), (0.9, 0), (1.0, 0), (0.9, 1), (0.2, 1)] {
             let y = if leg == 0 { 0.0 } else { 1e-3 * (1.0 - x) };
-            let beam = Beam { at: [x - 0.5, y, 0.75f64.sqrt()], up: [-0.5, 0.0, 0.75f64.sqrt()] };
+            let up = [-0.5, 0.0, 0.75f64.sqrt()];
+            let beam = Beam { at: P3Mm::new([x, y, 0.0]).moved(up), up: UnitVector(up) };
             let place = mark.place(&beam);
             assert!((place[0] - x).abs() < 1e-4 && (place[1] - y).abs() < 1e-4, "{x}: {place:?}");
         }

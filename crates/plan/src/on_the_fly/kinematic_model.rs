@@ -4,11 +4,12 @@
 //! of their motion, and axis values over points of the part. Units: mm, s, rad.
 
 use crate::on_the_fly::axes::following_error::Servo;
-use crate::on_the_fly::axes::kinematics::{Axes, Branches, Pose};
+use crate::on_the_fly::axes::kinematics::{Axes, Branches, FieldPosition, Pivot, Pose};
 use crate::on_the_fly::axes::motion::{AXES, STAGE};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::topp::Limit;
 use terrace_core::diag::Error;
+use terrace_core::geom::{P3Mm, Part};
 use terrace_core::machine::{Carries, Letter, Machine};
 use terrace_core::motion::GalvoModel;
 use terrace_core::program::Pen;
@@ -27,7 +28,7 @@ pub struct KinematicModel<'a> {
     /// Travel of C as the motion counts it.
     pub c_travel: [f64; 2],
     /// The point of the part about which A and C turn: how far marks lie from it decides how X, Y and Z must go along.
-    pub pivot: [f64; 3],
+    pub pivot: P3Mm<Part>,
 }
 
 /// A rotary axis that a motion turns beyond its travel; angles in deg.
@@ -42,8 +43,8 @@ pub struct BeyondTravel {
 }
 
 impl<'a> KinematicModel<'a> {
-    /// The model of a part whose origin lies at `origin` in the machine; None where the machine is not a swivel A under
-    /// a turntable C that states what all its axes can do.
+    /// The model of a part whose origin lies at `origin` in the machine, mm; None where the machine does not turn the
+    /// part by a swivel A with a turntable C on it, or does not state speed and acceleration of both.
     pub fn of(machine: &'a Machine, pens: &'a [Pen], origin: [f64; 3]) -> Option<Self> {
         let linear = machine.axes().map(|(_, axis)| Limit {
             speed: axis.speed.as_mm_s(),
@@ -58,14 +59,15 @@ impl<'a> KinematicModel<'a> {
             let (speed, acceleration) = (axis.speed?.as_rad_s(), axis.acceleration?.as_rad_s2());
             Some(Limit { speed, acceleration, jerk: axis.jerk.map(|j| j.as_rad_s3()) })
         });
-        let speed = machine.scanner.jump_speed.as_mm_s();
+        let jump_speed = machine.scanner.jump_speed.as_mm_s();
         let spot = match GalvoModel::of(machine) {
             GalvoModel::AtSpeed => None,
-            GalvoModel::RestToRest { acceleration, jerk } => Some(Limit { speed, acceleration, jerk }),
+            GalvoModel::RestToRest { acceleration, jerk } => Some(Limit { speed: jump_speed, acceleration, jerk }),
         };
         let [x, y, z] = linear;
-        let pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
-        // A positive command turns the part right-handed; a positive C of the motion turns it the other way.
+        let pivot = P3Mm::new([0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]));
+        // A positive command turns the part right-handed, or the other way where the axis is reversed; a positive C of
+        // the motion always turns it the other way.
         let turntable = &table.axes[1];
         let endless = [f64::NEG_INFINITY, f64::INFINITY];
         let [lo, hi] = turntable.travel.ends().map_or(endless, |ends| ends.map(|end| end.as_rad()));
@@ -84,14 +86,13 @@ impl<'a> KinematicModel<'a> {
     }
 
     /// A point of the part seen from the pivot.
-    pub fn from_pivot(&self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| p[k] - self.pivot[k])
+    pub fn from_pivot(&self, p: P3Mm<Part>) -> P3Mm<Pivot> {
+        P3Mm::new(p.way_from(self.pivot))
     }
 
     /// Poses of the part seen from the pivot.
-    pub(crate) fn all_from_pivot(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
-        poses.iter_mut().for_each(|pose| pose.p = self.from_pivot(pose.p));
-        poses
+    pub(crate) fn all_from_pivot(&self, poses: &[Pose<Part>]) -> Vec<Pose<Pivot>> {
+        poses.iter().map(|pose| Pose { p: self.from_pivot(pose.p), n: pose.n }).collect()
     }
 
     /// The branches that a path may take: the quickest.
@@ -126,9 +127,9 @@ impl<'a> KinematicModel<'a> {
     }
 
     /// Axis values at a node of the path: X, Y, Z, A, C, U, V.
-    pub fn values(&self, axes: &Axes, p: [f64; 3]) -> [f64; AXES] {
-        let [u, v, _] = axes.field_from_part(self.from_pivot(p));
-        let [x, y, z] = axes.xyz;
+    pub fn values(&self, axes: &Axes, p: P3Mm<Part>) -> [f64; AXES] {
+        let FieldPosition { uv: [u, v], .. } = axes.seen(self.from_pivot(p));
+        let [x, y, z] = axes.xyz.mm;
         [x, y, z, axes.a, axes.c, u, v]
     }
 
@@ -163,7 +164,7 @@ mod tests {
         let travel = |lo: f64, hi: f64| AxisTravel::Ends([lo, hi].map(Angle::deg));
         let table = machine.tilt.as_mut().expect("a table");
         (table.axes[0].travel, table.axes[1].travel) = (travel(0.0, 30.0), travel(-20.0, 90.0));
-        let axes = |a: f64, c: f64| Axes { xyz: [0.0; 3], a: a.to_radians(), c: c.to_radians() };
+        let axes = |a: f64, c: f64| Axes { xyz: P3Mm::new([0.0; 3]), a: a.to_radians(), c: c.to_radians() };
         let beyond = |axes: &[Axes]| {
             let model = KinematicModel::of(&machine, &[], [0.0; 3]).expect("seven axes");
             model.beyond_travel(axes).into_iter().map(|b| (b.letter, b.needed.map(f64::round))).collect::<Vec<_>>()

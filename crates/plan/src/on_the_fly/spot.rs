@@ -9,12 +9,13 @@
 //! # Source
 //! Ma et al. (2025) stop the galvo at every point of the curve; here it need not where the path runs straight on.
 
-use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
+use crate::on_the_fly::axes::kinematics::{Axes, turned_vector};
 use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{NodeKind, Path};
 use crate::on_the_fly::topp::{self, TimedPath};
 use terrace_core::diag::Error;
+use terrace_core::geom::P3Mm;
 use terrace_core::motion::GalvoModel;
 
 /// Where the spot comes to rest.
@@ -206,19 +207,19 @@ impl<'a> Course<'a> {
         Self { path, axes, model, way, pace, positions: vec![0.0; 2], caps: Vec::with_capacity(path.len()) }
     }
 
-    /// Adds the nodes after `first` up to `last`, between which the spot does not rest.
+    /// Adds the nodes after `first`, which is the last one so far, up to `last`. Between them the spot does not rest,
+    /// and the limits of U and V are divided by `share`.
     fn add_run(&mut self, first: usize, last: usize, share: f64) {
-        let caps: Vec<f64> = (first + 1..=last).map(|i| self.cap(i)).collect();
-        if !is_straight(self.path, first, last) {
+        let mut caps: Vec<f64> = (first + 1..=last).map(|i| self.cap(i)).collect();
+        if is_straight(self.path, first, last) {
+            self.add_line(first, last, share);
+            if let Some(cap) = self.even_cap(first, last, &caps) {
+                caps.fill(cap);
+            }
+        } else {
             self.add_curve(first, last, share);
-            self.caps.extend(caps);
-            return;
         }
-        self.add_line(first, last, share);
-        match self.even_cap(first, last, &caps) {
-            Some(cap) => self.caps.resize(last, cap),
-            None => self.caps.extend(caps),
-        }
+        self.caps.extend(caps);
     }
 
     /// Adds the positions of a run whose stage poses, and with them the steps of U and V, change from node to node.
@@ -261,14 +262,14 @@ impl<'a> Course<'a> {
         [u, v]
     }
 
-    /// What U and V have to go from one node to another, of which they have a share, mm: with the stage half-way
-    /// between its poses at them.
+    /// What U and V have to go from one node to another, mm, with the stage half-way between its poses at them; times
+    /// `share`, which slows the motion as much as limits divided by `share` would.
     fn step(&self, i: usize, j: usize, share: f64) -> [f64; 2] {
         let (nodes, axes) = (&self.path.nodes, self.axes);
-        let d = [0, 1, 2].map(|k| nodes[j].at[k] - nodes[i].at[k]);
+        let d = nodes[j].at.way_from(nodes[i].at);
         let a = 0.5 * (axes[i].a + axes[j].a);
         let c = 0.5 * (axes[i].c + axes[j].c);
-        let [u, v, _] = machine_from_part(a, c, d);
+        let [u, v, _] = turned_vector(a, c, d);
         [share * u, share * v]
     }
 
@@ -287,7 +288,7 @@ fn is_straight(path: &Path, first: usize, last: usize) -> bool {
     let [a, b] = [first, last].map(|i| path.nodes[i].at);
     let chord = [b[0] - a[0], b[1] - a[1]];
     let length = chord[0].hypot(chord[1]);
-    let distance = |p: [f64; 3]| ((p[0] - a[0]) * chord[1] - (p[1] - a[1]) * chord[0]).abs() / length;
+    let distance = |p: P3Mm| ((p[0] - a[0]) * chord[1] - (p[1] - a[1]) * chord[0]).abs() / length;
     last == first + 1 || length > 0.0 && path.nodes[first + 1..last].iter().all(|node| distance(node.at) <= STRAIGHT)
 }
 
@@ -302,7 +303,13 @@ mod tests {
         let through = |points: &[[f64; 3]]| Path {
             nodes: points
                 .iter()
-                .map(|&at| Node { at, pen: None, kind: NodeKind::Between, stroke: PieceId(0), run: None })
+                .map(|&at| Node {
+                    at: P3Mm::new(at),
+                    pen: None,
+                    kind: NodeKind::Between,
+                    stroke: PieceId(0),
+                    run: None,
+                })
                 .collect(),
         };
         // Heights do not count: the scanner sees the plan.

@@ -7,7 +7,7 @@
 //!
 //! The articles let both keep step at every point; the window is ours.
 
-use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose};
+use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pivot, Pose};
 use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::decompose::{Method, stage};
 use crate::on_the_fly::kinematic_model::KinematicModel;
@@ -15,6 +15,7 @@ use crate::on_the_fly::path::Path;
 use crate::on_the_fly::spline;
 use crate::on_the_fly::spot::SpotMotion;
 use crate::on_the_fly::topp::Limit;
+use terrace_core::geom::P3Mm;
 use terrace_core::parallel;
 
 /// Nodes of the stage's path per window of time.
@@ -96,7 +97,7 @@ impl StagePath {
     /// The stage as it stands at a parameter.
     pub fn axes(&self, at: f64, hint: &mut usize) -> Axes {
         let [x, y, z, a, c] = self.position(at, hint);
-        Axes { xyz: [x, y, z], a, c }
+        Axes { xyz: P3Mm::new([x, y, z]), a, c }
     }
 
     /// The stage as the spot comes to each node of its path.
@@ -158,9 +159,8 @@ impl StagePath {
     }
 
     /// U and V over a point of the part, seen from the pivot, with the stage where it is at a time.
-    fn field_point(&self, p: [f64; 3], time: f64, hint: &mut usize) -> [f64; 2] {
-        let [u, v, _] = self.axes(time, hint).field_from_part(p);
-        [u, v]
+    fn field_point(&self, p: P3Mm<Pivot>, time: f64, hint: &mut usize) -> [f64; 2] {
+        self.axes(time, hint).seen(p).uv
     }
 }
 
@@ -198,12 +198,12 @@ fn share_left(limit: f64, taken: f64) -> f64 {
 
 /// X, Y, Z, A, C.
 pub fn listed(axes: &Axes) -> [f64; STAGE] {
-    let [x, y, z] = axes.xyz;
+    let [x, y, z] = axes.xyz.mm;
     [x, y, z, axes.a, axes.c]
 }
 
 /// Deviations of marks from the stage as it stands over them.
-pub fn deviations(marks: &[Pose], axes: &[Axes]) -> Vec<Deviation> {
+pub fn deviations(marks: &[Pose<Pivot>], axes: &[Axes]) -> Vec<Deviation> {
     marks.iter().zip(axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect()
 }
 

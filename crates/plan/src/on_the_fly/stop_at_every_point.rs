@@ -67,7 +67,7 @@ mod tests {
             .iter()
             .zip(&marks)
             .map(|(x, m)| {
-                let [u, v, _] = x.field_from_part(m.p);
+                let [u, v] = x.seen(m.p).uv;
                 [x.xyz[0], x.xyz[1], x.xyz[2], x.a, x.c, u, v]
             })
             .collect();

@@ -125,7 +125,7 @@ impl TurnaroundSearch<'_> {
             Turnaround::Dwell(_) => path.clone(),
         };
         let schedule = Schedule::of(&path, self.machine, self.pens, turn.wait_s());
-        let schedule = schedule.lifted(&path, self.machine, self.allowed.focus);
+        let schedule = schedule.lifted(&path, self.machine, self.allowed.half_depth);
         (path, schedule)
     }
 
@@ -221,6 +221,7 @@ mod tests {
     use super::super::xyzuv::Peaks;
     use super::*;
     use crate::on_the_fly::path::{Node, NodeKind};
+    use terrace_core::geom::P3Mm;
     use terrace_core::program::{PenId, PieceId};
     use terrace_core::units::{Frequency, Power, Speed};
 
@@ -231,7 +232,7 @@ mod tests {
             let ends = [0.0, length].map(|x| [x, f64::from(line), 0.1 * x]);
             let [a, b] = if line % 2 == 0 { ends } else { [ends[1], ends[0]] };
             for (at, pen) in [(a, None), (b, Some(PenId(0)))] {
-                path.nodes.push(Node { at, pen, kind: NodeKind::End, stroke: PieceId(line), run: None });
+                path.nodes.push(Node { at: P3Mm::new(at), pen, kind: NodeKind::End, stroke: PieceId(line), run: None });
             }
         }
         path
@@ -249,7 +250,7 @@ mod tests {
         }]
     }
 
-    const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], focus: 0.035 };
+    const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], half_depth: 0.035 };
 
     #[test]
     #[ignore = "slow: make test-all"]
@@ -270,7 +271,7 @@ mod tests {
             let p = path.nodes[i].at;
             assert!((0..2).all(|k| (p[k] - at[k]).abs() <= ROOM.half_field[k] * (1.0 + 1e-6)), "{i}");
             let lit = path.nodes[i].pen.is_some() || path.pen_at(i + 1).is_some();
-            assert!(!lit || (p[2] - at[2]).abs() <= ROOM.focus * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
+            assert!(!lit || (p[2] - at[2]).abs() <= ROOM.half_depth * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
         }
         // The motion is that of the stage, and every mark runs at its speed, slowed alike.
         let motion = sync.motion(&path, &schedule);

@@ -12,7 +12,7 @@
 //! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
-use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose, follow};
+use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pivot, Pose, follow};
 use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stage};
 use crate::on_the_fly::in_step::in_step_s;
@@ -24,6 +24,7 @@ use crate::on_the_fly::spot::{Rests, SpotMotion, SpotPace};
 use crate::on_the_fly::stage_path::{StagePath, deviations, listed};
 use crate::on_the_fly::topp::{self, State, TimedPath};
 use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::{P3Mm, Part};
 use terrace_core::machine::Letter;
 use terrace_core::parallel;
 
@@ -78,8 +79,8 @@ pub struct UntimedAxes {
     pub path: Path,
     /// Stage axes over its nodes.
     pub axes: Vec<Axes>,
-    /// What is to be marked at its nodes, seen from the pivot.
-    marks: Vec<Pose>,
+    /// What is to be marked at its nodes.
+    marks: Vec<Pose<Pivot>>,
     tools: ToolPath,
     rewinds: Vec<[usize; 2]>,
     /// What all marks should keep.
@@ -105,12 +106,12 @@ pub fn decompose(
         ToolPath::Gaussian { sigma } => gaussian(path, height_field, model, sigma),
         ToolPath::LeastAcceleration => least_acceleration(path, height_field, model, limits)?,
         ToolPath::OnTheMark => {
-            StageAxes::not_smoothed(follow(&model.all_from_pivot(marks(path, height_field)), model.branches()))
+            StageAxes::not_smoothed(follow(&model.all_from_pivot(&marks(path, height_field)), model.branches()))
         }
     };
     // A rewind of C in a jump adds nodes.
     let PathWithRewinds { path, axes, rewinds } = with_rewinds(path, &axes, model.c_travel);
-    let marks = model.all_from_pivot(marks(&path, height_field));
+    let marks = model.all_from_pivot(&marks(&path, height_field));
     Ok(UntimedAxes { back_off, strength, path, axes, marks, tools, rewinds, limits })
 }
 
@@ -146,7 +147,7 @@ fn filtered(
         limits,
     };
     let (back_off, strength) = smoothing.strongest();
-    let tools = model.all_from_pivot(smoothing.tools(strength));
+    let tools = model.all_from_pivot(&smoothing.tools(strength));
     StageAxes { back_off, strength: Some(strength), axes: follow(&tools, model.branches()) }
 }
 
@@ -154,7 +155,7 @@ fn filtered(
 fn gaussian(path: &Path, height_field: &HeightField, model: &KinematicModel<'_>, sigma: f64) -> StageAxes {
     let plan = EvenPlan::of(path);
     let smooth = stage(&plan.positions, Family::Gaussian.at(sigma / plan.step));
-    let tools = model.all_from_pivot(plan.tools(&smooth, height_field));
+    let tools = model.all_from_pivot(&plan.tools(&smooth, height_field));
     StageAxes { back_off: BackOff::new(), strength: Some(sigma), axes: follow(&tools, model.branches()) }
 }
 
@@ -166,7 +167,7 @@ fn least_acceleration(
     model: &KinematicModel<'_>,
     limits: Limits,
 ) -> Result<StageAxes, Error> {
-    let marks = model.all_from_pivot(marks(path, height_field));
+    let marks = model.all_from_pivot(&marks(path, height_field));
     let rests = Rests::Corners.of(path);
     let over_time_of = |spot: &SpotMotion| {
         let times: Vec<f64> = spot.times().iter().map(|t| t[0]).collect();
@@ -379,7 +380,7 @@ impl Reader<'_> {
         let [from, to] = [spot.way()[node], spot.way()[node + 1]];
         let share = ((way - from) / (to - from)).clamp(0.0, 1.0);
         let [p, q] = [path.nodes[node].at, path.nodes[node + 1].at];
-        self.instant(node, std::array::from_fn(|k| p[k] + share * (q[k] - p[k])))
+        self.instant(node, p.lerp(q, share))
     }
 
     /// The axes at a time, s, at which the spot is at a node.
@@ -388,11 +389,11 @@ impl Reader<'_> {
         self.instant(node, self.timed.path.nodes[node].at)
     }
 
-    fn instant(&self, node: usize, spot: [f64; 3]) -> Instant {
+    fn instant(&self, node: usize, spot: P3Mm) -> Instant {
         let [x, y, z, a, c] = std::array::from_fn(|k| self.state.position[k]);
-        let axes = Axes { xyz: [x, y, z], a, c };
-        let [u, v, _] = axes.field_from_part(self.model.from_pivot(spot));
-        Instant { axes, node, field: if self.timed.carries { [0.0; 2] } else { [u, v] } }
+        let axes = Axes { xyz: P3Mm::new([x, y, z]), a, c };
+        let seen = axes.seen(self.model.from_pivot(spot));
+        Instant { axes, node, field: if self.timed.carries { [0.0; 2] } else { seen.uv } }
     }
 }
 
@@ -436,8 +437,9 @@ impl TimedAxes {
 
     /// The figures for the table of decompositions.
     pub fn axis_figures(&self, model: &KinematicModel<'_>) -> AxisFigures {
-        let xyz: Vec<[f64; 3]> = self.axes.iter().map(|a| a.xyz).collect();
+        let xyz: Vec<[f64; 3]> = self.axes.iter().map(|axes| axes.xyz.mm).collect();
         let speed = model.pens.first().map_or(0.0, |pen| pen.speed.as_mm_s());
+        // At an even speed along the path an acceleration is the second derivative by the way times the speed squared.
         AxisFigures {
             strength: self.strength,
             worst: self.worst(),
@@ -448,8 +450,8 @@ impl TimedAxes {
 }
 
 /// The marks of a path, and its jumps, on the height field.
-fn marks(path: &Path, height_field: &HeightField) -> Vec<Pose> {
-    let poses = path.nodes.iter().map(|&Node { at: p, .. }| Pose { p, n: height_field.at([p[0], p[1]]).normal() });
+fn marks(path: &Path, height_field: &HeightField) -> Vec<Pose<Part>> {
+    let poses = path.nodes.iter().map(|&Node { at: p, .. }| Pose { p, n: height_field.at(p.xy()).normal() });
     poses.collect()
 }
 
@@ -504,7 +506,7 @@ impl EvenPlan {
     }
 
     /// The tool at every node of the path whose plan was smoothed.
-    fn tools(&self, smooth: &[[f64; 2]], height_field: &HeightField) -> Vec<Pose> {
+    fn tools(&self, smooth: &[[f64; 2]], height_field: &HeightField) -> Vec<Pose<Part>> {
         /// Nodes that a thread takes at a time.
         const CHUNK: usize = 4096;
         let chunks: Vec<&[f64]> = self.way.chunks(CHUNK).collect();
@@ -513,13 +515,13 @@ impl EvenPlan {
     }
 
     /// The tool at a way along the path: upright on the height field under the smoothed plan.
-    fn tool(&self, smooth: &[[f64; 2]], height_field: &HeightField, s: f64) -> Pose {
+    fn tool(&self, smooth: &[[f64; 2]], height_field: &HeightField, s: f64) -> Pose<Part> {
         let at = s / self.step;
         let i = (at as usize).min(smooth.len() - 2);
         let t = at - i as f64;
         let xy = [0, 1].map(|c| smooth[i][c] + t * (smooth[i + 1][c] - smooth[i][c]));
         let h = height_field.at(xy);
-        Pose { p: [xy[0], xy[1], h.z], n: h.normal() }
+        Pose { p: P3Mm::new([xy[0], xy[1], h.z]), n: h.normal() }
     }
 }
 
@@ -529,7 +531,7 @@ struct Smoothing<'a> {
     family: Family,
     height_field: &'a HeightField,
     /// What is to be marked at the nodes of the path.
-    marks: Vec<Pose>,
+    marks: Vec<Pose<Part>>,
     /// How much each node counts; those of weight 0 are not marked.
     weights: Vec<f64>,
     limits: Limits,
@@ -537,7 +539,7 @@ struct Smoothing<'a> {
 
 impl Smoothing<'_> {
     /// The tools over the nodes of the path, smoothed so strongly.
-    fn tools(&self, strength: f64) -> Vec<Pose> {
+    fn tools(&self, strength: f64) -> Vec<Pose<Part>> {
         let smooth = stage(&self.plan.positions, self.family.at(strength / self.plan.step));
         self.plan.tools(&smooth, self.height_field)
     }

@@ -18,6 +18,7 @@ use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::xyzuv::average_search::{AverageSearch, RampedAverage, slowdown, with_ends_held};
 use terrace_core::diag::Error;
+use terrace_core::geom::P3Mm;
 use terrace_core::machine::Machine;
 use terrace_core::program::{PenId, PieceId};
 
@@ -89,7 +90,7 @@ pub struct ScannerLimits {
     /// Half of the usable field along x and y.
     pub half_field: [f64; 2],
     /// Largest focal offset of a mark.
-    pub focus: f64,
+    pub half_depth: f64,
 }
 
 impl ScannerLimits {
@@ -98,10 +99,10 @@ impl ScannerLimits {
     ///
     /// # Errors
     /// `fly-servo` where frequency or damping of a servo is not positive and finite.
-    pub fn of(machine: &Machine, focus: f64) -> Result<Self, Error> {
+    pub fn of(machine: &Machine, half_depth: f64) -> Result<Self, Error> {
         let [error_x, error_y] = Servo::following_error(machine)?;
-        let [half_x, half_y] = machine.usable_field().map(|f| f.mm() / 2.0);
-        Ok(Self { half_field: [half_x - error_x.min(half_x / 2.0), half_y - error_y.min(half_y / 2.0)], focus })
+        let [half_x, half_y] = machine.half_usable_field_mm();
+        Ok(Self { half_field: [half_x - error_x.min(half_x / 2.0), half_y - error_y.min(half_y / 2.0)], half_depth })
     }
 }
 
@@ -180,7 +181,7 @@ pub(super) fn decomposed(
     if xy_average.slower >= cutoff {
         return Decomposition { slower: xy_average.slower, ..Decomposition::default() };
     }
-    let z_average = find_z_average(&beam, z, allowed.focus, xy_average.slower);
+    let z_average = find_z_average(&beam, z, allowed.half_depth, xy_average.slower);
     decomposed_by(beam, xy_average, z_average, z)
 }
 
@@ -251,13 +252,13 @@ fn polished_on_all_samples(
 
 /// The average of z that keeps all marks in focus, with which least has to be slowed down; infinitely slow where none
 /// does. What x and y are slowed down to, `enough`, is slow enough.
-fn find_z_average(beam: &ScheduledBeam<'_>, limits: Peaks, focus: f64, enough: f64) -> RampedAverage {
+fn find_z_average(beam: &ScheduledBeam<'_>, limits: Peaks, half_depth: f64, enough: f64) -> RampedAverage {
     let search = AverageSearch {
         path: &beam.height,
         step_s: beam.step_s,
         limits: [limits],
         enough,
-        accepts: |stage: &[[f64; 1]]| beam.is_in_focus(stage, focus),
+        accepts: |stage: &[[f64; 1]]| beam.is_in_focus(stage, half_depth),
     };
     search.run()
 }
@@ -327,11 +328,11 @@ impl<'a> ScheduledBeam<'a> {
     }
 
     /// Whether what a stage leaves of z is in focus, at all samples and nodes of marks.
-    fn is_in_focus(&self, stage: &[[f64; 1]], focus: f64) -> bool {
-        (0..stage.len()).all(|i| !self.is_on[i] || (self.height[i][0] - stage[i][0]).abs() <= focus)
+    fn is_in_focus(&self, stage: &[[f64; 1]], half_depth: f64) -> bool {
+        (0..stage.len()).all(|i| !self.is_on[i] || (self.height[i][0] - stage[i][0]).abs() <= half_depth)
             && self
                 .nodes
-                .all_of_marks(|sample, p| (p[2] - interpolated(stage, sample)[0]).abs() <= focus * (1.0 + ROUNDED))
+                .all_of_marks(|sample, p| (p[2] - interpolated(stage, sample)[0]).abs() <= half_depth * (1.0 + ROUNDED))
     }
 }
 
@@ -349,20 +350,20 @@ impl<'a> NodeTimes<'a> {
     }
 
     /// Whether a condition on time, in samples, and place holds at all nodes, as the beam comes and as it leaves.
-    fn all(&self, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
+    fn all(&self, holds: impl Fn(f64, P3Mm) -> bool) -> bool {
         self.times
             .iter()
             .zip(&self.path.nodes)
-            .all(|(&[arrive, leave], node)| holds(arrive, &node.at) && (arrive == leave || holds(leave, &node.at)))
+            .all(|(&[arrive, leave], node)| holds(arrive, node.at) && (arrive == leave || holds(leave, node.at)))
     }
 
     /// Whether the condition holds wherever a mark ends or begins: one ends as the beam comes to a node, and one begins
     /// as it leaves.
-    fn all_of_marks(&self, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
+    fn all_of_marks(&self, holds: impl Fn(f64, P3Mm) -> bool) -> bool {
         self.times.iter().enumerate().all(|(i, &[arrive, leave])| {
             let mark_ends = self.path.pen_at(i).is_some();
             let mark_begins = self.path.pen_at(i + 1).is_some();
-            let place = &self.path.nodes[i].at;
+            let place = self.path.nodes[i].at;
             let is_same_time = mark_ends && arrive == leave;
             (!mark_ends || holds(arrive, place)) && (!mark_begins || is_same_time || holds(leave, place))
         })
@@ -408,11 +409,11 @@ impl Decomposition {
             let arrive = self.motion_time(visit.arrive);
             let leave = self.motion_time(visit.leave);
             motion.add_samples_before(arrive, node.pen, node.stroke);
-            motion.add_waypoint(arrive, self.stage_at(arrive), node.at, node.pen, node.stroke);
+            motion.add_waypoint(arrive, self.stage_at(arrive), node.at.mm, node.pen, node.stroke);
             // The beam waits at the node with the laser off, while the stage moves on.
             if leave > arrive {
                 motion.add_samples_before(leave, None, node.stroke);
-                motion.add_waypoint(leave, self.stage_at(leave), node.at, None, node.stroke);
+                motion.add_waypoint(leave, self.stage_at(leave), node.at.mm, None, node.stroke);
             }
         }
         // After the last node the stage comes to rest.

@@ -115,9 +115,11 @@ impl Tour<'_> {
         self.stops.get(i + 1).filter(|next| !next.is_first).map(|next| next.at)
     }
 
-    /// Time of the move from `from`, where the stop with number `last` stands if there is one, to another stop, s.
-    fn move_s(&self, last: Option<usize>, from: [i64; 3], to: StopAt) -> f64 {
-        let is_lifted = || match (self.rules.lifts, last) {
+    /// Time of the move from `from` to another stop, s. `from_number` is that of the stop that stands at `from`; None
+    /// where the stage comes from there to the first stop.
+    fn move_s(&self, from_number: Option<usize>, from: [i64; 3], to: StopAt) -> f64 {
+        // Lifts can be asked for between two stops alone: the move to the first counts without one.
+        let is_lifted = || match (self.rules.lifts, from_number) {
             (Some(lifts), Some(number)) => lifts(StopAt { number, at: from }, to),
             _ => false,
         };
@@ -142,13 +144,15 @@ impl Tour<'_> {
             .is_none_or(|is_clear| (first..=last).all(|i| is_clear(StopAt { number: i, at: self.stops[i].at })))
     }
 
-    /// Places that save time, until nothing does.
+    /// Moves stops to places that save time, in rounds, until one saves less than [`MIN_SAVING`]. In each, single stops
+    /// are moved first, then runs of stops that share x and y, then runs that share one coordinate.
     fn shorten(&mut self) {
+        let xy = [true, true, false];
         let mut time = self.time();
         for _ in 0..ROUNDS {
             (0..self.stops.len()).for_each(|i| self.move_stop(i));
-            self.each_run([true, true, false], Self::split_between_neighbours);
-            self.each_run([true, true, false], |tour, first, last| tour.move_run(first, last, &[0, 1]));
+            self.each_run(xy, Self::split_between_neighbours);
+            self.each_run(xy, |tour, first, last| tour.move_run(first, last, &[0, 1]));
             for axis in 0..3 {
                 let shared = [0, 1, 2].map(|k| k == axis);
                 self.each_run(shared, |tour, first, last| tour.move_run(first, last, &[axis]));

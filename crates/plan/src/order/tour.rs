@@ -199,7 +199,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let after = self.edges[i];
         if after > self.least {
             (self.near)(self.exit(i), after, &mut found);
-            let runs = if found.is_empty() { [0.0; RUN] } else { self.runs(i, [1, 0]) };
+            let runs = if found.is_empty() { [0.0; RUN] } else { self.gains_of_runs(i, [1, 0]) };
             for &(d, q) in &found {
                 self.join_exit(i, q, d, &runs, &mut best);
             }
@@ -207,7 +207,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let before = if i == 0 { 0.0 } else { self.edges[i - 1] };
         if before > self.least {
             (self.near)(self.entry(i), before, &mut found);
-            let runs = if found.is_empty() { [0.0; RUN] } else { self.runs(i, [0, 1]) };
+            let runs = if found.is_empty() { [0.0; RUN] } else { self.gains_of_runs(i, [0, 1]) };
             for &(d, q) in &found {
                 self.join_entry(i, q, d, &runs, &mut best);
             }
@@ -216,11 +216,13 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         (best.run.b > 0).then_some(best)
     }
 
-    /// What taking out the runs of up to [`RUN`] items at place `i` gains that end or begin there.
-    fn runs(&self, i: usize, [down, up]: [usize; 2]) -> [f64; RUN] {
+    /// What taking out the runs of 1 to [`RUN`] items gains that end at place `i` (`[down, up]` is `[1, 0]`) or begin
+    /// there (`[0, 1]`). Where there is no run of a length it gains minus infinity, so that no move takes it.
+    fn gains_of_runs(&self, i: usize, [down, up]: [usize; 2]) -> [f64; RUN] {
         let mut gains = [f64::NEG_INFINITY; RUN];
         for (k, gain) in gains.iter_mut().enumerate() {
             let (a, b) = (i.saturating_sub(down * k), i + up * k);
+            // The start, at place 0, stays; a subtraction that saturated is no run either.
             if a > 0 && i - a == down * k && b < self.seq.len() {
                 *gain = self.edges[a - 1] + self.edges[b] - self.link(self.exit(a - 1), self.entry(b + 1));
             }

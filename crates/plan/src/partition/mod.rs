@@ -13,7 +13,7 @@ pub mod tilted_sections;
 pub mod window;
 mod zrange;
 
-use crate::projection::{Cells, Footprint, Slabs};
+use crate::projection::{Cells, Footprint, HeightRange, Slabs, join_ranges};
 use terrace_core::geom::{Box2, Buckets, Grid, Nm, P2, P3, Turn, Turned};
 use terrace_core::machine::TiltAngles;
 use terrace_core::program::{SectionId, Sections, Stop, StopId};
@@ -47,9 +47,9 @@ impl Lattice {
         self
     }
 
-    /// Whether one level on the lattice holds heights from `lo` to `hi`.
-    pub fn holds(&self, lo: f64, hi: f64) -> bool {
-        (self.floor(lo) + self.depth).f64() >= hi
+    /// Whether one level on the lattice holds a range of heights.
+    pub fn holds(&self, heights: HeightRange) -> bool {
+        (self.floor(heights.lo) + self.depth).f64() >= heights.hi
     }
 
     /// The highest lattice point not above `z`.
@@ -205,10 +205,10 @@ fn footprint(stop: &Stop, turn: &Turn, half: [Nm; 2]) -> Box2 {
 /// Stops on a grid of sections at evenly spaced levels of the whole part (the PPGS article, step 3). `window` is at
 /// least the pitch of the sections.
 pub fn contour(footprint: &Footprint, sections: &Sections, window: [Nm; 2], lattice: &Lattice) -> Stops {
-    let z0 = lattice.floor(footprint.range().map_or(0.0, |r| r.0));
+    let z0 = lattice.floor(footprint.range().map_or(0.0, |range| range.lo));
     on_sections(footprint, sections, window, lattice, |i| {
         // Levels that lie fast cut figures as they cut everything else.
-        let heights = join(footprint.of_section(i), footprint.figures_of(i).to_vec());
+        let heights = with_figures(footprint.of_section(i), footprint.figures_of(i));
         contour::levels(&heights, z0, lattice)
     })
 }
@@ -219,28 +219,36 @@ pub fn z_range(footprint: &Footprint, sections: &Sections, window: [Nm; 2], latt
     on_sections(footprint, sections, window, lattice, |i| {
         // What no level can hold is cut.
         let (whole, deep): (Vec<_>, Vec<_>) =
-            footprint.figures_of(i).iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
-        zrange::levels(&join(footprint.of_section(i), deep), &whole, lattice)
+            footprint.figures_of(i).iter().partition(|&&figure| lattice.holds(figure));
+        zrange::levels(&with_figures(footprint.of_section(i), &deep), &whole, lattice)
     })
 }
 
-/// A stop at every level, number and lower end, that `levels` gives for a section.
+/// A level of one section.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct SectionLevel {
+    number: i32,
+    /// Its lower end.
+    z_lo: Nm,
+}
+
+/// A stop at every level that `levels` gives for a section.
 fn on_sections(
     footprint: &Footprint,
     sections: &Sections,
     window: [Nm; 2],
     lattice: &Lattice,
-    levels: impl Fn(usize) -> Vec<(i32, Nm)>,
+    levels: impl Fn(usize) -> Vec<SectionLevel>,
 ) -> Stops {
     let mut stops = Vec::new();
     for i in (0..sections.len()).filter(|&i| footprint.is_used(i)) {
         let centre = Turn::upright(sections.centre(i));
-        stops.extend(levels(i).into_iter().map(|(level, z_lo)| Stop {
+        stops.extend(levels(i).into_iter().map(|SectionLevel { number: level, z_lo }| Stop {
             section: SectionId(sections.cell(i)),
             level,
             tilt: TiltAngles::UPRIGHT,
             centre,
-            focus: z_lo + lattice.depth / 2,
+            lpfl: z_lo + lattice.depth / 2,
             z_lo,
             z_hi: z_lo + lattice.depth,
         }));
@@ -248,18 +256,11 @@ fn on_sections(
     Stops::new(stops, window, lattice.depth)
 }
 
-/// Intervals joined where they touch, upwards.
-fn join(heights: &[(f64, f64)], mut more: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    more.extend_from_slice(heights);
-    more.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    more.dedup_by(|next, last| {
-        let touches = next.0 <= last.1;
-        if touches {
-            last.1 = last.1.max(next.1);
-        }
-        touches
-    });
-    more
+/// The heights of what may be cut in a section, with those of figures that are cut as well.
+fn with_figures(heights: &[HeightRange], figures: &[HeightRange]) -> Vec<HeightRange> {
+    let mut all = [figures, heights].concat();
+    join_ranges(&mut all);
+    all
 }
 
 /// The fine grid and the slabs in which windows see the texture.
@@ -333,8 +334,8 @@ impl SearchFrame {
     }
 }
 
-/// Windows and levels placed freely. What a stop holds it admits as far as `overlap` nm around it. With other
-/// `flips` the search begins in another corner, and the borders of windows lie elsewhere.
+/// Windows and levels placed freely. A stop that holds a cell also admits what lies up to `overlap` nm around it. With
+/// other `flips` the search begins in another corner, and the borders of windows lie elsewhere.
 pub fn free(
     mut cells: Cells,
     fine: &Fine,
@@ -346,25 +347,27 @@ pub fn free(
 ) -> Stops {
     let Fine { grid, slabs } = fine;
     let Nm(overlap) = overlap;
-    // Coordinates from the middle of the box reach less far.
     let pitch = grid.pitch.map(|Nm(pitch)| pitch);
-    let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * pitch[k]);
     let figures = cells.take_figures();
     let list = cells.list();
-    let level = |k: i64| (slabs.border(k) - slabs.z0).0;
-    let highest = list.clone().map(|[.., slab]| level(slab + 1)).chain(figures.iter().map(|f| f[1][2] - slabs.z0.0));
+    // Coordinates are counted from the lower corner of the grid and its lowest slab.
+    let border = |slab: i64| (slabs.border(slab) - slabs.z0).0;
+    let highest = list.clone().map(|[.., slab]| border(slab + 1)).chain(figures.iter().map(|f| f[1][2] - slabs.z0.0));
     let top = highest.max().unwrap_or(0);
-    let middle = [middle[0], middle[1], top / 2 / lattice.step.0 * lattice.step.0];
-    let frame = SearchFrame { middle, flips };
-    let zero = [grid.origin.x, grid.origin.y, slabs.z0.0];
-    let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
+    let [middle_x, middle_y] = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * pitch[k]);
+    // Whole steps, so that levels lie on the lattice as `z0` does.
+    let middle_z = top / 2 / lattice.step.0 * lattice.step.0;
+    let frame = SearchFrame { middle: [middle_x, middle_y, middle_z], flips };
+    let origin = [grid.origin.x, grid.origin.y, slabs.z0.0];
+    let from_origin = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - origin[k]);
     let items: Vec<box_index::Item> = list
         .map(|[column, row, slab]| {
             let [x, y] = [column * pitch[0], row * pitch[1]];
-            let hi = [x + pitch[0] + overlap, y + pitch[1] + overlap, level(slab + 1) + slabs.hysteresis.0];
-            frame.item([x - overlap, y - overlap, level(slab) - slabs.hysteresis.0], hi)
+            let hi = [x + pitch[0] + overlap, y + pitch[1] + overlap, border(slab + 1) + slabs.hysteresis.0];
+            frame.item([x - overlap, y - overlap, border(slab) - slabs.hysteresis.0], hi)
         })
-        .chain(figures.iter().map(|&[lo, hi]| frame.item(local(lo), local(hi))))
+        // Figures are not cut, so nothing around them is marked twice.
+        .chain(figures.iter().map(|&[lo, hi]| frame.item(from_origin(lo), from_origin(hi))))
         .collect();
     let [w, h] = window.map(|Nm(w)| w);
     let size = [w, h, lattice.depth.0].map(|v| v as i32);
@@ -386,7 +389,7 @@ fn free_stop(centre: P2<Turned>, z_lo: Nm, sections: &Sections, lattice: &Lattic
         level: 0,
         tilt: TiltAngles::UPRIGHT,
         centre,
-        focus: z_lo + lattice.depth / 2,
+        lpfl: z_lo + lattice.depth / 2,
         z_lo,
         z_hi: z_lo + lattice.depth,
     }
@@ -407,6 +410,14 @@ mod tests {
 
     const LATTICE: Lattice = Lattice { depth: Nm(70_000), step: Nm(100), offset: Nm(0), hysteresis: Nm(0) };
 
+    fn ranges(list: &[[f64; 2]]) -> Vec<HeightRange> {
+        list.iter().map(|&[lo, hi]| HeightRange { lo, hi }).collect()
+    }
+
+    fn numbered(levels: Vec<SectionLevel>) -> Vec<(i32, Nm)> {
+        levels.into_iter().map(|level| (level.number, level.z_lo)).collect()
+    }
+
     #[test]
     fn a_box_returns_from_the_frame_of_the_search_to_where_it_was() {
         for bits in 0..8 {
@@ -418,53 +429,53 @@ mod tests {
 
     #[test]
     fn contour_uses_every_level_that_a_mark_touches() {
-        let l = |h: &[(f64, f64)]| contour::levels(h, Nm(0), &LATTICE);
-        assert_eq!(l(&[(0.0, 70_000.0)]), [(0, Nm(0))], "the topmost level is closed");
-        assert_eq!(l(&[(69_999.0, 70_001.0)]), [(0, Nm(0)), (1, Nm(70_000))]);
+        let l = |heights: &[[f64; 2]]| numbered(contour::levels(&ranges(heights), Nm(0), &LATTICE));
+        assert_eq!(l(&[[0.0, 70_000.0]]), [(0, Nm(0))], "the topmost level is closed");
+        assert_eq!(l(&[[69_999.0, 70_001.0]]), [(0, Nm(0)), (1, Nm(70_000))]);
         assert_eq!(
-            l(&[(0.0, 10.0), (200_000.0, 280_001.0)]),
+            l(&[[0.0, 10.0], [200_000.0, 280_001.0]]),
             [(0, Nm(0)), (2, Nm(140_000)), (3, Nm(210_000)), (4, Nm(280_000))]
         );
     }
 
     #[test]
     fn z_range_uses_the_fewest_levels() {
-        let count = |h: &[(f64, f64)]| zrange::levels(h, &[], &LATTICE).len();
-        assert_eq!(count(&[(35_000.0, 104_900.0)]), 1);
-        assert_eq!(count(&[(35_000.0, 105_100.0)]), 2);
-        assert_eq!(count(&[(0.0, 10_000.0), (500_000.0, 540_000.0)]), 2, "no level where nothing is");
-        assert_eq!(count(&[(0.0, 10_000.0), (60_000.0, 69_000.0)]), 1);
+        let count = |heights: &[[f64; 2]]| zrange::levels(&ranges(heights), &[], &LATTICE).len();
+        assert_eq!(count(&[[35_000.0, 104_900.0]]), 1);
+        assert_eq!(count(&[[35_000.0, 105_100.0]]), 2);
+        assert_eq!(count(&[[0.0, 10_000.0], [500_000.0, 540_000.0]]), 2, "no level where nothing is");
+        assert_eq!(count(&[[0.0, 10_000.0], [60_000.0, 69_000.0]]), 1);
     }
 
     #[test]
     fn a_figure_lies_in_one_level_and_the_levels_are_fewest() {
-        let levels = |heights: &[(f64, f64)], figures: &[(f64, f64)], h: f64| {
-            zrange::levels(heights, figures, &LATTICE.with_hysteresis(h))
+        let levels = |heights: &[[f64; 2]], figures: &[[f64; 2]], h: f64| {
+            numbered(zrange::levels(&ranges(heights), &ranges(figures), &LATTICE.with_hysteresis(h)))
         };
         // Two figures that overlap and do not fit one level; a third fits the second's.
-        let figures = [(0.0, 60_000.0), (30_000.0, 95_000.0), (40_000.0, 96_000.0)];
+        let figures = [[0.0, 60_000.0], [30_000.0, 95_000.0], [40_000.0, 96_000.0]];
         assert_eq!(levels(&[], &figures, 0.0), [(0, Nm(0)), (1, Nm(30_000))]);
         // Heights fill what is between.
-        assert_eq!(levels(&[(0.0, 150_000.0)], &figures, 0.0), [(0, Nm(0)), (1, Nm(30_000)), (2, Nm(100_000))]);
+        assert_eq!(levels(&[[0.0, 150_000.0]], &figures, 0.0), [(0, Nm(0)), (1, Nm(30_000)), (2, Nm(100_000))]);
         // Random figures: every one is held, and no point set of lower ends could be smaller (each level
         // begins at the lowest end of a figure that no level below holds).
         let mut numbers = terrace_core::random::Random::new(9);
         let mut random = |n: usize| numbers.below(n) as f64;
-        let mut figures: Vec<(f64, f64)> = (0..500)
+        let mut figures: Vec<[f64; 2]> = (0..500)
             .map(|_| {
                 let lo = random(2_000_000);
-                (lo, lo + random(69_900))
+                [lo, lo + random(69_900)]
             })
             .collect();
-        figures.sort_by(|a, b| a.0.total_cmp(&b.0));
+        figures.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let out = levels(&[], &figures, 0.0);
-        let holds = |l: &(i32, Nm), f: &(f64, f64)| l.1.f64() <= f.0 && f.1 <= (l.1 + LATTICE.depth).f64();
+        let holds = |l: &(i32, Nm), f: &[f64; 2]| l.1.f64() <= f[0] && f[1] <= (l.1 + LATTICE.depth).f64();
         assert!(figures.iter().all(|f| out.iter().any(|l| holds(l, f))));
         for (i, level) in out.iter().enumerate() {
-            assert!(figures.iter().any(|f| LATTICE.floor(f.0) == level.1 && !out[..i].iter().any(|l| holds(l, f))));
+            assert!(figures.iter().any(|f| LATTICE.floor(f[0]) == level.1 && !out[..i].iter().any(|l| holds(l, f))));
         }
         // Hysteresis: neighbours reach over each other by twice as much.
-        assert_eq!(levels(&[(0.0, 150_000.0)], &[], 5000.0), [(0, Nm(0)), (1, Nm(60_000)), (2, Nm(120_000))]);
+        assert_eq!(levels(&[[0.0, 150_000.0]], &[], 5000.0), [(0, Nm(0)), (1, Nm(60_000)), (2, Nm(120_000))]);
     }
 
     #[test]

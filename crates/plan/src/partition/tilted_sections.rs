@@ -10,7 +10,7 @@
 //! Planes are fitted to sample points of the marks ([`crate::projection::Marks`]); what the levels must hold is
 //! found from all marks afterwards. A section is a rectangle of the plane of the drawing.
 
-use super::{Lattice, StopTilt, Stops, zrange};
+use super::{Lattice, SectionLevel, StopTilt, Stops, zrange};
 use crate::projection::{MarksByField, TiltedCell, TiltedField, TiltedFields};
 use terrace_core::geom::{Box2, Nm, P2, P3, Turn};
 use terrace_core::machine::{Machine, Origin, TiltAngles};
@@ -212,16 +212,16 @@ impl TiltSite<'_> {
         for (field, held) in fields.list.iter().zip(&held.0) {
             let is_free = self.machine.tilts_head() && !field.tilt.is_upright();
             let lattice = if is_free { &any } else { &self.lattice };
-            let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
-            let heights = super::join(held.heights(), deep);
+            let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&figure| lattice.holds(figure));
+            let heights = super::with_figures(held.heights(), &deep);
             let middle = P3::new([field.centre.x as f64, field.centre.y as f64, lattice.depth.f64()]);
             let [x, y, _] = field.turn.back(middle).at;
             let section = [x, y].map(|v| v.round() as i64);
             let section = SectionId([0, 1].map(|k| sections.along(k, section[k], 0) as u32));
-            for (level, z_lo) in zrange::levels(&heights, &whole, lattice) {
-                let focus = z_lo + lattice.depth / 2;
+            for SectionLevel { number: level, z_lo } in zrange::levels(&heights, &whole, lattice) {
+                let lpfl = z_lo + lattice.depth / 2;
                 let z_hi = z_lo + lattice.depth;
-                let stop = Stop { section, level, tilt: field.tilt, centre: field.centre, focus, z_lo, z_hi };
+                let stop = Stop { section, level, tilt: field.tilt, centre: field.centre, lpfl, z_lo, z_hi };
                 stops.push((stop, StopTilt { turn: field.turn, area: (!field.is_wide).then_some(field.area) }));
             }
         }

@@ -57,9 +57,9 @@ impl FocusedStop {
         let z = [Nm::round(h.lo), Nm::round(h.hi)];
         // Where commands of the head's tilt are rounded the stops lie on no lattice, and their planes need not.
         let lattice = if stage.rounds(stop) { Lattice { step: Nm(1), ..rule.lattice } } else { rule.lattice };
-        let (focus, mean) = focal_plane(rule.level, &lattice, z, h.mean());
+        let (lpfl, mean) = focal_plane(rule.level, &lattice, z, h.mean());
         let defocus_mean = (z[1] - mean).max(mean - z[0]);
-        Self { id, stop: Stop { focus, ..stop.clone() }, z, defocus_mean }
+        Self { id, stop: Stop { lpfl, ..stop.clone() }, z, defocus_mean }
     }
 }
 
@@ -109,8 +109,8 @@ pub(super) fn assemble(
         let FocusedStop { stop, z: [z_lo, z_hi], .. } = &focused[visit.stop];
         // What the head reaches: the commands of a tilted head are rounded.
         let [stop, head] = [stop, &position.stop].map(|stop| moved(stop, position.by));
-        worst_defocus = worst_defocus.max((*z_hi - stop.focus).max(stop.focus - *z_lo));
-        let focus_shift = stop.focus - head.focus;
+        worst_defocus = worst_defocus.max((*z_hi - stop.lpfl).max(stop.lpfl - *z_lo));
+        let focus_shift = stop.lpfl - head.lpfl;
         let origin = setups.origin(position.cell, stage.origin);
         let head = HeadPosition { stop: head, stage: position.target, cell: position.cell };
         blocks.push(Block {
@@ -182,7 +182,7 @@ fn slope_under(cut: &Cut, id: StopId, pens: &dose::Pens) -> Slope {
 /// A stop where the commands reach, which lies off by `by`.
 fn moved(stop: &Stop, by: [i64; 3]) -> Stop {
     let centre = P2::new(stop.centre.x + by[0], stop.centre.y + by[1]);
-    Stop { centre, focus: stop.focus + Nm(by[2]), ..stop.clone() }
+    Stop { centre, lpfl: stop.lpfl + Nm(by[2]), ..stop.clone() }
 }
 
 /// Appends a fragment as a stroke, whose points `place` puts into the frame of the list.
@@ -226,11 +226,11 @@ impl PassStage<'_> {
         let places: Vec<BlockPlace> = focused
             .iter()
             .zip(cells)
-            .map(|(FocusedStop { stop: Stop { tilt, centre, focus, .. }, .. }, &cell)| BlockPlace {
+            .map(|(FocusedStop { stop: Stop { tilt, centre, lpfl, .. }, .. }, &cell)| BlockPlace {
                 cell,
                 tilt: *tilt,
                 centre: *centre,
-                focus: *focus,
+                lpfl: *lpfl,
             })
             .collect();
         let allowed = |i: usize| self.allowed_planes(&focused[i].stop, lattice);
@@ -255,7 +255,7 @@ impl PassStage<'_> {
         let cell = cells[members[0]];
         let origin = setups.origin(cell, self.origin);
         let Stand { stage: target, by } = self.machine.stand(first.tilt, first.centre, plane, origin);
-        Position { stop: Stop { focus: plane, ..first.clone() }, members, target, by, cell }
+        Position { stop: Stop { lpfl: plane, ..first.clone() }, members, target, by, cell }
     }
 
     /// The order in which the stops are marked: positions in the order of the tour, at each its stops by rising or
@@ -265,7 +265,7 @@ impl PassStage<'_> {
         let mut focus_shift = self.start.focus_shift;
         for position in self.tours(focused, positions, used) {
             let Position { members, stop: head, .. } = &positions[position];
-            let shift = |i: usize| focused[i].stop.focus - head.focus;
+            let shift = |i: usize| focused[i].stop.lpfl - head.lpfl;
             let [low, high] = [members[0], members[members.len() - 1]].map(shift);
             let visit = |&stop: &usize| StopOnTour { position, stop };
             // A tie goes upwards. Without a zoom optic a position has one stop, and both ways are the same.
@@ -311,7 +311,7 @@ impl PassStage<'_> {
     fn tour_target(&self, position: &Position, focused: &[FocusedStop]) -> Commanded {
         let mut target = position.target;
         if self.climb() != HeightOrder::Free {
-            let focus_shift = focused[position.members[0]].stop.focus - position.stop.focus;
+            let focus_shift = focused[position.members[0]].stop.lpfl - position.stop.lpfl;
             target[2] += self.machine.stage.z.sign() * focus_shift.0;
         }
         target
@@ -332,7 +332,7 @@ impl PassStage<'_> {
         let lowest = self.clearance.lowest_focus(area.lo, area.hi) + self.start.lowered;
         let lifts =
             |a: usize, b: usize| self.lowest_between(stops[a], stops[b]) < lowest && self.lifts(stops[a], stops[b]);
-        let is_low = stops.iter().any(|stop| stop.focus < lowest);
+        let is_low = stops.iter().any(|stop| stop.lpfl < lowest);
         let stage = order::stops::Stage { machine: self.machine, from, lifts: is_low.then_some(&lifts) };
         order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT)
     }

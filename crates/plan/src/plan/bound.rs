@@ -12,7 +12,7 @@ use super::grid::PassGrid;
 use super::methods::row;
 use crate::partition::bound::{self, Certificate};
 use crate::partition::box_index::Item;
-use crate::projection::{Samples, Sampling};
+use crate::projection::{HeightRange, Samples, Sampling};
 use crate::split::Sliver;
 use terrace_core::geom::{Nm, P2};
 use terrace_core::machine::Machine;
@@ -77,8 +77,8 @@ pub(super) fn certificate(
     if grid.keep.0 == Nm(0) || !row(method).keeps_figures {
         return Some(by_points);
     }
-    let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
-    let is_whole = |f: &[[i32; 3]; 2]| held(f) && !slivers.touches(f[0], f[1]);
+    let heights = |f: &[[i32; 3]; 2]| HeightRange { lo: f64::from(f[0][2]), hi: f64::from(f[1][2]) };
+    let is_whole = |f: &[[i32; 3]; 2]| grid.lattice.holds(heights(f)) && !slivers.touches(f[0], f[1]);
     let figures = marks.figures();
     let most = figures.len().div_ceil(MOST_FIGURES).max(1);
     let whole = figures.into_iter().step_by(most).filter(is_whole);

@@ -97,7 +97,7 @@ impl Candidate {
             let stop = &cut.stops.stops[id.index()].stop;
             (block.z_lo, block.z_hi) = (Nm::round(heights.lo), Nm::round(heights.hi));
             (block.stop.z_lo, block.stop.z_hi) = (stop.z_lo, stop.z_hi);
-            let defocus = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
+            let defocus = (block.z_hi - block.stop.lpfl).max(block.stop.lpfl - block.z_lo);
             self.worst_defocus = self.worst_defocus.max(defocus);
             self.program.blocks.push(block);
             self.ids.push(id);
@@ -110,7 +110,7 @@ impl Candidate {
         let Origin([x, y, z]) = self.origin;
         let last = self.program.blocks.last();
         let head = |b: &Block| HeadPosition {
-            stop: Stop { focus: b.plane() + lowered, ..b.stop.clone() },
+            stop: Stop { lpfl: b.stage_plane() + lowered, ..b.stop.clone() },
             stage: b.stage,
             cell: self.used.cell(b.setup),
         };
@@ -174,7 +174,7 @@ fn append(program: &mut Program, next: Program, lowered: Nm) {
     }));
     program.blocks.extend(next.blocks.into_iter().map(|mut b| {
         b.strokes = b.strokes.start + strokes..b.strokes.end + strokes;
-        for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
+        for z in [&mut b.stop.lpfl, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
             *z -= lowered;
         }
         b

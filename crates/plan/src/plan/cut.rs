@@ -37,14 +37,15 @@ impl Cut {
         self.parts.list().iter().flat_map(|part| &part.slivers)
     }
 
-    /// What stops mark, and what was left out; `ids` are, by stop of the cut, the stops that mark what that did.
+    /// What the stops of `of_stops` mark, and what this cut left out, given to them: `ids` has, by stop of this cut,
+    /// the one of them that marks what it did.
     pub(super) fn marks_by<'a>(&self, of_stops: &'a [StopMarks], ids: &[StopId]) -> MarksOfStops<'a> {
-        let id = |stop: StopId| ids[stop.index()];
-        let left_out = |part: &Fragments, sliver: &Sliver| LeftOutMark {
-            sliver: Sliver { stop: id(sliver.stop), ..*sliver },
-            beside: part.stops_beside(sliver).map(id).collect(),
+        let new_id = |stop: StopId| ids[stop.index()];
+        let renumbered = |part: &Fragments, sliver: &Sliver| LeftOutMark {
+            sliver: Sliver { stop: new_id(sliver.stop), ..*sliver },
+            beside: part.stops_beside(sliver).map(new_id).collect(),
         };
-        let left_out = self.parts.list().iter().flat_map(|part| part.slivers.iter().map(move |s| left_out(part, s)));
+        let left_out = self.parts.list().iter().flat_map(|part| part.slivers.iter().map(move |s| renumbered(part, s)));
         MarksOfStops { of_stops, left_out: left_out.collect() }
     }
 

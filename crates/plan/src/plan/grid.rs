@@ -5,7 +5,7 @@
 
 use super::nothing;
 use crate::partition::Lattice;
-use crate::projection::{Footprint, Keep};
+use crate::projection::{Footprint, HeightRange, Keep};
 use terrace_core::diag::{Diag, Error, memory};
 use terrace_core::geom::{Box2, Nm, P2};
 use terrace_core::machine::{Machine, Origin};
@@ -101,8 +101,8 @@ impl Layout {
         pass: PassId,
     ) -> Result<(PassGrid, Footprint), Error> {
         let Self { sections, window, keep, origin: [x, y], height } = self;
-        let Some((lo, hi)) = footprint.range() else { return Err(nothing::marked(job, surface).into()) };
-        let height = height.unwrap_or_else(|| default_height(machine, [lo, hi]));
+        let Some(heights) = footprint.range() else { return Err(nothing::marked(job, surface).into()) };
+        let height = height.unwrap_or_else(|| default_height(machine, heights));
         let origin = Origin([x.0, y.0, height.0]);
         let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {
             return Err(shallow(job).hint(SHALLOW).into());
@@ -128,7 +128,7 @@ impl PassGrid {
         /// At a second a move, twelve days of moves alone.
         const MAX_STOPS: f64 = 1e6;
         let intervals = (0..self.sections.len()).flat_map(|i| footprint.of_section(i));
-        let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / self.lattice.depth.f64()).sum();
+        let levels: f64 = intervals.map(|range| (range.hi - range.lo) / self.lattice.depth.f64()).sum();
         if levels <= MAX_STOPS {
             // Every method has its own stops, with what is remembered of each while strokes are cut and ordered.
             return Ok(memory::ask("the list of stops", 1000 * levels as u64)?);
@@ -206,7 +206,7 @@ pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [Nm; 2]) -> [
 }
 
 /// The middle of heights, nm, at the centre of travel, the lowest of them where the stage can stand.
-pub(super) fn default_height(machine: &Machine, [lo, hi]: [f64; 2]) -> Nm {
+pub(super) fn default_height(machine: &Machine, HeightRange { lo, hi }: HeightRange) -> Nm {
     let z = machine.centre_of_travel()[2] - Nm(((lo + hi) / 2.0) as i64);
     z - (Nm::floor(lo) + z).rem_euclid(machine.increment_nm())
 }

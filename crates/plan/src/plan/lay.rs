@@ -8,13 +8,11 @@
 
 use super::orient;
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::Pose;
+use terrace_core::geom::{Pose, SpacePoint};
 use terrace_core::units::Angle;
-use terrace_input::job::{Job, Laid};
+use terrace_input::job::{Attitude, Job};
 use terrace_input::surface::{self, Content};
 use terrace_input::texture::{Area, Kind, Masks};
-
-type Point = [f64; 3];
 
 /// Share of the area that an open sheet shows in one direction, at least.
 const OPEN_SHEET_SHARE: f64 = 0.2;
@@ -40,16 +38,16 @@ pub enum Side {
     /// By the facets.
     Found,
     /// The user gives the direction, in the file's frame.
-    Up(Point),
+    Up(SpacePoint),
     /// The facet nearest to this point, in the file's frame and unit, lies on the table.
-    LieOn(Point),
+    LieOn(SpacePoint),
 }
 
 /// A way to lay a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Laying {
     /// The direction that looks at the lens, in the file's frame.
-    pub up: Point,
+    pub up: SpacePoint,
     /// From the file's frame to that of the laid part.
     pub pose: Pose,
     /// Share of the area that faces the lens as the file has it, by its winding, 0 to 1.
@@ -124,9 +122,9 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
 
 /// A facet of which no more than this counts.
 struct Facet {
-    centre: Point,
+    centre: SpacePoint,
     /// Its area as a vector, as long as its area.
-    area: Point,
+    area: SpacePoint,
 }
 
 /// What the facets of a file come to.
@@ -136,7 +134,7 @@ struct FacetSums {
     area: f64,
     up: f64,
     /// Areas as vectors, each as long as its area.
-    sum: Point,
+    sum: SpacePoint,
     /// Some of the facets.
     kept: Vec<Facet>,
     /// How many facets there are.
@@ -146,7 +144,7 @@ struct FacetSums {
 }
 
 impl FacetSums {
-    fn add(&mut self, facet: [Point; 3]) {
+    fn add(&mut self, facet: [SpacePoint; 3]) {
         let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| facet[k][i] - facet[0][i]));
         let area = cross(u, v).map(|c| c / 2.0);
         let size = norm(area);
@@ -170,20 +168,20 @@ impl FacetSums {
     }
 
     /// The normal of the facet whose centre is nearest to a point.
-    fn nearest(&self, at: Point) -> Point {
-        let distance = |p: &Point| norm([0, 1, 2].map(|i| p[i] - at[i]));
+    fn nearest(&self, at: SpacePoint) -> SpacePoint {
+        let distance = |p: &SpacePoint| norm([0, 1, 2].map(|i| p[i] - at[i]));
         let nearest = self.kept.iter().min_by(|a, b| distance(&a.centre).total_cmp(&distance(&b.centre)));
         nearest.map_or([0.0; 3], |facet| facet.area)
     }
 
     /// How much area, seen from a direction, lies within the limit of incidence.
-    fn shown(&self, from: Point, least_cos: f64) -> f64 {
+    fn shown(&self, from: SpacePoint, least_cos: f64) -> f64 {
         let projected = self.kept.iter().map(|facet| (dot(facet.area, from), norm(facet.area)));
         projected.filter(|(projected, size)| *projected >= least_cos * size).map(|(projected, _)| projected).sum()
     }
 
     /// The direction from which a closed body shows the most.
-    fn best_side(&self, least_cos: f64) -> Result<Point, Diag> {
+    fn best_side(&self, least_cos: f64) -> Result<SpacePoint, Diag> {
         let axes = (0..6).map(|i| {
             let mut axis = [0.0; 3];
             axis[i / 2] = if i % 2 == 0 { 1.0 } else { -1.0 };
@@ -245,14 +243,14 @@ fn sides(points: &[[f64; 2]], deg: f64) -> [f64; 2] {
 }
 
 /// A direction as a user can give it; a zero has no sign.
-fn direction(d: Point) -> String {
+fn direction(d: SpacePoint) -> String {
     d.map(|v| format!("{:.3}", v + 0.0)).join(",")
 }
 
 /// The job with its part laid by these rotations about x, y and z of the surface file.
 pub fn laid(job: &Job, rotate: [Angle; 3]) -> Job {
     let mut job = job.clone();
-    let laid = Laid::Rotated(rotate);
+    let laid = Attitude::Rotated(rotate);
     (job.placement.laid, job.surface.options.pose) = (Some(laid), laid.pose());
     for texture in &mut job.textures {
         if let Kind::Curves { pose, .. } = &mut texture.kind {
@@ -280,20 +278,20 @@ pub fn angles(pose: &Pose) -> [Angle; 3] {
 
 impl Laying {
     /// Whether the part lies on that side already: within the fixture angles that [`super::orient`] tries it leans.
-    pub fn is_as_placed(&self, laid: Option<Laid>) -> bool {
+    pub fn is_as_placed(&self, laid: Option<Attitude>) -> bool {
         let now = laid.and_then(|laid| laid.pose()).map_or(self.up, |pose| pose.apply(self.up));
         now[2] > orient::STEEPEST.to_radians().cos()
     }
 }
 
-fn cross(u: Point, v: Point) -> Point {
+fn cross(u: SpacePoint, v: SpacePoint) -> SpacePoint {
     [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3])
 }
 
-fn dot(u: Point, v: Point) -> f64 {
+fn dot(u: SpacePoint, v: SpacePoint) -> f64 {
     u.iter().zip(v).map(|(u, v)| u * v).sum()
 }
 
-fn norm(v: Point) -> f64 {
+fn norm(v: SpacePoint) -> f64 {
     dot(v, v).sqrt()
 }

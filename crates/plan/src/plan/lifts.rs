@@ -80,18 +80,18 @@ impl PassStage<'_> {
         }
         let turn = |u: i64, v: i64| self.machine.turn(TiltAngles([u, v]), self.origin);
         let [[a0, a1], [b0, b1]] = [a.tilt.0, b.tilt.0];
-        a.focus - self.start.lowered
+        a.lpfl - self.start.lowered
             < self.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
     }
 
     /// The lowest focal plane on the way from one stop to another of the same tilt, without a lift.
     pub(super) fn lowest_between(&self, a: &Stop, b: &Stop) -> Nm {
-        if self.machine.stage.diagonal { a.focus.min(b.focus) } else { a.focus }
+        if self.machine.stage.diagonal { a.lpfl.min(b.lpfl) } else { a.lpfl }
     }
 
     /// Whether the head keeps clear of the part where it stands at a stop.
     pub(super) fn is_clear(&self, stop: &Stop) -> bool {
-        stop.focus - self.start.lowered >= self.lowest_over(stop, stop)
+        stop.lpfl - self.start.lowered >= self.lowest_over(stop, stop)
     }
 
     /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.

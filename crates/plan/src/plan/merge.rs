@@ -220,7 +220,7 @@ pub(super) fn at_one_place(cut: &Cut, candidate: &Candidate) -> Option<MergedSto
         // The focal plane is in the middle, unless it stands at a mean height.
         let [lo, hi] = stop.z;
         let [lowest, highest] = [hi + ROUNDING / 2 - depth, lo - ROUNDING / 2];
-        let z_lo = (block.stop.focus - depth / 2).clamp(lowest, highest);
+        let z_lo = (block.stop.lpfl - depth / 2).clamp(lowest, highest);
         stops[stop.id.index()] = Stop { z_lo, z_hi: z_lo + depth, ..block.stop.clone() };
     }
     let stops = Stops::new(stops, [width, height], depth);
@@ -393,7 +393,7 @@ impl<'a> LinkedTour<'a> {
             let [x, y, z] = n.corner;
             let (z_lo, z_hi) = (Nm(z), Nm(z + depth));
             let centre = P2::new(x + w / 2, y + h / 2);
-            let stop = Stop { centre, focus: z_lo + Nm(depth / 2), z_lo, z_hi, ..old[n.id.index()].stop.clone() };
+            let stop = Stop { centre, lpfl: z_lo + Nm(depth / 2), z_lo, z_hi, ..old[n.id.index()].stop.clone() };
             if n.is_gone {
                 left.remove(&n.id)
             } else {

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use crate::budget::{Relief, StatedErrors};
 use crate::emit::{self, FlyFile};
 use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
-use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
+use crate::on_the_fly::axes::kinematics::{Deviation, Pose, turned};
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::check::{self, Checked, LineEnergy};
@@ -28,7 +28,7 @@ use crate::on_the_fly::xyzacuv::{Instant, TimedAxes, ToolPath, decompose};
 use crate::on_the_fly::xyzuv::ScannerLimits;
 use crate::ordered_strokes::OrderedStrokes;
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
+use terrace_core::geom::{BoxMm, NM_PER_MM, Nm, P2, P3Mm, UnitVector, length_mm};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{PenId, PieceId};
 use terrace_core::progress::Task;
@@ -162,14 +162,14 @@ fn plan_motion(
         warnings.extend(super::warnings::no_skywriting(job, [why, hint]));
     }
     let [field, motion, _rest] = Phase::Motion.task(progress).split([1, 8, 1]);
-    let focus = job.focus.half_depth_mm();
-    let Some(height_field) = HeightField::followed(&inputs.surface, texture, focus) else {
+    let half_depth = job.focus.half_depth_mm();
+    let Some(height_field) = HeightField::followed(&inputs.surface, texture, half_depth) else {
         let hint = "compare its area with the part's box";
         return Err(Diag::limit("job-empty", "the texture lies entirely off the part").hint(hint).into());
     };
     drop(field);
     let max_incidence = job.limits.max_incidence.as_rad();
-    let half_field = machine.usable_field().map(|f| f.mm() / 2.0);
+    let half_field = machine.half_usable_field_mm();
     let [width, height] = texture.size().map(Nm::mm);
     let planner = Planner {
         job,
@@ -179,7 +179,7 @@ fn plan_motion(
         surface: &inputs.surface,
         height_field: &height_field.no_steeper_than(max_incidence.tan()),
         spacing: half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES,
-        focus,
+        half_depth,
         max_incidence,
     };
     let (FollowedProgram { program, followed: marks }, worst) = planner.plan_in_focus(motion)?;
@@ -193,7 +193,7 @@ fn plan_motion(
     let left_out = planner.left_out(&inputs.texture, &marks.left_out);
     let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
     warnings.extend(planner.skipped(&lengths, &marks.left_out));
-    let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
+    let deviations = Deviations { worst_fod_um: worst.defocus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
     let relief = (checked.program().kind == Kind::Xyzacuv).then(|| planner.relief(&marks.path));
     Ok(MotionPlan { checked, deviations, relief, lengths, left_out, texture: followed })
 }
@@ -220,7 +220,7 @@ struct Planner<'a> {
     /// Distance of the path's nodes, mm.
     spacing: f64,
     /// Half of the depth range, mm.
-    focus: f64,
+    half_depth: f64,
     max_incidence: f64,
 }
 
@@ -233,8 +233,11 @@ struct FollowedProgram {
 impl Planner<'_> {
     /// Plans until every mark keeps its focus and incidence on the part.
     fn plan_in_focus(&self, task: Task<'_>) -> Result<(FollowedProgram, FocusOnPart), Error> {
-        let limits =
-            beam_hits::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1], beside: STRAY };
+        let limits = beam_hits::Limits {
+            half_depth: self.half_depth + ROUNDED[0],
+            angle: self.max_incidence + ROUNDED[1],
+            beside: STRAY,
+        };
         let leans = KinematicModel::of(self.machine, &self.strokes.pens, self.origin.mm()).is_some();
         let near = self.near(leans);
         let mut without = Vec::new();
@@ -247,10 +250,10 @@ impl Planner<'_> {
             rest = left;
             let plan = self.plan_without(&without, near, planning)?;
             let around = 2.0 * self.spacing;
-            let focus = focus_on_part(&plan.program, self.machine, self.surface, limits, &plan.followed, around)?;
+            let hits = focus_on_part(&plan.program, self.machine, self.surface, limits, &plan.followed, around)?;
             drop(checking);
-            let Some(miss) = focus.first else { return Ok((plan, focus)) };
-            without.extend(focus.beyond);
+            let Some(miss) = hits.first else { return Ok((plan, hits)) };
+            without.extend(hits.beyond);
             last_miss = Some(miss);
         }
         Err(last_miss.map_or_else(|| too_sharp(self.job), |miss| self.unfocused(&miss)))
@@ -263,10 +266,14 @@ impl Planner<'_> {
         let machine = slow_jumps(self.machine);
         let model = KinematicModel::of(&machine, &strokes.pens, origin);
         // Seven axes follow the height field: where that leaves the part its marks would be out of focus.
-        let most = Limits { focus: FOLLOWED * self.focus, angle: FOLLOWED * self.max_incidence, field: f64::INFINITY };
-        let is_followed = |p: [f64; 3], n: [f64; 3]| {
-            let height = height_field.at([p[0], p[1]]);
-            let tool = Pose { p: [p[0], p[1], height.z], n: height.normal() };
+        let most = Limits {
+            half_depth: FOLLOWED * self.half_depth,
+            angle: FOLLOWED * self.max_incidence,
+            field: f64::INFINITY,
+        };
+        let is_followed = |p: P3Mm, n: UnitVector| {
+            let height = height_field.at(p.xy());
+            let tool = Pose { p: P3Mm::new([p[0], p[1], height.z]), n: height.normal() };
             model.is_none() || most.hold(Deviation::of(&Pose { p, n }, &tool))
         };
         let [following, timing, _limiting] = task.split([1, 6, 1]);
@@ -289,7 +296,7 @@ impl Planner<'_> {
     /// of i, meets a part that lies lower by h at h cos s sin l / cos i to the side. Next to a step that is not cut, h
     /// is three times as much. Seven axes lean as the height field does somewhere.
     fn near(&self, leans: bool) -> f64 {
-        let near = NEAR * self.focus;
+        let near = NEAR * self.half_depth;
         if !leans {
             return near;
         }
@@ -301,7 +308,8 @@ impl Planner<'_> {
     fn motion_of_seven(&self, path: &Path, model: &KinematicModel<'_>, task: Task<'_>) -> Result<Motion, Error> {
         let [dividing, _timing] = task.split([1, 2]);
         let angle = self.job.limits.warn_incidence.as_rad();
-        let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
+        let wanted =
+            Limits { half_depth: (1.0 - SPARE_FOCUS) * self.half_depth, angle, field: model.scanner_margin()? - SPARE };
         let path = &model.with_run_ups(path, &self.job.skywriting);
         let tool_path = ToolPath::Filtered(Family::Gaussian);
         let decomposition = decompose(path, self.height_field, model, wanted, tool_path)?;
@@ -312,7 +320,7 @@ impl Planner<'_> {
 
     /// The motion of five axes along a path: the stage follows its moving average, the scanner the rest.
     fn motion_of_five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
-        let limits = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
+        let limits = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.half_depth)?;
         let limits = ScannerLimits { half_field: limits.half_field.map(|h| h - SPARE), ..limits };
         let origin = self.origin.mm();
         let is_within_travel = |ends: BoxMm<3>| is_within_travel(machine, origin, ends);
@@ -363,7 +371,7 @@ impl Planner<'_> {
     /// The height field against the part at the nodes of the marks.
     fn relief(&self, path: &Path) -> Relief {
         path.nodes.iter().filter(|node| node.pen.is_some()).fold(Relief::default(), |worst, node| {
-            let [x, y, z] = node.at;
+            let [x, y, z] = node.at.mm;
             let height = self.height_field.at([x, y]);
             let [dx, dy] = height.slope;
             Relief {
@@ -397,8 +405,8 @@ impl Planner<'_> {
         let text = format!(
             "a mark would be {:.1} um out of focus ({:.1} um allowed) and {:.1} um off its stroke ({:.1} um allowed), \
              with the beam at {:.1} deg to the surface normal ({:.1} deg allowed)",
-            hit.focus * 1e3,
-            self.focus * 1e3,
+            hit.defocus * 1e3,
+            self.half_depth * 1e3,
             hit.beside * 1e3,
             STRAY * 1e3,
             hit.angle.to_degrees(),
@@ -517,7 +525,6 @@ fn waypoint(
     pen: Option<PenId>,
     stroke: PieceId,
 ) -> Waypoint {
-    let shift = machine_from_part(axes.a, axes.c, model.pivot);
-    let [x, y, z] = [0, 1, 2].map(|k| axes.xyz[k] + shift[k]);
+    let [x, y, z] = axes.xyz.moved(turned(axes.a, axes.c, model.pivot).mm).mm;
     Waypoint { time, axes: [x, y, z, axes.a, axes.c, u, v], pen, stroke }
 }

@@ -175,9 +175,9 @@ impl Places {
             for block in &mut program.blocks[first..first + count] {
                 let centre = block.stop.centre;
                 block.stop.centre = P2::new(centre.x + by[0], centre.y + by[1]);
-                block.stop.focus += Nm(by[2]);
+                block.stop.lpfl += Nm(by[2]);
                 block.stage = Commanded([0, 1, 2].map(|k| tour_stop.at[k] + shift[k]));
-                let defocus = (block.z_hi - block.stop.focus).max(block.stop.focus - block.z_lo);
+                let defocus = (block.z_hi - block.stop.lpfl).max(block.stop.lpfl - block.z_lo);
                 candidate.worst_defocus = candidate.worst_defocus.max(defocus);
             }
             first += count;
@@ -263,7 +263,7 @@ impl PlaceRules<'_> {
         }
         let marks = extents[1..].iter().fold(extents[0], |marks, extent| marks.union(extent));
         let [w, h] = self.field();
-        let centre = [first.stop.centre.x, first.stop.centre.y, first.stop.focus.0];
+        let centre = [first.stop.centre.x, first.stop.centre.y, first.stop.lpfl.0];
         let limit = |axis: usize, end: usize| {
             if axis == 2 { i64::MAX } else { limits.iter().map(|free| free[axis][end]).min().unwrap_or(i64::MAX) }
         };
@@ -392,7 +392,7 @@ impl PlaceRules<'_> {
                 let at = [0, 1, 2].map(|k| tour_stop.room[k][end]);
                 let stop = self.stop_at(block, at, block.stage.0);
                 area.add(stop.centre);
-                lowest = lowest.min(stop.focus);
+                lowest = lowest.min(stop.lpfl);
             }
         }
         lowest < self.stage.clearance.lowest_focus(area.lo, area.hi) + self.stage.start.lowered
@@ -402,7 +402,7 @@ impl PlaceRules<'_> {
     fn stop_at(&self, block: &Block, at: [i64; 3], home: [i64; 3]) -> Stop {
         let [x, y, z] = [0, 1, 2].map(|k| self.sign(k) * (at[k] - home[k]));
         let centre = P2::new(block.stop.centre.x + x, block.stop.centre.y + y);
-        Stop { centre, focus: block.plane() + Nm(z), ..block.stop.clone() }
+        Stop { centre, lpfl: block.stage_plane() + Nm(z), ..block.stop.clone() }
     }
 
     /// Finds anew on the way to which blocks the stage must lift.
@@ -411,7 +411,7 @@ impl PlaceRules<'_> {
         for block in &mut candidate.program.blocks {
             let cell = candidate.used.cell(block.setup);
             let origin = candidate.setups.origin(cell, candidate.origin);
-            let stop = Stop { focus: block.plane(), ..block.stop.clone() };
+            let stop = Stop { lpfl: block.stage_plane(), ..block.stop.clone() };
             block.retract = lifts.is_needed_to(HeadPosition { stop, stage: block.stage, cell }, origin);
         }
     }

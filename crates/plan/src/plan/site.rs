@@ -34,7 +34,7 @@ impl Site<'_> {
     /// Free windows, or the grid where it has fewer.
     pub(super) fn free_windows(&self, task: Task<'_>) -> Option<Stops> {
         let PassGrid { sections, window, lattice, keep, .. } = self.grid;
-        let (lowest, _) = self.footprint.range()?;
+        let lowest = self.footprint.range()?.lo;
         let fine = Fine::over(sections, *window, lattice, lowest)?;
         // Other passes begin in other corners.
         let flips = [1, 2, 1].map(|bit| self.pass.0 & bit != 0);

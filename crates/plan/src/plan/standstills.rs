@@ -18,7 +18,7 @@ pub(super) struct BlockPlace {
     pub(super) tilt: TiltAngles,
     pub(super) centre: P2<Turned>,
     /// Height of its focal plane.
-    pub(super) focus: Nm,
+    pub(super) lpfl: Nm,
 }
 
 /// What is marked while the stage stands still.
@@ -37,7 +37,7 @@ struct SharedPlace(Vec<usize>);
 impl SharedPlace {
     /// The lowest and the highest plane from which the optic reaches all blocks, within what is `allowed` if it can.
     fn planes(&self, places: &[BlockPlace], reach: Nm, allowed: [Nm; 2]) -> [Nm; 2] {
-        let [lowest, highest] = [self.0[0], self.0[self.0.len() - 1]].map(|i| places[i].focus);
+        let [lowest, highest] = [self.0[0], self.0[self.0.len() - 1]].map(|i| places[i].lpfl);
         let reached = [highest - reach, lowest + reach];
         let kept = [reached[0].max(allowed[0]), reached[1].min(allowed[1])];
         if kept[0] <= kept[1] { kept } else { reached }
@@ -64,18 +64,18 @@ pub(super) fn standstills(
     allowed: impl Fn(usize) -> [Nm; 2],
 ) -> Vec<Standstill> {
     if reach == Nm(0) {
-        let alone = |(i, place): (usize, &BlockPlace)| Standstill { members: vec![i], plane: place.focus };
+        let alone = |(i, place): (usize, &BlockPlace)| Standstill { members: vec![i], plane: place.lpfl };
         return places.iter().enumerate().map(alone).collect();
     }
     let mut order: Vec<usize> = (0..places.len()).collect();
     let over = |i: usize| (places[i].cell, places[i].tilt, places[i].centre);
-    order.sort_by_key(|&i| (over(i), places[i].focus));
+    order.sort_by_key(|&i| (over(i), places[i].lpfl));
     let mut groups: Vec<SharedPlace> = Vec::new();
     // From below: a block that its group cannot take opens the next one, so there are as few as can be.
     for i in order {
         let takes = |SharedPlace(members): &SharedPlace| {
             let first = members[0];
-            sharing == Sharing::Allowed && over(first) == over(i) && places[i].focus - places[first].focus <= reach * 2
+            sharing == Sharing::Allowed && over(first) == over(i) && places[i].lpfl - places[first].lpfl <= reach * 2
         };
         match groups.last_mut() {
             Some(last) if takes(last) => last.0.push(i),
@@ -111,9 +111,9 @@ mod tests {
 
     const LATTICE: Lattice = Lattice { depth: Nm(70_000), step: Nm(100), offset: Nm(0), hysteresis: Nm(0) };
 
-    fn place(x: i64, focus: i64) -> BlockPlace {
+    fn place(x: i64, lpfl: i64) -> BlockPlace {
         let cell = CellId::default();
-        BlockPlace { cell, tilt: TiltAngles::UPRIGHT, centre: P2::new(x, 0), focus: Nm(focus) }
+        BlockPlace { cell, tilt: TiltAngles::UPRIGHT, centre: P2::new(x, 0), lpfl: Nm(lpfl) }
     }
 
     const ANY: [Nm; 2] = [Nm(i64::MIN / 4), Nm(i64::MAX / 4)];
@@ -140,12 +140,12 @@ mod tests {
             assert_eq!(seen, (0..places.len()).collect::<Vec<_>>());
             for s in &found {
                 assert_eq!(s.plane % Nm(100), Nm(0));
-                assert!(s.members.iter().all(|&i| (places[i].focus - s.plane).abs() <= reach));
+                assert!(s.members.iter().all(|&i| (places[i].lpfl - s.plane).abs() <= reach));
                 assert!(s.members.iter().all(|&i| places[i].centre == places[s.members[0]].centre));
             }
             for x in 0..5 {
                 let of = |i: usize| places[i].centre.x == x;
-                let mut heights: Vec<Nm> = (0..places.len()).filter(|&i| of(i)).map(|i| places[i].focus).collect();
+                let mut heights: Vec<Nm> = (0..places.len()).filter(|&i| of(i)).map(|i| places[i].lpfl).collect();
                 heights.sort_unstable();
                 // Heights more than the range apart cannot share: as many of them as there are standstills.
                 let (mut apart, mut last) = (0, None);

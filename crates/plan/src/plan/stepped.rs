@@ -145,6 +145,7 @@ impl<'a> Draft<'a> {
         let [merging, ordering, mapping] = Phase::Order.task(progress).split([1, 4, 1]);
         let MethodChoice { mut best, compared, mut warnings } = first.choose(&context, cuts, merging, ordering)?;
         warnings.extend(warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split));
+        // What is told of the first pass alone is taken now: the other passes are appended to `best`.
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
         let off_part = if is_off { OffPart::of(job, first.sweep(&context)) } else { OffPart::default() };
         let shares = first.shares(&context, &best);
@@ -152,6 +153,7 @@ impl<'a> Draft<'a> {
         let grid = first.grid.clone();
         let blocks = 0..best.program.blocks.len();
         let mut passes = vec![first.pass(&context, &best, blocks)];
+        // Ends this phase before that of the other passes begins.
         drop(mapping);
         passes.extend(add_passes(&mut best, &context, progress)?);
         Ok(Self {
@@ -600,8 +602,11 @@ impl TracedPass {
         Some(StopMerger { merged, marks, ordered, placed })
     }
 
-    /// The strokes cut between merged stops, and the candidate of these; the cut as it was where the merger does not
-    /// make the job better or strokes cannot be cut so.
+    /// The strokes cut between merged stops, and the candidate of these, in order and placed. `ordered` and `unmerged`
+    /// are the candidate without the merger, before and after it was placed.
+    ///
+    /// # Errors
+    /// `cut` as it was: where the merger does not make the job better, or strokes cannot be cut so.
     fn cut_merged(
         &self,
         context: &JobContext<'_>,
@@ -616,9 +621,10 @@ impl TracedPass {
             return Err(Box::new(cut));
         }
         let cut = self.recut(context).between(cut, merged, task)?;
-        // The stops stay in order where their marks lie as high as they were taken to.
-        let is_as_taken = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
-        let candidate = if is_as_taken {
+        // Of the marks only their heights decide about focal planes, and so about the order: where cutting has not
+        // changed them, the order that was found before holds.
+        let has_same_heights = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
+        let candidate = if has_same_heights {
             merged_in_order
         } else {
             self.ordered(context, ordered.method, &cut.stops, &cut.marks, Some(&ordered.setups))

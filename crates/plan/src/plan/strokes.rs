@@ -18,7 +18,7 @@ use super::stroke_chunks::Sweep;
 use super::{hatch_direction, nothing, warnings};
 use crate::ordered_strokes::{Band, OrderedStrokes};
 use crate::partition::{self, Lattice, Stops};
-use crate::projection::Keep;
+use crate::projection::{HeightRange, Keep};
 use crate::split::{Fragments, Skipped};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, FieldPoint, Nm, P2, length_mm};
@@ -115,13 +115,12 @@ fn check_texture(job: &Job, inputs: &Inputs) -> Result<(), Error> {
     Ok(())
 }
 
-/// Where the part's origin lies: where the job says, or so that the middle of the marks, which lie in `area` between
-/// the lowest and the highest of `heights`, is at the centre of travel.
-fn origin(job: &Job, machine: &Machine, area: Box2, heights: (f64, f64)) -> Origin {
+/// Where the part's origin lies: where the job says, or so that the middle of the marks, which lie in `area` at these
+/// heights, is at the centre of travel.
+fn origin(job: &Job, machine: &Machine, area: Box2, heights: HeightRange) -> Origin {
     job.placement.origin.unwrap_or_else(|| {
-        let (lo, hi) = heights;
         let [x, y] = default_origin(machine, area, [Nm(0); 2]);
-        Origin([x.0, y.0, default_height(machine, [lo, hi]).0])
+        Origin([x.0, y.0, default_height(machine, heights).0])
     })
 }
 
@@ -167,7 +166,7 @@ fn in_bands(job: &Job, stops: &Stops, parts: &Parts, task: Task<'_>) -> (Ordered
         let heights = members.fragments(parts, id).map(|(_, measure, _)| measure.z);
         let z = heights.fold([i32::MAX, i32::MIN], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
         let [lo, hi] = z.map(|z| stop.z_lo + Nm(i64::from(z)));
-        bands.push(Band { focus: (lo + hi) / 2, z: [stop.z_lo, stop.z_hi], strokes: first..ordered.strokes.len() });
+        bands.push(Band { lpfl: (lo + hi) / 2, z: [stop.z_lo, stop.z_hi], strokes: first..ordered.strokes.len() });
         task.step();
     }
     (ordered, bands)

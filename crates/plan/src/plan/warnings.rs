@@ -184,7 +184,7 @@ pub(super) fn not_kept(grid: &PassGrid, footprint: &Footprint, method: Method, s
     }
     let [broken, astride] = footprint.not_whole();
     let figures = (0..grid.sections.len()).flat_map(|i| footprint.figures_of(i));
-    let deep = figures.filter(|&&(lo, hi)| !grid.lattice.holds(lo, hi)).count();
+    let deep = figures.filter(|&&figure| !grid.lattice.holds(figure)).count();
     let mut why = format!("{deep} span more than the depth range");
     if broken > 0 {
         why += &format!(", {broken} touch a rim or a steep area");

@@ -1,5 +1,6 @@
 //! The heights at which the texture touches the surface, section by section.
 
+use std::cmp::Ordering;
 use std::collections::hash_map::Entry;
 
 use rustc_hash::FxHashMap;
@@ -7,12 +8,45 @@ use rustc_hash::FxHashMap;
 use super::{GridTracer, Keep, Piece, Samples, segments};
 use terrace_core::geom::{Box2, Nm, P2};
 
-/// Disjoint, sorted intervals of height, nm.
+/// Heights of marks from the lowest to the highest, nm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeightRange {
+    /// Lowest.
+    pub lo: f64,
+    /// Highest.
+    pub hi: f64,
+}
+
+impl HeightRange {
+    /// By the lowest, then by the highest.
+    pub(super) fn total_cmp(&self, other: &Self) -> Ordering {
+        self.lo.total_cmp(&other.lo).then(self.hi.total_cmp(&other.hi))
+    }
+
+    /// The smallest range that holds both.
+    fn union(self, other: Self) -> Self {
+        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+    }
+}
+
+/// Sorts ranges upwards, and joins those that touch.
+pub fn join_ranges(ranges: &mut Vec<HeightRange>) {
+    ranges.sort_unstable_by(|a, b| a.lo.total_cmp(&b.lo));
+    ranges.dedup_by(|next, last| {
+        let touches = next.lo <= last.hi;
+        if touches {
+            last.hi = last.hi.max(next.hi);
+        }
+        touches
+    });
+}
+
+/// Disjoint, sorted ranges of height.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Heights {
-    list: Vec<(f64, f64)>,
-    /// Not joined yet: joined in one go, so that many separate intervals cost no more than sorting.
-    new: Vec<(f64, f64)>,
+    list: Vec<HeightRange>,
+    /// Not joined yet: joined in one go, so that many separate ranges cost no more than sorting.
+    new: Vec<HeightRange>,
 }
 
 /// Intervals that are put aside before a join, beyond as many as are joined already: sorting is shared by as many
@@ -22,17 +56,15 @@ const SPARE: usize = 16;
 impl Heights {
     /// Adds the heights between `a` and `b`, nm, in either order.
     pub fn add(&mut self, a: f64, b: f64) {
-        let (lo, hi) = (a.min(b), a.max(b));
-        let i = self.list.partition_point(|&(_, h)| h < lo);
+        let new = HeightRange { lo: a.min(b), hi: a.max(b) };
+        let i = self.list.partition_point(|range| range.hi < new.lo);
         // Only the first interval that ends at or above `lo` can hold [lo, hi]: nearly every piece ends here. A
         // single interval has no neighbour that it could grow into, so it may grow in place.
         let alone = self.new.is_empty() && self.list.len() == 1;
         match self.list.get_mut(i) {
-            Some((l, h)) if *l <= lo && hi <= *h => return,
-            Some((l, h)) if alone && *l <= hi => {
-                return (*l, *h) = (l.min(lo), h.max(hi));
-            }
-            _ => self.new.push((lo, hi)),
+            Some(old) if old.lo <= new.lo && new.hi <= old.hi => return,
+            Some(old) if alone && old.lo <= new.hi => return *old = old.union(new),
+            _ => self.new.push(new),
         }
         if self.new.len() > self.list.len() + SPARE {
             self.join();
@@ -51,18 +83,11 @@ impl Heights {
             return;
         }
         self.list.append(&mut self.new);
-        self.list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        self.list.dedup_by(|next, last| {
-            let touches = next.0 <= last.1;
-            if touches {
-                last.1 = last.1.max(next.1);
-            }
-            touches
-        });
+        join_ranges(&mut self.list);
     }
 
     /// The intervals, upwards; joined.
-    pub(crate) fn intervals(&self) -> &[(f64, f64)] {
+    pub(crate) fn intervals(&self) -> &[HeightRange] {
         debug_assert!(self.new.is_empty());
         &self.list
     }
@@ -72,8 +97,8 @@ impl Heights {
 #[derive(Clone, Debug, Default)]
 struct InSection {
     heights: Heights,
-    /// Lowest and highest mark of every stroke that is to stay whole.
-    figures: Vec<(f64, f64)>,
+    /// That of every stroke that is to stay whole.
+    figures: Vec<HeightRange>,
 }
 
 /// How rough the surface is under the strokes: heights that rise and fall again by little.
@@ -233,8 +258,9 @@ impl SectionRuns<'_> {
 }
 
 impl Footprint {
-    /// Adds one stroke, traced over the grid of sections. What is to stay whole must lie within `half` of
-    /// a section's centre along x and y. `marks` takes what it wants of it.
+    /// Adds one stroke, traced over the grid of sections. One that `keep` would have whole is added as a figure where
+    /// all of it is marked and lies within `half` of its section's centre along x and y; any other piece by piece.
+    /// `marks` takes points and figures of it for the lower bound.
     pub fn add(
         &mut self,
         points: &[P2],
@@ -253,7 +279,7 @@ impl Footprint {
         let columns = i64::from(tracer.grid.count[0]);
         let mut runs = SectionRuns { sections, ripple, columns, run: None, reversals: HeightReversals::default() };
         if bounds.is_some() {
-            // It was traced to see whether it stays whole.
+            // `add_figure` has traced it, to see whether it stays whole, and has given its pieces to `marks`.
             tracer.replay(|p, cell| runs.add(&p, cell));
         } else {
             for (a, b) in segments(points) {
@@ -287,7 +313,7 @@ impl Footprint {
         let window = Box2::around(tracer.grid.centre(section as usize), half);
         let is_whole = is_marked && window.holds(bounds.lo) && window.holds(bounds.hi);
         if is_whole {
-            self.sections.entry(section as u32).or_default().figures.push((z[0], z[1]));
+            self.sections.entry(section as u32).or_default().figures.push(HeightRange { lo: z[0], hi: z[1] });
             marks.iter_mut().for_each(|m| m.figure(bounds, z));
         } else {
             self.astride += usize::from(is_marked);
@@ -323,7 +349,7 @@ impl Footprint {
     pub fn joined(mut self) -> Self {
         for s in self.sections.values_mut() {
             s.heights.join();
-            s.figures.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+            s.figures.sort_unstable_by(HeightRange::total_cmp);
         }
         self
     }
@@ -333,7 +359,7 @@ impl Footprint {
     pub fn widened(mut self, by: f64) -> Self {
         for s in self.sections.values_mut() {
             s.heights.new = std::mem::take(&mut s.heights.list);
-            s.heights.new.iter_mut().for_each(|(lo, hi)| (*lo, *hi) = (*lo - by, *hi + by));
+            s.heights.new.iter_mut().for_each(|range| *range = HeightRange { lo: range.lo - by, hi: range.hi + by });
             s.heights.join();
         }
         self
@@ -344,18 +370,18 @@ impl Footprint {
     #[must_use]
     pub(crate) fn deepened(mut self, by: f64) -> Self {
         for lowest in self.sections.values_mut().filter_map(|s| s.heights.list.first_mut()) {
-            lowest.0 -= by;
+            lowest.lo -= by;
         }
         self
     }
 
     /// The intervals of a section, upwards; strokes that are to stay whole are not among them.
-    pub(crate) fn of_section(&self, section: usize) -> &[(f64, f64)] {
+    pub(crate) fn of_section(&self, section: usize) -> &[HeightRange] {
         self.sections.get(&(section as u32)).map_or(&[], |s| s.heights.intervals())
     }
 
-    /// Lowest and highest mark of the strokes that are to stay whole in a section, by the lowest.
-    pub(crate) fn figures_of(&self, section: usize) -> &[(f64, f64)] {
+    /// The heights of the strokes that are to stay whole in a section, by the lowest mark.
+    pub(crate) fn figures_of(&self, section: usize) -> &[HeightRange] {
         self.sections.get(&(section as u32)).map_or(&[], |s| &s.figures)
     }
 
@@ -370,10 +396,10 @@ impl Footprint {
         [self.broken, self.astride]
     }
 
-    /// Lowest and highest mark, nm; None where nothing is marked.
-    pub fn range(&self) -> Option<(f64, f64)> {
+    /// From the lowest to the highest mark; None where nothing is marked.
+    pub fn range(&self) -> Option<HeightRange> {
         let all = self.sections.values().flat_map(|s| s.heights.intervals().iter().chain(&s.figures));
-        all.fold(None, |r: Option<(f64, f64)>, &(lo, hi)| Some(r.map_or((lo, hi), |(a, b)| (a.min(lo), b.max(hi)))))
+        all.copied().reduce(HeightRange::union)
     }
 
     /// The slope along strokes, as a tangent, that 99 of 100 cuts between levels do not exceed, wherever levels
@@ -397,14 +423,16 @@ mod tests {
 
     #[test]
     fn intervals_of_height_are_joined_only_where_they_touch() {
+        let pairs =
+            |heights: &Heights| heights.intervals().iter().map(|range| [range.lo, range.hi]).collect::<Vec<_>>();
         let mut h = Heights::default();
         for (a, b) in [(5.0, 6.0), (1.0, 2.0), (9.0, 8.0), (2.0, 3.0)] {
             h.add(a, b);
         }
         h.join();
-        assert_eq!(h.intervals(), [(1.0, 3.0), (5.0, 6.0), (8.0, 9.0)]);
+        assert_eq!(pairs(&h), [[1.0, 3.0], [5.0, 6.0], [8.0, 9.0]]);
         h.add(2.5, 8.5);
         h.join();
-        assert_eq!(h.intervals(), [(1.0, 9.0)]);
+        assert_eq!(pairs(&h), [[1.0, 9.0]]);
     }
 }

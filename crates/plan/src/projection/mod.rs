@@ -13,7 +13,7 @@ mod samples;
 mod turned;
 
 pub use cells::{Cells, Figure, Slabs};
-pub use footprint::Footprint;
+pub use footprint::{Footprint, HeightRange, join_ranges};
 pub use marks::Marks;
 pub use samples::{Rows, Samples, Sampling};
 pub use turned::{FieldMarks, MarksByField, TiltedCell, TiltedField, TiltedFields};

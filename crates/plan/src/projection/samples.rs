@@ -47,6 +47,9 @@ const REACH: f64 = (1 << 30) as f64;
 /// Heights of rows that one piece is looked at for, at most: a cliff crosses any number of them.
 const CROSSINGS: usize = 256;
 
+/// The row of points that lie at any height; that of a stroke before its first piece.
+const NO_ROW: i32 = i32::MIN;
+
 /// The whole figures and points of marks collected so far.
 #[derive(Clone, Debug)]
 pub struct Samples {
@@ -71,7 +74,7 @@ impl Samples {
     /// The pieces that follow are of stroke `number`.
     pub fn begin(&mut self, number: usize) {
         self.taken = number.is_multiple_of(self.sampling.every);
-        (self.row, self.way) = (i32::MIN, 0.0);
+        (self.row, self.way) = (NO_ROW, 0.0);
     }
 
     /// Takes what is to be taken of a marked piece of the segment from `a` to `b`.
@@ -85,24 +88,26 @@ impl Samples {
         // The common case, no row crossed and no point due, costs a floor and a subtraction.
         if row != self.row || self.way < 0.0 {
             self.take(p, a, b);
-            if row != self.row && self.row != i32::MIN {
+            if row != self.row && self.row != NO_ROW {
                 self.way = self.sampling.cell.f64();
             }
             self.row = row;
         }
     }
 
+    /// Takes the points of a piece of the segment from `a` to `b`: where it crosses rows, and those of any height that
+    /// are due. Of a dot that is its place.
     #[cold]
     fn take(&mut self, p: &Piece, a: P2, b: P2) {
         let Sampling { rows, cell, origin, .. } = self.sampling;
         let at = |t: f64, z: f64| {
             let q = a.lerp(b, t);
-            let near = q.x.abs_diff(origin.x).max(q.y.abs_diff(origin.y)) < 1 << 30 && z.abs() < REACH;
-            near.then(|| [(q.x - origin.x) as i32, (q.y - origin.y) as i32, z.round() as i32])
+            let is_in_reach = q.x.abs_diff(origin.x).max(q.y.abs_diff(origin.y)) < 1 << 30 && z.abs() < REACH;
+            is_in_reach.then(|| [(q.x - origin.x) as i32, (q.y - origin.y) as i32, z.round() as i32])
         };
         if a == b {
             if let Some(q) = at(0.0, p.z0) {
-                self.points.add(key(q, cell, i32::MIN), q);
+                self.points.add(key(q, cell, NO_ROW), q);
             }
             return;
         }
@@ -119,7 +124,7 @@ impl Samples {
         while self.way < 0.0 {
             let t = (p.t1 + self.way / length).clamp(p.t0, p.t1);
             if let Some(q) = at(t, p.z(t)) {
-                self.points.add(key(q, cell, i32::MIN), q);
+                self.points.add(key(q, cell, NO_ROW), q);
             }
             self.way += cell.f64();
         }

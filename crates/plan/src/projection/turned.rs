@@ -4,7 +4,7 @@
 //! part is one plain sheet within reach, nothing can stand in the beam's way; elsewhere the beam is followed
 //! from points of the marks close to each other.
 
-use super::footprint::Heights;
+use super::footprint::{HeightRange, Heights};
 use super::{GridTracer, Keep, Piece, segments};
 use terrace_core::geom::{Box2, Nm, P2, P3, Turn, Turned};
 use terrace_core::machine::TiltAngles;
@@ -53,8 +53,8 @@ pub struct TiltedCell {
 #[derive(Clone, Debug, Default)]
 pub struct FieldMarks {
     heights: Heights,
-    /// Lowest and highest mark of every stroke that is to stay whole.
-    pub figures: Vec<(f64, f64)>,
+    /// The heights of every stroke that is to stay whole.
+    pub figures: Vec<HeightRange>,
     /// Whether the part hides a mark from the turned beam, or the beam meets one beyond the limit.
     pub is_hidden: bool,
     /// Whether that is so of a mark that lies in the window beyond the area.
@@ -67,7 +67,7 @@ pub struct FieldMarks {
 
 impl FieldMarks {
     /// The intervals of height, upwards, of what may be cut.
-    pub fn heights(&self) -> &[(f64, f64)] {
+    pub fn heights(&self) -> &[HeightRange] {
         self.heights.intervals()
     }
 }
@@ -146,7 +146,7 @@ impl MarksByField {
             let here = &mut self.0[i];
             here.is_hidden |= is_hidden;
             here.is_over |= !is_within;
-            here.figures.push((z[0], z[1]));
+            here.figures.push(HeightRange { lo: z[0], hi: z[1] });
         }
         is_whole
     }
@@ -213,7 +213,7 @@ impl MarksByField {
     pub fn joined(mut self) -> Self {
         for f in &mut self.0 {
             f.heights.join();
-            f.figures.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+            f.figures.sort_unstable_by(HeightRange::total_cmp);
         }
         self
     }
@@ -277,25 +277,29 @@ impl super::Tracer<'_> {
         }
         let [x, y, z] = field.turn.up();
         let lean = [x / z, y / z];
-        let flat = lean[0].hypot(lean[1]);
-        // The beam leans by `flat` for every nanometre that it rises: above `top` nothing stands in its way, so
-        // what does lies within `reach` of the mark.
+        // The beam goes aside by this for every nanometre that it rises: above `top` nothing stands in its way, so what
+        // does lies within `reach` of the mark.
+        let aside = lean[0].hypot(lean[1]);
         let lowest = p.z0.min(p.z1);
-        let reach = (field.top - lowest).max(0.0) * flat;
+        let reach = (field.top - lowest).max(0.0) * aside;
+        // What is so near is not seen at the ends of a mark either.
         if reach < INSIDE {
             return false;
         }
         let (a, b) = (w[0].lerp(w[1], p.t0), w[0].lerp(w[1], p.t1));
+        // The ends are rounded, and so are those of the beam.
         let r = reach.ceil() as i64 + 2;
         let lo = P2::new(a.x.min(b.x) - r, a.y.min(b.y) - r);
         if self.surface.is_plain(lo, P2::new(a.x.max(b.x) + r, a.y.max(b.y) + r)) {
             return false;
         }
         let length = a.distance(b);
-        let inside = if length > 0.0 { (INSIDE / length).min(0.5) } else { 0.0 };
+        // The share of the piece by which its ends are looked at further inside.
+        let inset = if length > 0.0 { (INSIDE / length).min(0.5) } else { 0.0 };
+        // At least both ends and the middle.
         let count = (length / SPACING).ceil().max(2.0) as i64;
         (0..=count).any(|i| {
-            let t = p.t0 + (p.t1 - p.t0) * (inside + (1.0 - 2.0 * inside) * i as f64 / count as f64);
+            let t = p.t0 + (p.t1 - p.t0) * (inset + (1.0 - 2.0 * inset) * i as f64 / count as f64);
             self.is_hidden(at(w, t, p.z(t)), lean, field.top)
         })
     }

@@ -308,7 +308,7 @@ mod tests {
     fn stop(y: i64, z_lo: i64) -> Stop {
         let (z_lo, z_hi) = (Nm(z_lo), Nm(z_lo) + DEPTH);
         let section = SectionId([0; 2]);
-        Stop { section, level: 0, tilt: TiltAngles::default(), centre: P2::new(4 * MM, y), focus: z_lo, z_lo, z_hi }
+        Stop { section, level: 0, tilt: TiltAngles::default(), centre: P2::new(4 * MM, y), lpfl: z_lo, z_lo, z_hi }
     }
 
     fn cut(stops: &Stops, strokes: &[Vec<P2>]) -> Fragments {

@@ -11,7 +11,7 @@ fn stop(x: i64) -> Stop {
         level: 0,
         tilt: TiltAngles::default(),
         centre: P2::new(x, 4 * MM),
-        focus: Nm(0),
+        lpfl: Nm(0),
         z_lo: Nm(0),
         z_hi: Nm(MM),
     }

@@ -191,24 +191,25 @@ impl Programs<'_> {
         self.write_formats(filling, &Stepped { checked: &outline_frames, ..by_block }, &by_block, framed)
     }
 
-    /// Writes the files of every format: `whole` to those with one file for the job, `by_block` to those with one for every
-    /// block. With frames they differ: one file holds the frames of the outline alone.
+    /// Writes the files of every format: `of_job` to those with one file for the job, `by_block` to those with one for
+    /// every block. With frames they differ: one file holds the frames of the outline alone.
     fn write_formats(
         &self,
         filling: &mut Filling<'_>,
-        whole: &Stepped<'_>,
+        of_job: &Stepped<'_>,
         by_block: &Stepped<'_>,
         task: Task<'_>,
     ) -> Result<(), Error> {
-        let is_framed = whole.frames.is_some();
-        for (format, task) in self.formats.iter().zip(task.parts(self.formats.len())) {
+        let is_framed = of_job.frames.is_some();
+        // A part of the task is done when it is dropped; only files of single blocks are counted one by one.
+        for (format, writing) in self.formats.iter().zip(task.parts(self.formats.len())) {
             match Target::of(*format).stepped {
                 Some(Files::Whole(file, write)) if is_framed => {
                     make_inner(filling.folder, "frames")?;
-                    filling.put(&emit::frames::of_whole(file), &write(whole))?;
+                    filling.put(&emit::frames::of_whole(file), &write(of_job))?;
                 }
-                Some(Files::Whole(file, write)) => filling.put(file, &write(whole))?,
-                Some(Files::Blocks(ending, write)) => self.blocks(filling, by_block, ending, write, task)?,
+                Some(Files::Whole(file, write)) => filling.put(file, &write(of_job))?,
+                Some(Files::Blocks(ending, write)) => self.blocks(filling, by_block, ending, write, writing)?,
                 // A format of on-the-fly jobs alone.
                 None => {}
             }

@@ -1,6 +1,6 @@
 //! The input files of jobs by their hashes, each file read once.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -18,14 +18,15 @@ type Hash = Result<(u64, String), Error>;
 pub struct Hashes(Mutex<BTreeMap<PathBuf, Arc<OnceLock<Hash>>>>);
 
 impl Hashes {
-    /// Every input file of a job but the job file itself, with its hash.
+    /// Every file that a job names, with its size and hash; one that is named twice for the same use, once.
     ///
     /// # Errors
     /// Where a file cannot be read.
     pub fn inputs(&self, job: &Job) -> Result<Vec<InputFact>, Error> {
-        let mut list = job.input_files();
-        list.dedup();
-        list.into_iter()
+        let mut seen = BTreeSet::new();
+        job.input_files()
+            .into_iter()
+            .filter(|input| seen.insert(*input))
             .map(|(role, file)| {
                 let (bytes, blake3) = self.of(&job.relative(file))?;
                 let shown = manifest::portable(&file.to_string_lossy());
@@ -34,6 +35,7 @@ impl Hashes {
             .collect()
     }
 
+    /// Size and hash of a file, which is read where it has not been asked for before.
     fn of(&self, path: &Path) -> Hash {
         let known = Arc::clone(self.0.lock().unwrap_or_else(PoisonError::into_inner).entry(path.into()).or_default());
         known.get_or_init(|| hash(path)).clone()

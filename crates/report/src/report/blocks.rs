@@ -135,7 +135,7 @@ fn dot(job: &Layout<'_>, sheet: &Sheet, block: &Block) -> Element {
 fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Detail) -> String {
     let (id, s) = (job.id(i), &block.stop);
     if !detail.full {
-        return format!("{id} z {}", mm(s.focus, 3));
+        return format!("{id} z {}", mm(s.lpfl, 3));
     }
     let program = job.checked.program();
     let [x, y, z] = block.stage.0.map(|v| mm(Nm(v), 4));
@@ -152,7 +152,7 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
     format!(
         "{id}: {place}\nfocus (LPFL) {} mm, marks {} to {} mm\nstage x {x} y {y} z {z} mm{zoom}\n\
          {} strokes, mark {} mm, jump {} mm, {} s",
-        mm(s.focus, 4),
+        mm(s.lpfl, 4),
         mm(block.z_lo, 4),
         mm(block.z_hi, 4),
         block.strokes.len(),

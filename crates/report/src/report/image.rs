@@ -25,6 +25,7 @@ fn written(encoder: Encoder<'_, &mut Vec<u8>>, data: &[u8]) {
     writer.finish().expect("memory takes it");
 }
 
+/// A PNG file as a data URI.
 fn address(png: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(png))
 }
@@ -38,7 +39,7 @@ pub(super) fn of_pixels(size: [usize; 2], pixels: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Pairs of grey and opacity, from the upper left, row by row.
+/// A data URI of an image of pairs of grey and opacity, from the upper left, row by row.
 pub(super) fn of_shades(size: [usize; 2], pairs: &[u8]) -> String {
     let mut out = Vec::new();
     let mut encoder = encoder(&mut out, size, ColorType::GrayscaleAlpha, BitDepth::Eight);
@@ -47,18 +48,19 @@ pub(super) fn of_shades(size: [usize; 2], pairs: &[u8]) -> String {
     address(&out)
 }
 
-/// Indices into a palette of red, green, blue and opacity, from the upper left, row by row.
+/// A data URI of an image of indices into a palette of red, green, blue and opacity, at most 256 of them; from the
+/// upper left, row by row.
 pub(super) fn of_indices(size: [usize; 2], palette: &[[u8; 4]], pixels: &[u8]) -> String {
     let mut out = Vec::new();
-    // Two pixels a byte where the palette is small enough.
+    // Two pixels a byte where the palette is small enough, the first in the high bits; every row begins a new byte.
     let is_small = palette.len() <= 16;
     let depth = if is_small { BitDepth::Four } else { BitDepth::Eight };
     let mut encoder = encoder(&mut out, size, ColorType::Indexed, depth);
     encoder.set_palette(palette.iter().flat_map(|c| c[..3].to_vec()).collect::<Vec<u8>>());
     encoder.set_trns(palette.iter().map(|c| c[3]).collect::<Vec<u8>>());
     if is_small {
-        let pair = |pair: &[u8]| pair[0] << 4 | pair.get(1).copied().unwrap_or(0);
-        let packed: Vec<u8> = pixels.chunks(size[0]).flat_map(|row| row.chunks(2).map(pair)).collect();
+        let byte_of = |pair: &[u8]| pair[0] << 4 | pair.get(1).copied().unwrap_or(0);
+        let packed: Vec<u8> = pixels.chunks(size[0]).flat_map(|row| row.chunks(2).map(byte_of)).collect();
         written(encoder, &packed);
     } else {
         written(encoder, pixels);

@@ -235,17 +235,18 @@ fn candidates(h: &mut String, job: &Layout<'_>) {
     h.push_str("</table></div>\n");
 }
 
-/// Deviation of the lowest and the highest mark of a block from its focus, um.
+/// How far the lowest and the highest mark of a block lie above its focus, um; negative below it.
 fn deviations(b: &Block) -> [f64; 2] {
-    [b.z_lo, b.z_hi].map(|z| (z - b.stop.focus).f64() / 1000.0)
+    [b.z_lo, b.z_hi].map(|z| (z - b.stop.lpfl).f64() / 1000.0)
 }
 
 /// The larger of the two deviations, without sign, um.
-fn worst(b: &Block) -> f64 {
+fn largest_deviation(b: &Block) -> f64 {
     deviations(b).into_iter().fold(0.0, |a, d| a.max(d.abs()))
 }
 
-/// Least, mean and largest over the blocks, of the deviation from their focus.
+/// The table of how far marks lie from the focus of their block, and of how high the marks of a block are: least, mean
+/// and largest over the blocks.
 fn defocus(h: &mut String, job: &Layout<'_>) {
     let blocks = job.blocks();
     if blocks.is_empty() {
@@ -256,7 +257,7 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     let values = |of_block: fn(&Block) -> f64| blocks.iter().map(of_block);
     spread_row(h, "lowest mark against focus", values(|b| deviations(b)[0]));
     spread_row(h, "highest mark against focus", values(|b| deviations(b)[1]));
-    spread_row(h, "largest of the two, unsigned", values(worst));
+    spread_row(h, "largest of the two, unsigned", values(largest_deviation));
     spread_row(h, "height of the marks", values(|b| (b.z_hi - b.z_lo).f64() / 1000.0));
     h.push_str("</table></div>\n");
     h.push_str("</div>\n");
@@ -332,7 +333,7 @@ fn blocks(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
             h,
             "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{angle}<td>{dose}<td>{}<td>{}<td>{}<td>{}",
             BlockId::new(i),
-            mm(b.stop.focus, 4),
+            mm(b.stop.lpfl, 4),
             b.strokes.len(),
             plain(program.mark_mm(b), 2),
             plain(program.jump_mm(b), 2),

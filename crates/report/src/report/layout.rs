@@ -2,8 +2,8 @@
 //!
 //! Consumes a [`Layout`] or an [`OnTheFlyLayout`], promises the properties of [`super`]. Layers, bottom to top, each a
 //! group with an id and a name that Inkscape shows: part, blocks, relief, sections, texture, texture that is not
-//! marked, outline of the part, texture box, windows (where stops do not stand on the grid of sections), machine travel, stage
-//! path, field of the first stop, axes and scale, numbers, legend. On the fly those of blocks are absent.
+//! marked, outline of the part, texture box, windows (where stops do not stand on the grid of sections), machine
+//! travel, stage path, field of the first stop, axes and scale, numbers, legend. On the fly those of blocks are absent.
 //!
 //! The sheet has no size of its own: it fills the window that shows it. All text on it is at least 7 px high where it
 //! is 480 px wide; smaller numbers are in classes that a browser shows only where they are as high
@@ -29,7 +29,7 @@ use terrace_core::parallel;
 /// Bytes that a drawing should not exceed.
 pub(super) const LIMIT: usize = 5_000_000;
 
-/// Tried in turn until the drawing fits.
+/// Tried in turn until the drawing fits: coarser borders of the blocks first, then short tooltips.
 const DETAILS: [Detail; 7] = [
     Detail { tolerance: 0.5, full: true },
     Detail { tolerance: 1.0, full: true },
@@ -47,8 +47,8 @@ pub fn layout_svg(job: &Layout<'_>) -> String {
 
 /// The layout of a stepped job in several shades.
 pub fn layout_svgs<const N: usize>(job: &Layout<'_>, shades: [Shade; N]) -> [String; N] {
-    let traced = SharedShapes::of(job);
-    let texts = parallel::map(N, |i| within(&Layout { shade: shades[i], ..job.clone() }, &traced, LIMIT));
+    let shapes = SharedShapes::of(job);
+    let texts = parallel::map(N, |i| within(&Layout { shade: shades[i], ..job.clone() }, &shapes, LIMIT));
     texts.try_into().expect("a text for each shade")
 }
 
@@ -59,12 +59,12 @@ pub fn on_the_fly_svg(job: &OnTheFlyLayout<'_>) -> String {
     draw(&Drawing { job: &picture, sheet: &sheet, blocks: None, looks: &Looks::of(&picture) }, DETAILS[0])
 }
 
-/// The layout in at most `limit` bytes, or as few as there can be.
-pub(super) fn within(job: &Layout<'_>, traced: &SharedShapes, limit: usize) -> String {
+/// The layout at the first of [`DETAILS`] at which it fits in `limit` bytes; where it fits at none, at the last.
+pub(super) fn within(job: &Layout<'_>, shapes: &SharedShapes, limit: usize) -> String {
     let picture = Picture::of_stepped(job);
     let sheet = Sheet::of(&picture);
-    let blocks = Blocks { layout: job, outlines: &traced.outlines, spots: &traced.spots };
-    let drawing = Drawing { job: &picture, sheet: &sheet, blocks: Some(&blocks), looks: &traced.looks };
+    let blocks = Blocks { layout: job, outlines: &shapes.outlines, spots: &shapes.spots };
+    let drawing = Drawing { job: &picture, sheet: &sheet, blocks: Some(&blocks), looks: &shapes.looks };
     let mut text = String::new();
     for detail in DETAILS {
         text = draw(&drawing, detail);
@@ -83,14 +83,14 @@ struct Drawing<'a> {
     looks: &'a Looks,
 }
 
-/// The blocks of a stepped job.
+/// The blocks of a stepped job, with what is the same for them in every shade.
 struct Blocks<'a> {
     layout: &'a Layout<'a>,
     outlines: &'a Outlines,
     spots: &'a [label::Spot],
 }
 
-/// What a layout has in every shade.
+/// What is the same for a layout in every shade, made once.
 pub(super) struct SharedShapes {
     outlines: Outlines,
     spots: Vec<label::Spot>,

@@ -459,7 +459,7 @@ fn ramp(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
         c.put(c.width * share, y, anchor, &mm(Nm(value), 3));
     }
     if is_height && !flat {
-        let mut levels: Vec<Nm> = job.blocks().iter().map(|b| b.stop.focus).collect();
+        let mut levels: Vec<Nm> = job.blocks().iter().map(|b| b.stop.lpfl).collect();
         levels.sort_unstable();
         levels.dedup();
         let other = if sheet.gridded { "level" } else { "block" };

@@ -60,6 +60,7 @@ enum Body {
 struct Totals {
     /// The box around them, mm.
     area: BoxMm<2>,
+    /// How many points they have.
     points: usize,
     /// Length, mm.
     length: f64,
@@ -70,7 +71,7 @@ struct Totals {
 impl Totals {
     const NONE: Self = Self { area: BoxMm::EMPTY, points: 0, length: 0.0, has_pen: Vec::new() };
 
-    /// Of the marks of a chunk.
+    /// The sums over the marks of a chunk; the box is that of the part frame in plan.
     fn of(chunk: &Chunk<'_>) -> Self {
         let mut totals = Self::NONE;
         for mark in chunk.marks {

@@ -235,7 +235,7 @@ impl Layout<'_> {
     /// What the colour of a block stands for: nm, or millionths of a degree.
     fn shade_of(&self, i: usize) -> i64 {
         match self.shade {
-            Shade::Height => self.blocks()[i].stop.focus.0,
+            Shade::Height => self.blocks()[i].stop.lpfl.0,
             Shade::Incidence => (self.figures(i).slope.incidence_deg()[0] * 1e6).round() as i64,
         }
     }
@@ -273,11 +273,11 @@ fn upright(block: &Block, checked: &Checked, machine: &Machine) -> Block {
     let mut block = block.clone();
     let stop = &mut block.stop;
     let turn = machine.turn(stop.tilt, checked.origin());
-    let focus = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.focus.0].map(|v| v as f64)));
-    let [x, y, z] = focus.at.map(|v| v.round() as i64);
-    let shift = Nm(z) - stop.focus;
+    let focal_point = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.lpfl.0].map(|v| v as f64)));
+    let [x, y, z] = focal_point.at.map(|v| v.round() as i64);
+    let shift = Nm(z) - stop.lpfl;
     stop.centre = P2::new(x, y);
-    for height in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
+    for height in [&mut stop.lpfl, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
         *height += shift;
     }
     block

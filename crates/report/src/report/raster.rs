@@ -55,19 +55,22 @@ pub fn png(svg: &str, width: u32) -> Result<Vec<u8>, Error> {
     Ok(averaged(&large, times as usize))
 }
 
-/// The picture made smaller by a whole factor, as a PNG file.
+/// The picture made smaller by a whole factor, as a PNG file: the mean of every `times` x `times` pixels.
 fn averaged(large: &Pixmap, times: usize) -> Vec<u8> {
-    let stride = large.width() as usize * 4;
+    // Bytes of a pixel: red, green, blue, each multiplied by the opacity, and opacity. The paper is opaque, so the
+    // first three are as they are seen.
+    const BYTES: usize = 4;
+    let stride = large.width() as usize * BYTES;
     let size = [large.width() as usize / times, large.height() as usize / times];
-    // The paper is opaque, so red, green and blue are as they are seen.
     let mut pixels = Vec::with_capacity(size[0] * size[1] * 3);
     let count = (times * times) as u32;
     for y in 0..size[1] {
         for x in 0..size[0] {
+            // Half of the divisor, so that the mean is rounded to the nearest.
             let mut sums = [count / 2; 3];
             for row in 0..times {
-                let at = (y * times + row) * stride + x * times * 4;
-                for pixel in large.data()[at..at + 4 * times].chunks_exact(4) {
+                let at = (y * times + row) * stride + x * times * BYTES;
+                for pixel in large.data()[at..at + times * BYTES].chunks_exact(BYTES) {
                     (0..3).for_each(|k| sums[k] += u32::from(pixel[k]));
                 }
             }

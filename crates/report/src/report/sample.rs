@@ -124,7 +124,7 @@ impl Sample {
         let mut scene = Scene::default();
         for block in &program.blocks {
             let [x, y] = block.stop.centre.mm();
-            let mut group = Group::new(Frame::upright([x, y, block.stop.focus.mm()]));
+            let mut group = Group::new(Frame::upright([x, y, block.stop.lpfl.mm()]));
             for stroke in program.strokes_of(block) {
                 let points = program.points_of(stroke);
                 let from = group.points.len() as u32;
@@ -144,7 +144,7 @@ impl Sample {
     pub(super) fn windows(name: &str, size: [f64; 2], depth: f64, z: impl Fn(f64, f64) -> f64) -> Self {
         let mut sample = Self::of(name, size, depth, Nm(4_000_000), &z);
         let half = [size[0] / 2.0, size[1] / 2.0];
-        let field = sample.machine.usable_field().map(|v| v.mm() / 2.0);
+        let field = sample.machine.half_usable_field_mm();
         // Marks every 0.5 mm along lines 1 mm apart.
         let count = [size[0] as usize * 2, size[1] as usize];
         let place = |i: usize| [(i % count[0]) as f64 * 0.5 + 0.25 - half[0], (i / count[0]) as f64 + 0.5 - half[1]];
@@ -245,7 +245,7 @@ impl Sample {
             }
             let z_lo = Nm(z_lo);
             let z_hi = Nm(z_hi);
-            let focus = (z_lo + z_hi) / 2;
+            let lpfl = (z_lo + z_hi) / 2;
             program.blocks.push(Block {
                 pass: PassId(0),
                 setup: SetupId(0),
@@ -254,11 +254,11 @@ impl Sample {
                     level: 0,
                     tilt: TiltAngles::UPRIGHT,
                     centre,
-                    focus,
+                    lpfl,
                     z_lo,
                     z_hi,
                 },
-                stage: self.machine.stage_from_part(centre, focus, Origin::default()),
+                stage: self.machine.stage_from_part(centre, lpfl, Origin::default()),
                 focus_shift: Nm(0),
                 retract: false,
                 z_lo,
@@ -363,7 +363,7 @@ fn push_block(program: &mut Program, grid: Sections, section: SectionId, level: 
     program.blocks.push(Block {
         pass: PassId(0),
         setup: SetupId(0),
-        stop: Stop { section, level, tilt: TiltAngles::UPRIGHT, centre, focus: z[1], z_lo: z[0], z_hi: z[2] },
+        stop: Stop { section, level, tilt: TiltAngles::UPRIGHT, centre, lpfl: z[1], z_lo: z[0], z_hi: z[2] },
         stage: machine.stage_from_part(centre, z[1], Origin::default()),
         focus_shift: Nm(0),
         retract: false,

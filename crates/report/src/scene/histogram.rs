@@ -1,6 +1,7 @@
 //! How much length of the marks has which defocus and which incidence.
 
 use super::{Point, Scene};
+use terrace_core::geom::NM_PER_MM;
 
 /// Marked length by value: bins of equal width.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,21 +26,24 @@ impl Histogram {
         Self::of(scene, passes, |p| f64::from(p.incidence_deg))
     }
 
-    /// Of the size of a value that is linear between points; `passes` are those of the pens.
+    /// Of the size, without sign, of a value that is linear between the points of a mark; `passes` are those of each
+    /// pen. Dots have no length: they are counted only where there are no lines.
     fn of(scene: &Scene, passes: &[u32], value: impl Fn(&Point) -> f64) -> Self {
         let most = scene.points().map(|p| value(p).abs()).fold(0.0, f64::max);
+        // Bins need a width.
         let most = if most > 0.0 { most } else { 1.0 };
         let mut lengths = Lengths::new(most);
         let marks = || scene.groups.iter().flat_map(|g| g.marks.iter().map(move |m| (m, g.points_of(m))));
         let has_lines = marks().any(|(mark, _)| mark.len > 1);
         for (mark, points) in marks() {
-            let weight = f64::from(passes.get(mark.pen.index()).copied().unwrap_or(1));
+            let pen_passes = f64::from(passes.get(mark.pen.index()).copied().unwrap_or(1));
             if let ([dot], false) = (points, has_lines) {
-                lengths.add([value(dot); 2], weight);
+                lengths.add([value(dot); 2], pen_passes);
             }
             for w in points.windows(2) {
+                // nm; without z, as lengths of marks are.
                 let d = [0, 1].map(|k| f64::from(w[1].at[k]) - f64::from(w[0].at[k]));
-                lengths.add([value(&w[0]), value(&w[1])], weight * d[0].hypot(d[1]) / 1e6);
+                lengths.add([value(&w[0]), value(&w[1])], pen_passes * d[0].hypot(d[1]) / NM_PER_MM);
             }
         }
         Self { range: [0.0, most], bins: lengths.bins() }

@@ -5,7 +5,7 @@ use super::relief::Relief;
 use super::thin::thin;
 use super::{Frame, Group, Mark, Point, Scene, Thinned, unmarked};
 use terrace_core::diag::Error;
-use terrace_core::geom::NM_PER_MM;
+use terrace_core::geom::{NM_PER_MM, UnitVector};
 use terrace_plan::on_the_fly::program::{self, AxisCommands};
 use terrace_plan::plan::OnTheFlyPlan;
 
@@ -108,10 +108,10 @@ struct SceneBuilder<'a> {
 impl SceneBuilder<'_> {
     /// Appends the point of the part under a spot to the open mark.
     fn add(&mut self, spot: &program::Spot, us: i64) {
-        let focus = spot.part.map(|v| v * NM_PER_MM);
-        let hit = self.beams.hit(focus, spot.up, self.height);
+        let (focal_point, UnitVector(up)) = (spot.part.mm.map(|v| v * NM_PER_MM), spot.up);
+        let hit = self.beams.hit(focal_point, up, self.height);
         self.height = hit.map_or(self.height, |hit| hit.height);
-        let p = [0, 1, 2].map(|k| focus[k] + self.height * spot.up[k]);
+        let p = [0, 1, 2].map(|k| focal_point[k] + self.height * up[k]);
         let incidence_deg = hit.map_or(0.0, |hit| hit.cos.clamp(-1.0, 1.0).acos().to_degrees()) as f32;
         let point = Point { at: [0; 3], defocus_um: (self.height / 1e3) as f32, incidence_deg };
         self.line.push(LinePoint { p, point, us });
@@ -161,11 +161,13 @@ impl SceneBuilder<'_> {
 fn append_thinned(group: &mut Group, line: &[LinePoint], keep: &[bool]) {
     let origin = group.frame.origin.map(|v| v * NM_PER_MM);
     let from = group.points.len();
-    // What is left out between two points is as steep as the steepest of it.
+    // From the line's end back: a point that is kept takes the steepest incidence of what is left out between it and
+    // the next one, which has been gone through by then. Turned round at the end.
     let mut steepest = 0f32;
     for (LinePoint { p, point, us }, &is_kept) in line.iter().zip(keep).rev() {
         steepest = steepest.max(point.incidence_deg);
         if is_kept {
+            // The axes of these groups are those of the part.
             let at = [0, 1, 2].map(|i| (p[i] - origin[i]).round() as i32);
             group.points.push(Point { at, incidence_deg: steepest, ..*point });
             group.times_us.push(*us);
@@ -196,5 +198,5 @@ fn motion_sample(spots: impl Fn(&AxisCommands) -> program::Spot, us: i64, comman
     (at_centre[5], at_centre[6]) = (0, 0);
     let spot = spots(commands);
     let centre = spots(&at_centre);
-    MotionSample { time_s: us as f64 / 1e6, centre: centre.part, up: centre.up, spot: spot.part, is_on: false }
+    MotionSample { time_s: us as f64 / 1e6, centre: centre.part.mm, up: centre.up.0, spot: spot.part.mm, is_on: false }
 }

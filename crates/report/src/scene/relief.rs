@@ -14,9 +14,10 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Of a box with about `cells` cells along its longer side.
+    /// The surface in a box, with square cells, at most `cells` along the longer side of the box.
     pub fn under(surface: &Surface, area: Box2, cells: i64) -> Self {
         let size = area.size();
+        // More than the quotient, so that the cells stay within what was asked for; from 2 nm, so that half is not 0.
         let pitch = (size[0].max(size[1]) / cells.max(1) + Nm(1)).max(Nm(2));
         let grid = Grid { origin: area.lo, pitch: [pitch; 2], count: size.map(|s| (s / pitch + 1) as u32) };
         let columns = grid.columns();
@@ -26,18 +27,19 @@ impl Relief {
             let mut spans = Vec::new();
             let Nm(half) = pitch / 2;
             let y = grid.origin.y + pitch.0 * row as i64 + half;
-            let (a, b) = (P2::new(grid.origin.x, y), P2::new(grid.origin.x + pitch.0 * columns as i64, y));
-            surface.walk(a, b, &mut cursor, &mut spans);
-            let mut span = 0;
+            // Along the centres of the cells of a row, from the left border of the grid to its right one.
+            let (left, right) = (grid.origin.x, grid.origin.x + pitch.0 * columns as i64);
+            surface.walk(P2::new(left, y), P2::new(right, y), &mut cursor, &mut spans);
+            let mut i = 0;
             for (column, height) in heights.iter_mut().enumerate() {
                 let t = (column as f64 + 0.5) / columns as f64;
-                // Spans tile 0 to 1 and columns come in order, so both are gone through once.
-                while spans[span].t1 < t {
-                    span += 1;
+                // Spans leave nothing out from 0 to 1 and columns come in order, so both are gone through once.
+                while spans[i].t1 < t {
+                    i += 1;
                 }
-                let s = &spans[span];
-                if s.facet().is_some() {
-                    let z = s.z0 + (s.z1 - s.z0) * ((t - s.t0) / (s.t1 - s.t0));
+                let span = &spans[i];
+                if span.facet().is_some() {
+                    let z = span.z0 + (span.z1 - span.z0) * ((t - span.t0) / (span.t1 - span.t0));
                     *height = (z / NM_PER_MM) as f32;
                 }
             }

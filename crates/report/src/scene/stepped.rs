@@ -75,7 +75,7 @@ impl FieldPose {
 fn centre(block: &Block, plan: &SteppedPlan) -> [f64; 3] {
     let lowered = plan.job.passes.lowered(block.pass);
     let stop = &block.stop;
-    [stop.centre.x, stop.centre.y, (stop.focus + lowered).0].map(|v| v as f64)
+    [stop.centre.x, stop.centre.y, (stop.lpfl + lowered).0].map(|v| v as f64)
 }
 
 /// How the part is turned at a block.
@@ -181,7 +181,7 @@ impl<'a> GroupBuilder<'a> {
 
     /// Appends the points of one segment, from `p` to `q`; of a dot they are the same.
     fn follow_segment(&mut self, p: &FieldPoint, q: &FieldPoint) {
-        let [cx, cy, focus] = self.field.centre;
+        let [cx, cy, lpfl] = self.field.centre;
         let part = |p: &FieldPoint| P2::new(cx as i64 + i64::from(p.x), cy as i64 + i64::from(p.y));
         let flat = |t: f64| [(p.x, q.x), (p.y, q.y)].map(|(a, b)| f64::from(a) + t * (f64::from(b) - f64::from(a)));
         let before = self.line.len();
@@ -189,11 +189,11 @@ impl<'a> GroupBuilder<'a> {
         let Self { beams, line, .. } = self;
         beams.along(part(p), part(q), |piece| {
             let [x, y] = flat(piece.t0);
-            line.push(SurfacePoint { p: [x, y, piece.z0 - focus], tan: piece.slope2.sqrt() });
+            line.push(SurfacePoint { p: [x, y, piece.z0 - lpfl], tan: piece.slope2.sqrt() });
             last_piece = Some(piece);
         });
         // A rim may be missed by rounding: the line is drawn on at the height before it.
-        self.height = last_piece.as_ref().map_or(self.height, |piece| piece.z1 - focus);
+        self.height = last_piece.as_ref().map_or(self.height, |piece| piece.z1 - lpfl);
         let [px, py] = [f64::from(p.x), f64::from(p.y)];
         if let Some(first) = self.line.get_mut(before) {
             (first.p[0], first.p[1]) = (px, py);
@@ -233,8 +233,8 @@ impl<'a> GroupBuilder<'a> {
     /// Appends the point where the beam through `p` of the field, nm, meets the part; `inside` is the place at which
     /// its incidence is measured, if that is another.
     fn add_tilted(&mut self, turn: &Turn, p: [f64; 2], inside: Option<[f64; 2]>) {
-        let [cx, cy, focus] = self.field.centre;
-        let part = |[x, y]: [f64; 2]| turn.back(P3::<Turned>::new([cx + x, cy + y, focus])).at;
+        let [cx, cy, lpfl] = self.field.centre;
+        let part = |[x, y]: [f64; 2]| turn.back(P3::<Turned>::new([cx + x, cy + y, lpfl])).at;
         let hit = self.beams.hit(part(p), turn.up(), self.height);
         self.height = hit.map_or(self.height, |hit| hit.height);
         let hit = inside.map_or(hit, |q| self.beams.hit(part(q), turn.up(), self.height));

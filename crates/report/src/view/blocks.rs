@@ -70,9 +70,9 @@ impl Columns {
         out.put("section", blocks().map(|b| json!(b.stop.section.0)));
         out.put("level", blocks().map(|b| json!(b.stop.level)));
         out.put("centre", blocks().map(|b| json!(b.stop.centre.mm())));
-        out.put("focus", blocks().map(|b| json!(b.stop.focus.mm())));
+        out.put("focus", blocks().map(|b| json!(b.stop.lpfl.mm())));
         out.put("tilt", blocks().map(|b| json!(b.stop.tilt.deg())));
-        out.put("turn", blocks().map(|b| turn(plan, b)));
+        out.put("turn", blocks().map(|b| rotation_and_shift(plan, b)));
         out.put("stage", blocks().map(|b| json!(b.stage.mm())));
         out.put("lift", (0..program.blocks.len()).map(|i| json!(manifest::lift_mm(machine, checked, i))));
         out.put("shift", blocks().map(|b| json!(b.focus_shift.mm())));
@@ -97,19 +97,21 @@ fn axes_and_origin(frame: &Frame) -> Value {
     json!(rows.concat().into_iter().chain(frame.origin).collect::<Vec<f64>>())
 }
 
-/// How the part is turned at a block: rotation by rows, then the shift, mm; null where it is not.
-fn turn(plan: &SteppedPlan, block: &terrace_core::program::Block) -> Value {
+/// How the part is turned at a block: rotation by rows, then where the origin of the part comes to lie, mm; null where
+/// the part is not turned.
+fn rotation_and_shift(plan: &SteppedPlan, block: &terrace_core::program::Block) -> Value {
     if block.stop.tilt.is_upright() {
         return Value::Null;
     }
     let turn = crate::scene::turn_at(block, plan);
     let shift = turn.apply(P3::new([0.0; 3])).at;
+    // Columns of the rotation: where the directions of x, y and z come to point.
     let columns = [0, 1, 2].map(|k| {
-        // A metre, so that rounding is far below a nanometre.
-        let mut p = [0.0; 3];
-        p[k] = 1e9;
-        let q = turn.apply(P3::new(p)).at;
-        [0, 1, 2].map(|i| (q[i] - shift[i]) / 1e9)
+        // A metre along the axis: the rounding of a coordinate, far below a nanometre, is nothing against it.
+        let mut on_axis = [0.0; 3];
+        on_axis[k] = 1e9;
+        let turned = turn.apply(P3::new(on_axis)).at;
+        [0, 1, 2].map(|i| (turned[i] - shift[i]) / 1e9)
     });
     let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| columns[k][i]));
     let all: Vec<f64> = rows.concat().into_iter().chain(shift.map(|v| v / NM_PER_MM)).collect();

@@ -61,7 +61,7 @@ const SCHEMA: u32 = 1;
 pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
     let program = plan.checked.program();
     let s = &plan.summary;
-    let focus = || program.blocks.iter().map(|b| b.stop.focus.mm());
+    let lpfls = || program.blocks.iter().map(|b| b.stop.lpfl.mm());
     let dose = || plan.figures.iter().map(|f| f.slope).flat_map(|s: Slope| s.dose());
     let maps: Vec<PassMap<'_>> = plan
         .passes
@@ -80,7 +80,7 @@ pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
         mark_mm: s.mark_mm,
         passes: s.passes,
         maps,
-        heights: range(focus()),
+        heights: range(lpfls()),
         dose: range(dose()),
         warnings: &s.warnings,
         figures: stepped_figures(s),

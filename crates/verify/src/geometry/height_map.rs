@@ -74,9 +74,15 @@ impl Map {
     fn facets_of(&self, [columns, rows]: [Range<usize>; 2], sink: &mut dyn FnMut([[f64; 3]; 3])) {
         for row in rows {
             for column in columns.clone() {
-                let (Some(a), Some(d)) = (self.node(column, row), self.node(column + 1, row + 1)) else { continue };
-                self.node(column + 1, row).into_iter().for_each(|b| sink([a, b, d]));
-                self.node(column, row + 1).into_iter().for_each(|c| sink([a, d, c]));
+                // Both triangles of a cell have the ends of its diagonal as corners.
+                let diagonal = (self.node(column, row), self.node(column + 1, row + 1));
+                let (Some(lower_left), Some(upper_right)) = diagonal else { continue };
+                if let Some(lower_right) = self.node(column + 1, row) {
+                    sink([lower_left, lower_right, upper_right]);
+                }
+                if let Some(upper_left) = self.node(column, row + 1) {
+                    sink([lower_left, upper_right, upper_left]);
+                }
             }
         }
     }

@@ -20,6 +20,14 @@ struct Facet {
     unturned_slope2: f64,
 }
 
+/// What a line has in common with a facet in plan view.
+struct FacetCut {
+    /// Where it begins and ends, nm from the line's start.
+    d: [f64; 2],
+    /// Whether the line runs along an edge of the facet.
+    is_along_edge: bool,
+}
+
 /// Cells of the grid hold about this many facets each.
 const FACETS_PER_CELL: f64 = 1.0;
 
@@ -212,23 +220,25 @@ impl Facet {
         range
     }
 
-    /// Where the line crosses the facet, if it does over some length, and whether that is one of its edges.
+    /// Where the line crosses the facet; None where they have no length in common.
     #[inline]
-    fn cross(&self, line: &Line) -> Option<([f64; 2], bool)> {
+    fn cross(&self, line: &Line) -> Option<FacetCut> {
+        // Of each corner, nm: its distance from the line, positive to the left, and how far along the line it lies.
         let (mut side, mut along) = ([0.0; 3], [0.0; 3]);
         for (i, v) in self.corners.iter().enumerate() {
             let (dx, dy) = (v[0] - line.start[0], v[1] - line.start[1]);
             side[i] = line.dir[0] * dy - line.dir[1] * dx;
             along[i] = line.dir[0] * dx + line.dir[1] * dy;
         }
-        // `side` has the sign of each corner's side of the line; a facet that is wholly on one side is not crossed.
+        // A facet that is wholly on one side is not crossed.
         if side.iter().all(|&s| s > 0.0) || side.iter().all(|&s| s < 0.0) {
             return None;
         }
+        // The least and the greatest `d` at which the line meets the edges, each from corner `i` to corner `j`.
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-            // A corner on the line counts where its edge begins, so each is looked at once; an edge along the line
-            // gives both its corners.
+            // A corner on the line counts only for the edge that begins there, so each is looked at once; an edge
+            // along the line gives both its corners.
             let d = if side[i] == 0.0 {
                 along[i]
             } else if side[j] != 0.0 && (side[i] < 0.0) != (side[j] < 0.0) {
@@ -240,8 +250,9 @@ impl Facet {
             hi = hi.max(d);
         }
         let (lo, hi) = (lo.max(0.0), hi.min(line.len));
-        let is_edge = side.iter().filter(|s| s.abs() <= HAIR / 2.0).count() > 1;
-        (lo < hi).then_some(([lo, hi], is_edge))
+        // Two corners on the line, to half a hair: the lines a hair beside an edge do not count as along it.
+        let is_along_edge = side.iter().filter(|s| s.abs() <= HAIR / 2.0).count() > 1;
+        (lo < hi).then_some(FacetCut { d: [lo, hi], is_along_edge })
     }
 
     /// The corners of the facet in space.
@@ -376,8 +387,9 @@ impl Mesh {
                 }
                 *seen = *query;
                 let facet = &self.facets[i as usize];
-                if let Some((d, is_edge)) = facet.cross(line) {
-                    *is_along_edge |= is_edge;
+                if let Some(cut) = facet.cross(line) {
+                    *is_along_edge |= cut.is_along_edge;
+                    let d = cut.d;
                     let z = d.map(|d| facet.z_at(line.at(d)));
                     let slope2 = facet.grad[0] * facet.grad[0] + facet.grad[1] * facet.grad[1];
                     crossings.push(Crossing {

@@ -11,6 +11,7 @@ type Rows = [[f64; 3]; 3];
 pub(crate) struct Turn {
     /// Rows of the matrix.
     rows: Rows,
+    /// The point that stays in its place, part frame, nm.
     pivot: [f64; 3],
 }
 
@@ -30,17 +31,21 @@ fn carried(axes: &Tilt, commands: TiltAngles) -> Rows {
 }
 
 impl Turn {
-    /// The turn of a part whose origin lies at `origin`, nm, by commands of the axes.
+    /// The turn that commands of the axes give a part whose origin lies at `origin` in the table frame, nm.
     pub(crate) fn new(axes: &Tilt, commands: TiltAngles, origin: Origin) -> Self {
-        let turned = carried(axes, commands);
+        let rotation = carried(axes, commands);
         match axes.carries {
             Carries::Part => {
+                // The pivot of a table is given in the table frame.
                 let pivot = [0, 1, 2].map(|k| super::nm(axes.pivot[k].as_mm()) - origin[k] as f64);
-                Self { rows: turned, pivot }
+                Self { rows: rotation, pivot }
             }
             Carries::Head => {
-                let rows = [0, 1, 2].map(|j| [0, 1, 2].map(|k| turned[k][j]));
-                Self { rows, pivot: origin.0.map(|v| -(v as f64)) }
+                // A head that turns sees the part turned the other way: the inverse of a rotation is its transpose.
+                let inverse = [0, 1, 2].map(|j| [0, 1, 2].map(|k| rotation[k][j]));
+                // The table frame's origin, in the part frame.
+                let pivot = origin.0.map(|v| -(v as f64));
+                Self { rows: inverse, pivot }
             }
         }
     }

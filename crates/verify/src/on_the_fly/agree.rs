@@ -39,7 +39,8 @@ fn targets(axes: &str) -> impl Iterator<Item = (Format, OnTheFly)> {
     targets.filter(move |(_, target)| target.axes.contains(&axes))
 }
 
-/// Reads the programs that the manifest lists, one at least.
+/// Reads the programs that the manifest lists, each with its file's name. What cannot be read breaks the rule; that at
+/// least one program is left is for the caller to see to.
 pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(&'static str, FlyProgram)> {
     rule.ran = true;
     let mut out = Vec::new();

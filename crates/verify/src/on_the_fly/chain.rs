@@ -37,7 +37,9 @@ impl Beam {
 pub(super) struct Chain {
     /// +1 where a positive command moves the beam in + over the part.
     stage: [f64; 3],
+    /// Where the part's origin lies in the table frame, nm.
     origin: [f64; 3],
+    /// None where the part is not turned.
     turns: Option<Turns>,
     swap: bool,
     mirror: [bool; 2],
@@ -90,18 +92,18 @@ impl Chain {
     /// The beam at these commands: its place in the focal plane, nm, and its direction, part frame.
     pub(super) fn beam(&self, to: &Commands<f64>) -> Beam {
         let [u, v] = self.field(to);
-        // Table frame, nm.
+        // Where the spot is in the table frame, nm: the stage's place and what the scanner adds to it.
         let spot = [self.stage[0] * to[0] + u, self.stage[1] * to[1] + v, self.stage[2] * to[2]];
         let Some(turns) = &self.turns else {
             return Beam { at: [0, 1, 2].map(|k| spot[k] - self.origin[k]), up: [0.0, 0.0, 1.0] };
         };
         let [a, c] = [turns.rad[0] * to[A], turns.rad[1] * to[C]];
         // The table turns the part by C about z, then by A about x; undone in reverse order.
-        let untilted = |[x, y, z]: [f64; 3]| {
+        let unturned = |[x, y, z]: [f64; 3]| {
             let (y, z) = (a.cos() * y + a.sin() * z, a.cos() * z - a.sin() * y);
             [c.cos() * x + c.sin() * y, c.cos() * y - c.sin() * x, z]
         };
-        let p = untilted([0, 1, 2].map(|k| spot[k] - turns.pivot[k]));
-        Beam { at: [0, 1, 2].map(|k| p[k] + turns.pivot[k] - self.origin[k]), up: untilted([0.0, 0.0, 1.0]) }
+        let p = unturned([0, 1, 2].map(|k| spot[k] - turns.pivot[k]));
+        Beam { at: [0, 1, 2].map(|k| p[k] + turns.pivot[k] - self.origin[k]), up: unturned([0.0, 0.0, 1.0]) }
     }
 }

@@ -143,8 +143,8 @@ impl MoveChecker<'_> {
             let text = format!("the scanner leaves its field: ({:.6}, {:.6}) mm", field[0] / 1e6, field[1] / 1e6);
             self.broken(step, text, rule);
         }
-        let before = self.chain.field(&from.float());
-        let way = ((field[0] - before[0]).hypot(field[1] - before[1]) - ROUNDED) * 1e-6;
+        let from_field = self.chain.field(&from.float());
+        let way = ((field[0] - from_field[0]).hypot(field[1] - from_field[1]) - ROUNDED) * 1e-6;
         let scanner = &self.machine.scanner;
         let limit = if step.mark.is_some() { scanner.max_mark_speed } else { scanner.jump_speed };
         let limit = limit.as_mm_s();

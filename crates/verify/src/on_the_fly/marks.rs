@@ -275,9 +275,9 @@ impl<'a> MarkChecker<'a> {
                     return;
                 }
                 for (d, z) in piece.d.into_iter().zip(sheet.z) {
-                    let focus = start.at[2] + d / line.len * (end.at[2] - start.at[2]);
-                    if (z - focus).abs() > worst.off.abs() {
-                        worst.off = z - focus;
+                    let plane = start.at[2] + d / line.len * (end.at[2] - start.at[2]);
+                    if (z - plane).abs() > worst.off.abs() {
+                        worst.off = z - plane;
                     }
                 }
                 worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());

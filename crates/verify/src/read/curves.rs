@@ -61,7 +61,8 @@ fn rows(text: &str, unit_mm: f64) -> Option<Vec<Curve>> {
     Some(curves)
 }
 
-/// The fields of a row without its comment.
+/// The fields of a row without its comment, which a # begins that is the first character or follows white space. They
+/// are divided by the first of semicolon, comma and tab that the row has, else by white space.
 fn words(line: &str) -> Vec<&str> {
     let mut end = line.len();
     let mut before = ' ';

@@ -40,9 +40,9 @@ pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
     vec![rounded(percent), rounded(pen.speed.as_mm_s()), hz, i64::from(pen.passes)]
 }
 
-/// Reads the project of a block.
+/// Reads the project of a block, and hands each of its strokes to `visit`.
 pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -> Result<(), Fault> {
-    // The optical axis is the middle of the field.
+    // The optical axis is the middle of the field: half its size from the corner, 5e5 nm for each mm.
     let field = &of.machine.lens.field;
     let (x, y) = if of.machine.scanner.swap_xy { (field[1], field[0]) } else { (field[0], field[1]) };
     let middle = [x, y].map(|size| (size.as_mm() * 5e5).round() as i64);
@@ -81,12 +81,13 @@ pub(super) fn strokes(bytes: &[u8], of: &BlockOf<'_>, visit: &mut Strokes<'_>) -
                 used.extend(index);
                 let layer = index.and_then(|i| Some((usize::try_from(i).ok()?, layers.get(&i)?)));
                 let (index, layer) = layer.ok_or_else(|| fault(&node, "the shape has a layer without settings"))?;
-                let at = shape(&node, &mut points, &mut ends).map_err(|what| fault(&node, what))?;
-                if at != middle {
+                let moved_to = shape(&node, &mut points, &mut ends).map_err(|what| fault(&node, what))?;
+                if moved_to != middle {
                     return Err(fault(&node, "the shape is not moved to the middle of the field"));
                 }
                 let mut from = 0;
                 for &end in &ends {
+                    // Layers count from 0, pens from 1.
                     visit(FileStroke { pen: Some(index + 1), points: &points[from..end], settings: layer });
                     from = end;
                 }
@@ -141,7 +142,7 @@ fn setting(node: &Node<'_, '_>, id: &str) -> Result<(i64, Layer), String> {
     Ok((index, [decimal("maxPower")?, decimal("speed")?, whole("frequency")?, whole("numPasses")?]))
 }
 
-/// Vertices of a shape, and where each of its strokes ends among them; returns the middle of the field.
+/// Vertices of a shape, and where each of its strokes ends among them; returns where the shape is moved, nm.
 fn shape(node: &Node<'_, '_>, points: &mut Vec<[i64; 2]>, ends: &mut Vec<usize>) -> Result<[i64; 2], &'static str> {
     if node.attribute("Type") != Some("Path") || node.attributes().len() != 2 {
         return Err("the shape is not a path on a layer, and nothing else");

@@ -8,11 +8,10 @@ use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
 
 use super::picture::{Clip, Contours, Picture, ShapeOutline};
-
-type Point = [f64; 2];
+use terrace_core::geom::PlanePoint;
 
 /// An edge and the area that it bounds.
-type Edge = GeomWithData<Line<Point>, usize>;
+type Edge = GeomWithData<Line<PlanePoint>, usize>;
 
 /// The number of edges that bound no area, but cut others.
 const CUT: usize = usize::MAX;
@@ -29,7 +28,7 @@ struct Area<'a> {
     is_evenodd: bool,
     clips: Vec<&'a Clip>,
     /// From where its edges are placed to the drawing.
-    scale: Point,
+    scale: PlanePoint,
 }
 
 impl<'a> Outline<'a> {
@@ -37,7 +36,7 @@ impl<'a> Outline<'a> {
     pub(crate) fn new(
         picture: &'a Picture,
         counts: &dyn Fn(u32) -> Option<bool>,
-        scale: Point,
+        scale: PlanePoint,
         tolerance: f64,
     ) -> Result<Self, &'static str> {
         let scaled = |contours: &Contours| -> Contours {
@@ -88,7 +87,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Whether a point lies in it.
-    pub(crate) fn holds(&self, [x, y]: Point) -> bool {
+    pub(crate) fn holds(&self, [x, y]: PlanePoint) -> bool {
         if x > self.right {
             return false;
         }
@@ -111,14 +110,14 @@ impl<'a> Outline<'a> {
     }
 
     /// The nearest point on an edge, which may also lie within the area.
-    pub(crate) fn nearest_edge(&self, p: Point) -> Option<Point> {
+    pub(crate) fn nearest_edge(&self, p: PlanePoint) -> Option<PlanePoint> {
         let edge = self.edges.nearest_neighbor(&p)?;
         Some(edge.geom().nearest_point(&p))
     }
 }
 
 /// The sides of polylines, with the last of each where they are closed.
-fn sides(lines: &Contours, are_closed: bool, mut take: impl FnMut(Line<Point>)) {
+fn sides(lines: &Contours, are_closed: bool, mut take: impl FnMut(Line<PlanePoint>)) {
     for line in lines {
         let last = line.last().zip(line.first()).filter(|_| are_closed).map(|(a, b)| [*a, *b]);
         let all = line.windows(2).map(|w| [w[0], w[1]]).chain(last);
@@ -127,12 +126,12 @@ fn sides(lines: &Contours, are_closed: bool, mut take: impl FnMut(Line<Point>)) 
 }
 
 /// The sides that join the ends of open lines; None where an end meets no other.
-fn gaps(lines: &Contours, tolerance: f64) -> Option<Vec<Line<Point>>> {
+fn gaps(lines: &Contours, tolerance: f64) -> Option<Vec<Line<PlanePoint>>> {
     let ends = lines.iter().filter_map(|line| Some([*line.first()?, *line.last()?]));
-    let mut open: Vec<Point> = ends.filter(|[a, b]| a != b).flatten().collect();
+    let mut open: Vec<PlanePoint> = ends.filter(|[a, b]| a != b).flatten().collect();
     let mut found = Vec::new();
     while let Some(end) = open.pop() {
-        let away = |p: &Point| (p[0] - end[0]).hypot(p[1] - end[1]);
+        let away = |p: &PlanePoint| (p[0] - end[0]).hypot(p[1] - end[1]);
         let next = (0..open.len()).min_by(|&a, &b| away(&open[a]).total_cmp(&away(&open[b])))?;
         let other = open.swap_remove(next);
         if away(&other) > tolerance {

@@ -213,8 +213,8 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
     let level = i32::try_from(w.int()?).ok()?;
     let tilt = TiltAngles([w.within(MAX_TURN)?, w.within(MAX_TURN)?]);
     let centre = P2::new(w.nm()?, w.nm()?);
-    let (focus, z_lo, z_hi) = (w.height()?, w.height()?, w.height()?);
-    let stop = Stop { section: SectionId(section), level, tilt, centre, focus, z_lo, z_hi };
+    let (lpfl, z_lo, z_hi) = (w.height()?, w.height()?, w.height()?);
+    let stop = Stop { section: SectionId(section), level, tilt, centre, lpfl, z_lo, z_hi };
     let stage = Commanded([w.nm()?, w.nm()?, w.nm()?]);
     let retract = match w.next()? {
         b"0" => false,
@@ -269,7 +269,7 @@ mod tests {
         assert_eq!((b.pass, b.setup, b.focus_shift), (PassId(2), SetupId(1), Nm(-7)));
         assert_eq!((b.stop.section, b.stop.level, b.stop.centre), (SectionId([0, 1]), -2, P2::new(10, 20)));
         assert_eq!(b.stop.tilt, TiltAngles([0, -5]));
-        assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (Nm(30), Nm(25), Nm(35), Nm(28), Nm(31)));
+        assert_eq!((b.stop.lpfl, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (Nm(30), Nm(25), Nm(35), Nm(28), Nm(31)));
         assert_eq!((b.stage, b.retract, b.strokes.clone()), (Commanded([-11, -18, 33]), true, 0..2));
         assert_eq!(p.points_of(&p.strokes[1]), [[1, 1], [2, 2], [3, -3]].map(FieldPoint::from));
         assert!(p.strokes[1].reversed && p.strokes[1].source == StrokeId(8));

@@ -119,7 +119,9 @@ fn in_style(declaration: &str) -> Option<&'static str> {
 /// The feature of the value of a property or of an attribute that usvg does not read.
 fn in_value(name: &str, value: &str) -> Option<&'static str> {
     let value = value.trim();
-    if value.contains("URL(") {
+    // Any attribute may hold a reference, which usvg reads as url() in lower case alone.
+    let is_capital = |(at, word): (usize, &str)| word != "url(" && !value[..at].ends_with(char::is_alphanumeric);
+    if value.to_ascii_lowercase().match_indices("url(").any(|(at, _)| is_capital((at, &value[at..at + 4]))) {
         return Some("usvg does not read keywords in capital letters");
     }
     if name == "vector-effect" && value != "none" {
@@ -132,12 +134,13 @@ fn in_value(name: &str, value: &str) -> Option<&'static str> {
         return None;
     }
     let lower = value.to_ascii_lowercase();
-    let has = |function: &&str| {
+    // Functions are found by their whole name: oklab( does not count as lab(.
+    let calls = |function: &&str| {
         lower
             .match_indices(*function)
             .any(|(at, _)| !lower[..at].ends_with(|c: char| c.is_ascii_alphanumeric() || c == '-'))
     };
-    if FUNCTIONS.iter().any(has) {
+    if FUNCTIONS.iter().any(calls) {
         return Some("usvg does not read some functions of CSS, such as var(), calc() and oklch()");
     }
     let is_keyword = WITH_KEYWORDS.contains(&name) && KEYWORDS.contains(&lower.as_str());
@@ -182,6 +185,9 @@ mod tests {
             ("<path style='fill:color(display-p3 1 1 1)'/>", Some("functions of CSS")),
             ("<style>.a{fill:var(--ink, black)}</style>", Some("functions of CSS")),
             ("<path fill='None'/>", Some("keywords")),
+            ("<path fill='Url(#g)'/>", Some("keywords")),
+            ("<path clip-path=' uRL( #g )'/>", Some("keywords")),
+            ("<path clip-path='url(#g)' fill='url(#URL)'/>", None),
             ("<path style='Fill:none'/>", Some("names of CSS properties")),
             ("<style>rect{x:3px}</style>", Some("places and sizes")),
             ("<path pathLength='10'/>", Some("pathLength")),

@@ -253,7 +253,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block, lift: Option<Nm>) -> Option<&'st
         ("section", e.section == b.stop.section.0),
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),
-        ("focus (lpfl)", Nm::from_mm(e.lpfl_mm) == Some(b.stop.focus)),
+        ("focus (lpfl)", Nm::from_mm(e.lpfl_mm) == Some(b.stop.lpfl)),
         ("focus shift", Nm::from_mm(e.focus_shift_mm) == Some(b.focus_shift)),
         ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.0.map(Some)),
         ("lift", e.lift_z_mm.map(Nm::from_mm) == lift.map(Some)),

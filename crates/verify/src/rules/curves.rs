@@ -27,7 +27,8 @@ const SHARE: f64 = 1e-9;
 /// A curve that is no wider than this in x and y, nm, may be left out.
 const DOT: i64 = 3;
 
-/// Holds `curves` for the textures of a pass, and what the manifest states of them by `summary`.
+/// Holds the rule `curves` for the textures of a pass, and what the manifest states of their curves by the rule
+/// `summary`.
 pub(crate) fn check(
     job: &Job,
     texture: &Texture,
@@ -37,15 +38,16 @@ pub(crate) fn check(
 ) {
     rule.ran = true;
     let mut found = search(job, texture, geometry, Sides::Ignored, rule);
-    // A curve that broke the rule has figures of its own.
+    // A curve that broke the rule may have other figures than are stated; its fault is reported already.
     if rule.violated > 0 {
         return;
     }
     if found.is_some() {
+        // The figures that `faults` compares.
         summary.checked += 4;
     }
     if !faults(stated, found.as_ref()).is_empty() {
-        // Which facet counts along an edge may explain them.
+        // Which facet counts along an edge may explain them. The rule `curves` was held above: here it is dropped.
         found = search(job, texture, geometry, Sides::Followed, &mut Rule::new("", ""));
     }
     for fault in faults(stated, found.as_ref()) {
@@ -60,11 +62,14 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, sides: Sides, rule:
         let Kind::Curves { path, unit_mm, marking, max_distance, on_distance, .. } = &job.textures[k].kind else {
             continue;
         };
-        let own = curves::read(path, *unit_mm).map(|list| placed(&list, job));
+        // None where the verifier's reader does not read the file: the curves are then those of the texture.
+        let of_file = curves::read(path, *unit_mm).map(|list| placed(&list, job));
+        // `only` and `except` leave curves of the file out; else all are marked.
         let may_skip = !(marking.only.is_empty() && marking.except.is_empty());
-        let mut rest = own.as_deref().unwrap_or_default();
+        // Invariant: the curves of the file that come after that of the last stroke.
+        let mut rest = of_file.as_deref().unwrap_or_default();
         let allowed = (*on_distance == OnDistance::Error).then_some(max_distance.f64());
-        let mut search = CurveSearch {
+        let mut curve_search = CurveSearch {
             geometry,
             sides,
             allowed: allowed.unwrap_or(f64::INFINITY),
@@ -77,7 +82,7 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, sides: Sides, rule:
             texture.stroke(stroke, &mut points);
             let element = texture.element(stroke);
             rule.checked += 1;
-            let curve: &[SpacePoint] = match &own {
+            let curve: &[SpacePoint] = match &of_file {
                 None => of_texture.points(i),
                 Some(_) => match rest.iter().position(|curve| is_same(curve, &points)) {
                     Some(place) => {
@@ -95,7 +100,7 @@ fn search(job: &Job, texture: &Texture, geometry: &Geometry, sides: Sides, rule:
                     }
                 },
             };
-            search.curve(curve, &element, rule);
+            curve_search.curve(curve, &element, rule);
         }
         if !may_skip && rule.violated == 0 && rest.iter().any(|curve| has_extent(curve)) {
             rule.broken("", path.display().to_string(), "a curve at the end of the file is not marked");

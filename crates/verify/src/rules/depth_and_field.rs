@@ -177,10 +177,10 @@ impl BlockMarks {
     };
 
     /// Adds a piece on a sheet that lies within the block's heights.
-    fn add(&mut self, s: &Sheet, focus: f64, geometry: &Geometry) {
+    fn add(&mut self, s: &Sheet, lpfl: f64, geometry: &Geometry) {
         self.slope2 = self.slope2.max(s.slope2);
         let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
-        let worst = (hi - focus).max(focus - lo);
+        let worst = (hi - lpfl).max(lpfl - lo);
         if lo < self.lo || hi > self.hi || worst > self.worst {
             // The range is found from heights that are certain, the deviation from those measured.
             let tolerance = geometry.z_tolerance(s.slope2);
@@ -203,9 +203,10 @@ struct DepthSearch<'a> {
     scratch: Scratch,
     /// The segments of the stroke at hand.
     lines: Vec<Line>,
-    /// Where it is too high or low, and where nothing may be marked.
-    low: Vec<Stretch>,
-    off: Vec<Stretch>,
+    /// Where it lies above or below the allowed heights.
+    outside: Vec<Stretch>,
+    /// Where it lies off the part or on too steep a slope.
+    off_surface: Vec<Stretch>,
 }
 
 /// The fault of the focus shift of a block, whose heights are those of the program.
@@ -229,8 +230,8 @@ fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<St
     }
     let plane = machine.stage.z.sign() * block.stage[2] - file.origin(block)[2];
     let found = plane + block.focus_shift.0;
-    (found != block.stop.focus.0).then(|| {
-        let wanted = block.stop.focus.mm();
+    (found != block.stop.lpfl.0).then(|| {
+        let wanted = block.stop.lpfl.mm();
         format!("stage and optic focus on {} mm, the block's focal plane is at {wanted} mm", mm(found))
     })
 }
@@ -243,8 +244,8 @@ impl<'a> DepthSearch<'a> {
         depth: &'a mut Rule,
         surface: &'a mut Rule,
     ) -> Self {
-        let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
-        Self { file, facts, geometry, depth, surface, scratch: Scratch::default(), lines, low, off }
+        let (lines, outside, off_surface) = (Vec::new(), Vec::new(), Vec::new());
+        Self { file, facts, geometry, depth, surface, scratch: Scratch::default(), lines, outside, off_surface }
     }
 
     /// The same search on another geometry.
@@ -257,9 +258,9 @@ impl<'a> DepthSearch<'a> {
         let zoom_fault = zoom_fault(block, self.file, &self.facts.machine);
         // Heights are compared on the surface as the file has it.
         let block = &self.facts.raised(block);
-        let focus = block.stop.focus.f64();
+        let lpfl = block.stop.lpfl.f64();
         let limit = self.facts.defocus_limit_nm();
-        let allowed = [block.z_lo.f64().max(focus - limit), block.z_hi.f64().min(focus + limit)];
+        let allowed = [block.z_lo.f64().max(lpfl - limit), block.z_hi.f64().min(lpfl + limit)];
         self.check_intervals(id, block);
         if let Some(fault) = zoom_fault {
             self.depth.broken(id, part_place(block.stop.centre), fault);
@@ -291,7 +292,7 @@ impl<'a> DepthSearch<'a> {
         }
     }
 
-    /// Holds a stroke, and adds its figures to those of its block.
+    /// Holds a stroke to the allowed heights and to the surface, and adds its figures to those of its block.
     fn stroke(
         &mut self,
         id: &str,
@@ -304,54 +305,55 @@ impl<'a> DepthSearch<'a> {
         let c = block.stop.centre;
         let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
         let points = self.file.program.points_of(stroke);
-        let (focus, geometry) = (block.stop.focus.f64(), self.geometry);
+        let (lpfl, geometry) = (block.stop.lpfl.f64(), self.geometry);
         self.lines.clear();
-        self.low.clear();
-        self.off.clear();
+        self.outside.clear();
+        self.off_surface.clear();
         let mut length = 0.0;
         for w in points.windows(2).filter(|w| w[0] != w[1]) {
             let line = Line::new(part(w[0]), part(w[1]));
             let segment = self.lines.len();
-            let (low, off) = (&mut self.low, &mut self.off);
+            let (outside, off_surface) = (&mut self.outside, &mut self.off_surface);
             // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether
             // it stays outside on either side of an edge is looked into below, for the few marks that need it.
-            let cut = geometry.along(&line, &mut self.scratch, |p| {
+            let crossings = geometry.along(&line, &mut self.scratch, |p| {
                 slopes.piece(&p, geometry);
                 match &p.sheet {
                     Some(s) if s.slope != Slope::Steep => {
                         let parts = beyond(&p, s, 0.0, allowed, geometry);
-                        if parts.iter().all(|d| d[0] >= d[1]) {
-                            marks.add(s, focus, geometry);
+                        let is_within = parts.iter().all(|d| d[0] >= d[1]);
+                        if is_within {
+                            marks.add(s, lpfl, geometry);
                         }
                         for d in parts.into_iter().filter(|d| d[0] < d[1]) {
-                            note(low, segment, d, line.len);
+                            note(outside, segment, d, line.len);
                         }
                     }
-                    _ => note(off, segment, p.d, line.len),
+                    _ => note(off_surface, segment, p.d, line.len),
                 }
             });
             slopes.line(line.len, geometry);
-            self.depth.checked += cut;
+            self.depth.checked += crossings;
             self.surface.checked += 1;
             length += line.len;
             self.lines.push(line);
         }
         slopes.stroke(self.file, stroke, self.facts);
         if let [dot] = points {
-            self.dot(id, part(*dot), allowed, focus, marks);
+            self.dot(id, part(*dot), allowed, lpfl, marks);
         }
         marks.mark_mm +=
             length * f64::from(self.file.program.pens[stroke.pen.index()].passes) / terrace_core::geom::NM_PER_MM;
-        if !self.low.is_empty() {
+        if !self.outside.is_empty() {
             self.report_depth(id, block, allowed, marks);
         }
-        if !self.off.is_empty() {
+        if !self.off_surface.is_empty() {
             self.report_off_surface(id);
         }
     }
 
     /// Judges a dot by what it may lie on.
-    fn dot(&mut self, id: &str, p_part: [f64; 2], allowed: [f64; 2], focus: f64, marks: &mut BlockMarks) {
+    fn dot(&mut self, id: &str, p_part: [f64; 2], allowed: [f64; 2], lpfl: f64, marks: &mut BlockMarks) {
         let geometry = self.geometry;
         self.depth.checked += 1;
         self.surface.checked += 1;
@@ -362,11 +364,11 @@ impl<'a> DepthSearch<'a> {
             s.z.iter().any(|&z| allowed[0] - tolerance <= z && z <= allowed[1] + tolerance)
         };
         match (sheets().find(is_within), sheets().next()) {
-            (Some(sheet), _) => marks.add(&sheet, focus, geometry),
+            (Some(sheet), _) => marks.add(&sheet, lpfl, geometry),
             (None, Some(sheet)) => {
                 let [z, lo, hi] = [sheet.z[0], allowed[0], allowed[1]].map(|z| z / 1e6);
                 let text = format!("a dot lies at z {z:.6} mm on the part; {lo:.6} to {hi:.6} mm is allowed");
-                marks.worst = marks.worst.max((sheet.z[0] - focus).abs());
+                marks.worst = marks.worst.max((sheet.z[0] - lpfl).abs());
                 self.depth.broken(id, part_place_nm(p_part), text);
             }
             (None, None) => {
@@ -384,8 +386,8 @@ impl<'a> DepthSearch<'a> {
             sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, side, allowed, geometry))
         };
         let beside = |p: &Piece, parallel: Parallel| beyond_on_sheet(p, parallel.side);
-        let runs = confirmed_along(&self.low, geometry, &mut self.scratch, |i| lines[i], beside);
-        let focus = block.stop.focus.f64();
+        let runs = confirmed_along(&self.outside, geometry, &mut self.scratch, |i| lines[i], beside);
+        let lpfl = block.stop.lpfl.f64();
         let mut worst: Option<([f64; 2], f64)> = None;
         // Of what is confirmed the place farthest from the focal plane is reported, found at the ends of its pieces.
         for s in runs.iter().flat_map(|r| &r.stretches) {
@@ -395,24 +397,24 @@ impl<'a> DepthSearch<'a> {
                     return;
                 };
                 for (d, z) in p.d.into_iter().zip(sheet.z) {
-                    if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
+                    if worst.is_none_or(|(_, w)| (z - lpfl).abs() > (w - lpfl).abs()) {
                         worst = Some((part.at(d), z));
                     }
                 }
             });
         }
         let Some((p_part, z)) = worst else { return };
-        if (z - focus).abs() > marks.worst {
-            marks.worst = (z - focus).abs();
+        if (z - lpfl).abs() > marks.worst {
+            marks.worst = (z - lpfl).abs();
         }
         // The message states heights as program.txt does, on the surface that earlier passes have lowered.
-        let [z, focus, lo, hi] =
-            [z, focus, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered(block.pass).f64());
+        let [z, lpfl, lo, hi] =
+            [z, lpfl, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered(block.pass).f64());
         let text = format!(
             "a mark at z {:.6} mm lies {:.4} um from the focal plane at {:.6} mm; {:.6} to {:.6} mm is allowed",
             z / 1e6,
-            (z - focus).abs() / 1e3,
-            focus / 1e6,
+            (z - lpfl).abs() / 1e3,
+            lpfl / 1e6,
             lo / 1e6,
             hi / 1e6
         );
@@ -423,7 +425,7 @@ impl<'a> DepthSearch<'a> {
     fn report_off_surface(&mut self, id: &str) {
         let lines = &self.lines;
         let off_or_steep = |p: &Piece| whole(p, p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep));
-        let runs = confirmed(&self.off, self.geometry, &mut self.scratch, |i| lines[i], off_or_steep);
+        let runs = confirmed(&self.off_surface, self.geometry, &mut self.scratch, |i| lines[i], off_or_steep);
         let len: f64 = runs.iter().map(|r| r.len).sum();
         if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
             let text = format!("{:.6} mm of a mark lie off the part or beyond the incidence limit", len / 1e6);

@@ -179,7 +179,7 @@ fn farthest(file: &ProgramFile, places: &[usize], facts: &JobFacts) -> Vec<i64> 
         for p in file.program.strokes_of(block).iter().flat_map(|stroke| file.program.points_of(stroke)) {
             let flat = [block.stop.centre.x + i64::from(p.x), block.stop.centre.y + i64::from(p.y)];
             let [x, y] = turn.as_ref().map_or(flat, |turn| {
-                let at = turn.back(P3::new([flat[0], flat[1], block.stop.focus.0].map(|v| v as f64)));
+                let at = turn.back(P3::new([flat[0], flat[1], block.stop.lpfl.0].map(|v| v as f64)));
                 [at[0].round() as i64, at[1].round() as i64]
             });
             for (best, far) in most.iter_mut().zip([x, y, -x, -y, x + y, x - y, -x + y, -x - y]) {

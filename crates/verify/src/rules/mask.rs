@@ -16,10 +16,8 @@ use crate::Drawing;
 use crate::proof::Rule;
 use crate::read::labels::Truth;
 use crate::read::outline::Outline;
-use terrace_core::geom::P2;
+use terrace_core::geom::{P2, PlanePoint};
 use terrace_input::texture::{Kind, Mask, Request, Uncut};
-
-type Point = [f64; 2];
 
 /// Most strokes of a texture that are looked at, as docs/verify.md states.
 const MAX_STROKES: u64 = 30_000;
@@ -129,7 +127,7 @@ impl<'a> MaskBorder<'a> {
     }
 
     /// The side of a point, nm.
-    fn side(&self, p: Point) -> MaskSide {
+    fn side(&self, p: PlanePoint) -> MaskSide {
         let at = self.on_page(p);
         let away = self.distance(at);
         if away <= self.slack {
@@ -141,19 +139,19 @@ impl<'a> MaskBorder<'a> {
         }
     }
 
-    fn distance(&self, at: Point) -> f64 {
+    fn distance(&self, at: PlanePoint) -> f64 {
         let edge = self.outline.nearest_edge(at);
         edge.map_or(f64::INFINITY, |e| (e[0] - at[0]).hypot(e[1] - at[1]))
     }
 
     /// Where a point lies on the page, y down.
-    fn on_page(&self, p: Point) -> Point {
+    fn on_page(&self, p: PlanePoint) -> PlanePoint {
         let [x, y] = self.page.at(p);
         [x, self.page.size[1] - y]
     }
 
     /// Whether the edge nearest to a point is the border there, and not one within the area.
-    fn is_at_border(&self, p: Point) -> bool {
+    fn is_at_border(&self, p: PlanePoint) -> bool {
         let at = self.on_page(p);
         let Some(edge) = self.outline.nearest_edge(at) else { return false };
         let away = self.distance(at);
@@ -170,7 +168,7 @@ struct MaskBorders<'a> {
 }
 
 impl MaskBorders<'_> {
-    fn side(&self, p: Point) -> MaskSide {
+    fn side(&self, p: PlanePoint) -> MaskSide {
         self.borders.iter().map(|b| b.side(p)).fold(MaskSide::Kept(f64::INFINITY), |all, side| match (all, side) {
             (MaskSide::Lost, _) | (_, MaskSide::Lost) => MaskSide::Lost,
             (MaskSide::Border, _) | (_, MaskSide::Border) => MaskSide::Border,
@@ -207,7 +205,7 @@ impl MaskBorders<'_> {
                 (drawing.stroke)(k, &mut piece);
                 pieces.push(std::mem::take(&mut piece));
             }
-            let is_marked = |p: Point| pieces.iter().any(|piece| is_on(piece, p));
+            let is_marked = |p: PlanePoint| pieces.iter().any(|piece| is_on(piece, p));
             // Each place is looked for on all sides of the pieces: of a stroke of many sides fewer places are.
             let sides: u64 = pieces.iter().map(|p| p.len() as u64).sum::<u64>() + 1;
             let most = (MAX_SIDES / sides).clamp(1, ALL_PLACES);
@@ -246,12 +244,12 @@ struct Fade {
 
 impl Fade {
     /// Looks at one place of a stroke in the soft border, if it has one.
-    fn add(&mut self, limits: &MaskBorders<'_>, points: &[P2], number: u64, is_marked: impl Fn(Point) -> bool) {
-        let depth = |p: Point| match limits.side(p) {
+    fn add(&mut self, limits: &MaskBorders<'_>, points: &[P2], number: u64, is_marked: impl Fn(PlanePoint) -> bool) {
+        let depth = |p: PlanePoint| match limits.side(p) {
             MaskSide::Kept(d) if d < limits.soft => Some(d),
             _ => None,
         };
-        let near: Vec<(Point, f64)> = places(points, 64).filter_map(|p| Some((p, depth(p)?))).collect();
+        let near: Vec<(PlanePoint, f64)> = places(points, 64).filter_map(|p| Some((p, depth(p)?))).collect();
         if near.is_empty() {
             return;
         }
@@ -278,7 +276,7 @@ impl Fade {
 }
 
 /// Places of a stroke, evenly along it; of a dot its point.
-fn places(points: &[P2], count: usize) -> impl Iterator<Item = Point> + '_ {
+fn places(points: &[P2], count: usize) -> impl Iterator<Item = PlanePoint> + '_ {
     let point = |p: P2| [p.x as f64, p.y as f64];
     let total: f64 = points.windows(2).map(|w| w[0].distance(w[1])).sum();
     let (mut k, mut before) = (0, 0.0);
@@ -297,7 +295,7 @@ fn places(points: &[P2], count: usize) -> impl Iterator<Item = Point> + '_ {
 }
 
 /// Whether a point lies on a polyline.
-fn is_on(line: &[P2], [x, y]: Point) -> bool {
+fn is_on(line: &[P2], [x, y]: PlanePoint) -> bool {
     let from_point = |p: P2| [p.x as f64 - x, p.y as f64 - y];
     if let [dot] = line {
         let [dx, dy] = from_point(*dot);

@@ -49,8 +49,9 @@ impl Page {
             Area::Rectangle(area) => Some(*area),
             Area::Unlimited => None,
         };
-        let place = limit.unwrap_or(site.part_box);
-        let [w, h] = [0, 1].map(|k| place.hi[k] - place.lo[k]);
+        // The box in which the page is fitted and aligned.
+        let room = limit.unwrap_or(site.part_box);
+        let [w, h] = [0, 1].map(|k| room.hi[k] - room.lo[k]);
         let size = match *size {
             Size::File => sides,
             Size::Mm(size) => size,
@@ -61,6 +62,7 @@ impl Page {
                     Fit::Contain => (w / a).min(h / b),
                     Fit::Width => w / a,
                     Fit::Height => h / b,
+                    // Seen from the page it is the area that is turned.
                     Fit::Cover => {
                         let [a, b] = around([w, h], *turn_rad);
                         (a / sides[0]).max(b / sides[1])
@@ -69,20 +71,21 @@ impl Page {
                 sides.map(|s| s * by)
             }
         };
-        // Of a page turned about its lower left corner.
+        // Around the page, turned about its lower left corner, as seen from that corner.
         let corners = BoxMm { lo: [0.0; 2], hi: size }.corners().map(|c| turned(c, *turn_rad));
-        let seen = BoxMm::of(corners);
+        let turned_box = BoxMm::of(corners);
         let origin = match (position, limit) {
             (Position::Origin(origin), _) => *origin,
+            // Of a turned page too it is the corner that is placed, not the box around it.
             (Position::Usual, Some(area)) => area.lo,
             (Position::Usual, None) => {
                 let middle = turned(size.map(|s| s / 2.0), *turn_rad);
-                [0, 1].map(|k| (place.lo[k] + place.hi[k]) / 2.0 - middle[k])
+                [0, 1].map(|k| (room.lo[k] + room.hi[k]) / 2.0 - middle[k])
             }
             (Position::Aligned(align), _) => {
                 let share = shares(*align);
-                let free = [0, 1].map(|k| place.hi[k] - place.lo[k] - (seen.hi[k] - seen.lo[k]));
-                [0, 1].map(|k| place.lo[k] - seen.lo[k] + share[k] * free[k])
+                let free = [0, 1].map(|k| room.hi[k] - room.lo[k] - (turned_box.hi[k] - turned_box.lo[k]));
+                [0, 1].map(|k| room.lo[k] - turned_box.lo[k] + share[k] * free[k])
             }
         };
         let (mirror, tiles) = (marking.mirror, *tile);

@@ -167,7 +167,7 @@ impl SheetChecker<'_> {
 
     /// Which cell of a row is not the block's.
     fn differs(&self, id: &str, block: &Block, cells: [&str; 10], columns: &TableColumns) -> Option<&'static str> {
-        let [name, x, y, z, focus, drawing, strokes, marks, time, pens] = cells;
+        let [name, x, y, z, lpfl, drawing, strokes, marks, time, pens] = cells;
         let [place, length, seconds] = columns.decimals;
         let is_at = |cell: &str, nm: i64| {
             number::nm_from_decimal(cell.as_bytes())
@@ -182,7 +182,7 @@ impl SheetChecker<'_> {
         [
             ("name", name == id),
             ("stage target", is_at(x, block.stage[0]) && is_at(y, block.stage[1]) && is_at(z, block.stage[2])),
-            ("focus (lpfl)", is_at(focus, block.stop.focus.0)),
+            ("focus (lpfl)", is_at(lpfl, block.stop.lpfl.0)),
             ("drawing", drawing == own),
             ("number of strokes", strokes.parse() == Ok(block.strokes.len())),
             ("mark length", is_written(marks, mm, length)),

@@ -45,7 +45,8 @@ pub(super) enum Targets {
     Frames,
 }
 
-/// Reads the stage programs that the job asks for or the manifest lists.
+/// Reads the stage programs that the job asks for or the manifest lists: those of the blocks or those of the frames.
+/// What cannot be read breaks the rule.
 pub(super) fn read(
     folder: &Path,
     manifest: &Manifest,
@@ -56,10 +57,10 @@ pub(super) fn read(
     let is_frames = targets == Targets::Frames;
     let mut out = Vec::new();
     let drawings = formats::of_drawings(&facts.formats, &manifest.files, &manifest.blocks).map(|(_, ending)| ending);
-    for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
-        let Stepped::Stage { file, handshake, read } = files else { continue };
+    for (_, stepped) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+        let Stepped::Stage { file, handshake, read: parse } = stepped else { continue };
         let name = if is_frames { formats::of_frames(file) } else { file.to_owned() };
-        match formats::bytes(folder, &name).map(|bytes| read(&bytes)) {
+        match formats::bytes(folder, &name).map(|bytes| parse(&bytes)) {
             Ok(Ok(StageProgram { statements, names, numbers })) => {
                 out.push(StageFile { name, handshake, is_frames, statements, drawings, names, numbers });
             }

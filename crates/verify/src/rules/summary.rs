@@ -191,7 +191,7 @@ fn check_defocus(manifest: &Manifest, file: &ProgramFile, marks: &MarkFigures, r
     let tolerance = (DEFOCUS + marks.worst_tolerance) / 1e3;
     let found = marks.worst_defocus / 1e3;
     // A mark along the part's border may have no facet under it here, yet have its stated heights.
-    let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo).f64() / 1e3;
+    let off = |b: &Block| (b.z_hi - b.stop.lpfl).max(b.stop.lpfl - b.z_lo).f64() / 1e3;
     let stated = file.program.blocks.iter().map(off).fold(found, f64::max);
     rule.require_figure("", "worst_defocus_um", worst_um, worst_um.clamp(found, stated), tolerance);
 }

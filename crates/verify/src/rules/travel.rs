@@ -23,7 +23,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
             rule.broken(id, place, fault);
             continue;
         }
-        let mut wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
+        let mut wanted = machine.stage_from_part(c, block.stop.lpfl, file.origin(block));
         if leans(machine, block) {
             wanted = block.stage;
         } else if machine.zoom.is_some() {
@@ -77,7 +77,7 @@ fn head_fault(machine: &Machine, block: &Block, origin: Origin) -> Option<String
     let axes = machine.tilt.as_ref().filter(|_| leans(machine, block))?;
     let head = HeadPose::new(machine, block.stage, block.stop.tilt, origin);
     let found = Turn::new(axes, block.stop.tilt, origin).apply(P3::new(head.centre));
-    let plane = block.stop.focus - block.focus_shift;
+    let plane = block.stop.lpfl - block.focus_shift;
     let wanted = [block.stop.centre.x, block.stop.centre.y, plane.0];
     (0..3).any(|k| (found[k] - wanted[k] as f64).abs() > APART).then(|| {
         let mm = |p: [f64; 3]| p.map(|v| v.round() / NM_PER_MM);

@@ -11,12 +11,13 @@ use crate::proof::Rule;
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{FieldPoint, P2, P3};
 use terrace_core::machine::{Origin, TiltAngles};
-use terrace_core::program::{Block, CHORD_NM, PassId};
+use terrace_core::program::{Block, CHORD_NM, PassId, SetupId};
 
 /// The geometry of one tilt under a box of the part, nm.
 pub(super) struct Turned {
     tilt: TiltAngles,
     pass: PassId,
+    setup: SetupId,
     area: BoxNm,
     pub(super) turn: Turn,
     pub(super) geometry: Geometry,
@@ -101,15 +102,16 @@ impl Turned {
         if tilt.is_upright() {
             return false;
         }
-        // Later passes lie on a surface that has sunk along the part's own z.
+        // Later passes lie on a surface that has sunk along the part's own z. The geometry is that of the file, so the
+        // origin is lowered in its place.
         let Origin([x, y, z]) = file.origin(block);
         let turn = Turn::new(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered(block.pass).0)]));
-        let block = &facts.raised(block);
-        let needed = area(file, block, &turn);
-        let serves = |t: &Self| (t.tilt, t.pass) == (tilt, block.pass) && t.area.holds(&needed);
+        let needed = area(file, &facts.raised(block), &turn);
+        let serves = |t: &Self| (t.tilt, t.pass, t.setup) == (tilt, block.pass, block.setup) && t.area.holds(&needed);
         if !last.as_ref().is_some_and(serves) {
             let area = needed.grown(SPARE);
-            *last = Some(Self { tilt, pass: block.pass, area, turn, geometry: flat.turned(&turn, area) });
+            let Block { pass, setup, .. } = *block;
+            *last = Some(Self { tilt, pass, setup, area, turn, geometry: flat.turned(&turn, area) });
         }
         true
     }
@@ -212,7 +214,7 @@ impl Turned {
     /// Where a point of the field would lie in the drawing if the part were at the focal plane there.
     fn at_focus(&self, block: &Block, p: FieldPoint) -> [f64; 2] {
         let [x, y] = on_turned_part(block, p);
-        let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.focus.f64()])).at;
+        let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.lpfl.f64()])).at;
         [x, y]
     }
 
@@ -234,7 +236,7 @@ impl Turned {
         let sheets = || around.iter().filter_map(|p| p.sheet);
         let found = sheets().find(is_near).or_else(|| sheets().next());
         // Off the part, which the rule `surface` says, any height does.
-        let (z, slope2) = found.map_or((block.stop.focus.f64(), 0.0), |s| (s.z[0], s.slope2));
+        let (z, slope2) = found.map_or((block.stop.lpfl.f64(), 0.0), |s| (s.z[0], s.slope2));
         let [x, y, _] = self.turn.back(P3::new([p_turned[0], p_turned[1], z])).at;
         drawn.points[point] = P2::new(x.round() as i64, y.round() as i64);
         let is_under = around.first().and_then(|p| p.sheet).is_some_and(|s| is_near(&s));

@@ -152,7 +152,7 @@ impl Made {
     }
 
     fn stage(&self, b: &MadeBlock) -> Commanded {
-        self.facts.machine.stage_from_part(b.stop.centre, b.stop.focus, self.origin)
+        self.facts.machine.stage_from_part(b.stop.centre, b.stop.lpfl, self.origin)
     }
 
     pub(super) fn program(&self) -> Program {
@@ -228,7 +228,7 @@ impl Made {
             json!({
                 "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.deg(),
-                "lpfl_mm": b.stop.focus.mm(), "focus_shift_mm": b.focus_shift.mm(), "stage": b.stage.mm(),
+                "lpfl_mm": b.stop.lpfl.mm(), "focus_shift_mm": b.focus_shift.mm(), "stage": b.stage.mm(),
                 "lift_z_mm": (b.retract || i == 0).then(|| self.facts.machine.retract_z().mm()), "z_lo_mm": b.z_lo.mm(),
                 "z_hi_mm": b.z_hi.mm(), "pens": pens_of(&program, b), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
@@ -350,7 +350,7 @@ fn block(k: u32, strokes: &[(PenId, Vec<P2>)]) -> MadeBlock {
         level: k as i32,
         tilt: TiltAngles::UPRIGHT,
         centre: Turn::upright(p(20.0 + 40.0 * f64::from(section), 10.0)),
-        focus: lo + Nm(200_000),
+        lpfl: lo + Nm(200_000),
         z_lo: lo,
         z_hi: hi,
     };

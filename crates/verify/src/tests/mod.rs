@@ -154,13 +154,13 @@ fn valid_folder_verifies_with_its_lengths() {
 
 #[test]
 fn depth_reports_a_shifted_focal_plane() {
-    let proof = mutant(|m| m.blocks[1].stop.focus += Nm(100_000));
+    let proof = mutant(|m| m.blocks[1].stop.lpfl += Nm(100_000));
     assert_only("depth", &proof);
     let rule = proof.rule("depth").expect("depth");
     assert_eq!((rule.violated, rule.violations[0].block.as_str()), (9, "B0002"), "the loop stays in focus");
     assert!((proof.worst_defocus_um - 300.0).abs() < 1e-6);
     assert_only("depth", &mutant(|m| m.blocks[2].z[0] += Nm(1_000)));
-    assert!(mutant(|m| m.blocks[1].stop.focus += Nm(0)).ok);
+    assert!(mutant(|m| m.blocks[1].stop.lpfl += Nm(0)).ok);
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn depth_reports_a_block_beyond_the_depth_range() {
         let other = m.blocks.remove(1);
         let first = &mut m.blocks[0];
         first.marks.extend(other.marks);
-        (first.stop.z_hi, first.z[1], first.stop.focus) = (other.stop.z_hi, other.z[1], other.stop.z_lo);
+        (first.stop.z_hi, first.z[1], first.stop.lpfl) = (other.stop.z_hi, other.z[1], other.stop.z_lo);
         for (level, b) in m.blocks.iter_mut().enumerate() {
             b.stop.level = level as i32;
         }
@@ -221,7 +221,7 @@ fn once_allows_overlaps_as_declared_and_no_others() {
         marks[0].points[0].x -= by;
         let low = Nm(by / 50);
         (stop.z_lo, z[0]) = (stop.z_lo - low, z[0] - low);
-        (stop.z_hi, stop.focus) = (stop.z_hi, stop.focus);
+        (stop.z_hi, stop.lpfl) = (stop.z_hi, stop.lpfl);
         made.facts.depth_range = Nm(410_000);
         made.facts.pdof = made.facts.depth_range;
         change(&mut made);

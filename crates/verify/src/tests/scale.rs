@@ -66,7 +66,7 @@ fn block(column: u32, row: u32) -> MadeBlock {
         level: 0,
         tilt: TiltAngles::UPRIGHT,
         centre: P2::new(lo(column) + 20 * MM, lo(row) + 20 * MM),
-        focus: Nm(0),
+        lpfl: Nm(0),
         z_lo: Nm(-45 * MM),
         z_hi: Nm(45 * MM),
     };

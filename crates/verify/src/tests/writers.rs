@@ -26,7 +26,7 @@ pub(super) fn program(program: &Program, o: Origin) -> String {
             s.tilt[1],
             s.centre.x,
             s.centre.y,
-            s.focus.0,
+            s.lpfl.0,
             s.z_lo.0,
             s.z_hi.0,
             b.stage[0],
@@ -102,12 +102,12 @@ impl Sheets<'_> {
             .to_owned();
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let names: Vec<&str> = pens.iter().map(|&p| self.program.pens[p].name.as_str()).collect();
-            let (focus, strokes) = (b.stop.focus.mm(), b.strokes.len());
+            let (lpfl, strokes) = (b.stop.lpfl.mm(), b.strokes.len());
             let [column, row] = b.stop.section.0;
             let jump = self.program.jump_mm(b);
             let file = format!("blocks/{id}.dxf,{strokes},{mm:.3},{jump:.3},{time:.3},\"{}\"", names.join("; "));
             let lift = if b.retract || id == "B0001" { "200.000000" } else { "" };
-            let place = format!("{id},{column},{row},{},{x:.6},{y:.6},{z:.6},{focus:.6}", b.stop.level);
+            let place = format!("{id},{column},{row},{},{x:.6},{y:.6},{z:.6},{lpfl:.6}", b.stop.level);
             writeln!(t, "{place},{file},{},{},{lift},0.000000", b.pass.number(), b.setup.number()).expect("text");
         }
         t
@@ -135,13 +135,13 @@ impl Sheets<'_> {
               block  section  level  X  Y  Z  LPFL  strokes  marks mm  time s  pens  file\n";
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let pens: Vec<String> = pens.iter().map(|p| (p + 1).to_string()).collect();
-            let (focus, strokes, pens) = (b.stop.focus.mm(), b.strokes.len(), pens.join(" "));
+            let (lpfl, strokes, pens) = (b.stop.lpfl.mm(), b.strokes.len(), pens.join(" "));
             if b.retract || id == "B0001" {
                 writeln!(t, "LIFT to Z200, then go to {id}").expect("text");
             }
             writeln!(
                 t,
-                "{id}  {},{}  {}  {x:.4}  {y:.4}  {z:.4}  {focus:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf",
+                "{id}  {},{}  {}  {x:.4}  {y:.4}  {z:.4}  {lpfl:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf",
                 b.stop.section.0[0],
                 b.stop.section.0[1],
                 b.stop.level,

@@ -6,7 +6,7 @@ use super::page;
 use crate::job::faults::Faults;
 use crate::job::file_unit::FileUnit;
 use crate::texture::pattern::PatternKeys;
-use crate::texture::{self, Area, Kind, Marking, Mask, Masks, Screen, Selector, StrokeMode};
+use crate::texture::{self, Area, Kind, Marking, Mask, Masks, Mirror, Position, Screen, Selector, Size, StrokeMode};
 use terrace_core::diag::Diag;
 use terrace_core::units::{Angle, Length};
 
@@ -54,23 +54,19 @@ fn mask(texture: &Texture<'_>, key: &str, keys: &MaskKeys, f: &mut Faults<'_>) -
         f.push(&texture.key(key), fault);
         return None;
     }
-    let (page, turn, mirror, unit, area) = match keys {
-        // Its page lies where a drawing with the same keys would.
-        MaskKeys::Named(_) => {
-            let area = if texture.keys.common.area.is_some() { texture.area_as_given() } else { Area::Unlimited };
-            match texture.keys.drawing() {
-                Some(keys) => (keys.into(), keys.turn, keys.mirror, keys.unit, area),
-                None => (page::PageKeys::default(), Angle::default(), None, texture.unit(), area),
+    let MaskPlacement { size, position, turn, mirror, unit, area } = match keys {
+        MaskKeys::Named(_) => placed_as_texture(texture),
+        MaskKeys::Placed(own) => {
+            if own.unit.is_some() && !super::is_dxf(&path) {
+                let fault = Diag::input("texture-key", "unit applies to DXF drawings alone");
+                f.push(
+                    &texture.key(&format!("{key}.unit")),
+                    fault.hint("state the size of the mask, or leave unit out"),
+                );
             }
+            let (size, position) = page::resolve((&**own).into(), &|name| texture.key(&format!("{key}.{name}")), f);
+            MaskPlacement { size, position, turn: own.turn, mirror: own.mirror, unit: own.unit, area: Area::Unlimited }
         }
-        MaskKeys::Placed(keys) => ((&**keys).into(), keys.turn, keys.mirror, keys.unit, Area::Unlimited),
-    };
-    let is_placed = matches!(keys, MaskKeys::Placed(_));
-    // Faults of the texture's own keys are reported once, by itself.
-    let (size, position) = if is_placed {
-        page::resolve(page, &|name| texture.key(&format!("{key}.{name}")), f)
-    } else {
-        page::of_agreeing(page)
     };
     let marking = Marking {
         stroke: StrokeMode::Centre,
@@ -78,6 +74,7 @@ fn mask(texture: &Texture<'_>, key: &str, keys: &MaskKeys, f: &mut Faults<'_>) -
         mirror,
         ..Marking::default()
     };
+    // A unit that the texture states for its own DXF file means nothing for a mask in another format.
     let unit = unit.filter(|_| super::is_dxf(&path));
     let drawing = Kind::Drawing {
         path,
@@ -89,6 +86,33 @@ fn mask(texture: &Texture<'_>, key: &str, keys: &MaskKeys, f: &mut Faults<'_>) -
         marking: Box::new(marking),
     };
     Some(Mask { drawing, area, name: name.map(str::to_owned) })
+}
+
+/// How the page of a mask lies on the part.
+struct MaskPlacement {
+    size: Size,
+    position: Position,
+    turn: Angle,
+    mirror: Option<Mirror>,
+    unit: Option<FileUnit>,
+    area: Area,
+}
+
+/// The placement of a mask without keys of its own: that of a drawing with the keys of the texture.
+fn placed_as_texture(texture: &Texture<'_>) -> MaskPlacement {
+    let drawing = texture.keys.drawing();
+    // Faults of the texture's own keys are reported once, by itself.
+    let (size, position) = page::of_agreeing(drawing.map(page::PageKeys::from).unwrap_or_default());
+    // Without the key `area` a drawing has no limit; `area_as_given` would return the part for a pattern.
+    let area = if texture.keys.common.area.is_some() { texture.area_as_given() } else { Area::Unlimited };
+    MaskPlacement {
+        size,
+        position,
+        turn: drawing.map(|keys| keys.turn).unwrap_or_default(),
+        mirror: drawing.and_then(|keys| keys.mirror),
+        unit: texture.unit(),
+        area,
+    }
 }
 
 /// What a name in a drawing selects: of a name without a kind, all that may have it.

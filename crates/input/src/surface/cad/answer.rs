@@ -68,7 +68,7 @@ impl About {
         self.vertices.checked_mul(VERTEX)?.checked_add(self.triangles.checked_mul(TRIANGLE)?)
     }
 
-    /// What the user should know of the file.
+    /// Adds what the user should know of the file to `notes`; `fine` is how finely the converter was to divide it.
     pub(super) fn notes(&self, path: &Path, fine: Tessellation, notes: &mut Vec<Diag>) {
         let at = || place(path);
         if self.without_triangles > 0 || self.failed_count > 0 {
@@ -106,6 +106,8 @@ impl About {
                     .hint("compare size and faces with the part in the CAD program"),
             );
         }
+        // `convert.py` divides facets until they keep the tolerance, but no edges on borders of faces, which neighbours
+        // share: only these can lie farther off.
         if self.worst_mm > 1.01 * fine.chord_mm {
             let text = format!(
                 "facets lie up to {:.4} mm off the surface, more than the chord tolerance of {} mm",

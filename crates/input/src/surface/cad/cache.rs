@@ -47,7 +47,7 @@ fn folder() -> Option<PathBuf> {
     Some(around?.join("terrace").join("cad"))
 }
 
-/// The answer of this name, if it is there and whole.
+/// The answer that is kept under this key, if it is there and whole; it then counts as the newest.
 pub(super) fn get(key: &str) -> Option<CadMesh> {
     let path = folder()?.join(key);
     let mut bytes = std::fs::read(&path).ok()?;
@@ -57,7 +57,8 @@ pub(super) fn get(key: &str) -> Option<CadMesh> {
     }
     bytes.truncate(end);
     let mesh = CadMesh::read(&bytes).ok()?;
-    // The oldest ones go first; where the time cannot be set this one goes earlier, nothing else.
+    // `sweep` removes those first that were not used for longest. Where the time cannot be set this one goes earlier,
+    // nothing else.
     let file = std::fs::File::options().write(true).open(&path);
     let _ = file.and_then(|f| f.set_modified(SystemTime::now()));
     Some(mesh)

@@ -235,7 +235,7 @@ fn out_of_time(limits: &Limits) -> Diag {
         .hint("use a larger chord tolerance, or allow more with TERRACE_CONVERTER_SECONDS (default 300)")
 }
 
-/// The diagnostic for a converter that died.
+/// The diagnostic for a converter that ended by itself without an answer to use; `said` is the last that it printed.
 fn crashed(status: ExitStatus, limits: &Limits, said: &str) -> Diag {
     #[cfg(unix)]
     if std::os::unix::process::ExitStatusExt::signal(&status) == Some(SIGXCPU) {
@@ -246,7 +246,8 @@ fn crashed(status: ExitStatus, limits: &Limits, said: &str) -> Diag {
     Diag::input("cad-crashed", text).hint(remedy)
 }
 
-/// The signal for too much processor time.
+/// The signal, on Linux and macOS, that ends a process beyond its limit of processor time: `convert.py` sets that limit
+/// to the seconds that it may take.
 #[cfg(unix)]
 const SIGXCPU: i32 = 24;
 

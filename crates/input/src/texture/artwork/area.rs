@@ -10,12 +10,10 @@ use super::WindingRule;
 use super::crossings::{TooMany, are_few, edges};
 use super::cut::{Cutter, Keep};
 use crate::texture::clip::Polylines;
-use terrace_core::geom::BoxMm;
-
-type Point = [f64; 2];
+use terrace_core::geom::{BoxMm, PlanePoint};
 
 /// One outer contour, anticlockwise, and its holes, clockwise; none repeats its first point.
-pub(in crate::texture) type Polygon = Vec<Vec<Point>>;
+pub(in crate::texture) type Polygon = Vec<Vec<PlanePoint>>;
 
 /// Angle between the points of round corners, rad: they lie within 0.3 % of the radius.
 const ROUND: f64 = 0.05 * std::f64::consts::PI;
@@ -27,10 +25,10 @@ pub(in crate::texture) struct PolygonArea(Vec<Polygon>);
 impl PolygonArea {
     /// What contours enclose; open ones are closed by a straight line.
     pub(in crate::texture) fn new<'a>(
-        contours: impl Iterator<Item = &'a [Point]>,
+        contours: impl Iterator<Item = &'a [PlanePoint]>,
         rule: WindingRule,
     ) -> Result<Self, TooMany> {
-        let contours: Vec<Vec<Point>> = contours.map(|c| open(c).to_vec()).filter(|c| c.len() > 2).collect();
+        let contours: Vec<Vec<PlanePoint>> = contours.map(|c| open(c).to_vec()).filter(|c| c.len() > 2).collect();
         let rule = match rule {
             WindingRule::NonZero => FillRule::NonZero,
             WindingRule::EvenOdd => FillRule::EvenOdd,
@@ -78,7 +76,7 @@ impl PolygonArea {
 
     /// With all points moved by a map that keeps left and right.
     #[must_use]
-    pub(in crate::texture) fn mapped(mut self, map: impl Fn(Point) -> Point) -> Self {
+    pub(in crate::texture) fn mapped(mut self, map: impl Fn(PlanePoint) -> PlanePoint) -> Self {
         self.0.iter_mut().flatten().flatten().for_each(|p| *p = map(*p));
         self
     }
@@ -98,7 +96,7 @@ impl PolygonArea {
     }
 
     /// Appends what of lines lies in it.
-    pub(in crate::texture) fn cut<'a>(&self, lines: impl Iterator<Item = &'a [Point]>, out: &mut Polylines) {
+    pub(in crate::texture) fn cut<'a>(&self, lines: impl Iterator<Item = &'a [PlanePoint]>, out: &mut Polylines) {
         let cutter = self.cutter();
         lines.for_each(|line| cutter.cut(line, Keep::Inside, out));
     }
@@ -112,7 +110,7 @@ impl PolygonArea {
     }
 
     /// Outer contours and holes.
-    pub(in crate::texture) fn contours(&self) -> impl Iterator<Item = &Vec<Point>> {
+    pub(in crate::texture) fn contours(&self) -> impl Iterator<Item = &Vec<PlanePoint>> {
         self.0.iter().flatten()
     }
 
@@ -133,7 +131,7 @@ impl PolygonArea {
 }
 
 /// A contour without its last point where that repeats the first.
-fn open(contour: &[Point]) -> &[Point] {
+fn open(contour: &[PlanePoint]) -> &[PlanePoint] {
     match contour {
         [first, rest @ .., last] if first == last && !rest.is_empty() => &contour[..contour.len() - 1],
         _ => contour,
@@ -144,14 +142,15 @@ fn open(contour: &[Point]) -> &[Point] {
 mod tests {
     use super::*;
 
-    fn square(x: f64, y: f64, side: f64) -> Vec<Point> {
+    fn square(x: f64, y: f64, side: f64) -> Vec<PlanePoint> {
         vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]
     }
 
     #[test]
     fn booleans_have_the_expected_sizes() {
-        let of =
-            |contours: &[Vec<Point>], rule| PolygonArea::new(contours.iter().map(Vec::as_slice), rule).expect("few");
+        let of = |contours: &[Vec<PlanePoint>], rule| {
+            PolygonArea::new(contours.iter().map(Vec::as_slice), rule).expect("few")
+        };
         let ring = of(&[square(0.0, 0.0, 10.0), square(2.0, 2.0, 6.0)], WindingRule::EvenOdd);
         let full = of(&[square(0.0, 0.0, 10.0), square(2.0, 2.0, 6.0)], WindingRule::NonZero);
         let other = of(&[square(5.0, 5.0, 10.0)], WindingRule::NonZero);
@@ -171,7 +170,7 @@ mod tests {
 
     #[test]
     fn areas_with_opposite_directions_do_not_cancel() {
-        let back: Vec<Point> = square(0.0, 0.0, 4.0).into_iter().rev().collect();
+        let back: Vec<PlanePoint> = square(0.0, 0.0, 4.0).into_iter().rev().collect();
         let a = PolygonArea::new([back.as_slice()].into_iter(), WindingRule::NonZero).expect("few");
         let b = PolygonArea::new([square(2.0, 0.0, 4.0).as_slice()].into_iter(), WindingRule::NonZero).expect("few");
         assert!((PolygonArea::union([&a, &b].into_iter()).expect("few").size_mm2() - 24.0).abs() < 1e-6);

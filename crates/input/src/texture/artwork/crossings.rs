@@ -1,6 +1,6 @@
 //! How often contours cross each other, before a boolean operation takes time and memory for each crossing.
 
-use terrace_core::geom::BoxMm;
+use terrace_core::geom::{BoxMm, PlanePoint};
 
 /// Most crossings that an operation computes.
 const MAX_CROSSINGS: usize = 400_000;
@@ -11,14 +11,12 @@ const MAX_TRIED: usize = 60_000_000;
 /// Fewer edges cannot cross too often.
 const FEW: usize = 800;
 
-type Point = [f64; 2];
-
 /// More crossings of contours than an area may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::texture) struct TooMany;
 
 /// The edges of a contour.
-pub(in crate::texture) fn edges(contour: &[Point]) -> impl Iterator<Item = [Point; 2]> {
+pub(in crate::texture) fn edges(contour: &[PlanePoint]) -> impl Iterator<Item = [PlanePoint; 2]> {
     contour.iter().zip(contour.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
 }
 
@@ -26,15 +24,16 @@ pub(in crate::texture) fn edges(contour: &[Point]) -> impl Iterator<Item = [Poin
 ///
 /// Edges are put into the cells of a grid with about as many cells as edges; pairs of edges that share a cell are
 /// tried.
-pub(super) fn are_few<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Result<(), TooMany> {
-    let edges: Vec<[Point; 2]> = contours.flat_map(|c| edges(c)).collect();
+pub(super) fn are_few<'a>(contours: impl Iterator<Item = &'a Vec<PlanePoint>>) -> Result<(), TooMany> {
+    let edges: Vec<[PlanePoint; 2]> = contours.flat_map(|c| edges(c)).collect();
     if edges.len() < FEW {
         return Ok(());
     }
     let bounds = BoxMm::of(edges.iter().flatten().copied());
     let cells = (edges.len() as f64).sqrt().ceil().min(1000.0);
     let step = bounds.size().map(|s| (s / cells).max(f64::MIN_POSITIVE));
-    let cell = |p: Point| [0, 1].map(|k| (((p[k] - bounds.lo[k]) / step[k]).floor().clamp(0.0, cells - 1.0)) as u32);
+    let cell =
+        |p: PlanePoint| [0, 1].map(|k| (((p[k] - bounds.lo[k]) / step[k]).floor().clamp(0.0, cells - 1.0)) as u32);
     let mut entries: Vec<(u32, u32)> = Vec::new();
     for (i, e) in edges.iter().enumerate() {
         let [left, bottom] = cell([e[0][0].min(e[1][0]), e[0][1].min(e[1][1])]);
@@ -66,7 +65,7 @@ pub(super) fn are_few<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Res
 }
 
 /// Where an edge lies between two heights, from left to right; None where it is level.
-fn across([p, q]: [Point; 2], [low, high]: [f64; 2]) -> Option<[f64; 2]> {
+fn across([p, q]: [PlanePoint; 2], [low, high]: [f64; 2]) -> Option<[f64; 2]> {
     if p[1] == q[1] {
         return None;
     }
@@ -77,8 +76,9 @@ fn across([p, q]: [Point; 2], [low, high]: [f64; 2]) -> Option<[f64; 2]> {
 }
 
 /// Whether two edges cross within both.
-fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
-    let side = |p: Point, q: Point, r: Point| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+fn cross([a, b]: [PlanePoint; 2], [c, d]: [PlanePoint; 2]) -> bool {
+    let side =
+        |p: PlanePoint, q: PlanePoint, r: PlanePoint| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
 }
 
@@ -90,9 +90,9 @@ mod tests {
     #[test]
     fn a_tangle_is_told_from_a_fine_outline() {
         let mut noise = Random::case(1);
-        let tangle: Vec<Point> = (0..4000).map(|_| [0; 2].map(|_| noise.range(0.0, 100.0))).collect();
+        let tangle: Vec<PlanePoint> = (0..4000).map(|_| [0; 2].map(|_| noise.range(0.0, 100.0))).collect();
         assert_eq!(are_few([&tangle].into_iter()), Err(TooMany));
-        let circle: Vec<Point> =
+        let circle: Vec<PlanePoint> =
             (0..400_000).map(|i| (f64::from(i) * std::f64::consts::TAU / 4e5).sin_cos().into()).collect();
         assert_eq!(are_few([&circle].into_iter()), Ok(()));
     }

@@ -3,9 +3,7 @@
 use super::crossings::edges;
 use crate::texture::clip::{Polylines, distance, extent, is_closed};
 use crate::texture::place::{LEAST, NM};
-use terrace_core::geom::BoxMm;
-
-type Point = [f64; 2];
+use terrace_core::geom::{BoxMm, PlanePoint};
 
 /// A line that lies nearer to the border of the area than this lies on it, mm.
 const ON: f64 = 2.0 * NM;
@@ -26,13 +24,13 @@ pub(in crate::texture) enum Keep {
 /// The edges of an area in the cells of a grid.
 #[derive(Debug)]
 pub(in crate::texture) struct Cutter {
-    edges: Vec<[Point; 2]>,
+    edges: Vec<[PlanePoint; 2]>,
     cells: Cells,
 }
 
 impl Cutter {
     /// The contours of an area bound it by the rule evenodd.
-    pub(super) fn new<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Self {
+    pub(super) fn new<'a>(contours: impl Iterator<Item = &'a Vec<PlanePoint>>) -> Self {
         let edges: Vec<_> = contours.flat_map(|c| edges(c)).collect();
         let count = [(edges.len() / 64).clamp(1, MAX_COLUMNS), (edges.len() / 2).clamp(1, MAX_ROWS)];
         let cells = Cells::new(&edges, count, 2.0 * ON);
@@ -40,13 +38,13 @@ impl Cutter {
     }
 
     /// For few contours and many lines: a grid of this many columns and rows.
-    pub(in crate::texture) fn with_cells(contours: &[Vec<Point>], count: [usize; 2]) -> Self {
+    pub(in crate::texture) fn with_cells(contours: &[Vec<PlanePoint>], count: [usize; 2]) -> Self {
         let edges: Vec<_> = contours.iter().flat_map(|c| edges(c)).collect();
         let cells = Cells::new(&edges, count, 2.0 * ON);
         Self { edges, cells }
     }
 
-    pub(in crate::texture) fn edges(&self) -> &[[Point; 2]] {
+    pub(in crate::texture) fn edges(&self) -> &[[PlanePoint; 2]] {
         &self.edges
     }
 
@@ -56,14 +54,14 @@ impl Cutter {
 
     /// Appends the pieces of a polyline on the side that is kept, in its direction. Of a closed one no piece is divided
     /// at its first point unless it is whole.
-    pub(in crate::texture) fn cut(&self, line: &[Point], keep: Keep, out: &mut Polylines) {
+    pub(in crate::texture) fn cut(&self, line: &[PlanePoint], keep: Keep, out: &mut Polylines) {
         if let [dot] = line {
             if self.holds(*dot).unwrap_or(true) == (keep == Keep::Inside) {
                 out.push(line);
             }
             return;
         }
-        let mut pieces: Vec<Vec<Point>> = Vec::new();
+        let mut pieces: Vec<Vec<PlanePoint>> = Vec::new();
         // Whether the last piece reaches up to the place that is looked at.
         let mut is_open = false;
         let mut ts = Vec::new();
@@ -97,7 +95,7 @@ impl Cutter {
     }
 
     /// Writes the parameters, from 0 to 1, between each two of which the segment lies on one side into `ts`.
-    fn crossings(&self, [a, b]: [Point; 2], ts: &mut Vec<f64>) {
+    fn crossings(&self, [a, b]: [PlanePoint; 2], ts: &mut Vec<f64>) {
         ts.clear();
         ts.extend([0.0, 1.0]);
         let d = [b[0] - a[0], b[1] - a[1]];
@@ -106,8 +104,8 @@ impl Cutter {
             ts.truncate(1);
             return;
         }
-        let side = |p: Point| (d[0] * (p[1] - a[1]) - d[1] * (p[0] - a[0])) / square.sqrt();
-        let along = |p: Point| (d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1])) / square;
+        let side = |p: PlanePoint| (d[0] * (p[1] - a[1]) - d[1] * (p[0] - a[0])) / square.sqrt();
+        let along = |p: PlanePoint| (d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1])) / square;
         let left = a[0].min(b[0]) - ON;
         let right = a[0].max(b[0]) + ON;
         self.cells.along([a, b], |cell| {
@@ -132,7 +130,7 @@ impl Cutter {
     }
 
     /// Whether the area holds a point; None for one on its border.
-    pub(in crate::texture) fn holds(&self, p: Point) -> Option<bool> {
+    pub(in crate::texture) fn holds(&self, p: PlanePoint) -> Option<bool> {
         let BoxMm { lo, hi } = self.cells.bounds;
         if (0..2).any(|k| p[k] < lo[k] - ON || p[k] > hi[k] + ON) {
             return Some(false);
@@ -174,7 +172,7 @@ pub(in crate::texture) struct Cells {
 }
 
 impl Cells {
-    pub(in crate::texture) fn new(edges: &[[Point; 2]], count: [usize; 2], reach: f64) -> Self {
+    pub(in crate::texture) fn new(edges: &[[PlanePoint; 2]], count: [usize; 2], reach: f64) -> Self {
         let bounds = BoxMm::of(edges.iter().flatten().copied());
         let step = [0, 1].map(|k| ((bounds.hi[k] - bounds.lo[k]) / count[k] as f64).max(ON));
         let mut cells = Self { bounds, count, step, reach, starts: vec![0; count[0] * count[1] + 1], list: Vec::new() };
@@ -211,7 +209,7 @@ impl Cells {
     }
 
     /// The middle of a cell.
-    pub(in crate::texture) fn centre(&self, cell: usize) -> Point {
+    pub(in crate::texture) fn centre(&self, cell: usize) -> PlanePoint {
         let at = [cell % self.count[0], cell / self.count[0]];
         [0, 1].map(|k| self.bounds.lo[k] + (at[k] as f64 + 0.5) * self.step[k])
     }
@@ -222,13 +220,13 @@ impl Cells {
     }
 
     /// Whether a box lies beyond the reach of all edges.
-    pub(in crate::texture) fn is_far(&self, lo: Point, hi: Point) -> bool {
+    pub(in crate::texture) fn is_far(&self, lo: PlanePoint, hi: PlanePoint) -> bool {
         let BoxMm { lo: l, hi: h } = self.bounds;
         (0..2).any(|k| hi[k] < l[k] - self.reach || lo[k] > h[k] + self.reach)
     }
 
     /// The cells that hold the edges within reach of a segment, row by row.
-    pub(in crate::texture) fn along(&self, [a, b]: [Point; 2], f: impl FnMut(usize)) {
+    pub(in crate::texture) fn along(&self, [a, b]: [PlanePoint; 2], f: impl FnMut(usize)) {
         let lo = [0, 1].map(|k| a[k].min(b[k]));
         let hi = [0, 1].map(|k| a[k].max(b[k]));
         if !self.is_far(lo, hi) {
@@ -237,7 +235,7 @@ impl Cells {
     }
 
     /// The cells within `by` of a segment along x and y.
-    fn near(&self, [a, b]: [Point; 2], by: f64, mut f: impl FnMut(usize)) {
+    fn near(&self, [a, b]: [PlanePoint; 2], by: f64, mut f: impl FnMut(usize)) {
         let rows = self.index(1, a[1].min(b[1]) - by)..=self.index(1, a[1].max(b[1]) + by);
         let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
         for row in rows {
@@ -260,8 +258,8 @@ mod tests {
     use super::*;
     use crate::texture::artwork::{PolygonArea, WindingRule};
 
-    fn pieces(line: &[Point], keep: Keep) -> Vec<Vec<Point>> {
-        let ring: [&[Point]; 2] =
+    fn pieces(line: &[PlanePoint], keep: Keep) -> Vec<Vec<PlanePoint>> {
+        let ring: [&[PlanePoint]; 2] =
             [&[[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]], &[[3.0, 3.0], [6.0, 3.0], [6.0, 6.0], [3.0, 6.0]]];
         let area = PolygonArea::new(ring.into_iter(), WindingRule::EvenOdd).expect("few");
         let mut out = Polylines::default();

@@ -11,9 +11,7 @@ use super::cut::Keep;
 use super::marking::{ContourPass, Marking};
 use crate::texture::clip::{Polylines, is_closed};
 use crate::texture::place::{LEAST, NM};
-use terrace_core::geom::{BoxMm, cos_sin};
-
-type Point = [f64; 2];
+use terrace_core::geom::{BoxMm, PlanePoint, cos_sin};
 
 /// The least inset, mm.
 const LEAST_INSET: f64 = 2.0 * NM;
@@ -158,7 +156,7 @@ impl Hatch {
         push_contours(inner, &mut contours);
         contours.iter().for_each(|contour| near.cut(contour, Keep::Outside, &mut far));
         let length =
-            |line: &[Point]| line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+            |line: &[PlanePoint]| line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
         // Tips at sharp corners, shorter than a pitch, close no stripe.
         far.iter().filter(|line| is_closed(line) || length(line) >= self.pitch_mm).for_each(|line| out.push(line));
     }
@@ -170,8 +168,8 @@ impl Hatch {
     /// Appends the lines of one direction, in a frame whose u runs along them and whose v runs across.
     fn lines(&self, polygon: &Polygon, direction: f64, out: &mut Polylines) -> Result<(), TooFine> {
         let [c, s] = cos_sin(direction);
-        let turned = |[x, y]: Point| [c * x + s * y, c * y - s * x];
-        let sides: Vec<[Point; 2]> = polygon.iter().flat_map(|ring| edges(ring)).map(|e| e.map(turned)).collect();
+        let turned = |[x, y]: PlanePoint| [c * x + s * y, c * y - s * x];
+        let sides: Vec<[PlanePoint; 2]> = polygon.iter().flat_map(|ring| edges(ring)).map(|e| e.map(turned)).collect();
         let pitch = self.pitch_mm;
         // A side can end lines, or cut a gap into them, over its height and the inset above and below it.
         let ends: f64 = sides.iter().map(|[p, q]| ((p[1] - q[1]).abs() + 2.0 * self.inset()) / pitch + 1.0).sum();
@@ -200,7 +198,7 @@ impl Hatch {
 }
 
 /// The least and the greatest v of the sides of closed rings.
-pub(in crate::texture) fn extent_across(sides: &[[Point; 2]]) -> [f64; 2] {
+pub(in crate::texture) fn extent_across(sides: &[[PlanePoint; 2]]) -> [f64; 2] {
     sides.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [p, _]| [lo.min(p[1]), hi.max(p[1])])
 }
 
@@ -274,7 +272,7 @@ impl LineSet {
     }
 
     /// What of the lines lies inside the sides, farther than the inset from each of them.
-    pub(in crate::texture) fn spans(&self, sides: &[[Point; 2]]) -> Vec<Span> {
+    pub(in crate::texture) fn spans(&self, sides: &[[PlanePoint; 2]]) -> Vec<Span> {
         let mut ends: Vec<LineEnd> = Vec::new();
         let mut gaps: Vec<LineGap> = Vec::new();
         for &[p, q] in sides {
@@ -336,7 +334,7 @@ impl LineSet {
 }
 
 /// The stretch of the line at height `v` that lies nearer than `r` to a side.
-fn gap([p, q]: [Point; 2], v: f64, r: f64) -> Option<[f64; 2]> {
+fn gap([p, q]: [PlanePoint; 2], v: f64, r: f64) -> Option<[f64; 2]> {
     let mut out = [f64::INFINITY, f64::NEG_INFINITY];
     let mut add = |u: f64| out = [out[0].min(u), out[1].max(u)];
     for end in [p, q] {
@@ -369,7 +367,7 @@ mod tests {
     use crate::texture::clip::distance;
 
     /// The rings of an area at a pitch of 1 mm and an inset of 0.5 mm.
-    fn rings(contours: &[&[Point]]) -> (PolygonArea, Polylines) {
+    fn rings(contours: &[&[PlanePoint]]) -> (PolygonArea, Polylines) {
         let area = PolygonArea::new(contours.iter().copied(), WindingRule::EvenOdd).expect("few");
         let marking = Marking { pitch_mm: Some(1.0), inset_mm: Some(0.5), ..Marking::default() };
         let hatch = Hatch::of(&marking, 1.0, 0.0);
@@ -385,7 +383,7 @@ mod tests {
         let count = |k: usize| ((bounds.hi[k] - bounds.lo[k]) / 0.05) as i32;
         let places =
             (0..=count(0)).flat_map(|i| (0..=count(1)).map(move |j| (i, j))).map(|(i, j)| [step(0, i), step(1, j)]);
-        let near = |p: Point| {
+        let near = |p: PlanePoint| {
             lines.iter().flat_map(|l| l.windows(2)).map(|w| distance(p, [w[0], w[1]])).fold(f64::INFINITY, f64::min)
         };
         places.filter(|&p| inner.holds(p) == Some(true)).map(near).fold(0.0, f64::max)
@@ -394,9 +392,9 @@ mod tests {
     #[test]
     fn rings_leave_no_stripe_of_two_pitches_in_the_middle() {
         for width in [2.9, 3.0, 3.1, 3.4, 3.6, 3.9, 4.0] {
-            let bar: &[Point] = &[[0.0, 0.0], [20.0, 0.0], [20.0, width], [0.0, width]];
+            let bar: &[PlanePoint] = &[[0.0, 0.0], [20.0, 0.0], [20.0, width], [0.0, width]];
             // A bar beside a square that holds more rings.
-            let head: &[Point] = &[
+            let head: &[PlanePoint] = &[
                 [0.0, 0.0],
                 [20.0, 0.0],
                 [20.0, -4.0],
@@ -413,7 +411,7 @@ mod tests {
             }
         }
         // An annulus: the stripe is closed.
-        let circle = |r: f64| -> Vec<Point> {
+        let circle = |r: f64| -> Vec<PlanePoint> {
             (0..256)
                 .map(|k| (f64::from(k) * std::f64::consts::TAU / 256.0).sin_cos())
                 .map(|(s, c)| [r * c, r * s])
@@ -426,8 +424,8 @@ mod tests {
     #[test]
     fn rings_that_fill_their_area_are_rings_alone() {
         // Depths 0.5, 1.5, 2.5 of 2.6; corners of 90 and of 60 deg.
-        let square: &[Point] = &[[0.0, 0.0], [5.2, 0.0], [5.2, 5.2], [0.0, 5.2]];
-        let triangle: &[Point] = &[[0.0, 0.0], [9.0, 0.0], [4.5, 4.5 * 3.0_f64.sqrt()]];
+        let square: &[PlanePoint] = &[[0.0, 0.0], [5.2, 0.0], [5.2, 5.2], [0.0, 5.2]];
+        let triangle: &[PlanePoint] = &[[0.0, 0.0], [9.0, 0.0], [4.5, 4.5 * 3.0_f64.sqrt()]];
         for contour in [square, triangle] {
             let (area, lines) = rings(&[contour]);
             assert_eq!(lines.len(), 3, "{contour:?}");

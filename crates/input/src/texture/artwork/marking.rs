@@ -57,7 +57,7 @@ pub enum ContourPass {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::texture) enum Weight {
     /// They do, or what is missing has no extent, or is marked as viewers show it.
-    Told,
+    Warned,
     /// Something that is seen would be missing: refused unless the job asks for warnings.
     Refused,
 }

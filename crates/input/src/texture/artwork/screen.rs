@@ -16,10 +16,8 @@ use super::marking::{Marking, Screen};
 use crate::texture::clip::Polylines;
 use crate::texture::place::LEAST;
 use terrace_core::diag::Diag;
-use terrace_core::geom::cos_sin;
+use terrace_core::geom::{PlanePoint, cos_sin};
 use terrace_core::parallel;
-
-type Point = [f64; 2];
 
 /// Most lines and dashes of a picture.
 const MAX_LINES: usize = 20_000_000;
@@ -91,7 +89,7 @@ impl Grey {
 
     /// The density at a place in pixels from the upper left corner, y down, from 0 to 1: linear between the centres of
     /// pixels, and beyond the outermost centres that of the pixel.
-    fn at(&self, [x, y]: Point) -> f64 {
+    fn at(&self, [x, y]: PlanePoint) -> f64 {
         let split = |v: f64, count: usize| {
             let v = (v - 0.5).clamp(0.0, count as f64 - 1.0);
             (v as usize, (v as usize + 1).min(count - 1), v.fract())
@@ -176,7 +174,7 @@ impl LineScreen {
     }
 
     /// Appends what is marked of line `k`.
-    fn line(&self, picture: &Picture<'_>, k: i64, step: f64, out: &mut Vec<[Point; 2]>) {
+    fn line(&self, picture: &Picture<'_>, k: i64, step: f64, out: &mut Vec<[PlanePoint; 2]>) {
         let v = (k as f64 + 0.5) * self.pitch_mm;
         let [c, s] = self.direction;
         let place = |u: f64| [c * u - s * v, s * u + c * v];
@@ -225,12 +223,12 @@ impl<'a> Picture<'a> {
     }
 
     /// The density at a place on the page, from 0 to 1.
-    pub(super) fn at(&self, [x, y]: Point) -> f64 {
+    pub(super) fn at(&self, [x, y]: PlanePoint) -> f64 {
         self.grey.at([x / self.step[0], (self.size[1] - y) / self.step[1]])
     }
 
     /// Where a line is on the page.
-    fn span(&self, p: Point, direction: [f64; 2]) -> Option<[f64; 2]> {
+    fn span(&self, p: PlanePoint, direction: [f64; 2]) -> Option<[f64; 2]> {
         let mut from = f64::MIN;
         let mut to = f64::MAX;
         for k in 0..2 {

@@ -8,8 +8,7 @@
 
 use super::MAX_CONTOUR_POINTS;
 use crate::texture::artwork::Grey;
-
-type Point = [f64; 2];
+use terrace_core::geom::PlanePoint;
 
 /// Where a contour passes between two pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +31,7 @@ pub(super) fn contours(
     grey: &Grey,
     level: f64,
     borders: Borders,
-    mut out: impl FnMut(&[Point]),
+    mut out: impl FnMut(&[PlanePoint]),
 ) -> Result<(), TooMany> {
     let mut trace = Trace { grey, level, borders, points: Vec::new(), next: Vec::new() };
     trace.sweep()?;
@@ -54,7 +53,7 @@ pub(super) fn contours(
 }
 
 /// Appends a point, and leaves out the one before it where that lies on a straight line.
-fn add(line: &mut Vec<Point>, p: Point) {
+fn add(line: &mut Vec<PlanePoint>, p: PlanePoint) {
     if line.last() == Some(&p) {
         return;
     }
@@ -67,7 +66,7 @@ fn add(line: &mut Vec<Point>, p: Point) {
 }
 
 /// The same where the line closes.
-fn close(line: &mut Vec<Point>) {
+fn close(line: &mut Vec<PlanePoint>) {
     while line.len() > 2
         && (line.first() == line.last() || is_straight(line[line.len() - 2], line[line.len() - 1], line[0]))
     {
@@ -78,7 +77,7 @@ fn close(line: &mut Vec<Point>) {
     }
 }
 
-fn is_straight(a: Point, b: Point, c: Point) -> bool {
+fn is_straight(a: PlanePoint, b: PlanePoint, c: PlanePoint) -> bool {
     let [u, v] = [[b[0] - a[0], b[1] - a[1]], [c[0] - b[0], c[1] - b[1]]];
     u[0] * v[1] == u[1] * v[0] && u[0] * v[0] + u[1] * v[1] > 0.0
 }
@@ -88,7 +87,7 @@ struct Trace<'a> {
     grey: &'a Grey,
     level: f64,
     borders: Borders,
-    points: Vec<Point>,
+    points: Vec<PlanePoint>,
     /// The point that follows each in its contour.
     next: Vec<u32>,
 }
@@ -125,7 +124,7 @@ impl Trace<'_> {
         density > self.level
     }
 
-    fn push(&mut self, p: Point) -> Result<u32, TooMany> {
+    fn push(&mut self, p: PlanePoint) -> Result<u32, TooMany> {
         if self.points.len() == MAX_CONTOUR_POINTS {
             return Err(TooMany);
         }
@@ -180,7 +179,7 @@ impl Trace<'_> {
 
     /// Joins the points on the sides of a cell (top, right, bottom, left); what is dark lies to the right of a contour,
     /// seen with y down. Corners go round from the upper left.
-    fn join(&mut self, corners: [f64; 4], sides: [u32; 4], middle: Point) -> Result<(), TooMany> {
+    fn join(&mut self, corners: [f64; 4], sides: [u32; 4], middle: PlanePoint) -> Result<(), TooMany> {
         let dark = corners.map(|d| self.is_dark(d));
         let mean = self.is_dark(corners.iter().sum::<f64>() / 4.0);
         let is_saddle = sides.iter().all(|&s| s != NONE);
@@ -216,15 +215,15 @@ mod tests {
         Grey::new(rows[0].len(), rows.len(), density)
     }
 
-    fn traced(rows: &[&str], level: f64, borders: Borders) -> Vec<Vec<Point>> {
+    fn traced(rows: &[&str], level: f64, borders: Borders) -> Vec<Vec<PlanePoint>> {
         let mut out = Vec::new();
         contours(&picture(rows), level, borders, |line| out.push(line.to_vec())).expect("few");
         out
     }
 
     /// What contours enclose; y points down, so that those with the dark on their right count.
-    fn area(lines: &[Vec<Point>]) -> f64 {
-        let of = |line: &Vec<Point>| -> f64 {
+    fn area(lines: &[Vec<PlanePoint>]) -> f64 {
+        let of = |line: &Vec<PlanePoint>| -> f64 {
             line.iter().zip(line.iter().cycle().skip(1)).map(|(a, b)| (a[0] * b[1] - b[0] * a[1]) / 2.0).sum()
         };
         lines.iter().map(of).sum()

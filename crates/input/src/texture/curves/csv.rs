@@ -1,6 +1,6 @@
 //! Space curves as text: rows of x, y and z, or of id, x, y and z.
 //!
-//! CsvColumns are separated by commas, semicolons, tabs or blanks, one kind per file. One row of names may come first;
+//! Columns are separated by commas, semicolons, tabs or blanks, one kind per file. One row of names may come first;
 //! it may name x, y, z and id in any order, and columns of other names are left out. A curve ends at an empty row or
 //! where the id changes. A `#` at the start of a row or after a blank begins a comment. Cost: the points, and a name
 //! for each curve.
@@ -191,7 +191,7 @@ impl CsvReader {
     const COLUMNS: usize = 1000;
     const LISTED: usize = 12;
 
-    /// A row of numbers: another point of the curve, or the first of the next.
+    /// Takes a row of numbers, the `number`-th of the file: another point of the curve, or the first of the next.
     fn row(&mut self, row: &str, number: usize, columns: &CsvColumns, extentless: &mut ExtentlessCurves) -> RowResult {
         let mut xyz = [""; 3];
         let mut id = None;
@@ -209,7 +209,7 @@ impl CsvReader {
         }
         let mut point = [0.0; 3];
         for (value, field) in point.iter_mut().zip(xyz) {
-            *value = self.number(field, number)?;
+            *value = self.coordinate(field, number)?;
         }
         if self.art.lines.points.len() >= MAX_POINTS {
             let text = format!("the file has more than {MAX_POINTS} points");
@@ -219,6 +219,7 @@ impl CsvReader {
             self.end(extentless);
             self.id = id.map(str::to_owned);
         }
+        // The curve at hand has no point yet.
         if self.art.lines.points.len() == self.art.lines.tail() {
             self.first_row = number;
         }
@@ -226,7 +227,8 @@ impl CsvReader {
         Ok(())
     }
 
-    fn number(&self, field: &str, number: usize) -> Result<f64, Box<Diag>> {
+    /// A field of row `number` as a coordinate, mm.
+    fn coordinate(&self, field: &str, number: usize) -> Result<f64, Box<Diag>> {
         let value = field.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
             let d = Diag::input("curve-number", format!("{:?} is not a number", shortened(field)));
             self.at(d.hint("write numbers such as 12.5, with a point"), number)
@@ -239,22 +241,22 @@ impl CsvReader {
         Err(self.at(d.hint("check the unit of the curves"), number))
     }
 
-    /// Ends the curve at hand.
+    /// Ends the curve at hand, if it has begun: it becomes a shape, or is only counted where it has no extent in plan.
     fn end(&mut self, extentless: &mut ExtentlessCurves) {
+        let id = self.id.take();
         let lines = &mut self.art.lines;
         let first_row = self.first_row;
-        let rows: Range<usize> = lines.tail()..lines.points.len();
-        if rows.is_empty() {
-            self.id = None;
+        let begun: Range<usize> = lines.tail()..lines.points.len();
+        if begun.is_empty() {
             return;
         }
-        let id = self.id.take();
-        let name = match &id {
+        let name = match id.as_ref().filter(|id| !id.is_empty()) {
             Some(id) => format!("curve {id} (line {first_row})"),
             None => format!("curve of line {first_row}"),
         };
-        let [w, h] = extent(&lines.points[rows]);
+        let [w, h] = extent(&lines.points[begun]);
         if w.max(h) < LEAST {
+            // Takes back the points that no finished line has.
             lines.truncate(lines.len());
             if extentless.count == 0 {
                 extentless.first = name;
@@ -263,7 +265,8 @@ impl CsvReader {
             return;
         }
         lines.finish();
-        let i = lines.len() - 1;
+        let line = lines.len() - 1;
+        // A curve without an id has no label: its id counts as empty.
         let labels = self.labels(id.unwrap_or_default());
         let names = &mut self.art.names;
         names.push(name);
@@ -273,7 +276,7 @@ impl CsvReader {
             colour: [0; 3],
             opacity: 1.0,
             figure: ShapeFigure::Lines,
-            lines: i..i + 1,
+            lines: line..line + 1,
             clip: None,
         });
     }

@@ -4,10 +4,11 @@ use super::colour::EntityPaint;
 use super::hatch::{BoundaryEdge, Hatch};
 use super::outline::Vertex;
 use super::record::Record;
-use super::space::{Point, Z};
+use super::space::Z;
 use super::spline::Spline;
 use super::tags::{Fault, Tag, TagPlace};
 use super::tally::Issue;
+use terrace_core::geom::SpacePoint;
 
 /// A line type as an entity or layer gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,29 +30,29 @@ pub(super) struct Entity {
     pub(super) paint: EntityPaint,
     pub(super) line_type: LineType,
     pub(super) is_hidden: bool,
-    pub(super) extrusion: Point,
+    pub(super) extrusion: SpacePoint,
 }
 
 #[derive(Debug)]
 pub(super) enum EntityKind {
-    Line([Point; 2]),
-    Dot(Point),
+    Line([SpacePoint; 2]),
+    Dot(SpacePoint),
     /// An arc, counter-clockwise between angles in degrees; without them a circle.
     Arc {
-        centre: Point,
+        centre: SpacePoint,
         radius: f64,
         angles: Option<[f64; 2]>,
     },
     Ellipse {
-        centre: Point,
-        major: Point,
+        centre: SpacePoint,
+        major: SpacePoint,
         ratio: f64,
         params: [f64; 2],
     },
     Polyline(Polyline),
     Spline(Box<Spline>),
     /// In the order round it.
-    Solid([Point; 4]),
+    Solid([SpacePoint; 4]),
     Hatch(Box<Hatch>),
     Insert(Box<Insert>),
     /// What is counted, not drawn.
@@ -97,8 +98,8 @@ pub(super) struct Polyline {
 pub(super) struct Insert {
     /// The number of its block.
     pub(super) block: u32,
-    pub(super) place: Point,
-    pub(super) scale: Point,
+    pub(super) place: SpacePoint,
+    pub(super) scale: SpacePoint,
     /// Degrees.
     pub(super) turn: f64,
     /// Columns and rows of an array, at least 1.
@@ -245,6 +246,6 @@ fn insert(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<Insert,
 }
 
 /// The direction that the plane of an entity faces.
-pub(super) fn extrusion(r: &Record<'_, '_>) -> Result<Point, Fault> {
+pub(super) fn extrusion(r: &Record<'_, '_>) -> Result<SpacePoint, Fault> {
     Ok(r.point(210)?.unwrap_or(Z))
 }

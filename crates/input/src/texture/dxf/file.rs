@@ -8,11 +8,11 @@ use std::collections::HashMap;
 use super::colour::{BLACK, EntityPaint};
 use super::entity::{Entity, EntityKind, LineType, VertexDefaults, extrusion, kind, vertex};
 use super::record::Record;
-use super::space::Point;
 use super::tags::{EXPORT, Fault, Tag, TagPlace, Tags};
 use super::tally::{Issue, Tally};
 use super::text::is_blank;
 use terrace_core::diag::Diag;
+use terrace_core::geom::SpacePoint;
 
 /// The number of layer `0`.
 pub(super) const LAYER_0: u32 = 0;
@@ -38,7 +38,7 @@ pub(super) struct DxfBlock {
     pub(super) name: String,
     /// Whether the file defines it, itself.
     pub(super) is_here: bool,
-    pub(super) base: Point,
+    pub(super) base: SpacePoint,
     pub(super) entities: Vec<Entity>,
 }
 

@@ -4,9 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use super::outline::{Arc, Vertex};
 use super::record::Record;
-use super::space::{Point, cos_sin, length};
+use super::space::{cos_sin, length};
 use super::spline::Spline;
 use super::tags::{Fault, Tag};
+use terrace_core::geom::SpacePoint;
 
 /// Everything in the plane of the hatch.
 #[derive(Debug, Default)]
@@ -35,7 +36,7 @@ pub(super) struct BoundaryPath {
 pub(super) enum BoundaryEdge {
     /// Closed.
     Polyline(Vec<Vertex>),
-    Line([Point; 2]),
+    Line([SpacePoint; 2]),
     Arc(Arc),
     Spline(Spline),
 }
@@ -146,7 +147,7 @@ fn vertices(tags: &[Tag<'_>], height: f64) -> Result<Vec<Vertex>, Fault> {
 fn edge(what: i64, tags: &[Tag<'_>], height: f64) -> Result<Option<BoundaryEdge>, Fault> {
     let real = |code: i32| tags.iter().find(|t| t.code == code).map(Tag::real).transpose();
     let point =
-        |code: i32, z: f64| Ok::<Point, Fault>([real(code)?.unwrap_or(0.0), real(code + 10)?.unwrap_or(0.0), z]);
+        |code: i32, z: f64| Ok::<SpacePoint, Fault>([real(code)?.unwrap_or(0.0), real(code + 10)?.unwrap_or(0.0), z]);
     let is_left = real(73)?.unwrap_or(1.0) != 0.0;
     Ok(match what {
         1 => Some(BoundaryEdge::Line([point(10, height)?, point(11, height)?])),

@@ -6,11 +6,12 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use super::space::{Point, SpaceMap, add, largest_radius, length, sub, times};
+use super::space::{SpaceMap, add, largest_radius, length, sub, times};
 use super::spline::Bezier;
 use crate::texture::artwork::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
 use crate::texture::clip::{Polylines, extent};
 use crate::texture::place::{LEAST, NM};
+use terrace_core::geom::SpacePoint;
 
 /// Most halvings of a Bézier curve, one in the other; a curve within [`MAX_MM`] needs fewer.
 const MAX_HALVINGS: usize = 40;
@@ -18,7 +19,7 @@ const MAX_HALVINGS: usize = 40;
 /// A vertex of a polyline, and what leads to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Vertex {
-    pub(super) p: Point,
+    pub(super) p: SpacePoint,
     /// Tangent of a quarter of the angle of the arc to the next vertex.
     pub(super) bulge: f64,
     /// At both ends of what leads to the next vertex.
@@ -28,28 +29,28 @@ pub(super) struct Vertex {
 /// Part of an ellipse: centre + a cos t + b sin t for t from `start` over `by`, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arc {
-    pub(super) centre: Point,
-    pub(super) a: Point,
-    pub(super) b: Point,
+    pub(super) centre: SpacePoint,
+    pub(super) a: SpacePoint,
+    pub(super) b: SpacePoint,
     pub(super) start: f64,
     pub(super) by: f64,
 }
 
 impl Arc {
-    fn at(&self, t: f64) -> Point {
+    fn at(&self, t: f64) -> SpacePoint {
         let (sin, cos) = t.sin_cos();
         add(self.centre, add(times(self.a, cos), times(self.b, sin)))
     }
 
     /// The direction in which it runs where `by` is positive.
-    pub(super) fn slope(&self, t: f64) -> Point {
+    pub(super) fn slope(&self, t: f64) -> SpacePoint {
         let (sin, cos) = t.sin_cos();
         add(times(self.a, -sin), times(self.b, cos))
     }
 
     /// The arc from `p` to `q` in the plane of their z whose included angle is four times the arctangent of `bulge`,
     /// counter-clockwise where that is positive. None where it cannot be told from its chord, or has no finite radius.
-    pub(super) fn of_bulge(p: Point, q: Point, bulge: f64) -> Option<Self> {
+    pub(super) fn of_bulge(p: SpacePoint, q: SpacePoint, bulge: f64) -> Option<Self> {
         let half = times(sub(q, p), 0.5);
         let side = (1.0 - bulge * bulge) / (2.0 * bulge);
         let centre = [p[0] + half[0] - side * half[1], p[1] + half[1] + side * half[0], p[2]];
@@ -64,8 +65,8 @@ pub(super) struct Outline<'a> {
     map: SpaceMap,
     tolerance: f64,
     lines: &'a mut Polylines,
-    start: Point,
-    at: Point,
+    start: SpacePoint,
+    at: SpacePoint,
     stop: Option<Stop>,
     /// Whether a part without extent was left out.
     has_dots: bool,
@@ -97,13 +98,13 @@ impl<'a> Outline<'a> {
         Self { map, tolerance, lines, start: [0.0; 3], at: [0.0; 3], stop: None, has_dots: false, z }
     }
 
-    pub(super) fn move_to(&mut self, p: Point) {
+    pub(super) fn move_to(&mut self, p: SpacePoint) {
         self.end_line();
         self.start = p;
         self.at = p;
     }
 
-    pub(super) fn line_to(&mut self, p: Point) {
+    pub(super) fn line_to(&mut self, p: SpacePoint) {
         self.begin();
         self.put(p);
         self.at = p;
@@ -125,7 +126,7 @@ impl<'a> Outline<'a> {
     }
 
     /// The rest of an arc that begins at the last point; ends in `end`.
-    pub(super) fn arc_to(&mut self, arc: &Arc, end: Point) {
+    pub(super) fn arc_to(&mut self, arc: &Arc, end: SpacePoint) {
         let [a, b] = [arc.a, arc.b].map(|v| self.map.along(v));
         let steps = arc_steps(arc.by, largest_radius(a, b), self.tolerance);
         self.begin();
@@ -164,7 +165,7 @@ impl<'a> Outline<'a> {
     }
 
     /// A line or arc to the next vertex of a polyline; returns whether the bulge could be drawn as it is.
-    pub(super) fn bulge_to(&mut self, p: Point, bulge: f64) -> bool {
+    pub(super) fn bulge_to(&mut self, p: SpacePoint, bulge: f64) -> bool {
         if bulge == 0.0 || p == self.at {
             self.line_to(p);
             return true;
@@ -232,7 +233,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Draws a line of one point.
-    pub(super) fn dot(&mut self, p: Point) {
+    pub(super) fn dot(&mut self, p: SpacePoint) {
         self.end_line();
         self.put(p);
         if self.stop.is_none() {
@@ -240,11 +241,11 @@ impl<'a> Outline<'a> {
         }
     }
 
-    fn put(&mut self, p: Point) {
+    fn put(&mut self, p: SpacePoint) {
         self.put_mm(self.map.at(p));
     }
 
-    fn put_mm(&mut self, p: Point) {
+    fn put_mm(&mut self, p: SpacePoint) {
         if self.stop.is_some() {
             return;
         }

@@ -1,7 +1,7 @@
 //! The tags of one entity or table row, by their group codes.
 
-use super::space::Point;
 use super::tags::{Fault, Tag, TagPlace};
+use terrace_core::geom::SpacePoint;
 
 /// The tags from one of group 0 to the next.
 pub(super) struct Record<'a, 'r> {
@@ -31,13 +31,13 @@ impl<'a> Record<'a, '_> {
     }
 
     /// A point whose x has this group, y one 10 above and z one 20 above.
-    pub(super) fn point(&self, code: i32) -> Result<Option<Point>, Fault> {
+    pub(super) fn point(&self, code: i32) -> Result<Option<SpacePoint>, Fault> {
         let Some(x) = self.real(code)? else { return Ok(None) };
         Ok(Some([x, self.real(code + 10)?.unwrap_or(0.0), self.real(code + 20)?.unwrap_or(0.0)]))
     }
 
     /// The point of [`Record::point`]; the origin where there is none.
-    pub(super) fn place(&self, code: i32) -> Result<Point, Fault> {
+    pub(super) fn place(&self, code: i32) -> Result<SpacePoint, Fault> {
         Ok(self.point(code)?.unwrap_or_default())
     }
 }

@@ -1,23 +1,23 @@
 //! Points, vectors and affine maps of space. A drawing is flat, but its entities lie in planes of space: which way a
 //! plane faces decides what is mirrored.
 
-pub(super) type Point = [f64; 3];
+use terrace_core::geom::SpacePoint;
 
-pub(super) const Z: Point = [0.0, 0.0, 1.0];
+pub(super) const Z: SpacePoint = [0.0, 0.0, 1.0];
 
 /// An affine map: the images of the axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SpaceMap {
-    axes: [Point; 3],
-    origin: Point,
+    axes: [SpacePoint; 3],
+    origin: SpacePoint,
 }
 
 impl SpaceMap {
-    pub(super) const fn scale([x, y, z]: Point) -> Self {
+    pub(super) const fn scale([x, y, z]: SpacePoint) -> Self {
         Self { axes: [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]], origin: [0.0; 3] }
     }
 
-    pub(super) const fn shift(origin: Point) -> Self {
+    pub(super) const fn shift(origin: SpacePoint) -> Self {
         Self { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], Z], origin }
     }
 
@@ -28,7 +28,7 @@ impl SpaceMap {
     }
 
     /// From the coordinates of an entity to those around it: the arbitrary axis algorithm of the DXF reference.
-    pub(super) fn of_extrusion(extrusion: Point) -> Self {
+    pub(super) fn of_extrusion(extrusion: SpacePoint) -> Self {
         let Some(n) = unit(extrusion).filter(|&n| n != Z) else { return Self::scale([1.0; 3]) };
         let near_z = n[0].abs() < 1.0 / 64.0 && n[1].abs() < 1.0 / 64.0;
         let x = unit(cross(if near_z { [0.0, 1.0, 0.0] } else { Z }, n)).expect("n is not along that axis");
@@ -42,12 +42,12 @@ impl SpaceMap {
     }
 
     /// The image of a point.
-    pub(super) fn at(self, p: Point) -> Point {
+    pub(super) fn at(self, p: SpacePoint) -> SpacePoint {
         add(self.origin, self.along(p))
     }
 
     /// The image of a vector.
-    pub(super) fn along(self, v: Point) -> Point {
+    pub(super) fn along(self, v: SpacePoint) -> SpacePoint {
         let [x, y, z] = self.axes;
         [
             x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
@@ -68,7 +68,7 @@ impl SpaceMap {
 }
 
 /// The longest radius of the ellipse with these conjugate radii.
-pub(super) fn largest_radius(a: Point, b: Point) -> f64 {
+pub(super) fn largest_radius(a: SpacePoint, b: SpacePoint) -> f64 {
     let squares = (dot(a, a) + dot(b, b)) / 2.0;
     let area = length(cross(a, b));
     (squares + ((squares - area) * (squares + area)).max(0.0).sqrt()).sqrt()
@@ -86,32 +86,32 @@ pub(super) fn cos_sin(degrees: f64) -> [f64; 2] {
     }
 }
 
-pub(super) fn add(a: Point, b: Point) -> Point {
+pub(super) fn add(a: SpacePoint, b: SpacePoint) -> SpacePoint {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub(super) fn sub(a: Point, b: Point) -> Point {
+pub(super) fn sub(a: SpacePoint, b: SpacePoint) -> SpacePoint {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-pub(super) fn times(a: Point, s: f64) -> Point {
+pub(super) fn times(a: SpacePoint, s: f64) -> SpacePoint {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
-pub(super) fn dot(a: Point, b: Point) -> f64 {
+pub(super) fn dot(a: SpacePoint, b: SpacePoint) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub(super) fn cross(a: Point, b: Point) -> Point {
+pub(super) fn cross(a: SpacePoint, b: SpacePoint) -> SpacePoint {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-pub(super) fn length(a: Point) -> f64 {
+pub(super) fn length(a: SpacePoint) -> f64 {
     dot(a, a).sqrt()
 }
 
 /// The vector of length 1; None for those without a direction.
-pub(super) fn unit(a: Point) -> Option<Point> {
+pub(super) fn unit(a: SpacePoint) -> Option<SpacePoint> {
     let n = length(a);
     (n > 0.0 && n.is_finite()).then(|| a.map(|v| v / n))
 }

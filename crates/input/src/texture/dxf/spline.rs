@@ -1,6 +1,7 @@
 //! B-splines as Bézier curves: rational or not, clamped or not, from control points or through fit points.
 
-use super::space::{Point, SpaceMap, add, length, sub, times, unit};
+use super::space::{SpaceMap, add, length, sub, times, unit};
+use terrace_core::geom::SpacePoint;
 
 /// Highest degree that is read; drawing programs write 3, rarely up to 11.
 const MAX_DEGREE: usize = 25;
@@ -10,14 +11,14 @@ const MAX_DEGREE: usize = 25;
 pub(super) struct Spline {
     pub(super) degree: usize,
     pub(super) knots: Vec<f64>,
-    pub(super) control: Vec<Point>,
+    pub(super) control: Vec<SpacePoint>,
     /// Of the control points; empty where all are 1.
     pub(super) weights: Vec<f64>,
-    pub(super) fit: Vec<Point>,
+    pub(super) fit: Vec<SpacePoint>,
     /// Whether it is said to be closed, but has fit points alone that do not close: how it continues is not known.
     pub(super) is_open_loop: bool,
     /// Directions at both ends of a curve through fit points.
-    pub(super) tangents: Option<[Point; 2]>,
+    pub(super) tangents: Option<[SpacePoint; 2]>,
 }
 
 impl Spline {
@@ -86,12 +87,12 @@ fn span(knots: &[f64], control: &[[f64; 4]], p: usize, k: usize) -> Vec<[f64; 4]
 
 /// The cubic curve through points, parametrised by the lengths of their chords: with these directions at its ends, or
 /// without curvature there. ezdxf's `fit_points_to_cad_cv` is the same curve.
-fn through(points: &[Point], tangents: Option<[Point; 2]>) -> Option<Vec<Bezier>> {
-    let mut q: Vec<Point> = points.to_vec();
+fn through(points: &[SpacePoint], tangents: Option<[SpacePoint; 2]>) -> Option<Vec<Bezier>> {
+    let mut q: Vec<SpacePoint> = points.to_vec();
     q.dedup();
     let n = q.len().checked_sub(1).filter(|&n| n > 0)?;
     let h: Vec<f64> = q.windows(2).map(|w| length(sub(w[1], w[0]))).collect();
-    let slope: Vec<Point> = (0..n).map(|i| times(sub(q[i + 1], q[i]), 1.0 / h[i])).collect();
+    let slope: Vec<SpacePoint> = (0..n).map(|i| times(sub(q[i + 1], q[i]), 1.0 / h[i])).collect();
     // First derivatives m at the points: curvature is continuous, a tridiagonal system.
     let ends = tangents.and_then(|[a, b]| Some([unit(a)?, unit(b)?]));
     let mut lower = vec![0.0; n + 1];
@@ -140,7 +141,7 @@ pub(super) struct Bezier(Vec<[f64; 4]>);
 
 impl Bezier {
     /// The cubic between two points with these derivatives at them by a parameter that runs over `h`.
-    fn hermite(ends: [Point; 2], derivatives: [Point; 2], h: f64) -> Self {
+    fn hermite(ends: [SpacePoint; 2], derivatives: [SpacePoint; 2], h: f64) -> Self {
         let third = h / 3.0;
         let a = add(ends[0], times(derivatives[0], third));
         let b = sub(ends[1], times(derivatives[1], third));
@@ -155,11 +156,11 @@ impl Bezier {
         Self(self.0.iter().map(image).collect())
     }
 
-    pub(super) fn start(&self) -> Point {
+    pub(super) fn start(&self) -> SpacePoint {
         point(self.0[0])
     }
 
-    pub(super) fn end(&self) -> Point {
+    pub(super) fn end(&self) -> SpacePoint {
         point(self.0[self.0.len() - 1])
     }
 
@@ -196,7 +197,7 @@ fn between(a: [f64; 4], b: [f64; 4], s: f64) -> [f64; 4] {
     [r * a[0] + s * b[0], r * a[1] + s * b[1], r * a[2] + s * b[2], r * a[3] + s * b[3]]
 }
 
-fn point([x, y, z, w]: [f64; 4]) -> Point {
+fn point([x, y, z, w]: [f64; 4]) -> SpacePoint {
     [x / w, y / w, z / w]
 }
 
@@ -205,7 +206,7 @@ mod tests {
     use super::*;
 
     /// A point of the curve by the definition of its basis functions (Cox and de Boor).
-    fn by_definition(s: &Spline, t: f64) -> Point {
+    fn by_definition(s: &Spline, t: f64) -> SpacePoint {
         fn basis(knots: &[f64], i: usize, p: usize, t: f64) -> f64 {
             if p == 0 {
                 return f64::from(u8::from(knots[i] <= t && t < knots[i + 1]));
@@ -223,7 +224,7 @@ mod tests {
         times(sum, 1.0 / weight)
     }
 
-    fn at(b: &Bezier, t: f64) -> Point {
+    fn at(b: &Bezier, t: f64) -> SpacePoint {
         let mut row = b.0.clone();
         while row.len() > 1 {
             row = row.windows(2).map(|w| [0, 1, 2, 3].map(|c| (1.0 - t) * w[0][c] + t * w[1][c])).collect();
@@ -233,7 +234,7 @@ mod tests {
 
     #[test]
     fn pieces_are_the_curve_of_the_definition() {
-        let control: Vec<Point> = [[0.0, 0.0], [1.0, 2.0], [3.0, -1.0], [4.0, 4.0], [6.0, 0.0], [7.0, 1.0]]
+        let control: Vec<SpacePoint> = [[0.0, 0.0], [1.0, 2.0], [3.0, -1.0], [4.0, 4.0], [6.0, 0.0], [7.0, 1.0]]
             .map(|[x, y]| [x, y, x * y])
             .to_vec();
         let weights = vec![1.0, 0.5, 3.0, 1.0, 2.0, 1.0];
@@ -269,7 +270,7 @@ mod tests {
             assert_eq!((pieces[0].start(), pieces[2].end()), (points[0], points[4]));
             // Second derivatives with respect to the length of the chords.
             let bends = |b: &Bezier| {
-                let p: Vec<Point> = b.0.iter().map(|&p| point(p)).collect();
+                let p: Vec<SpacePoint> = b.0.iter().map(|&p| point(p)).collect();
                 let h = length(sub(p[3], p[0]));
                 let bend = |i: usize| times(add(sub(p[i], times(p[i + 1], 2.0)), p[i + 2]), 6.0 / (h * h));
                 [bend(0), bend(1)]

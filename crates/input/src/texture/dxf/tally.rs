@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::texture::artwork::Marking;
-use crate::texture::artwork::Weight::{self, Refused, Told};
+use crate::texture::artwork::Weight::{self, Refused, Warned};
 use terrace_core::diag::{Diag, Place};
 
 /// Something that is reported.
@@ -78,7 +78,7 @@ const ISSUES: [IssueRow; 23] = [
     row(Issue::Dots, Refused, "dxf-pattern-dots", "have a hatch pattern with dots", "use a pattern of lines"),
     row(
         Issue::Width,
-        Told,
+        Warned,
         "dxf-width",
         "are wide polylines with corners that are sharp, between different widths or narrower than the width: there the area may differ",
         "round these corners, or draw the outline",
@@ -92,7 +92,7 @@ const ISSUES: [IssueRow; 23] = [
     ),
     row(
         Issue::Block,
-        Told,
+        Warned,
         "dxf-block",
         "insert a block that is missing or in another file, and are not marked",
         "bind external references, or remove the inserts",
@@ -106,50 +106,50 @@ const ISSUES: [IssueRow; 23] = [
     ),
     row(
         Issue::Fault,
-        Told,
+        Warned,
         "dxf-fault",
         "have a faulty description, such as a radius of 0 or too few knots, and are not marked",
         "repair them in the drawing program",
     ),
     row(
         Issue::Bulge,
-        Told,
+        Warned,
         "dxf-bulge",
         "have arcs of a radius beyond 1000 km; these are marked as straight lines",
         "repair them in the drawing program",
     ),
     row(
         Issue::Hidden,
-        Told,
+        Warned,
         "dxf-hidden",
         "are invisible or on layers that are frozen or off, and are not marked",
         "show them, or ignore this",
     ),
     row(
         Issue::NoPlot,
-        Told,
+        Warned,
         "dxf-noplot",
         "are on layers that are shown but not plotted; they are marked",
         "turn these layers off, or ignore this",
     ),
     row(
         Issue::Paper,
-        Told,
+        Warned,
         "dxf-paper",
         "lie in paper space and are not marked",
         "move them to model space, or ignore this",
     ),
     row(
         Issue::Dot,
-        Told,
+        Warned,
         "dxf-dot",
         "have parts without extent, which are not marked",
         "draw them with an extent, or ignore this",
     ),
-    row(Issue::Ignored, Told, "dxf-ignored", "that show nothing are left out", "ignore this"),
+    row(Issue::Ignored, Warned, "dxf-ignored", "that show nothing are left out", "ignore this"),
     row(
         Issue::Outside,
-        Told,
+        Warned,
         "dxf-outside",
         "stand outside of the sections of the file and are not read",
         "save the drawing again as DXF",
@@ -163,7 +163,7 @@ const ISSUES: [IssueRow; 23] = [
     ),
     row(
         Issue::LineType,
-        Told,
+        Warned,
         "dxf-linetype",
         "have a line type that the file does not define, and are marked as solid lines",
         "load the line type in the drawing program, or use Continuous",
@@ -261,7 +261,7 @@ impl Tally {
                     let d = marking.unmarkable(code, &what, ", and are not marked", &list, &format!("{hint}{way}"));
                     if marking.is_lenient { &mut *notes } else { &mut *errors }.push(d.at(place));
                 }
-                Told => notes.push(Diag::warning(code, what + &list).at(place).hint(hint)),
+                Warned => notes.push(Diag::warning(code, what + &list).at(place).hint(hint)),
             }
         }
     }

@@ -10,7 +10,7 @@ use super::file::{DxfLayer, File, LAYER_0};
 use super::hatch::{BoundaryEdge, BoundaryPath, Family, Fill, Hatch, span};
 use super::outline::{Arc, Outline};
 use super::pattern::Ruling;
-use super::space::{Point, SpaceMap, cross, length, times, unit};
+use super::space::{SpaceMap, cross, length, times, unit};
 use super::tally::{Issue, Tally};
 use super::wide::{areas, hairlines};
 use crate::texture::artwork::{
@@ -19,6 +19,7 @@ use crate::texture::artwork::{
 };
 use crate::texture::clip::Polylines;
 use terrace_core::diag::Diag;
+use terrace_core::geom::SpacePoint;
 
 /// Most entities that are drawn, copies by inserts counted one by one.
 const MAX_VISITS: u64 = 2_000_000;
@@ -569,7 +570,7 @@ fn polyline(line: &Polyline, out: &mut Outline<'_>) -> bool {
     is_sound
 }
 
-fn ring(corners: &[Point; 4], out: &mut Outline<'_>) {
+fn ring(corners: &[SpacePoint; 4], out: &mut Outline<'_>) {
     out.move_to(corners[0]);
     corners[1..].iter().for_each(|&p| out.line_to(p));
     out.close();

@@ -10,7 +10,8 @@
 
 use super::entity::Polyline;
 use super::outline::{Arc, Heading, Outline, Vertex};
-use super::space::{Point, add, cross, dot, length, sub, times, unit};
+use super::space::{add, cross, dot, length, sub, times, unit};
+use terrace_core::geom::SpacePoint;
 
 /// Cosine of the turn beyond which two segments meet at less than 30 deg.
 const SHARP: f64 = -0.866_025_403_784_438_6;
@@ -20,13 +21,13 @@ const TANGENT: f64 = 1e-6;
 
 /// From one vertex to the next.
 struct Segment {
-    from: Point,
-    to: Point,
+    from: SpacePoint,
+    to: SpacePoint,
     /// None for a straight one.
     arc: Option<Arc>,
     widths: [f64; 2],
     /// Directions at both ends.
-    along: [Point; 2],
+    along: [SpacePoint; 2],
 }
 
 impl Segment {
@@ -44,7 +45,7 @@ impl Segment {
     }
 
     /// A point at one of its ends, beside the line: to the left where the side is positive.
-    fn beside(&self, end: usize, side: f64) -> Point {
+    fn beside(&self, end: usize, side: f64) -> SpacePoint {
         let p = [self.from, self.to][end];
         add(p, times(left(self.along[end]), side * self.widths[end] / 2.0))
     }
@@ -74,7 +75,7 @@ impl Segment {
     }
 }
 
-fn left([x, y, _]: Point) -> Point {
+fn left([x, y, _]: SpacePoint) -> SpacePoint {
     [-y, x, 0.0]
 }
 
@@ -142,7 +143,7 @@ fn corner(a: &Segment, b: &Segment, out: &mut Outline<'_>) -> bool {
     let area = cross(u, v)[2];
     let tip = add(p, times(u, cross(sub(q, p), v)[2] / area));
     let tip = Some(tip).filter(|t| is_known && t.iter().all(|c| c.is_finite()));
-    let mut ring: Vec<Point> = [Some(a.to), Some(p), tip, Some(q)].into_iter().flatten().collect();
+    let mut ring: Vec<SpacePoint> = [Some(a.to), Some(p), tip, Some(q)].into_iter().flatten().collect();
     if turn < 0.0 {
         ring.reverse();
     }

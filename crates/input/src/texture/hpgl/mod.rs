@@ -28,8 +28,6 @@ use terrace_core::diag::{Diag, Error, Place};
 
 /// A plotter unit, mm.
 const UNIT: f64 = 0.025;
-
-type Point = [f64; 2];
 type Fault = Box<Diag>;
 
 /// How a plot is read.

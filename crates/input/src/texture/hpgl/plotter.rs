@@ -6,13 +6,14 @@ use super::encoded::{EncodedStep, EncodedSteps};
 use super::polygon::PolygonBuffer;
 use super::state::{PlotState, Scaling};
 use super::syntax::Instruction;
-use super::{Fault, Issue, PlotOptions, Point, Tally, UNIT, fault, page};
+use super::{Fault, Issue, PlotOptions, Tally, UNIT, fault, page};
 use crate::texture::artwork::{
     Artwork, Colour, Labels, MAX_MM, MAX_POINTS, PaintedShape, ShapeFigure, WindingRule, disc, steps,
 };
 use crate::texture::clip::{extent, traced_twice};
 use crate::texture::place::LEAST;
 use terrace_core::diag::Diag;
+use terrace_core::geom::PlanePoint;
 
 /// Instructions that change nothing that is marked.
 const QUIET: [&str; 32] = [
@@ -23,7 +24,7 @@ const QUIET: [&str; 32] = [
 /// What the pen returns to when a polygon has been defined.
 struct PenBefore {
     /// In plotter units.
-    at: Point,
+    at: PlanePoint,
     is_down: bool,
 }
 
@@ -31,7 +32,7 @@ pub(super) struct Plotter<'a> {
     options: &'a PlotOptions<'a>,
     state: PlotState,
     /// The stroke that is being drawn, mm.
-    stroke: Vec<Point>,
+    stroke: Vec<PlanePoint>,
     polygon: PolygonBuffer,
     /// The pen before the polygon that is being defined; None where none is.
     before_polygon: Option<PenBefore>,
@@ -154,7 +155,7 @@ impl<'a> Plotter<'a> {
     }
 
     /// Moves the pen, with a mark where it is down.
-    fn go(&mut self, to: Point) -> Result<(), Fault> {
+    fn go(&mut self, to: PlanePoint) -> Result<(), Fault> {
         let from = mm(self.state.at)?;
         let end = mm(to)?;
         self.state.at = to;
@@ -230,7 +231,7 @@ impl<'a> Plotter<'a> {
     }
 
     /// Lines or an area of the pen, unless it has none or its line or fill type is not read.
-    fn shape(&mut self, lines: &[Vec<Point>], figure: ShapeFigure) {
+    fn shape(&mut self, lines: &[Vec<PlanePoint>], figure: ShapeFigure) {
         let lines: Vec<_> = lines.iter().filter(|line| has_extent(line)).collect();
         if lines.is_empty() || self.state.pen <= 0 {
             return;
@@ -274,7 +275,7 @@ impl<'a> Plotter<'a> {
 
     /// Moves the pen along an arc round `centre`, plotter units, over an angle in rad: a circle in the units of the
     /// plot.
-    fn sweep(&mut self, centre: Point, by: f64) -> Result<(), Fault> {
+    fn sweep(&mut self, centre: PlanePoint, by: f64) -> Result<(), Fault> {
         let factors = self.state.axes()?.map(|[factor, _]| factor);
         let d = [0, 1].map(|k| (self.state.at[k] - centre[k]) / factors[k]);
         let radius = d[0].hypot(d[1]) * factors[0].abs().max(factors[1].abs()) * UNIT;
@@ -292,7 +293,7 @@ impl<'a> Plotter<'a> {
         Ok(())
     }
 
-    fn arc(&mut self, centre: Point, degrees: f64) -> Result<(), Fault> {
+    fn arc(&mut self, centre: PlanePoint, degrees: f64) -> Result<(), Fault> {
         self.is_plot = true;
         // More than one turn marks nothing new.
         self.sweep(centre, degrees.clamp(-360.0, 360.0).to_radians())
@@ -327,7 +328,7 @@ impl<'a> Plotter<'a> {
     }
 
     /// The corners of a rectangle from the pen to a point become the polygon, which is drawn or filled next.
-    fn rectangle(&mut self, to: Point) -> Result<(), Fault> {
+    fn rectangle(&mut self, to: PlanePoint) -> Result<(), Fault> {
         self.is_plot = true;
         self.end_stroke();
         // What the pen draws from where it stands is not a point.
@@ -411,13 +412,13 @@ impl<'a> Plotter<'a> {
     }
 }
 
-fn has_extent(line: &[Point]) -> bool {
+fn has_extent(line: &[PlanePoint]) -> bool {
     let [w, h] = extent(line);
     line.len() > 1 && w.max(h) >= LEAST
 }
 
 /// From plotter units.
-fn mm(p: Point) -> Result<Point, Fault> {
+fn mm(p: PlanePoint) -> Result<PlanePoint, Fault> {
     let p = p.map(|v| v * UNIT);
     if p.iter().all(|v| v.abs() <= MAX_MM) {
         return Ok(p);

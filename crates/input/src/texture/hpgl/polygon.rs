@@ -1,18 +1,18 @@
 //! The polygon buffer (`PM`): rings of points, and which of their edges the pen drew.
 
-use super::Point;
+use terrace_core::geom::PlanePoint;
 
 /// A ring, mm.
 #[derive(Clone, Debug, Default)]
 struct Ring {
-    points: Vec<Point>,
+    points: Vec<PlanePoint>,
     /// Whether the pen was down on the way to each point.
     is_drawn: Vec<bool>,
 }
 
 impl Ring {
     /// Its points, which end with the first.
-    fn closed(&self) -> Vec<Point> {
+    fn closed(&self) -> Vec<PlanePoint> {
         let mut points = self.points.clone();
         if points.first() != points.last() {
             points.extend(self.points.first());
@@ -27,7 +27,7 @@ pub(super) struct PolygonBuffer(Vec<Ring>);
 
 impl PolygonBuffer {
     /// A polygon of one closed ring whose edges are all drawn.
-    pub(super) fn of_ring(ring: &[Point]) -> Self {
+    pub(super) fn of_ring(ring: &[PlanePoint]) -> Self {
         let mut polygon = Self::default();
         polygon.begin();
         ring.iter().for_each(|&p| polygon.add(p, true));
@@ -40,7 +40,7 @@ impl PolygonBuffer {
     }
 
     /// Adds a point to the last ring; `is_drawn` says whether the pen is down on the way to it.
-    pub(super) fn add(&mut self, p: Point, is_drawn: bool) {
+    pub(super) fn add(&mut self, p: PlanePoint, is_drawn: bool) {
         let Some(ring) = self.0.last_mut() else { return };
         if ring.points.last() == Some(&p) {
             return;
@@ -61,14 +61,14 @@ impl PolygonBuffer {
     }
 
     /// The rings of the polygon, closed: what they enclose is filled whether the pen was down or not.
-    pub(super) fn contours(&self) -> Vec<Vec<Point>> {
+    pub(super) fn contours(&self) -> Vec<Vec<PlanePoint>> {
         self.0.iter().map(Ring::closed).collect()
     }
 
     /// The edges that the pen drew, joined to lines. A closed ring is divided where the pen was up, not at its first
     /// point.
-    pub(super) fn edges(&self) -> Vec<Vec<Point>> {
-        let mut lines: Vec<Vec<Point>> = Vec::new();
+    pub(super) fn edges(&self) -> Vec<Vec<PlanePoint>> {
+        let mut lines: Vec<Vec<PlanePoint>> = Vec::new();
         for Ring { points, is_drawn } in &self.0 {
             let first = lines.len();
             let mut is_open = false;

@@ -5,13 +5,14 @@
 
 use std::collections::BTreeMap;
 
-use super::{Fault, Point, UNIT, page};
+use super::{Fault, UNIT, page};
+use terrace_core::geom::PlanePoint;
 
 /// The state of the plotter.
 #[derive(Debug)]
 pub(super) struct PlotState {
     /// Where the pen stands, plotter units: scaling moves the coordinates under it, not the pen.
-    pub(super) at: Point,
+    pub(super) at: PlanePoint,
     pub(super) is_down: bool,
     /// Whether the pen was put down and has drawn no line since.
     pub(super) rests: bool,
@@ -105,13 +106,13 @@ impl PlotState {
     }
 
     /// A point of the plot, plotter units.
-    pub(super) fn point(&self, p: Point) -> Result<Point, Fault> {
+    pub(super) fn point(&self, p: PlanePoint) -> Result<PlanePoint, Fault> {
         let axes = self.axes()?;
         Ok([0, 1].map(|k| axes[k][0] * p[k] + axes[k][1]))
     }
 
     /// A point so far from the pen, plotter units.
-    pub(super) fn point_from_pen(&self, by: Point) -> Result<Point, Fault> {
+    pub(super) fn point_from_pen(&self, by: PlanePoint) -> Result<PlanePoint, Fault> {
         let axes = self.axes()?;
         Ok([0, 1].map(|k| self.at[k] + axes[k][0] * by[k]))
     }

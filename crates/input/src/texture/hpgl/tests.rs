@@ -3,6 +3,7 @@
 use super::*;
 use crate::texture::artwork::{ShapeFigure, StrokeMode, WindingRule};
 use crate::texture::clip::extent;
+use terrace_core::geom::PlanePoint;
 
 /// The spot that the widest line is taken from, mm.
 const SPOT: f64 = 0.1;
@@ -20,13 +21,13 @@ fn marked(text: &[u8], stroke: StrokeMode) -> (Result<Artwork, Error>, Vec<&'sta
     (art, notes.iter().map(|n| n.code).collect())
 }
 
-fn lines(text: &str) -> Vec<Vec<Point>> {
+fn lines(text: &str) -> Vec<Vec<PlanePoint>> {
     let (art, notes) = loaded(text.as_bytes());
     assert!(notes.is_empty(), "{text}: {notes:?}");
     let art = art.expect("read");
     let corner = art.corner.expect("a corner");
     let round = |v: f64| (v * 1e9).round() / 1e9;
-    let line = |l: &[Point]| l.iter().map(|p| [0, 1].map(|k| round(p[k] + corner[k]))).collect();
+    let line = |l: &[PlanePoint]| l.iter().map(|p| [0, 1].map(|k| round(p[k] + corner[k]))).collect();
     art.lines.iter().map(line).collect()
 }
 
@@ -54,7 +55,7 @@ fn curves_keep_the_tolerance_and_close() {
     let circle = &found[0];
     assert_eq!(circle.first(), circle.last());
     assert!(circle.iter().all(|p| ((p[0] - 10.0).hypot(p[1]) - 10.0).abs() < 1e-8));
-    let sag = |w: &[Point]| 10.0 - ((w[0][0] + w[1][0]) / 2.0 - 10.0).hypot((w[0][1] + w[1][1]) / 2.0);
+    let sag = |w: &[PlanePoint]| 10.0 - ((w[0][0] + w[1][0]) / 2.0 - 10.0).hypot((w[0][1] + w[1][1]) / 2.0);
     assert!(circle.windows(2).map(sag).fold(0.0, f64::max) <= 1e-3);
     let arc = &lines("SP1;PA40,0;PD;AA0,0,90;PU")[0];
     assert!((arc[0], arc[arc.len() - 1]) == ([1.0, 0.0], [0.0, 1.0]), "{arc:?}");
@@ -89,7 +90,7 @@ fn pens_fills_and_faults_are_reported() {
 /// Length of all lines, mm, and the number of dots.
 fn length_and_dots(text: &str) -> (f64, usize) {
     let found = lines(text);
-    let length = |l: &Vec<Point>| l.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+    let length = |l: &Vec<PlanePoint>| l.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
     let sum: f64 = found.iter().map(length).sum();
     ((sum * 1e6).round() / 1e6, found.iter().filter(|l| l.len() == 1).count())
 }

@@ -3,9 +3,7 @@
 use super::soft::{PieceId, Soft};
 use crate::texture::artwork::{Cutter, Keep, PolygonArea};
 use crate::texture::clip::Polylines;
-use terrace_core::geom::BoxMm;
-
-type Point = [f64; 2];
+use terrace_core::geom::{BoxMm, PlanePoint};
 
 /// Fewest and most columns and rows of cells.
 const CELLS: [f64; 2] = [64.0, 1024.0];
@@ -43,7 +41,7 @@ impl Border {
     }
 
     fn new(area: &PolygonArea, keep: Keep) -> Self {
-        let contours: Vec<Vec<Point>> = area.contours().cloned().collect();
+        let contours: Vec<Vec<PlanePoint>> = area.contours().cloned().collect();
         let side = (4.0 * (area.edge_count() as f64).sqrt()).clamp(CELLS[0], CELLS[1]) as usize;
         let cutter = Cutter::with_cells(&contours, [side; 2]);
         let mut border = Self { cutter, keep, sides: Vec::new(), soft: None };
@@ -72,7 +70,7 @@ impl Border {
     }
 
     /// The side of a point that does not lie on the border.
-    fn side(&self, p: Point) -> BorderSide {
+    fn side(&self, p: PlanePoint) -> BorderSide {
         match self.cutter.holds(p) {
             None => BorderSide::Both,
             Some(inside) if inside == (self.keep == Keep::Inside) => BorderSide::Kept,
@@ -81,7 +79,7 @@ impl Border {
     }
 
     /// Appends what is marked of stroke `stroke`, in its direction.
-    pub(super) fn cut(&self, line: &[Point], stroke: u64, scratch: &mut Polylines, out: &mut Polylines) {
+    pub(super) fn cut(&self, line: &[PlanePoint], stroke: u64, scratch: &mut Polylines, out: &mut Polylines) {
         let side = self.side_of(BoxMm::of(line.iter().copied()));
         let Some(soft) = &self.soft else {
             return match side {

@@ -9,8 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::texture::artwork::{Artwork, PaintedShape, PolygonArea, ShapeFigure, TooMany, WindingRule};
 use crate::texture::clip::is_closed;
 use terrace_core::diag::Diag;
-
-type Point = [f64; 2];
+use terrace_core::geom::PlanePoint;
 
 /// Most labels that a message lists.
 const MAX_LISTED: usize = 24;
@@ -19,7 +18,7 @@ const MAX_LISTED: usize = 24;
 pub(super) fn outline(art: &Artwork, name: Option<&str>, tolerance: f64) -> Result<PolygonArea, Box<Diag>> {
     let chosen: Vec<&PaintedShape> = art.shapes.iter().filter(|s| name.is_none_or(|name| has(art, s, name))).collect();
     if chosen.is_empty() {
-        return Err(nothing(art, name));
+        return Err(no_area(art, name));
     }
     let filled: BTreeSet<u32> = chosen.iter().filter(|s| s.figure != ShapeFigure::Lines).map(|s| s.name).collect();
     let mut parts = Vec::new();
@@ -45,21 +44,28 @@ pub(super) fn outline(art: &Artwork, name: Option<&str>, tolerance: f64) -> Resu
         parts.push(area.map_err(|TooMany| crossings("the lines"))?);
     }
     let area = PolygonArea::union(parts.iter()).map_err(|TooMany| crossings("the drawing"))?;
-    if area.is_empty() { Err(nothing(art, name)) } else { Ok(area) }
+    if area.is_empty() { Err(no_area(art, name)) } else { Ok(area) }
 }
 
-/// Whether a shape has a label of that name, with its kind (`layer:Rim`) or without.
+/// Whether a shape has a label of that name.
 fn has(art: &Artwork, shape: &PaintedShape, name: &str) -> bool {
-    art.labels(shape.labels).any(|l| l == name || l.split_once(':').is_some_and(|(_, own)| own == name))
+    art.labels(shape.labels).any(|label| is_named(label, name))
 }
 
-fn nothing(art: &Artwork, name: Option<&str>) -> Box<Diag> {
+/// Whether a label is of that name, with its kind (`layer:Rim`) or without.
+fn is_named(label: &str, name: &str) -> bool {
+    label == name || label.split_once(':').is_some_and(|(_, own)| own == name)
+}
+
+/// The fault where the shapes of a name, or all, make no area: that they hold none or, where no shape could have the
+/// name, which names there are. `inside` and `outside` are the keys of the job that ask for the area.
+fn no_area(art: &Artwork, name: Option<&str>) -> Box<Diag> {
     let Some(name) = name else {
         let text = "the drawing of inside or outside holds no area";
         return Diag::input("mask-empty", text).hint("fill a shape, or draw a closed line").into();
     };
     let labels: BTreeSet<&String> = art.labels.iter().flat_map(|set| &set.own).collect();
-    let is_known = labels.iter().any(|l| *l == name || l.split_once(':').is_some_and(|(_, own)| own == name));
+    let is_known = labels.iter().any(|label| is_named(label, name));
     if is_known {
         let text = format!("{name:?} of inside or outside holds no area");
         return Diag::input("mask-empty", text).hint("fill a shape, or draw a closed line").into();
@@ -82,12 +88,12 @@ fn crossings(what: &str) -> Box<Diag> {
 
 /// A line of a shape.
 struct ShapeLine<'a> {
-    points: Vec<Point>,
+    points: Vec<PlanePoint>,
     shape: &'a PaintedShape,
 }
 
 /// Lines as rings; open ones are joined where ends meet.
-fn closed(art: &Artwork, lines: Vec<ShapeLine<'_>>, tolerance: f64) -> Result<Vec<Vec<Point>>, Box<Diag>> {
+fn closed(art: &Artwork, lines: Vec<ShapeLine<'_>>, tolerance: f64) -> Result<Vec<Vec<PlanePoint>>, Box<Diag>> {
     let mut rings = Vec::new();
     let mut open = Vec::new();
     for line in lines {
@@ -126,7 +132,7 @@ fn closed(art: &Artwork, lines: Vec<ShapeLine<'_>>, tolerance: f64) -> Result<Ve
     Ok(rings)
 }
 
-fn distance(a: Point, b: Point) -> f64 {
+fn distance(a: PlanePoint, b: PlanePoint) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
@@ -140,7 +146,7 @@ struct LineEnd {
 /// The ends of open lines that are not yet part of a ring, in cells as wide as the tolerance.
 struct OpenEnds {
     cells: BTreeMap<[i64; 2], Vec<LineEnd>>,
-    ends: Vec<[Point; 2]>,
+    ends: Vec<[PlanePoint; 2]>,
     is_taken: Vec<bool>,
     tolerance: f64,
 }
@@ -158,11 +164,11 @@ impl OpenEnds {
         open_ends
     }
 
-    fn place(&self, end: LineEnd) -> Point {
+    fn place(&self, end: LineEnd) -> PlanePoint {
         self.ends[end.line][usize::from(end.is_last_point)]
     }
 
-    fn cell(&self, p: Point) -> [i64; 2] {
+    fn cell(&self, p: PlanePoint) -> [i64; 2] {
         p.map(|v| (v / self.tolerance).floor() as i64)
     }
 
@@ -172,7 +178,7 @@ impl OpenEnds {
     }
 
     /// The end that lies nearest to a point, within the tolerance; of equally near ones the first.
-    fn nearest(&self, p: Point) -> Option<LineEnd> {
+    fn nearest(&self, p: PlanePoint) -> Option<LineEnd> {
         let [x, y] = self.cell(p);
         let cells = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
         let ends = cells.filter_map(|cell| self.cells.get(&cell)).flatten().filter(|end| !self.is_taken[end.line]);

@@ -13,8 +13,7 @@ use crate::texture::artwork::Cells;
 use crate::texture::clip::distance;
 use crate::texture::clip::{Polylines, extent, is_closed};
 use crate::texture::place::LEAST;
-
-type Point = [f64; 2];
+use terrace_core::geom::PlanePoint;
 
 /// Most columns and rows of cells.
 const MAX_CELLS: f64 = 256.0;
@@ -41,13 +40,13 @@ pub(super) struct Soft {
 }
 
 impl Soft {
-    pub(super) fn new(edges: &[[Point; 2]], size: [f64; 2], width: f64, seed: u64) -> Self {
+    pub(super) fn new(edges: &[[PlanePoint; 2]], size: [f64; 2], width: f64, seed: u64) -> Self {
         let count = size.map(|s| (s / width).clamp(1.0, MAX_CELLS) as usize);
         Self { width, seed, near: Cells::new(edges, count, width) }
     }
 
     /// Appends what is marked of `line`, the piece of a stroke that `id` names.
-    pub(super) fn fade(&self, edges: &[[Point; 2]], line: &[Point], id: PieceId, out: &mut Polylines) {
+    pub(super) fn fade(&self, edges: &[[PlanePoint; 2]], line: &[PlanePoint], id: PieceId, out: &mut Polylines) {
         if let [dot] = line {
             if self.keeps_dot(edges, *dot, id) {
                 out.push(line);
@@ -60,7 +59,7 @@ impl Soft {
     }
 
     /// Whether a dot is marked: it lies at least the random share of the width from all edges.
-    fn keeps_dot(&self, edges: &[[Point; 2]], dot: Point, id: PieceId) -> bool {
+    fn keeps_dot(&self, edges: &[[PlanePoint; 2]], dot: PlanePoint, id: PieceId) -> bool {
         let mut near = Vec::new();
         self.edges_near([dot; 2], &mut near);
         let away = near.iter().map(|&e| distance(dot, edges[e as usize])).fold(f64::INFINITY, f64::min);
@@ -68,14 +67,14 @@ impl Soft {
     }
 
     /// Whether a line passes a cell with edges within the width of it.
-    fn is_near(&self, line: &[Point]) -> bool {
+    fn is_near(&self, line: &[PlanePoint]) -> bool {
         let mut is_near = false;
         sides(line).for_each(|s| self.near.along(s, |cell| is_near |= !self.near.edges_of(cell).is_empty()));
         is_near
     }
 
     /// Appends what is marked of a line of two points or more.
-    fn fade_line(&self, edges: &[[Point; 2]], line: &[Point], id: PieceId, out: &mut Polylines) {
+    fn fade_line(&self, edges: &[[PlanePoint; 2]], line: &[PlanePoint], id: PieceId, out: &mut Polylines) {
         let total: f64 = sides(line).map(length).sum();
         let count = (total / (STRETCH * self.width)).ceil().max(1.0);
         let stretch = total / count;
@@ -114,7 +113,7 @@ impl Soft {
     }
 
     /// Writes the edges that may lie within the width of a segment into `near`.
-    fn edges_near(&self, side: [Point; 2], near: &mut Vec<u32>) {
+    fn edges_near(&self, side: [PlanePoint; 2], near: &mut Vec<u32>) {
         near.clear();
         self.near.along(side, |cell| near.extend_from_slice(self.near.edges_of(cell)));
         near.sort_unstable();
@@ -137,16 +136,16 @@ impl Soft {
 }
 
 /// The segments of a polyline.
-fn sides(line: &[Point]) -> impl Iterator<Item = [Point; 2]> {
+fn sides(line: &[PlanePoint]) -> impl Iterator<Item = [PlanePoint; 2]> {
     line.windows(2).map(|s| [s[0], s[1]])
 }
 
-fn length([a, b]: [Point; 2]) -> f64 {
+fn length([a, b]: [PlanePoint; 2]) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
 /// The parameters between which a segment lies nearer than `reach` to an edge.
-fn nearer([a, b]: [Point; 2], [p, q]: [Point; 2], reach: f64) -> Option<[f64; 2]> {
+fn nearer([a, b]: [PlanePoint; 2], [p, q]: [PlanePoint; 2], reach: f64) -> Option<[f64; 2]> {
     let d = [b[0] - a[0], b[1] - a[1]];
     let e = [q[0] - p[0], q[1] - p[1]];
     let edge_length = e[0].hypot(e[1]);
@@ -174,7 +173,7 @@ fn joined(a: Option<[f64; 2]>, b: Option<[f64; 2]>) -> Option<[f64; 2]> {
 }
 
 /// The parameters for which a + t d lies in a disc.
-fn in_disc(a: Point, d: Point, centre: Point, radius: f64) -> Option<[f64; 2]> {
+fn in_disc(a: PlanePoint, d: PlanePoint, centre: PlanePoint, radius: f64) -> Option<[f64; 2]> {
     let v = [a[0] - centre[0], a[1] - centre[1]];
     // Of |a + t d - centre|^2 = radius^2: square t^2 + 2 half t + |v|^2 - radius^2 = 0.
     let square = d[0] * d[0] + d[1] * d[1];
@@ -194,20 +193,20 @@ fn within(v: f64, d: f64, lo: f64, hi: f64) -> Option<[f64; 2]> {
 
 /// The pieces that are kept of a polyline, which is taken side by side.
 struct KeptPieces<'a> {
-    line: &'a [Point],
-    pieces: Vec<Vec<Point>>,
+    line: &'a [PlanePoint],
+    pieces: Vec<Vec<PlanePoint>>,
     /// Whether the last piece reaches up to the place that is looked at, so that what is kept from there on is part of
     /// it.
     is_open: bool,
 }
 
 impl<'a> KeptPieces<'a> {
-    fn new(line: &'a [Point]) -> Self {
+    fn new(line: &'a [PlanePoint]) -> Self {
         Self { line, pieces: Vec::new(), is_open: false }
     }
 
     /// Takes the next side, without what is lost of it, in order.
-    fn add_side(&mut self, [a, b]: [Point; 2], lost: &[[f64; 2]]) {
+    fn add_side(&mut self, [a, b]: [PlanePoint; 2], lost: &[[f64; 2]]) {
         let at = |t: f64| match t {
             0.0 => a,
             1.0 => b,
@@ -227,7 +226,7 @@ impl<'a> KeptPieces<'a> {
     }
 
     /// Continues the last piece, or begins one.
-    fn keep(&mut self, from: Point, to: Point) {
+    fn keep(&mut self, from: PlanePoint, to: PlanePoint) {
         if !self.is_open {
             self.pieces.push(vec![from]);
         }
@@ -272,7 +271,7 @@ mod tests {
         kept.add_side([line[1], line[2]], &[]);
         let mut out = Polylines::default();
         kept.finish(&mut out);
-        let pieces: Vec<&[Point]> = out.iter().collect();
+        let pieces: Vec<&[PlanePoint]> = out.iter().collect();
         assert_eq!(pieces, [&[[0.0, 0.0], [1.0, 0.0]][..], &[[2.0, 0.0], [4.0, 0.0], [8.0, 0.0]]]);
     }
 

@@ -10,8 +10,7 @@ use svg_style::Map;
 use crate::texture::artwork::{MAX_MM, Stop, arc_steps, counted, steps};
 use crate::texture::clip::{Polylines, extent, is_hairline, traced_twice};
 use crate::texture::place::LEAST;
-
-type Point = [f64; 2];
+use terrace_core::geom::PlanePoint;
 
 /// Which kinds of subpaths of an element are not drawn.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -34,16 +33,16 @@ pub(super) enum OutlineUse {
 /// What the subpaths of an element are drawn into, in the element's coordinates.
 pub(super) trait Sink {
     /// The last point.
-    fn at(&self) -> Point;
-    fn move_to(&mut self, p: Point);
-    fn line_to(&mut self, p: Point);
-    fn quad_to(&mut self, c: Point, p: Point);
-    fn cubic_to(&mut self, c: Point, d: Point, p: Point);
+    fn at(&self) -> PlanePoint;
+    fn move_to(&mut self, p: PlanePoint);
+    fn line_to(&mut self, p: PlanePoint);
+    fn quad_to(&mut self, c: PlanePoint, p: PlanePoint);
+    fn cubic_to(&mut self, c: PlanePoint, d: PlanePoint, p: PlanePoint);
     /// The elliptic arc of path data, by SVG 1.1 appendix F.6: `turn` is the angle of the first radius
     /// in degrees.
-    fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: Point);
+    fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: PlanePoint);
     /// A whole ellipse with axes along x and y, starting on +x, as one closed subpath.
-    fn ellipse(&mut self, centre: Point, rx: f64, ry: f64);
+    fn ellipse(&mut self, centre: PlanePoint, rx: f64, ry: f64);
     fn close(&mut self);
     /// Notes a figure that has no extent.
     fn dot(&mut self);
@@ -55,8 +54,8 @@ pub(super) struct Outline<'a> {
     tolerance: f64,
     outline_use: OutlineUse,
     lines: &'a mut Polylines,
-    start: Point,
-    at: Point,
+    start: PlanePoint,
+    at: PlanePoint,
     stop: Option<Stop>,
     dropped: DroppedSubpaths,
 }
@@ -85,7 +84,7 @@ impl<'a> Outline<'a> {
     }
 
     /// The image under `axes` of the unit circle's arc from angle `a0` over `by`; ends in `p`.
-    fn sweep(&mut self, axes: Map, a0: f64, by: f64, p: Point) {
+    fn sweep(&mut self, axes: Map, a0: f64, by: f64, p: PlanePoint) {
         let steps = arc_steps(by, largest_radius(self.map.after(axes)), self.tolerance);
         self.curve(steps, p, |t| {
             let (sin, cos) = (a0 + t * by).sin_cos();
@@ -94,7 +93,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Appends a curve from the last point to `p`.
-    fn curve(&mut self, steps: f64, p: Point, point: impl Fn(f64) -> Point) {
+    fn curve(&mut self, steps: f64, p: PlanePoint, point: impl Fn(f64) -> PlanePoint) {
         let from = self.at;
         self.at = p;
         if self.stop.is_some() {
@@ -112,7 +111,7 @@ impl<'a> Outline<'a> {
         }
     }
 
-    fn put(&mut self, p: Point) {
+    fn put(&mut self, p: PlanePoint) {
         let p = self.map.at(p);
         if p.iter().all(|v| v.abs() <= MAX_MM) {
             self.lines.points.push(p);
@@ -146,21 +145,21 @@ impl<'a> Outline<'a> {
 }
 
 impl Sink for Outline<'_> {
-    fn at(&self) -> Point {
+    fn at(&self) -> PlanePoint {
         self.at
     }
 
-    fn move_to(&mut self, p: Point) {
+    fn move_to(&mut self, p: PlanePoint) {
         self.end_line();
         self.start = p;
         self.at = p;
     }
 
-    fn line_to(&mut self, p: Point) {
+    fn line_to(&mut self, p: PlanePoint) {
         self.curve(1.0, p, |_| p);
     }
 
-    fn quad_to(&mut self, c: Point, p: Point) {
+    fn quad_to(&mut self, c: PlanePoint, p: PlanePoint) {
         let a = self.at;
         let m = self.map;
         let steps = steps(2.0 * bend(m, a, c, p), self.tolerance, 1.0);
@@ -170,7 +169,7 @@ impl Sink for Outline<'_> {
         });
     }
 
-    fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
+    fn cubic_to(&mut self, c: PlanePoint, d: PlanePoint, p: PlanePoint) {
         let a = self.at;
         let m = self.map;
         let steps = steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), self.tolerance, 1.0);
@@ -180,7 +179,7 @@ impl Sink for Outline<'_> {
         });
     }
 
-    fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: Point) {
+    fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: PlanePoint) {
         let from = self.at;
         let [mut rx, mut ry] = radii.map(f64::abs);
         if from == p {
@@ -215,7 +214,7 @@ impl Sink for Outline<'_> {
         self.sweep(axes.after(Map::shift(centre)), a0, by, p);
     }
 
-    fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
+    fn ellipse(&mut self, centre: PlanePoint, rx: f64, ry: f64) {
         let start = [centre[0] + rx, centre[1]];
         self.move_to(start);
         self.sweep(Map::scale(rx, ry, centre), 0.0, TAU, start);
@@ -236,7 +235,7 @@ impl Sink for Outline<'_> {
 }
 
 /// Length of the second difference of three points after the map.
-fn bend(m: Map, p: Point, q: Point, r: Point) -> f64 {
+fn bend(m: Map, p: PlanePoint, q: PlanePoint, r: PlanePoint) -> f64 {
     let [x, y] = [0, 1].map(|k| p[k] - 2.0 * q[k] + r[k]);
     (m.a * x + m.c * y).hypot(m.b * x + m.d * y)
 }
@@ -263,11 +262,11 @@ mod tests {
     }
 
     /// Largest distance of the curve from the polyline, sampled.
-    fn miss(line: &[Point], curve: impl Fn(f64) -> Point) -> f64 {
+    fn miss(line: &[PlanePoint], curve: impl Fn(f64) -> PlanePoint) -> f64 {
         (0..=2000)
             .map(|i| {
                 let p = curve(f64::from(i) / 2000.0);
-                let to = |w: &[Point]| {
+                let to = |w: &[PlanePoint]| {
                     let d = [w[1][0] - w[0][0], w[1][1] - w[0][1]];
                     let v = [p[0] - w[0][0], p[1] - w[0][1]];
                     let t = ((d[0] * v[0] + d[1] * v[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
@@ -287,7 +286,8 @@ mod tests {
             let m = [0; 4].map(|_| noise.range(-3.0, 3.0));
             let tolerance = noise.range(0.0005, 0.5);
             let map = Map { a: m[0], b: m[1], c: m[2], d: m[3], e: 1.0, f: -2.0 };
-            let is_near = |line: &[Point], curve: &dyn Fn(f64) -> Point| miss(line, curve) <= tolerance * 1.000001;
+            let is_near =
+                |line: &[PlanePoint], curve: &dyn Fn(f64) -> PlanePoint| miss(line, curve) <= tolerance * 1.000001;
 
             let cubic = |t: f64| {
                 let s = 1.0 - t;
@@ -354,13 +354,13 @@ mod tests {
             assert_eq!((line[0], line[line.len() - 1]), (from, to), "seed {seed}");
             // In the frame of the ellipse the points have one distance from one centre.
             let (s, k) = turn.to_radians().sin_cos();
-            let unit: Vec<Point> =
+            let unit: Vec<PlanePoint> =
                 line.iter().map(|p| [(k * p[0] + s * p[1]) / radii[0], (k * p[1] - s * p[0]) / radii[1]]).collect();
             let n = unit.len();
             if n < 3 {
                 continue;
             }
-            let bend = |w: &[Point]| {
+            let bend = |w: &[PlanePoint]| {
                 let (a, b) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
                 (a[0] * b[1] - a[1] * b[0]).atan2(a[0] * b[0] + a[1] * b[1])
             };
@@ -378,7 +378,7 @@ mod tests {
     #[test]
     fn slivers_and_dots_are_told_from_figures() {
         let id = Map::shift([0.0; 2]);
-        let figure = |points: &[Point]| {
+        let figure = |points: &[PlanePoint]| {
             let mut lines = Polylines::default();
             let mut o = Outline::new(id, 1e-3, OutlineUse::Area, &mut lines);
             o.move_to(points[0]);

@@ -476,13 +476,13 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(Some(PatternTile { art, map, at, size }))
     }
 
-    /// The map of a pattern's units to the page: by the transform of the first of a chain of patterns that has one;
-    /// None where that cannot be drawn.
+    /// The map of a pattern's units to the page: that of `state`, with the transform of the first in `chain` that has
+    /// one. The chain is the pattern and those that it refers to. None where the transform cannot be drawn.
     fn pattern_map(&mut self, chain: &[Node<'a, 'input>], state: &ElementState) -> Result<Option<Map>, Box<Diag>> {
         for &pattern in chain {
-            let mut moved = ElementState { style: self.style_of(pattern)?, ..state.clone() };
-            if moved.style.has_transform() {
-                return Ok(self.moved(pattern, &mut moved)?.then_some(moved.map));
+            let mut own = ElementState { style: self.style_of(pattern)?, ..state.clone() };
+            if own.style.has_transform() {
+                return Ok(self.moved(pattern, &mut own)?.then_some(own.map));
             }
         }
         Ok(Some(state.map))

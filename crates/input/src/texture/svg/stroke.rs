@@ -3,6 +3,7 @@
 use kurbo::{Arc, BezPath, Cap, Join, PathEl, Point as KurboPoint, Shape, StrokeOpts, SvgArc, Vec2};
 
 use super::outline::Sink;
+use terrace_core::geom::PlanePoint;
 
 /// Most dashes of one element.
 const MAX_DASHES: f64 = 1e6;
@@ -12,8 +13,6 @@ const DOT: f64 = 1e-6;
 
 /// Joins that turn the line by less, rad, cut off nothing that shows.
 const LEAST_TURN: f64 = 0.05;
-
-type Point = [f64; 2];
 
 /// How a line is drawn, in the element's units.
 pub(super) struct Pen {
@@ -53,8 +52,8 @@ pub(super) struct TooMany;
 /// An element's subpaths as Bézier curves.
 pub(super) struct Curves {
     path: BezPath,
-    start: Point,
-    at: Point,
+    start: PlanePoint,
+    at: PlanePoint,
     /// Largest distance of an arc from its curves, in the element's units.
     tolerance: f64,
 }
@@ -66,7 +65,7 @@ impl Curves {
 
     /// Takes out the subpaths that are drawn without going farther than `reach` from their first point; returns
     /// these.
-    pub(super) fn take_dots(&mut self, reach: f64) -> Vec<Point> {
+    pub(super) fn take_dots(&mut self, reach: f64) -> Vec<PlanePoint> {
         let mut dots = Vec::new();
         let mut kept = BezPath::new();
         let elements = self.path.elements();
@@ -193,40 +192,40 @@ fn stays_near(el: &PathEl, start: KurboPoint, reach: f64) -> bool {
     }
 }
 
-fn at([x, y]: Point) -> KurboPoint {
+fn at([x, y]: PlanePoint) -> KurboPoint {
     KurboPoint::new(x, y)
 }
 
 impl Sink for Curves {
-    fn at(&self) -> Point {
+    fn at(&self) -> PlanePoint {
         self.at
     }
 
-    fn move_to(&mut self, p: Point) {
+    fn move_to(&mut self, p: PlanePoint) {
         self.start = p;
         self.at = p;
         self.path.move_to(at(p));
     }
 
-    fn line_to(&mut self, p: Point) {
+    fn line_to(&mut self, p: PlanePoint) {
         self.begin();
         self.path.line_to(at(p));
         self.at = p;
     }
 
-    fn quad_to(&mut self, c: Point, p: Point) {
+    fn quad_to(&mut self, c: PlanePoint, p: PlanePoint) {
         self.begin();
         self.path.quad_to(at(c), at(p));
         self.at = p;
     }
 
-    fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
+    fn cubic_to(&mut self, c: PlanePoint, d: PlanePoint, p: PlanePoint) {
         self.begin();
         self.path.curve_to(at(c), at(d), at(p));
         self.at = p;
     }
 
-    fn arc_to(&mut self, radii: Point, turn: f64, large: bool, sweep: bool, p: Point) {
+    fn arc_to(&mut self, radii: PlanePoint, turn: f64, large: bool, sweep: bool, p: PlanePoint) {
         self.begin();
         let arc = SvgArc {
             from: at(self.at),
@@ -244,7 +243,7 @@ impl Sink for Curves {
         self.at = p;
     }
 
-    fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
+    fn ellipse(&mut self, centre: PlanePoint, rx: f64, ry: f64) {
         // Not as kurbo's ellipse, which begins on its larger axis.
         self.move_to([centre[0] + rx, centre[1]]);
         let arc = Arc::new(at(centre), (rx, ry), 0.0, std::f64::consts::TAU, 0.0);

@@ -1,7 +1,7 @@
 //! What a drawing holds that is not marked, or not as drawn: counted, one message per issue.
 
 use crate::texture::artwork::Marking;
-use crate::texture::artwork::Weight::{self, Refused, Told};
+use crate::texture::artwork::Weight::{self, Refused, Warned};
 use terrace_core::diag::{Diag, Place};
 
 /// Something that is reported.
@@ -48,7 +48,7 @@ const fn row(issue: Issue, weight: Weight, code: &'static str, sentence: &'stati
 const ISSUES: [IssueRow; 22] = [
     row(
         Issue::Hidden,
-        Told,
+        Warned,
         "svg-hidden",
         "hidden, or with neither fill nor stroke, are not marked",
         "show them, or ignore this",
@@ -64,7 +64,7 @@ const ISSUES: [IssueRow; 22] = [
     ),
     row(
         Issue::Use,
-        Told,
+        Warned,
         "svg-use",
         "refer (use) to something missing or to themselves, and are not marked",
         "repair the references",
@@ -102,35 +102,35 @@ const ISSUES: [IssueRow; 22] = [
     ),
     row(
         Issue::Fault,
-        Told,
+        Warned,
         "svg-path",
         "have faulty path data, points or lengths; each is drawn up to its fault, as viewers do",
         "repair them in the drawing program",
     ),
     row(
         Issue::Flat,
-        Told,
+        Warned,
         "svg-flat",
         "have a transform that flattens them to a line, and are not marked",
         "remove them, or repair the transform",
     ),
     row(
         Issue::Unit,
-        Told,
+        Warned,
         "svg-unit",
         "have lengths in units that depend on the face of a font (ex, ch, ic), taken as half or all of its size",
         "use mm or user units",
     ),
     row(
         Issue::Translucent,
-        Told,
+        Warned,
         "svg-opacity",
         "are partly transparent and are marked like opaque ones",
         "give them a colour and a pen of their own, or ignore this",
     ),
     row(
         Issue::FlowText,
-        Told,
+        Warned,
         "svg-flow-text",
         "of flowed text (flowRoot), which Inkscape shows and browsers do not, are not marked",
         "convert them to text and then to paths in Inkscape, or remove them",
@@ -151,7 +151,7 @@ const ISSUES: [IssueRow; 22] = [
     ),
     row(
         Issue::NonScaling,
-        Told,
+        Warned,
         "svg-non-scaling",
         "have a stroke that does not scale (vector-effect); its width is that at the size of the page, with 96 pixels \
          to the inch",
@@ -159,26 +159,26 @@ const ISSUES: [IssueRow; 22] = [
     ),
     row(
         Issue::PathLength,
-        Told,
+        Warned,
         "svg-path-length",
         "have dashes in units of pathLength, drawn as browsers do; other programs ignore it",
         "give dashes in the units of the drawing, and remove pathLength",
     ),
     row(
         Issue::Dot,
-        Told,
+        Warned,
         "svg-dot",
         "have parts without extent, which are not marked",
         "draw them with an extent, or ignore this",
     ),
     row(
         Issue::Hairline,
-        Told,
+        Warned,
         "svg-hairline",
         "have closed parts thinner than the tolerance, which are not marked",
         "draw a thin line as an open path, or lower the tolerance",
     ),
-    row(Issue::Overhang, Told, "svg-overhang", "reach beyond the page and are cut at its border", "enlarge the page"),
+    row(Issue::Overhang, Warned, "svg-overhang", "reach beyond the page and are cut at its border", "enlarge the page"),
 ];
 
 /// The elements of an issue.
@@ -230,7 +230,7 @@ impl IssueRow {
         };
         let message = match self.weight {
             Refused => marking.unmarkable(self.code, &what, done, &count, self.hint),
-            Told => Diag::warning(self.code, what + &count).hint(self.hint),
+            Warned => Diag::warning(self.code, what + &count).hint(self.hint),
         };
         message.at(Place::Element { path: path.to_owned(), element: affected.first })
     }

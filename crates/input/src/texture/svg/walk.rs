@@ -357,11 +357,13 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Cuts an element at its clip path and mask; returns whether something of it may be drawn.
+    /// Nothing is drawn, and that is noted, where an effect cannot be reproduced.
     pub(super) fn shows_through(
         &mut self,
         node: Node<'a, 'input>,
         state: &mut ElementState,
     ) -> Result<bool, Box<Diag>> {
+        // The box of an element is that of its geometry, whatever is cut off.
         if self.purpose == Purpose::Bounds {
             return Ok(true);
         }
@@ -372,16 +374,16 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Effect, node);
             return Ok(false);
         }
-        // The parts of a clip path have neither effects nor masks.
-        let is_part = self.purpose == Purpose::Clip;
-        if !is_part && (style.filter != Reference::None || style.is_blended) {
+        // Effects and masks of the parts of a clip path do not count.
+        let is_clip_part = self.purpose == Purpose::Clip;
+        if !is_clip_part && (style.filter != Reference::None || style.is_blended) {
             self.note(Issue::Effect, node);
             return Ok(false);
         }
         if style.clip_path != Reference::None && !self.cut(node, &style.clip_path, Cut::ClipPath, state)? {
             return Ok(false);
         }
-        Ok(is_part || style.mask == Reference::None || self.cut(node, &style.mask, Cut::Mask, state)?)
+        Ok(is_clip_part || style.mask == Reference::None || self.cut(node, &style.mask, Cut::Mask, state)?)
     }
 
     /// Whether no style sheet may move things.
@@ -580,7 +582,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         state.map = state.map.after(Map::shift(corner));
         let overflows = state.style.overflows == Some(true);
-        let frame = state.map;
+        let frame_map = state.map;
         state.port = size;
         match view_box(node) {
             Ok(Some(view)) => {
@@ -593,13 +595,14 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let first = self.art.shapes.len();
         self.children(node, &state)?;
-        if overflows { Ok(()) } else { self.frame(frame, size, first, node) }
+        if overflows { Ok(()) } else { self.cut_at_frame(frame_map, size, first, node) }
     }
 
-    /// Cuts the shapes from `first` on at a frame: a rectangle from the origin in the units of `map`.
-    fn frame(&mut self, map: Map, size: [f64; 2], first: usize, node: Node<'a, 'input>) -> WalkResult {
+    /// Cuts the shapes from index `first` on at the frame of `node`: a rectangle from the origin in the units of `map`.
+    fn cut_at_frame(&mut self, map: Map, size: [f64; 2], first: usize, node: Node<'a, 'input>) -> WalkResult {
         let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| map.at(c));
         let back = map.inverse();
+        // The tolerance in the units of the frame.
         let slack = self.tolerance / map.enlarges();
         let is_in_frame = |p: [f64; 2]| back.at(p).iter().zip(size).all(|(&v, side)| v >= -slack && v <= side + slack);
         // The area of the frame within each clip that shapes have.
@@ -607,6 +610,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         for i in first..self.art.shapes.len() {
             let shape = &self.art.shapes[i];
             let mut lines = shape.lines.clone().map(|k| self.art.lines.get(k));
+            // A shape within the frame loses nothing, and needs no clip.
             if lines.all(|line| line.iter().all(|&p| is_in_frame(p))) {
                 continue;
             }
@@ -616,10 +620,11 @@ impl<'a, 'input> Walk<'a, 'input> {
                 None => {
                     let area =
                         PolygonArea::new([corners.as_slice()].into_iter(), WindingRule::NonZero).expect("four edges");
-                    self.clip(outer, area, node)?
+                    let clip = self.clip(outer, area, node)?;
+                    clips.insert(outer, clip);
+                    clip
                 }
             };
-            clips.insert(outer, clip);
             self.art.shapes[i].clip = Some(clip);
         }
         Ok(())

@@ -271,22 +271,24 @@ fn marking_params(program: &Program, pen: PenId, shift: Nm, machine: &Machine) -
     }
 }
 
-/// Who moves, and which way, so that a controller for another machine can refuse the file.
+/// What each axis moves, and which way, so that a controller for another machine can refuse the file: such as
+/// `terrace/xyz-galvo2d/x-part/y-part/z-head-reversed`. Tilt axes are named only where they carry the head.
 fn machine_type(machine: &Machine) -> String {
-    let head = if machine.zoom.is_some() { "galvo3d" } else { "galvo2d" };
-    let mut name = format!("terrace/xyz-{head}");
-    for (axis, data) in machine.axes() {
-        let carries = match data.carries {
+    let scanner = if machine.zoom.is_some() { "galvo3d" } else { "galvo2d" };
+    let sense = |is_reversed: bool| if is_reversed { "-reversed" } else { "" };
+    let mut text = format!("terrace/xyz-{scanner}");
+    for (name, axis) in machine.axes() {
+        let carries = match axis.carries {
             Carries::Part => "part",
             Carries::Head => "head",
         };
-        name += &format!("/{axis}-{carries}{}", if data.reversed { "-reversed" } else { "" });
+        text += &format!("/{name}-{carries}{}", sense(axis.reversed));
     }
     for axis in machine.tilt.iter().filter(|_| machine.tilts_head()).flat_map(|tilt| &tilt.axes) {
         let letter = axis.letter.char().to_ascii_lowercase();
-        name += &format!("/{letter}-head{}", if axis.reversed { "-reversed" } else { "" });
+        text += &format!("/{letter}-head{}", sense(axis.reversed));
     }
-    name
+    text
 }
 
 /// Nanometres as mm in single precision, as the format has them.

@@ -19,22 +19,33 @@
 //! field (telecentric lens).
 
 use std::f64::consts::{PI, TAU};
+use std::marker::PhantomData;
 
-/// A point of the part and a unit direction there: a mark with its normal, or a tool point with its axis.
+use terrace_core::geom::{P3Mm, UnitVector};
+
+/// The frame of the part with its origin moved to the pivot, the point about which A and C turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub struct Pivot;
+
+/// A frame of the part as A and C have turned it about its origin; z is the beam's axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurnedAbout<F>(PhantomData<F>);
+
+/// A point of the part and a direction there: a mark with its normal, or a tool point with its axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose<F> {
     /// Point.
-    pub p: [f64; 3],
-    /// Unit vector out of the part.
-    pub n: [f64; 3],
+    pub p: P3Mm<F>,
+    /// Out of the part.
+    pub n: UnitVector,
 }
 
-impl Pose {
+impl<F> Pose<F> {
     /// On a surface given as z, ∂z/∂x and ∂z/∂y of x and y.
     pub fn on_surface([x, y]: [f64; 2], surface: impl Fn(f64, f64) -> (f64, f64, f64)) -> Self {
         let (z, zx, zy) = surface(x, y);
         let norm = (1.0 + zx * zx + zy * zy).sqrt();
-        Self { p: [x, y, z], n: [-zx / norm, -zy / norm, 1.0 / norm] }
+        Self { p: P3Mm::new([x, y, z]), n: UnitVector([-zx / norm, -zy / norm, 1.0 / norm]) }
     }
 }
 
@@ -42,7 +53,7 @@ impl Pose {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
     /// X, Y, Z.
-    pub xyz: [f64; 3],
+    pub xyz: P3Mm<TurnedAbout<Pivot>>,
     /// Swivel.
     pub a: f64,
     /// Turntable.
@@ -62,57 +73,82 @@ pub enum Branch {
 /// here on it turns C by less than 1e-4.
 const UPRIGHT: f64 = 1e-12;
 
-/// A and C for a normal; C is `held` where the normal is upright.
-pub(crate) fn turn_for(n: [f64; 3], branch: Branch, held: f64) -> (f64, f64) {
-    let [i, j, k] = n;
+/// The A and C of a branch that turn a normal upright; C is `held` where the normal is upright without it.
+pub(crate) fn turn_for(n: UnitVector, branch: Branch, held: f64) -> (f64, f64) {
+    let UnitVector([i, j, k]) = n;
     let tilt = i.hypot(j);
     // acos k, without its loss of digits near k = 1.
     let a = tilt.atan2(k);
     if tilt < UPRIGHT {
         return (if branch == Branch::Positive { a } else { -a }, held);
     }
+    // C turns the normal until it leans to +y, from where a positive A turns it up, or to -y for a negative A.
     match branch {
         Branch::Positive => (a, (-i).atan2(j)),
         Branch::Negative => (-a, i.atan2(-j)),
     }
 }
 
-/// Part to machine frame at A, C.
-pub(crate) fn machine_from_part(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+/// A point of the part as A and C turn it about the origin of its frame.
+pub(crate) fn turned<F>(a: f64, c: f64, p: P3Mm<F>) -> P3Mm<TurnedAbout<F>> {
+    P3Mm::new(turned_vector(a, c, p.mm))
+}
+
+/// The inverse of [`turned`].
+pub(crate) fn turned_back<F>(a: f64, c: f64, q: P3Mm<TurnedAbout<F>>) -> P3Mm<F> {
+    P3Mm::new(vector_turned_back(a, c, q.mm))
+}
+
+/// The direction in the part that A and C turn upright: that against the beam.
+pub(crate) fn beam_axis(a: f64, c: f64) -> UnitVector {
+    UnitVector(vector_turned_back(a, c, [0.0, 0.0, 1.0]))
+}
+
+/// Rx(A) Rz(-C) applied to a vector.
+pub(crate) fn turned_vector(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
     let (right, back) = (x * cc + y * sc, y * cc - x * sc);
     [right, back * ca - z * sa, back * sa + z * ca]
 }
 
-/// Machine to part frame at A, C.
-pub(crate) fn part_from_machine(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+/// The inverse of [`turned_vector`].
+fn vector_turned_back(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
     let (back, up) = (y * ca + z * sa, z * ca - y * sa);
     [x * cc - back * sc, x * sc + back * cc, up]
 }
 
+/// A point as the scanner sees it: U, V and the height over the focal plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldPosition {
+    /// U and V, mm.
+    pub uv: [f64; 2],
+    /// Above the focal plane, mm.
+    pub height: f64,
+}
+
 impl Axes {
     /// The axes with the tool at a pose; C is `held` where the tool's axis is upright.
-    pub fn at(tool: &Pose, branch: Branch, held: f64) -> Self {
+    pub fn at(tool: &Pose<Pivot>, branch: Branch, held: f64) -> Self {
         let (a, c) = turn_for(tool.n, branch, held);
-        Self { xyz: machine_from_part(a, c, tool.p), a, c }
+        Self { xyz: turned(a, c, tool.p), a, c }
     }
 
     /// The tool's point and axis.
-    pub fn tool(&self) -> Pose {
-        Pose { p: part_from_machine(self.a, self.c, self.xyz), n: part_from_machine(self.a, self.c, [0.0, 0.0, 1.0]) }
+    pub fn tool(&self) -> Pose<Pivot> {
+        Pose { p: turned_back(self.a, self.c, self.xyz), n: beam_axis(self.a, self.c) }
     }
 
-    /// U, V and the height over the focal plane under which the scanner sees a point of the part.
-    pub fn field_from_part(&self, p: [f64; 3]) -> [f64; 3] {
-        let q = machine_from_part(self.a, self.c, p);
-        [q[0] - self.xyz[0], q[1] - self.xyz[1], q[2] - self.xyz[2]]
+    /// How the scanner sees a point of the part.
+    pub fn seen(&self, p: P3Mm<Pivot>) -> FieldPosition {
+        let [u, v, height] = turned(self.a, self.c, p).way_from(self.xyz);
+        FieldPosition { uv: [u, v], height }
     }
 
-    /// Where the beam of U, V meets the focal plane, and the direction back along it, in the part frame.
-    pub fn spot(&self, u: f64, v: f64) -> Pose {
-        let q = [self.xyz[0] + u, self.xyz[1] + v, self.xyz[2]];
-        Pose { p: part_from_machine(self.a, self.c, q), n: part_from_machine(self.a, self.c, [0.0, 0.0, 1.0]) }
+    /// Where the beam of U, V meets the focal plane, and the direction back along it.
+    pub fn spot(&self, u: f64, v: f64) -> Pose<Pivot> {
+        let q = self.xyz.moved([u, v, 0.0]);
+        Pose { p: turned_back(self.a, self.c, q), n: beam_axis(self.a, self.c) }
     }
 }
 
@@ -120,7 +156,7 @@ impl Axes {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviation {
     /// Out of focus along the beam (FOD), mm, without sign.
-    pub focus: f64,
+    pub defocus: f64,
     /// Angle of the beam to the normal (BIA), rad.
     pub angle: f64,
     /// Across the beam, mm.
@@ -129,26 +165,26 @@ pub struct Deviation {
 
 impl Deviation {
     /// The deviation of a mark from a tool.
-    pub fn of(mark: &Pose, tool: &Pose) -> Self {
-        let d = [0, 1, 2].map(|i| mark.p[i] - tool.p[i]);
-        let focus = dot(d, tool.n);
-        let across = [0, 1, 2].map(|i| d[i] - focus * tool.n[i]);
-        let (m, t) = (mark.n, tool.n);
+    pub fn of<F: Copy>(mark: &Pose<F>, tool: &Pose<F>) -> Self {
+        let d = mark.p.way_from(tool.p);
+        let (UnitVector(m), UnitVector(t)) = (mark.n, tool.n);
+        let along = dot(d, t);
+        let across = [0, 1, 2].map(|i| d[i] - along * t[i]);
         let cross = [m[1] * t[2] - m[2] * t[1], m[2] * t[0] - m[0] * t[2], m[0] * t[1] - m[1] * t[0]];
-        Self { focus: focus.abs(), angle: norm(cross).atan2(dot(m, t)), lateral: norm(across) }
+        Self { defocus: along.abs(), angle: norm(cross).atan2(dot(m, t)), lateral: norm(across) }
     }
 
     /// Each part the larger of two.
     pub fn max(self, other: Self) -> Self {
         Self {
-            focus: self.focus.max(other.focus),
+            defocus: self.defocus.max(other.defocus),
             angle: self.angle.max(other.angle),
             lateral: self.lateral.max(other.lateral),
         }
     }
 
     /// Largest of each part over a path.
-    pub fn worst(marks: &[Pose], tools: impl IntoIterator<Item = Pose>) -> Self {
+    pub fn worst<F: Copy>(marks: &[Pose<F>], tools: impl IntoIterator<Item = Pose<F>>) -> Self {
         marks.iter().zip(tools).fold(Self::default(), |worst, (mark, tool)| worst.max(Self::of(mark, &tool)))
     }
 }
@@ -169,13 +205,12 @@ pub enum Branches {
 
 /// Axes along a path of tools. C continues by the nearest turn and rests where the tool is upright; before the
 /// first tool that leans it stands as that one needs it.
-pub fn follow(tools: &[Pose], branches: Branches) -> Vec<Axes> {
+pub fn follow(tools: &[Pose<Pivot>], branches: Branches) -> Vec<Axes> {
     let taken: Vec<Branch> = match branches {
         Branches::Only(branch) => vec![branch; tools.len()],
         Branches::Quickest { a, c } => quickest(tools, a, c),
     };
-    let leans = |t: &&Pose| t.n[0].hypot(t.n[1]) >= UPRIGHT;
-    let mut held = match (tools.iter().find(leans), taken.first()) {
+    let mut held = match (tools.iter().find(|tool| leans(tool.n)), taken.first()) {
         (Some(first), Some(&branch)) => turn_for(first.n, branch, 0.0).1,
         _ => 0.0,
     };
@@ -183,9 +218,14 @@ pub fn follow(tools: &[Pose], branches: Branches) -> Vec<Axes> {
     for (tool, &branch) in tools.iter().zip(&taken) {
         let (a, c) = turn_for(tool.n, branch, held);
         held += nearest_turn(c - held);
-        out.push(Axes { xyz: machine_from_part(a, held, tool.p), a, c: held });
+        out.push(Axes { xyz: turned(a, held, tool.p), a, c: held });
     }
     out
+}
+
+/// Whether a direction has a C of its own.
+fn leans(UnitVector([x, y, _]): UnitVector) -> bool {
+    x.hypot(y) >= UPRIGHT
 }
 
 /// An angle less the whole turns that bring it nearest to 0.
@@ -206,9 +246,9 @@ struct BranchState {
 
 /// Branch of every tool, by dynamic programming over the two of them: a path through both kinds of states whose
 /// summed times of the slower axis are least.
-fn quickest(tools: &[Pose], speed_a: f64, speed_c: f64) -> Vec<Branch> {
+fn quickest(tools: &[Pose<Pivot>], speed_a: f64, speed_c: f64) -> Vec<Branch> {
     const BOTH: [Branch; 2] = [Branch::Positive, Branch::Negative];
-    let Some(first) = tools.iter().find(|t| t.n[0].hypot(t.n[1]) >= UPRIGHT) else {
+    let Some(first) = tools.iter().find(|tool| leans(tool.n)) else {
         return vec![Branch::Positive; tools.len()];
     };
     // Invariant: for either branch of the last tool the quickest way there, with its A and C and its time.
@@ -271,24 +311,24 @@ mod tests {
         let mut next = || random.unit();
         for _ in 0..20_000 {
             let (tilt, round) = (1.5 * next(), TAU * next());
-            let n = [tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()];
-            let pose = Pose { p: [0.0; 3].map(|_| 100.0 * next() - 50.0), n };
+            let n = UnitVector([tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()]);
+            let pose = Pose { p: P3Mm::new([0.0; 3].map(|_| 100.0 * next() - 50.0)), n };
             for (branch, sign) in [(Branch::Positive, 1.0), (Branch::Negative, -1.0)] {
                 let axes = Axes::at(&pose, branch, 0.0);
                 assert!(axes.a * sign >= 0.0);
-                let upright = machine_from_part(axes.a, axes.c, n);
+                let upright = turned_vector(axes.a, axes.c, n.0);
                 let back = axes.tool();
                 for i in 0..3 {
                     assert!((upright[i] - [0.0, 0.0, 1.0][i]).abs() < 1e-9, "{upright:?}");
-                    assert!((back.p[i] - pose.p[i]).abs() < 1e-9 && (back.n[i] - n[i]).abs() < 1e-9, "{back:?}");
+                    assert!((back.p[i] - pose.p[i]).abs() < 1e-9 && (back.n.0[i] - n.0[i]).abs() < 1e-9, "{back:?}");
                 }
-                let mark = [0.0; 3].map(|_| 10.0 * next());
-                let [u, v, off] = axes.field_from_part(mark);
+                let mark = P3Mm::new([0.0; 3].map(|_| 10.0 * next()));
+                let FieldPosition { uv: [u, v], height: off } = axes.seen(mark);
                 let spot = axes.spot(u, v);
                 let hit = Deviation::of(&Pose { p: mark, n }, &pose);
-                assert!((hit.focus - off.abs()).abs() < 1e-9 && (hit.lateral - u.hypot(v)).abs() < 1e-9);
+                assert!((hit.defocus - off.abs()).abs() < 1e-9 && (hit.lateral - u.hypot(v)).abs() < 1e-9);
                 for i in 0..3 {
-                    assert!((spot.p[i] + off * n[i] - mark[i]).abs() < 1e-9);
+                    assert!((spot.p[i] + off * n.0[i] - mark[i]).abs() < 1e-9);
                 }
             }
         }
@@ -302,7 +342,7 @@ mod tests {
         for _ in 0..count {
             let (tilt, round) = (0.4 * next(), TAU * next());
             let n = [tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()];
-            let up = machine_from_part(n[2].acos(), (-n[0] / n[1]).atan(), n);
+            let up = turned_vector(n[2].acos(), (-n[0] / n[1]).atan(), n);
             let off = up[2].clamp(-1.0, 1.0).acos();
             if off > 1e-6 {
                 wrong += 1;
@@ -315,8 +355,9 @@ mod tests {
     #[test]
     fn c_is_constant_at_the_pole_and_unwrapped_elsewhere() {
         // Round the pole three times, then straight across it.
-        let lean = |x: f64, y: f64| Pose { p: [x, y, 0.0], n: [x, y, (1.0 - x * x - y * y).sqrt()] };
-        let round: Vec<Pose> = (0..=300)
+        let up = |x: f64, y: f64| UnitVector([x, y, (1.0 - x * x - y * y).sqrt()]);
+        let lean = |x: f64, y: f64| Pose { p: P3Mm::new([x, y, 0.0]), n: up(x, y) };
+        let round: Vec<Pose<Pivot>> = (0..=300)
             .map(|i| TAU * f64::from(i) / 100.0)
             .map(|w| lean(0.3 * w.cos(), 0.3 * w.sin()))
             .chain((1..=60).map(|i| lean(0.3 - 0.01 * f64::from(i), 0.0)))
@@ -346,12 +387,12 @@ mod tests {
             let (mark, tool) = (part.pose(plan[i]), part.pose(smooth[i]));
             let axes = Axes::at(&tool, Branch::Positive, 0.0);
             for k in 0..3 {
-                assert!(near(mark.p[k], &s["P"][k]) && near(mark.n[k], &s["n"][k]), "{i}");
-                assert!(near(tool.p[k], &s["Pf"][k]) && near(tool.n[k], &s["nf"][k]), "{i}");
+                assert!(near(mark.p[k], &s["P"][k]) && near(mark.n.0[k], &s["n"][k]), "{i}");
+                assert!(near(tool.p[k], &s["Pf"][k]) && near(tool.n.0[k], &s["nf"][k]), "{i}");
                 assert!(near(axes.xyz[k], &s["XYZ"][k]), "{i}");
             }
             assert!(near(axes.a, &s["A"]) && near(axes.c, &s["C_wrapped"]), "{i}");
-            let [u, v, off] = axes.field_from_part(mark.p);
+            let FieldPosition { uv: [u, v], height: off } = axes.seen(mark.p);
             assert!(near(u, &s["U"]) && near(v, &s["V"]) && near(off, &s["FOD"]), "{i}");
             let hit = Deviation::of(&mark, &tool);
             assert!(near(hit.angle.to_degrees(), &s["BIA_deg"]), "{i}");

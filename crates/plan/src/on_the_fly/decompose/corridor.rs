@@ -132,12 +132,14 @@ impl<const L: usize> SquaredBends<L> {
 /// under a twentieth of the mean count as that much.
 pub fn rms_bend<const N: usize>(positions: &[[f64; N]], steps: &[f64]) -> f64 {
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
-    let (mut sum, mut way) = (0.0, 0.0);
+    // Ways count in mean steps. The factors hold the root of the way that a sample stands for, so the sum of squares is
+    // an integral over the way.
+    let (mut integral, mut way) = (0.0, 0.0);
     for ((p, [a, b, c]), w) in positions.windows(3).zip(seconds(positions.len(), steps)).zip(steps.windows(2)) {
-        sum += (0..N).map(|k| (a * p[0][k] + b * p[1][k] + c * p[2][k]).powi(2)).sum::<f64>();
+        integral += (0..N).map(|k| (a * p[0][k] + b * p[1][k] + c * p[2][k]).powi(2)).sum::<f64>();
         way += 0.5 * w.iter().map(|s| (s / mean).max(LEAST)).sum::<f64>();
     }
-    if way > 0.0 { (sum / way).sqrt() / (mean * mean) } else { 0.0 }
+    if way > 0.0 { (integral / way).sqrt() / (mean * mean) } else { 0.0 }
 }
 
 /// Steps shorter than this share of their mean count as that: nearer samples would make their factors enormous, and

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::on_the_fly::axes::kinematics::Pose;
+use crate::on_the_fly::axes::kinematics::{Pivot, Pose};
 use crate::on_the_fly::decompose::on_surface;
 
 /// What a file of `fixtures/anchors` holds.
@@ -22,7 +22,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// The stored part.
+    /// The stored part, whose pivot is its origin.
     pub fn stored() -> Self {
         let json = stored("seven_axis.json");
         let surface = &json["surface"];
@@ -45,12 +45,12 @@ impl Part {
     }
 
     /// On the surface over a place in plan.
-    pub fn pose(&self, at: [f64; 2]) -> Pose {
+    pub fn pose(&self, at: [f64; 2]) -> Pose<Pivot> {
         Pose::on_surface(at, |x, y| self.height(x, y))
     }
 
     /// On the surface over a path in plan.
-    pub fn poses(&self, plan: &[[f64; 2]]) -> Vec<Pose> {
+    pub fn poses(&self, plan: &[[f64; 2]]) -> Vec<Pose<Pivot>> {
         on_surface(plan, |x, y| self.height(x, y))
     }
 
@@ -70,13 +70,16 @@ impl Part {
     }
 }
 
-/// Cell of a distance along the Hilbert curve of order 8.
+/// Column and row of the cell at a distance, in cells, along the Hilbert curve of order 8.
 fn place(distance: u32) -> (u32, u32) {
     let (mut x, mut y, mut rest) = (0, 0, distance);
+    // Invariant: (x, y) is the cell on the curve of order `level`, whose square is `size` cells wide. The next two bits
+    // of the distance say which quadrant that square is: lower left, upper left, upper right, lower right.
     for level in 0..8 {
         let size = 1 << level;
         let right = 1 & (rest / 2);
         let up = 1 & (rest ^ right);
+        // In the lower quadrants the curve is mirrored on a diagonal, so that its ends lie next to the others.
         if up == 0 {
             if right == 1 {
                 (x, y) = (size - 1 - x, size - 1 - y);

@@ -1,6 +1,6 @@
 use super::sample::{self, Part};
 use super::*;
-use crate::on_the_fly::axes::kinematics::{Axes, Branch, Branches, Deviation, Pose, follow};
+use crate::on_the_fly::axes::kinematics::{Axes, Branch, Branches, Deviation, Pivot, Pose, follow};
 use crate::on_the_fly::topp::{self, Limit, Options, time_optimal};
 use crate::on_the_fly::xyzuv::Peaks;
 use terrace_core::machine::Machine;
@@ -222,7 +222,7 @@ const FAMILIES: [Family; 2] = [Family::MovingAverage, Family::Gaussian];
 
 // --- Strength, on the seven-axis part
 
-const ARTICLE: Limits = Limits { focus: 0.1, angle: 10.0 * std::f64::consts::PI / 180.0, field: 5.0 };
+const ARTICLE: Limits = Limits { half_depth: 0.1, angle: 10.0 * std::f64::consts::PI / 180.0, field: 5.0 };
 
 #[test]
 #[ignore = "slow: make test-all"]
@@ -243,13 +243,13 @@ fn smoothing_strengths_match_the_reference_of_the_seven_axis_part() {
         let near = |got: f64, k: usize| (got - want[k].as_f64().expect("number")).abs() < 1e-9 * got.max(1.0);
         let d = trial.found;
         assert!(near(trial.strength, 0), "{trial:?}");
-        assert!(near(d.focus, 1) && near(d.angle.to_degrees(), 2) && near(d.lateral, 3), "{trial:?} {want}");
+        assert!(near(d.defocus, 1) && near(d.angle.to_degrees(), 2) && near(d.lateral, 3), "{trial:?} {want}");
     }
     let last = trials.last().expect("trials");
     assert!(last.holds && (last.strength - 13_203.8).abs() < 0.05);
     let failed = trials[trials.len() - 2].strength;
     let edge = refine(last.strength, failed, 0.1, at).expect("holds nearer to the boundary");
-    assert!((edge.found.focus - 0.1).abs() < 1e-5, "{edge:?}");
+    assert!((edge.found.defocus - 0.1).abs() < 1e-5, "{edge:?}");
     let above = edge.strength / last.strength - 1.0;
     assert!((above - 0.041).abs() < 0.003, "{above}");
     let (d, _) = at(13_750.0);
@@ -263,9 +263,9 @@ fn seven_axis_least_acceleration_keeps_limits_and_beats_every_filter() {
     let plan = part.hilbert();
     let marks = part.poses(&plan);
     let step = 1e-3;
-    let rms = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| x.xyz).collect::<Vec<_>>(), step);
+    let rms = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| x.xyz.mm).collect::<Vec<_>>(), step);
     let turns = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| [x.a, x.c]).collect::<Vec<_>>(), step);
-    let on_part = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| x.tool().p).collect::<Vec<_>>(), step);
+    let on_part = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| x.tool().p.mm).collect::<Vec<_>>(), step);
     let (mut best, mut best_on_part, mut quickest) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
     for family in FAMILIES {
         let attempt = |mm: f64| {
@@ -302,7 +302,7 @@ fn seven_axis_least_acceleration_keeps_limits_and_beats_every_filter() {
 }
 
 /// The least time of all seven axes under the article's limits, jerks read as per millisecond; they stop at corners.
-fn least_time(plan: &[[f64; 2]], marks: &[Pose], axes: &[Axes]) -> f64 {
+fn least_time(plan: &[[f64; 2]], marks: &[Pose<Pivot>], axes: &[Axes]) -> f64 {
     let limit = |speed, acceleration, jerk| Limit { speed, acceleration, jerk: Some(jerk) };
     let [xy, z] = [limit(35.0, 100.0, 1e4), limit(24.0, 83.0, 8e3)];
     let [a, c, uv] = [limit(0.36, 1.99, 200.0), limit(3.0, 3.74, 370.0), limit(3e3, 2e4, 1e6)];
@@ -310,7 +310,7 @@ fn least_time(plan: &[[f64; 2]], marks: &[Pose], axes: &[Axes]) -> f64 {
         .iter()
         .zip(marks)
         .flat_map(|(x, m)| {
-            let [u, v, _] = x.field_from_part(m.p);
+            let [u, v] = x.seen(m.p).uv;
             [x.xyz[0], x.xyz[1], x.xyz[2], x.a, x.c, u, v]
         })
         .collect();
@@ -329,10 +329,10 @@ fn flat_part_needs_no_rotation_and_zero_limits_follow_the_path() {
     let axes = seven_axes(&flat, &[], ARTICLE);
     assert!(axes.iter().all(|x| x.a.abs() < 0.18 && x.c == axes[0].c));
     assert!(ARTICLE.hold(Deviation::worst(&flat, axes.iter().map(Axes::tool))));
-    let tight = Limits { focus: 0.0, angle: 0.0, field: 0.0 };
+    let tight = Limits { half_depth: 0.0, angle: 0.0, field: 0.0 };
     let bent = on_surface(&plan, |x, y| (0.001 * x * y, 0.001 * y, 0.001 * x));
     let worst = Deviation::worst(&bent, seven_axes(&bent, &[], tight).iter().map(Axes::tool));
-    assert!(worst.focus < 1e-9 && worst.angle < 1e-7 && worst.lateral < 1e-9, "{worst:?}");
+    assert!(worst.defocus < 1e-9 && worst.angle < 1e-7 && worst.lateral < 1e-9, "{worst:?}");
     assert!(seven_axes(&[], &[], ARTICLE).is_empty() && seven_axes(&bent[..1], &[], ARTICLE).len() == 1);
 }
 

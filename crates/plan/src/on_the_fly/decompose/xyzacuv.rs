@@ -3,15 +3,16 @@
 use std::f64::consts::PI;
 
 use super::corridor::{least_from, within};
-use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose, machine_from_part, nearest_half_turn};
+use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pivot, Pose, TurnedAbout, nearest_half_turn, turned};
 use crate::on_the_fly::banded_qp::Row;
+use terrace_core::geom::{P3Mm, UnitVector};
 use terrace_core::parallel;
 
 /// How far a mark may lie from what its tool would like best.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Out of focus along the beam, mm.
-    pub focus: f64,
+    pub half_depth: f64,
     /// Angle of the beam to the normal, rad.
     pub angle: f64,
     /// Across the beam, mm.
@@ -21,17 +22,17 @@ pub struct Limits {
 impl Limits {
     /// A share of each.
     pub fn scaled(self, share: f64) -> Self {
-        Self { focus: share * self.focus, angle: share * self.angle, field: share * self.field }
+        Self { half_depth: share * self.half_depth, angle: share * self.angle, field: share * self.field }
     }
 
     /// No part of a deviation is larger than its limit.
     pub fn hold(&self, d: Deviation) -> bool {
-        d.focus <= self.focus && d.angle <= self.angle && d.lateral <= self.field
+        d.defocus <= self.half_depth && d.angle <= self.angle && d.lateral <= self.field
     }
 }
 
 /// Poses on a surface, given as z, ∂z/∂x and ∂z/∂y of x and y, over a path in plan.
-pub fn on_surface(plan: &[[f64; 2]], surface: impl Fn(f64, f64) -> (f64, f64, f64)) -> Vec<Pose> {
+pub fn on_surface<F>(plan: &[[f64; 2]], surface: impl Fn(f64, f64) -> (f64, f64, f64)) -> Vec<Pose<F>> {
     plan.iter().map(|&at| Pose::on_surface(at, &surface)).collect()
 }
 
@@ -55,20 +56,21 @@ const INSIDE: f64 = 1.0 - 1e-9;
 /// Every limit is kept exactly; the least of all axes together it need not be. Cost goes with the number of marks.
 /// Normals must point up. `steps` are the lengths of path from mark to mark, none where they are even. The machine must
 /// let A pass through 0 to both sides.
-pub fn seven_axes(marks: &[Pose], steps: &[f64], limits: Limits) -> Vec<Axes> {
+pub fn seven_axes(marks: &[Pose<Pivot>], steps: &[f64], limits: Limits) -> Vec<Axes> {
     let angle = limits.angle * INSIDE;
     let c = turntable(marks, steps, angle);
     let a = swivel(marks, steps, &c, angle);
-    let seen: Vec<[f64; 3]> = marks.iter().zip(&a).zip(&c).map(|((m, &a), &c)| machine_from_part(a, c, m.p)).collect();
+    let turned: Vec<P3Mm<TurnedAbout<Pivot>>> =
+        marks.iter().zip(&a).zip(&c).map(|((mark, &a), &c)| turned(a, c, mark.p)).collect();
     let (plan, z) = parallel::both(
-        || in_field(&seen, steps, limits.field * INSIDE),
-        || in_focus(&seen, steps, limits.focus * INSIDE),
+        || in_field(&turned, steps, limits.field * INSIDE),
+        || in_focus(&turned, steps, limits.half_depth * INSIDE),
     );
-    (0..marks.len()).map(|i| Axes { xyz: [plan[2 * i], plan[2 * i + 1], z[i]], a: a[i], c: c[i] }).collect()
+    (0..marks.len()).map(|i| Axes { xyz: P3Mm::new([plan[2 * i], plan[2 * i + 1], z[i]]), a: a[i], c: c[i] }).collect()
 }
 
 /// C along the path.
-fn turntable(marks: &[Pose], steps: &[f64], angle: f64) -> Vec<f64> {
+fn turntable(marks: &[Pose<Pivot>], steps: &[f64], angle: f64) -> Vec<f64> {
     let reach = FOR_C * angle.sin();
     // The C of each mark that needs one, with how far it may be off, and between them straight lines.
     let mut start = vec![0.0; marks.len()];
@@ -76,12 +78,13 @@ fn turntable(marks: &[Pose], steps: &[f64], angle: f64) -> Vec<f64> {
     // Invariant: up to `last`, the last mark that needs a C, `start` is known.
     let mut last: Option<usize> = None;
     for (i, mark) in marks.iter().enumerate() {
-        let tilt = mark.n[0].hypot(mark.n[1]);
+        let UnitVector([x, y, _]) = mark.n;
+        let tilt = x.hypot(y);
         if tilt <= reach {
             continue;
         }
         // Of C and C + π the nearer to the last.
-        let own = (-mark.n[0]).atan2(mark.n[1]);
+        let own = (-x).atan2(y);
         start[i] = last.map_or(own, |l| nearest_half_turn(own, start[l]));
         let off = (reach / tilt).asin();
         ends[i] = [start[i] - off, start[i] + off];
@@ -100,14 +103,15 @@ fn turntable(marks: &[Pose], steps: &[f64], angle: f64) -> Vec<f64> {
 }
 
 /// A along the path, for its C.
-fn swivel(marks: &[Pose], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
+fn swivel(marks: &[Pose<Pivot>], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
     let (start, ends) = marks
         .iter()
         .zip(c)
         .map(|(mark, c)| {
             // The normal's part in the plane in which A turns the tool, and its angle there.
-            let across = mark.n[1] * c.cos() - mark.n[0] * c.sin();
-            let (own, part) = (across.atan2(mark.n[2]), across.hypot(mark.n[2]));
+            let UnitVector([i, j, k]) = mark.n;
+            let across = j * c.cos() - i * c.sin();
+            let (own, part) = (across.atan2(k), across.hypot(k));
             // cos of the beam's angle to the normal is part × cos(A - own).
             let off = (angle.cos() / part).min(1.0).acos();
             (own, [own - off, own + off])
@@ -116,22 +120,22 @@ fn swivel(marks: &[Pose], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
     within(start, steps, &ends)
 }
 
-/// Z along the path, within `focus` of the marks in the turned frame.
-fn in_focus(seen: &[[f64; 3]], steps: &[f64], focus: f64) -> Vec<f64> {
-    let heights: Vec<f64> = seen.iter().map(|q| q[2]).collect();
-    let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
+/// Z along the path, within `half_depth` of the marks in the turned frame.
+fn in_focus(marks: &[P3Mm<TurnedAbout<Pivot>>], steps: &[f64], half_depth: f64) -> Vec<f64> {
+    let heights: Vec<f64> = marks.iter().map(|q| q[2]).collect();
+    let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - half_depth, z + half_depth]).collect();
     within(heights, steps, &ends)
 }
 
 /// X and Y along the path, one after the other, within `field` of the marks in the turned frame.
-fn in_field(seen: &[[f64; 3]], steps: &[f64], field: f64) -> Vec<f64> {
-    let start: Vec<f64> = seen.iter().flat_map(|q| [q[0], q[1]]).collect();
+fn in_field(marks: &[P3Mm<TurnedAbout<Pivot>>], steps: &[f64], field: f64) -> Vec<f64> {
+    let start: Vec<f64> = marks.iter().flat_map(|q| q.xy()).collect();
     // The polygon within the disc: its sides are `inner` from the middle, its corners on the circle.
     let inner = field * (PI / SIDES as f64).cos();
     if inner <= 0.0 {
         return start;
     }
-    let rows: Vec<Row<2>> = (0..seen.len())
+    let rows: Vec<Row<2>> = (0..marks.len())
         .flat_map(|i| {
             (0..SIDES / 2).map(move |s| {
                 let (sin, cos) = (2.0 * PI * s as f64 / SIDES as f64).sin_cos();

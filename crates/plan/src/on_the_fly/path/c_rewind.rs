@@ -8,8 +8,9 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
+use crate::on_the_fly::axes::kinematics::{Axes, turned};
 use crate::on_the_fly::path::{Node, NodeKind, Path};
+use terrace_core::geom::P3Mm;
 
 /// The most that C turns from node to node of a jump, rad.
 const STEP: f64 = 0.08;
@@ -120,14 +121,14 @@ impl<'a> JumpDivider<'a> {
     /// Adds a node at the share `t` of the way from node `k - 1` to node `k`, with C at `c`.
     fn add_node_between(&mut self, k: usize, t: f64, c: f64) {
         let (nodes, axes) = (&self.path.nodes, self.axes);
-        let at = [0, 1, 2].map(|i| interpolated(nodes[k - 1].at[i], nodes[k].at[i], t));
+        let at = P3Mm::new([0, 1, 2].map(|i| interpolated(nodes[k - 1].at[i], nodes[k].at[i], t)));
         // The tool goes straight over the part; where X, Y and Z must go for that follows from A and C.
         let [p, q] = [k - 1, k].map(|i| axes[i].tool().p);
-        let tool = [0, 1, 2].map(|i| interpolated(p[i], q[i], t));
+        let tool = P3Mm::new([0, 1, 2].map(|i| interpolated(p[i], q[i], t)));
         let a = interpolated(axes[k - 1].a, axes[k].a, t);
         let kind = if t < 1.0 { NodeKind::Between } else { nodes[k].kind };
         self.result.path.nodes.push(Node { at, kind, ..nodes[k] });
-        self.result.axes.push(Axes { xyz: machine_from_part(a, c, tool), a, c });
+        self.result.axes.push(Axes { xyz: turned(a, c, tool), a, c });
     }
 }
 
@@ -169,6 +170,7 @@ impl WholeTurns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::on_the_fly::axes::kinematics::FieldPosition;
     use terrace_core::program::{PenId, PieceId};
 
     /// Rings about the pole with short jumps between them, all the same way round; C as it would continue.
@@ -178,14 +180,16 @@ mod tests {
             for i in 0..=90 {
                 let (angle, r) = (f64::from(4 * i).to_radians(), 10.0 + jump * f64::from(ring));
                 let c = TAU * f64::from(ring) + angle;
+                let at = [r * angle.cos(), r * angle.sin(), 0.0];
                 path.nodes.push(Node {
-                    at: [r * angle.cos(), r * angle.sin(), 0.0],
+                    at: P3Mm::new(at),
                     pen: (i > 0).then_some(PenId(0)),
                     kind: if i % 90 == 0 { NodeKind::End } else { NodeKind::Vertex },
                     stroke: PieceId(ring),
                     run: None,
                 });
-                axes.push(Axes { xyz: machine_from_part(0.1, c, path.nodes[path.len() - 1].at), a: 0.1, c });
+                // The pivot is the origin of the part.
+                axes.push(Axes { xyz: turned(0.1, c, P3Mm::new(at)), a: 0.1, c });
             }
         }
         (path, axes)
@@ -193,7 +197,8 @@ mod tests {
 
     #[test]
     fn turns_change_only_where_a_mark_leaves_the_travel_and_then_as_far_as_it_goes() {
-        let mark = |from: f64, to: f64| [from, to].map(|turns| Axes { xyz: [0.0; 3], a: 0.0, c: TAU * turns });
+        let mark =
+            |from: f64, to: f64| [from, to].map(|turns| Axes { xyz: P3Mm::new([0.0; 3]), a: 0.0, c: TAU * turns });
         let travel = [-3.0 * TAU, 3.0 * TAU];
         let none = WholeTurns { count: 0.0, fits: true };
         assert_eq!(none.for_mark(&mark(-2.9, 2.9), travel), none);
@@ -215,11 +220,11 @@ mod tests {
             assert_eq!(out.len(), turned.len());
             // Marks are the same, and so is where the tool stands over each node.
             let lit = |p: &Path| p.nodes.iter().filter(|n| n.pen.is_some()).map(|n| n.at).collect();
-            let [before, after]: [Vec<[f64; 3]>; 2] = [lit(&path), lit(&out)];
+            let [before, after]: [Vec<P3Mm>; 2] = [lit(&path), lit(&out)];
             assert_eq!(before, after);
             for (node, axes) in out.nodes.iter().zip(&turned) {
-                let off = axes.field_from_part(node.at);
-                assert!(off.iter().all(|v| v.abs() < 1e-9), "{off:?}");
+                let FieldPosition { uv: [u, v], height } = axes.seen(P3Mm::new(node.at.mm));
+                assert!([u, v, height].iter().all(|v| v.abs() < 1e-9), "{u} {v} {height}");
             }
         }
     }

@@ -6,7 +6,7 @@
 
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::projection::Tracer;
-use terrace_core::geom::{NM_PER_MM, P2};
+use terrace_core::geom::{NM_PER_MM, P2, P3Mm, UnitVector};
 use terrace_core::program::PieceId;
 
 /// A cut is this far from the step that it is made for: marks that are rounded to a nanometre stay on their side.
@@ -33,8 +33,8 @@ pub struct Follow<'a> {
     /// Largest distance in height of the part from the line between two nodes; infinite: nodes lie evenly, and nothing
     /// is cut.
     pub near: f64,
-    /// Whether a point of the part with its normal, in this order, can be marked.
-    pub holds: &'a dyn Fn([f64; 3], [f64; 3]) -> bool,
+    /// Whether a point of the part with its normal can be marked.
+    pub holds: &'a dyn Fn(P3Mm, UnitVector) -> bool,
     /// Stretches that are left out besides.
     pub without: &'a [Stretch],
 }
@@ -51,7 +51,7 @@ pub(super) struct Under {
     pub(super) t: [f64; 2],
     /// Heights there.
     pub(super) z: [f64; 2],
-    normal: Option<[f64; 3]>,
+    normal: Option<UnitVector>,
 }
 
 impl Under {
@@ -135,7 +135,7 @@ pub(super) fn segments(points: &[P2], tracer: &mut Tracer<'_>, height_field: &He
         tracer.segment(a, b, |p| {
             let (t, ends) = ([p.t0, p.t1], [segment.at(p.t0), segment.at(p.t1)]);
             let under = if p.skip.is_none() {
-                Under { t, z: [p.z0, p.z1].map(|z| z / NM_PER_MM), normal: Some(normals.under(&p)) }
+                Under { t, z: [p.z0, p.z1].map(|z| z / NM_PER_MM), normal: Some(UnitVector(normals.under(&p))) }
             } else {
                 let offset = |(at, z): ([f64; 2], f64)| z - height_field.at(at).z;
                 let z = ends.map(|xy| last_known.map_or(0.0, offset) + height_field.at(xy).z);
@@ -228,7 +228,7 @@ fn unfollowed(segments: &[Segment], follow: &Follow<'_>, spacing: f64, out: &mut
             for k in 0..=count {
                 let t = under.t[0] + (under.t[1] - under.t[0]) * k as f64 / count as f64;
                 let ([x, y], along) = (segment.at(t), segment.along(t));
-                if !(follow.holds)([x, y, under.z(t)], normal) {
+                if !(follow.holds)(P3Mm::new([x, y, under.z(t)]), normal) {
                     left_out.get_or_insert(last);
                 } else {
                     out.extend(left_out.take().map(|from| [from, along]));
@@ -305,7 +305,7 @@ mod tests {
     fn pieces_beside_a_turn_that_is_left_out_are_two_marks() {
         // 10 mm there and back over a plane, without what lies within a millimetre of the turn.
         let [a, b] = [P2::new(0, 0), P2::new(10_000_000, 0)];
-        let under = || vec![Under { t: [0.0, 1.0], z: [0.0; 2], normal: Some([0.0, 0.0, 1.0]) }];
+        let under = || vec![Under { t: [0.0, 1.0], z: [0.0; 2], normal: Some(UnitVector::UP) }];
         let segments = [
             Segment { a, b, before: 0.0, length: 10.0, under: under() },
             Segment { a: b, b: a, before: 10.0, length: 10.0, under: under() },

@@ -12,7 +12,7 @@
 //! is smeared over four steps, and over a dozen where nodes are smoothed.
 
 use crate::projection::Tracer;
-use terrace_core::geom::{Box2, NM_PER_MM, Nm, P2};
+use terrace_core::geom::{Box2, NM_PER_MM, Nm, P2, UnitVector};
 use terrace_core::parallel;
 use terrace_input::surface::Surface;
 
@@ -26,11 +26,11 @@ pub struct Height {
 }
 
 impl Height {
-    /// The direction that looks away from the part, of length 1.
-    pub fn normal(&self) -> [f64; 3] {
+    /// The direction that looks away from the part.
+    pub fn normal(&self) -> UnitVector {
         let [x, y] = self.slope;
         let length = (1.0 + x * x + y * y).sqrt();
-        [-x / length, -y / length, 1.0 / length]
+        UnitVector([-x / length, -y / length, 1.0 / length])
     }
 }
 
@@ -56,10 +56,10 @@ const FINEST: f64 = 0.05;
 const SHARE: f64 = 0.1;
 
 impl HeightField {
-    /// The height field for axes that follow a part over `area`, where marks may be `focus` mm out of focus; None where
+    /// The height field for axes that follow a part over `area`, where marks may be `half_depth` mm out of focus; None where
     /// no node of the grid lies on the part.
-    pub fn followed(surface: &Surface, area: Box2, focus: f64) -> Option<Self> {
-        Self::over(surface, area, FINEST, SHARE * focus)
+    pub fn followed(surface: &Surface, area: Box2, half_depth: f64) -> Option<Self> {
+        Self::over(surface, area, FINEST, SHARE * half_depth)
     }
 
     /// The height field of a part over `area`, no finer than `finest` mm, its nodes smoothed as far as they stay about

@@ -17,7 +17,7 @@ use crate::on_the_fly::path::follow::{Follow, Segment, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::ordered_strokes::OrderedStrokes;
 use crate::projection::Tracer;
-use terrace_core::geom::{NM_PER_MM, P2, mm_from_nm};
+use terrace_core::geom::{NM_PER_MM, P2, P3Mm, mm_from_nm};
 use terrace_core::motion::{CORNER, angle, is_corner};
 use terrace_core::program::{Pen, PenId, PieceId};
 use terrace_input::surface::Surface;
@@ -39,7 +39,7 @@ pub enum NodeKind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
     /// Where it lies.
-    pub at: [f64; 3],
+    pub at: P3Mm,
     /// Pen of the stretch that ends here; None for a jump.
     pub pen: Option<PenId>,
     /// What the path does here.
@@ -148,8 +148,7 @@ impl Path {
             }
             let share = ((at - before) / weights[i - from]).clamp(0.0, 1.0);
             let [a, b] = [i, i + 1].map(|i| path.nodes[i].at);
-            let place = [0, 1, 2].map(|k| a[k] + share * (b[k] - a[k]));
-            self.node(place, path.nodes[to].pen, path.nodes[to].stroke);
+            self.node(a.lerp(b, share), path.nodes[to].pen, path.nodes[to].stroke);
         }
         self.nodes.push(path.nodes[to]);
     }
@@ -278,8 +277,7 @@ impl Path {
             if let Some(last) = out.nodes.last().map(|last| last.at).filter(|_| is_jump(i)) {
                 let count = ((node.at[0] - last[0]).hypot(node.at[1] - last[1]) / STEP).ceil();
                 for k in 1..count as usize {
-                    let at = [0, 1, 2].map(|c| last[c] + k as f64 / count * (node.at[c] - last[c]));
-                    out.node(at, None, node.stroke);
+                    out.node(last.lerp(node.at, k as f64 / count), None, node.stroke);
                 }
             }
             out.nodes.push(Node { kind, ..*node });
@@ -347,7 +345,7 @@ impl Path {
         let (a, b) = (self.nodes[from].at, self.nodes[to].at);
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         let share = if length > 0.0 { mm / length } else { 0.0 };
-        [0, 1, 2].map(|k| share * (b[k] - a[k]))
+        b.way_from(a).map(|v| share * v)
     }
 
     /// The nearest node of the same mark that shows the direction at its end `i`; `next` gives the node after one,
@@ -370,25 +368,25 @@ impl Path {
     /// Adds the run-out of a mark, where there is one of any length.
     fn add_run_out(&mut self, ended: Option<MarkEnd>, stroke: PieceId) {
         if let Some(MarkEnd { at, run, pen }) = ended.filter(|ended| ended.run != [0.0; 3]) {
-            self.laser_off([0, 1, 2].map(|k| at[k] + run[k]), Some(pen), stroke);
+            self.laser_off(at.moved(run), Some(pen), stroke);
         }
     }
 
     /// Adds the jump to where the run-in of a mark begins.
     fn add_jump_to_run_in(&mut self, begin: &MarkEnd, stroke: PieceId) {
-        let run_in_begins = [0, 1, 2].map(|k| begin.at[k] - begin.run[k]);
+        let run_in_begins = begin.at.moved(begin.run.map(|v| -v));
         if self.nodes.last().is_none_or(|last| last.at != run_in_begins) {
             self.node(run_in_begins, None, stroke);
         }
     }
 
     /// Adds a node that a mark of a pen comes to, or a jump.
-    fn node(&mut self, at: [f64; 3], pen: Option<PenId>, stroke: PieceId) {
+    fn node(&mut self, at: P3Mm, pen: Option<PenId>, stroke: PieceId) {
         self.nodes.push(Node { at, pen, kind: NodeKind::Between, stroke, run: None });
     }
 
     /// Adds a node that is run to with the laser off at a pen's speed.
-    fn laser_off(&mut self, at: [f64; 3], run: Option<PenId>, stroke: PieceId) {
+    fn laser_off(&mut self, at: P3Mm, run: Option<PenId>, stroke: PieceId) {
         self.nodes.push(Node { at, pen: None, kind: NodeKind::Between, stroke, run });
     }
 
@@ -433,7 +431,7 @@ impl PathFollower<'_> {
             });
             for t in follow::nodes(segment, t0, t1, self.spacing, self.near) {
                 let [x, y] = segment.at(t);
-                self.path.node([x, y, segment.under_before(t).z(t)], Some(pen), piece.stroke);
+                self.path.node(P3Mm::new([x, y, segment.under_before(t).z(t)]), Some(pen), piece.stroke);
             }
             direction = Some(heading);
             self.reached = Some(segment.point(t1));
@@ -449,7 +447,7 @@ impl PathFollower<'_> {
     fn jump_to(&mut self, to: P2, stroke: PieceId) {
         let Some(from) = self.reached else {
             let [x, y] = to.mm();
-            return self.path.node([x, y, 0.0], None, stroke);
+            return self.path.node(P3Mm::new([x, y, 0.0]), None, stroke);
         };
         if from == to {
             return;
@@ -459,7 +457,7 @@ impl PathFollower<'_> {
         for i in 1..=count {
             let t = i as f64 / count as f64;
             let xy = [ax + t * (bx - ax), ay + t * (by - ay)];
-            self.path.node([xy[0], xy[1], self.height_field.at(xy).z], None, stroke);
+            self.path.node(P3Mm::new([xy[0], xy[1], self.height_field.at(xy).z]), None, stroke);
         }
     }
 }
@@ -468,7 +466,7 @@ impl PathFollower<'_> {
 #[derive(Clone, Copy)]
 struct MarkEnd {
     /// Where the mark ends or begins.
-    at: [f64; 3],
+    at: P3Mm,
     /// The run-out from there or the run-in to there, in the direction of marking; of no length for pens without.
     run: [f64; 3],
     pen: PenId,
@@ -535,12 +533,12 @@ mod tests {
         let mut out = Path::default();
         for (stroke, mark) in marks.iter().enumerate() {
             let stroke = PieceId(stroke as u32);
-            if out.nodes.last().is_none_or(|last| last.at != mark[0]) {
-                out.node(mark[0], None, stroke);
+            if out.nodes.last().is_none_or(|last| last.at.mm != mark[0]) {
+                out.node(P3Mm::new(mark[0]), None, stroke);
             }
             out.turn(NodeKind::End);
             for &p in &mark[1..] {
-                out.node(p, Some(PenId(0)), stroke);
+                out.node(P3Mm::new(p), Some(PenId(0)), stroke);
             }
             out.turn(NodeKind::End);
         }
@@ -548,13 +546,13 @@ mod tests {
     }
 
     fn places(path: &Path) -> Vec<[f64; 3]> {
-        path.nodes.iter().map(|node| node.at).collect()
+        path.nodes.iter().map(|node| node.at.mm).collect()
     }
 
     fn lit(path: &Path) -> Vec<[[f64; 3]; 2]> {
         (1..path.len())
             .filter(|&i| path.nodes[i].pen.is_some())
-            .map(|i| [path.nodes[i - 1].at, path.nodes[i].at])
+            .map(|i| [path.nodes[i - 1].at.mm, path.nodes[i].at.mm])
             .collect()
     }
 
@@ -570,7 +568,7 @@ mod tests {
         // The marks are the same.
         assert_eq!(lit(&out), lit(&path));
         let off: Vec<[f64; 3]> =
-            (0..out.len()).filter(|&i| out.nodes[i].pen.is_none()).map(|i| out.nodes[i].at).collect();
+            (0..out.len()).filter(|&i| out.nodes[i].pen.is_none()).map(|i| out.nodes[i].at.mm).collect();
         let near = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-12);
         let want = [
             [-2.0, 0.0, -0.2],
@@ -601,7 +599,7 @@ mod tests {
 
     #[test]
     fn marks_run_on_where_they_lie_on_one_line_within_reach_of_their_runs() {
-        let mark_end = |at: [f64; 3], run: [f64; 3]| MarkEnd { at, run, pen: PenId(0) };
+        let mark_end = |at: [f64; 3], run: [f64; 3]| MarkEnd { at: P3Mm::new(at), run, pen: PenId(0) };
         let end = mark_end([0.0; 3], [2.0, 0.0, 0.2]);
         let runs_on = |at: [f64; 3], run: [f64; 3]| on_one_line(&end, &mark_end(at, run));
         assert!(runs_on([3.0, 0.0, 0.3], [2.0, 0.0, 0.2]));

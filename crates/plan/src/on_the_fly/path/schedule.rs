@@ -138,7 +138,7 @@ fn jumps(path: &Path) -> Vec<[usize; 2]> {
 
 /// Whether the stretch that ends at each node belongs to a jump that is longer than half of the field.
 fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
-    let half = machine.usable_field().map(|f| f.mm() / 2.0);
+    let half = machine.half_usable_field_mm();
     let mut out = vec![false; path.len()];
     for [from, to] in jumps(path) {
         let (a, b) = (path.nodes[from].at, path.nodes[to].at);
@@ -218,7 +218,7 @@ impl Schedule {
     /// The schedule with heights in jumps that z can follow. Where the marks before and after a jump cannot be in focus
     /// together the beam waits before it until z has gone on; otherwise z goes straight from one to the other. Where
     /// the part between them rises so far that the lens might come too near, jumps follow it.
-    pub fn lifted(mut self, path: &Path, machine: &Machine, focus: f64) -> Self {
+    pub fn lifted(mut self, path: &Path, machine: &Machine, half_depth: f64) -> Self {
         // So far the part may rise above the focal plane before the lens comes too near.
         let headroom = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
         let mut waits = vec![0.0; path.len()];
@@ -230,7 +230,7 @@ impl Schedule {
             }
             // Half-way between their heights both marks are in focus if they are no farther apart than twice the
             // offset.
-            let is_step = (z1 - z0).abs() > 2.0 * focus;
+            let is_step = (z1 - z0).abs() > 2.0 * half_depth;
             if is_step {
                 waits[from] = lift_s(&machine.stage.z, (z1 - z0).abs());
                 self.visits[from].z[1] = z1;
@@ -309,6 +309,7 @@ impl Visit {
 mod tests {
     use super::*;
     use crate::on_the_fly::path::Node;
+    use terrace_core::geom::P3Mm;
     use terrace_core::program::{PenId, PieceId};
     use terrace_core::units::{Frequency, Power, Speed};
 
@@ -321,7 +322,7 @@ mod tests {
         for (i, at) in [[0.0; 3], [10.0, 0.0, 0.0]].into_iter().chain(jump).chain(ends).enumerate() {
             let last = between.len() + 3;
             path.nodes.push(Node {
-                at,
+                at: P3Mm::new(at),
                 pen: (i == 1 || i == last).then_some(PenId(0)),
                 kind: if i < 2 || i + 2 > last { NodeKind::End } else { NodeKind::Between },
                 stroke: PieceId(u32::from(i > 1)),
@@ -395,7 +396,7 @@ mod tests {
                 [f64::from(square) * 3.0 + side * (a[0] + t * (b[0] - a[0])), side * (a[1] + t * (b[1] - a[1])), 0.0]
             };
             let mut put = |at, pen, kind| {
-                path.nodes.push(Node { at, pen, kind, stroke: PieceId(square), run: None });
+                path.nodes.push(Node { at: P3Mm::new(at), pen, kind, stroke: PieceId(square), run: None });
             };
             put(place(0, 0.0), None, NodeKind::End);
             for k in 0..4 {

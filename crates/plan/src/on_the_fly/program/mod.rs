@@ -24,12 +24,13 @@ pub mod peaks;
 
 use std::ops::{Index, IndexMut};
 
+use crate::on_the_fly::axes::kinematics::turned_back;
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::ordered_strokes::OrderedStrokes;
 use frame::Frame;
 pub use frame::Spot;
 use terrace_core::diag::{Diag, Error};
-use terrace_core::geom::mm_from_nm;
+use terrace_core::geom::{P3Mm, mm_from_nm};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Pen, PenId, PieceId, StrokeId};
 
@@ -141,7 +142,7 @@ impl Marked {
         let mark = to.mark?;
         let [from, at] = [from, &to.to].map(|sample| frame.spot(sample));
         let way_mm = from.way(&at);
-        let [from, at] = [from.part, at.part].map(|[x, y, _]| [x, y]);
+        let [from, at] = [from.part, at.part].map(P3Mm::xy);
         Some(Self { pen: mark.pen, s: (to.us - us) as f64 * 1e-6, way_mm, from, to: at })
     }
 }
@@ -282,32 +283,26 @@ struct DueSample {
     at: f64,
     /// Whether this is the node itself, not a place before it.
     is_node: bool,
-    /// The spot at the beginning of the way, part frame, mm.
-    from: [f64; 3],
+    /// The spot at the beginning of the way.
+    from: P3Mm,
     /// The spot at its end.
-    to: [f64; 3],
+    to: P3Mm,
 }
 
-/// Where the spot is for a sample, part frame.
+/// Where the spot is for a sample.
 struct SpotAtTime {
-    spot: [f64; 3],
+    spot: P3Mm,
     /// Whether that is where the motion has it at the time.
     keeps_pace: bool,
 }
 
 /// How far `spot`, on the way to a corner or after it, lies off the other leg of the corner: the distance from the
 /// corner times the sine of its angle.
-fn corner_cut(before: [f64; 3], corner: [f64; 3], after: [f64; 3], spot: [f64; 3]) -> f64 {
-    let [way, on, off] =
-        [[before, corner], [corner, after], [corner, spot]].map(|[a, b]| [0, 1, 2].map(|k| b[k] - a[k]));
+fn corner_cut(before: P3Mm, corner: P3Mm, after: P3Mm, spot: P3Mm) -> f64 {
+    let [way, on, off] = [corner.way_from(before), after.way_from(corner), spot.way_from(corner)];
     let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];
     norm(off) * norm(cross) / (norm(way) * norm(on))
-}
-
-fn lerp(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
-    let share = share.clamp(0.0, 1.0);
-    std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
 }
 
 /// Largest speeds, mm/s.
@@ -361,10 +356,10 @@ struct MotionSampler<'a> {
 }
 
 impl MotionSampler<'_> {
-    /// Where the beam meets the focal plane at a node, part frame.
-    fn spot(&self, node: usize) -> [f64; 3] {
+    /// Where the beam meets the focal plane at a node.
+    fn spot(&self, node: usize) -> P3Mm {
         let [x, y, z, a, c, u, v] = self.motion.waypoints[node].axes;
-        frame::part_from_machine(a, c, [x + u, y + v, z])
+        turned_back(a, c, P3Mm::new([x + u, y + v, z]))
     }
 
     /// Positions of the motion at a time, s, X, Y and Z in the table frame: that is where axes run straight.
@@ -384,7 +379,7 @@ impl MotionSampler<'_> {
     }
 
     /// The sample at a time with the spot on a point of the part.
-    fn commanded(&mut self, us: i64, spot: [f64; 3]) -> Result<AxisCommands, Error> {
+    fn commanded(&mut self, us: i64, spot: P3Mm) -> Result<AxisCommands, Error> {
         let axes = self.at(self.motion.waypoints[0].time + us as f64 * 1e-6);
         let far = || Diag::bug("fly-motion", "a motion reaches beyond 4 m or 100,000 turns").into();
         self.frame.commanded(&axes, spot).ok_or_else(far)
@@ -464,9 +459,9 @@ impl MotionSampler<'_> {
         let &DueSample { i, from, to, .. } = node;
         let (waypoints, here) = (&self.motion.waypoints, &self.motion.waypoints[i]);
         let begin = waypoints[i - 1].time;
-        let passed = |time: f64| (time - begin) / (here.time - begin);
+        let passed = |time: f64| ((time - begin) / (here.time - begin)).clamp(0.0, 1.0);
         if !node.is_node {
-            return SpotAtTime { spot: lerp(from, to, passed(time)), keeps_pace: true };
+            return SpotAtTime { spot: from.lerp(to, passed(time)), keeps_pace: true };
         }
         let at_node = SpotAtTime { spot: to, keeps_pace: false };
         let Some(after) = waypoints.get(i + 1).filter(|w| w.pen == here.pen && w.stroke == here.stroke) else {
@@ -474,13 +469,17 @@ impl MotionSampler<'_> {
         };
         let next = self.spot(i + 1);
         let (t0, t1) = (here.time, after.time);
-        let spot = if time > t0 { lerp(to, next, (time - t0) / (t1 - t0)) } else { lerp(from, to, passed(time)) };
+        let spot = if time > t0 {
+            to.lerp(next, ((time - t0) / (t1 - t0)).clamp(0.0, 1.0))
+        } else {
+            from.lerp(to, passed(time))
+        };
         // Not of NaN, which a spot at rest gives: then it is at the node.
         if corner_cut(from, to, next, spot) < CUT { SpotAtTime { spot, keeps_pace: true } } else { at_node }
     }
 
     /// How often the move to node `i` is halved until no part of it bows too far.
-    fn halvings(&self, i: usize, from: [f64; 3], to: [f64; 3]) -> u32 {
+    fn halvings(&self, i: usize, from: P3Mm, to: P3Mm) -> u32 {
         let [a, b] = [i - 1, i].map(|i| &self.motion.waypoints[i].axes);
         // Of a move that turns evenly, what all its parts bow falls with the square of their length.
         let bow = self.frame.bow(a, b, from, to);

@@ -1,5 +1,5 @@
 use super::*;
-use terrace_core::geom::P3;
+use terrace_core::geom::{P3, Part};
 use terrace_core::machine::{Carries, Machine, Origin, TiltAngles};
 use terrace_core::program::{Stroke, sample};
 use terrace_core::units::Length;
@@ -75,7 +75,7 @@ fn program_reproduces_motion_for_any_axis_signs() {
                 }
                 let spots = [node, node + 1].map(|i| {
                     let [x, y, z, a, c, u, v] = motion.waypoints[i].axes;
-                    frame::part_from_machine(a, c, [x + u, y + v, z])
+                    turned_back::<Part>(a, c, P3Mm::new([x + u, y + v, z]))
                 });
                 let way = [0, 1, 2].map(|k| spots[1][k] - spots[0][k]);
                 let off = [0, 1, 2].map(|k| is[k] - spots[0][k]);
@@ -216,9 +216,9 @@ fn short_moves_keep_the_pens_speed_to_the_microsecond_and_the_spot_is_not_late()
 
 #[test]
 fn a_corner_is_cut_by_what_the_spot_lies_off_its_other_leg() {
-    let (before, corner, after) = ([-1.0, 0.0, 0.0], [0.0; 3], [0.0, 2.0, 0.0]);
-    assert_eq!(corner_cut(before, corner, after, [0.0, 0.5, 0.0]), 0.5);
+    let [before, corner, after] = [[-1.0, 0.0, 0.0], [0.0; 3], [0.0, 2.0, 0.0]].map(P3Mm::new);
+    assert_eq!(corner_cut(before, corner, after, P3Mm::new([0.0, 0.5, 0.0])), 0.5);
     assert_eq!(corner_cut(before, corner, after, corner), 0.0);
-    assert_eq!(corner_cut(before, corner, [3.0, 0.0, 0.0], [0.5, 0.0, 0.0]), 0.0, "no corner");
+    assert_eq!(corner_cut(before, corner, P3Mm::new([3.0, 0.0, 0.0]), P3Mm::new([0.5, 0.0, 0.0])), 0.0, "no corner");
     assert!(corner_cut(before, corner, corner, corner).is_nan(), "a spot at rest");
 }

@@ -4,12 +4,13 @@ use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Method, sample, stage};
 use crate::on_the_fly::path::NodeKind;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
+use terrace_core::geom::{P3Mm, UnitVector};
 use terrace_core::machine::Machine;
 use terrace_core::motion::rest_to_rest;
 use terrace_core::program::{Pen, PenId, PieceId};
 use terrace_core::units::{Frequency, Power, Speed};
 
-const WIDE: Limits = Limits { focus: 0.2, angle: 0.3, field: 5.0 };
+const WIDE: Limits = Limits { half_depth: 0.2, angle: 0.3, field: 5.0 };
 
 fn pens(speed: f64) -> Vec<Pen> {
     let (power, frequency) = (Power::Percent(50.0), Frequency::khz(60.0));
@@ -46,7 +47,7 @@ fn ma(count: usize, every: bool) -> UntimedAxes {
     for i in (0..count).filter(|&i| every || kind(i) != NodeKind::Vertex) {
         let mark = part.pose(plan[i]);
         let pen = (i > 0).then_some(PenId(0));
-        out.path.nodes.push(Node { at: mark.p, pen, kind: kind(i), stroke: PieceId(0), run: None });
+        out.path.nodes.push(Node { at: P3Mm::new(mark.p.mm), pen, kind: kind(i), stroke: PieceId(0), run: None });
         out.axes.push(axes[i]);
         out.marks.push(mark);
     }
@@ -55,10 +56,7 @@ fn ma(count: usize, every: bool) -> UntimedAxes {
 
 /// What U and V have to go from node to node.
 fn ways(made: &UntimedAxes, model: &KinematicModel<'_>) -> Vec<[f64; 2]> {
-    let at = |i: usize, axes: &Axes| {
-        let [u, v, _] = axes.field_from_part(model.from_pivot(made.path.nodes[i].at));
-        [u, v]
-    };
+    let at = |i: usize, axes: &Axes| axes.seen(model.from_pivot(made.path.nodes[i].at)).uv;
     (1..made.path.len())
         .map(|i| {
             let [a, c] = [0, 1].map(|k| at(i - 1 + k, &made.axes[i - 1 + k]));
@@ -79,7 +77,7 @@ fn spot_rests_at_corners_while_the_stage_goes_on_within_all_limits() {
     let mut reader = made.read(&model);
     let mut at = |t: f64| {
         let Instant { axes, field: [u, v], .. } = reader.at(t.clamp(0.0, total));
-        let [x, y, z] = axes.xyz;
+        let [x, y, z] = axes.xyz.mm;
         [x, y, z, axes.a, axes.c, u, v]
     };
     // By differences over as long as the checks of programs take.
@@ -197,7 +195,7 @@ fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
         for (i, [x, y]) in points.iter().enumerate() {
             let kind = if i == 0 || i + 1 == points.len() { NodeKind::End } else { NodeKind::Corner };
             let pen = (i > 0).then_some(PenId(0));
-            path.nodes.push(Node { at: [*x, *y, 0.0], pen, kind, stroke: PieceId(number), run: None });
+            path.nodes.push(Node { at: P3Mm::new([*x, *y, 0.0]), pen, kind, stroke: PieceId(number), run: None });
         }
     };
     stroke(0, &[[-2.0, 0.0], [2.0, 0.0]]);
@@ -205,8 +203,8 @@ fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
     stroke(2, &[[-1.0, -1.0], [1.0, -1.0], [1.0, -2.0]]);
     let made = |skywriting: bool| {
         let path = model.with_run_ups(&path, &[skywriting]);
-        let marks: Vec<Pose> = path.nodes.iter().map(|node| Pose { p: node.at, n: [0.0, 0.0, 1.0] }).collect();
-        let axes = vec![Axes { xyz: [0.0; 3], a: 0.0, c: 0.0 }; path.len()];
+        let marks = path.nodes.iter().map(|node| Pose { p: model.from_pivot(node.at), n: UnitVector::UP }).collect();
+        let axes = vec![Axes { xyz: P3Mm::new([0.0; 3]), a: 0.0, c: 0.0 }; path.len()];
         let tools = ToolPath::Gaussian { sigma: 1.0 };
         let (back_off, rewinds) = (BackOff::new(), Vec::new());
         let all = UntimedAxes { back_off, strength: None, path, axes, marks, tools, rewinds, limits: WIDE };

@@ -65,15 +65,15 @@ pub fn lower_bound(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
     if by_rows.stops() > ENOUGH {
         return by_rows;
     }
-    // Where few rows can be made of the points, any will do.
-    let some = points.iter().step_by(points.len().div_ceil(SAMPLE).max(1));
-    let by_swaps = independent_set::certify(some.map(|&p| Item { lo: p, hi: p }).collect(), size);
+    // Where the points form few rows, points at any height may prove more stops.
+    let sample = points.iter().step_by(points.len().div_ceil(SAMPLE).max(1));
+    let by_swaps = independent_set::certify(sample.map(|&p| Item { lo: p, hi: p }).collect(), size);
     if by_swaps.stops() > by_rows.stops() { by_swaps } else { by_rows }
 }
 
-/// Above this many stops, rows are better than what chance finds.
+/// Above this many stops rows prove more than random swaps find, which are not tried then.
 const ENOUGH: usize = 500;
-/// Points that are tried at most where they form no rows.
+/// Points among which random swaps search, at most.
 const SAMPLE: usize = 20_000;
 
 /// A bound from figures that stay whole, none larger than a stop.

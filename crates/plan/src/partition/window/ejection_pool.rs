@@ -19,7 +19,16 @@ pub(super) struct EjectionPool {
     pool: Vec<u32>,
     /// Boxes that were shifted, and from where.
     log: Vec<(u32, [i32; 3])>,
+    /// Boxes that can be shifted at the least cost found so far, and to where; scratch space.
     ties: Vec<(u32, [i32; 3])>,
+}
+
+/// A shift of box `b` to another corner.
+struct Shift {
+    b: u32,
+    to: [i32; 3],
+    /// The weight of the pieces that no box holds then.
+    cost: u64,
 }
 
 impl EjectionPool {
@@ -54,13 +63,13 @@ impl EjectionPool {
             }
             // A piece of the pool goes into the neighbour whose own pieces it throws out for the least weight;
             // these join the pool. `bare` counts the pieces of the pool that no box holds.
-            let Some((cost, b, corner)) = self.cheapest(cover, i, dice) else { break };
-            if cost > 0 {
+            let Some(shift) = self.cheapest(cover, i, dice) else { break };
+            if shift.cost > 0 {
                 self.weights[i as usize] += 1;
             }
-            self.log.push((b, cover.corner(b)));
+            self.log.push((shift.b, cover.corner(shift.b)));
             let had = self.pool.len();
-            bare -= cover.shift(b, corner, &mut self.pool);
+            bare -= cover.shift(shift.b, shift.to, &mut self.pool);
             bare += self.pool.len() - had;
         }
         if bare == 0 {
@@ -74,9 +83,9 @@ impl EjectionPool {
         }
     }
 
-    /// The shift that makes a box hold piece i for the least weight of dropped pieces. The shortest
-    /// shift drops the least.
-    fn cheapest(&mut self, cover: &Cover<'_>, i: u32, dice: &mut Dice) -> Option<(u64, u32, [i32; 3])> {
+    /// The shift that makes a box hold piece i for the least weight of dropped pieces, by chance one of several; None
+    /// where no box is near enough.
+    fn cheapest(&mut self, cover: &Cover<'_>, i: u32, dice: &mut Dice) -> Option<Shift> {
         let items = cover.index.items();
         let item = items[i as usize];
         let size = cover.size;
@@ -88,11 +97,12 @@ impl EjectionPool {
         // would be dropped.
         let lo = [0, 1, 2].map(|k| item.hi[k] - 2 * size[k]);
         let hi = [0, 1, 2].map(|k| item.lo[k] + size[k]);
-        cover.near(lo, hi, |b, c| {
-            let to = [0, 1, 2].map(|k| c[k].clamp(item.hi[k] - size[k], item.lo[k]));
+        cover.near(lo, hi, |b, corner| {
+            // The shortest shift to the piece: any other drops the same pieces, or more.
+            let to = [0, 1, 2].map(|k| corner[k].clamp(item.hi[k] - size[k], item.lo[k]));
             let mut cost = 0;
-            for i in cover.own(b).filter(|&i| !items[i as usize].is_in(to, size)) {
-                cost += u64::from(weights[i as usize]);
+            for dropped in cover.own(b).filter(|&own| !items[own as usize].is_in(to, size)) {
+                cost += u64::from(weights[dropped as usize]);
                 if cost > best {
                     return;
                 }
@@ -103,7 +113,7 @@ impl EjectionPool {
             }
             ties.push((b, to));
         });
-        let chosen = *ties.get(dice.below(ties.len() as u32) as usize)?;
-        Some((best, chosen.0, chosen.1))
+        let &(b, to) = ties.get(dice.below(ties.len() as u32) as usize)?;
+        Some(Shift { b, to, cost: best })
     }
 }

@@ -86,7 +86,8 @@ impl OpenFragment {
         }
     }
 
-    /// Lets go of what was summed up: the fragment begins on another segment.
+    /// Begins again on another segment, where the fragment is no more than a point yet: what was summed up there goes.
+    /// Its lengths `drawn` and `shared` stay, since those of all fragments must sum to the length of the stroke.
     fn restart(&mut self, segment: u32) {
         self.segment = segment;
         self.z = [f64::INFINITY, f64::NEG_INFINITY];
@@ -383,15 +384,18 @@ impl<'a> Cutter<'a> {
         // whether it is inside at t and where it leaves; the first to leave counts.
         let share = (t - p.t0) / (p.t1 - p.t0);
         let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
-        let [a, b] = ends.map(|p| turn.apply(p));
-        let [lo, hi] = self.bounds(stop);
-        let in_space = (0..3).map(|k| LinearCoordinate { from: a[k], to: b[k], lo: lo[k], hi: hi[k] });
+        let turned_ends = ends.map(|end| turn.apply(end));
+        let in_box = {
+            let ([a, b], [lo, hi]) = (turned_ends, self.bounds(stop));
+            (0..3).map(move |k| LinearCoordinate { from: a[k], to: b[k], lo: lo[k], hi: hi[k] })
+        };
+        // The area that the stop may be kept to is one of the drawing.
         let in_area = self.stops.area(stop).into_iter().flat_map(|area| {
-            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
+            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|corner| [corner.x as f64, corner.y as f64]));
             (0..2).map(move |k| LinearCoordinate { from: a[k], to: b[k], lo: lo[k], hi: hi[k] })
         });
         let mut exit = p.t1;
-        for coordinate in in_space.chain(in_area) {
+        for coordinate in in_box.chain(in_area) {
             if !coordinate.is_inside(share) {
                 return t;
             }
@@ -427,14 +431,14 @@ impl<'a> Cutter<'a> {
         FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
     }
 
-    /// The stop that continues after a place on segment `k`, and where its window ends; plans the place of the next cut
-    /// if that is free.
+    /// The stop that continues after a place on segment `k`, and where on the segment its window ends: that of the cut
+    /// planned for here, or else one that is chosen. Plans the next cut where cuts lie at random in a zone.
     fn next_stop(&mut self, run: &Run, k: usize, at: StrokePlace) -> (StopId, f64) {
-        let is_due = |cut: &PlannedCut| cut.at.piece == at.piece && cut.at.t <= at.t;
-        let planned = self.cut.take().filter(is_due).map(|cut| cut.next);
         let s = &run.segments[k];
         let p = &run.pieces[at.piece];
-        let planned = planned.map(|next| (next, self.window_end(next, s)));
+        // A cut that was planned for another place is dropped: the stroke leaves the stop here.
+        let is_here = |cut: &PlannedCut| cut.at.piece == at.piece && cut.at.t <= at.t;
+        let planned = self.cut.take().filter(is_here).map(|cut| (cut.next, self.window_end(cut.next, s)));
         let (stop, end) = planned
             .filter(|&(next, end)| self.exit(next, end, s, p, at.t) > at.t)
             .unwrap_or_else(|| self.choose(run, k, at));

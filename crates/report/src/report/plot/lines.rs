@@ -48,7 +48,8 @@ impl<'a> Drawing<'a> {
             }
         }
         let usual = if chart.panels.len() > 1 { STACKED } else { ALONE };
-        let heights: Vec<f64> = chart.panels.iter().map(|p| usual.max(15.0 * p.limits.len() as f64)).collect();
+        // High enough for the names of all limits beside it.
+        let heights: Vec<f64> = chart.panels.iter().map(|p| usual.max(APART * p.limits.len() as f64)).collect();
         let ys: Vec<Ruler> = chart
             .panels
             .iter()
@@ -141,7 +142,7 @@ impl<'a> Drawing<'a> {
             let x = left + self.x.share(limit.value) * (right - left);
             canvas.push(dashed([[x, top], [x, bottom]]));
         }
-        self.across(canvas, panel, y, rect);
+        self.limits_across(canvas, panel, y, rect);
         for series in &panel.series {
             let k = self.names.iter().position(|n| *n == series.name).unwrap_or(0);
             canvas.line(&thin::columns(series.points.iter().map(place)), style(k));
@@ -154,8 +155,10 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    /// Limits across a panel, their names next to it, moved apart where they are close.
-    fn across(&self, canvas: &mut Canvas, panel: &Panel, y: &Ruler, [left, top, right, bottom]: Rect) {
+    /// Draws the limits of a panel as lines across it, and their names to the right of it, moved apart where they are
+    /// close; a short line leads from each limit to its name.
+    fn limits_across(&self, canvas: &mut Canvas, panel: &Panel, y: &Ruler, [left, top, right, bottom]: Rect) {
+        // With how far down each lies, from the top down.
         let mut limits: Vec<(f64, &Limit)> = panel
             .limits
             .iter()
@@ -163,17 +166,17 @@ impl<'a> Drawing<'a> {
             .map(|l| (bottom - y.share(l.value) * (bottom - top), l))
             .collect();
         limits.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let places = spaced(limits.iter().map(|l| l.0).collect(), bottom);
-        for (&(line, limit), place) in limits.iter().zip(places) {
-            canvas.push(dashed([[left, line], [right, line]]));
-            let leader = format!("M{} {}L{} {}", tenth(right), tenth(line), tenth(right + 10.0), tenth(place));
+        let name_places = spaced(limits.iter().map(|l| l.0).collect(), bottom);
+        for (&(limit_y, limit), name_y) in limits.iter().zip(name_places) {
+            canvas.push(dashed([[left, limit_y], [right, limit_y]]));
+            let leader = format!("M{} {}L{} {}", tenth(right), tenth(limit_y), tenth(right + 10.0), tenth(name_y));
             canvas.push(el("path", &[("fill", "none"), ("stroke", FIELD), ("stroke-width", "1"), ("d", &leader)]));
-            canvas.words([right + 14.0, place], SMALL, "start", &label(limit, &panel.y.unit), LABEL);
+            canvas.words([right + 14.0, name_y], SMALL, "start", &label(limit, &panel.y.unit), LABEL);
         }
     }
 }
 
-/// Rising places of names, moved apart by the height of a line: first down, then up from `bottom`.
+/// Rising places of names along y, moved apart to at least [`APART`]: first down, then up from `bottom`.
 fn spaced(mut places: Vec<f64>, bottom: f64) -> Vec<f64> {
     for k in 1..places.len() {
         places[k] = places[k].max(places[k - 1] + APART);

@@ -302,7 +302,7 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
             Kind::Xyzacuv => {
                 // The tool stands on the height field under the averaged path, along its normal.
                 let height = height_field.at([s[0], s[1]]);
-                let n = height.normal();
+                let n = height.normal().0;
                 let (a, c) = (n[2].acos(), (-n[0]).atan2(n[1]));
                 let q = turned(a, c, [s[0], s[1], height.z]);
                 let m = turned(a, c, p);
@@ -313,14 +313,14 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
     };
     let leads = (lead / 2e-3) as usize;
     for i in 0..leads {
-        node(lead * i as f64 / leads as f64, path.nodes[0].at, None, path.nodes[0].stroke);
+        node(lead * i as f64 / leads as f64, path.nodes[0].at.mm, None, path.nodes[0].stroke);
     }
     for (i, &t) in time.iter().enumerate() {
-        node(t, path.nodes[i].at, path.nodes[i].pen, path.nodes[i].stroke);
+        node(t, path.nodes[i].at.mm, path.nodes[i].pen, path.nodes[i].stroke);
     }
     let last = path.len() - 1;
     for i in 1..=leads {
-        node(end + lead * i as f64 / leads as f64, path.nodes[last].at, None, path.nodes[last].stroke);
+        node(end + lead * i as f64 / leads as f64, path.nodes[last].at.mm, None, path.nodes[last].stroke);
     }
     out
 }

@@ -2,9 +2,9 @@
 
 use super::super::drawing::around;
 use super::grey::Grey;
-use super::{BEYOND, MAX_MARKS, PlacedBitmap, Point, ROUNDING, TextureStrokes, places};
+use super::{BEYOND, MAX_MARKS, PlacedBitmap, ROUNDING, TextureStrokes, places};
 use crate::proof::Rule;
-use terrace_core::geom::{BoxMm, NM_PER_MM, P2};
+use terrace_core::geom::{BoxMm, NM_PER_MM, P2, PlanePoint};
 use terrace_input::texture::FillMode;
 
 /// Most dark places that are looked for, as docs/verify.md states.
@@ -59,7 +59,7 @@ impl PlacedBitmap<'_> {
 
     /// Whether a pixel is dark of those that a point of the page may lie in. Of a bitmap of two tones the border of the
     /// dark is the side of a pixel; of others it lies between the centres of neighbours.
-    fn is_dark_near(&self, grey: &Grey, threshold: f64, by_pixels: bool, p: Point) -> bool {
+    fn is_dark_near(&self, grey: &Grey, threshold: f64, by_pixels: bool, p: PlanePoint) -> bool {
         let slack = self.slack_mm;
         let [columns, mut rows] = if by_pixels {
             self.pixels_at(grey, p)
@@ -74,7 +74,7 @@ impl PlacedBitmap<'_> {
     }
 
     /// The pixels that a point lies on, to the tolerance.
-    fn pixels_at(&self, grey: &Grey, p: Point) -> [std::ops::Range<usize>; 2] {
+    fn pixels_at(&self, grey: &Grey, p: PlanePoint) -> [std::ops::Range<usize>; 2] {
         let range = |v: f64, side: f64, count: usize| {
             let pixel = |v: f64| (v / side).floor().clamp(0.0, count as f64 - 1.0) as usize;
             pixel(v - self.slack_mm)..pixel(v + self.slack_mm) + 1
@@ -153,7 +153,7 @@ fn is_deep_in_the_dark(grey: &Grey, threshold: f64, i: usize, j: usize, wide: [u
 
 /// Where marks are, to a cell of a grid over the page or its tiles.
 struct MarkedCells {
-    lo: Point,
+    lo: PlanePoint,
     cell: f64,
     count: [usize; 2],
     is_set: Vec<bool>,
@@ -187,7 +187,7 @@ impl MarkedCells {
         marked
     }
 
-    fn cell_of(&self, p: Point) -> [i64; 2] {
+    fn cell_of(&self, p: PlanePoint) -> [i64; 2] {
         [0, 1].map(|k| ((p[k] - self.lo[k]) / self.cell).floor() as i64)
     }
 
@@ -196,14 +196,14 @@ impl MarkedCells {
         (is_in(i, self.count[0]) && is_in(j, self.count[1])).then(|| j as usize * self.count[0] + i as usize)
     }
 
-    fn set(&mut self, p: Point) {
+    fn set(&mut self, p: PlanePoint) {
         if let Some(k) = self.index(self.cell_of(p)) {
             self.is_set[k] = true;
         }
     }
 
     /// Whether a mark passes the cell of a point or one next to it.
-    fn has_near(&self, p: Point) -> bool {
+    fn has_near(&self, p: PlanePoint) -> bool {
         let [i, j] = self.cell_of(p);
         (-1..=1).any(|x| (-1..=1).any(|y| self.index([i + x, j + y]).is_some_and(|k| self.is_set[k])))
     }

@@ -1,6 +1,6 @@
 //! How dark a bitmap is on its page.
 
-use super::Point;
+use terrace_core::geom::PlanePoint;
 use terrace_input::texture::{Image, Tone};
 
 /// The densities of a picture on its page, rows from the top, 0 to 1.
@@ -43,7 +43,7 @@ impl Grey {
     }
 
     /// The pixels that are seen in a box on the page, y up, or within half a pixel of it: columns and rows.
-    pub(super) fn around(&self, lo: Point, hi: Point) -> [std::ops::Range<usize>; 2] {
+    pub(super) fn around(&self, lo: PlanePoint, hi: PlanePoint) -> [std::ops::Range<usize>; 2] {
         let range = |lo: f64, hi: f64, side: f64, count: usize| {
             let first = (lo / side - 1.0).floor().clamp(0.0, count as f64 - 1.0) as usize;
             let last = (hi / side).ceil().clamp(0.0, count as f64 - 1.0) as usize;
@@ -56,7 +56,7 @@ impl Grey {
     }
 
     /// The least and the largest density in a box on the page and within half a pixel of it.
-    pub(super) fn range(&self, lo: Point, hi: Point) -> [f64; 2] {
+    pub(super) fn range(&self, lo: PlanePoint, hi: PlanePoint) -> [f64; 2] {
         let [columns, rows] = self.around(lo, hi);
         let mut found = [f32::MAX, f32::MIN];
         for j in rows {

@@ -18,10 +18,8 @@ use super::page::Page;
 use crate::Drawing;
 use crate::proof::Rule;
 use grey::Grey;
-use terrace_core::geom::{BoxMm, P2};
+use terrace_core::geom::{BoxMm, P2, PlanePoint};
 use terrace_input::texture::{Area, Image, Kind, Marking, Request, Resolution, Screen, Tone};
-
-type Point = [f64; 2];
 
 /// Most marks of a texture that are looked at one by one, as docs/verify.md states.
 const MAX_MARKS: usize = 30_000;
@@ -117,7 +115,7 @@ struct PlacedBitmap<'a> {
 
 impl PlacedBitmap<'_> {
     /// Whether all of the part within this distance of a place on the page's plane may be marked.
-    fn is_within(&self, p: Point, by: f64) -> bool {
+    fn is_within(&self, p: PlanePoint, by: f64) -> bool {
         let Some(limit) = self.limit else { return true };
         let p_part = self.page.on_part(p);
         (0..2).all(|k| limit.lo[k] + by <= p_part[k] && p_part[k] + by <= limit.hi[k])
@@ -125,7 +123,7 @@ impl PlacedBitmap<'_> {
 }
 
 /// Places of a stroke, not at its ends: on at most [`SIDES`] of its sides three each; of a dot its point.
-fn places(points: &[P2]) -> impl Iterator<Item = Point> + '_ {
+fn places(points: &[P2]) -> impl Iterator<Item = PlanePoint> + '_ {
     let sides = points.len().saturating_sub(1);
     let dot = points.first().filter(|_| sides == 0).map(|p| [p.x as f64, p.y as f64]);
     let on_sides = points.windows(2).step_by(sides.div_ceil(SIDES).max(1)).flat_map(|w| {

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use super::grey::Grey;
-use super::{BEYOND, MAX_MARKS, PlacedBitmap, Point, ROUNDING, TextureStrokes, places};
+use super::{BEYOND, MAX_MARKS, PlacedBitmap, ROUNDING, TextureStrokes, places};
 use crate::proof::Rule;
-use terrace_core::geom::{BoxMm, P2};
+use terrace_core::geom::{BoxMm, P2, PlanePoint};
 use terrace_input::texture::{Screen, Tone};
 
 /// The period of dashes and halftone cells unless the job states it, in pitches: the default of docs/job-file.md.
@@ -199,7 +199,7 @@ impl Amounts {
 
 impl Windows<'_> {
     /// A point of a page in u and v.
-    fn along(&self, [x, y]: Point) -> Point {
+    fn along(&self, [x, y]: PlanePoint) -> PlanePoint {
         let (s, c) = self.direction.sin_cos();
         [c * x + s * y, c * y - s * x]
     }
@@ -223,7 +223,7 @@ impl Windows<'_> {
     }
 
     /// Adds an amount to the window of this side, mm, in which a point of the page's plane lies.
-    fn add(&self, p: Point, amount: f64, side: f64, amounts: &mut Amounts) {
+    fn add(&self, p: PlanePoint, amount: f64, side: f64, amounts: &mut Amounts) {
         let page = self.bitmap.page;
         let tile = page.tile_of(p);
         let place = self.along(page.in_tile(p, tile)).map(|v| (v / side).floor() as i64);
@@ -232,7 +232,7 @@ impl Windows<'_> {
 
     /// Adds a line between two points of the page's plane, cut where the tile or the window along u changes. Lines of a
     /// screen run along u, so that no window changes along v.
-    fn add_line(&self, a: Point, b: Point, side: f64, amounts: &mut Amounts) {
+    fn add_line(&self, a: PlanePoint, b: PlanePoint, side: f64, amounts: &mut Amounts) {
         let page = self.bitmap.page;
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         let place = |t: f64| [0, 1].map(|k| a[k] + t * (b[k] - a[k]));
@@ -254,7 +254,7 @@ impl Windows<'_> {
 
     /// Visits every window of `n` pitches that lies on the page, farther than `margin` from its edges, and where marks
     /// are not cut; with the box around it, enlarged by the margin, on the page as the file has it.
-    fn each_whole(&self, n: usize, margin: f64, mut visit: impl FnMut(Window, [Point; 2])) {
+    fn each_whole(&self, n: usize, margin: f64, mut visit: impl FnMut(Window, [PlanePoint; 2])) {
         let PlacedBitmap { page, limit, .. } = *self.bitmap;
         let side = n as f64 * self.pitch;
         let ends = BoxMm::of(BoxMm { lo: [0.0; 2], hi: page.size }.corners().map(|p| self.along(p)));

@@ -13,7 +13,7 @@ use crate::Drawing;
 use crate::proof::Rule;
 use crate::read::labels::Truth;
 use crate::read::picture::{Ink, Picture};
-use terrace_core::geom::{BoxMm, P2};
+use terrace_core::geom::{BoxMm, P2, PlanePoint};
 use terrace_input::texture::{Area, FillMode, Kind, Request};
 
 /// Most places along a side of the page, as docs/verify.md states.
@@ -21,8 +21,6 @@ const SIDE: f64 = 50.0;
 
 /// How many others are looked at around a place.
 const RING: u32 = 8;
-
-type Point = [f64; 2];
 
 /// Holds that the fills of a drawing on its page are marked.
 pub(super) struct FillCheck<'a> {
@@ -37,11 +35,11 @@ pub(super) struct FillCheck<'a> {
 /// The places at which something must be marked; None once it is.
 struct FillPlaces {
     count: [usize; 2],
-    cell: Point,
+    cell: PlanePoint,
     /// How near a mark must pass.
     near: f64,
     /// The place of each cell, row by row.
-    by_cell: Vec<Option<Point>>,
+    by_cell: Vec<Option<PlanePoint>>,
 }
 
 impl FillCheck<'_> {
@@ -102,14 +100,14 @@ impl FillCheck<'_> {
     }
 
     /// Whether all of the part within `by` mm of a place lies within the area of the texture.
-    fn may_be_marked(&self, p: Point, by: f64, limit: Option<BoxMm<2>>) -> bool {
+    fn may_be_marked(&self, p: PlanePoint, by: f64, limit: Option<BoxMm<2>>) -> bool {
         let Some(limit) = limit else { return true };
         let p_part = self.page.on_part(p);
         (0..2).all(|k| limit.lo[k] + by <= p_part[k] && p_part[k] + by <= limit.hi[k])
     }
 
     /// Whether the drawing shows a place and all within `reach` of it in one colour that is marked.
-    fn is_one_colour(&self, p: Point, reach: f64) -> bool {
+    fn is_one_colour(&self, p: PlanePoint, reach: f64) -> bool {
         let Some(ink) = self.ink(p) else { return false };
         let scale = [0, 1].map(|k| self.picture.size[k] / self.page.size[k]);
         if !self.picture.points_near(self.px(p), reach * scale[0].max(scale[1])).is_empty() {
@@ -123,7 +121,7 @@ impl FillCheck<'_> {
     }
 
     /// The ink that must be marked at a place; None where nothing must be, or it is not known.
-    fn ink(&self, p: Point) -> Option<Ink> {
+    fn ink(&self, p: PlanePoint) -> Option<Ink> {
         let inks = self.picture.inks_at(self.px(p), &|ink| self.choice.exists(ink));
         let &[ink] = inks.as_slice() else { return None };
         let is_sure = self.choice.exists(ink) == Truth::Yes && self.choice.marked(ink) == Truth::Yes;
@@ -131,7 +129,7 @@ impl FillCheck<'_> {
     }
 
     /// Where a place of the page lies in the drawing, px.
-    fn px(&self, p: Point) -> Point {
+    fn px(&self, p: PlanePoint) -> PlanePoint {
         let [x, y] = self.page.unmirrored(p);
         let [w, h] = self.page.size;
         [x / w * self.picture.size[0], (h - y) / h * self.picture.size[1]]
@@ -140,7 +138,7 @@ impl FillCheck<'_> {
 
 impl FillPlaces {
     /// Takes out what lies near a side of a stroke.
-    fn mark(&mut self, [a, b]: [Point; 2]) {
+    fn mark(&mut self, [a, b]: [PlanePoint; 2]) {
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         let steps = (2.0 * length / self.cell[0].min(self.cell[1])).ceil() as usize;
         for k in 0..=steps {
@@ -162,13 +160,13 @@ impl FillPlaces {
 
 /// The place of cell `n`, in its middle half. Multiples of the powers of the plastic number are evenly spread, and in
 /// step with no pattern.
-fn place_in_cell(n: usize, count: [usize; 2], cell: Point) -> Point {
+fn place_in_cell(n: usize, count: [usize; 2], cell: PlanePoint) -> PlanePoint {
     let share = [0.754_877_666, 0.569_840_291].map(|by| 0.25 + 0.5 * (n as f64 * by).fract());
     [0, 1].map(|k| ([n % count[0], n / count[0]][k] as f64 + share[k]) * cell[k])
 }
 
 /// Distance of a point from a side.
-fn away(p: Point, [a, b]: [Point; 2]) -> f64 {
+fn away(p: PlanePoint, [a, b]: [PlanePoint; 2]) -> f64 {
     let d = [b[0] - a[0], b[1] - a[1]];
     let square = d[0] * d[0] + d[1] * d[1];
     let along = d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1]);

@@ -100,8 +100,8 @@ fn dot_beyond_the_depth_of_its_block_is_reported_by_depth() {
         let i = program.blocks.iter().position(|b| b.strokes.len() > 5).expect("a block");
         let block = &mut program.blocks[i];
         let by = plan.machine.increment_nm() * 600;
-        (block.stop.focus, block.stop.z_lo, block.stop.z_hi) =
-            (block.stop.focus + by, block.stop.z_lo + by, block.stop.z_hi + by);
+        (block.stop.lpfl, block.stop.z_lo, block.stop.z_hi) =
+            (block.stop.lpfl + by, block.stop.z_lo + by, block.stop.z_hi + by);
         (block.z_lo, block.z_hi) = (block.z_lo + by, block.z_hi + by);
         place(block, plan);
     });

@@ -25,7 +25,7 @@ fn mistaken(change: impl Fn(&mut Tilt)) -> Proof {
         let mut machine: Machine = plan.machine.clone();
         change(machine.tilt.as_mut().expect("axes"));
         for b in program.blocks.iter_mut().filter(|b| !b.stop.tilt.is_upright()) {
-            b.stage = machine.stand(b.stop.tilt, b.stop.centre, b.plane(), plan.checked.origin()).stage;
+            b.stage = machine.stand(b.stop.tilt, b.stop.centre, b.stage_plane(), plan.checked.origin()).stage;
         }
     })
 }
@@ -48,7 +48,7 @@ fn blocks_under_a_tilted_head_verify_and_every_mutant_is_reported() {
         let block = program.blocks.iter_mut().max_by_key(most).expect("a block");
         block.stop.tilt[1] = -block.stop.tilt[1];
         block.stage =
-            plan.machine.stand(block.stop.tilt, block.stop.centre, block.plane(), plan.checked.origin()).stage;
+            plan.machine.stand(block.stop.tilt, block.stop.centre, block.stage_plane(), plan.checked.origin()).stage;
     });
     found("source", &proof);
     // A position of the stage that is off by one increment.

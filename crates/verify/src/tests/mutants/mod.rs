@@ -182,7 +182,7 @@ impl Bench {
             s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
         }
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
-        let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
+        let off = |b: &Block| (b.z_hi - b.stop.lpfl).max(b.stop.lpfl - b.z_lo);
         s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or_default().f64() / 1000.0;
         let (time_s, block_times) = super::times(&program, &self.plan.machine);
         s.time_s = time_s;
@@ -288,7 +288,7 @@ fn head(profile: &str, working_distance: &str, diameter: &str) -> Vec<u8> {
 /// Moves a block's stop and brings its commanded position along.
 fn place(block: &mut Block, plan: &SteppedPlan) {
     let c = block.stop.centre;
-    block.stage = plan.machine.stage_from_part(c, block.stop.focus, plan.checked.origins()[block.setup.index()]);
+    block.stage = plan.machine.stage_from_part(c, block.stop.lpfl, plan.checked.origins()[block.setup.index()]);
 }
 
 /// Takes stroke `i` out of the program; its points stay behind, unused.
@@ -387,7 +387,7 @@ fn compiled_job_verifies() {
 #[test]
 fn depth_reports_a_focal_plane_that_is_too_high() {
     let proof = Bench::new().mutant(|program, plan| {
-        program.blocks[7].stop.focus += Nm(30_000);
+        program.blocks[7].stop.lpfl += Nm(30_000);
         place(&mut program.blocks[7], plan);
     });
     assert_only("depth", &proof);
@@ -521,7 +521,7 @@ fn travel_reports_a_part_beyond_the_stage() {
     let moved = Origin([origin[0] + far, origin[1], origin[2]]);
     for b in &mut program.blocks {
         let c = b.stop.centre;
-        b.stage = bench.plan.machine.stage_from_part(c, b.stop.focus, moved);
+        b.stage = bench.plan.machine.stage_from_part(c, b.stop.lpfl, moved);
     }
     bench.plan.checked = Checked::unchecked(program, moved);
     assert_only("travel", &verified(&bench.write()));
@@ -531,7 +531,7 @@ fn travel_reports_a_part_beyond_the_stage() {
 fn travel_reports_a_stop_off_the_increment() {
     let proof = Bench::new().mutant(|program, plan| {
         let block = &mut program.blocks[5];
-        block.stop.focus += Nm(30);
+        block.stop.lpfl += Nm(30);
         place(block, plan);
     });
     assert_only("travel", &proof);

@@ -42,7 +42,7 @@ fn depth_reports_a_pass_that_is_not_lowered() {
     let proof = three().mutant(|program, plan| {
         for i in range_of(program, 1) {
             let b = &mut program.blocks[i];
-            for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
+            for z in [&mut b.stop.lpfl, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
                 *z += Nm(8_000);
             }
             place(b, plan);

@@ -33,9 +33,9 @@ fn tilted_blocks_verify_and_every_mutant_is_reported() {
     let proof = Bench::tilted("").mutant(|program, plan| {
         let i = tilted(program);
         let block = &mut program.blocks[i];
-        block.stop.focus += Nm(60_000);
+        block.stop.lpfl += Nm(60_000);
         let c = block.stop.centre;
-        block.stage = plan.machine.stage_from_part(c, block.stop.focus, plan.checked.origin());
+        block.stage = plan.machine.stage_from_part(c, block.stop.lpfl, plan.checked.origin());
     });
     found("depth", &proof);
     // Beyond the travel of the table, and between its increments.
