@@ -14,6 +14,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Instant;
+use terrace_core::math;
 
 use fleet::Fleet;
 use serde_json::Value;
@@ -40,7 +41,7 @@ fn path(path: &Path) -> &str {
 fn surface(file: &Path, n: usize, height_mm: f32) {
     let at = |i: usize, j: usize| {
         let [x, y] = [i, j].map(|k| 60.0 * k as f32 / n as f32);
-        [x, y, height_mm * (x / 60.0 + (y / 9.0).sin() / 6.0)]
+        [x, y, height_mm * (x / 60.0 + math::sin(f64::from(y) / 9.0) as f32 / 6.0)]
     };
     let mut bytes = vec![0; 80];
     bytes.extend((2 * n as u32 * n as u32).to_le_bytes());
@@ -212,7 +213,7 @@ fn sizing(measured: &[Size]) {
         row(&format!("1,000 parts x 100 variants of {:.0} fragments", one.fragments), 1e5, *one);
     }
     for all in [1e8_f64, 1e9] {
-        row(&format!("10^{:.0} fragments, in such largest jobs", all.log10()), all / large.fragments, *large);
+        row(&format!("10^{:.0} fragments, in such largest jobs", math::log10(all)), all / large.fragments, *large);
     }
     let times = 1e8 / large.fragments;
     // Of 10^9 all figures are ten times these.

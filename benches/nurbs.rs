@@ -11,6 +11,7 @@ mod nurbs;
 
 use std::hint::black_box;
 use std::time::Instant;
+use terrace_core::math;
 
 use terrace_compare::nurbs::{Decoupled, HeightGrid, Inversion, Method, Surface};
 
@@ -33,7 +34,7 @@ fn measure(surface: &Surface, row: impl Fn(&str, f64)) {
     let spiral: Vec<[f64; 2]> = (0..20_000)
         .map(|n| {
             let (angle, radius) = (0.02 * f64::from(n), 20.0 * f64::from(n) / 20_000.0);
-            [radius * angle.cos(), radius * angle.sin()]
+            [radius * math::cos(angle), radius * math::sin(angle)]
         })
         .collect();
     let even: Vec<[f64; 2]> = (0..1600)

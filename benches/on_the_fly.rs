@@ -9,6 +9,7 @@
 mod cpu;
 
 use cpu::user_s;
+use terrace_core::math;
 use terrace_plan::on_the_fly::topp::{Limit, Options, Path, time_optimal};
 
 const STEP: f64 = 0.1;
@@ -54,9 +55,9 @@ fn dome() -> Owned {
         for i in 0..450 {
             let along = STEP * f64::from(i) - 22.5;
             let x = if line % 2 == 0 { along } else { -along };
-            let (u, v) = (0.8 * (x / 1.3).sin() + 0.05 * (x / 0.4).sin(), 0.5 * (x / 1.7 + y).cos());
-            let far = x.hypot(y);
-            let turn = [(far / 60.0).asin(), y.abs().max(2.0).atan2(x)];
+            let (u, v) = (0.8 * math::sin(x / 1.3) + 0.05 * math::sin(x / 0.4), 0.5 * math::cos(x / 1.7 + y));
+            let far = math::hypot(x, y);
+            let turn = [math::asin(far / 60.0), math::atan2(y.abs().max(2.0), x)];
             out.positions.extend([x - u, y - v, (3600.0 - far * far).sqrt() - 60.0, turn[0], turn[1], u, v]);
             out.s.push(STEP * out.s.len() as f64);
         }
@@ -88,12 +89,12 @@ fn row(name: &str, path: &Owned, refine: usize, limits: &[Limit]) {
 /// The axes at s.
 fn axes(s: f64) -> [f64; 7] {
     [
-        100.0 * (s / 130.0).sin() + 4.0 * (s / 11.0).cos(),
-        90.0 * (s / 110.0).cos() + 3.0 * (s / 9.0).sin(),
-        10.0 * (s / 60.0).sin(),
-        0.3 * (s / 90.0).sin() + 0.01 * (s / 7.0).cos(),
-        0.5 * (s / 150.0).cos() + 0.01 * (s / 5.0).sin(),
-        1.5 * (s / 1.7).sin() + 0.1 * (s / 0.6).cos(),
-        1.5 * (s / 1.9).cos() + 0.1 * (s / 0.7).sin(),
+        100.0 * math::sin(s / 130.0) + 4.0 * math::cos(s / 11.0),
+        90.0 * math::cos(s / 110.0) + 3.0 * math::sin(s / 9.0),
+        10.0 * math::sin(s / 60.0),
+        0.3 * math::sin(s / 90.0) + 0.01 * math::cos(s / 7.0),
+        0.5 * math::cos(s / 150.0) + 0.01 * math::sin(s / 5.0),
+        1.5 * math::sin(s / 1.7) + 0.1 * math::cos(s / 0.6),
+        1.5 * math::cos(s / 1.9) + 0.1 * math::sin(s / 0.7),
     ]
 }

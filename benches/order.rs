@@ -5,6 +5,7 @@
 
 use terrace_core::geom::FieldPoint;
 use terrace_core::machine::{Commanded, Machine, MoveTimes, Settling};
+use terrace_core::math;
 use terrace_core::units::Time;
 use terrace_plan::order::stops::{self, EFFORT, HeightOrder, Stage};
 use terrace_plan::order::strokes::{self, Path, Visit};
@@ -74,7 +75,7 @@ fn jump_mm(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
             (0, true) => [last, points[0]],
             (vertex, _) => [points[vertex as usize]; 2],
         };
-        sum += f64::from(first.x - at.x).hypot(f64::from(first.y - at.y));
+        sum += math::hypot(f64::from(first.x - at.x), f64::from(first.y - at.y));
         at = end;
     }
     sum / f64::from(MM)
@@ -126,7 +127,7 @@ fn circles(columns: i32, corners: i32) -> Strokes {
     let circle = |i: i32| {
         let corner = |k: i32| {
             let turn = f64::from(k % corners) / f64::from(corners) * std::f64::consts::TAU;
-            let [x, y] = [turn.cos(), turn.sin()].map(|v| (v * 300_000.0) as i32);
+            let [x, y] = [math::cos(turn), math::sin(turn)].map(|v| (v * 300_000.0) as i32);
             FieldPoint::new((i % columns - columns / 2) * MM + x, (i / columns - columns / 2) * MM + y)
         };
         (0..=corners).map(corner).collect()

@@ -6,6 +6,7 @@
 use std::hint::black_box;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use terrace_core::math;
 
 use geo::{BooleanOps, LineString, MultiLineString, Polygon};
 use terrace_core::geom::BoxMm;
@@ -74,7 +75,8 @@ fn best(work: impl Fn() -> usize) -> (usize, Duration) {
 
 fn lines() -> String {
     let line = |k: u32| {
-        let point = |i: u32| format!("{:.3},{:.3} ", f64::from(i) * 0.4, 1.0 + f64::from(k) + 0.4 * f64::from(i).sin());
+        let point =
+            |i: u32| format!("{:.3},{:.3} ", f64::from(i) * 0.4, 1.0 + f64::from(k) + 0.4 * math::sin(f64::from(i)));
         let points: String = (0..1000).map(point).collect();
         format!("<polyline points=\"{points}\"/>")
     };
@@ -84,7 +86,7 @@ fn lines() -> String {
 fn corners(k: u32) -> Vec<[f64; 2]> {
     let middle = [f64::from(k % ROW) * PITCH + 2.0, f64::from(k / ROW) * PITCH + 2.0];
     let corner = |i: u32| {
-        let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / f64::from(SIDES)).sin_cos();
+        let (sin, cos) = math::sin_cos(f64::from(i) * std::f64::consts::TAU / f64::from(SIDES));
         [middle[0] + RADIUS * cos, middle[1] + RADIUS * sin]
     };
     (0..SIDES).map(corner).collect()

@@ -1,6 +1,7 @@
 //! Filled areas of drawings: hatch and rings in closed form, exactly inside, with the pens that the job gives.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
+use terrace_core::math;
 
 use crate::support::folder;
 use crate::support::surfaces::Random;
@@ -47,7 +48,7 @@ fn length(points: &[P2]) -> f64 {
         .windows(2)
         .map(|w| (w[1].x - w[0].x) as f64 * 1e-6)
         .zip(points.windows(2))
-        .map(|(dx, w)| dx.hypot((w[1].y - w[0].y) as f64 * 1e-6))
+        .map(|(dx, w)| math::hypot(dx, (w[1].y - w[0].y) as f64 * 1e-6))
         .sum()
 }
 
@@ -154,9 +155,11 @@ fn hatch(seed: u64) -> Marking {
 fn star(noise: &mut Random) -> (Vec<P2>, String) {
     let angles: Vec<f64> =
         (0..noise.range(3.0, 40.0) as usize).map(|_| noise.range(0.0, std::f64::consts::TAU)).collect();
-    let corner = |(a, r): (f64, f64)| P2::new(((10.0 + r * a.cos()) * 1e6) as i64, ((10.0 + r * a.sin()) * 1e6) as i64);
+    let corner = |(a, r): (f64, f64)| {
+        P2::new(((10.0 + r * math::cos(a)) * 1e6) as i64, ((10.0 + r * math::sin(a)) * 1e6) as i64)
+    };
     let mut corners: Vec<P2> = angles.into_iter().map(|angle| (angle, noise.range(0.5, 9.0))).map(corner).collect();
-    let angle = |p: &P2| ((p.y - 10_000_000) as f64).atan2((p.x - 10_000_000) as f64);
+    let angle = |p: &P2| math::atan2((p.y - 10_000_000) as f64, (p.x - 10_000_000) as f64);
     corners.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
     let path: Vec<String> =
         corners.iter().map(|p| format!("{:.6} {:.6}", p.x as f64 * 1e-6, 20.0 - p.y as f64 * 1e-6)).collect();

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
+use terrace_core::math;
 
 use crate::support::image::height_map;
 use crate::support::surfaces::{Random, mesh, write_stl};
@@ -38,7 +39,7 @@ const BROKEN: [(&str, &str); 3] = [("b07", "toml"), ("b11", "file-unreadable"), 
 /// Twenty jobs in `dir`, three of them broken.
 pub(crate) fn twenty(dir: &Path) {
     let path = |name: &str| dir.join(name);
-    write_stl(&path("panel.stl"), &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.01 * x + 0.2 * (y / 9.0).sin()));
+    write_stl(&path("panel.stl"), &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.01 * x + 0.2 * math::sin(y / 9.0)));
     write(&path("plate.obj"), "v 0 0 0\nv 70 0 0\nv 70 60 0\nv 0 60 0\nf 1 2 3 4\n");
     write(&path("long.obj"), "v 0 0 0\nv 900 0 0\nv 900 9 0\nv 0 9 0\nf 1 2 3 4\n");
     heightmap(&path("map.png"));

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::time::{Duration, Instant};
+use terrace_core::math;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, image, number, said, shared, terrace, verify};
@@ -14,7 +15,7 @@ fn disc() -> Vec<u8> {
     let samples: Vec<u16> = (0..64 * 64)
         .map(|i| {
             let [x, y] = [i % 64, i / 64].map(|v| (f64::from(v) - 31.5) / 28.0);
-            if x.hypot(y) < 1.0 { (x.hypot(y) * 65_535.0) as u16 } else { u16::MAX }
+            if math::hypot(x, y) < 1.0 { (math::hypot(x, y) * 65_535.0) as u16 } else { u16::MAX }
         })
         .collect();
     image::height_map(64, &samples)

@@ -2,6 +2,7 @@
 //! the program and the stops of every method.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{FIVE, dome, mesh, saddle, wave, write_stl};
 use crate::support::{JobText, fixture, folder, planned, shared};
@@ -90,7 +91,7 @@ fn assert_marks(name: &str, plan: &SteppedPlan, certificate: &Certificate) {
                         let d = [b[0] - a[0], b[1] - a[1]];
                         let v = [p[0] - a[0], p[1] - a[1]];
                         let t = ((v[0] * d[0] + v[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
-                        (v[0] - t * d[0]).hypot(v[1] - t * d[1]) <= 3.0
+                        math::hypot(v[0] - t * d[0], v[1] - t * d[1]) <= 3.0
                     });
                 }
                 let ends = |k: usize, pick: fn(f64, f64) -> f64| points.iter().map(|p| at(p)[k]).reduce(pick);
@@ -189,7 +190,10 @@ fn bound_of_a_flat_plate_is_one_stop_per_field() {
 fn the_bound_does_not_speak_of_what_is_too_short_to_be_marked() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
-    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 50.0], |x, y| 0.03 * x + 0.9 * (x / 11.0).sin() * (y / 14.0).cos()));
+    write_stl(
+        &stl,
+        &mesh(60, [0.0, 0.0, 60.0, 50.0], |x, y| 0.03 * x + 0.9 * math::sin(x / 11.0) * math::cos(y / 14.0)),
+    );
     let hatch = "pattern = \"hatch\"\npitch = \"1 mm\"\ndirection = \"20 deg\"";
     let bound = |min_mark: &str| {
         let partition = format!("min_mark = \"{min_mark}\"");

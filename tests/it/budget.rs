@@ -1,6 +1,7 @@
 //! The error and depth budget, and the reserve that is taken off PDOF.
 
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -55,7 +56,7 @@ fn the_terms_of_a_plane_are_those_of_their_formulae() {
     let summary = compile(&at("0 mm"), &out);
     verify(&out);
     let (lateral, depth) = (&summary["budget"]["lateral"], &summary["budget"]["depth"]);
-    let stretch = SLOPE.hypot(1.0);
+    let stretch = math::hypot(SLOPE, 1.0);
     near(&term(lateral, "projection"), 1500.0 * (stretch - 1.0));
     near(&term(lateral, "stage"), 5.0 * std::f64::consts::SQRT_2);
     // 35 um out of focus, 0.5 deg.

@@ -3,6 +3,7 @@
 use crate::support::image::height_map;
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, manifest, number, verify};
+use terrace_core::math;
 
 #[test]
 fn flat_plate_has_one_block_per_field() {
@@ -27,7 +28,7 @@ fn flat_plate_has_one_block_per_field() {
 fn a_tilted_plane_gets_straight_bands_of_equal_width() {
     let dir = folder();
     let stl = dir.path().join("tilted.stl");
-    let tan = 5f64.to_radians().tan();
+    let tan = math::tan(5f64.to_radians());
     write_stl(&stl, &mesh(40, [0.0, 0.0, 38.0, 38.0], |x, _| x * tan));
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"");
     let out = dir.path().join("tilted.job");
@@ -60,7 +61,7 @@ fn heights_follow_plane_sphere_and_sine_to_the_chord_error() {
     let forms: [Form; 3] = [
         ("plane", |x, y| 0.05 * x - 0.03 * y, 0.0),
         ("sphere", |x, y| (500f64.powi(2) - (x - 30.0).powi(2) - (y - 30.0).powi(2)).sqrt() - 490.0, 1.0 / 497.0),
-        ("sine", |x, y| 0.4 * (x / 7.0).sin() * (y / 9.0).cos(), 0.4 / 49.0 + 0.4 / 81.0),
+        ("sine", |x, y| 0.4 * math::sin(x / 7.0) * math::cos(y / 9.0), 0.4 / 49.0 + 0.4 / 81.0),
     ];
     for (name, z, curvature) in forms {
         let dir = folder();
@@ -148,7 +149,7 @@ fn a_steeper_facet_beyond_a_cut_does_not_count_as_under_the_mark() {
     let incidence = |k: usize| m["blocks"][k]["incidence_deg"][1].as_f64().expect("deg");
     assert_eq!(m["blocks"].as_array().map(Vec::len), Some(2));
     let (level, slope) = (incidence(0).min(incidence(1)), incidence(0).max(incidence(1)));
-    assert!(level < 1e-9 && (slope - 0.001f64.atan().to_degrees()).abs() < 1e-6, "{level} {slope}");
+    assert!(level < 1e-9 && (slope - math::atan(0.001f64).to_degrees()).abs() < 1e-6, "{level} {slope}");
 }
 
 /// Writes a square 16-bit height map; row 0 of the file is the top.
@@ -162,7 +163,7 @@ fn write_height_map(path: &std::path::Path, n: usize, pixel: f64, value: impl Fn
 fn focus_mean_of_a_steep_part_lies_within_its_marks() {
     let dir = folder();
     let stl = dir.path().join("steep.stl");
-    let tan = 50f64.to_radians().tan();
+    let tan = math::tan(50f64.to_radians());
     write_stl(&stl, &mesh(12, [0.0, 0.0, 3.0, 3.0], |x, _| 2000.0 + x * tan));
     let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.3 mm\"\ndirection = \"40 deg\"");
     job.focus = "pdof = \"0.02 mm\"\nlevel = \"mean\"".into();

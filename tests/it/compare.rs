@@ -2,6 +2,7 @@
 //! number of threads.
 
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, fixture, folder, machine_file, number, said, shared, summary_of, terrace};
@@ -15,7 +16,7 @@ fn job(dir: &Path) -> PathBuf {
 /// Some of it.
 fn job_of(dir: &Path, [w, h]: [f64; 2]) -> PathBuf {
     let stl = dir.join("bulge.stl");
-    write_stl(&stl, &mesh(30, [0.0, 0.0, w, h], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(30, [0.0, 0.0, w, h], |x, y| math::sin(x / 20.0) * math::cos(y / 17.0)));
     JobText::on(&stl)
         .texture("pattern = \"hatch\"\npitch = \"10 mm\"")
         .texture("pattern = \"squares\"\npitch = \"20 mm\"\ncell = \"8 mm\"")
@@ -244,7 +245,7 @@ fn ten_jobs(dir: &Path) -> Vec<(PathBuf, &'static str)> {
     let cylinder: Height = |x, _| -x * x / 40.0;
     let saddle: Height = |x, y| (x * x - y * y) / 50.0;
     let slope: Height = |x, _| 0.5 * x;
-    let wave: Height = |x, y| 0.1 * (x + 0.3 * y).sin();
+    let wave: Height = |x, y| 0.1 * math::sin(x + 0.3 * y);
     let jobs: [(Height, &str, &str, &str); 10] = [
         (plane, "profile = \"xyz-galvo-40\"", "", MOST),
         (plane, "profile = \"xyz-galvo-40\"", "mode = \"on-the-fly\"", "flat,contour,sync,sync-bands"),
@@ -404,7 +405,7 @@ fn verdict_of_ten_jobs_agrees_with_the_tables_and_recommends_nothing_beyond_the_
 fn marked_length_is_that_of_compile_with_every_pass_of_the_pens() {
     let dir = folder();
     let stl = dir.path().join("bulge.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 8.0, 6.0], |x, y| 0.2 * (x / 3.0).sin() * (y / 2.0).cos()));
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 8.0, 6.0], |x, y| 0.2 * math::sin(x / 3.0) * math::cos(y / 2.0)));
     let marked = |passes: u32| {
         let mut job = JobText::on(&stl).method("z-range").texture("pattern = \"hatch\"\npitch = \"2 mm\"");
         job.more = format!("passes = {passes}\n");

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -267,7 +268,7 @@ fn on_plane() -> String {
     let n = 1.1f64.sqrt();
     let unit = [-0.3 / n, 0.1 / n, 1.0 / n];
     let ax = [-unit[1], unit[0], 0.0];
-    let l = ax[0].hypot(ax[1]);
+    let l = math::hypot(ax[0], ax[1]);
     let ax = ax.map(|v| v / l);
     let ay = [unit[1] * ax[2] - unit[2] * ax[1], unit[2] * ax[0] - unit[0] * ax[2], unit[0] * ax[1] - unit[1] * ax[0]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

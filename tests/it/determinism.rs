@@ -2,6 +2,7 @@
 //! input is moved.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, compile, files, folder, machine_file, number, said, terrace};
@@ -41,7 +42,7 @@ fn bytes_do_not_depend_on_threads_or_repetition() {
 #[test]
 fn translating_the_part_translates_only_the_stage() {
     let dir = folder();
-    let z = |x: f64, y: f64| 0.02 * x + 0.3 * (y / 9.0).sin();
+    let z = |x: f64, y: f64| 0.02 * x + 0.3 * math::sin(y / 9.0);
     let compiled = |shift: f64, name: &str| {
         let stl = dir.path().join(format!("{name}.stl"));
         // A shift that f32 holds exactly.
@@ -72,7 +73,7 @@ fn round(v: f64) -> f64 {
 fn turning_the_part_by_a_quarter_keeps_every_length() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
-    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 0.02 * x + 0.3 * (y / 9.0).sin()));
+    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 0.02 * x + 0.3 * math::sin(y / 9.0)));
     let run = |turn: u32| {
         let hatch = "pattern = \"hatch\"\npitch = \"0.5 mm\"";
         let mut job = JobText::on(&stl).texture(hatch).partition("min_mark = \"0 mm\"");
@@ -95,7 +96,7 @@ fn scaling_part_texture_machine_and_depth_together_keeps_the_counts() {
     let dir = folder();
     let run = |k: f64| {
         let stl = dir.path().join(format!("{k}.stl"));
-        let z = move |x: f64, y: f64| k * (0.02 * (x / k) + 0.3 * (y / k / 9.0).sin());
+        let z = move |x: f64, y: f64| k * (0.02 * (x / k) + 0.3 * math::sin(y / k / 9.0));
         write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0 * k, 60.0 * k], z));
         let machine = machine_file("xyz-galvo-40");
         let machine =

@@ -1,6 +1,7 @@
 //! Effects of slope on marks: incidence, stretch and dose, and pens that compensate for it.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, manifest, number, said, terrace, verify};
@@ -9,7 +10,7 @@ use serde_json::Value;
 /// A job on a plate that rises by `deg` along x.
 fn ramp(dir: &Path, deg: f64, more: &str) -> JobText {
     let stl = dir.join("ramp.stl");
-    let tan = deg.to_radians().tan();
+    let tan = math::tan(deg.to_radians());
     write_stl(&stl, &mesh(20, [0.0, 0.0, 30.0, 20.0], |x, _| x * tan));
     let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method("z-range");
     job.focus = "pdof = \"2 mm\"".into();
@@ -27,7 +28,7 @@ fn manifest_states_incidence_stretch_and_dose_of_blocks() {
     for deg in [0.0, 12.0, 30.0] {
         let out = dir.path().join("job.job");
         compile(&ramp(dir.path(), deg, "").write(dir.path(), "job.toml"), &out);
-        let cos = f64::to_radians(deg).cos();
+        let cos = math::cos(f64::to_radians(deg));
         for b in manifest(&out)["blocks"].as_array().expect("blocks") {
             // Vertices in f32 turn facets a little.
             for k in 0..2 {
@@ -97,7 +98,7 @@ fn dose_factors_are_capped_and_impossible_settings_refused() {
 fn curved_part_gets_several_pens_and_verifies() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
-    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 3.0 * (x / 12.0).sin() + 2.0 * (y / 9.0).cos()));
+    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 3.0 * math::sin(x / 12.0) + 2.0 * math::cos(y / 9.0)));
     for what in ["speed", "power"] {
         let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method("window");
         job.more = format!("[dose]\ncompensate = \"{what}\"\nstep = 0.005");
@@ -137,7 +138,7 @@ fn slope_of_tilted_marks_is_weighted_by_length_in_the_field() {
     let saw = |x: f64| {
         let (tooth, rest) = ((x / 0.8).floor(), x.rem_euclid(0.8));
         // Down by 5 deg over 0.4 mm, up by 40 deg over 0.4 mm.
-        let (down, up) = (0.4 * 5f64.to_radians().tan(), 0.4 * 40f64.to_radians().tan());
+        let (down, up) = (0.4 * math::tan(5f64.to_radians()), 0.4 * math::tan(40f64.to_radians()));
         tooth * (up - down) + if rest < 0.4 { -down * rest / 0.4 } else { -down + up * (rest - 0.4) / 0.4 }
     };
     let mut facets = Vec::new();

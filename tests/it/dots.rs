@@ -1,6 +1,7 @@
 //! Dots through the product: patterns, screens and points of drawings on curved parts, by every method; what is refused.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::image::grey16;
 use crate::support::surfaces::{mesh, write_stl};
@@ -78,7 +79,7 @@ fn dots_of_every_source_are_marked_by_every_method() {
 fn lines_and_dots_share_blocks_and_repeat_with_their_pens() {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
-    write_stl(&stl, &mesh(30, [0.0, 0.0, 30.0, 30.0], |x, y| 0.1 * (x / 5.0).sin() * (y / 4.0).cos()));
+    write_stl(&stl, &mesh(30, [0.0, 0.0, 30.0, 30.0], |x, y| 0.1 * math::sin(x / 5.0) * math::cos(y / 4.0)));
     let mut job = job(&stl, "pattern = \"dots\"\npitch = \"1 mm\"").texture("pattern = \"hatch\"\npitch = \"2 mm\"");
     job.more = job.more.replace("dwell = \"200 us\"", "pulses = 25\npasses = 3")
         + "[dose]\ncompensate = \"speed\"\n[limits]\nmax_incidence = \"1 deg\"\n";

@@ -1,6 +1,7 @@
 //! `direction = "contour"`: hatch along the level lines in each section.
 
 use std::collections::HashMap;
+use terrace_core::math;
 
 use crate::support::surfaces::{FIVE, Random, mesh, write_stl};
 use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, number, verify};
@@ -82,7 +83,7 @@ fn filled(
 fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
     let (d, r) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let t = ((r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
-    (r[0] - t * d[0]).hypot(r[1] - t * d[1])
+    math::hypot(r[0] - t * d[0], r[1] - t * d[1])
 }
 
 #[test]
@@ -166,7 +167,7 @@ fn neighbouring_sections_of_one_direction_share_hatch_lines() {
 
 /// A part that falls from a ridge, 90 x 70 mm.
 fn ridge(x: f64, y: f64) -> f64 {
-    0.03 * (x - 40.0).abs() + 0.02 * y + 0.2 * (y / 11.0).sin()
+    0.03 * (x - 40.0).abs() + 0.02 * y + 0.2 * math::sin(y / 11.0)
 }
 
 #[test]
@@ -265,7 +266,7 @@ fn lines_run_along_level_lines() {
     let turned = directions(|x, y| 0.05 * x + 0.0 * y, 33);
     assert!(turned.iter().all(|d| (d - 123.0).abs() <= 0.01), "{turned:?}");
     // A cone about the corner of four sections: level lines lie across its rays.
-    let cone = directions(|x, y| 0.1 * (x - 40.0).hypot(y - 40.0), 0);
+    let cone = directions(|x, y| 0.1 * math::hypot(x - 40.0, y - 40.0), 0);
     for (d, want) in cone.iter().zip([135.0, 45.0, 45.0, 135.0]) {
         assert!((d - want).abs() < 3.0, "{cone:?}");
     }

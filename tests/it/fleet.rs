@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Duration;
+use terrace_core::math;
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -211,7 +212,7 @@ fn a_scheduler_that_is_not_there_is_reported_with_the_command_that_starts_it() {
 fn a_sweep_on_a_fleet_is_the_sweep_on_this_machine() {
     let dir = folder();
     let stl = dir.path().join("wave.stl");
-    write_stl(&stl, &mesh(12, [0.0, 0.0, 60.0, 40.0], |x, y| 0.4 * (x / 19.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(12, [0.0, 0.0, 60.0, 40.0], |x, y| 0.4 * math::sin(x / 19.0) * math::cos(y / 17.0)));
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"3 mm\"").write(dir.path(), "wave.toml");
     let settings = ["--set", "focus.pdof=0.05..0.15mm/3", "--set", "partition.method=contour,z-range,no-method"];
     let fleet = Fleet::of(2);

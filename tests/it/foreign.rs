@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use terrace_core::math;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, compile, folder, machine_file, manifest, said, shared, verify};
@@ -75,7 +76,7 @@ fn with_dots(mut job: JobText) -> JobText {
 fn ezdxf_protobuf_and_linuxcnc_read_what_was_written() {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
-    write_stl(&stl, &mesh(40, [0.0, 0.0, 60.0, 50.0], |x, y| 0.2 * (x / 9.0).sin() * (y / 8.0).cos()));
+    write_stl(&stl, &mesh(40, [0.0, 0.0, 60.0, 50.0], |x, y| 0.2 * math::sin(x / 9.0) * math::cos(y / 8.0)));
     let hilbert = "order = 4\narea = [\"10 mm\", \"10 mm\", \"50 mm\", \"40 mm\"]";
     let summary = assert_read(&with_dots(every_entity(&stl, hilbert)), dir.path());
     assert!(summary["dots"]["marked"].as_u64() > Some(300), "{summary}");
@@ -86,7 +87,7 @@ fn ezdxf_protobuf_and_linuxcnc_read_what_was_written() {
 fn assert_cards_are_read(formats: &str, scripts: &[&str], [w, h]: [f64; 2], pitch: &str) {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
-    write_stl(&stl, &mesh(40, [0.0, 0.0, w, h], |x, y| 0.6 * (x / 9.0).sin() * (y / 8.0).cos()));
+    write_stl(&stl, &mesh(40, [0.0, 0.0, w, h], |x, y| 0.6 * math::sin(x / 9.0) * math::cos(y / 8.0)));
     let machine = machine_file("xyz-zoom-40").replacen("mirror_y = false", "mirror_y = true", 1)
         + "\n[lmc]\nunits_per_mm = 1500\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\nfocus_bits_per_mm = 4000\n";
     std::fs::write(dir.path().join("machine.toml"), machine).expect("a writable folder");

@@ -1,6 +1,7 @@
 //! Frames: written beside the blocks, read by foreign readers, kept by a resumed job, refused where they would mark.
 
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use crate::foreign;
 use crate::support::surfaces::{mesh, write_stl};
@@ -11,7 +12,7 @@ const PILOT: &str = "[[pen]]\nname = \"pilot\"\nspeed = \"500 mm/s\"\npower = \"
 /// A wave in two set-ups, hatched inside a diamond of two passes, with frames by this pen.
 fn wave(dir: &Path, pen: &str, pilot: &str) -> PathBuf {
     let stl = dir.join("wave.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 90.0, 50.0], |x, y| 0.2 * (x / 9.0).sin() * (y / 8.0).cos()));
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 90.0, 50.0], |x, y| 0.2 * math::sin(x / 9.0) * math::cos(y / 8.0)));
     let job = JobText {
         more: format!(
             "[passes]\ncount = 2\nrotate = \"90 deg\"\n\n{pilot}\n\

@@ -1,6 +1,7 @@
 //! The model of the galvo: one for every system, that of the job's machine.
 
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{compile, folder, machine_file, manifest, number, said, summary_of, terrace, verify};
@@ -16,7 +17,8 @@ const UPRIGHT: [&str; 6] = ["flat", "contour", "z-range", "zoom", "sync", "sync-
 
 /// The surface of Ma et al. (2025) as a sum of three hills with its heights and slopes.
 fn hills(x: f64, y: f64) -> f64 {
-    let hill = |a: f64, [mx, my]: [f64; 2], s: f64| a * (-((x - mx).powi(2) + (y - my).powi(2)) / (2.0 * s * s)).exp();
+    let hill =
+        |a: f64, [mx, my]: [f64; 2], s: f64| a * math::exp(-((x - mx).powi(2) + (y - my).powi(2)) / (2.0 * s * s));
     14.5 + hill(-2.353_703_43, [14.935_112_68, 15.301_636], 7.0)
         + hill(4.726_817_10, [16.558_363_94, -16.081_084_23], 9.0)
         + hill(6.869_674_40, [-16.071_748_28, 5.491_591_76], 10.0)
@@ -84,7 +86,7 @@ fn straights(order: u32) -> Vec<u32> {
 /// Time of a straight run from rest to rest, s: below the speed of the scanner on all of these.
 fn run_s(length: f64) -> f64 {
     let long = ACCELERATION / JERK + ((ACCELERATION / JERK).powi(2) + 4.0 * length / ACCELERATION).sqrt();
-    if length * JERK * JERK >= 2.0 * ACCELERATION.powi(3) { long } else { (32.0 * length / JERK).cbrt() }
+    if length * JERK * JERK >= 2.0 * ACCELERATION.powi(3) { long } else { math::cbrt(32.0 * length / JERK) }
 }
 
 fn marks_s(order: u32) -> f64 {
@@ -198,7 +200,7 @@ fn times_of_a_stepped_job_are_found_again_by_the_verifier() {
     for block in blocks {
         let energy = &block["line_energy"];
         // Half a spot of 24.5 um from rest under the jerk alone: t = (6 s / j)^(1/3).
-        let share = 3000.0 * (6.0 * 0.012_25 / JERK).cbrt() / 0.012_25;
+        let share = 3000.0 * math::cbrt(6.0 * 0.012_25 / JERK) / 0.012_25;
         assert!(
             number(energy, "worst_share") > 0.99 * share && number(energy, "length_at_speed_percent") == 0.0,
             "{energy}"

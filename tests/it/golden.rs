@@ -8,16 +8,19 @@
 
 use std::fmt::Write;
 use std::path::Path;
+use std::process::Command;
+
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, files, folder, said, terrace};
+use crate::support::{JobText, command, files, folder, said};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.txt");
 
 /// A part of 60 x 50 mm with two humps and a slope.
 fn part(dir: &Path) -> std::path::PathBuf {
     let path = dir.join("part.stl");
-    let z = |x: f64, y: f64| 0.03 * x + 0.9 * (x / 11.0).sin() * (y / 14.0).cos();
+    let z = |x: f64, y: f64| 0.03 * x + 0.9 * math::sin(x / 11.0) * math::cos(y / 14.0);
     write_stl(&path, &mesh(40, [0.0, 0.0, 60.0, 50.0], z));
     path
 }
@@ -79,6 +82,29 @@ fn is_program(name: &str) -> bool {
         && !name.starts_with("runsheet")
 }
 
+/// Compiles a job into a folder with a command of terrace.
+fn compile(mut command: Command, job: &Path, mode: &str, out: &Path) {
+    let done =
+        command.args(["compile", "--no-sync", "--mode", mode, "-o"]).args([out, job]).output().expect("terrace runs");
+    assert!(done.status.success(), "{}: {}", job.display(), said(&done));
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn all_files_of_eight_jobs_are_the_same_on_a_processor_without_fused_multiply_add() {
+    let dir = folder();
+    for (name, job, mode) in jobs(dir.path()) {
+        let job = job.write(dir.path(), &format!("{name}.toml"));
+        let [with, without] = ["with", "without"].map(|set| dir.path().join(set).join(format!("{name}.job")));
+        compile(command(), &job, mode, &with);
+        // The C library of Linux takes its other code, as on an older processor.
+        let mut older = command();
+        older.env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2");
+        compile(older, &job, mode, &without);
+        assert_eq!(files(&with), files(&without), "{name}");
+    }
+}
+
 #[test]
 fn programs_of_eight_jobs_keep_their_bytes() {
     let dir = folder();
@@ -86,9 +112,7 @@ fn programs_of_eight_jobs_keep_their_bytes() {
     for (name, job, mode) in jobs(dir.path()) {
         let out = dir.path().join(format!("{name}.job"));
         let path = job.write(dir.path(), &format!("{name}.toml"));
-        let args = ["compile", "--mode", mode, "-o"].map(Path::new);
-        let done = terrace(args.into_iter().chain([out.as_path(), path.as_path()]));
-        assert!(done.status.success(), "{name}: {}", said(&done));
+        compile(command(), &path, mode, &out);
         let mut blocks = blake3::Hasher::new();
         let mut count = 0;
         for (file, bytes) in files(&out).into_iter().filter(|(file, _)| is_program(file)) {

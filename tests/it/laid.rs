@@ -2,6 +2,7 @@
 //! right way up, with no editing by hand.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, compile, folder, manifest, number, said, terrace, verify};
@@ -11,18 +12,18 @@ type Point = [f64; 3];
 /// Rotated about x, then y, then z, degrees, and moved.
 fn moved(p: Point, angles: Point, by: Point) -> Point {
     let [mut x, mut y, mut z] = p;
-    let (s, c) = angles[0].to_radians().sin_cos();
+    let (s, c) = math::sin_cos(angles[0].to_radians());
     (y, z) = (y * c - z * s, y * s + z * c);
-    let (s, c) = angles[1].to_radians().sin_cos();
+    let (s, c) = math::sin_cos(angles[1].to_radians());
     (x, z) = (x * c + z * s, z * c - x * s);
-    let (s, c) = angles[2].to_radians().sin_cos();
+    let (s, c) = math::sin_cos(angles[2].to_radians());
     (x, y) = (x * c - y * s, x * s + y * c);
     [x + by[0], y + by[1], z + by[2]]
 }
 
 /// A panel of 120 x 70 mm with one bump outwards, wound so that it faces the bump's side.
 fn panel() -> Vec<[Point; 3]> {
-    let form = |x: f64, y: f64| 4.0 * (-((x - 35.0).powi(2) + (y - 30.0).powi(2)) / 150.0).exp();
+    let form = |x: f64, y: f64| 4.0 * math::exp(-((x - 35.0).powi(2) + (y - 30.0).powi(2)) / 150.0);
     let mut facets = mesh(40, [0.0, 0.0, 120.0, 70.0], form);
     for f in &mut facets {
         let [a, b, c] = *f;

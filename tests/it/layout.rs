@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use terrace_core::math;
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Group, Node, Options, Tree, fontdb};
@@ -190,7 +191,7 @@ fn held(dir: &Path) -> PathBuf {
         for i in 0..nx {
             let at = |i: i32, j: i32| [f64::from(i), f64::from(j), z(f64::from(i), f64::from(j))];
             let (x, y) = (f64::from(i) + 0.5, f64::from(j) + 0.5);
-            if (x - 30.0).hypot(y - 35.0) >= 12.0 {
+            if math::hypot(x - 30.0, y - 35.0) >= 12.0 {
                 let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
                 facets.extend([[a, b, c], [a, c, d]]);
             }

@@ -1,6 +1,7 @@
 //! Nothing is lost and nothing is marked twice: mark - overlap + skipped = texture, to 1e-9.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{
@@ -111,9 +112,9 @@ fn torus() -> Vec<[[f64; 3]; 3]> {
     let lean = 50f64.to_radians();
     let at = |i: usize, j: usize| {
         let [a, b] = [(i, n), (j, m)].map(|(i, n)| (i % n) as f64 / n as f64 * std::f64::consts::TAU);
-        let ring = 20.0 + 8.0 * b.cos();
-        let [x, y, z] = [ring * a.cos(), ring * a.sin(), 8.0 * b.sin()];
-        [x * lean.cos() + z * lean.sin(), y, z * lean.cos() - x * lean.sin()]
+        let ring = 20.0 + 8.0 * math::cos(b);
+        let [x, y, z] = [ring * math::cos(a), ring * math::sin(a), 8.0 * math::sin(b)];
+        [x * math::cos(lean) + z * math::sin(lean), y, z * math::cos(lean) - x * math::sin(lean)]
     };
     let quads = (0..n).flat_map(|i| (0..m).map(move |j| [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]));
     quads.map(|q| q.map(|(i, j)| at(i, j))).flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use terrace_core::machine::{Letter, Machine};
 use terrace_input::job::{Job, Mode, Overrides, SAMPLE_JOB};
@@ -387,7 +388,7 @@ fn what_is_steeper_than_60_deg_is_not_marked() {
         stl + "endsolid ramp\n"
     };
     let steep_mm = |degrees: f64| {
-        std::fs::write(dir.path().join("sample.stl"), ramp(5.0 / degrees.to_radians().tan())).expect("written");
+        std::fs::write(dir.path().join("sample.stl"), ramp(5.0 / math::tan(degrees.to_radians()))).expect("written");
         match planned(&path, Mode::Stepped) {
             AnySummary::Stepped(s) => s.skipped_steep_mm,
             AnySummary::OnTheFly(_) => unreachable!("a stepped job"),

@@ -1,6 +1,7 @@
 //! Stops merged where one box holds what two of them mark, and slivers that are left out.
 
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -53,7 +54,7 @@ fn a_hood_takes_no_more_stops() {
 /// Dots of 0.4 mm on a wave: most stops have a few of them.
 fn dots(dir: &Path, partition: &str, more: &str) -> PathBuf {
     let stl = dir.join("wave.stl");
-    write_stl(&stl, &mesh(40, [0.0, 0.0, 130.0, 90.0], |x, y| 0.4 * (x / 19.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(40, [0.0, 0.0, 130.0, 90.0], |x, y| 0.4 * math::sin(x / 19.0) * math::cos(y / 17.0)));
     let mut job = JobText::on(&stl)
         .texture("pattern = \"circles\"\ncell = \"0.4 mm\"\npitch = \"9 mm\"")
         .texture("pattern = \"hatch\"\npitch = \"17 mm\"\ndirection = \"30 deg\"")
@@ -91,7 +92,10 @@ fn slivers_below_half_a_spot_are_left_out_unless_the_job_says_otherwise() {
     let dir = folder();
     // A wide spot and many cuts; every figure drawn is shorter than half the spot.
     let stl = dir.path().join("slope.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.03 * x + 0.9 * (x / 11.0).sin() * (y / 14.0).cos()));
+    write_stl(
+        &stl,
+        &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.03 * x + 0.9 * math::sin(x / 11.0) * math::cos(y / 14.0)),
+    );
     let machine = crate::support::machine_file("xyz-galvo-40").replace("spot = \"0.02 mm\"", "spot = \"0.4 mm\"");
     std::fs::write(dir.path().join("machine.toml"), machine).expect("a writable folder");
     let job = |partition: &str| {

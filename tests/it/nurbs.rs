@@ -2,6 +2,7 @@
 //! (`fixtures/anchors/nurbs.json`); `terrace inspect --nurbs`; heights of tessellated surfaces against the exact ones.
 
 use std::path::Path;
+use terrace_core::math;
 
 use serde_json::{Value, json};
 use terrace_compare::nurbs::{Counted, Decoupled, HeightGrid, Inversion, Method, Scalar, Surface, counted};
@@ -155,7 +156,7 @@ fn warm_starts_along_a_spiral_take_two_to_three_steps() {
         let mut steps = Vec::new();
         for n in 0..600 {
             let (angle, radius) = (0.02 * f64::from(n), 20.0 * f64::from(n) / 600.0);
-            let found = inversion.next([radius * angle.cos(), radius * angle.sin()]);
+            let found = inversion.next([radius * math::cos(angle), radius * math::sin(angle)]);
             steps.push(found.unwrap_or_else(|e| panic!("{name}: {e:?}")).steps);
         }
         let (mean, most) = (steps.iter().sum::<usize>() as f64 / 600.0, *steps[1..].iter().max().expect("some"));

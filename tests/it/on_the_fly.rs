@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::process::Command;
+use terrace_core::math;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{fixture, folder, number, said, shared};
@@ -234,7 +235,7 @@ fn spiral(dir: &Path, turntable: &str) -> String {
     write_stl(&dir.join("part.stl"), &mesh(40, [-6.0, -6.0, 6.0, 6.0], dome));
     let points: String = (0..=216)
         .map(|i| (f64::from(i) * 5f64.to_radians(), 4.0 + 0.005 * f64::from(i)))
-        .map(|(angle, r)| format!("{:.4},{:.4} ", 6.0 + r * angle.cos(), 6.0 + r * angle.sin()))
+        .map(|(angle, r)| format!("{:.4},{:.4} ", 6.0 + r * math::cos(angle), 6.0 + r * math::sin(angle)))
         .collect();
     let svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"12mm\" height=\"12mm\" viewBox=\"0 0 12 12\">\
@@ -443,7 +444,7 @@ fn power_that_follows_the_speed_is_written_for_both_controllers_and_held_by_veri
     let dir = folder();
     write_stl(
         &dir.path().join("part.stl"),
-        &mesh(20, [0.0, 0.0, 20.0, 15.0], |x, y| 0.2 * (x / 2.0).sin() * (y / 3.0).cos()),
+        &mesh(20, [0.0, 0.0, 20.0, 15.0], |x, y| 0.2 * math::sin(x / 2.0) * math::cos(y / 3.0)),
     );
     let path = job(dir.path(), "xyz-galvo-40", "0.5 mm", "1000 mm/s", "1 mm", "emit = { power = \"speed\" }\n");
     let [summary, _] = proved(dir.path(), &path);

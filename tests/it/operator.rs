@@ -1,6 +1,7 @@
 //! Who loads the blocks: stated once, in the machine file, and shown alike on every page of a job folder.
 
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -20,7 +21,7 @@ fn machine(dir: &Path, profile: &str, operator: &str, more: &str) -> String {
 /// A wave that free windows cover with fewer stops than sections do.
 fn wave(dir: &Path) -> JobText {
     let stl = dir.join("wave.stl");
-    write_stl(&stl, &mesh(40, [0.0, 0.0, 130.0, 90.0], |x, y| 0.4 * (x / 19.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(40, [0.0, 0.0, 130.0, 90.0], |x, y| 0.4 * math::sin(x / 19.0) * math::cos(y / 17.0)));
     JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("auto")
 }
 
@@ -30,7 +31,7 @@ const ALL_FORMATS: &str = "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", 
 fn ten_jobs(dir: &Path, machine: &str) -> Vec<PathBuf> {
     type Height = fn(f64, f64) -> f64;
     let forms: [(&str, Height); 2] = [
-        ("wave", |x, y| 0.3 * (x / 9.0).sin() * (y / 11.0).cos()),
+        ("wave", |x, y| 0.3 * math::sin(x / 9.0) * math::cos(y / 11.0)),
         ("hill", |x, y| 1.5 - 0.002 * ((x - 25.0).powi(2) + (y - 20.0).powi(2))),
     ];
     let parts = [

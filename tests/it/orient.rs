@@ -1,6 +1,7 @@
 //! `terrace orient`: the fixture angle that it finds saves stops, and its estimates agree with the compiled job.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, compile, folder, number};
@@ -15,9 +16,9 @@ fn orientations(job: &Path) -> Vec<Value> {
 
 /// The same point on a part that is turned about y, then about x, degrees.
 fn leaned([x, y, z]: [f64; 3], [about_x, about_y]: [f64; 2]) -> [f64; 3] {
-    let (s, c) = about_y.to_radians().sin_cos();
+    let (s, c) = math::sin_cos(about_y.to_radians());
     let (x, z) = (x * c + z * s, z * c - x * s);
-    let (s, c) = about_x.to_radians().sin_cos();
+    let (s, c) = math::sin_cos(about_x.to_radians());
     [x, y * c - z * s, y * s + z * c]
 }
 
@@ -27,7 +28,7 @@ fn orient_levels_a_slope_and_the_compiled_job_agrees() {
     let dir = folder();
     let stl = dir.path().join("slope.stl");
     // A bulge on a slope of several degrees.
-    let form = |x: f64, y: f64| 0.08 * x - 0.05 * y + 0.4 * (x / 40.0).sin() * (y / 40.0).sin();
+    let form = |x: f64, y: f64| 0.08 * x - 0.05 * y + 0.4 * math::sin(x / 40.0) * math::sin(y / 40.0);
     let facets = mesh(120, [0.0, 0.0, 150.0, 110.0], form);
     write_stl(&stl, &facets);
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method("z-range");

@@ -1,6 +1,7 @@
 //! Fewer stops, less time, whole figures, rough surfaces: what the methods of partition promise.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::image::height_map;
 use crate::support::surfaces::{FIVE, Random, dome, mesh, write_stl};
@@ -14,7 +15,7 @@ fn candidate<'a>(summary: &'a Value, method: &str) -> &'a Value {
 }
 
 fn mean(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
+    math::exp(values.iter().map(|v| math::ln(*v)).sum::<f64>() / values.len() as f64)
 }
 
 /// Stops of a smooth hatch over one of the five surfaces, by contour as the article has it and by window, and their

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use terrace_core::math;
 
 use crate::support::surfaces::{Random, dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, number, verify};
@@ -61,10 +62,10 @@ fn any_pattern_at_any_turn_keeps_the_promises_of_strokes() {
                 assert_eq!(plain.len(), back.len());
                 let length = |all: &[Vec<P2>]| all.iter().map(|s| length_mm(s)).sum::<f64>();
                 assert!((length(&plain) - length(&back)).abs() < 1e-6 * points_of(&back) as f64, "{kind:?}");
-                let (sin, cos) = turn.sin_cos();
+                let (sin, cos) = math::sin_cos(turn);
                 for (p, q) in plain.iter().zip(&back) {
                     let ([x, y], to) = (p[0].mm(), q[0].mm());
-                    assert!((cos * x - sin * y - to[0]).hypot(sin * x + cos * y - to[1]) < 3e-6, "{kind:?}");
+                    assert!(math::hypot(cos * x - sin * y - to[0], sin * x + cos * y - to[1]) < 3e-6, "{kind:?}");
                 }
             }
             (Err(a), Err(b)) => assert_eq!((a.diags()[0].code, b.diags()[0].code), ("texture-empty", "texture-empty")),
@@ -99,10 +100,10 @@ fn cells_have_their_number_and_their_lengths() {
             assert!((total / (count as f64 * length) - 1.0).abs() < 2.5e-3, "{shape:?}: {total}");
             let centres: Vec<[f64; 2]> = all.iter().step_by(loops).map(|s| centre(s)).collect();
             let first = if lattice == Lattice::Hex { [3.5, -4.0 + 1.0 / root] } else { [3.5, -3.5] };
-            assert!((centres[0][0] - first[0]).hypot(centres[0][1] - first[1]) < 2e-3, "{:?}", centres[0]);
+            assert!(math::hypot(centres[0][0] - first[0], centres[0][1] - first[1]) < 2e-3, "{:?}", centres[0]);
             for (i, a) in centres.iter().enumerate() {
                 let near = centres.iter().enumerate().filter(|(k, _)| *k != i);
-                let near = near.map(|(_, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(f64::INFINITY, f64::min);
+                let near = near.map(|(_, b)| math::hypot(a[0] - b[0], a[1] - b[1])).fold(f64::INFINITY, f64::min);
                 assert!((near - 1.0).abs() < 4e-6, "{shape:?} {lattice:?}: {near}");
             }
         }
@@ -193,7 +194,7 @@ fn left_of([a, b]: [[f64; 2]; 2], area: BoxMm<2>) -> f64 {
         t0 = t0.max(ta.min(tb));
         t1 = t1.min(ta.max(tb));
     }
-    (t1 - t0).max(0.0) * (b[0] - a[0]).hypot(b[1] - a[1])
+    (t1 - t0).max(0.0) * math::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 #[test]
@@ -217,7 +218,7 @@ fn honeycomb_has_every_wall_once() {
                 let x = area.lo[0] + pitch * (f64::from(column) + if row % 2 == 0 { 0.5 } else { 1.0 });
                 let y = area.lo[1] + side + 1.5 * side * f64::from(row);
                 let at = |k: i32| {
-                    let (sin, cos) = (PI / 6.0 + f64::from(k) * PI / 3.0).sin_cos();
+                    let (sin, cos) = math::sin_cos(PI / 6.0 + f64::from(k) * PI / 3.0);
                     [x + side * cos, y + side * sin]
                 };
                 want += (-2..1).map(|k| left_of([at(k), at(k + 1)], area)).sum::<f64>();
@@ -256,7 +257,7 @@ fn riblets_are_grooves_of_lines() {
     for seed in 0..200 {
         let mut noise = Random::case(seed);
         let direction = noise.range(-PI, PI);
-        let (sin, cos) = direction.sin_cos();
+        let (sin, cos) = math::sin_cos(direction);
         let t = made(riblets(direction), area);
         let mut want = 0.0;
         for groove in -40..40 {
@@ -275,7 +276,7 @@ fn riblets_are_grooves_of_lines() {
 /// radius at an angle.
 fn walked(area: BoxMm<2>, centre: [f64; 2], at: impl Fn(f64) -> f64, last: f64, step: f64) -> f64 {
     let mut length = 0.0;
-    let point = |t: f64| [centre[0] + at(t) * t.cos(), centre[1] + at(t) * t.sin()];
+    let point = |t: f64| [centre[0] + at(t) * math::cos(t), centre[1] + at(t) * math::sin(t)];
     let n = (last / step).ceil();
     for k in 0..n as u64 {
         let [a, b] = [k, k + 1].map(|k| point(k as f64 / n * last));
@@ -285,7 +286,7 @@ fn walked(area: BoxMm<2>, centre: [f64; 2], at: impl Fn(f64) -> f64, last: f64, 
 }
 
 fn corners_away(area: BoxMm<2>, c: [f64; 2]) -> f64 {
-    area.corners().iter().map(|p| (p[0] - c[0]).hypot(p[1] - c[1])).fold(0.0, f64::max)
+    area.corners().iter().map(|p| math::hypot(p[0] - c[0], p[1] - c[1])).fold(0.0, f64::max)
 }
 
 /// A centre in the area, on its border or corner, or beside it.
@@ -311,7 +312,7 @@ fn concentric_circles_fill_their_area() {
     assert_eq!(t.len(), 5 + 4 * 2);
     assert!(all[..5].iter().all(|s| s.first() == s.last()), "whole circles are closed");
     assert_eq!(all[4][0], P2::new(20_000_000, 25_000_000));
-    let arcs = [6.0f64, 7.0].map(|r| 4.0 * r * (FRAC_PI_2 - 2.0 * (5.0 / r).acos()));
+    let arcs = [6.0f64, 7.0].map(|r| 4.0 * r * (FRAC_PI_2 - 2.0 * math::acos(5.0 / r)));
     let want = TAU * 15.0 + arcs.iter().sum::<f64>();
     assert!((total_mm(&t) / want - 1.0).abs() < 1e-3, "{} of {want}", total_mm(&t));
     for seed in 0..150 {
@@ -330,7 +331,7 @@ fn concentric_circles_fill_their_area() {
         let total = all.iter().map(|s| length_mm(s)).sum::<f64>();
         assert!((total - want).abs() < 2e-3 * want + 1e-5, "seed {seed}: {total} of {want}");
         for s in &all {
-            let away = |[x, y]: [f64; 2]| (x - c[0]).hypot(y - c[1]);
+            let away = |[x, y]: [f64; 2]| math::hypot(x - c[0], y - c[1]);
             let r = (away(s[0].mm()) / pitch).round() * pitch;
             for w in s.windows(2) {
                 let middle = [0, 1].map(|k| (w[0].mm()[k] + w[1].mm()[k]) / 2.0);
@@ -367,7 +368,7 @@ fn the_spiral_runs_from_its_centre_to_the_corners() {
         // Vertices lie on the spiral: the radius says which turn, the direction how far into it.
         let mut last = -1.0;
         for p in all.iter().flatten().map(|p| p.mm()) {
-            let (r, angle) = ((p[0] - c[0]).hypot(p[1] - c[1]), (p[1] - c[1]).atan2(p[0] - c[0]));
+            let (r, angle) = (math::hypot(p[0] - c[0], p[1] - c[1]), math::atan2(p[1] - c[1], p[0] - c[0]));
             let off = (r / pitch - angle / TAU).rem_euclid(1.0);
             assert!(off.min(1.0 - off) * pitch.min(r) < 1e-5, "seed {seed}: {off} at {r}");
             assert!(r > last - 2e-6, "seed {seed}: outwards only");

@@ -1,6 +1,7 @@
 //! Where textures lie: size, fit and alignment of drawings, what is inside or outside the area of one, soft borders.
 
 use std::path::Path;
+use terrace_core::math;
 
 use terrace_core::diag::Error;
 use terrace_core::geom::{BoxMm, P2, length_mm};
@@ -92,7 +93,7 @@ fn curves_of_a_drawing_that_grows_stay_within_the_tolerance() {
         let circle = &strokes(&texture(dir.path(), &keys).unwrap_or_else(|e| panic!("{file}: {e}")))[0];
         for side in circle.windows(2) {
             let middle = side[0].lerp(side[1], 0.5).mm();
-            let from = 20.0 - (middle[0] - 20.0).hypot(middle[1] - 20.0);
+            let from = 20.0 - math::hypot(middle[0] - 20.0, middle[1] - 20.0);
             // The box of the polygon, which is the page, is within the tolerance too.
             assert!((-1e-3..2e-3).contains(&from), "{file}: {} points, {from} mm inside the circle", circle.len());
         }
@@ -317,7 +318,7 @@ fn length_between(texture: &Texture, [lo, hi]: [f64; 2]) -> f64 {
     let side = |w: &[P2]| {
         let ([x0, y0], [x1, y1]) = (w[0].mm(), w[1].mm());
         let t = |x: f64| if x1 == x0 { f64::from(x0 >= x) } else { ((x - x0) / (x1 - x0)).clamp(0.0, 1.0) };
-        (x1 - x0).hypot(y1 - y0) * (t(hi) - t(lo)).abs()
+        math::hypot(x1 - x0, y1 - y0) * (t(hi) - t(lo)).abs()
     };
     strokes(texture).iter().flat_map(|s| s.windows(2).map(side).collect::<Vec<_>>()).sum()
 }
@@ -382,7 +383,7 @@ fn the_seed_decides_where_strokes_end_and_far_from_the_border_none_is_cut() {
 fn jobs_with_masks_are_verified_and_name_their_files() {
     let dir = folder();
     let stl = dir.path().join("ridge.stl");
-    write_stl(&stl, &mesh(40, [-10.0, 0.0, 50.0, 40.0], |x, y| 2.0 * (x / 20.0).sin() + (y / 17.0).cos()));
+    write_stl(&stl, &mesh(40, [-10.0, 0.0, 50.0, 40.0], |x, y| 2.0 * math::sin(x / 20.0) + math::cos(y / 17.0)));
     std::fs::write(dir.path().join("shapes.svg"), SHAPES).expect("writable");
     let mut job = JobText::on(&stl)
         .texture("pattern = \"hatch\"\npitch = \"0.5 mm\"\ninside = \"shapes.svg#Rim\"\nsoft = \"1 mm\"")

@@ -2,6 +2,7 @@
 //! what the summary tells of it.
 
 use std::path::Path;
+use terrace_core::math;
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -54,7 +55,7 @@ fn a_job_that_fits_one_field_is_marked_about_the_axis() {
     let centre = [0, 1].map(|k| texture["centre_mm"][k].as_f64().expect("a number"));
     assert!((centre[0] - 8.65).abs() <= 1e-3 && (centre[1] - 8.5).abs() <= 1e-3, "{centre:?}");
     let [largest, _] = off_axis(&summary);
-    assert!((largest - 8.65f64.hypot(8.5)).abs() <= 1e-3, "{largest}");
+    assert!((largest - math::hypot(8.65f64, 8.5)).abs() <= 1e-3, "{largest}");
     verify(&folder);
 }
 

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
+use terrace_core::math;
 
 use crate::support::seeds;
 use crate::support::surfaces::{Random, mesh, write_stl};
@@ -46,7 +47,7 @@ fn surface(noise: &mut Random, size: f64) -> Vec<[[f64; 3]; 3]> {
         let z = |x: f64, y: f64| {
             base + match kind {
                 0 => 0.0,
-                1 => tall * ((x / wave).sin() + (y / wave).cos()),
+                1 => tall * (math::sin(x / wave) + math::cos(y / wave)),
                 // Plateaus at whole levels.
                 2 => (x / size * 4.0).floor() * 0.07,
                 3 => tall * x / size,
@@ -88,7 +89,7 @@ fn solids(noise: &mut Random, size: f64) -> Vec<[[f64; 3]; 3]> {
                     let v = centre[k] + (half[k] - inset) * way * stretch;
                     if corners == 4 { (v / step * 1e6).round() * 1e-6 * step } else { v }
                 };
-                [place(0, share.cos()), place(1, share.sin()), z]
+                [place(0, math::cos(share)), place(1, math::sin(share)), z]
             };
             (0..corners).map(corner).collect()
         };

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, folder, machine_file, said, terrace};
@@ -10,7 +11,7 @@ use crate::support::{JobText, folder, machine_file, said, terrace};
 fn panel(dir: &Path) -> JobText {
     let stl = dir.join("panel.stl");
     if !stl.exists() {
-        write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+        write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| math::sin(x / 20.0) * math::cos(y / 17.0)));
     }
     JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"")
 }
@@ -290,7 +291,7 @@ fn travel_error_suggests_an_origin_that_compiles() {
 fn travel_error_on_the_fly_suggests_an_origin_that_compiles() {
     let dir = folder();
     let stl = dir.path().join("small.stl");
-    write_stl(&stl, &mesh(4, [0.0, 0.0, 6.0, 4.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(4, [0.0, 0.0, 6.0, 4.0], |x, y| math::sin(x / 20.0) * math::cos(y / 17.0)));
     let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"").method("z-range");
     job.focus = "pdof = \"1 mm\"".into();
     let mut at = |x: f64| {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -14,7 +15,7 @@ const FORMATS: &str = "[\"dxf\", \"csv\", \"lightburn\", \"lmc\", \"rtc\", \"lin
 /// A wave in two passes, in all formats.
 fn wave(dir: &Path) -> PathBuf {
     let stl = dir.join("wave.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.2 * (x / 9.0).sin() * (y / 8.0).cos()));
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.2 * math::sin(x / 9.0) * math::cos(y / 8.0)));
     let cards = "\n[lmc]\nunits_per_mm = 1500\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\n";
     std::fs::write(dir.join("machine.toml"), machine_file("xyz-galvo-40") + cards).expect("a writable folder");
     let job = JobText {

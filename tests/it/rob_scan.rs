@@ -2,6 +2,7 @@
 //! kind of head, all verified.
 
 use std::path::Path;
+use terrace_core::math;
 
 use terrace_core::machine::Machine;
 use terrace_core::program::{Block, Program, Stroke};
@@ -39,7 +40,7 @@ fn job(dir: &Path, part: &Path, machine: &str, name: &str) -> JobText {
 
 /// A turn about x, y or z.
 fn about(letter: &str, deg: f64, [x, y, z]: V3) -> V3 {
-    let (s, c) = deg.to_radians().sin_cos();
+    let (s, c) = math::sin_cos(deg.to_radians());
     match letter {
         "A" => [x, c * y - s * z, s * y + c * z],
         "B" => [c * x + s * z, y, c * z - s * x],
@@ -153,7 +154,7 @@ fn a_pivot_moved_by_a_micrometre_moves_the_marks() {
     write_stl(&part, &mesh(24, [0.0, 0.0, 110.0, 90.0], |x, y| dome(3.0 * x, 3.0 * y)));
     let plan = planned(&job(dir.path(), &part, &machine_file(PROFILE), "head.txt").write(dir.path(), "job.toml"));
     let block = plan.checked.program().blocks.iter().max_by_key(|b| b.stop.tilt[0].abs()).expect("a block");
-    let sine = block.stop.tilt.deg()[0].to_radians().sin().abs();
+    let sine = math::sin(block.stop.tilt.deg()[0].to_radians()).abs();
     let origin = plan.checked.origin().0.map(|v| v as f64);
     let mut moved = plan.machine.clone();
     moved.tilt.as_mut().expect("axes").pivot[2] = terrace_core::units::Length::mm(250.001);

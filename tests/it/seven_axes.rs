@@ -2,6 +2,7 @@
 //! following errors of its axes.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, fixture, folder, number, said, terrace, verify};
@@ -23,7 +24,7 @@ fn compared(anchors: &Value, order: u32, systems: &str) -> Value {
         .collect();
     let base = number(surface, "c0");
     let z = |x: f64, y: f64| {
-        let hill = |&[a, s, p, q]: &[f64; 4]| a * (-((x - p).powi(2) + (y - q).powi(2)) / (2.0 * s * s)).exp();
+        let hill = |&[a, s, p, q]: &[f64; 4]| a * math::exp(-((x - p).powi(2) + (y - q).powi(2)) / (2.0 * s * s));
         base + hills.iter().map(hill).sum::<f64>()
     };
     let dir = folder();
@@ -94,7 +95,7 @@ fn mean_following_errors_fall_as_mean_speeds_do() {
 fn skywriting_marks_the_same_and_verifies_and_a_stepped_job_says_that_it_is_not_carried() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 16.0, 12.0], |x, y| 0.3 * (x / 8.0).sin() * (y / 7.0).cos()));
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 16.0, 12.0], |x, y| 0.3 * math::sin(x / 8.0) * math::cos(y / 7.0)));
     let made = |skywriting: &str| {
         let mut job = JobText::on(&stl)
             .texture("pattern = \"hatch\"\npitch = \"1.5 mm\"\narea = [\"4 mm\", \"3 mm\", \"12 mm\", \"9 mm\"]");

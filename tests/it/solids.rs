@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -56,7 +57,7 @@ fn parting_line() -> Vec<Facet> {
 /// Radius 10, along x, of chords of 15 deg.
 fn half_cylinder() -> Vec<Facet> {
     let ring = |x: f64| {
-        let at = |i: i32| f64::from(15 * i).to_radians().sin_cos();
+        let at = |i: i32| math::sin_cos(f64::from(15 * i).to_radians());
         (0..=12).map(|i| [x, 10.0 * at(i).1, 10.0 * at(i).0]).collect()
     };
     loft(&[ring(0.0), ring(30.0)])
@@ -299,7 +300,7 @@ fn a_boss_whose_rim_a_line_meets_at_one_degree_verifies() {
     parts(dir.path());
     let bytes = std::fs::read(dir.path().join("boss_across_slope.fine")).expect("made");
     let numbers: Vec<f64> = bytes.chunks_exact(8).map(|b| f64::from_ne_bytes(b.try_into().expect("eight"))).collect();
-    let (s, c) = 0.0001f64.to_radians().sin_cos();
+    let (s, c) = math::sin_cos(0.0001f64.to_radians());
     let mut text = "solid boss\n".to_owned();
     for facet in numbers.chunks_exact(9) {
         text += "facet normal 0 0 0\nouter loop\n";

@@ -1,6 +1,7 @@
 //! `terrace sweep`: a row for every combination, the same figures as `check`, the surface read once.
 
 use std::path::Path;
+use terrace_core::math;
 
 use serde_json::Value;
 
@@ -9,7 +10,7 @@ use crate::support::{JobText, folder, number, said, summary_of, terrace};
 
 fn job(dir: &Path) -> std::path::PathBuf {
     let stl = dir.join("wave.stl");
-    write_stl(&stl, &mesh(30, [0.0, 0.0, 90.0, 60.0], |x, y| 0.4 * (x / 19.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(30, [0.0, 0.0, 90.0, 60.0], |x, y| 0.4 * math::sin(x / 19.0) * math::cos(y / 17.0)));
     JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"").method("z-range").write(dir, "wave.toml")
 }
 

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
+use terrace_core::math;
 
 use std::sync::Mutex;
 
@@ -172,7 +173,7 @@ fn every_command_gives_its_errors_as_one_json_object() {
 /// A gentle bulge under a hatch.
 fn bulge(dir: &Path, pitch: &str, more: &str, mode: Option<Mode>) -> Job {
     let stl = dir.join("bulge.stl");
-    write_stl(&stl, &mesh(30, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(30, [0.0, 0.0, 60.0, 50.0], |x, y| math::sin(x / 20.0) * math::cos(y / 17.0)));
     let mut job = JobText::on(&stl).texture(&format!("pattern = \"hatch\"\npitch = {pitch:?}")).method("auto");
     job.focus = "pdof = \"0.2 mm\"".into();
     job.more = more.into();

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use crate::patterns;
 use crate::support::surfaces::Random;
@@ -100,9 +101,9 @@ fn hatch_covers_its_area_at_any_angle() {
         hatched += 1;
         // Lines of distance p have the area w h / p, but for half a line at each side.
         let (total, want) = (total_mm(&t), w * h / pitch);
-        assert!((total - want).abs() <= 1.5 * w.hypot(h), "seed {seed}: {total} of {want}");
+        assert!((total - want).abs() <= 1.5 * math::hypot(w, h), "seed {seed}: {total} of {want}");
         // Neighbours have the distance p (measured along the normal, in the turned frame).
-        let normal = [-(degrees.to_radians() + turn).sin(), (degrees.to_radians() + turn).cos()];
+        let normal = [-math::sin(degrees.to_radians() + turn), math::cos(degrees.to_radians() + turn)];
         let away = |p: P2| normal[0] * p.mm()[0] + normal[1] * p.mm()[1];
         for pair in strokes(&t).windows(2) {
             assert!((away(pair[1][0]) - away(pair[0][0]) - pitch).abs() < 5e-6, "seed {seed}: {pair:?}");
@@ -184,7 +185,7 @@ fn loops_are_whole_closed_and_in_their_place() {
     let t = made(cells(Shape::Circle, 8.0, 10.0), BoxMm::rectangle(0.0, 0.0, 20.0, 10.0));
     for (s, x) in strokes(&t).iter().zip([5.0, 15.0]) {
         assert_eq!(s.first(), s.last());
-        let away = |[a, b]: [f64; 2]| (a - x).hypot(b - 5.0);
+        let away = |[a, b]: [f64; 2]| math::hypot(a - x, b - 5.0);
         for w in s.windows(2) {
             let middle = [0, 1].map(|k| (w[0].mm()[k] + w[1].mm()[k]) / 2.0);
             assert!((away(w[0].mm()) - 4.0).abs() < 1e-6 && 4.0 - away(middle) <= 1e-3 + 1e-6);
@@ -245,7 +246,7 @@ fn drawings_lie_where_they_are_placed() {
     );
     assert_eq!((t.element(0), t.element(1)), ("texture 1, path 1".into(), "texture 1, hole".into()));
     for p in mm(&all[1]) {
-        assert!(((p[0] - 120.0).hypot(p[1] - 17.0) - 4.0).abs() < 1e-6, "every vertex lies on the circle");
+        assert!((math::hypot(p[0] - 120.0, p[1] - 17.0) - 4.0).abs() < 1e-6, "every vertex lies on the circle");
     }
     // Turned about the page's corner, then with the part about its origin.
     let quarter = request(sheet.kind(Some([100.0, 7.0]), FRAC_PI_2, false), Area::Unlimited);
@@ -379,7 +380,7 @@ fn turned_tiles_fill_the_area() {
         // The tiles together are one hatch of 20 mm pitch.
         let total = total_mm(&t);
         let hatch: f64 = {
-            let (s, c) = degrees.to_radians().sin_cos();
+            let (s, c) = math::sin_cos(degrees.to_radians());
             let chord = |k: f64| {
                 let p = [1.7 - s * (10.0 + 20.0 * k), -4.1 + c * (10.0 + 20.0 * k)];
                 let span = |d: f64, p: f64, lo: f64, hi: f64| {
@@ -452,7 +453,7 @@ fn length_by_usvg(path: &Path, size: [f64; 2]) -> Option<f64> {
         let at = |p: usvg::tiny_skia_path::Point| [f64::from(p.x) * scale[0], f64::from(p.y) * scale[1]];
         let (mut last, mut start) = ([0.0; 2], [0.0; 2]);
         let mut to = |last: &mut [f64; 2], p: [f64; 2]| {
-            total += (p[0] - last[0]).hypot(p[1] - last[1]);
+            total += math::hypot(p[0] - last[0], p[1] - last[1]);
             *last = p;
         };
         use usvg::tiny_skia_path::PathSegment as S;

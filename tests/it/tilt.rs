@@ -2,6 +2,7 @@
 //! verified.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::support::surfaces::{FIVE, dome, mesh, write_stl};
 use crate::support::{JobText, compile, folder, machine_file, number, verify};
@@ -30,11 +31,11 @@ fn end_mm(manifest: &Value, proof: &Value) -> f64 {
         let angles = block["tilt_deg"].as_array().expect("two angles").iter().map(|v| v.as_f64().expect("a number"));
         // C turns about the beam; what A and B lean by adds up at most.
         let leaning = axes.iter().zip(angles).filter(|(axis, _)| axis["letter"] != "C");
-        leaning.map(|(_, deg)| deg.to_radians().abs()).sum::<f64>().sin()
+        math::sin(leaning.map(|(_, deg)| deg.to_radians().abs()).sum::<f64>())
     };
     let l = manifest["blocks"].as_array().expect("blocks").iter().map(lean).fold(0.0, f64::max);
-    let t = number(proof, "worst_incidence_deg").to_radians().tan();
-    (2.0 * R + l * (R * t + 1f64.hypot(1.5 + R) * 1f64.hypot(t))) * 1e-6
+    let t = math::tan(number(proof, "worst_incidence_deg").to_radians());
+    (2.0 * R + l * (R * t + math::hypot(1f64, 1.5 + R) * math::hypot(1f64, t))) * 1e-6
 }
 
 /// Compiles, verifies, and holds the lengths of the summary against those read again; answers the summary.
@@ -136,7 +137,7 @@ fn marks_of_tables_that_turn_about_z_end_inside_the_field() {
     let stl = dir.path().join("part.stl");
     write_stl(
         &stl,
-        &mesh(40, [0.0, 0.0, 80.0, 60.0], |x, y| 2.0 * (x / 13.0).sin() + 1.5 * (y / 17.0).cos() + 0.05 * x),
+        &mesh(40, [0.0, 0.0, 80.0, 60.0], |x, y| 2.0 * math::sin(x / 13.0) + 1.5 * math::cos(y / 17.0) + 0.05 * x),
     );
     for axes in [["A", "C"], ["B", "C"], ["A", "B"], ["B", "A"]] {
         let machine = table(dir.path(), axes.map(|letter| (letter, false)), 180.0);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
+use terrace_core::math;
 
 use base64::Engine;
 use serde_json::Value;
@@ -153,7 +154,7 @@ fn assert_marks_are_the_jobs(folder: &Path, summary: &Value) {
                 assert!(off < FACETS_MM + within + 2.0 * chunk.step, "{off} mm off the part at {x}, {y}");
             }
             let parts: Vec<[f64; 3]> = points.iter().map(|&at| page.part(block, at)).collect();
-            length += parts.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+            length += parts.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum::<f64>();
             first += len;
         }
     }
@@ -229,7 +230,7 @@ fn marks_on_the_fly_lie_on_the_part_in_the_order_of_their_times() {
             let points: Vec<[f64; 3]> = chunk.at[first..first + len].iter().map(|&at| page.part(block, at)).collect();
             // Facets of 1 mm of a paraboloid lie up to 0.002 mm off it.
             assert!(points.iter().all(|p| (p[2] - z(p[0], p[1])).abs() < 4e-3), "{points:?}");
-            length += points.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+            length += points.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum::<f64>();
             first += len;
         }
         for &us in &chunk.times {
@@ -247,7 +248,7 @@ fn marks_on_the_fly_lie_on_the_part_in_the_order_of_their_times() {
 fn what_is_not_marked_is_given_with_its_reason_share_and_place() {
     let dir = folder();
     // A plate of 40 x 40 mm with a hole of 8 x 8 mm and a flank of 70 degrees from x = 30 on.
-    let z = |x: f64, _: f64| if x < 30.0 { 0.0 } else { -(x - 30.0) * 70f64.to_radians().tan() };
+    let z = |x: f64, _: f64| if x < 30.0 { 0.0 } else { -(x - 30.0) * math::tan(70f64.to_radians()) };
     let facets: Vec<_> = mesh(40, [0.0, 0.0, 40.0, 40.0], z)
         .into_iter()
         .filter(|f| {

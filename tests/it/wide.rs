@@ -4,6 +4,7 @@
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
+use terrace_core::math;
 
 use crate::support::surfaces::write_stl;
 use crate::support::{JobText, assert_balance, compile, folder, shared, verify};
@@ -99,7 +100,7 @@ fn every_drawing_compiles_and_verifies_on_a_curved_surface() {
     let data = shared();
     let dir = folder();
     let stl = dir.path().join("bump.stl");
-    let z = |x: f64, y: f64| 3.0 * (x / 18.0).sin() * (y / 21.0).cos();
+    let z = |x: f64, y: f64| 3.0 * math::sin(x / 18.0) * math::cos(y / 21.0);
     write_stl(&stl, &crate::support::surfaces::mesh(60, [0.0, 0.0, 100.0, 100.0], z));
     let mut names: Vec<_> = std::fs::read_dir(data.join("textures"))
         .expect("a readable folder")
@@ -169,7 +170,7 @@ fn crowded([fans, tiny_rows, strip, rows]: [usize; 4], strokes: u32) {
     let fan = |n: usize, z: f64| -> Facets {
         let at = |i: usize| {
             let a = i as f64 / n as f64 * std::f64::consts::TAU;
-            [20.0 * a.cos(), 20.0 * a.sin(), z]
+            [20.0 * math::cos(a), 20.0 * math::sin(a), z]
         };
         (0..n).map(|i| [[0.0, 0.0, z], at(i), at(i + 1)]).collect()
     };
@@ -177,7 +178,7 @@ fn crowded([fans, tiny_rows, strip, rows]: [usize; 4], strokes: u32) {
     // Tiny facets on a huge one.
     let mut tiny = plate(400.0, 0.0);
     for f in
-        crate::support::surfaces::mesh(tiny_rows, [200.0, 200.0, 201.0, 201.0], |x, _| 0.01 + 1e-3 * (x * 9.0).sin())
+        crate::support::surfaces::mesh(tiny_rows, [200.0, 200.0, 201.0, 201.0], |x, _| 0.01 + 1e-3 * math::sin(x * 9.0))
     {
         tiny.push(f);
     }
@@ -203,7 +204,7 @@ fn crowded([fans, tiny_rows, strip, rows]: [usize; 4], strokes: u32) {
     let mut dashes = String::new();
     for i in 0..strokes {
         let a = f64::from(i) * 40.0 / f64::from(strokes);
-        write!(star, "M20 20L{:.4} {:.4}", 20.0 + 19.0 * a.cos(), 20.0 + 19.0 * a.sin()).expect("text");
+        write!(star, "M20 20L{:.4} {:.4}", 20.0 + 19.0 * math::cos(a), 20.0 + 19.0 * math::sin(a)).expect("text");
         let [x, y] = [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503_551)].map(|v| f64::from(v) / 4.3e9 * 39.0);
         write!(dashes, "M{x:.4} {y:.4}h.02").expect("text");
     }

@@ -7,6 +7,7 @@ pub mod duration;
 pub mod format;
 pub mod geom;
 pub mod machine;
+pub mod math;
 pub mod motion;
 pub mod parallel;
 pub mod program;

@@ -24,6 +24,7 @@
 
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
+use terrace_core::math;
 
 use terrace_core::diag::Diag;
 use terrace_core::machine::{Machine, Origin};
@@ -287,11 +288,11 @@ impl<'a> StatedErrors<'a> {
         let lpfl = block.stop.lpfl;
         let cos = figures.slope.cos()[1];
         let is_tilted = !block.stop.tilt.is_upright();
-        let tilt = || self.machine.turn(block.stop.tilt, Origin::default()).lean().asin();
+        let tilt = || math::asin(self.machine.turn(block.stop.tilt, Origin::default()).lean());
         self.errors(&ErrorSources {
             defocus: (block.z_hi - lpfl).max(lpfl - block.z_lo).f64() / 1e3,
             cos,
-            cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(0.0) } else { cos },
+            cos_in_plan: if is_tilted { math::cos(math::acos(cos) + tilt()).max(0.0) } else { cos },
             is_tilted,
             relief: None,
             off_axis: figures.off_axis_mm,
@@ -317,11 +318,11 @@ impl<'a> StatedErrors<'a> {
     /// The budget of an on-the-fly job whose marks are at most so far out of focus, um, and whose incidence is at most
     /// this, rad.
     pub fn on_the_fly(&self, defocus_um: f64, incidence_rad: f64, relief: Option<Relief>) -> Budget {
-        let cos = incidence_rad.cos();
+        let cos = math::cos(incidence_rad);
         self.budget(self.errors(&ErrorSources {
             defocus: defocus_um,
             cos,
-            cos_in_plan: relief.map_or(cos, |r| r.slope_rad.cos()),
+            cos_in_plan: relief.map_or(cos, |r| math::cos(r.slope_rad)),
             is_tilted: relief.is_some(),
             relief: relief.map(|r| r.off_um),
             off_axis: self.machine.farthest_in_field(),
@@ -349,7 +350,7 @@ impl<'a> StatedErrors<'a> {
         // The stage may be off along x and y at once.
         let moved = [
             term(Cause::Stage, um(machine.stage.accuracy).map(|a| std::f64::consts::SQRT_2 * a)),
-            term(Cause::Telecentricity, lean.map(|e| sources.defocus * e.as_rad().tan())),
+            term(Cause::Telecentricity, lean.map(|e| sources.defocus * math::tan(e.as_rad()))),
             term(Cause::FieldResidual, um(field_residual)),
             term(Cause::Registration, um(residual)),
         ];

@@ -33,7 +33,7 @@ impl Map {
             90.0 => (1.0, 0.0),
             180.0 => (0.0, -1.0),
             270.0 => (-1.0, 0.0),
-            other => other.to_radians().sin_cos(),
+            other => libm::sincos(other.to_radians()),
         };
         Self { a: cos, b: sin, c: -sin, d: cos, e: 0.0, f: 0.0 }
     }

@@ -94,7 +94,8 @@ fn attribute(css: &mut Parser<'_>) -> Result<Transform, Fault> {
 /// A function without its depth: elements of a drawing lie in its plane.
 fn function(reading: &Reading, name: &str, css: &mut Parser<'_>) -> Result<Step, Fault> {
     let degrees = |css: &mut Parser<'_>| angle(reading, css);
-    let skew = |x: f64, y: f64| Step::Matrix(Map { b: y.to_radians().tan(), c: x.to_radians().tan(), ..IDENTITY });
+    let skew =
+        |x: f64, y: f64| Step::Matrix(Map { b: libm::tan(y.to_radians()), c: libm::tan(x.to_radians()), ..IDENTITY });
     let is_next_comma = |css: &mut Parser<'_>| css.try_parse(Parser::expect_comma).is_ok();
     let zoom = |x: f64, y: f64| Step::Matrix(Map::scale(x, y, [0.0; 2]));
     let zero = Length::px(0.0);

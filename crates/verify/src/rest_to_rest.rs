@@ -1,5 +1,6 @@
 //! Times from rest to rest, by arithmetic of the verifier's own. Units: mm, s.
 
+use terrace_core::math;
 /// Turns sharper than this make the spot rest, rad.
 pub(super) const CORNER: f64 = 0.26;
 
@@ -18,7 +19,7 @@ pub(super) fn profile_time(way: f64, v: f64, a: f64, j: Option<f64>) -> f64 {
     // p (p/a + a/j) = way, or 2 p sqrt(p/j) = way.
     let slow = a / j;
     let long = a / 2.0 * ((slow * slow + 4.0 * way / a).sqrt() - slow);
-    let peak = if reaches(long) { long } else { (way * way * j / 4.0).cbrt() };
+    let peak = if reaches(long) { long } else { math::cbrt(way * way * j / 4.0) };
     let peak = peak.min(v);
     ramp(peak) + way / peak
 }

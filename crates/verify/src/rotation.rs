@@ -1,6 +1,7 @@
 //! How a job lays its part, by the verifier's own arithmetic: each rotation turns points in a plane.
 
 use terrace_core::geom::{SpacePoint, cos_sin};
+use terrace_core::math;
 use terrace_input::job::Attitude;
 
 /// The rotation from the surface file to the part frame.
@@ -23,7 +24,7 @@ impl Rotation {
             }
         };
         let [x, y, z] = up;
-        let (level, whole) = (x.hypot(y), x.hypot(y).hypot(z));
+        let (level, whole) = (math::hypot(x, y), math::hypot(math::hypot(x, y), z));
         if level < 1e-12 * whole {
             return Self::Tilt([1.0, 0.0], [z.signum(), 0.0]);
         }

@@ -1,6 +1,7 @@
 //! What files of surfaces hold.
 
 use std::path::Path;
+use terrace_core::math;
 
 use serde_json::{Value, json};
 
@@ -42,7 +43,7 @@ impl Facets {
         let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
         let area = normal.iter().map(|n| n * n).sum::<f64>().sqrt() / 2.0;
         self.area += area;
-        let steeper = |deg: f64| normal[2].abs() < 2.0 * area * deg.to_radians().cos();
+        let steeper = |deg: f64| normal[2].abs() < 2.0 * area * math::cos(deg.to_radians());
         self.down += if normal[2] < 0.0 { area } else { 0.0 };
         self.steep += if steeper(STEEP) { area } else { 0.0 };
         self.upright += if steeper(UPRIGHT) { area } else { 0.0 };

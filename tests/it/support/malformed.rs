@@ -2,6 +2,7 @@
 
 use std::io::{Read, Write, repeat};
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -95,7 +96,7 @@ fn huge_ngon() -> Vec<u8> {
     let mut out = String::new();
     for i in 0..n {
         let a = f64::from(i) / f64::from(n) * std::f64::consts::TAU;
-        out += &format!("v {:.6} {:.6} 0\n", a.cos(), a.sin());
+        out += &format!("v {:.6} {:.6} 0\n", math::cos(a), math::sin(a));
     }
     out += "f";
     (1..=n).for_each(|i| out += &format!(" {i}"));

@@ -66,9 +66,14 @@ pub fn outlined(path: &Path, size_mm: Option<[f64; 2]>) -> Kind {
     }
 }
 
+/// The program, without arguments.
+pub fn command() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_terrace"))
+}
+
 /// Runs the program, which leaves its output to the system: what is flushed when is for `cli` and `batch` to test.
 pub fn terrace<I: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = I>) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_terrace")).args(args).arg("--no-sync").output().expect("the program starts")
+    command().args(args).arg("--no-sync").output().expect("the program starts")
 }
 
 /// stderr and stdout as text, for messages.

@@ -1,6 +1,7 @@
 //! NURBS surfaces made from a height and a map of the plane, by interpolation at the Greville abscissae.
 
 use std::f64::consts::PI;
+use terrace_core::math;
 
 use nalgebra::DMatrix;
 use terrace_compare::nurbs::Surface;
@@ -10,8 +11,8 @@ pub type Warp = dyn Fn([f64; 2]) -> [f64; 2];
 
 /// Height of the surface of the reference figures.
 pub fn height([x, y]: [f64; 2]) -> f64 {
-    0.55 * (PI * x / 25.0).cos() * (PI * y / 40.0).cos() + 0.002 * x * x - 0.0015 * y * y
-        + 0.15 * (2.0 * PI * (x + 0.5 * y) / 18.0).sin()
+    0.55 * math::cos(PI * x / 25.0) * math::cos(PI * y / 40.0) + 0.002 * x * x - 0.0015 * y * y
+        + 0.15 * math::sin(2.0 * PI * (x + 0.5 * y) / 18.0)
 }
 
 /// Half of the square's side, mm.
@@ -21,7 +22,7 @@ pub const HALF: f64 = 25.0;
 pub fn warp(strength: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
     move |[x, y]| {
         let moved = |along: f64, across: f64| {
-            along - 5.0 * strength * (PI * across / HALF).sin() * (PI * along / (2.0 * HALF)).cos()
+            along - 5.0 * strength * math::sin(PI * across / HALF) * math::cos(PI * along / (2.0 * HALF))
         };
         [moved(x, y), moved(y, x)]
     }
@@ -91,8 +92,9 @@ pub fn file(degree: usize, points: &[Vec<[f64; 3]>], weights: Option<&[Vec<f64>]
 
 /// The dish of `fixtures/sources/brecher`: 32 x 32 mm, waves of 0.4 mm on a bulge; degree 3, decoupled.
 pub fn dish() -> String {
-    let height =
-        |[x, y]: [f64; 2]| 0.2 * (2.0 * PI * x / 10.0).cos() * (2.0 * PI * y / 12.0).cos() - 0.004 * (x * x + y * y);
+    let height = |[x, y]: [f64; 2]| {
+        0.2 * math::cos(2.0 * PI * x / 10.0) * math::cos(2.0 * PI * y / 12.0) - 0.004 * (x * x + y * y)
+    };
     let mut points = net(3, 16, 16.0, &|p| p, &height);
     // As many digits of the height as a part has; x and y whole, or the net would not be decoupled.
     points.iter_mut().flatten().for_each(|p| p[2] = (p[2] * 1e6).round() / 1e6);
@@ -102,10 +104,10 @@ pub fn dish() -> String {
 /// The patch there: 10 x 10 mm, distorted, with weights; degree 2.
 pub fn patch() -> String {
     let warp = |[x, y]: [f64; 2]| {
-        let moved = |along: f64, across: f64| along - 0.8 * (PI * across / 5.0).sin() * (PI * along / 10.0).cos();
+        let moved = |along: f64, across: f64| along - 0.8 * math::sin(PI * across / 5.0) * math::cos(PI * along / 10.0);
         [moved(x, y), moved(y, x)].map(|v| (v * 1e6).round() / 1e6)
     };
-    let mut points = net(2, 10, 5.0, &warp, &|[x, y]| 0.1 * (0.7 * x).sin() * (0.5 * y).cos());
+    let mut points = net(2, 10, 5.0, &warp, &|[x, y]| 0.1 * math::sin(0.7 * x) * math::cos(0.5 * y));
     points.iter_mut().flatten().for_each(|p| p[2] = (p[2] * 1e6).round() / 1e6);
     let weights: Vec<Vec<f64>> = (0..10)
         .map(|i| (0..10).map(|j| [1.0, 1.2, 0.85, 1.1, 0.9, 1.25, 0.8][(3 * i + 5 * j) % 7]).collect())
@@ -145,7 +147,7 @@ pub fn chord_error(surface: &Surface, steps: usize) -> f64 {
         bent = [bent[0].max(size(uu)), bent[1].max(size(uv)), bent[2].max(size(vv))];
         let det = u[0] * v[1] - u[1] * v[0];
         let [sx, sy] = [(u[2] * v[1] - u[1] * v[2]) / det, (u[0] * v[2] - u[2] * v[0]) / det];
-        slope = slope.max(sx.hypot(sy));
+        slope = slope.max(math::hypot(sx, sy));
     }
     let off = (hu * hu * bent[0] + 2.0 * hu * hv * bent[1] + hv * hv * bent[2]) / 8.0;
     off * (1.0 + slope * slope).sqrt()

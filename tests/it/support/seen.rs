@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use terrace_core::math;
 
 use resvg::tiny_skia::{Color, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
 use resvg::usvg;
@@ -67,7 +68,7 @@ pub fn length(texture: &Texture) -> f64 {
         texture.stroke(i, &mut points);
         for (a, b) in points.iter().zip(points.iter().skip(1)) {
             let (a, b) = (a.mm(), b.mm());
-            sum += (b[0] - a[0]).hypot(b[1] - a[1]);
+            sum += math::hypot(b[0] - a[0], b[1] - a[1]);
         }
     }
     sum

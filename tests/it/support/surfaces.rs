@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "every test and bench uses a part of it")]
 
 use std::path::Path;
+use terrace_core::math;
 
 pub use terrace_core::random::Random;
 
@@ -81,7 +82,7 @@ pub fn cyl(x: f64, y: f64) -> f64 {
 
 pub fn wave(x: f64, y: f64) -> f64 {
     let turn = std::f64::consts::TAU;
-    5.119498597136223 / 2.0 * (turn * x / 300.0 + 0.4).sin() * (turn * y / 260.0).cos()
+    5.119498597136223 / 2.0 * math::sin(turn * x / 300.0 + 0.4) * math::cos(turn * y / 260.0)
 }
 
 pub fn wing(x: f64, y: f64) -> f64 {
@@ -89,5 +90,5 @@ pub fn wing(x: f64, y: f64) -> f64 {
     25.672613179115896
         * (0.9 * (s.max(0.0) + 0.02).sqrt() - 0.75 * s - 0.35 * s * s
             + 0.25 * t * s
-            + 0.12 * (std::f64::consts::PI * t).sin())
+            + 0.12 * math::sin(std::f64::consts::PI * t))
 }

@@ -2,6 +2,7 @@
 //! the velocities of a synchronised stage and scanner (Cui et al. 2021, Fig. 3). Units: mm, s.
 
 use super::Curves;
+use terrace_core::math;
 use terrace_report::report::plot::{Axis, LineChart, Panel, Paths, Plot, Series};
 
 /// Tool vectors that are drawn at most, and their length as a share of the picture's diagonal.
@@ -21,7 +22,7 @@ pub(super) fn space(curves: &Curves) -> Option<Plot> {
     let ends = marks
         .iter()
         .fold([*first; 2], |[lo, hi], p| [[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]);
-    let length = LENGTH * (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]);
+    let length = LENGTH * math::hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]);
     let vector = |[_, tool, axis]: &[[f64; 3]; 3]| {
         let tip = [0, 1, 2].map(|k| tool[k] + length * axis[k]);
         [seen(*tool), seen(tip), [f64::NAN; 2]]

@@ -6,6 +6,7 @@ use super::{Beyond, Curves, Figures, Hardware, RestTimes, Split, Subject, marked
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, P3Mm, mm_from_nm};
 use terrace_core::machine::{Commanded, Machine};
+use terrace_core::math;
 use terrace_core::motion::{GalvoModel, StageMove, stage_move};
 use terrace_core::parallel;
 use terrace_core::progress::Task;
@@ -444,7 +445,7 @@ impl<'a> Follower<'a> {
         let (samples, step_s) = sampled(&made, model);
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
-        let half_field = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
+        let half_field = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / math::hypot(u, v).max(reach)));
         let [_, until_s] = times[times.len().min(DRAWN) - 1];
         let (following_error, axis_errors) = following(machine, &half_field, feed, samples, step_s, until_s)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz.mm));
@@ -502,7 +503,7 @@ fn following(
         let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k], half[k]));
         if on {
             let [lag, error, defocus] =
-                [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen.height].map(|v| 1000.0 * v);
+                [math::hypot(missed[0], missed[1]), math::hypot(off[0], off[1]), seen.height].map(|v| 1000.0 * v);
             out.push([lag, error, defocus, step_s]);
         }
         let [dx, dy, dz, da, dc] = std::array::from_fn(|k| commands[k] - reached[k]);
@@ -587,8 +588,8 @@ fn sampled<'a>(motion: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl It
 fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
         let (p, b) = (path.nodes[i].at, beam(i));
-        let angle = subject.height_field.at(p.xy()).normal().0[2].acos();
-        Deviation { defocus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
+        let angle = math::acos(subject.height_field.at(p.xy()).normal().0[2]);
+        Deviation { defocus: (p[2] - b[2]).abs(), angle, lateral: math::hypot(p[0] - b[0], p[1] - b[1]) }
     };
     (0..path.len()).map(deviation).collect()
 }

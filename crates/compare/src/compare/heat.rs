@@ -11,6 +11,7 @@
 //! 1/e^2 radius. Cui et al. (2021) give temperatures at a seam (eq. 6 and 7) without the spot and the absorptivity.
 
 use std::f64::consts::PI;
+use terrace_core::math;
 
 /// Temperature of the part before it is marked, degC.
 const BEFORE: f64 = 20.0;
@@ -53,9 +54,9 @@ impl Beam {
         let step = PI / 2.0 / f64::from(STEPS);
         let sum: f64 = (0..STEPS)
             .map(|i| {
-                let root = s / (2.0 * a).sqrt() * ((f64::from(i) + 0.5) * step).tan();
+                let root = s / (2.0 * a).sqrt() * math::tan((f64::from(i) + 0.5) * step);
                 let tau = root * root;
-                (-(self.speed_m_s * tau - behind_m).powi(2) / (4.0 * a * tau + 2.0 * s * s)).exp()
+                math::exp(-(self.speed_m_s * tau - behind_m).powi(2) / (4.0 * a * tau + 2.0 * s * s))
             })
             .sum();
         self.power_w / (PI * rho * c * (4.0 * PI * a).sqrt()) * sum * step * 2.0 / (s * (2.0 * a).sqrt())

@@ -27,6 +27,7 @@ use follow::Follower;
 pub use report::{overview, page, plots, tables};
 use system::Run;
 pub use system::{SYSTEMS, System};
+use terrace_core::math;
 pub use tool_servo::{Need, ToolFigures};
 pub use verdict::{Standing, Verdict};
 
@@ -428,7 +429,7 @@ fn mark_limits(job: &Job, machine: &Machine) -> Limits {
         half_depth: job.focus.half_depth_mm(),
         angle: job.limits.warn_incidence.as_rad(),
         // The corners of the field are the scanner's too.
-        field: half[0].hypot(half[1]),
+        field: math::hypot(half[0], half[1]),
     }
 }
 

@@ -4,6 +4,7 @@ use super::{Figures, Hardware, KeyCost, Split, Subject, marked, path_of};
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, P3Mm, Turn, mm_from_nm};
 use terrace_core::machine::{Carries, Commanded, Machine, Origin};
+use terrace_core::math;
 use terrace_core::program::{Block, Program};
 use terrace_core::progress::Task;
 use terrace_core::units::Length;
@@ -251,8 +252,8 @@ fn deviation(place: P3Mm, block: &Block, turn: &Turn, height_field: &HeightField
     let height = p[2].clamp(block.z_lo.mm(), block.z_hi.mm());
     Deviation {
         defocus: (height - stop.lpfl.mm()).abs(),
-        angle: turn.slope2(height_field.at(place.xy()).normal().0).sqrt().atan(),
-        lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
+        angle: math::atan(turn.slope2(height_field.at(place.xy()).normal().0).sqrt()),
+        lateral: math::hypot(p[0] - centre[0], p[1] - centre[1]),
     }
 }
 

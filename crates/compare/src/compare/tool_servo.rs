@@ -15,6 +15,7 @@
 //! ones, are looked at, spread evenly; the note says how many.
 
 use std::ops::Range;
+use terrace_core::math;
 
 use super::follow::Follower;
 use super::{Beyond, Figures, Split};
@@ -137,7 +138,7 @@ impl Spiral {
         let area = follower.texture();
         let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
         let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
-        let radius = marks.map(|node| (node.at[0] - axis[0]).hypot(node.at[1] - axis[1])).fold(0.0, f64::max);
+        let radius = marks.map(|node| math::hypot(node.at[0] - axis[0], node.at[1] - axis[1])).fold(0.0, f64::max);
         let [spindle, feed, cycle] = [tool.spindle.as_rad_s(), tool.feed.as_mm_s(), tool.cycle.as_s()];
         Self { axis, radius, spindle, feed, cycle }
     }
@@ -145,7 +146,7 @@ impl Spiral {
     /// Where the tool is at a set-point, mm.
     fn at(&self, i: usize) -> [f64; 2] {
         let t = i as f64 * self.cycle;
-        let (radius, (sin, cos)) = ((self.radius - self.feed * t).max(0.0), (self.spindle * t).sin_cos());
+        let (radius, (sin, cos)) = ((self.radius - self.feed * t).max(0.0), math::sin_cos(self.spindle * t));
         [self.axis[0] + radius * cos, self.axis[1] + radius * sin]
     }
 

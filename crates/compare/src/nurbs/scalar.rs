@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Sub};
+use terrace_core::math;
 
 /// What the algorithms need of a number.
 pub trait Scalar:
@@ -23,7 +24,7 @@ impl Scalar for f64 {
         self
     }
     fn exp(self) -> Self {
-        f64::exp(self)
+        math::exp(self)
     }
 }
 
@@ -59,7 +60,7 @@ impl Scalar for Counted {
         self.0
     }
     fn exp(self) -> Self {
-        Self::done(self.0.exp())
+        Self::done(math::exp(self.0))
     }
 }
 

@@ -5,6 +5,7 @@
 //! highest place of a prism under the head lies on one of its sides: the facet at either end of the way, or what one of
 //! its edges sweeps. So all that is needed is the highest place of a triangle over a disc.
 
+use crate::math;
 use std::ops::Range;
 
 use crate::geom::{P3, Turn};
@@ -111,7 +112,7 @@ fn uphill([p, q, r]: [HeadPoint; 3], radius: f64) -> Option<HeadPoint> {
     let [u, v]: [HeadPoint; 2] = [q, r].map(|c| std::array::from_fn(|k| c[k] - p[k]));
     let area = u[0] * v[1] - u[1] * v[0];
     let up = [u[2] * v[1] - v[2] * u[1], v[2] * u[0] - u[2] * v[0]].map(|v| v * area.signum());
-    let steep = up[0].hypot(up[1]);
+    let steep = math::hypot(up[0], up[1]);
     let [x, y] = if steep == 0.0 { [0.0; 2] } else { up.map(|v| radius * v / steep) };
     let [x, y] = [x - p[0], y - p[1]];
     let [s, t] = [(x * v[1] - y * v[0]) / area, (u[0] * y - u[1] * x) / area];
@@ -232,7 +233,7 @@ mod tests {
         assert_eq!(by(&top(near(50.1), 17.0), stands, stands), 0.0);
         let found = entered(&top(near(49.9), 17.0), stands, stands).expect("it enters");
         let [x, y, z] = found.at.at;
-        assert!((found.by, z) == (7.0, 17.0) && x.hypot(y) <= 50.0 + 1e-9, "{found:?}");
+        assert!((found.by, z) == (7.0, 17.0) && math::hypot(x, y) <= 50.0 + 1e-9, "{found:?}");
         assert_eq!(by(&top([0.0, 0.0], 10.0), stands, stands), 0.0, "what reaches the lower end does not enter");
     }
 
@@ -262,7 +263,7 @@ mod tests {
         assert_eq!(by(&[blade.map(|[x, y, z]| [x + 2.0, y, z])], stands, stands), 0.0);
         let plain = [[-9e3, -9e3, 12.0], [9e3, -9e3, 12.0], [0.0, 9e3, 12.0]];
         let found = entered(&[plain], stands, stands).expect("it enters");
-        assert!((found.by - 2.0).abs() < 1e-9 && found.at[0].hypot(found.at[1]) < 1e-6, "{found:?}");
+        assert!((found.by - 2.0).abs() < 1e-9 && math::hypot(found.at[0], found.at[1]) < 1e-6, "{found:?}");
         // It rises by 3 in 4 towards (3, 4).
         let ramp = plain.map(|[x, y, _]| [x, y, 0.75 * (0.6 * x + 0.8 * y)]);
         let found = entered(&[ramp], stands, stands).expect("it enters");
@@ -305,13 +306,13 @@ mod tests {
 
     #[test]
     fn the_tree_finds_what_a_look_at_every_facet_finds() {
-        let height = |x: f64, y: f64| 60.0 * ((x / 37.0).sin() + (y / 53.0).cos());
+        let height = |x: f64, y: f64| 60.0 * (math::sin(x / 37.0) + math::cos(y / 53.0));
         let cells = (0..60).flat_map(|i| (0..60).map(move |j| [f64::from(i) * 10.0, f64::from(j) * 10.0]));
         let at = |x: f64, y: f64| [x, y, height(x, y)];
         let facets: Vec<_> = cells.map(|[x, y]| [at(x, y), at(x + 10.0, y), at(x, y + 10.0)]).collect();
         let tree = Facets::above(f64::NEG_INFINITY, &|sink| facets.iter().for_each(|f| sink(*f)));
         for i in 0..40 {
-            let (s, c) = f64::from(i).sin_cos();
+            let (s, c) = math::sin_cos(f64::from(i));
             let turn = Turn::about([300.0, 300.0, 0.0], [(0, 0.3 * s), (1, 0.3 * c)]);
             let ends = [[300.0 + 250.0 * s, 300.0 + 250.0 * c, 90.0], [300.0 - 200.0 * c, 300.0, 80.0 + 9.0 * s]];
             let way = Way { turn, ends, radius: 50.0 };

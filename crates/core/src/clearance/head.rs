@@ -180,6 +180,7 @@ impl Head<'_> {
 mod tests {
     use super::*;
     use crate::geom::Box2;
+    use crate::math;
     use crate::units::Length;
 
     /// A head 50 mm wide, 20 mm above its focal plane with 10 mm to be kept, over a plate with a mast.
@@ -222,8 +223,11 @@ mod tests {
         let machine = machine();
         let clearance = Clearance::new(&[tile([0.0, -5.0], [1.0, 5.0], 300.0)], &machine);
         let table = Machine::built_in("xyz-tilt-galvo-40").expect("a profile");
-        let lean =
-            table.tilt.as_ref().expect("axes").commands([20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos()]);
+        let lean = table.tilt.as_ref().expect("axes").commands([
+            math::sin(20f64.to_radians()),
+            0.0,
+            math::cos(20f64.to_radians()),
+        ]);
         let turn = table.turn(lean, Origin::default());
         // Where the wall stands 100 mm high, 200 mm below its top. The head is 50 mm wide.
         let wall = turn.apply(P3::new([0.0, 0.0, 100.0 * NM_PER_MM])).at;
@@ -259,9 +263,9 @@ mod tests {
         let head = Head { machine: &machine, origin: Origin::default(), clearance: &clearance };
         let to = TiltAngles([0, 20_000_000]);
         // 240 mm below the pivot and 25 mm beside it, turned by 20 deg about y.
-        let (s, c) = 20f64.to_radians().sin_cos();
+        let (s, c) = math::sin_cos(20f64.to_radians());
         // It is lowest where the corner is below the pivot.
-        let lowest = 250.0 - 240f64.hypot(25.0);
+        let lowest = 250.0 - math::hypot(240f64, 25.0);
         let nearer = |z: f64| head.over_swing(TiltAngles::UPRIGHT, to, mm(z)).mm();
         // What is not seen between the steps is 242 mm times 20 deg / 32.
         let unseen = (240f64.powi(2) + 2.0 * 25f64.powi(2)).sqrt() * 20f64.to_radians() / 32.0;

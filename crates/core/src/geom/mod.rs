@@ -29,6 +29,8 @@ use std::marker::PhantomData;
 
 use nalgebra::Point3;
 
+use crate::math;
+
 /// A point of a drawing: x and y in the unit of the module.
 pub type PlanePoint = [f64; 2];
 
@@ -196,7 +198,7 @@ pub fn cos_sin(rad: f64) -> [f64; 2] {
             _ => [0.0, -1.0],
         };
     }
-    let (s, c) = rad.sin_cos();
+    let (s, c) = math::sin_cos(rad);
     [c, s]
 }
 

@@ -1,5 +1,6 @@
 //! How a part is laid under the lens: a rotation of what its file holds.
 
+use crate::math;
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use super::cos_sin;
@@ -58,12 +59,12 @@ impl Pose {
     /// The rotations of the pose about x, y and z, in the order of [`Pose::from_angles`], rad.
     pub fn angles(&self) -> [f64; 3] {
         let m = &self.0;
-        let y = (-m[(2, 0)]).clamp(-1.0, 1.0).asin();
+        let y = math::asin((-m[(2, 0)]).clamp(-1.0, 1.0));
         if m[(2, 0)].abs() > 1.0 - 1e-12 {
             // x and z turn about one line: all of it is given to x.
-            return [(-m[(1, 2)]).atan2(m[(1, 1)]), y, 0.0];
+            return [math::atan2(-m[(1, 2)], m[(1, 1)]), y, 0.0];
         }
-        [m[(2, 1)].atan2(m[(2, 2)]), y, m[(1, 0)].atan2(m[(0, 0)])]
+        [math::atan2(m[(2, 1)], m[(2, 2)]), y, math::atan2(m[(1, 0)], m[(0, 0)])]
     }
 }
 

@@ -1,6 +1,7 @@
 //! Rigid turns of the part in space.
 
 use super::{P2, P3, Turned};
+use crate::math;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// A turn about a point, nm: what a tilt table does to the part, or how a head that is tilted sees it. The
@@ -66,7 +67,7 @@ impl Turn {
     /// The sine of the angle by which the part is tilted.
     #[inline]
     pub fn lean(&self) -> f64 {
-        self.rotation[(2, 0)].hypot(self.rotation[(2, 1)])
+        math::hypot(self.rotation[(2, 0)], self.rotation[(2, 1)])
     }
 
     /// Square of the tangent of the angle between the beam and the normal of a surface (of length 1, part

@@ -30,6 +30,7 @@ pub use settling::{AxisSettling, Settling};
 pub use tilt_axes::{AngleCommands, AxisTravel, Letter, RotaryAxis, Tilt};
 pub use tool_servo::{Drive, Oscillation, ToolServo};
 
+use crate::math;
 use serde::{Deserialize, Serialize};
 
 use crate::diag::Diag;
@@ -566,7 +567,7 @@ impl Machine {
     pub fn farthest_in_field(&self) -> f64 {
         let [x, y] = self.lens.field.map(|f| f.as_mm() / 2.0 - self.lens.margin.as_mm());
         match self.lens.shape {
-            FieldShape::Rectangle => x.hypot(y),
+            FieldShape::Rectangle => math::hypot(x, y),
             FieldShape::Circle => x.min(y),
         }
     }
@@ -584,7 +585,7 @@ impl Machine {
         let (x, y) = (f64::from(x), f64::from(y));
         match self.lens.shape {
             FieldShape::Rectangle => x.abs() <= fx && y.abs() <= fy,
-            FieldShape::Circle => x.hypot(y) <= fx.min(fy),
+            FieldShape::Circle => math::hypot(x, y) <= fx.min(fy),
         }
     }
 

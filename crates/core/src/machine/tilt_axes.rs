@@ -8,6 +8,7 @@
 //! turned part. It is taken about the table frame's origin, so that the turned frame has the axes of the head and does
 //! not depend on where the part lies; where the stage stands for it says [`Machine::stand`](super::Machine::stand).
 
+use crate::math;
 use serde::{Deserialize, Serialize};
 
 use super::{Carries, Fault, Origin, TiltAngles};
@@ -310,19 +311,19 @@ fn fault(key: &str, text: impl Into<String>, hint: &str) -> Fault {
 /// lens: to z. The inner axis turns it first, into the plane across the outer axis, in which that one can raise it. The
 /// outer axis is A or B (see [`Tilt::faults`]).
 fn to_the_lens(axes: [Letter; 2], [x, y, z]: [f64; 3]) -> [f64; 2] {
-    let flat = x.hypot(y);
+    let flat = math::hypot(x, y);
     match axes {
-        [Letter::A, Letter::B] => [y.atan2(x.hypot(z)), (-x).atan2(z)],
-        [Letter::B, Letter::A] => [(-x).atan2(y.hypot(z)), y.atan2(z)],
+        [Letter::A, Letter::B] => [math::atan2(y, math::hypot(x, z)), math::atan2(-x, z)],
+        [Letter::B, Letter::A] => [math::atan2(-x, math::hypot(y, z)), math::atan2(y, z)],
         // From here on the inner axis is C, which need not turn what lies along it.
         _ if flat == 0.0 => [0.0; 2],
         // Two angles of C, half a turn apart, bring the direction into that plane: the smaller one is taken. Where both
         // are a quarter turn it is always the same one, whatever the sign of the zero.
-        [Letter::A, _] if y == 0.0 => [x.atan2(z), std::f64::consts::FRAC_PI_2],
-        [Letter::A, _] => [(flat * y.signum()).atan2(z), (x / y).atan()],
+        [Letter::A, _] if y == 0.0 => [math::atan2(x, z), std::f64::consts::FRAC_PI_2],
+        [Letter::A, _] => [math::atan2(flat * y.signum(), z), math::atan(x / y)],
         // B and C.
-        _ if x == 0.0 => [(-y).atan2(z), -std::f64::consts::FRAC_PI_2],
-        _ => [(-flat * x.signum()).atan2(z), (-y / x).atan()],
+        _ if x == 0.0 => [math::atan2(-y, z), -std::f64::consts::FRAC_PI_2],
+        _ => [math::atan2(-flat * x.signum(), z), math::atan(-y / x)],
     }
 }
 
@@ -357,7 +358,7 @@ mod tests {
                 let table = table(letters, reversed);
                 for i in 0..400 {
                     let (slope, around) = (f64::from(i % 20) / 10.0, f64::from(i / 20) * 0.314);
-                    let n = [slope * around.cos(), slope * around.sin(), 1.0];
+                    let n = [slope * math::cos(around), slope * math::sin(around), 1.0];
                     let turn = table.turn(table.commands(n), Origin([7, 8, 9]));
                     let length = (slope * slope + 1.0).sqrt();
                     let off = turn.up().iter().zip(n).map(|(u, n)| (u - n / length).abs()).fold(0.0, f64::max);
@@ -376,7 +377,7 @@ mod tests {
                 let head = Tilt { carries: Carries::Head, ..table(letters, reversed) };
                 for i in 0..400 {
                     let (slope, around) = (f64::from(i % 20) / 10.0, f64::from(i / 20) * 0.314);
-                    let n = [slope * around.cos(), slope * around.sin(), 1.0];
+                    let n = [slope * math::cos(around), slope * math::sin(around), 1.0];
                     let commands = head.commands(n);
                     let turn = head.turn(commands, Origin([7, 8, 9]));
                     let length = (slope * slope + 1.0).sqrt();

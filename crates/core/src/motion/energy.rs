@@ -8,6 +8,7 @@
 
 use super::galvo::{GalvoModel, pieces, runs, way_mm};
 use crate::geom::{FieldPoint, NM_PER_MM};
+use crate::math;
 
 /// The laser and the scanner that mark a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,7 +134,7 @@ pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl Fn
     let (mut run_length, mut motion, mut run_before) = (0.0, None, 0.0);
     for pair in points.windows(2) {
         let [x, y] = way_mm(pair[0], pair[1]);
-        let length = x.hypot(y);
+        let length = math::hypot(x, y);
         // Runs leave out segments of no length too.
         if length == 0.0 {
             continue;
@@ -180,7 +181,7 @@ mod tests {
     #[test]
     fn energy_is_power_times_time_and_worst_at_rests() {
         // The jerk alone limits the first half of a spot from rest: t = (6 s / j)^(1/3).
-        let from_rest = |way: f64| (6.0 * way / 1e6).cbrt();
+        let from_rest = |way: f64| math::cbrt(6.0 * way / 1e6);
         let mut one = LineEnergy::default();
         one.add(&points(&[[0, 0], [20_000_000, 0]]), beam(100.0));
         let run = Run::default().then([20.0, 0.0]);
@@ -227,7 +228,7 @@ mod tests {
             assert!((sum / (1.2 * time) - 1.0).abs() < 1e-12, "{sum}");
             let is_at_rest = [[0.0, 0.0], [6.0, 0.2], [6.0, 5.0]]
                 .iter()
-                .any(|p| (p[0] - densest.0[0]).hypot(p[1] - densest.0[1]) < 0.05);
+                .any(|p| math::hypot(p[0] - densest.0[0], p[1] - densest.0[1]) < 0.05);
             assert!(is_at_rest || model == GalvoModel::AtSpeed, "{densest:?}");
         }
     }

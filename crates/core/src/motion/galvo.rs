@@ -5,6 +5,7 @@
 use super::RestToRest;
 use crate::geom::{FieldPoint, NM_PER_MM};
 use crate::machine::Machine;
+use crate::math;
 use crate::units::{Speed, Time};
 
 /// Turns sharper than this are corners, at which an axis that follows the path stops; between gentler ones the path is
@@ -38,7 +39,7 @@ pub struct Run {
 impl Run {
     /// The run that continues by a straight step, mm.
     pub fn then(self, [x, y]: [f64; 2]) -> Self {
-        let step = x.hypot(y);
+        let step = math::hypot(x, y);
         if step == 0.0 {
             return self;
         }
@@ -115,7 +116,7 @@ pub fn is_corner(before: [f64; 2], after: [f64; 2]) -> bool {
 
 /// Angle between two directions, rad.
 pub fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1])
+    math::atan2((a[0] * b[1] - a[1] * b[0]).abs(), a[0] * b[0] + a[1] * b[1])
 }
 
 /// The runs of a stroke from corner to corner, in their order.
@@ -265,7 +266,7 @@ mod tests {
         // A gentle turn is not a corner, and neither is a point that stands there twice.
         let curve = mm(&[[0.0; 2], [1.0, 0.0], [1.0, 0.0], [2.0, 0.2], [2.0, 5.0]]);
         let found: Vec<f64> = runs(&curve).map(|run| run.length).collect();
-        assert!(found.len() == 2 && close(found[0], 1.0 + 1f64.hypot(0.2)) && close(found[1], 4.8), "{found:?}");
+        assert!(found.len() == 2 && close(found[0], 1.0 + math::hypot(1.0, 0.2)) && close(found[1], 4.8), "{found:?}");
         assert_eq!(runs(&curve[..1]).count(), 0);
     }
 

@@ -1,5 +1,6 @@
 //! The time of one axis from rest to rest under limits of speed, acceleration and jerk.
 
+use crate::math;
 /// Time in s of a move from rest to rest: that of [`RestToRest`].
 pub fn rest_to_rest(length: f64, speed: f64, acceleration: f64, jerk: Option<f64>) -> f64 {
     RestToRest::new(length, speed, acceleration, jerk).total_s()
@@ -46,7 +47,7 @@ impl RestToRest {
         // The lowest peak at which the ramps reach the acceleration.
         let knee = a * full_rise_s;
         let by_length =
-            if peak_with_acceleration >= knee { peak_with_acceleration } else { (length * length * j / 4.0).cbrt() };
+            if peak_with_acceleration >= knee { peak_with_acceleration } else { math::cbrt(length * length * j / 4.0) };
         let peak = speed.min(by_length);
         if peak >= knee {
             Self { length, peak, acceleration: a, jerk: j, rise_s: full_rise_s, ramp_s: peak / a + full_rise_s }

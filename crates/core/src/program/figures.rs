@@ -2,6 +2,7 @@
 
 use super::{Block, Pen, Program};
 use crate::machine::Machine;
+use crate::math;
 use crate::motion::{Beam, GalvoModel, LineEnergy};
 use crate::parallel;
 
@@ -88,7 +89,7 @@ impl Slope {
     }
     /// Angles of incidence: that of the mean cosine, and the largest.
     pub fn incidence_deg(&self) -> [f64; 2] {
-        self.cos().map(|c| c.acos().to_degrees())
+        self.cos().map(|c| math::acos(c).to_degrees())
     }
     /// How much longer the texture is on the surface than in the drawing, straight uphill: of the mean cosine,
     /// and at most.

@@ -1,5 +1,6 @@
 //! How far from the optical axis marks lie.
 
+use crate::math;
 use serde::{Deserialize, Serialize};
 
 use super::{Block, Program};
@@ -72,7 +73,7 @@ impl Rings {
     fn line(&mut self, a: FieldPoint, b: FieldPoint, width: f64) {
         let [(ax, ay), (bx, by)] = [a, b].map(|p| (f64::from(p.x), f64::from(p.y)));
         let (dx, dy) = (bx - ax, by - ay);
-        let length = dx.hypot(dy);
+        let length = math::hypot(dx, dy);
         if length == 0.0 {
             return;
         }
@@ -80,7 +81,7 @@ impl Rings {
         let (from, to) = ((ax * dx + ay * dy) / length, (bx * dx + by * dy) / length);
         let foot = ((ax * dy - ay * dx) / length).abs();
         let nearest = if from < 0.0 && to > 0.0 { 0.0 } else { from.abs().min(to.abs()) };
-        let ring = |along: f64| ((foot.hypot(along) / width) as usize).min(RINGS - 1);
+        let ring = |along: f64| ((math::hypot(foot, along) / width) as usize).min(RINGS - 1);
         let (first, last) = (ring(nearest), ring(from.abs().max(to.abs())));
         // Invariant: `inside` is the length within the circle around the ring before.
         let mut inside = 0.0;
@@ -112,7 +113,7 @@ fn ring_of_share(rings: &[f64], share: f64) -> usize {
 /// The largest distance of a block's marks, nm.
 fn farthest_nm(program: &Program, block: &Block) -> f64 {
     let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
-    points.map(|p| f64::from(p.x).hypot(f64::from(p.y))).fold(0.0, f64::max)
+    points.map(|p| math::hypot(f64::from(p.x), f64::from(p.y))).fold(0.0, f64::max)
 }
 
 /// What lies in the rings of some blocks.
@@ -120,7 +121,7 @@ fn rings(program: &Program, blocks: &[Block], width: f64) -> Rings {
     let mut out = Rings::default();
     for points in blocks.iter().flat_map(|b| program.strokes_of(b)).map(|s| program.points_of(s)) {
         if let [dot] = points {
-            let ring = (f64::from(dot.x).hypot(f64::from(dot.y)) / width) as usize;
+            let ring = (math::hypot(f64::from(dot.x), f64::from(dot.y)) / width) as usize;
             out.dots[ring.min(RINGS - 1)] += 1.0;
         }
         points.windows(2).for_each(|w| out.line(w[0], w[1], width));
@@ -163,9 +164,9 @@ mod tests {
         // Through the axis: the length within r is 2 r.
         near(of(&[&[[-10_000, 0], [10_000, 0]]]), 10.0, 9.5);
         // Beside it by 6 mm: 95 % of 16 mm reach 7.6 mm from the foot.
-        near(of(&[&[[6_000, -8_000], [6_000, 8_000]]]), 10.0, 6f64.hypot(7.6));
+        near(of(&[&[[6_000, -8_000], [6_000, 8_000]]]), 10.0, math::hypot(6f64, 7.6));
         // The same drawn in pieces, and backwards.
-        near(of(&[&[[6_000, 8_000], [6_000, 1_000], [6_000, -8_000]]]), 10.0, 6f64.hypot(7.6));
+        near(of(&[&[[6_000, 8_000], [6_000, 1_000], [6_000, -8_000]]]), 10.0, math::hypot(6f64, 7.6));
         // Away from the axis: from 3 to 10 mm.
         near(of(&[&[[0, 3_000], [0, 10_000]]]), 10.0, 3.0 + 0.95 * 7.0);
         // Lines decide where there are dots too.
@@ -192,7 +193,7 @@ mod tests {
             });
             let mut rings = Rings::default();
             rings.line(a, b, 80_000.0);
-            let length = f64::from(a.x - b.x).hypot(f64::from(a.y - b.y));
+            let length = math::hypot(f64::from(a.x - b.x), f64::from(a.y - b.y));
             let sum: f64 = rings.lines.iter().sum();
             assert!((sum - length).abs() <= 1e-9 * length && rings.lines.iter().all(|v| *v >= 0.0), "{a:?} {b:?}");
         }

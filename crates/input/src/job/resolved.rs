@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use terrace_core::math;
 
 use serde::{Deserialize, Serialize};
 
@@ -210,7 +211,7 @@ pub struct Limits {
 impl Limits {
     /// Tangent of the steepest slope that is marked.
     pub fn max_slope(&self) -> f64 {
-        self.max_incidence.as_rad().tan()
+        math::tan(self.max_incidence.as_rad())
     }
 }
 

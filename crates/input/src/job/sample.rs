@@ -1,5 +1,6 @@
 //! The sample that `terrace init` writes: a commented job file, a small freeform surface and a drawing.
 
+use terrace_core::math;
 /// File name of the sample surface.
 pub const SAMPLE_SURFACE_NAME: &str = "sample.stl";
 
@@ -43,6 +44,6 @@ pub fn sample_surface() -> Vec<u8> {
 /// Node (i, j) of the panel, whose cells are 1 mm wide.
 fn sample_node(i: u32, j: u32) -> [f32; 3] {
     let (x, y) = (f64::from(i) - 30.0, f64::from(j) - 25.0);
-    let z = 1.2 - (x / 60.0).powi(2) - 0.8 * (y / 50.0).powi(2) + 0.15 * (x / 9.0).sin();
+    let z = 1.2 - (x / 60.0).powi(2) - 0.8 * (y / 50.0).powi(2) + 0.15 * math::sin(x / 9.0);
     [x as f32, y as f32, z as f32]
 }

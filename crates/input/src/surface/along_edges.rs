@@ -9,6 +9,7 @@ use super::mesh::{NONE, Vertex};
 use super::topmost::{FacetChoice, Hit, Incline, Side, Span, push_gap, seal};
 use super::walk::{Cursor, Line, ON_RIM};
 use terrace_core::geom::{P2, orient};
+use terrace_core::math;
 
 /// Least length of a stretch along an edge, nm: at less the segment crosses it.
 const RUN: f64 = 100.0;
@@ -63,7 +64,7 @@ impl Surface {
         // Most edges lie beside the line, or cross it at a larger angle than leaves them near it for so long.
         let off = [u, v].map(|c| line.side(c) * 2.0 * line.half_nm);
         let is_beside = off[0] * off[1] > 0.0 && off[0].abs().min(off[1].abs()) > ON_RIM;
-        let length = (f64::from(v.x) - f64::from(u.x)).hypot(f64::from(v.y) - f64::from(u.y));
+        let length = math::hypot(f64::from(v.x) - f64::from(u.x), f64::from(v.y) - f64::from(u.y));
         // An edge that crosses the line is within ON_RIM of it over 2 * ON_RIM * length / |off[0] - off[1]| of its
         // length. Twice that is compared, since this only sorts out early; below, the stretch itself is measured.
         if is_beside || (off[0] - off[1]).abs() * RUN > 4.0 * ON_RIM * length {

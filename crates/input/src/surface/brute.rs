@@ -4,6 +4,7 @@
 
 use super::{Cursor, Heightmap, Samples, Span, Surface};
 use terrace_core::geom::{NM_PER_MM, P2};
+use terrace_core::math;
 use terrace_core::random::Random;
 
 /// Both the stroke's points and the facets' corners lie on the grid, and the walk closes what the grid
@@ -91,7 +92,7 @@ fn fan(noise: &mut Random, [w, h]: [i64; 2], tall: i64) -> Vec<Facet> {
         .map(|i| {
             let angle = i as f64 / n as f64 * std::f64::consts::TAU;
             let far = |side: i64, of: f64| (side as f64 / 2.0 * of) as i64;
-            [far(w, angle.cos()), far(h, angle.sin()), noise.between(-tall, tall)]
+            [far(w, math::cos(angle)), far(h, math::sin(angle)), noise.between(-tall, tall)]
         })
         .collect();
     (0..n).map(|i| [hub, rim[i], rim[(i + 1) % n]]).collect()
@@ -223,15 +224,15 @@ fn view(f: &Facet, [x, y]: [f64; 2]) -> Option<FacetView> {
     for k in 0..3 {
         let (u, v) = (corners[k], corners[(k + 1) % 3]);
         let d = [v[0] - u[0], v[1] - u[1]];
-        let len = d[0].hypot(d[1]);
+        let len = math::hypot(d[0], d[1]);
         depth = depth.min((d[0] * (p[1] - u[1]) - d[1] * (p[0] - u[0])) / len * area.signum());
         let t = (((p[0] - u[0]) * d[0] + (p[1] - u[1]) * d[1]) / (len * len)).clamp(0.0, 1.0);
-        let away = (p[0] - u[0] - t * d[0]).hypot(p[1] - u[1] - t * d[1]);
+        let away = math::hypot(p[0] - u[0] - t * d[0], p[1] - u[1] - t * d[1]);
         outside = if k == 0 { away } else { outside.min(away) };
     }
     let depth = if depth < 0.0 { -outside } else { depth };
     let n = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2]];
-    let slope = (n[0] / area).hypot(n[1] / area);
+    let slope = math::hypot(n[0] / area, n[1] / area);
     let z = -(n[0] * p[0] + n[1] * p[1]) / area;
     let (lo, hi) = (b[2].min(c[2]).min(0.0), b[2].max(c[2]).max(0.0));
     let tolerance = (slope * 2.0 * NEAR).min(hi - lo) + 1.0;

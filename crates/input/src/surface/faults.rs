@@ -4,6 +4,7 @@
 //! `docs/job-file.md` has the table of the rules.
 
 use terrace_core::diag::{Diag, Place};
+use terrace_core::math;
 
 /// What can be wrong with a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,7 +138,7 @@ impl Fault {
 
 /// A length with three digits.
 fn three_digits(v: f64) -> String {
-    let behind = (2.0 - v.log10().floor()).clamp(0.0, 12.0) as usize;
+    let behind = (2.0 - math::log10(v).floor()).clamp(0.0, 12.0) as usize;
     format!("{v:.behind$}")
 }
 

@@ -8,6 +8,7 @@
 
 use super::vertex::{ON_RIM, Vertex};
 use terrace_core::geom::{Box2, Buckets, Grid, Nm, P2};
+use terrace_core::math;
 
 /// Rims that are looked at: some 100 MB.
 const MAX_RIMS: usize = 1_000_000;
@@ -50,7 +51,7 @@ impl Rim {
         let ends = [f[he as usize % 3], f[(he as usize % 3 + 1) % 3]];
         let [from, to] = ends.map(|v| place(vertices[v as usize]));
         let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-        let length = dx.hypot(dy);
+        let length = math::hypot(dx, dy);
         (length > 0.0).then(|| Self { ends, from, to, out: [dy / length, -dx / length] })
     }
 
@@ -180,7 +181,7 @@ fn between(corner: u32, at: [f64; 3], mut own: impl Iterator<Item = [f64; 2]>, o
         return Between::Nothing;
     }
     let across = [near[0] - at[0], near[1] - at[1]];
-    let length = across[0].hypot(across[1]);
+    let length = math::hypot(across[0], across[1]);
     let is_closed = length <= 2.0 * ON_RIM;
     // Along the rims lies the next corner, not the other side.
     let looks = |out: [f64; 2]| is_closed || dot(out, across) > ACROSS * length;

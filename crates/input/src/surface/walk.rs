@@ -490,6 +490,7 @@ impl Surface {
 mod tests {
     use super::*;
     use terrace_core::geom::NM_PER_MM;
+    use terrace_core::math;
 
     fn surface(facets: Vec<[[f64; 3]; 3]>) -> Surface {
         Surface::from_facets(facets, &mut Vec::new()).expect("a good surface")
@@ -630,7 +631,7 @@ mod tests {
 
     #[test]
     fn cutting_a_segment_anywhere_changes_no_height() {
-        let f = |x: f64, y: f64| (x * 1.3).sin() + (y * 0.7).cos();
+        let f = |x: f64, y: f64| math::sin(x * 1.3) + math::cos(y * 0.7);
         let s = surface(sheet(30, 10.0, f));
         let (a, b) = ([0.3, 0.7], [9.1, 8.2]);
         let whole = spans(&s, a, b);

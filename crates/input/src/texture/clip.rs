@@ -2,6 +2,7 @@
 
 use super::place::{LEAST, NM};
 use terrace_core::geom::BoxMm;
+use terrace_core::math;
 
 /// A point may miss the border by this much, mm, and still lies in the rectangle: it is moved onto it.
 /// Without it the noise of f64 would cut figures that touch the border.
@@ -132,7 +133,7 @@ struct Strip {
 
 fn strip(line: &[[f64; 2]]) -> Strip {
     let [x, y] = line[0];
-    let away = |p: &[f64; 2]| (p[0] - x).hypot(p[1] - y);
+    let away = |p: &[f64; 2]| math::hypot(p[0] - x, p[1] - y);
     let far = line.iter().copied().fold(line[0], |far, p| if away(&p) > away(&far) { p } else { far });
     let length = away(&far);
     let [dx, dy] = [(far[0] - x) / length, (far[1] - y) / length];
@@ -214,7 +215,7 @@ pub(super) fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
     let v = [p[0] - a[0], p[1] - a[1]];
     let square = d[0] * d[0] + d[1] * d[1];
     let t = if square > 0.0 { ((d[0] * v[0] + d[1] * v[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (v[0] - t * d[0]).hypot(v[1] - t * d[1])
+    math::hypot(v[0] - t * d[0], v[1] - t * d[1])
 }
 
 /// Whether the whole polyline lies in the rectangle, borders included.
@@ -397,7 +398,7 @@ mod tests {
 
     #[test]
     fn figures_that_enclose_something_and_open_lines_are_not_traced_twice() {
-        let arc = |k: i32| (f64::from(k) * 1e-4).sin_cos();
+        let arc = |k: i32| math::sin_cos(f64::from(k) * 1e-4);
         let dense: Vec<[f64; 2]> = (0..=62_832).map(|k| [arc(k).1, arc(k).0]).chain([[1.0, 0.0]]).collect();
         for line in [
             vec![[0.0, 0.0], [9.0, 0.0], [9.0, 0.002], [0.0, 0.0]],
@@ -422,7 +423,7 @@ mod tests {
         let cut = clipped(&zigzag);
         assert_eq!(cut.len(), 10);
         let length: f64 =
-            cut.iter().flat_map(|p| p.windows(2)).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
-        assert!((length - 19.0 * 0.5 * 0.4_f64.hypot(10.0)).abs() < 1e-5, "{length}");
+            cut.iter().flat_map(|p| p.windows(2)).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum();
+        assert!((length - 19.0 * 0.5 * math::hypot(0.4, 10.0)).abs() < 1e-5, "{length}");
     }
 }

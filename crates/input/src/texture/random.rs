@@ -1,5 +1,6 @@
 //! Numbers that follow from a seed alone.
 
+use terrace_core::math;
 /// SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number generators, 2014).
 #[derive(Clone, Debug)]
 pub(super) struct Random(u64);
@@ -24,7 +25,7 @@ impl Random {
 
     /// From 0 to 1, which is left out.
     pub(super) fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 * (-53f64).exp2()
+        (self.next() >> 11) as f64 * math::exp2(-53f64)
     }
 
     /// From 0 to `n`, which is left out; `n` is above 0.

@@ -8,6 +8,7 @@ use super::place::Site;
 use super::{Kind, Size};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::BoxMm;
+use terrace_core::math;
 
 /// From this many times the part's size a drawing is reported: a slip of 25.4 makes it so large where it was to fill
 /// more than half of the part.
@@ -177,7 +178,7 @@ fn figure(v: f64) -> String {
     if v == 0.0 || !v.is_finite() {
         return v.to_string();
     }
-    let digits = (5 - v.abs().log10().floor() as i64).clamp(0, 12) as usize;
+    let digits = (5 - math::log10(v.abs()).floor() as i64).clamp(0, 12) as usize;
     let text = format!("{v:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -3,6 +3,7 @@
 use super::*;
 use terrace_core::geom::{BoxMm, FieldPoint, Turn};
 use terrace_core::machine::{Commanded, Machine, TiltAngles};
+use terrace_core::math;
 use terrace_core::program::{PassId, PenId, SectionId, SetupId, Stop, Stroke, StrokeId};
 use terrace_core::random::Random;
 
@@ -100,7 +101,7 @@ fn clipped(a: [i64; 2], b: [i64; 2], cell: [i64; 2], side: i64) -> f64 {
         }
     }
     let [dx, dy] = [0, 1].map(|k| (b[k] - a[k]) as f64);
-    (span[1] - span[0]).max(0.0) * dx.hypot(dy)
+    (span[1] - span[0]).max(0.0) * math::hypot(dx, dy)
 }
 
 #[test]
@@ -132,7 +133,7 @@ fn a_segment_passes_the_cells_it_crosses_and_no_others() {
                 assert!((length - want).abs() < 1e-6, "seed {seed}: {a:?} to {b:?} in {at:?}: {length} {want}");
             }
         }
-        let whole = ((b[0] - a[0]) as f64).hypot((b[1] - a[1]) as f64);
+        let whole = math::hypot((b[0] - a[0]) as f64, (b[1] - a[1]) as f64);
         assert!((lengths.iter().sum::<f64>() - whole).abs() < 1e-6, "seed {seed}: {a:?} to {b:?}");
         let distinct: std::collections::BTreeSet<_> = passed.iter().collect();
         assert_eq!(distinct.len(), passed.len(), "seed {seed}: {a:?} to {b:?}: no cell is passed twice");
@@ -198,7 +199,7 @@ fn length_of_a_straight_border_is_exact() {
     let n = 400usize;
     let grid = grid(400, 400, 1);
     for degrees in [0.0f64, 10.0, 15.0, 22.5, 26.57, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0, 135.0, 150.0] {
-        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (sin, cos) = math::sin_cos(degrees.to_radians());
         let side = |i: usize| {
             let (x, y) = ((i % n) as f64 + 0.5 - 200.3, (i / n) as f64 + 0.5 - 199.8);
             1 + u32::from(y * cos - x * sin > 0.0)
@@ -215,7 +216,7 @@ fn length_of_a_straight_border_is_exact() {
 fn length_of_a_circular_border_is_exact_and_unlabelled_sides_do_not_count() {
     let n = 400usize;
     let grid = grid(400, 400, 1);
-    let inside = |i: usize| ((i % n) as f64 - 199.2).hypot((i / n) as f64 - 200.1) < 150.0;
+    let inside = |i: usize| math::hypot((i % n) as f64 - 199.2, (i / n) as f64 - 200.1) < 150.0;
     let labels = |out: u32| (0..n * n).map(|i| if inside(i) { 7 } else { out }).collect::<Vec<u32>>();
     let found = measure::seam_cells(&grid, &labels(3));
     assert!((found / (300.0 * std::f64::consts::PI) - 1.0).abs() < 0.005, "{found}");
@@ -276,7 +277,7 @@ fn a_level_without_marks_is_not_painted_and_lines_of_one_level_are_one_part() {
         }
     }
     // 1.4 % for its direction, and a cell for each of its ends.
-    let length = (11.25f64).hypot(11.25 * 1.01);
+    let length = math::hypot(11.25f64, 11.25 * 1.01);
     assert!((map.seam_mm() / length - 1.0).abs() < 0.05, "{} {length}", map.seam_mm());
 }
 

@@ -10,6 +10,7 @@
 use super::Stepped;
 use terrace_core::geom::{NM_PER_MM, P3};
 use terrace_core::machine::{Machine, Origin};
+use terrace_core::math;
 use terrace_core::program::Block;
 
 /// The names of the columns.
@@ -31,7 +32,7 @@ impl Pose {
         let centre = block.stop.centre;
         let at = turn.back(P3::new([centre.x, centre.y, block.stage_plane().0].map(|v| v as f64))).at;
         let [x, y, z] = turn.rows();
-        let turns = [x[1].atan2(x[0]), (-x[2]).atan2(x[0].hypot(x[1])), y[2].atan2(z[2])];
+        let turns = [math::atan2(x[1], x[0]), math::atan2(-x[2], math::hypot(x[0], x[1])), math::atan2(y[2], z[2])];
         Self { at: at.map(|v| v.round() as i64), turns: turns.map(|v| (v.to_degrees() * 1e6).round() as i64) }
     }
 
@@ -75,11 +76,11 @@ mod tests {
             let pose = Pose::of(&machine, &block, Origin([1_000_000, 2_000_000, 3_000_000]));
             let [_, _, _, rz, ry, rx] = pose.values().map(f64::to_radians);
             let column = [
-                rz.cos() * ry.sin() * rx.cos() + rz.sin() * rx.sin(),
-                rz.sin() * ry.sin() * rx.cos() - rz.cos() * rx.sin(),
-                ry.cos() * rx.cos(),
+                math::cos(rz) * math::sin(ry) * math::cos(rx) + math::sin(rz) * math::sin(rx),
+                math::sin(rz) * math::sin(ry) * math::cos(rx) - math::cos(rz) * math::sin(rx),
+                math::cos(ry) * math::cos(rx),
             ];
-            let ((sa, ca), (sb, cb)) = (f64::to_radians(a).sin_cos(), f64::to_radians(b).sin_cos());
+            let ((sa, ca), (sb, cb)) = (math::sin_cos(f64::to_radians(a)), math::sin_cos(f64::to_radians(b)));
             let wanted = [sb * ca, -sa, cb * ca];
             let off = (0..3).map(|k| (column[k] - wanted[k]).abs()).fold(0.0, f64::max);
             assert!(off < 3e-8, "{a} {b}: {column:?} {wanted:?}");

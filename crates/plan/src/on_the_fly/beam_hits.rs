@@ -12,6 +12,7 @@ use crate::projection::Tracer;
 use terrace_core::diag::Error;
 use terrace_core::geom::{NM_PER_MM, P2, P3Mm, UnitVector};
 use terrace_core::machine::Machine;
+use terrace_core::math;
 use terrace_input::surface::Surface;
 
 /// A beam this far next to a border may be on either side of it, nm: what marks may stray from rounding.
@@ -221,7 +222,7 @@ pub(crate) fn focus_on_part(
                 judge.leaning(samples.map(|sample| beam(&sample)), path.as_mut(), way)
             }
         };
-        let length = way[0].hypot(way[1]);
+        let length = math::hypot(way[0], way[1]);
         out.defocus = out.defocus.max(worst.hit.defocus);
         out.angle = out.angle.max(worst.hit.angle);
         if !judge.keeps_limits(worst.hit) {
@@ -265,7 +266,7 @@ impl BeamJudge<'_> {
     fn upright(&mut self, a: &Beam, b: &Beam) -> MarkHit {
         let [p, q] = [a, b].map(|beam| beam.at.xy().map(|v| v * NM_PER_MM));
         let way = [q[0] - p[0], q[1] - p[1]];
-        let length = way[0].hypot(way[1]);
+        let length = math::hypot(way[0], way[1]);
         let side = if length > 0.0 { [-way[1] / length, way[0] / length] } else { [1.0, 0.0] };
         let mut first = None;
         for by in [0.0, BORDER, -BORDER] {
@@ -294,7 +295,7 @@ impl BeamJudge<'_> {
         let start = MarkHit { hit: BeamHit::default(), at: p.mm() };
         ends.into_iter().fold(start, |worst, (t, z, normal)| {
             let defocus = (z / NM_PER_MM - (plane_z[0] + t * (plane_z[1] - plane_z[0]))).abs();
-            let hit = BeamHit { defocus, angle: normal[2].clamp(-1.0, 1.0).acos(), beside: 0.0 };
+            let hit = BeamHit { defocus, angle: math::acos(normal[2].clamp(-1.0, 1.0)), beside: 0.0 };
             self.worse(worst, MarkHit { hit, at: p.lerp(q, t).mm() })
         })
     }
@@ -322,7 +323,7 @@ impl BeamJudge<'_> {
         if let Some(hit) = straight.filter(|&hit| self.keeps_limits(hit)) {
             return hit;
         }
-        let length = way[0].hypot(way[1]);
+        let length = math::hypot(way[0], way[1]);
         let along = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
         let mut first = straight;
         for s in [0.0, -1.0, 1.0] {
@@ -371,7 +372,7 @@ impl BeamJudge<'_> {
         let (off, normal) = found?;
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
         let [x, y] = [0, 1].map(|k| beam.at[k] + off * up[k] - meant[k]);
-        Some(BeamHit { defocus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
+        Some(BeamHit { defocus: off.abs(), angle: math::acos(cos.clamp(-1.0, 1.0)), beside: math::hypot(x, y) })
     }
 }
 

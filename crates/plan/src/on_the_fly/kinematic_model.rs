@@ -11,6 +11,7 @@ use crate::on_the_fly::topp::Limit;
 use terrace_core::diag::Error;
 use terrace_core::geom::{P3Mm, Part};
 use terrace_core::machine::{Carries, Letter, Machine};
+use terrace_core::math;
 use terrace_core::motion::GalvoModel;
 use terrace_core::program::Pen;
 
@@ -82,7 +83,7 @@ impl<'a> KinematicModel<'a> {
     /// `fly-servo` where frequency or damping of a servo is not positive and finite.
     pub fn scanner_margin(&self) -> Result<f64, Error> {
         let (reach, [x, y]) = (self.machine.field_reach(), Servo::following_error(self.machine)?);
-        Ok(reach - x.hypot(y).min(reach / 2.0))
+        Ok(reach - math::hypot(x, y).min(reach / 2.0))
     }
 
     /// A point of the part seen from the pivot.
@@ -148,7 +149,7 @@ impl<'a> KinematicModel<'a> {
         let node = &path.nodes[i];
         let Some(pen) = node.pen.or(node.run) else { return self.machine.scanner.jump_speed.as_mm_s() };
         let (plan, rise) = (way[i] - way[i - 1], path.nodes[i].at[2] - path.nodes[i - 1].at[2]);
-        self.pens[pen.index()].speed.as_mm_s() * plan / plan.hypot(rise)
+        self.pens[pen.index()].speed.as_mm_s() * plan / math::hypot(plan, rise)
     }
 }
 

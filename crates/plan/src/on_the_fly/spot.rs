@@ -16,6 +16,7 @@ use crate::on_the_fly::path::{NodeKind, Path};
 use crate::on_the_fly::topp::{self, TimedPath};
 use terrace_core::diag::Error;
 use terrace_core::geom::P3Mm;
+use terrace_core::math;
 use terrace_core::motion::GalvoModel;
 
 /// Where the spot comes to rest.
@@ -287,7 +288,7 @@ impl<'a> Course<'a> {
 fn is_straight(path: &Path, first: usize, last: usize) -> bool {
     let [a, b] = [first, last].map(|i| path.nodes[i].at);
     let chord = [b[0] - a[0], b[1] - a[1]];
-    let length = chord[0].hypot(chord[1]);
+    let length = math::hypot(chord[0], chord[1]);
     let distance = |p: P3Mm| ((p[0] - a[0]) * chord[1] - (p[1] - a[1]) * chord[0]).abs() / length;
     last == first + 1 || length > 0.0 && path.nodes[first + 1..last].iter().all(|node| distance(node.at) <= STRAIGHT)
 }

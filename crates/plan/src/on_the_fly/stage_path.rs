@@ -16,6 +16,7 @@ use crate::on_the_fly::spline;
 use crate::on_the_fly::spot::SpotMotion;
 use crate::on_the_fly::topp::Limit;
 use terrace_core::geom::P3Mm;
+use terrace_core::math;
 use terrace_core::parallel;
 
 /// Nodes of the stage's path per window of time.
@@ -176,10 +177,10 @@ impl HoldingPeaks {
     fn within_reach_of_stage(self, model: &KinematicModel<'_>) -> Self {
         let [x, y] = [&model.limits[0], &model.limits[1]];
         let jerk = match (x.jerk, y.jerk) {
-            (Some(x), Some(y)) => self.jerk.min(2.0 * x.hypot(y)),
+            (Some(x), Some(y)) => self.jerk.min(2.0 * math::hypot(x, y)),
             _ => self.jerk,
         };
-        Self { acceleration: self.acceleration.min(2.0 * x.acceleration.hypot(y.acceleration)), jerk }
+        Self { acceleration: self.acceleration.min(2.0 * math::hypot(x.acceleration, y.acceleration)), jerk }
     }
 
     /// How many times smaller what is left of a limit is than the limit.

@@ -222,6 +222,7 @@ mod tests {
     use super::*;
     use crate::on_the_fly::path::{Node, NodeKind};
     use terrace_core::geom::P3Mm;
+    use terrace_core::math;
     use terrace_core::program::{PenId, PieceId};
     use terrace_core::units::{Frequency, Power, Speed};
 
@@ -277,7 +278,7 @@ mod tests {
         let motion = sync.motion(&path, &schedule);
         for w in motion.waypoints.windows(2).filter(|w| w[1].pen.is_some()) {
             let [a, b] = [0, 1].map(|i| [0, 1].map(|k| w[i].axes[k] + w[i].axes[5 + k]));
-            let speed = (b[0] - a[0]).hypot(b[1] - a[1]) / (w[1].time - w[0].time);
+            let speed = math::hypot(b[0] - a[0], b[1] - a[1]) / (w[1].time - w[0].time);
             assert!((speed * sync.slower / 1000.0 - 1.0).abs() < 1e-6, "{speed}");
         }
     }

@@ -20,6 +20,7 @@ use crate::on_the_fly::xyzuv::average_search::{AverageSearch, RampedAverage, slo
 use terrace_core::diag::Error;
 use terrace_core::geom::P3Mm;
 use terrace_core::machine::Machine;
+use terrace_core::math;
 use terrace_core::program::{PenId, PieceId};
 
 /// Time of a job that steps through `stops` and processes between moves (eq. 8).
@@ -79,7 +80,7 @@ impl Peaks {
     /// How many times slower the motion must run to keep `limits`; 1 where it keeps them.
     pub fn slowed(&self, limits: &Self) -> f64 {
         // Run k times slower, speed falls by k, acceleration by k² and jerk by k³.
-        let jerk = if limits.jerk.is_finite() { (self.jerk / limits.jerk).cbrt() } else { 0.0 };
+        let jerk = if limits.jerk.is_finite() { math::cbrt(self.jerk / limits.jerk) } else { 0.0 };
         (self.speed / limits.speed).max((self.acceleration / limits.acceleration).sqrt()).max(jerk).max(1.0)
     }
 }

@@ -231,6 +231,7 @@ fn ends(paths: &[Path<'_>], visit: &Visit) -> [FieldPoint; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrace_core::math;
     use terrace_core::random::Random;
 
     fn jumps(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
@@ -306,7 +307,7 @@ mod tests {
             .windows(2)
             .map(|w| {
                 let [a, b] = [ends(&paths, &w[0])[1], ends(&paths, &w[1])[0]];
-                f64::from(b.x - a.x).hypot(f64::from(b.y - a.y))
+                math::hypot(f64::from(b.x - a.x), f64::from(b.y - a.y))
             })
             .collect();
         assert!(steps.iter().all(|&s| s <= 1000.0), "{steps:?}");
@@ -318,11 +319,11 @@ mod tests {
         // A ring of 200 corners whose nearest to the field's centre is not one of the outermost.
         let corner = |i: i32| {
             let turn = f64::from(i % 200) / 200.0 * std::f64::consts::TAU;
-            FieldPoint::new(9_000_000 + (2e6 * turn.cos()) as i32, 4_000_000 + (2e6 * turn.sin()) as i32)
+            FieldPoint::new(9_000_000 + (2e6 * math::cos(turn)) as i32, 4_000_000 + (2e6 * math::sin(turn)) as i32)
         };
         let ring: Vec<FieldPoint> = (0..=200).map(corner).collect();
         let visits = order(&[Path { points: &ring, is_closed: true }]);
-        let away = |p: FieldPoint| f64::from(p.x).hypot(f64::from(p.y));
+        let away = |p: FieldPoint| math::hypot(f64::from(p.x), f64::from(p.y));
         let nearest = ring.iter().map(|&p| away(p)).fold(f64::INFINITY, f64::min);
         assert_eq!(away(ring[visits[0].start as usize]), nearest);
         // As a piece of something longer it has two ends that happen to meet.

@@ -128,6 +128,7 @@ const MOST_FIGURES: usize = 200_000;
 mod tests {
     use super::*;
     use terrace_core::machine::FieldShape;
+    use terrace_core::math;
     use terrace_core::random::Random;
     use terrace_core::units::Length;
 
@@ -143,7 +144,7 @@ mod tests {
         for (i, a) in at.iter().enumerate() {
             for b in &at[i + 1..] {
                 let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-                let half = dx.hypot(dy) / 2.0;
+                let half = math::hypot(dx, dy) / 2.0;
                 if half > 0.0 && half <= radius {
                     let off = (radius * radius - half * half).sqrt() / (2.0 * half);
                     let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
@@ -151,7 +152,7 @@ mod tests {
                 }
             }
         }
-        centres.iter().any(|c| at.iter().all(|p| (p[0] - c[0]).hypot(p[1] - c[1]) <= radius + 1.0))
+        centres.iter().any(|c| at.iter().all(|p| math::hypot(p[0] - c[0], p[1] - c[1]) <= radius + 1.0))
     }
 
     /// The least number of stops, by trying every way to part the points.

@@ -99,6 +99,7 @@ fn made_of(pen: &Pen, dose: &Dose, factor: f64) -> Pen {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrace_core::math;
 
     fn dose(compensate: Compensate) -> Dose {
         Dose { compensate, cap: 1.5, step: 0.01 }
@@ -108,7 +109,7 @@ mod tests {
     fn factors_follow_the_cosine_up_to_the_cap() {
         let at = |compensate, deg: f64| {
             let dose = dose(compensate);
-            steps(&dose, deg.to_radians().cos()).map(|k| factor(&dose, k))
+            steps(&dose, math::cos(deg.to_radians())).map(|k| factor(&dose, k))
         };
         assert_eq!(at(Compensate::Speed, 0.0), None);
         assert_eq!(at(Compensate::Speed, 5.0), None, "cos 0.9962");
@@ -118,7 +119,7 @@ mod tests {
         assert_eq!(at(Compensate::Power, 80.0), Some(1.5));
         for compensate in [Compensate::Speed, Compensate::Power] {
             for tenths in 0..850 {
-                let cos = (f64::from(tenths) / 10.0).to_radians().cos();
+                let cos = math::cos((f64::from(tenths) / 10.0).to_radians());
                 let ideal = if compensate == Compensate::Speed { cos.max(1.0 / 1.5) } else { (1.0 / cos).min(1.5) };
                 let got = steps(&dose(compensate), cos).map_or(1.0, |k| factor(&dose(compensate), k));
                 assert!((got - ideal).abs() <= 0.01, "{tenths}: {got} for {ideal}");

@@ -15,6 +15,7 @@
 use crate::projection::Tracer;
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, Nm, P2, nearest};
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::program::Sections;
 use terrace_core::progress::Task;
@@ -103,7 +104,7 @@ impl HatchSection {
     /// The direction of the fewest fragments; of several the least, along x where none is better.
     fn best(&self) -> u16 {
         let level = |g: &[f64; 2]| {
-            let degrees = (-g[0]).atan2(g[1]).to_degrees().rem_euclid(180.0);
+            let degrees = math::atan2(-g[0], g[1]).to_degrees().rem_euclid(180.0);
             (degrees * 100.0).round() as u16 % Directions::COUNT
         };
         let flat = |g: &&[f64; 2]| **g != [0.0, 0.0];

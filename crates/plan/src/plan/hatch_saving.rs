@@ -7,6 +7,7 @@ use super::SteppedPlan;
 use super::hatch_direction::HatchSection;
 use crate::projection::Tracer;
 use terrace_core::geom::{Box2, Nm};
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::program::PassId;
 use terrace_input::job::Job;
@@ -111,7 +112,7 @@ impl SectionFragments {
             let mut hatch = HatchSection::default();
             hatch.add(outline, area, depth.f64(), tracer);
             for (k, sum) in turned.iter_mut().enumerate() {
-                let (s, c) = (direction + (k as f64 * f64::from(STEP_DEG)).to_radians()).sin_cos();
+                let (s, c) = math::sin_cos(direction + (k as f64 * f64::from(STEP_DEG)).to_radians());
                 *sum += hatch.fragments([c, s]);
             }
             all.join(hatch);

@@ -9,6 +9,7 @@
 use super::orient;
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::{Pose, SpacePoint};
+use terrace_core::math;
 use terrace_core::units::Angle;
 use terrace_input::job::{Attitude, Job};
 use terrace_input::surface::{self, Content};
@@ -109,7 +110,7 @@ pub fn lay(job: &Job, side: Side) -> Result<Laying, Error> {
             facets.nearest(in_mm).map(|v| -v)
         }
         Side::Found if reason == Reason::Winding => facets.sum,
-        Side::Found => facets.best_side(job.limits.max_incidence.as_rad().cos()).map_err(here)?,
+        Side::Found => facets.best_side(math::cos(job.limits.max_incidence.as_rad())).map_err(here)?,
     };
     let Some(tilt) = Pose::from_up(up) else {
         let d = Diag::input("placement-laid", "the direction that is to look at the lens has no length");
@@ -190,7 +191,7 @@ impl FacetSums {
         // Evenly spread: each a golden angle on from the one before.
         let spread = (0..DIRECTIONS).map(|i| {
             let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
-            let (sin, cos) = (i as f64 * 2.399_963_229_728_653).sin_cos();
+            let (sin, cos) = math::sin_cos(i as f64 * 2.399_963_229_728_653);
             let r = (1.0 - z * z).sqrt();
             [r * cos, r * sin, z]
         });
@@ -234,7 +235,7 @@ impl FacetSums {
 
 /// The sides of the box around points of the plane, turned by `deg`.
 fn sides(points: &[[f64; 2]], deg: f64) -> [f64; 2] {
-    let (sin, cos) = deg.to_radians().sin_cos();
+    let (sin, cos) = math::sin_cos(deg.to_radians());
     [[cos, -sin], [sin, cos]].map(|[a, b]| {
         let along = points.iter().map(|[x, y]| a * x + b * y);
         let (lo, hi) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -280,7 +281,7 @@ impl Laying {
     /// Whether the part lies on that side already: within the fixture angles that [`super::orient`] tries it leans.
     pub fn is_as_placed(&self, laid: Option<Attitude>) -> bool {
         let now = laid.and_then(|laid| laid.pose()).map_or(self.up, |pose| pose.apply(self.up));
-        now[2] > orient::STEEPEST.to_radians().cos()
+        now[2] > math::cos(orient::STEEPEST.to_radians())
     }
 }
 

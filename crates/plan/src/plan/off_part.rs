@@ -8,6 +8,7 @@ use super::stroke_chunks::Sweep;
 use crate::projection::{Skip, Tracer, segments};
 use terrace_core::diag::Diag;
 use terrace_core::geom::{Nm, P2};
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::units::Share;
 use terrace_input::job::Job;
@@ -47,7 +48,7 @@ impl TextureLengths {
         let is_dot = points.len() == 1;
         self.dots += u64::from(is_dot);
         for (a, b) in segments(points) {
-            let length = ((b.x - a.x) as f64).hypot((b.y - a.y) as f64);
+            let length = math::hypot((b.x - a.x) as f64, (b.y - a.y) as f64);
             all += length;
             tracer.segment(a, b, |piece| {
                 if piece.skip == Some(Skip::OffPart) {

@@ -7,6 +7,7 @@
 
 use crate::emit::Target;
 use std::sync::Arc;
+use terrace_core::math;
 
 use crate::budget::{Relief, StatedErrors};
 use crate::emit::{self, FlyFile};
@@ -177,7 +178,7 @@ fn plan_motion(
         strokes: &strokes,
         origin,
         surface: &inputs.surface,
-        height_field: &height_field.no_steeper_than(max_incidence.tan()),
+        height_field: &height_field.no_steeper_than(math::tan(max_incidence)),
         spacing: half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES,
         half_depth,
         max_incidence,
@@ -204,7 +205,7 @@ fn slow_jumps(machine: &Machine) -> Machine {
     let mut slow = machine.clone();
     let (x, y) = (&machine.stage.x, &machine.stage.y);
     let jump = machine.scanner.jump_speed.as_mm_s();
-    let stage = x.speed.as_mm_s().hypot(y.speed.as_mm_s());
+    let stage = math::hypot(x.speed.as_mm_s(), y.speed.as_mm_s());
     slow.scanner.jump_speed = Speed::mm_s((jump - stage).max(0.5 * jump));
     slow
 }
@@ -300,7 +301,7 @@ impl Planner<'_> {
         if !leans {
             return near;
         }
-        let beside = 3.0 * self.height_field.steepest_lean().sin() / self.max_incidence.cos();
+        let beside = 3.0 * math::sin(self.height_field.steepest_lean()) / math::cos(self.max_incidence);
         if near * beside > STRAY { STRAY / beside } else { near }
     }
 
@@ -376,7 +377,7 @@ impl Planner<'_> {
             let [dx, dy] = height.slope;
             Relief {
                 off_um: worst.off_um.max((z - height.z).abs() * 1e3),
-                slope_rad: worst.slope_rad.max(dx.hypot(dy).atan()),
+                slope_rad: worst.slope_rad.max(math::atan(math::hypot(dx, dy))),
             }
         })
     }

@@ -18,6 +18,7 @@ use super::stroke_chunks::Sweep;
 use terrace_core::diag::Error;
 use terrace_core::geom::{Box2, Nm, P2, P3, Turn};
 use terrace_core::machine::{Commanded, Machine};
+use terrace_core::math;
 use terrace_core::motion;
 use terrace_core::parallel;
 use terrace_core::program::{PassId, Sections};
@@ -130,7 +131,7 @@ struct Lean {
 impl Lean {
     /// What the best fixture angle has least of: stage time, and of equal times the angle itself.
     fn measure(&self) -> [f64; 2] {
-        [self.stage_s, self.deg[0].hypot(self.deg[1])]
+        [self.stage_s, math::hypot(self.deg[0], self.deg[1])]
     }
 }
 

@@ -5,6 +5,7 @@
 
 use super::Plan;
 use terrace_core::diag::{Diag, Place};
+use terrace_core::math;
 use terrace_input::surface::bodies::{self, Bodies};
 use terrace_input::surface::{self, Facing};
 use terrace_input::texture::Texture;
@@ -51,8 +52,8 @@ pub fn look_at(plan: &Plan, Facets { facets, are_too_many }: &Facets) -> Vec<Dia
     if *are_too_many {
         return vec![not_looked_at(place)];
     }
-    let mut facing = Facing::new(&places(texture), job.limits.max_incidence.as_rad().cos());
-    let (s, c) = job.placement.turn.as_rad().sin_cos();
+    let mut facing = Facing::new(&places(texture), math::cos(job.limits.max_incidence.as_rad()));
+    let (s, c) = math::sin_cos(job.placement.turn.as_rad());
     let mut found = Bodies::default();
     for &facet in facets {
         found.facet(facet);
@@ -100,7 +101,7 @@ fn places(texture: &Texture) -> Vec<[f64; 2]> {
     for i in 0..strokes {
         texture.stroke((texture.len() as f64 * (i as f64 + 0.5) / strokes as f64) as usize, &mut points);
         let points: Vec<[f64; 2]> = points.iter().map(|p| p.mm()).collect();
-        let length = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]);
+        let length = |w: &[[f64; 2]]| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1]);
         let whole: f64 = points.windows(2).map(length).sum();
         let mut along = 0.0;
         let mut next = 0;

@@ -9,6 +9,7 @@ use crate::manifest::SpaceCurves;
 use crate::projection::Tracer;
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::{NM_PER_MM, Nm, P2, cos_sin};
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_input::job::Job;
 use terrace_input::surface::Surface;
@@ -183,7 +184,7 @@ fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> 
             }
             let length = (p.t1 - p.t0) * whole;
             fit.plan += length;
-            fit.on_surface += length.hypot(p.z1 - p.z0);
+            fit.on_surface += math::hypot(length, p.z1 - p.z0);
             if length <= GRAIN && whole > GRAIN {
                 return;
             }

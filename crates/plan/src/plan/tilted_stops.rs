@@ -8,6 +8,7 @@ use crate::partition::tilted_sections::TiltSite;
 use crate::projection::{MarksByField, TiltedFields};
 use terrace_core::geom::{Box2, Nm, P2};
 use terrace_core::machine::Machine;
+use terrace_core::math;
 use terrace_core::progress::Task;
 
 /// Most cells in which marks are sampled, 1600 a window: some 2 GB where every one holds marks.
@@ -32,7 +33,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &PassGrid, task:
     }
     let [sampling, holding] = task.split([1, 3]);
     let marks = sweep.marks(&samples, sampling);
-    let steepest = marks.worst_slope2.sqrt().atan();
+    let steepest = math::atan(marks.worst_slope2.sqrt());
     let samples = marks.list();
     // Tilts are chosen by samples; whether the tilted beam reaches all marks is decided by all of them.
     let mut fields = tilted.plan(&samples);
@@ -52,13 +53,14 @@ fn note_what_may_hide_marks(fields: &mut TiltedFields, sweep: Sweep<'_>, lowest:
         let field = &mut fields.list[k];
         // What could hide the lowest mark is no farther away than this.
         let [x, y, z] = field.turn.up();
-        let reach = Nm::ceil((highest - lowest) * x.hypot(y) / z) + Nm(1);
+        let reach = Nm::ceil((highest - lowest) * math::hypot(x, y) / z) + Nm(1);
         // The window reaches beyond the area by no more than this.
         let [w, h] = field.area.size();
         let window = grown(field.area, [(half[0] - w / 2).max(Nm(0)) + SPARE, (half[1] - h / 2).max(Nm(0)) + SPARE]);
         let around = grown(window, [reach; 2]);
         field.top = highest_in(&tiles, around);
-        let is_clear = sweep.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= sweep.max_slope.atan();
+        let is_clear =
+            sweep.surface.is_plain(around.lo, around.hi) && steepest + math::acos(z) <= math::atan(sweep.max_slope);
         if is_clear || field.tilt.is_upright() {
             continue;
         }

@@ -12,6 +12,7 @@ use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::format::Format;
 use terrace_core::geom::Nm;
 use terrace_core::machine::{LoadingWay, Machine};
+use terrace_core::math;
 use terrace_core::program::Program;
 use terrace_input::job::{Job, Method, Steep};
 use terrace_input::texture::Slip;
@@ -69,7 +70,7 @@ fn steep(job: &Job, split: &Fragments) -> Result<Option<Diag>, Error> {
 
 /// Marks that the beam meets at an angle.
 fn incidence(job: &Job, split: &Fragments) -> Option<Diag> {
-    let incidence = split.worst_slope2.sqrt().atan().to_degrees();
+    let incidence = math::atan(split.worst_slope2.sqrt()).to_degrees();
     let text =
         format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
     (incidence > job.limits.warn_incidence.as_deg())

@@ -239,6 +239,7 @@ mod tests {
     use super::super::Tracer;
     use super::super::tests::{LINES, MM, ends, slope};
     use super::*;
+    use terrace_core::math;
 
     const SAMPLING: Sampling = Sampling {
         rows: Rows { pitch: 8750, group: 8, used: 2 },
@@ -272,7 +273,7 @@ mod tests {
             let off = LINES.map(ends).map(|(a, b)| {
                 let d = [(b.x - a.x) as f64, (b.y - a.y) as f64];
                 let v = [x - a.x as f64, y - a.y as f64];
-                (d[0] * v[1] - d[1] * v[0]).abs() / d[0].hypot(d[1])
+                (d[0] * v[1] - d[1] * v[0]).abs() / math::hypot(d[0], d[1])
             });
             assert!(off.iter().any(|&o| o < 1.5), "{p:?} on a line");
         }

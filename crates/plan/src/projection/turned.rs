@@ -8,6 +8,7 @@ use super::footprint::{HeightRange, Heights};
 use super::{GridTracer, Keep, Piece, segments};
 use terrace_core::geom::{Box2, Nm, P2, P3, Turn, Turned};
 use terrace_core::machine::TiltAngles;
+use terrace_core::math;
 use terrace_core::program::Sections;
 
 /// A place that is marked at one turn of the part.
@@ -279,7 +280,7 @@ impl super::Tracer<'_> {
         let lean = [x / z, y / z];
         // The beam goes aside by this for every nanometre that it rises: above `top` nothing stands in its way, so what
         // does lies within `reach` of the mark.
-        let aside = lean[0].hypot(lean[1]);
+        let aside = math::hypot(lean[0], lean[1]);
         let lowest = p.z0.min(p.z1);
         let reach = (field.top - lowest).max(0.0) * aside;
         // What is so near is not seen at the ends of a mark either.

@@ -3,6 +3,7 @@
 
 use svg::Node;
 use svg::node::element::Element;
+use terrace_core::math;
 
 use super::outline::{self, Outlines, Ring};
 use super::sheet::{Detail, LEAST_FONT, Sheet, el, field_box, layer, num, rectangle, sheet_box, titled};
@@ -200,7 +201,7 @@ pub(super) fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) ->
             let font = spot.font * cell;
             let (x, y) = (ox + (spot.at[0] - 1.0) * cell, -(oy + (spot.at[1] - 1.0) * cell));
             // The base line lies 0.36 of the font below the middle, along the turned text.
-            let (sin, cos) = f64::from(-spot.turn).to_radians().sin_cos();
+            let (sin, cos) = math::sin_cos(f64::from(-spot.turn).to_radians());
             let [x, y] = [x - 0.36 * font * sin, y + 0.36 * font * cos].map(|v| plain(v, sheet.decimals));
             let mut t = el("text", &[("x", &x), ("y", &y), ("font-size", &num(font))]);
             if spot.turn != 0 {

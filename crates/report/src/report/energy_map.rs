@@ -6,6 +6,7 @@
 //! drawn where it lies in the turned part. Units: mm, J.
 
 use std::fmt::Write;
+use terrace_core::math;
 
 use super::colour::{hex, of_height};
 use super::page::escape;
@@ -141,7 +142,7 @@ impl EnergyMap {
         if energy <= 0.0 {
             return 0;
         }
-        let halves = (2.0 * (energy / self.median).log2()).round() as i64;
+        let halves = (2.0 * math::log2(energy / self.median)).round() as i64;
         1 + (halves + 4).clamp(0, COLOURS - 1) as u8
     }
 }
@@ -175,7 +176,7 @@ fn add_move(job: &OnTheFlyLayout<'_>, marked: &Marked, cells: &Cells, energy: &m
     // Where the power follows the speed of the spot the energy is that of the way at full power and speed.
     let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
     let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
-    let way = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let way = math::hypot(to[0] - from[0], to[1] - from[1]);
     let steps = (4.0 * way / cells.side).ceil().max(1.0);
     for k in 0..steps as u32 {
         let share = (f64::from(k) + 0.5) / steps;

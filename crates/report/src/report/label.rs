@@ -6,6 +6,7 @@
 //! makes it clearly larger. Time follows the cells. Units: cells, rim included.
 
 use super::outline::PaddedMap;
+use terrace_core::math;
 
 /// One number on the drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,7 +201,7 @@ fn fit(grid: &PaddedMap, of_cell: &[u32], core: &Core, i: usize, limit: f64) -> 
     let wide = DIGIT * f64::from(digits);
     // The circle round the cell's centre always holds a number; a band as deep holds one as tall.
     let radius = core.radius();
-    let sure = (2.0 * radius / wide.hypot(TALL)).min(limit);
+    let sure = (2.0 * radius / math::hypot(wide, TALL)).min(limit);
     let most = (2.0 * radius + 1.0).max(sure * TALL) / TALL;
     let mut spot = Spot { block: core.block, at, font: sure, turn: 0 };
     for turn in TURNS {
@@ -220,7 +221,7 @@ fn fit(grid: &PaddedMap, of_cell: &[u32], core: &Core, i: usize, limit: f64) -> 
 /// Whether the box of half sizes `half` round `at`, turned, lies in the piece of cell `i`: its long
 /// sides and its middle line are probed every half cell or, for large boxes, at 24 places.
 fn holds(grid: &PaddedMap, of_cell: &[u32], i: usize, at: [f64; 2], half: [f64; 2], turn: i32) -> bool {
-    let (sin, cos) = f64::from(turn).to_radians().sin_cos();
+    let (sin, cos) = math::sin_cos(f64::from(turn).to_radians());
     let steps = ((half[0] * 4.0).ceil() as i32).clamp(2, 24);
     for k in 0..=steps {
         let u = half[0] * (f64::from(2 * k) / f64::from(steps) - 1.0);

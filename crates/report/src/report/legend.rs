@@ -6,6 +6,7 @@
 
 use svg::Node;
 use svg::node::element::Element;
+use terrace_core::math;
 
 use super::colour::{self, BEYOND, BORDER, Colour, FAULT, FIELD, FILLS, OUTLINE, PART, PATH, TRAVEL, hex};
 use super::marks::{self, grouped};
@@ -76,7 +77,7 @@ fn has_origin(sheet: &Sheet) -> bool {
 fn scale_bar(g: &mut Element, sheet: &Sheet) {
     let (u, [x0, _, x1, y1]) = (sheet.unit, sheet.view);
     let most = ((x1 - x0) / 4.0).max(f64::MIN_POSITIVE);
-    let decade = 10f64.powf(most.log10().floor());
+    let decade = math::pow(10f64, math::log10(most).floor());
     let length = [5.0, 2.0, 1.0].into_iter().map(|k| k * decade).find(|&l| l <= most).unwrap_or(decade);
     let y = y1 + 4.6 * u;
     let mut bar = el("g", &[("id", "scale-bar"), ("stroke", "#111"), ("stroke-width", &num(0.12 * u))]);

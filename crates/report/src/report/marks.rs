@@ -9,6 +9,7 @@
 use svg::Node;
 use svg::node::Blob;
 use svg::node::element::Element;
+use terrace_core::math;
 
 use super::colour::{PENS, hex};
 use super::image;
@@ -393,7 +394,7 @@ impl Plane<'_> {
         let mut left = 0.0;
         for to in places {
             let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-            let length = dx.hypot(dy);
+            let length = math::hypot(dx, dy);
             let mut way = due;
             while way <= length {
                 let t = way / length;
@@ -449,7 +450,7 @@ mod tests {
         for (pen, line) in lines {
             let first = group.points.len() as u32;
             let len = line.len() as u32;
-            let length_mm = line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
+            let length_mm = line.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum();
             group.marks.push(Mark { pen: PenId(*pen), length_mm, first, len });
             let at = |p: &[f64; 2]| [(p[0] * 1e6) as i32, (p[1] * 1e6) as i32, 0];
             group.points.extend(line.iter().map(|p| Point { at: at(p), ..Point::default() }));

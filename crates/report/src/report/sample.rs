@@ -1,6 +1,7 @@
 //! Jobs for the tests: surfaces by formula, blocks by section and level.
 
 use std::collections::BTreeMap;
+use terrace_core::math;
 
 use super::{BlockMap, Layout, Marks};
 use crate::scene::{Frame, Group, Mark, Point, Relief, Scene};
@@ -219,7 +220,7 @@ impl Sample {
         let mut program = Program { pens: vec![pen()], ..Program::default() };
         let mut at = [-1e4; 2];
         while !left.is_empty() {
-            let away = |w: usize| (windows[w][0] - at[0]).hypot(windows[w][1] - at[1]);
+            let away = |w: usize| math::hypot(windows[w][0] - at[0], windows[w][1] - at[1]);
             let k = (0..left.len()).min_by(|&a, &b| away(left[a]).total_cmp(&away(left[b]))).expect("some left");
             let w = left.swap_remove(k);
             let [x, y, z] = windows[w];
@@ -283,7 +284,7 @@ impl Sample {
 
     /// A rippled plate with few blocks, some in several pieces.
     pub(super) fn ripple() -> Self {
-        Self::of("ripple", [58.0, 36.0], 0.1, Nm(100_000), |x, y| 0.08 * (x / 7.0).sin() + 0.07 * (y / 9.0).cos())
+        Self::of("ripple", [58.0, 36.0], 0.1, Nm(100_000), |x, y| 0.08 * math::sin(x / 7.0) + 0.07 * math::cos(y / 9.0))
     }
 
     /// One flat block smaller than the field.

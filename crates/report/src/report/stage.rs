@@ -4,6 +4,7 @@
 
 use std::fmt::Write;
 use std::ops::Range;
+use terrace_core::math;
 
 use svg::Node;
 use svg::node::element::Element;
@@ -150,7 +151,7 @@ fn dots(job: &Layout<'_>, stays: &[Stay], u: f64, detail: Detail) -> Element {
 /// A triangle in the middle of a move, pointing along it.
 fn push_arrow(d: &mut String, a: [f64; 2], b: [f64; 2], u: f64) {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let length = dx.hypot(dy);
+    let length = math::hypot(dx, dy);
     let size = (length * 0.3).min(u * 1.0);
     let [ex, ey] = [dx / length * size, dy / length * size];
     let (x, y) = ((a[0] + b[0]) / 2.0 + ex / 2.0, (a[1] + b[1]) / 2.0 + ey / 2.0);

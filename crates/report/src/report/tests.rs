@@ -1,6 +1,7 @@
 //! Properties of the drawing and of the report, on made-up jobs.
 
 use std::collections::{BTreeMap, BTreeSet};
+use terrace_core::math;
 
 use super::blocks::TIERS;
 use super::layout::{LIMIT, SharedShapes, within};
@@ -118,7 +119,7 @@ fn a_rectangle_keeps_its_corners_and_a_disc_few_points_within_half_a_cell() {
     assert_eq!(points.iter().collect::<BTreeSet<_>>(), BTreeSet::from([&[2, 2], &[82, 2], &[82, 62], &[2, 62]]));
 
     let (n, r) = (200i32, 90.3);
-    let distance = |x: f64, y: f64| (x - 100.0).hypot(y - 100.0);
+    let distance = |x: f64, y: f64| math::hypot(x - 100.0, y - 100.0);
     let labels: Vec<u32> =
         (0..n * n).map(|i| u32::from(distance(f64::from(i % n) + 0.5, f64::from(i / n) + 0.5) < r)).collect();
     let disc = trace(&PaddedMap::of(&map(200, &labels), 1));
@@ -428,7 +429,7 @@ fn the_frame_of_a_turned_part_is_turned() {
     };
     assert_eq!(frame(&sample), [[-30.0, 20.0], [30.0, 20.0], [30.0, -20.0], [-30.0, -20.0]]);
     // The marks reach from -29.75 to 29.75 and from -19.5 to 19.5; turned by 30 degrees about the origin.
-    let (sin, cos) = 30f64.to_radians().sin_cos();
+    let (sin, cos) = math::sin_cos(30f64.to_radians());
     let mut program = sample.checked.program().clone();
     for block in &mut program.blocks {
         let [x, y] = block.stop.centre.mm();

@@ -80,6 +80,7 @@ impl<'a> Beams<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrace_core::math;
 
     #[test]
     fn a_leaning_beam_meets_a_slope_where_the_two_cross() {
@@ -87,7 +88,7 @@ mod tests {
         let [a, b, c, d] = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, y]| [x, y, x / 2.0]);
         let surface = Surface::from_facets([[a, b, c], [a, c, d]], &mut Vec::new()).expect("facets");
         let mut beams = Beams::new(&surface);
-        let (sin, cos) = 20f64.to_radians().sin_cos();
+        let (sin, cos) = math::sin_cos(20f64.to_radians());
         let hit = beams.hit([1e6, 0.0, 2e6], [sin, 0.0, cos], 0.0).expect("on the part");
         // 1 + w sin = 2 (2 + w cos).
         let w = 3e6 / (sin - 2.0 * cos);

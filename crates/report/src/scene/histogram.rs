@@ -2,6 +2,7 @@
 
 use super::{Point, Scene};
 use terrace_core::geom::NM_PER_MM;
+use terrace_core::math;
 
 /// Marked length by value: bins of equal width.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,7 +44,7 @@ impl Histogram {
             for w in points.windows(2) {
                 // nm; without z, as lengths of marks are.
                 let d = [0, 1].map(|k| f64::from(w[1].at[k]) - f64::from(w[0].at[k]));
-                lengths.add([value(&w[0]), value(&w[1])], pen_passes * d[0].hypot(d[1]) / NM_PER_MM);
+                lengths.add([value(&w[0]), value(&w[1])], pen_passes * math::hypot(d[0], d[1]) / NM_PER_MM);
             }
         }
         Self { range: [0.0, most], bins: lengths.bins() }

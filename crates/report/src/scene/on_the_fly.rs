@@ -6,6 +6,7 @@ use super::thin::thin;
 use super::{Frame, Group, Mark, Point, Scene, Thinned, unmarked};
 use terrace_core::diag::Error;
 use terrace_core::geom::{NM_PER_MM, UnitVector};
+use terrace_core::math;
 use terrace_plan::on_the_fly::program::{self, AxisCommands};
 use terrace_plan::plan::OnTheFlyPlan;
 
@@ -112,7 +113,7 @@ impl SceneBuilder<'_> {
         let hit = self.beams.hit(focal_point, up, self.height);
         self.height = hit.map_or(self.height, |hit| hit.height);
         let p = [0, 1, 2].map(|k| focal_point[k] + self.height * up[k]);
-        let incidence_deg = hit.map_or(0.0, |hit| hit.cos.clamp(-1.0, 1.0).acos().to_degrees()) as f32;
+        let incidence_deg = hit.map_or(0.0, |hit| math::acos(hit.cos.clamp(-1.0, 1.0)).to_degrees()) as f32;
         let point = Point { at: [0; 3], defocus_um: (self.height / 1e3) as f32, incidence_deg };
         self.line.push(LinePoint { p, point, us });
     }
@@ -127,7 +128,7 @@ impl SceneBuilder<'_> {
         let Some(group) = self.open_group(first) else { return };
         let from = group.points.len();
         append_thinned(group, &line, &keep);
-        let length = places.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+        let length = places.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum::<f64>();
         let len = (group.points.len() - from) as u32;
         group.marks.push(Mark { pen: mark.pen, length_mm: length / NM_PER_MM, first: from as u32, len });
         group.clock_s[2] = last.us as f64 / 1e6;

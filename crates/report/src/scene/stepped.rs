@@ -6,6 +6,7 @@ use super::thin::thin;
 use super::{Frame, Group, Mark, Point, Scene, Thinned, unmarked};
 use terrace_core::geom::{FieldPoint, P2, P3, Turn, Turned};
 use terrace_core::machine::Origin;
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::program::{Block, PenId, stroke_mm};
 use terrace_input::surface::Surface;
@@ -154,7 +155,7 @@ impl<'a> GroupBuilder<'a> {
             steepest = steepest.max(tan);
             if is_kept {
                 let at = p.map(|v| v.round() as i32);
-                let incidence_deg = steepest.atan().to_degrees() as f32;
+                let incidence_deg = math::atan(steepest).to_degrees() as f32;
                 self.points.push(Point { at, defocus_um: at[2] as f32 / 1e3, incidence_deg });
                 steepest = 0.0;
             }
@@ -215,7 +216,7 @@ impl<'a> GroupBuilder<'a> {
         let flat = |p: &FieldPoint| [f64::from(p.x), f64::from(p.y)];
         for (i, w) in points.windows(2).enumerate() {
             let [a, b] = [flat(&w[0]), flat(&w[1])];
-            let steps = ((b[0] - a[0]).hypot(b[1] - a[1]) / SPACING).ceil().max(1.0) as usize;
+            let steps = (math::hypot(b[0] - a[0], b[1] - a[1]) / SPACING).ceil().max(1.0) as usize;
             let after = |k: f64| [0, 1].map(|c| a[c] + k / steps as f64 * (b[c] - a[c]));
             if i == 0 {
                 self.add_tilted(turn, a, Some(after(INSIDE)));
@@ -239,7 +240,7 @@ impl<'a> GroupBuilder<'a> {
         self.height = hit.map_or(self.height, |hit| hit.height);
         let hit = inside.map_or(hit, |q| self.beams.hit(part(q), turn.up(), self.height));
         // Of a beam that grazes the part the tangent has no end.
-        let tan = hit.map_or(0.0, |hit| hit.cos.clamp(1e-6, 1.0).acos().tan());
+        let tan = hit.map_or(0.0, |hit| math::tan(math::acos(hit.cos.clamp(1e-6, 1.0))));
         self.line.push(SurfacePoint { p: [p[0], p[1], self.height], tan });
     }
 }

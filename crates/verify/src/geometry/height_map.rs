@@ -2,6 +2,7 @@
 //! lower left to its upper right node, and a triangle with a hole among its nodes is not there.
 
 use std::ops::Range;
+use terrace_core::math;
 
 use super::grid::Grid;
 use super::{BoxNm, Crossing, HAIR, Line, Scratch, nm};
@@ -22,7 +23,7 @@ impl Map {
         if map.columns < 2 || map.rows < 2 || map.samples.len() != map.columns.checked_mul(map.rows)? {
             return None;
         }
-        let (sin, cos) = turn_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(turn_rad);
         let grid = Grid { lo: map.origin_mm.map(nm), size: nm(map.pixel_mm), count: [map.columns - 1, map.rows - 1] };
         Some(Self { map, grid, turn: [cos, sin] })
     }

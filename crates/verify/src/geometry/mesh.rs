@@ -4,6 +4,7 @@
 //! each cell lists the facets that touch it in one flat array.
 
 use std::ops::Range;
+use terrace_core::math;
 
 use super::grid::Grid;
 use super::{BoxNm, Crossing, HAIR, Line, Scratch, Turn, nm};
@@ -54,7 +55,7 @@ impl MeshBuilder {
     /// For a part turned by `turn_rad`; facets whose least altitude in plan view is at most `thinnest_nm` are kept as
     /// walls.
     pub(crate) fn new(turn_rad: f64, thinnest_nm: f64) -> Self {
-        let (sin, cos) = turn_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(turn_rad);
         Self {
             facets: Vec::new(),
             walls: Vec::new(),

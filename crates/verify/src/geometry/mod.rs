@@ -22,6 +22,7 @@ pub(super) use mesh::{Mesh, MeshBuilder};
 pub(super) use turn::{HeadPose, Turn};
 
 use terrace_core::geom::NM_PER_MM;
+use terrace_core::math;
 use terrace_core::program::CHORD_NM;
 
 /// Rounding of the mesh's vertices and of the cut points moves an edge by at most this, nm.
@@ -112,7 +113,7 @@ impl Line {
     pub(super) fn new(a: [f64; 2], b: [f64; 2]) -> Self {
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         // Axis-parallel lines get exact directions: most hatches are such, and so are most borders.
-        let len = if dx == 0.0 || dy == 0.0 { dx.abs() + dy.abs() } else { dx.hypot(dy) };
+        let len = if dx == 0.0 || dy == 0.0 { dx.abs() + dy.abs() } else { math::hypot(dx, dy) };
         Self { start: a, dir: [dx / len, dy / len], len }
     }
     /// The point `d` nm from the start.
@@ -211,7 +212,7 @@ impl Geometry {
     /// The geometry of a job: `max_incidence_rad` is below a right angle, `weld_nm` is the distance
     /// below which the job lets vertices become one.
     pub(super) fn new(shape: Shape, max_incidence_rad: f64, weld_nm: f64) -> Self {
-        Self { shape, limit2: max_incidence_rad.tan().powi(2), weld: weld_nm.max(0.0), beside: 0.0 }
+        Self { shape, limit2: math::tan(max_incidence_rad).powi(2), weld: weld_nm.max(0.0), beside: 0.0 }
     }
 
     /// The geometry as a turned part shows it, under and around an area of the part.

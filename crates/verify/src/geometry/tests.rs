@@ -1,6 +1,7 @@
 //! Closed forms: plane, sphere, undercut shell, height map.
 
 use super::*;
+use terrace_core::math;
 use terrace_input::surface::{Heightmap, Samples};
 
 const LIMIT: f64 = std::f64::consts::FRAC_PI_3;
@@ -51,13 +52,13 @@ fn a_tilted_plane_is_exact_in_every_direction_and_turn() {
     let z = |x: f64, y: f64| 0.3 * x - 0.2 * y + 5.0;
     for turn in [0.0, 0.4, -2.0] {
         let g = geometry(&sheet(10.0, 8.0, 13, 7, z), turn);
-        let (sin, cos) = f64::sin_cos(turn);
+        let (sin, cos) = math::sin_cos(turn);
         let turned = |p: [f64; 2]| [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos];
         for (a, b) in
             [([0.0, 0.0], [10.0, 8.0]), ([1.0, 4.0], [9.0, 4.0]), ([3.0, 7.5], [3.0, 0.5]), ([9.7, 0.1], [0.2, 7.9])]
         {
             let found = pieces(&g, turned(a), turned(b));
-            let len = (b[0] - a[0]).hypot(b[1] - a[1]);
+            let len = math::hypot(b[0] - a[0], b[1] - a[1]);
             assert_whole(&found, len);
             for p in found.iter().filter(|p| p.len() > 1.0) {
                 let s = p.sheet.expect("on the plane");
@@ -78,7 +79,7 @@ fn a_sphere_is_met_to_its_chord_error_and_its_rim_is_steep() {
     let cap = |x: f64, y: f64| (r * r - (x - 15.0).powi(2) - (y - 15.0).powi(2)).max(0.0).sqrt();
     let g = geometry(&sheet(30.0, 30.0, 300, 300, cap), 0.0);
     let found = pieces(&g, [0.0, 15.03], [30.0, 14.9]);
-    assert_whole(&found, 30.0f64.hypot(0.13));
+    assert_whole(&found, math::hypot(30.0f64, 0.13));
     let line = Line::new([0.0, nm(15.03)], [nm(30.0), nm(14.9)]);
     for p in found.iter().filter(|p| p.len() > 1.0) {
         let s = p.sheet.expect("on the cap");
@@ -97,7 +98,7 @@ fn a_sphere_is_met_to_its_chord_error_and_its_rim_is_steep() {
         .map(Piece::len)
         .sum();
     // 60 degrees is reached at R sin 60; beyond it the rest of R is steep.
-    assert!((steep / 1e6 - r * (1.0 - 60f64.to_radians().sin())).abs() < 0.1, "{steep}");
+    assert!((steep / 1e6 - r * (1.0 - math::sin(60f64.to_radians()))).abs() < 0.1, "{steep}");
 }
 
 #[test]
@@ -155,11 +156,11 @@ fn a_height_map_is_the_mesh_of_its_lower_left_diagonals() {
     for turn in [0.0, 1.1] {
         let mesh = geometry(&facets, turn);
         let of_map = Geometry::new(Shape::Map(Map::new(map.clone(), turn).expect("cells")), LIMIT, 0.0);
-        let (sin, cos) = f64::sin_cos(turn);
+        let (sin, cos) = math::sin_cos(turn);
         let turned = |p: [f64; 2]| [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos];
         for (a, b) in [([-3.0, 3.1], [4.0, 5.9]), ([0.31, 2.0], [0.33, 7.0]), ([2.0, 5.7], [-2.5, 2.9])] {
             let (m, h) = (pieces(&mesh, turned(a), turned(b)), pieces(&of_map, turned(a), turned(b)));
-            assert_whole(&h, (b[0] - a[0]).hypot(b[1] - a[1]));
+            assert_whole(&h, math::hypot(b[0] - a[0], b[1] - a[1]));
             let long = |v: &[Piece]| v.iter().filter(|p| p.len() > 1.0).copied().collect::<Vec<_>>();
             let (m, h) = (long(&m), long(&h));
             assert_eq!(m.len(), h.len());
@@ -186,7 +187,7 @@ fn lines_on_edges_and_borders_are_on_the_part() {
         ([2.0, 2.0], [7.0, 7.0]),
     ] {
         let found = pieces(&g, a, b);
-        assert_whole(&found, (b[0] - a[0]).hypot(b[1] - a[1]));
+        assert_whole(&found, math::hypot(b[0] - a[0], b[1] - a[1]));
         assert!(found.iter().all(|p| p.len() < 1.0 || p.sheet.is_some_and(|s| s.z == [2e6, 2e6])), "{a:?} {b:?}");
     }
 }

@@ -2,6 +2,7 @@
 
 use terrace_core::geom::{P3, Turned};
 use terrace_core::machine::{Carries, Commanded, Letter, Machine, Origin, Tilt, TiltAngles};
+use terrace_core::math;
 
 type Rows = [[f64; 3]; 3];
 
@@ -20,7 +21,7 @@ fn carried(axes: &Tilt, commands: TiltAngles) -> Rows {
     let [outer, inner] = [0, 1].map(|k| {
         let axis = &axes.axes[k];
         let sign = if axis.reversed { -1.0 } else { 1.0 };
-        let (s, c) = (sign * commands[k] as f64 / 1e6 * std::f64::consts::PI / 180.0).sin_cos();
+        let (s, c) = math::sin_cos(sign * commands[k] as f64 / 1e6 * std::f64::consts::PI / 180.0);
         match axis.letter {
             Letter::A => [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]],
             Letter::B => [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]],
@@ -65,7 +66,7 @@ impl Turn {
     /// How far a point moves sideways on the part where its height is off by 1, and that height where the
     /// point is off by 1: the sine of the tilt.
     pub(crate) fn lean(&self) -> f64 {
-        self.rows[2][0].hypot(self.rows[2][1])
+        math::hypot(self.rows[2][0], self.rows[2][1])
     }
 }
 

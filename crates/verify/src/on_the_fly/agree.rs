@@ -1,6 +1,7 @@
 //! `agreement`, `summary`: both programs, the manifest and the job say the same.
 
 use std::path::Path;
+use terrace_core::math;
 
 use super::chain::Chain;
 use super::energy::Energy;
@@ -286,7 +287,7 @@ pub(super) fn summary(
         on_us += step.us - us;
         let [a, b] = [from, &step.to].map(|to| to.float());
         for field in [&a, &b].map(|to| chain.field(to)) {
-            away = away.max(field[0].hypot(field[1]));
+            away = away.max(math::hypot(field[0], field[1]));
         }
         let way = chain.beam(&a).way(&chain.beam(&b));
         mark_nm += way;

@@ -5,6 +5,7 @@
 
 use crate::read::on_the_fly::Commands;
 use terrace_core::machine::{Axis, Carries, Machine, Origin};
+use terrace_core::math;
 
 /// A beam: where it meets the focal plane, and the direction back along it, of length 1.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +30,7 @@ impl Beam {
     pub(super) fn way(&self, to: &Self) -> f64 {
         let (d, up) = ([0, 1, 2].map(|k| to.at[k] - self.at[k]), self.up);
         let [x, y, z] = [d[1] * up[2] - d[2] * up[1], d[2] * up[0] - d[0] * up[2], d[0] * up[1] - d[1] * up[0]];
-        x.hypot(y).hypot(z)
+        math::hypot(math::hypot(x, y), z)
     }
 }
 
@@ -100,8 +101,8 @@ impl Chain {
         let [a, c] = [turns.rad[0] * to[A], turns.rad[1] * to[C]];
         // The table turns the part by C about z, then by A about x; undone in reverse order.
         let unturned = |[x, y, z]: [f64; 3]| {
-            let (y, z) = (a.cos() * y + a.sin() * z, a.cos() * z - a.sin() * y);
-            [c.cos() * x + c.sin() * y, c.cos() * y - c.sin() * x, z]
+            let (y, z) = (math::cos(a) * y + math::sin(a) * z, math::cos(a) * z - math::sin(a) * y);
+            [math::cos(c) * x + math::sin(c) * y, math::cos(c) * y - math::sin(c) * x, z]
         };
         let p = unturned([0, 1, 2].map(|k| spot[k] - turns.pivot[k]));
         Beam { at: [0, 1, 2].map(|k| p[k] + turns.pivot[k] - self.origin[k]), up: unturned([0.0, 0.0, 1.0]) }

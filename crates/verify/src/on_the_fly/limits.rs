@@ -12,6 +12,7 @@ use super::rests;
 use crate::proof::Rule;
 use crate::read::on_the_fly::{Commands, FlyProgram, FlyStep};
 use terrace_core::machine::{FieldShape, Machine};
+use terrace_core::math;
 use terrace_core::program::Pen;
 
 /// Sums of ways and times are rounded: so much more than a limit is allowed, as docs/verify.md states.
@@ -144,7 +145,7 @@ impl MoveChecker<'_> {
             self.broken(step, text, rule);
         }
         let from_field = self.chain.field(&from.float());
-        let way = ((field[0] - from_field[0]).hypot(field[1] - from_field[1]) - ROUNDED) * 1e-6;
+        let way = (math::hypot(field[0] - from_field[0], field[1] - from_field[1]) - ROUNDED) * 1e-6;
         let scanner = &self.machine.scanner;
         let limit = if step.mark.is_some() { scanner.max_mark_speed } else { scanner.jump_speed };
         let limit = limit.as_mm_s();
@@ -161,7 +162,7 @@ impl MoveChecker<'_> {
         // Of a circle the usable square lies inside.
         if lens.shape == FieldShape::Circle {
             let radius = lens.field.map(|f| f.as_mm()).into_iter().fold(f64::INFINITY, f64::min) / 2.0;
-            return field[0].hypot(field[1]) <= (radius - lens.margin.as_mm()) * 1e6 + 1.0;
+            return math::hypot(field[0], field[1]) <= (radius - lens.margin.as_mm()) * 1e6 + 1.0;
         }
         let half = self.machine.usable_field().map(|f| f.f64() / 2.0 + 1.0);
         (0..2).all(|k| field[k].abs() <= half[k])

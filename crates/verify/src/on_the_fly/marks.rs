@@ -10,6 +10,7 @@ use super::track::{Stroke, Trace};
 use crate::geometry::{Geometry, Line, Scratch, Sheet};
 use crate::proof::Rule;
 use crate::read::on_the_fly::{Commands, FlyStep};
+use terrace_core::math;
 
 /// Largest distance of places that are looked at, nm, as docs/verify.md states.
 const APART: f64 = 50_000.0;
@@ -80,7 +81,7 @@ impl BeamHit {
     /// distance, and what a mark may stray.
     fn is_near(&self, beam: &Beam, there: &Self, other: &Beam) -> bool {
         let doubt = self.doubt.xy + there.doubt.xy;
-        (self.xy[0] - there.xy[0]).hypot(self.xy[1] - there.xy[1]) <= STRAY + doubt + 2.0 * beam.distance(other)
+        math::hypot(self.xy[0] - there.xy[0], self.xy[1] - there.xy[1]) <= STRAY + doubt + 2.0 * beam.distance(other)
     }
 }
 
@@ -100,7 +101,7 @@ impl Doubt {
         let slope = sheet.slope2.sqrt();
         Self {
             off: geometry.z_tolerance(sheet.slope2),
-            lean: (slope + geometry.slope_doubt(sheet)).atan() - slope.atan(),
+            lean: math::atan(slope + geometry.slope_doubt(sheet)) - math::atan(slope),
             xy: 0.0,
         }
     }
@@ -246,7 +247,7 @@ impl<'a> MarkChecker<'a> {
     /// A move of an upright beam, facet by facet.
     fn upright(&mut self, start: &Beam, end: &Beam, place: &dyn Fn() -> String, rules: &mut MarkRules<'_>) {
         let ends = [start, end].map(|b| [b.at[0], b.at[1]]);
-        let still = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) < 1.0;
+        let still = math::hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) < 1.0;
         let line = if still { point(ends[0]) } else { Line::new(ends[0], ends[1]) };
         rules.surface.checked += 1;
         let mut best: Option<(f64, BeamHit)> = None;
@@ -280,7 +281,7 @@ impl<'a> MarkChecker<'a> {
                         worst.off = z - plane;
                     }
                 }
-                worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
+                worst.lean = worst.lean.max(math::atan(sheet.slope2.sqrt()));
                 let doubt = Doubt::new(&sheet, self.geometry);
                 worst.doubt.off = worst.doubt.off.max(doubt.off);
                 worst.doubt.lean = worst.doubt.lean.max(doubt.lean);
@@ -315,7 +316,7 @@ impl<'a> MarkChecker<'a> {
         if straight.as_ref().is_some_and(is_sure) {
             return straight;
         }
-        let length = way[0].hypot(way[1]);
+        let length = math::hypot(way[0], way[1]);
         let [x, y] = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
         let mut first = straight;
         let edge = self.edge;
@@ -327,7 +328,7 @@ impl<'a> MarkChecker<'a> {
             let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
             let mut hit = BeamHit { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
             if self.geometry.weld() > 0.0 {
-                hit.doubt.xy += met.runs * s.hypot(t);
+                hit.doubt.xy += met.runs * math::hypot(s, t);
             }
             if is_sure(&hit) {
                 return Some(hit);
@@ -351,7 +352,7 @@ impl<'a> MarkChecker<'a> {
         let (top, bottom) = (hi + 1e3, lo - 1e3);
         let (a, b) = (over(top), over(bottom));
         // A beam that moves by less than a nanometre in the plane is as good as upright.
-        let across = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let across = math::hypot(b[0] - a[0], b[1] - a[1]);
         let line = if across < 1.0 { point(over(0.5 * (top + bottom))) } else { Line::new(a, b) };
         // How high the beam is at the beginning of the line, and how it falls along it.
         let fall = if across < 1.0 { 0.0 } else { (top - bottom) / line.len };
@@ -385,10 +386,10 @@ impl<'a> MarkChecker<'a> {
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
         // A sheet that is higher by some height is met that much earlier along the beam.
-        let lean = sin.atan2(cos);
+        let lean = math::atan2(sin, cos);
         let slope = sheet.slope2.sqrt() + if doubt.off > 0.0 { self.geometry.slope_doubt(&sheet) } else { 0.0 };
         // A beam that grazes the sheet meets it anywhere: the divisor is kept from 0.
-        let by_height = normal[2] / (lean + doubt.lean).cos().max(0.1) * up[0].hypot(up[1]);
+        let by_height = normal[2] / math::cos(lean + doubt.lean).max(0.1) * math::hypot(up[0], up[1]);
         doubt.xy = if doubt.off > 0.0 { self.geometry.z_tolerance(slope * slope) * by_height } else { 0.0 };
         Some(BeamHit { xy: [p[0], p[1]], off, lean, aside, doubt, runs: slope * by_height })
     }

@@ -10,6 +10,7 @@ use crate::proof::Rule;
 use crate::read::on_the_fly::FlyProgram;
 use crate::rest_to_rest::{CORNER, profile_time};
 use terrace_core::machine::Machine;
+use terrace_core::math;
 use terrace_core::program::Pen;
 
 /// The spot is looked at again when it is so far away, nm, as docs/verify.md states.
@@ -44,7 +45,7 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
     // The spot rests where it turns sharply, however the rounding of two samples has turned it; and at the end.
     let turns = places.windows(3).map(|w| {
         let [a, b] = [0, 1].map(|i| [0, 1].map(|k| w[i + 1].at[k] - w[i].at[k]));
-        (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1]) > CORNER + ROUNDED
+        math::atan2((a[0] * b[1] - a[1] * b[0]).abs(), a[0] * b[0] + a[1] * b[1]) > CORNER + ROUNDED
     });
     let rests = turns.zip(1..).filter_map(|(turns, i)| turns.then_some(i)).chain([places.len() - 1]);
     let mut first = 0;
@@ -86,7 +87,7 @@ fn places(program: &FlyProgram, chain: &Chain, speed: impl Fn(Option<usize>) -> 
         let Some(last) = out.last_mut() else { break };
         let way = [0, 1].map(|k| at[k] - before[k]);
         let [us, until] = [us, step.us].map(|t| t as f64);
-        if (at[0] - last.at[0]).hypot(at[1] - last.at[1]) < APART {
+        if math::hypot(at[0] - last.at[0], at[1] - last.at[1]) < APART {
             last.us[1] = until;
             continue;
         }

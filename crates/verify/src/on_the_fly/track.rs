@@ -3,6 +3,7 @@
 //! Units: nm. Places on a stroke are lengths along it; on a closed one they run on over its seam.
 
 use terrace_core::geom::P2;
+use terrace_core::math;
 
 /// A mark that is this much nearer to what lies behind it has turned back, nm.
 const BEHIND: f64 = 50.0;
@@ -257,7 +258,7 @@ impl Stroke {
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 /// Distance of a point from the stretch between two others.

@@ -5,6 +5,7 @@
 //! settings are set, is a fault with the number of its command.
 
 use std::collections::BTreeMap;
+use terrace_core::math;
 
 use super::{BlockOf, Fault, FileStroke, Strokes};
 use terrace_core::geom::{ControllerPoint, NM_PER_MM};
@@ -106,7 +107,7 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
                 reader.dwell = Some(a);
             }
             JUMP_TO | MARK_TO => {
-                let way = ((a - at[0]) as f64).hypot((b - at[1]) as f64).floor().min(65535.0) as i64;
+                let way = math::hypot((a - at[0]) as f64, (b - at[1]) as f64).floor().min(65535.0) as i64;
                 if [c, e] != [0, 0] || d != way {
                     return Err(fault("the way or the angle of a move is not its own"));
                 }

@@ -6,6 +6,7 @@
 
 use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
+use terrace_core::math;
 
 use super::picture::{Clip, Contours, Picture, ShapeOutline};
 use terrace_core::geom::PlanePoint;
@@ -131,7 +132,7 @@ fn gaps(lines: &Contours, tolerance: f64) -> Option<Vec<Line<PlanePoint>>> {
     let mut open: Vec<PlanePoint> = ends.filter(|[a, b]| a != b).flatten().collect();
     let mut found = Vec::new();
     while let Some(end) = open.pop() {
-        let away = |p: &PlanePoint| (p[0] - end[0]).hypot(p[1] - end[1]);
+        let away = |p: &PlanePoint| math::hypot(p[0] - end[0], p[1] - end[1]);
         let next = (0..open.len()).min_by(|&a, &b| away(&open[a]).total_cmp(&away(&open[b])))?;
         let other = open.swap_remove(next);
         if away(&other) > tolerance {

@@ -6,6 +6,7 @@
 //! the same bytes), and that distances and bounds are those of its points. Vector blocks are decoded one at a time.
 
 use std::collections::BTreeMap;
+use terrace_core::math;
 
 use prost::Message;
 
@@ -344,7 +345,7 @@ impl Way {
     fn mark(&mut self, xy: &[f32]) {
         for (k, p) in xy.chunks_exact(2).enumerate() {
             let to = [f64::from(p[0]), f64::from(p[1])];
-            let way = (to[0] - self.at[0]).hypot(to[1] - self.at[1]);
+            let way = math::hypot(to[0] - self.at[0], to[1] - self.at[1]);
             *(if k == 0 { &mut self.jumped } else { &mut self.marked }) += way;
             self.at = to;
             self.lines += 1.0;

@@ -5,6 +5,7 @@
 //! is painted by a gradient and groups with a filter count as not being there.
 
 use std::collections::HashMap;
+use terrace_core::math;
 
 use roxmltree::{Document, Node as XmlNode, ParsingOptions};
 use rstar::primitives::{GeomWithData, Rectangle};
@@ -555,7 +556,7 @@ fn between(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 impl Ink {
@@ -616,7 +617,7 @@ fn mapped(map: &Transform, [x, y]: [f64; 2]) -> [f64; 2] {
 /// By how much a map makes the lengths shorter that it makes shortest.
 fn least_scale(map: &Transform) -> f64 {
     let [a, b, c, d] = [map.sx, map.ky, map.kx, map.sy].map(f64::from);
-    let greatest = (a + d).hypot(b - c) / 2.0 + (a - d).hypot(b + c) / 2.0;
+    let greatest = math::hypot(a + d, b - c) / 2.0 + math::hypot(a - d, b + c) / 2.0;
     if greatest > 0.0 { (a * d - b * c).abs() / greatest } else { 0.0 }
 }
 
@@ -679,7 +680,7 @@ fn follow(contour: &mut Vec<[f64; 2]>, from: [f64; 2], controls: &[[f64; 2]], fi
 /// off the curve at most.
 fn steps(from: [f64; 2], controls: &[[f64; 2]], fine: f64) -> u32 {
     let points: Vec<[f64; 2]> = [from].iter().chain(controls).copied().collect();
-    let bend = |w: &[[f64; 2]]| (w[0][0] - 2.0 * w[1][0] + w[2][0]).hypot(w[0][1] - 2.0 * w[1][1] + w[2][1]);
+    let bend = |w: &[[f64; 2]]| math::hypot(w[0][0] - 2.0 * w[1][0] + w[2][0], w[0][1] - 2.0 * w[1][1] + w[2][1]);
     let degree = controls.len() as f64;
     let second = degree * (degree - 1.0) * points.windows(3).map(bend).fold(0.0, f64::max);
     (second / 8.0 / fine).sqrt().ceil().clamp(1.0, MAX_STEPS) as u32

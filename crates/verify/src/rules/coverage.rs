@@ -22,6 +22,7 @@ use crate::read::manifest::Manifest;
 use crate::read::program::ProgramFile;
 use crate::{Drawing, LoadedJob};
 use terrace_core::geom::{NM_PER_MM, P2};
+use terrace_core::math;
 use terrace_core::program::{PassId, PenId, Stroke};
 use terrace_core::progress::Task;
 
@@ -491,7 +492,8 @@ impl PieceChecker<'_> {
     fn report_missing(&mut self) {
         let grain = self.geometry.grain();
         for missing in std::mem::take(&mut self.missing) {
-            let is_end = |p: &P2| missing.ends.iter().any(|e| (p.x as f64 - e[0]).hypot(p.y as f64 - e[1]) <= grain);
+            let is_end =
+                |p: &P2| missing.ends.iter().any(|e| math::hypot(p.x as f64 - e[0], p.y as f64 - e[1]) <= grain);
             if !self.unmatched.iter().any(|ends| ends.iter().all(is_end)) {
                 self.report(&missing);
             }

@@ -11,6 +11,7 @@ use crate::read::curves::{self, Curve};
 use crate::read::manifest::Curves as Stated;
 use crate::rotation::Rotation;
 use terrace_core::geom::{NM_PER_MM, P2, cos_sin};
+use terrace_core::math;
 use terrace_input::job::Job;
 use terrace_input::texture::{Kind, OnDistance, SpacePoint, Texture};
 
@@ -272,7 +273,7 @@ impl CurveSearch<'_> {
                 off += 1;
                 return;
             };
-            let stretched = p.len().hypot(sheet.z[1] - sheet.z[0]);
+            let stretched = math::hypot(p.len(), sheet.z[1] - sheet.z[0]);
             found.plan += p.len();
             found.surface += stretched;
             let tolerance = geometry.z_tolerance(sheet.slope2);

@@ -19,6 +19,7 @@ use crate::proof::Rule;
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{FieldPoint, P2};
 use terrace_core::machine::{Carries, Machine};
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::program::{Block, Stroke};
 use terrace_core::progress::Task;
@@ -86,7 +87,7 @@ pub(crate) fn check(
         check_tilted(file, facts, geometry, [depth, surface, source], &task)
     };
     findings.worst_defocus_um = figures.worst_defocus / 1e3;
-    findings.worst_incidence_deg = figures.steepest2.sqrt().atan().to_degrees();
+    findings.worst_incidence_deg = math::atan(figures.steepest2.sqrt()).to_degrees();
     figures
 }
 

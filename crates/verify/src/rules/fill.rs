@@ -11,6 +11,7 @@ use crate::job_facts::JobFacts;
 use crate::proof::Rule;
 use crate::read::manifest::Manifest;
 use terrace_core::geom::{Box2, Nm, P2};
+use terrace_core::math;
 use terrace_core::program::{PassId, Sections};
 use terrace_input::texture::{Contour, ContourAreas, Directions, Figure, Texture};
 
@@ -391,7 +392,7 @@ fn outline(corners: &[[f64; 2]], cell: Box2) -> Vec<[f64; 2]> {
 fn depth(outline: &[[f64; 2]], p: [f64; 2]) -> f64 {
     let depths = sides(outline).filter_map(|(a, b)| {
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-        let length = dx.hypot(dy);
+        let length = math::hypot(dx, dy);
         // Corners that are cut twice are there twice.
         (length > ROUNDED).then(|| (dx * (p[1] - a[1]) - dy * (p[0] - a[0])) / length)
     });

@@ -17,6 +17,7 @@ use crate::proof::Rule;
 use crate::read::labels::Truth;
 use crate::read::outline::Outline;
 use terrace_core::geom::{P2, PlanePoint};
+use terrace_core::math;
 use terrace_input::texture::{Kind, Mask, Request, Uncut};
 
 /// Most strokes of a texture that are looked at, as docs/verify.md states.
@@ -141,7 +142,7 @@ impl<'a> MaskBorder<'a> {
 
     fn distance(&self, at: PlanePoint) -> f64 {
         let edge = self.outline.nearest_edge(at);
-        edge.map_or(f64::INFINITY, |e| (e[0] - at[0]).hypot(e[1] - at[1]))
+        edge.map_or(f64::INFINITY, |e| math::hypot(e[0] - at[0], e[1] - at[1]))
     }
 
     /// Where a point lies on the page, y down.
@@ -299,14 +300,14 @@ fn is_on(line: &[P2], [x, y]: PlanePoint) -> bool {
     let from_point = |p: P2| [p.x as f64 - x, p.y as f64 - y];
     if let [dot] = line {
         let [dx, dy] = from_point(*dot);
-        return dx.hypot(dy) <= ON_PIECE;
+        return math::hypot(dx, dy) <= ON_PIECE;
     }
     line.windows(2).any(|w| {
         let (a, b) = (from_point(w[0]), from_point(w[1]));
         let d = [b[0] - a[0], b[1] - a[1]];
         let t = -(a[0] * d[0] + a[1] * d[1]) / (d[0] * d[0] + d[1] * d[1]);
         let t = t.clamp(0.0, 1.0);
-        (a[0] + t * d[0]).hypot(a[1] + t * d[1]) <= ON_PIECE
+        math::hypot(a[0] + t * d[0], a[1] + t * d[1]) <= ON_PIECE
     })
 }
 

@@ -5,6 +5,7 @@
 
 use crate::read::manifest::OffAxis;
 use terrace_core::geom::{FieldPoint, NM_PER_MM};
+use terrace_core::math;
 use terrace_core::program::Program;
 
 /// Distances and shares agree to this, as docs/verify.md states.
@@ -18,7 +19,7 @@ const SHARE: f64 = 0.95;
 
 /// The fault of the stated distances.
 pub(super) fn fault(stated: &OffAxis, program: &Program) -> Option<String> {
-    let radius = |p: &FieldPoint| f64::from(p.x).hypot(f64::from(p.y)) / NM_PER_MM;
+    let radius = |p: &FieldPoint| math::hypot(f64::from(p.x), f64::from(p.y)) / NM_PER_MM;
     let largest = program.points.iter().map(radius).fold(0.0, f64::max);
     let OffAxis { largest: stated_largest, p95 } = *stated;
     let is_near = (stated_largest - largest).abs() <= NEAR * largest.max(1.0); // never of a NaN
@@ -53,12 +54,12 @@ fn share_within(program: &Program, radius: f64) -> f64 {
         if let [dot] = points {
             let [x, y] = place(*dot);
             dots += 1;
-            dots_inside += u64::from(x.hypot(y) <= radius);
+            dots_inside += u64::from(math::hypot(x, y) <= radius);
         }
         for w in points.windows(2) {
             let (a, b) = (place(w[0]), place(w[1]));
             let d = [b[0] - a[0], b[1] - a[1]];
-            let length = d[0].hypot(d[1]);
+            let length = math::hypot(d[0], d[1]);
             all += length;
             // |a + t d| = radius, for t between 0 and 1.
             let (square, half, rest) =

@@ -4,6 +4,7 @@
 //! page. Page mm have their origin in the lower left corner, y up, as the file has them before it is mirrored.
 
 use terrace_core::geom::{BoxMm, NM_PER_MM};
+use terrace_core::math;
 use terrace_input::texture::{Align, Area, Fit, Kind, Mirror, Position, Size};
 
 /// The part as drawings are placed on it.
@@ -30,13 +31,13 @@ pub(super) struct Page {
 
 /// A point turned about the origin.
 fn turned([x, y]: [f64; 2], rad: f64) -> [f64; 2] {
-    let (s, c) = rad.sin_cos();
+    let (s, c) = math::sin_cos(rad);
     [c * x - s * y, s * x + c * y]
 }
 
 /// The sides of the box around a turned rectangle.
 fn around([w, h]: [f64; 2], rad: f64) -> [f64; 2] {
-    let (s, c) = rad.sin_cos();
+    let (s, c) = math::sin_cos(rad);
     [(c * w).abs() + (s * h).abs(), (s * w).abs() + (c * h).abs()]
 }
 

@@ -1,5 +1,6 @@
 //! Which colours of a drawing are the page, by the definition of docs/job-file.md, computed by the verifier itself.
 
+use terrace_core::math;
 use terrace_input::texture::Paper;
 
 /// Largest chroma of the page, beyond that of a stated colour, by the definition of docs/job-file.md.
@@ -20,13 +21,13 @@ pub(super) fn is_page(paper: Paper, colour: [u8; 3]) -> bool {
         }
     };
     // From grey to the stated colour in the plane of a* and b*: the distance to the nearer end, or across.
-    let length = pa.hypot(pb);
+    let length = math::hypot(pa, pb);
     let (along, across) = match length > 0.0 {
         true => ((a * pa + b * pb) / length, (a * pb - b * pa) / length),
-        false => (a.hypot(b), 0.0),
+        false => (math::hypot(a, b), 0.0),
     };
     let beyond = (along - length).max(-along).max(0.0);
-    colour == [255; 3] || (l >= least && beyond.hypot(across) <= CHROMA)
+    colour == [255; 3] || (l >= least && math::hypot(beyond, across) <= CHROMA)
 }
 
 /// Whether a shape in the colour of the page hides the shapes below it.
@@ -52,7 +53,7 @@ fn lab([r, g, b]: [u8; 3]) -> [f64; 3] {
     let [r, g, b] = [r, g, b].map(|v| {
         let share = f64::from(v) / 255.0;
         // The transfer curve of sRGB (IEC 61966-2-1) is linear up to 0.04045, which is 10.3 of 255.
-        if v > 10 { ((share + 0.055) / 1.055).powf(2.4) } else { share / 12.92 }
+        if v > 10 { math::pow((share + 0.055) / 1.055, 2.4) } else { share / 12.92 }
     });
     // Its primaries, each row divided by what it has for white.
     let x = (0.4124 * r + 0.3576 * g + 0.1805 * b) / (0.4124 + 0.3576 + 0.1805);
@@ -61,7 +62,7 @@ fn lab([r, g, b]: [u8; 3]) -> [f64; 3] {
     // The two branches of CIE 15, the linear one as kappa t + 16 over 116.
     let [x, y, z] = [x, y, z].map(|t: f64| {
         let kappa = 24_389.0 / 27.0;
-        if t > 216.0 / 24_389.0 { t.cbrt() } else { (kappa * t + 16.0) / 116.0 }
+        if t > 216.0 / 24_389.0 { math::cbrt(t) } else { (kappa * t + 16.0) / 116.0 }
     });
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }

@@ -2,6 +2,7 @@
 //! verifier's own kinematics.
 
 use std::path::Path;
+use terrace_core::math;
 
 use crate::geometry::HeadPose;
 use crate::proof::Rule;
@@ -84,7 +85,7 @@ fn fault(
         let (stated, found) = (mm(stated_centre), mm(centre));
         return Some(format!("the pose is at {stated:?} mm, the commands bring the head to {found:?} mm"));
     }
-    let [(sz, cz), (sy, cy), (sx, cx)] = turns.map(|deg| (deg / 180.0 * std::f64::consts::PI).sin_cos());
+    let [(sz, cz), (sy, cy), (sx, cx)] = turns.map(|deg| math::sin_cos(deg / 180.0 * std::f64::consts::PI));
     let columns = [
         [cz * cy, sz * cy, -sy],
         [cz * sy * sx - sz * cx, sz * sy * sx + cz * cx, cy * sx],

@@ -11,6 +11,7 @@ use crate::geometry::{Geometry, Line, Piece, Scratch, Slope};
 use crate::job_facts::JobFacts;
 use crate::read::program::ProgramFile;
 use terrace_core::geom::FieldPoint;
+use terrace_core::math;
 use terrace_core::program::{Block, Stroke};
 use terrace_input::job::Compensate;
 
@@ -76,7 +77,7 @@ impl MarkSlopes {
         }
         self.before = Some(cos);
         // A mark on a tilted part runs off its line by at most `beside`, there and back: it is longer by that.
-        self.off += len.hypot(2.0 * geometry.beside()) - len;
+        self.off += math::hypot(len, 2.0 * geometry.beside()) - len;
         self.extent = [self.extent[0].min(cos[0]), self.extent[1].max(cos[1])];
         self.least[0] = self.least[0].min(cos[0]);
         // A facet that is met for less than the grain may not have counted where the job was planned.
@@ -370,7 +371,7 @@ fn beside(line: &Line, side: f64, geometry: &Geometry, scratch: &mut Scratch) ->
 fn cosines(p: &Piece, geometry: &Geometry) -> Option<Range> {
     let s = p.sheet.filter(|s| s.slope != Slope::Steep)?;
     let (slope, doubt) = (s.slope2.sqrt(), geometry.slope_doubt(&s));
-    Some([slope + doubt, (slope - doubt).max(0.0)].map(|t| 1.0 / t.hypot(1.0)))
+    Some([slope + doubt, (slope - doubt).max(0.0)].map(|t| 1.0 / math::hypot(t, 1.0)))
 }
 
 /// Two divisions of the same line as one, each of whose stretches may have the cosines of either.

@@ -22,6 +22,7 @@ use crate::read::manifest::{BlockEntry, Manifest};
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{BoxMm, NM_PER_MM};
 use terrace_core::machine::LoadingWay;
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::program::Block;
 use terrace_input::job::Format;
@@ -132,7 +133,7 @@ fn check_marked(manifest: &Manifest, file: &ProgramFile, marks: &MarkFigures, pi
     let tiny = LENGTH * found.texture_mm;
     // The incidence of every block is held by `slopes`; here the worst is held to be the largest of them.
     let steepest = manifest.blocks.iter().map(|b| b.incidence_deg[1]).fold(0.0, f64::max);
-    let cos = |deg: f64| deg.to_radians().cos();
+    let cos = |deg: f64| math::cos(deg.to_radians());
     rule.require_figure("", "the cosine of worst_incidence_deg", cos(s.worst_incidence_deg), cos(steepest), LENGTH);
     rule.require_figure("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
     rule.require_figure("", "mark_mm", s.mark_mm, found.mark_mm, tiny + pieces.turned_mm);
@@ -378,7 +379,7 @@ struct StatedSlopes {
 impl StatedSlopes {
     fn from_entry(entry: &BlockEntry) -> Self {
         Self {
-            cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
+            cos: entry.incidence_deg.map(|deg| math::cos(deg.to_radians())),
             stretched: entry.stretch.map(|s| 1.0 / s),
             dose: entry.dose,
         }

@@ -5,6 +5,7 @@
 //! are straight, so that distance is a convex function of the place on the way: its least value is found by sections.
 
 use crate::geometry::BoxNm;
+use terrace_core::math;
 
 /// Sections by which the nearest place on a way is found. Each leaves 0.618 of the way: of 4 m less than a nanometre.
 const SECTIONS: usize = 50;
@@ -149,7 +150,7 @@ fn from_edge(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let (edge, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let square = edge[0] * edge[0] + edge[1] * edge[1];
     let t = if square > 0.0 { ((edge[0] * to[0] + edge[1] * to[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (to[0] - t * edge[0]).hypot(to[1] - t * edge[1])
+    math::hypot(to[0] - t * edge[0], to[1] - t * edge[1])
 }
 
 #[cfg(test)]

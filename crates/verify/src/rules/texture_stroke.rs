@@ -6,6 +6,7 @@
 use crate::Drawing;
 use crate::geometry::Line;
 use terrace_core::geom::{P2, orient};
+use terrace_core::math;
 use terrace_core::program::PenId;
 
 /// A cut point is a point of the stroke rounded to the grid: it lies 0.71 nm near, half the diagonal of the grid. A
@@ -212,7 +213,7 @@ impl TextureStroke {
         for k in 0..self.points.len() - 1 {
             let (d, aside) = self.project(k, p);
             let len = self.along[k + 1] - self.along[k];
-            let away = aside.hypot((-d).max(d - len).max(0.0));
+            let away = math::hypot(aside, (-d).max(d - len).max(0.0));
             if is_nearer(away, nearest) {
                 nearest = away;
                 place = Some(self.along[k] + d.clamp(0.0, len));

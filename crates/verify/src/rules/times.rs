@@ -5,6 +5,7 @@ use crate::read::program::ProgramFile;
 use crate::rest_to_rest::{CORNER, profile_time};
 use terrace_core::geom::{FieldPoint, NM_PER_MM, Nm, mm_from_nm};
 use terrace_core::machine::{Axis, Commanded, Machine, TiltAngles};
+use terrace_core::math;
 use terrace_core::program::{Block, Program, Stroke};
 
 /// Times of the blocks or of a job, s.
@@ -72,12 +73,12 @@ fn from_rest_to_rest(points: &[FieldPoint], speed: f64, acceleration: f64, jerk:
     let mut before: Option<[f64; 2]> = None;
     for pair in points.windows(2) {
         let [dx, dy] = [f64::from(pair[1].x) - f64::from(pair[0].x), f64::from(pair[1].y) - f64::from(pair[0].y)];
-        let length = dx.hypot(dy);
+        let length = math::hypot(dx, dy);
         if length == 0.0 {
             continue;
         }
         let heading = [dx / length, dy / length];
-        let turns = |[x, y]: [f64; 2]| x * heading[0] + y * heading[1] < CORNER.cos();
+        let turns = |[x, y]: [f64; 2]| x * heading[0] + y * heading[1] < math::cos(CORNER);
         if before.is_some_and(turns) {
             sum += piece(way, share);
             (way, share) = (0.0, 0.0);
@@ -172,5 +173,5 @@ fn axis_time(axis: &Axis, from: i64, to: i64) -> f64 {
 }
 
 fn way_mm(a: FieldPoint, b: FieldPoint) -> f64 {
-    (f64::from(b.x) - f64::from(a.x)).hypot(f64::from(b.y) - f64::from(a.y)) / NM_PER_MM
+    math::hypot(f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y)) / NM_PER_MM
 }

@@ -11,6 +11,7 @@ use crate::proof::Rule;
 use crate::read::program::ProgramFile;
 use terrace_core::geom::{FieldPoint, P2, P3};
 use terrace_core::machine::{Origin, TiltAngles};
+use terrace_core::math;
 use terrace_core::program::{Block, CHORD_NM, PassId, SetupId};
 
 /// The geometry of one tilt under a box of the part, nm.
@@ -256,7 +257,7 @@ impl Turned {
     /// - The point found is rounded there once more: [`GRID`].
     fn off(&self, slope2: f64, side: f64) -> f64 {
         let [level, slope] = self.geometry.z_tolerance_parts();
-        let geometry = level.hypot(slope + GRID) * (1.0 + slope2).sqrt();
+        let geometry = math::hypot(level, slope + GRID) * (1.0 + slope2).sqrt();
         2.0 * GRID + self.turn.lean() * ((GRID + side) * slope2.sqrt() + geometry)
     }
 
@@ -310,7 +311,7 @@ impl Turned {
             under = self.drawn_from(line, side, pieces);
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
-            let continues = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
+            let continues = after.is_none_or(|a| math::hypot(a[0] - first[0], a[1] - first[1]) <= beside);
             // So far aside, a rim that the mark ends at is met as much earlier or later where it runs at 45 degrees to
             // it.
             if widest_gap <= self.short() + side.abs() && under.aside.by <= beside && continues {
@@ -335,7 +336,7 @@ impl Turned {
         let comes_from = |a: &OnSheet| {
             let ([x, y], known) = (line.at(a.d[0]), self.beside(a.slope2));
             let [x, y, _] = self.turn.back(P3::new([x, y, a.z[0]])).at;
-            len <= short && after.is_some_and(|after| (after[0] - x).hypot(after[1] - y) <= known)
+            len <= short && after.is_some_and(|after| math::hypot(after[0] - x, after[1] - y) <= known)
         };
         while let [a, b, ..] = pieces[..]
             && a.d[1] <= short

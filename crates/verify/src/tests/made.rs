@@ -5,6 +5,7 @@
 //! Four blocks of 20 mm each hold a depth range of 0.4 mm.
 
 use std::path::Path;
+use terrace_core::math;
 
 use serde_json::{Value, json};
 
@@ -116,7 +117,7 @@ impl Made {
             summary: json!({}),
             facets: ramp(),
             // The ramp rises by 1 in 50 under every mark.
-            cosines: |_| [1.0 / 0.02f64.hypot(1.0); 2],
+            cosines: |_| [1.0 / math::hypot(0.02f64, 1.0); 2],
         };
         made.renew();
         made
@@ -137,7 +138,7 @@ impl Made {
         let program = self.program();
         let time = super::times(&program, &self.facts.machine).0;
         let worst = self.blocks.iter().map(|b| (self.cosines)(b)[1]).fold(1.0, f64::min);
-        let incidence_deg = worst.acos().to_degrees();
+        let incidence_deg = math::acos(worst).to_degrees();
         self.summary = json!({
             "stops": self.blocks.len(), "blocks": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
@@ -224,7 +225,7 @@ impl Made {
         let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
             let id = BlockId::new(i).to_string();
             let dose = (self.cosines)(m);
-            let (incidence, stretch) = (dose.map(|cos| cos.acos().to_degrees()), dose.map(|cos| 1.0 / cos));
+            let (incidence, stretch) = (dose.map(|cos| math::acos(cos).to_degrees()), dose.map(|cos| 1.0 / cos));
             json!({
                 "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.deg(),

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, Mutex};
+use terrace_core::math;
 
 use super::*;
 use crate::run::laser::tests::UntouchedStage;
@@ -87,7 +88,7 @@ fn list(strokes: u16) -> Vec<u8> {
     ];
     let mut at = [0x8000_u16; 2];
     let mut go = |command: u16, to: [u16; 2]| {
-        let way = f64::hypot(f64::from(to[0]) - f64::from(at[0]), f64::from(to[1]) - f64::from(at[1])) as u16;
+        let way = math::hypot(f64::from(to[0]) - f64::from(at[0]), f64::from(to[1]) - f64::from(at[1])) as u16;
         at = to;
         words.push([command, to[0], to[1], 0, way, 0]);
     };

@@ -8,6 +8,7 @@
 
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
+use terrace_core::math;
 
 use tiff::decoder::ifd::Value;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -131,8 +132,8 @@ fn check_cells<R: Read + Seek>(decoder: &mut Decoder<R>) -> Result<(), Diag> {
     // Columns of the matrix are the sides of a cell.
     if let [a, b, _, _, c, d, ..] = numbers(decoder, Tag::ModelTransformationTag)?[..] {
         let what = "the tag ModelTransformation";
-        check_square([a.hypot(c), b.hypot(d)], what, remedy)?;
-        if (a * b + c * d).abs() > 1e-6 * a.hypot(c) * b.hypot(d) {
+        check_square([math::hypot(a, c), math::hypot(b, d)], what, remedy)?;
+        if (a * b + c * d).abs() > 1e-6 * math::hypot(a, c) * math::hypot(b, d) {
             let text = format!("by {what} its cells are skewed; a height map has square ones");
             return Err(Diag::input("heightmap-cells", text).hint(remedy));
         }

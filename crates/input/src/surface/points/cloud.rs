@@ -1,6 +1,7 @@
 //! The points of a file, and those that cannot be used.
 
 use std::path::Path;
+use terrace_core::math;
 
 use super::super::facets::{PartExtent, Unit, check_unit, fits};
 use super::{Point, no_surface};
@@ -26,7 +27,7 @@ fn may_be_no_data(z: f64) -> bool {
 /// Whether a number is written as nines alone, with so many decimals: one more of its last digit is a power of ten.
 fn is_all_nines(v: f64, decimals: i32) -> bool {
     let whole = v * 10f64.powi(decimals);
-    let digits = (whole + 1.0).log10();
+    let digits = math::log10(whole + 1.0);
     (whole - whole.round()).abs() < 1e-6 * 10f64.powi(decimals) && (digits - digits.round()).abs() < 1e-12
 }
 

@@ -14,6 +14,7 @@ mod names;
 mod rows;
 
 use std::path::Path;
+use terrace_core::math;
 
 use rows::Rows;
 use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangulation};
@@ -162,7 +163,7 @@ fn hilbert(mut x: i64, mut y: i64) -> u32 {
 
 /// The edges of a triangle in plan, the shortest first.
 fn edges(corners: &[[f64; 3]; 3]) -> [f64; 3] {
-    let length = |i: usize, j: usize| (corners[i][0] - corners[j][0]).hypot(corners[i][1] - corners[j][1]);
+    let length = |i: usize, j: usize| math::hypot(corners[i][0] - corners[j][0], corners[i][1] - corners[j][1]);
     let mut e = [length(0, 1), length(1, 2), length(2, 0)];
     e.sort_unstable_by(f64::total_cmp);
     e

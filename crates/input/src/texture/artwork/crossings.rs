@@ -85,6 +85,7 @@ fn cross([a, b]: [PlanePoint; 2], [c, d]: [PlanePoint; 2]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrace_core::math;
     use terrace_core::random::Random;
 
     #[test]
@@ -93,7 +94,7 @@ mod tests {
         let tangle: Vec<PlanePoint> = (0..4000).map(|_| [0; 2].map(|_| noise.range(0.0, 100.0))).collect();
         assert_eq!(are_few([&tangle].into_iter()), Err(TooMany));
         let circle: Vec<PlanePoint> =
-            (0..400_000).map(|i| (f64::from(i) * std::f64::consts::TAU / 4e5).sin_cos().into()).collect();
+            (0..400_000).map(|i| math::sin_cos(f64::from(i) * std::f64::consts::TAU / 4e5).into()).collect();
         assert_eq!(are_few([&circle].into_iter()), Ok(()));
     }
 }

@@ -13,6 +13,7 @@
 //!   method for dither array generation, 1993), of the seed.
 
 use std::collections::BTreeMap;
+use terrace_core::math;
 
 use super::hatch::TooFine;
 use super::marking::{Marking, Screen};
@@ -241,7 +242,7 @@ fn diffuse(q: f64, n: usize, heading: RowHeading, errors: &mut [Vec<f64>; 2]) ->
 
 /// The thresholds of a halftone cell.
 fn clusters(side: usize) -> Vec<f64> {
-    let wave = |v: usize| (std::f64::consts::TAU * (v as f64 + 0.5) / side as f64).cos();
+    let wave = |v: usize| math::cos(std::f64::consts::TAU * (v as f64 + 0.5) / side as f64);
     // -cos - cos is highest in the middle of the cell.
     let height = |i: usize| -wave(i % side) - wave(i / side);
     let mut order: Vec<usize> = (0..side * side).collect();
@@ -318,7 +319,7 @@ impl NoiseField {
 
     fn new() -> Self {
         let sites = NOISE_SIDE * NOISE_SIDE;
-        let weight = std::array::from_fn(|d| (-((d * d) as f64) / (2.0 * Self::SIGMA * Self::SIGMA)).exp());
+        let weight = std::array::from_fn(|d| math::exp(-((d * d) as f64) / (2.0 * Self::SIGMA * Self::SIGMA)));
         Self { is_set: vec![false; sites], crowd: vec![0.0; sites], count: 0, weight }
     }
 

@@ -7,6 +7,7 @@
 //! Units: mm, rad.
 
 use std::f64::consts::{FRAC_PI_4, TAU};
+use terrace_core::math;
 
 /// Most points of one drawing.
 pub(in crate::texture) const MAX_POINTS: usize = 20_000_000;
@@ -42,7 +43,7 @@ pub(in crate::texture) fn disc([x, y]: [f64; 2], diameter: f64, tolerance: f64) 
     let radius = diameter / 2.0;
     let steps = 4.0 * (arc_steps(TAU, radius, tolerance).min(MAX_DISC_STEPS) / 4.0).ceil();
     let at = |k: usize| {
-        let (sin, cos) = (TAU * k as f64 / steps).sin_cos();
+        let (sin, cos) = math::sin_cos(TAU * k as f64 / steps);
         [x + radius * cos, y + radius * sin]
     };
     let mut contour: Vec<[f64; 2]> = (0..steps as usize).map(at).collect();

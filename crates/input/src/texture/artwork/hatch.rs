@@ -12,6 +12,7 @@ use super::marking::{ContourPass, Marking};
 use crate::texture::clip::{Polylines, is_closed};
 use crate::texture::place::{LEAST, NM};
 use terrace_core::geom::{BoxMm, PlanePoint, cos_sin};
+use terrace_core::math;
 
 /// The least inset, mm.
 const LEAST_INSET: f64 = 2.0 * NM;
@@ -111,7 +112,7 @@ impl Hatch {
         let ends: f64 = polygon
             .iter()
             .flat_map(|ring| edges(ring))
-            .map(|[p, q]| (p[0] - q[0]).hypot(p[1] - q[1]) / self.pitch_mm)
+            .map(|[p, q]| math::hypot(p[0] - q[0], p[1] - q[1]) / self.pitch_mm)
             .sum();
         if ends > MAX_ENDS {
             return Err(TooFine);
@@ -155,8 +156,9 @@ impl Hatch {
         let (mut contours, mut far) = (Polylines::default(), Polylines::default());
         push_contours(inner, &mut contours);
         contours.iter().for_each(|contour| near.cut(contour, Keep::Outside, &mut far));
-        let length =
-            |line: &[PlanePoint]| line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+        let length = |line: &[PlanePoint]| {
+            line.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum::<f64>()
+        };
         // Tips at sharp corners, shorter than a pitch, close no stripe.
         far.iter().filter(|line| is_closed(line) || length(line) >= self.pitch_mm).for_each(|line| out.push(line));
     }
@@ -346,7 +348,7 @@ fn gap([p, q]: [PlanePoint; 2], v: f64, r: f64) -> Option<[f64; 2]> {
         }
     }
     let d = [q[0] - p[0], q[1] - p[1]];
-    let length = d[0].hypot(d[1]);
+    let length = math::hypot(d[0], d[1]);
     if length > 0.0 {
         let n = [-d[1] / length * r, d[0] / length * r];
         for sign in [1.0, -1.0] {
@@ -413,7 +415,7 @@ mod tests {
         // An annulus: the stripe is closed.
         let circle = |r: f64| -> Vec<PlanePoint> {
             (0..256)
-                .map(|k| (f64::from(k) * std::f64::consts::TAU / 256.0).sin_cos())
+                .map(|k| math::sin_cos(f64::from(k) * std::f64::consts::TAU / 256.0))
                 .map(|(s, c)| [r * c, r * s])
                 .collect()
         };

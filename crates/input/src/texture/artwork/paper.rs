@@ -6,6 +6,7 @@
 //! the chroma, 0 for greys.
 
 use super::{Colour, WHITE};
+use terrace_core::math;
 
 /// L* from which on a colour is the page unless the job says otherwise. Of greys that is `#FAFAFA` (98.3) and lighter.
 const LIGHTNESS: f64 = 98.0;
@@ -79,7 +80,7 @@ impl Lab {
         // IEC 61966-2-1: from samples to light, and from light to X, Y and Z.
         let light = colour.map(|v| {
             let v = f64::from(v) / 255.0;
-            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+            if v <= 0.04045 { v / 12.92 } else { math::pow((v + 0.055) / 1.055, 2.4) }
         });
         const XYZ: [[f64; 3]; 3] = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
         // CIE 15: relative to the reference white, whose X, Y and Z are the sums of the rows.
@@ -87,7 +88,7 @@ impl Lab {
             let sum: f64 = row.iter().zip(light).map(|(m, v)| m * v).sum();
             let t = sum / row.iter().sum::<f64>();
             let bend = 6.0 / 29.0;
-            if t > bend * bend * bend { t.cbrt() } else { t / (3.0 * bend * bend) + 4.0 / 29.0 }
+            if t > bend * bend * bend { math::cbrt(t) } else { t / (3.0 * bend * bend) + 4.0 / 29.0 }
         });
         Self { lightness: 116.0 * y - 16.0, tint: [500.0 * (x - y), 200.0 * (y - z)] }
     }
@@ -97,7 +98,7 @@ impl Lab {
         let [own_a, own_b] = self.tint;
         let square = a * a + b * b;
         let share = if square > 0.0 { ((own_a * a + own_b * b) / square).clamp(0.0, 1.0) } else { 0.0 };
-        (own_a - share * a).hypot(own_b - share * b)
+        math::hypot(own_a - share * a, own_b - share * b)
     }
 }
 
@@ -144,7 +145,7 @@ mod tests {
         for hex in 0..1 << 12 {
             let c = [hex >> 8, hex >> 4, hex].map(|v: u32| 240 + (v & 15) as u8);
             let own = Lab::of(c);
-            let away = (100.0 - own.lightness).hypot(own.tint[0].hypot(own.tint[1]));
+            let away = math::hypot(100.0 - own.lightness, math::hypot(own.tint[0], own.tint[1]));
             held += u32::from(Paper::default().holds(c));
             assert!(!Paper::default().holds(c) || away < 2.3, "{c:?}: {away}");
         }

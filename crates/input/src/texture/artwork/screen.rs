@@ -10,6 +10,7 @@
 //!   is marked whose length is the mean of q over it, in its middle.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use terrace_core::math;
 
 use super::hatch::TooFine;
 use super::marking::{Marking, Screen};
@@ -149,7 +150,7 @@ impl LineScreen {
         // Twice in a pixel.
         let step = picture.step[0].min(picture.step[1]) / 2.0;
         let least = self.period_mm.map_or(step, |period| step.min(period / SAMPLES));
-        if count * size[0].hypot(size[1]) / least > MAX_SAMPLES || count > MAX_LINES as f64 {
+        if count * math::hypot(size[0], size[1]) / least > MAX_SAMPLES || count > MAX_LINES as f64 {
             return Err(TooFine);
         }
         let count = count as usize;

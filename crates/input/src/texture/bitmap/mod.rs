@@ -25,6 +25,7 @@ mod tiff;
 mod tiff_tags;
 
 use std::path::Path;
+use terrace_core::math;
 
 use super::artwork::{
     Artwork, Grey, Labels, Marking, PaintedShape, Paper, Resolution, Screen, ShapeFigure, StrokeMode, Tone, WindingRule,
@@ -165,7 +166,7 @@ fn artwork(
 /// The density of a sample.
 fn density(sample: u16, tone: &Tone) -> u16 {
     let white = f64::from(u16::MAX);
-    let light = (f64::from(sample) / white).powf(tone.gamma);
+    let light = math::pow(f64::from(sample) / white, tone.gamma);
     let density = if tone.invert { light } else { 1.0 - light };
     (density * white).round() as u16
 }

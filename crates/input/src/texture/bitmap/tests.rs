@@ -1,6 +1,7 @@
 //! Bitmaps from bytes to strokes.
 
 use std::path::Path;
+use terrace_core::math;
 
 use super::*;
 use crate::texture::{self, FillMode, Kind, Mirror, Request, Texture};
@@ -124,7 +125,7 @@ fn length_between(strokes: &[Vec<P2>], from: f64, to: f64) -> f64 {
         .iter()
         .map(|s| {
             let [a, b] = [s[0].mm(), s[1].mm()];
-            let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+            let length = math::hypot(b[0] - a[0], b[1] - a[1]);
             let (lo, hi) = (a[0].min(b[0]), a[0].max(b[0]));
             let share = (hi.min(to) - lo.max(from)).max(0.0) / (hi - lo).max(1e-12);
             length * share
@@ -154,7 +155,7 @@ fn sixteen_steps_of_grey_are_reproduced_by_coverage() {
         for step in 0..16 {
             let [from, to] = [0.2, 1.8].map(|x| 2.0 * f64::from(step) + x);
             let coverage = length_between(&strokes, from, to) * SPOT / (1.6 * 20.0);
-            let light = (f64::from(step) / 15.0).powf(tone.gamma);
+            let light = math::pow(f64::from(step) / 15.0, tone.gamma);
             let want = if tone.invert { light } else { 1.0 - light };
             assert!((coverage - want).abs() < 0.01, "{name}, step {step}: {coverage:.4} instead of {want:.4}");
         }
@@ -191,7 +192,7 @@ fn the_border_of_a_smooth_disc_is_found_within_a_tenth_of_a_pixel() {
             .filter(|k| {
                 let [dx, dy] = [(k % 16, x, centre[0]), (k / 16, y, centre[1])]
                     .map(|(s, v, c)| f64::from(v) + (f64::from(s) + 0.5) / 16.0 - c);
-                dx.hypot(dy) < radius
+                math::hypot(dx, dy) < radius
             })
             .count();
         255 - (inside * 255 / 256) as u8
@@ -203,7 +204,7 @@ fn the_border_of_a_smooth_disc_is_found_within_a_tenth_of_a_pixel() {
     assert_eq!(strokes[0].first(), strokes[0].last());
     for p in &strokes[0] {
         let [x, y] = p.mm();
-        let away = (x - centre[0]).hypot(64.0 - y - centre[1]) - radius;
+        let away = math::hypot(x - centre[0], 64.0 - y - centre[1]) - radius;
         assert!(away.abs() < 0.1, "({x}, {y}) lies {away} px off");
     }
 }

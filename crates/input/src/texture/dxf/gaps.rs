@@ -1,6 +1,7 @@
 //! Contours that look closed and are not: lines joined end to end whose two loose ends lie near each other.
 
 use std::collections::HashMap;
+use terrace_core::math;
 
 /// A gap shorter than this part of its contour looks like an error.
 const SMALL: f64 = 0.02;
@@ -38,7 +39,7 @@ pub(super) fn gaps(lines: &[LineEnds], tolerance: f64) -> Vec<Gap> {
         }
         let Some(loose) = lines[start].ends.into_iter().find(|&p| grid.degree(p) == 1) else { continue };
         let contour = grid.follow(start, loose, &mut is_done);
-        let width = (contour.end[0] - loose[0]).hypot(contour.end[1] - loose[1]);
+        let width = math::hypot(contour.end[0] - loose[0], contour.end[1] - loose[1]);
         let is_long = contour.lines >= LEAST_LINES && width < SMALL * contour.length;
         if is_long && grid.degree(contour.end) == 1 && width > 2.0 * tolerance {
             out.push(Gap { width, lines: contour.lines, name: lines[start].name });
@@ -111,7 +112,7 @@ mod tests {
         let line = |(i, w): (usize, &[[f64; 2]])| {
             // Every other one runs the other way.
             let ends = if i % 2 == 0 { [w[0], w[1]] } else { [w[1], w[0]] };
-            LineEnds { ends, length: (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]), name: i as u32 }
+            LineEnds { ends, length: math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1]), name: i as u32 }
         };
         points.windows(2).enumerate().map(line).collect()
     }

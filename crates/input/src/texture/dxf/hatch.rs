@@ -1,6 +1,7 @@
 //! Hatches as they are defined: boundary paths of edges, and families of pattern lines.
 
 use std::f64::consts::{PI, TAU};
+use terrace_core::math;
 
 use super::outline::{Arc, Vertex};
 use super::record::Record;
@@ -166,7 +167,7 @@ fn edge(what: i64, tags: &[Tag<'_>], height: f64) -> Result<Option<BoundaryEdge>
             // The angles are those of points seen from the centre, not those of the parameter.
             let params = angles.map(|angle| {
                 let [cos, sin] = cos_sin(angle);
-                (sin / ratio).atan2(cos)
+                math::atan2(sin / ratio, cos)
             });
             let mut part = sweep(params, is_left);
             if is_whole {

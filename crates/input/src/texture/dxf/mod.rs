@@ -35,6 +35,7 @@ mod wide;
 
 use std::collections::HashMap;
 use std::path::Path;
+use terrace_core::math;
 
 use super::artwork::{Artwork, Marking, ShapeFigure};
 use super::clip::Polylines;
@@ -154,7 +155,7 @@ fn open_contours(art: &Artwork, tolerance: f64) -> Option<(Diag, String)> {
     let ends: Vec<LineEnds> = single
         .filter_map(|s| {
             let line = art.lines.get(s.lines.start);
-            let length = line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
+            let length = line.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum();
             let ends = [line[0], line[line.len() - 1]];
             (ends[0] != ends[1]).then_some(LineEnds { ends, length, name: s.name })
         })

@@ -5,6 +5,7 @@
 //! there flat lines drop z, and nowhere else.
 
 use std::f64::consts::FRAC_PI_4;
+use terrace_core::math;
 
 use super::space::{SpaceMap, add, largest_radius, length, sub, times};
 use super::spline::Bezier;
@@ -38,13 +39,13 @@ pub(super) struct Arc {
 
 impl Arc {
     fn at(&self, t: f64) -> SpacePoint {
-        let (sin, cos) = t.sin_cos();
+        let (sin, cos) = math::sin_cos(t);
         add(self.centre, add(times(self.a, cos), times(self.b, sin)))
     }
 
     /// The direction in which it runs where `by` is positive.
     pub(super) fn slope(&self, t: f64) -> SpacePoint {
-        let (sin, cos) = t.sin_cos();
+        let (sin, cos) = math::sin_cos(t);
         add(times(self.a, -sin), times(self.b, cos))
     }
 
@@ -56,7 +57,7 @@ impl Arc {
         let centre = [p[0] + half[0] - side * half[1], p[1] + half[1] + side * half[0], p[2]];
         let a = sub(p, centre);
         let is_sound = centre.iter().all(|v| v.is_finite()) && bulge != 0.0 && length(half) > 0.0;
-        is_sound.then_some(Self { centre, a, b: [-a[1], a[0], 0.0], start: 0.0, by: 4.0 * bulge.atan() })
+        is_sound.then_some(Self { centre, a, b: [-a[1], a[0], 0.0], start: 0.0, by: 4.0 * math::atan(bulge) })
     }
 }
 
@@ -190,7 +191,7 @@ impl<'a> Outline<'a> {
             let tail = self.lines.tail();
             // Pieces of one spline meet but for the noise of f64; a gap in xy begins another line.
             let is_joined =
-                self.lines.points[tail..].last().is_some_and(|p| (p[0] - start[0]).hypot(p[1] - start[1]) < NM);
+                self.lines.points[tail..].last().is_some_and(|p| math::hypot(p[0] - start[0], p[1] - start[1]) < NM);
             if !is_joined {
                 self.end_line();
                 self.put_mm(start);
@@ -299,7 +300,7 @@ mod tests {
             let mut point = || [0; 3].map(|_| noise.range(-10.0, 10.0));
             let map = SpaceMap::of_extrusion(point()).after(SpaceMap::scale(point()));
             let arc = Arc { centre: point(), a: point(), b: point(), start: 1.0, by: point()[0] / 2.0 };
-            let tolerance = 10f64.powf(point()[1] / 5.0 - 2.0);
+            let tolerance = math::pow(10f64, point()[1] / 5.0 - 2.0);
             let lines = drawn(map, tolerance, |o| o.arc(&arc));
             let line = lines.get(0);
             let worst = (0..=4000)
@@ -315,20 +316,23 @@ mod tests {
     fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
         let (d, v) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
         let t = ((d[0] * v[0] + d[1] * v[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
-        (v[0] - t * d[0]).hypot(v[1] - t * d[1])
+        math::hypot(v[0] - t * d[0], v[1] - t * d[1])
     }
 
     #[test]
     fn bulges_have_the_centre_and_angle_of_the_reference() {
         let (p, q) = ([0.0; 3], [2.0, 0.0, 0.0]);
         for (bulge, centre, by) in
-            [(1.0, [1.0, 0.0], PI), (-1.0, [1.0, 0.0], -PI), (FRAC_PI_2.tan(), [1.0, -1e16], TAU)]
+            [(1.0, [1.0, 0.0], PI), (-1.0, [1.0, 0.0], -PI), (math::tan(FRAC_PI_2), [1.0, -1e16], TAU)]
         {
             let arc = Arc::of_bulge(p, q, bulge).expect("an arc");
             assert!((arc.by - by).abs() < 1e-9, "{bulge}");
-            assert!(bulge > 2.0 || (arc.centre[0] - centre[0]).hypot(arc.centre[1] - centre[1]) < 1e-12, "{bulge}");
+            assert!(
+                bulge > 2.0 || math::hypot(arc.centre[0] - centre[0], arc.centre[1] - centre[1]) < 1e-12,
+                "{bulge}"
+            );
         }
-        let quarter = Arc::of_bulge(p, q, (FRAC_PI_4 / 2.0).tan()).expect("an arc");
+        let quarter = Arc::of_bulge(p, q, math::tan(FRAC_PI_4 / 2.0)).expect("an arc");
         assert!(length(sub(quarter.centre, [1.0, 1.0, 0.0])) < 1e-12 && (quarter.by - FRAC_PI_2).abs() < 1e-12);
         assert_eq!(Arc::of_bulge(p, q, 1e308), None, "no finite radius");
         assert_eq!(Arc::of_bulge(p, p, 1.0), None, "no chord");

@@ -7,6 +7,7 @@
 use crate::texture::artwork::{MAX_POINTS, Stop};
 use crate::texture::clip::Polylines;
 use crate::texture::place::{LEAST, NM};
+use terrace_core::math;
 
 /// Most crossings of the lines of a family with the boundary: they are held to be sorted.
 const MAX_CROSSINGS: f64 = 8e6;
@@ -49,7 +50,7 @@ impl Ruling<'_> {
         out: &mut Polylines,
     ) -> Result<RulingReport, Stop> {
         let area = self.area();
-        let distance = area.abs() / self.direction[0].hypot(self.direction[1]);
+        let distance = area.abs() / math::hypot(self.direction[0], self.direction[1]);
         // Lines closer than a nanometre would fill memory, not areas.
         if distance.is_nan() || distance < NM {
             return Ok(RulingReport { is_faulty: true, ..RulingReport::default() });
@@ -117,7 +118,7 @@ impl Ruling<'_> {
 
     /// Appends the dashes of line s from t0 to t1; returns whether dots were left out.
     fn dash(&self, s: f64, [t0, t1]: [f64; 2], out: &mut Polylines) -> Result<bool, Stop> {
-        let scale = self.direction[0].hypot(self.direction[1]);
+        let scale = math::hypot(self.direction[0], self.direction[1]);
         let period: f64 = self.dashes.iter().map(|d| d.abs()).sum();
         // Without dashes, or with ones too short to be marked, the line is drawn whole.
         if period * scale < LEAST {
@@ -171,7 +172,7 @@ mod tests {
     }
 
     fn length(lines: &[[[f64; 2]; 2]]) -> f64 {
-        lines.iter().map(|[a, b]| (b[0] - a[0]).hypot(b[1] - a[1])).sum()
+        lines.iter().map(|[a, b]| math::hypot(b[0] - a[0], b[1] - a[1])).sum()
     }
 
     #[test]

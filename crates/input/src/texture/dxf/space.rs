@@ -2,6 +2,7 @@
 //! plane faces decides what is mirrored.
 
 use terrace_core::geom::SpacePoint;
+use terrace_core::math;
 
 pub(super) const Z: SpacePoint = [0.0, 0.0, 1.0];
 
@@ -82,7 +83,7 @@ pub(super) fn cos_sin(degrees: f64) -> [f64; 2] {
         90.0 => [0.0, 1.0],
         180.0 => [-1.0, 0.0],
         270.0 => [0.0, -1.0],
-        _ => [turn.to_radians().cos(), turn.to_radians().sin()],
+        _ => [math::cos(turn.to_radians()), math::sin(turn.to_radians())],
     }
 }
 

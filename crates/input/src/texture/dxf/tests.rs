@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
+use terrace_core::math;
 
 use super::*;
 use crate::texture::artwork::{Marking, StrokeMode, WindingRule};
@@ -281,7 +282,7 @@ fn tolerance_holds_after_all_maps() {
         let art = load(text.as_bytes(), &options, &mut Vec::new()).expect("read");
         let line = art.lines.get(0);
         let corner = art.corner.expect("a corner");
-        let on_ellipse = |p: [f64; 2]| ((p[0] + corner[0]) / 300.0).hypot((p[1] + corner[1]) / 200.0) - 1.0;
+        let on_ellipse = |p: [f64; 2]| math::hypot((p[0] + corner[0]) / 300.0, (p[1] + corner[1]) / 200.0) - 1.0;
         assert!(line.iter().all(|&p| on_ellipse(p).abs() < 1e-12), "all points lie on the curve");
         let sag = |w: &[[f64; 2]]| on_ellipse([(w[0][0] + w[1][0]) / 2.0, (w[0][1] + w[1][1]) / 2.0]).abs();
         let worst = line.windows(2).map(sag).fold(0.0, f64::max);

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
+use terrace_core::math;
 
 use super::DxfOptions;
 use super::colour::{BLACK, EntityPaint};
@@ -618,7 +619,7 @@ fn rings_of(path: &BoundaryPath, map: SpaceMap, tolerance: f64, rings: &mut Poly
 /// Joins edges end to end to closed rings, each edge turned as it fits. An edge that fits nowhere begins a new ring
 /// where the last one is closed, and else follows over a straight line.
 fn join(edges: &Polylines, tolerance: f64, rings: &mut Polylines) {
-    let is_near = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) <= tolerance;
+    let is_near = |p: [f64; 2], q: [f64; 2]| math::hypot(p[0] - q[0], p[1] - q[1]) <= tolerance;
     let mut ring: Vec<[f64; 2]> = Vec::new();
     for edge in edges.iter() {
         let (Some(&start), Some(&end)) = (edge.first(), edge.last()) else { continue };

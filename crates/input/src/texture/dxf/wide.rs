@@ -158,6 +158,7 @@ mod tests {
     use super::super::space::SpaceMap;
     use super::*;
     use crate::texture::clip::Polylines;
+    use terrace_core::math;
     use terrace_core::random::Random;
 
     fn polyline(rows: &[[f64; 5]], is_closed: bool) -> Polyline {
@@ -220,8 +221,8 @@ mod tests {
             let half = polyline(&[[0.0, 5.0, bulge, 2.0, 4.0], [10.0, 5.0, 0.0, 0.0, 0.0]], false);
             assert_area(&half, |[x, y]| {
                 let (dx, dy) = (x - 5.0, (y - 5.0) * up);
-                let along = dy.atan2(-dx) / std::f64::consts::PI;
-                dy > 0.0 && (dx.hypot(dy) - 5.0).abs() < 1.0 + along
+                let along = math::atan2(dy, -dx) / std::f64::consts::PI;
+                dy > 0.0 && (math::hypot(dx, dy) - 5.0).abs() < 1.0 + along
             });
         }
     }

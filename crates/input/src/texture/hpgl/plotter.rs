@@ -1,6 +1,7 @@
 //! The plotter: executes instructions, and puts what the pen draws into an artwork.
 
 use std::f64::consts::TAU;
+use terrace_core::math;
 
 use super::encoded::{EncodedStep, EncodedSteps};
 use super::polygon::PolygonBuffer;
@@ -278,7 +279,7 @@ impl<'a> Plotter<'a> {
     fn sweep(&mut self, centre: PlanePoint, by: f64) -> Result<(), Fault> {
         let factors = self.state.axes()?.map(|[factor, _]| factor);
         let d = [0, 1].map(|k| (self.state.at[k] - centre[k]) / factors[k]);
-        let radius = d[0].hypot(d[1]) * factors[0].abs().max(factors[1].abs()) * UNIT;
+        let radius = math::hypot(d[0], d[1]) * factors[0].abs().max(factors[1].abs()) * UNIT;
         let steps = steps(by * by * radius, self.options.tolerance, (by.abs() * 2.0).ceil().max(1.0));
         if steps > MAX_POINTS as f64 || steps.is_nan() {
             return Err(Diag::limit("texture-large", format!("an arc of the plot has more than {MAX_POINTS} points"))
@@ -286,7 +287,7 @@ impl<'a> Plotter<'a> {
                 .into());
         }
         for k in 1..=steps as usize {
-            let (sin, cos) = (by * k as f64 / steps).sin_cos();
+            let (sin, cos) = math::sin_cos(by * k as f64 / steps);
             let turned = [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1]];
             self.go([0, 1].map(|k| centre[k] + factors[k] * turned[k]))?;
         }

@@ -4,6 +4,7 @@
 //! sheet and the pens in it: P1 and P2 (`IP`), the pen and where it stands, and its width.
 
 use std::collections::BTreeMap;
+use terrace_core::math;
 
 use super::{Fault, UNIT, page};
 use terrace_core::geom::PlanePoint;
@@ -124,6 +125,6 @@ impl PlotState {
             return Some(width);
         }
         let [a, b, c, d] = self.corners?;
-        Some(width / 100.0 * (c - a).hypot(d - b) * UNIT)
+        Some(width / 100.0 * math::hypot(c - a, d - b) * UNIT)
     }
 }

@@ -4,6 +4,7 @@ use super::*;
 use crate::texture::artwork::{ShapeFigure, StrokeMode, WindingRule};
 use crate::texture::clip::extent;
 use terrace_core::geom::PlanePoint;
+use terrace_core::math;
 
 /// The spot that the widest line is taken from, mm.
 const SPOT: f64 = 0.1;
@@ -54,8 +55,8 @@ fn curves_keep_the_tolerance_and_close() {
     let found = lines("SP2;PA400,0;CI400;");
     let circle = &found[0];
     assert_eq!(circle.first(), circle.last());
-    assert!(circle.iter().all(|p| ((p[0] - 10.0).hypot(p[1]) - 10.0).abs() < 1e-8));
-    let sag = |w: &[PlanePoint]| 10.0 - ((w[0][0] + w[1][0]) / 2.0 - 10.0).hypot((w[0][1] + w[1][1]) / 2.0);
+    assert!(circle.iter().all(|p| (math::hypot(p[0] - 10.0, p[1]) - 10.0).abs() < 1e-8));
+    let sag = |w: &[PlanePoint]| 10.0 - math::hypot((w[0][0] + w[1][0]) / 2.0 - 10.0, (w[0][1] + w[1][1]) / 2.0);
     assert!(circle.windows(2).map(sag).fold(0.0, f64::max) <= 1e-3);
     let arc = &lines("SP1;PA40,0;PD;AA0,0,90;PU")[0];
     assert!((arc[0], arc[arc.len() - 1]) == ([1.0, 0.0], [0.0, 1.0]), "{arc:?}");
@@ -90,7 +91,8 @@ fn pens_fills_and_faults_are_reported() {
 /// Length of all lines, mm, and the number of dots.
 fn length_and_dots(text: &str) -> (f64, usize) {
     let found = lines(text);
-    let length = |l: &Vec<PlanePoint>| l.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum::<f64>();
+    let length =
+        |l: &Vec<PlanePoint>| l.windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum::<f64>();
     let sum: f64 = found.iter().map(length).sum();
     ((sum * 1e6).round() / 1e6, found.iter().filter(|l| l.len() == 1).count())
 }
@@ -238,6 +240,6 @@ fn lines_drawn_there_and_back_are_one() {
         assert_eq!(length_and_dots(text), (want, 0), "{text}");
     }
     let there_and_back = lines("SP1;PU400,0;PD;AA0,0,90;AA0,0,-90;PU");
-    let length: f64 = there_and_back[0].windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
+    let length: f64 = there_and_back[0].windows(2).map(|w| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum();
     assert!((length - 5.0 * std::f64::consts::PI).abs() < 2e-3, "{length}");
 }

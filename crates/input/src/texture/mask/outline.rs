@@ -5,6 +5,7 @@
 //! whose ends meet, nearer than the tolerance, are one; a line that does not end where it begins is a fault.
 
 use std::collections::{BTreeMap, BTreeSet};
+use terrace_core::math;
 
 use crate::texture::artwork::{Artwork, PaintedShape, PolygonArea, ShapeFigure, TooMany, WindingRule};
 use crate::texture::clip::is_closed;
@@ -133,7 +134,7 @@ fn closed(art: &Artwork, lines: Vec<ShapeLine<'_>>, tolerance: f64) -> Result<Ve
 }
 
 fn distance(a: PlanePoint, b: PlanePoint) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 /// An end of an open line.

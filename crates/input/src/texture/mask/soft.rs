@@ -14,6 +14,7 @@ use crate::texture::clip::distance;
 use crate::texture::clip::{Polylines, extent, is_closed};
 use crate::texture::place::LEAST;
 use terrace_core::geom::PlanePoint;
+use terrace_core::math;
 
 /// Most columns and rows of cells.
 const MAX_CELLS: f64 = 256.0;
@@ -141,14 +142,14 @@ fn sides(line: &[PlanePoint]) -> impl Iterator<Item = [PlanePoint; 2]> {
 }
 
 fn length([a, b]: [PlanePoint; 2]) -> f64 {
-    (b[0] - a[0]).hypot(b[1] - a[1])
+    math::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 /// The parameters between which a segment lies nearer than `reach` to an edge.
 fn nearer([a, b]: [PlanePoint; 2], [p, q]: [PlanePoint; 2], reach: f64) -> Option<[f64; 2]> {
     let d = [b[0] - a[0], b[1] - a[1]];
     let e = [q[0] - p[0], q[1] - p[1]];
-    let edge_length = e[0].hypot(e[1]);
+    let edge_length = math::hypot(e[0], e[1]);
     let mut out: Option<[f64; 2]> = None;
     for centre in [p, q] {
         out = joined(out, in_disc(a, d, centre, reach));
@@ -287,7 +288,7 @@ mod tests {
                 let at = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
                 let e = [q[0] - p[0], q[1] - p[1]];
                 let s = (((at[0] - p[0]) * e[0] + (at[1] - p[1]) * e[1]) / (e[0] * e[0] + e[1] * e[1])).clamp(0.0, 1.0);
-                let away = (at[0] - p[0] - s * e[0]).hypot(at[1] - p[1] - s * e[1]);
+                let away = math::hypot(at[0] - p[0] - s * e[0], at[1] - p[1] - s * e[1]);
                 let is_found = found.is_some_and(|[t0, t1]| t0 <= t && t <= t1);
                 assert!(
                     is_found == (away < reach) || (away - reach).abs() < 1e-9,

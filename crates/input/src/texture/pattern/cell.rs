@@ -6,6 +6,7 @@
 
 use crate::texture::kind::Shape;
 use std::f64::consts::TAU;
+use terrace_core::math;
 
 use crate::texture::place::LEAST;
 use terrace_core::diag::{Diag, Error};
@@ -88,7 +89,7 @@ fn circle(r: f64, tolerance: f64) -> Vec<[f64; 2]> {
     let n = wanted.min((TAU * r / LEAST).floor()).max(LEAST_SEGMENTS) as u32;
     let mut vertices: Vec<_> = (0..n)
         .map(|k| {
-            let (sin, cos) = (TAU * f64::from(k) / f64::from(n)).sin_cos();
+            let (sin, cos) = math::sin_cos(TAU * f64::from(k) / f64::from(n));
             [r * cos, r * sin]
         })
         .collect();

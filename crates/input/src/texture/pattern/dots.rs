@@ -10,6 +10,7 @@
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
+use terrace_core::math;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -142,7 +143,7 @@ impl Figure for Dots {
             let mut random = Random::at(self.seed, row, column);
             let r = self.jitter * random.unit().sqrt();
             let a = TAU * random.unit();
-            [r * a.cos(), r * a.sin()]
+            [r * math::cos(a), r * math::sin(a)]
         } else {
             [0.0; 2]
         };

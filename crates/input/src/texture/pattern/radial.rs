@@ -11,6 +11,7 @@
 //! first. So stroke `i` is found from a short table. The spiral from its centre to the border is one stroke.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
+use terrace_core::math;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -261,7 +262,7 @@ impl Radial {
 
     /// Distance from the centre.
     fn away(&self, p: [f64; 2]) -> f64 {
-        (p[0] - self.centre[0]).hypot(p[1] - self.centre[1])
+        math::hypot(p[0] - self.centre[0], p[1] - self.centre[1])
     }
 
     /// Distance of the farthest corner of the area from the centre.
@@ -274,7 +275,7 @@ impl Radial {
         let mut radii = vec![0.0];
         radii.extend(self.area.corners().map(|c| self.away(c)));
         radii.extend(self.sides().map(|side| side.distance.abs()));
-        let (sin, cos) = RAY.sin_cos();
+        let (sin, cos) = math::sin_cos(RAY);
         let [u, v] = self.turn.axes();
         // Where rays from the centre enter and leave the area: along the axes of the turned frame, on which circles
         // touch their box, and along the ray on which turns begin.
@@ -308,7 +309,7 @@ impl Radial {
 
     /// The point of the curve at an angle from the beginning of a turn, mm.
     fn at(&self, turn: u64, angle: f64) -> [f64; 2] {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = math::sin_cos(angle);
         let r = self.radius(turn, angle);
         [self.centre[0] + r * cos, self.centre[1] + r * sin]
     }
@@ -363,7 +364,7 @@ impl Radial {
     fn meets(&self, turn: u64, about: f64, d: f64) -> Option<[f64; 2]> {
         if self.curve == Curve::Concentric {
             let q = d / self.radius(turn, 0.0);
-            return (q < 1.0).then(|| [about - q.acos(), about + q.acos()]);
+            return (q < 1.0).then(|| [about - math::acos(q), about + math::acos(q)]);
         }
         let height = SideHeight { radial: self, turn, about, distance: d, growth: self.pitch / TAU };
         let begin = -(turn as f64) * TAU;
@@ -512,18 +513,18 @@ struct SideHeight<'a> {
 
 impl SideHeight<'_> {
     fn at(&self, t: f64) -> f64 {
-        self.radial.radius(self.turn, t) * (t - self.about).cos() - self.distance
+        self.radial.radius(self.turn, t) * math::cos(t - self.about) - self.distance
     }
 
     fn slope(&self, t: f64) -> f64 {
-        self.growth * (t - self.about).cos() - self.radial.radius(self.turn, t) * (t - self.about).sin()
+        self.growth * math::cos(t - self.about) - self.radial.radius(self.turn, t) * math::sin(t - self.about)
     }
 
     /// Where it is largest: a little behind `about`, where tan(t - about) = growth / r(t).
     fn top(&self) -> f64 {
         let mut top = self.about;
         for _ in 0..8 {
-            top = self.about + (self.growth / self.radial.radius(self.turn, top).max(f64::MIN_POSITIVE)).atan();
+            top = self.about + math::atan(self.growth / self.radial.radius(self.turn, top).max(f64::MIN_POSITIVE));
         }
         top
     }

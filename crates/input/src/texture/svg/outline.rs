@@ -4,6 +4,7 @@
 //! quadratic twice the only one: from it follow the [`steps`] that a curve takes.
 
 use std::f64::consts::TAU;
+use terrace_core::math;
 
 use svg_style::Map;
 
@@ -87,7 +88,7 @@ impl<'a> Outline<'a> {
     fn sweep(&mut self, axes: Map, a0: f64, by: f64, p: PlanePoint) {
         let steps = arc_steps(by, largest_radius(self.map.after(axes)), self.tolerance);
         self.curve(steps, p, |t| {
-            let (sin, cos) = (a0 + t * by).sin_cos();
+            let (sin, cos) = math::sin_cos(a0 + t * by);
             axes.at([cos, sin])
         });
     }
@@ -188,11 +189,11 @@ impl Sink for Outline<'_> {
         if rx == 0.0 || ry == 0.0 {
             return self.line_to(p);
         }
-        let (sin, cos) = turn.to_radians().sin_cos();
+        let (sin, cos) = math::sin_cos(turn.to_radians());
         let half = [(from[0] - p[0]) / 2.0, (from[1] - p[1]) / 2.0];
         // The half chord in the frame of a unit circle.
         let mut u = [(cos * half[0] + sin * half[1]) / rx, (cos * half[1] - sin * half[0]) / ry];
-        let reach = u[0].hypot(u[1]);
+        let reach = math::hypot(u[0], u[1]);
         if reach > 1.0 {
             // Radii that cannot span the chord grow until they do.
             (rx, ry) = (rx * reach, ry * reach);
@@ -205,9 +206,9 @@ impl Sink for Outline<'_> {
         }
         let side = if large == sweep { -1.0 } else { 1.0 } * ((1.0 - q) / q).sqrt();
         let centre = [side * u[1], -side * u[0]];
-        let a0 = (u[1] - centre[1]).atan2(u[0] - centre[0]);
+        let a0 = math::atan2(u[1] - centre[1], u[0] - centre[0]);
         // From the chord, not from two angles: their difference would be noise on flat arcs.
-        let minor = 2.0 * q.sqrt().asin();
+        let minor = 2.0 * math::asin(q.sqrt());
         let by = if large { TAU - minor } else { minor } * if sweep { 1.0 } else { -1.0 };
         let mid = [(from[0] + p[0]) / 2.0, (from[1] + p[1]) / 2.0];
         let axes = Map { a: cos * rx, b: sin * rx, c: -sin * ry, d: cos * ry, e: mid[0], f: mid[1] };
@@ -237,7 +238,7 @@ impl Sink for Outline<'_> {
 /// Length of the second difference of three points after the map.
 fn bend(m: Map, p: PlanePoint, q: PlanePoint, r: PlanePoint) -> f64 {
     let [x, y] = [0, 1].map(|k| p[k] - 2.0 * q[k] + r[k]);
-    (m.a * x + m.c * y).hypot(m.b * x + m.d * y)
+    math::hypot(m.a * x + m.c * y, m.b * x + m.d * y)
 }
 
 /// The longest image of a unit vector: the map's larger singular value.
@@ -270,7 +271,7 @@ mod tests {
                     let d = [w[1][0] - w[0][0], w[1][1] - w[0][1]];
                     let v = [p[0] - w[0][0], p[1] - w[0][1]];
                     let t = ((d[0] * v[0] + d[1] * v[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
-                    (v[0] - t * d[0]).hypot(v[1] - t * d[1])
+                    math::hypot(v[0] - t * d[0], v[1] - t * d[1])
                 };
                 line.windows(2).filter(|w| w[0] != w[1]).map(to).fold(f64::INFINITY, f64::min)
             })
@@ -319,7 +320,7 @@ mod tests {
 
             let ([x, y], [rx, ry]) = (p[0], p[1].map(|v| v.abs() + 0.5));
             let ellipse = |t: f64| {
-                let (sin, cos) = (TAU * t).sin_cos();
+                let (sin, cos) = math::sin_cos(TAU * t);
                 map.at([x + rx * cos, y + ry * sin])
             };
             let lines = drawn(map, tolerance, |o| o.ellipse([x, y], rx, ry));
@@ -353,7 +354,7 @@ mod tests {
             let line = lines.get(0);
             assert_eq!((line[0], line[line.len() - 1]), (from, to), "seed {seed}");
             // In the frame of the ellipse the points have one distance from one centre.
-            let (s, k) = turn.to_radians().sin_cos();
+            let (s, k) = math::sin_cos(turn.to_radians());
             let unit: Vec<PlanePoint> =
                 line.iter().map(|p| [(k * p[0] + s * p[1]) / radii[0], (k * p[1] - s * p[0]) / radii[1]]).collect();
             let n = unit.len();
@@ -362,13 +363,13 @@ mod tests {
             }
             let bend = |w: &[PlanePoint]| {
                 let (a, b) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
-                (a[0] * b[1] - a[1] * b[0]).atan2(a[0] * b[0] + a[1] * b[1])
+                math::atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
             };
             let turned: f64 = unit.windows(3).map(bend).sum::<f64>() * (n - 1) as f64 / (n - 2) as f64;
             assert_eq!(turned > 0.0, sweep, "seed {seed}");
             assert_eq!(turned.abs() > std::f64::consts::PI, large, "seed {seed}: turned {turned}");
-            let chord = (unit[n - 1][0] - unit[0][0]).hypot(unit[n - 1][1] - unit[0][1]);
-            let want = 2.0 * (turned.abs() / 2.0).sin();
+            let chord = math::hypot(unit[n - 1][0] - unit[0][0], unit[n - 1][1] - unit[0][1]);
+            let want = 2.0 * math::sin(turned.abs() / 2.0);
             assert!((chord - want).abs() < 1e-6, "seed {seed}: a chord of the unit circle");
             tried += 1;
         }

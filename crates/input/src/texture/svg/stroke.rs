@@ -1,6 +1,7 @@
 //! Wide and dashed lines (kurbo): dashes cut out of an element's subpaths, and the area that a wide line covers.
 
 use kurbo::{Arc, BezPath, Cap, Join, PathEl, Point as KurboPoint, Shape, StrokeOpts, SvgArc, Vec2};
+use terrace_core::math;
 
 use super::outline::Sink;
 use terrace_core::geom::PlanePoint;
@@ -30,10 +31,10 @@ impl Pen {
     fn add_inner_join(&self, corner: KurboPoint, from: Vec2, to: Vec2, out: &mut BezPath) {
         let cross = from.cross(to);
         let dot = from.dot(to);
-        let hypot = cross.hypot(dot);
+        let hypot = math::hypot(cross, dot);
         // Mitred joins go through the corner; the condition is that of kurbo.
         let is_mitred = self.join == Join::Miter && 2.0 * hypot < (hypot + dot) * self.miter.powi(2);
-        if is_mitred || cross.atan2(dot).abs() < LEAST_TURN {
+        if is_mitred || math::atan2(cross, dot).abs() < LEAST_TURN {
             return;
         }
         let normal = |d: Vec2| self.width / 2.0 * Vec2::new(-d.y, d.x) / d.hypot();

@@ -13,6 +13,7 @@
 use super::{AxisWords, Pieces, Powers, approach, clean, head, percent, push_time, settle, word};
 use crate::on_the_fly::check::Checked;
 use terrace_core::machine::Machine;
+use terrace_core::math;
 
 /// The usual servo period of LinuxCNC, s.
 pub const SERVO_S: f64 = 1e-3;
@@ -90,9 +91,9 @@ fn dwell(us: i64) -> String {
 /// Appends 60e6 / us, moves per minute, to twelve digits.
 fn push_inverse(out: &mut Vec<u8>, us: i64) {
     let value = 60e6 / us as f64;
-    let whole = value.max(1.0).log10() as usize + 1;
+    let whole = math::log10(value.max(1.0)) as usize + 1;
     // Below 1 the zeros after the point do not count.
-    let zeros = if value < 1.0 { (-value.log10()) as usize } else { 0 };
+    let zeros = if value < 1.0 { (-math::log10(value)) as usize } else { 0 };
     let decimals = (12 + zeros).saturating_sub(if value < 1.0 { 0 } else { whole });
     let text = format!("{value:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };

@@ -14,6 +14,7 @@
 
 use terrace_core::diag::{Diag, Error};
 use terrace_core::machine::{self, FeedForward, Machine};
+use terrace_core::math;
 
 /// A second-order axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,13 +112,13 @@ impl Axis {
         let rest = 1.0 - z * z;
         let root = w * rest.abs().sqrt();
         // e^(-ζ ω t) cos and sin / root, or cosh and sinh / root: without overflow where damping is strong.
-        let fade = (-z * w * dt).exp();
+        let fade = math::exp(-z * w * dt);
         let (cos, sin) = if rest.abs() < 1e-10 {
             (fade, fade * dt)
         } else if rest > 0.0 {
-            (fade * (root * dt).cos(), fade * (root * dt).sin() / root)
+            (fade * math::cos(root * dt), fade * math::sin(root * dt) / root)
         } else {
-            let (slow, fast) = (((root - z * w) * dt).exp(), (-(root + z * w) * dt).exp());
+            let (slow, fast) = (math::exp((root - z * w) * dt), math::exp(-(root + z * w) * dt));
             (0.5 * (slow + fast), 0.5 * (slow - fast) / root)
         };
         let decay = [[cos + z * w * sin, sin], [-w * w * sin, cos - z * w * sin]];
@@ -265,7 +266,7 @@ mod tests {
             // Linear between samples: a step takes one of them.
             let command: Vec<f64> = (0..200_000).map(|i| if i == 0 { 0.0 } else { 1.0 }).collect();
             let peak = axis.follow(&command, 1e-6).into_iter().fold(0.0, f64::max);
-            let want = 1.0 + (-PI * damping / (1.0 - damping * damping).sqrt()).exp();
+            let want = 1.0 + math::exp(-PI * damping / (1.0 - damping * damping).sqrt());
             assert!((peak - want).abs() < 1e-6, "{damping}: {peak} {want}");
         }
     }
@@ -274,21 +275,21 @@ mod tests {
     fn response_to_a_sine_matches_the_transfer_function() {
         for (hz, damping) in [(20.0, 0.7), (20.0, 1.0), (20.0, 1.8)] {
             let (axis, f, dt) = (servo(hz, damping), 15.0, 1e-5);
-            let command: Vec<f64> = (0..200_000).map(|i| (TAU * f * dt * f64::from(i)).sin()).collect();
+            let command: Vec<f64> = (0..200_000).map(|i| math::sin(TAU * f * dt * f64::from(i))).collect();
             let reached = axis.follow(&command, dt);
             // Thirty periods minus the first ten, by correlation.
             let tail = reached.iter().enumerate().skip(100_000);
             let (mut sin, mut cos) = (0.0, 0.0);
             for (i, y) in tail {
                 let phase = TAU * f * dt * i as f64;
-                sin += 2e-5 * y * phase.sin();
-                cos += 2e-5 * y * phase.cos();
+                sin += 2e-5 * y * math::sin(phase);
+                cos += 2e-5 * y * math::cos(phase);
             }
             let r = f / hz;
             let (re, im) = (1.0 - r * r, 2.0 * damping * r);
-            let gain = re.hypot(im).recip();
-            assert!((sin.hypot(cos) - gain).abs() < 1e-4, "{damping}");
-            assert!((cos.atan2(sin) + im.atan2(re)).abs() < 1e-3, "{damping}");
+            let gain = math::hypot(re, im).recip();
+            assert!((math::hypot(sin, cos) - gain).abs() < 1e-4, "{damping}");
+            assert!((math::atan2(cos, sin) + math::atan2(im, re)).abs() < 1e-3, "{damping}");
         }
     }
 
@@ -318,10 +319,10 @@ mod tests {
         let (mut most, mut squares) = (0.0f64, 0.0);
         for i in 0..40_000 {
             let time = DT * f64::from(i);
-            let stage = 100.0 / TAU * (TAU * time).sin();
-            let planned = 2.0 * (TAU * 2.0 * time).sin();
+            let stage = 100.0 / TAU * math::sin(TAU * time);
+            let planned = 2.0 * math::sin(TAU * 2.0 * time);
             let jolt = if (5000..7000).contains(&i) { jolt } else { 0.0 };
-            let missed = stage - (stage_axis.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
+            let missed = stage - (stage_axis.step(stage) + 0.02 * math::sin(TAU * 8.0 * time) + jolt);
             let off = scanner.step(planned, missed, 5.0);
             most = most.max((planned + missed - off).abs());
             squares += if i < 10_000 { 0.0 } else { off * off };
@@ -349,7 +350,7 @@ mod tests {
     #[test]
     fn only_clipping_keeps_the_scanner_in_its_field_and_lets_it_recover() {
         let (most, rms) = swing(Some(Protection::Saturate), 5.0);
-        let overshoot = 1.0 + (-PI * 0.7 / (1.0f64 - 0.49).sqrt()).exp();
+        let overshoot = 1.0 + math::exp(-PI * 0.7 / (1.0f64 - 0.49).sqrt());
         assert!(most <= 5.0 * overshoot && most > 5.0 - 1e-6, "{most}");
         assert!(rms < 0.05, "{rms}");
         assert!(swing(Some(Protection::Off), 5.0).0 > 5.5);

@@ -20,6 +20,7 @@
 
 use std::f64::consts::{PI, TAU};
 use std::marker::PhantomData;
+use terrace_core::math;
 
 use terrace_core::geom::{P3Mm, UnitVector};
 
@@ -76,16 +77,16 @@ const UPRIGHT: f64 = 1e-12;
 /// The A and C of a branch that turn a normal upright; C is `held` where the normal is upright without it.
 pub(crate) fn turn_for(n: UnitVector, branch: Branch, held: f64) -> (f64, f64) {
     let UnitVector([i, j, k]) = n;
-    let tilt = i.hypot(j);
+    let tilt = math::hypot(i, j);
     // acos k, without its loss of digits near k = 1.
-    let a = tilt.atan2(k);
+    let a = math::atan2(tilt, k);
     if tilt < UPRIGHT {
         return (if branch == Branch::Positive { a } else { -a }, held);
     }
     // C turns the normal until it leans to +y, from where a positive A turns it up, or to -y for a negative A.
     match branch {
-        Branch::Positive => (a, (-i).atan2(j)),
-        Branch::Negative => (-a, i.atan2(-j)),
+        Branch::Positive => (a, math::atan2(-i, j)),
+        Branch::Negative => (-a, math::atan2(i, -j)),
     }
 }
 
@@ -106,14 +107,14 @@ pub(crate) fn beam_axis(a: f64, c: f64) -> UnitVector {
 
 /// Rx(A) Rz(-C) applied to a vector.
 pub(crate) fn turned_vector(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
-    let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
+    let ((sa, ca), (sc, cc)) = (math::sin_cos(a), math::sin_cos(c));
     let (right, back) = (x * cc + y * sc, y * cc - x * sc);
     [right, back * ca - z * sa, back * sa + z * ca]
 }
 
 /// The inverse of [`turned_vector`].
 fn vector_turned_back(a: f64, c: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
-    let ((sa, ca), (sc, cc)) = (a.sin_cos(), c.sin_cos());
+    let ((sa, ca), (sc, cc)) = (math::sin_cos(a), math::sin_cos(c));
     let (back, up) = (y * ca + z * sa, z * ca - y * sa);
     [x * cc - back * sc, x * sc + back * cc, up]
 }
@@ -171,7 +172,7 @@ impl Deviation {
         let along = dot(d, t);
         let across = [0, 1, 2].map(|i| d[i] - along * t[i]);
         let cross = [m[1] * t[2] - m[2] * t[1], m[2] * t[0] - m[0] * t[2], m[0] * t[1] - m[1] * t[0]];
-        Self { defocus: along.abs(), angle: norm(cross).atan2(dot(m, t)), lateral: norm(across) }
+        Self { defocus: along.abs(), angle: math::atan2(norm(cross), dot(m, t)), lateral: norm(across) }
     }
 
     /// Each part the larger of two.
@@ -225,7 +226,7 @@ pub fn follow(tools: &[Pose<Pivot>], branches: Branches) -> Vec<Axes> {
 
 /// Whether a direction has a C of its own.
 fn leans(UnitVector([x, y, _]): UnitVector) -> bool {
-    x.hypot(y) >= UPRIGHT
+    math::hypot(x, y) >= UPRIGHT
 }
 
 /// An angle less the whole turns that bring it nearest to 0.
@@ -311,7 +312,8 @@ mod tests {
         let mut next = || random.unit();
         for _ in 0..20_000 {
             let (tilt, round) = (1.5 * next(), TAU * next());
-            let n = UnitVector([tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()]);
+            let n =
+                UnitVector([math::sin(tilt) * math::cos(round), math::sin(tilt) * math::sin(round), math::cos(tilt)]);
             let pose = Pose { p: P3Mm::new([0.0; 3].map(|_| 100.0 * next() - 50.0)), n };
             for (branch, sign) in [(Branch::Positive, 1.0), (Branch::Negative, -1.0)] {
                 let axes = Axes::at(&pose, branch, 0.0);
@@ -326,7 +328,7 @@ mod tests {
                 let FieldPosition { uv: [u, v], height: off } = axes.seen(mark);
                 let spot = axes.spot(u, v);
                 let hit = Deviation::of(&Pose { p: mark, n }, &pose);
-                assert!((hit.defocus - off.abs()).abs() < 1e-9 && (hit.lateral - u.hypot(v)).abs() < 1e-9);
+                assert!((hit.defocus - off.abs()).abs() < 1e-9 && (hit.lateral - math::hypot(u, v)).abs() < 1e-9);
                 for i in 0..3 {
                     assert!((spot.p[i] + off * n.0[i] - mark[i]).abs() < 1e-9);
                 }
@@ -341,9 +343,9 @@ mod tests {
         let (mut wrong, count) = (0, 10_000);
         for _ in 0..count {
             let (tilt, round) = (0.4 * next(), TAU * next());
-            let n = [tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()];
-            let up = turned_vector(n[2].acos(), (-n[0] / n[1]).atan(), n);
-            let off = up[2].clamp(-1.0, 1.0).acos();
+            let n = [math::sin(tilt) * math::cos(round), math::sin(tilt) * math::sin(round), math::cos(tilt)];
+            let up = turned_vector(math::acos(n[2]), math::atan(-n[0] / n[1]), n);
+            let off = math::acos(up[2].clamp(-1.0, 1.0));
             if off > 1e-6 {
                 wrong += 1;
                 assert!((off - 2.0 * tilt).abs() < 1e-6 && n[1] < 0.0);
@@ -359,7 +361,7 @@ mod tests {
         let lean = |x: f64, y: f64| Pose { p: P3Mm::new([x, y, 0.0]), n: up(x, y) };
         let round: Vec<Pose<Pivot>> = (0..=300)
             .map(|i| TAU * f64::from(i) / 100.0)
-            .map(|w| lean(0.3 * w.cos(), 0.3 * w.sin()))
+            .map(|w| lean(0.3 * math::cos(w), 0.3 * math::sin(w)))
             .chain((1..=60).map(|i| lean(0.3 - 0.01 * f64::from(i), 0.0)))
             .collect();
         let axes = follow(&round, Branches::Only(Branch::Positive));

@@ -14,6 +14,7 @@ mod energy;
 
 pub use energy::LineEnergy;
 use energy::Marks;
+use terrace_core::math;
 
 use crate::check::{Reach, fits, pen_faults, refused};
 use crate::on_the_fly::axes::motion::AXES;
@@ -265,7 +266,7 @@ impl AxisLimits {
     fn slower(&self, peaks: &Peaks) -> f64 {
         let share = |k: usize, peak: Peak| self.most[k].map_or(0.0, |most| peak.size / (most * (1.0 + OVER)));
         // Run k times slower, speed falls by k, acceleration by k² and jerk by k³.
-        share(0, peaks.speed).max(share(1, peaks.acceleration).sqrt()).max(share(2, peaks.jerk).cbrt())
+        share(0, peaks.speed).max(share(1, peaks.acceleration).sqrt()).max(math::cbrt(share(2, peaks.jerk)))
     }
 }
 
@@ -301,7 +302,7 @@ impl ScannerSpeeds {
 /// How far a move takes the scanner, mm.
 fn scanner_way(from: &AxisCommands, to: &Move) -> f64 {
     let [u, v] = [5, 6].map(|k| mm_from_nm(to.to[k] - from[k]));
-    u.hypot(v)
+    math::hypot(u, v)
 }
 
 /// Speed, acceleration and jerk of the stage, of rotary axes and of the scanner.
@@ -367,7 +368,7 @@ fn mark_speed(program: &Program, machine: &Machine) -> Result<Option<Diag>, Erro
 /// The longest line that a writer may need: a word of all axes, and the time.
 fn lines(program: &Program, machine: &Machine) -> Option<Diag> {
     let samples = std::iter::once(&program.start).chain(program.moves.iter().map(|m| &m.to));
-    let digits = |v: i64| mm_from_nm(v.abs()).max(1.0).log10() as usize + 1;
+    let digits = |v: i64| math::log10(mm_from_nm(v.abs()).max(1.0)) as usize + 1;
     let mut widest = [0; AXES];
     for to in samples {
         widest.iter_mut().zip(&to.0).for_each(|(w, &v)| *w = (*w).max(digits(v)));
@@ -386,7 +387,7 @@ fn lines(program: &Program, machine: &Machine) -> Option<Diag> {
 fn corner(before: [f64; AXES], after: [f64; AXES], lever: f64) -> f64 {
     let step: [f64; AXES] = std::array::from_fn(|k| (after[k] - before[k]).abs());
     // Axes may be swapped or mirrored: any may add to any.
-    step[0].hypot(step[1]) + step[5].hypot(step[6]) + (step[3] + step[4]).to_radians() * lever
+    math::hypot(step[0], step[1]) + math::hypot(step[5], step[6]) + (step[3] + step[4]).to_radians() * lever
 }
 
 fn figures(program: &Program, machine: &Machine, power_by_speed: bool) -> Result<Figures, Error> {
@@ -413,7 +414,7 @@ fn figures(program: &Program, machine: &Machine, power_by_speed: bool) -> Result
             out.mark_speed = out.mark_speed.max(way / s);
             for at in [from, &to.to] {
                 let [u, v] = field(at).map(mm_from_nm);
-                out.displacement_mm = out.displacement_mm.max(u.hypot(v));
+                out.displacement_mm = out.displacement_mm.max(math::hypot(u, v));
             }
             marks.go(way, s, [q.part[0], q.part[1]]);
         } else {

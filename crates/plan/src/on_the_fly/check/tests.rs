@@ -1,6 +1,7 @@
 use super::*;
 use crate::on_the_fly::program::{AxisCommands, Mark, Move};
 use terrace_core::machine::Origin;
+use terrace_core::math;
 use terrace_core::program::{Pen, PenId, PieceId, StrokeId};
 use terrace_core::units::{Frequency, Power, Speed};
 
@@ -66,7 +67,7 @@ fn program_beyond_any_limit_is_refused() {
     // From rest to rest in 0.1 s: 15,791 times its size of acceleration, and of jerk 1.36 million times.
     let swing = |p: &mut Program, size: f64| {
         for m in &mut p.moves[..100] {
-            let x = (size * (1.0 - (62.831_853e-6 * m.us as f64).cos()).powi(2) * 1e6) as i64;
+            let x = (size * (1.0 - math::cos(62.831_853e-6 * m.us as f64)).powi(2) * 1e6) as i64;
             m.to[0] -= x;
             m.to[5] -= x;
         }
@@ -104,7 +105,7 @@ fn turning_axes_have_limits_of_their_own() {
             m.to[5] /= 10;
         }
         for m in &mut p.moves[..100] {
-            m.to[4] = (size * (1.0 - (62.831_853e-6 * m.us as f64).cos()).powi(2) * 1e6) as i64;
+            m.to[4] = (size * (1.0 - math::cos(62.831_853e-6 * m.us as f64)).powi(2) * 1e6) as i64;
         }
         Checked::new(p, &machine, false).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
     };

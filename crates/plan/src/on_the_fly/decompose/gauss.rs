@@ -1,6 +1,7 @@
 //! The Gaussian filter.
 
 use super::at_or_end;
+use terrace_core::math;
 
 /// Weights reach this many standard deviations out.
 const REACH: f64 = 4.0;
@@ -11,7 +12,7 @@ pub(super) fn gaussian<const N: usize>(path: &[[f64; N]], sigma: f64) -> Vec<[f6
         return path.to_vec();
     }
     let reach = (REACH * sigma + 0.5).floor() as usize;
-    let mut weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
+    let mut weights: Vec<f64> = (0..=reach).map(|i| math::exp(-0.5 * (i as f64 / sigma).powi(2))).collect();
     let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
     weights.iter_mut().for_each(|w| *w /= sum);
     let longer = lengthened(path, reach, |i| *at_or_end(path, i));

@@ -1,6 +1,7 @@
 //! The stored part of the seven-axis article, for tests: a sum of three hills and a Hilbert curve over it.
 
 use serde_json::Value;
+use terrace_core::math;
 
 use crate::on_the_fly::axes::kinematics::{Pivot, Pose};
 use crate::on_the_fly::decompose::on_surface;
@@ -39,7 +40,7 @@ impl Part {
     fn height(&self, x: f64, y: f64) -> (f64, f64, f64) {
         self.hills.iter().fold((self.base, 0.0, 0.0), |(z, zx, zy), &[a, s, mx, my]| {
             let (dx, dy) = (x - mx, y - my);
-            let e = a * (-(dx * dx + dy * dy) / (2.0 * s * s)).exp();
+            let e = a * math::exp(-(dx * dx + dy * dy) / (2.0 * s * s));
             (z + e, zx - e * dx / (s * s), zy - e * dy / (s * s))
         })
     }

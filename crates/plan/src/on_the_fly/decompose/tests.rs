@@ -4,12 +4,13 @@ use crate::on_the_fly::axes::kinematics::{Axes, Branch, Branches, Deviation, Piv
 use crate::on_the_fly::topp::{self, Limit, Options, time_optimal};
 use crate::on_the_fly::xyzuv::Peaks;
 use terrace_core::machine::Machine;
+use terrace_core::math;
 
 /// A bent path with corners, 2 coordinates.
 fn wandering() -> Vec<[f64; 2]> {
     (0..3000)
         .map(|i| f64::from(i) * 0.1)
-        .map(|s| [s + 3.0 * (s / 7.0).sin(), 400.0 - ((s % 40.0) - 20.0).abs()])
+        .map(|s| [s + 3.0 * math::sin(s / 7.0), 400.0 - ((s % 40.0) - 20.0).abs()])
         .collect()
 }
 
@@ -173,7 +174,7 @@ fn corner_fits_the_field_at_the_suggested_speed() {
 
 #[test]
 fn running_mean_does_not_accumulate_rounding() {
-    let path: Vec<[f64; 1]> = (0..200_000).map(|i| [400.0 + 30.0 * (0.37 * f64::from(i)).sin()]).collect();
+    let path: Vec<[f64; 1]> = (0..200_000).map(|i| [400.0 + 30.0 * math::sin(0.37 * f64::from(i))]).collect();
     let got = stage(&path, Method::MovingAverage { samples: 501 });
     for i in [250, 100_000, 199_700] {
         let mean = path[i - 250..=i + 250].iter().map(|x| x[0]).sum::<f64>() / 501.0;
@@ -186,15 +187,15 @@ fn running_mean_does_not_accumulate_rounding() {
 #[test]
 fn filters_damp_a_wave_by_their_transfer_functions() {
     let wave = |length: f64| -> Vec<[f64; 1]> {
-        (0..20_001).map(|i| [(std::f64::consts::TAU * (f64::from(i) - 10_000.0) / length).cos()]).collect()
+        (0..20_001).map(|i| [math::cos(std::f64::consts::TAU * (f64::from(i) - 10_000.0) / length)]).collect()
     };
     // The middle sample of a cosine is its amplitude.
     let left = |length: f64, method: Method<1>| stage(&wave(length), method)[10_000][0];
     for length in [100.0, 317.0, 1000.0] {
         let w = std::f64::consts::TAU / length;
-        let gauss = (-0.5 * (50.0 * w).powi(2)).exp();
+        let gauss = math::exp(-0.5 * (50.0 * w).powi(2));
         assert!((left(length, Method::Gaussian { sigma: 50.0 }) - gauss).abs() < 2e-4);
-        let mean = (50.5 * w).sin() / (101.0 * (0.5 * w).sin());
+        let mean = math::sin(50.5 * w) / (101.0 * math::sin(0.5 * w));
         assert!((left(length, Method::MovingAverage { samples: 101 }) - mean).abs() < 1e-12);
     }
 }
@@ -314,7 +315,7 @@ fn least_time(plan: &[[f64; 2]], marks: &[Pose<Pivot>], axes: &[Axes]) -> f64 {
             [x.xyz[0], x.xyz[1], x.xyz[2], x.a, x.c, u, v]
         })
         .collect();
-    let step = (plan[1][0] - plan[0][0]).hypot(plan[1][1] - plan[0][1]);
+    let step = math::hypot(plan[1][0] - plan[0][0], plan[1][1] - plan[0][1]);
     let s: Vec<f64> = (0..plan.len()).map(|i| step * i as f64).collect();
     let turns = |w: &[[f64; 2]]| (0..2).any(|k| (w[2][k] - 2.0 * w[1][k] + w[0][k]).abs() > 1e-9);
     let stops: Vec<usize> = plan.windows(3).enumerate().filter(|(_, w)| turns(w)).map(|(i, _)| i + 1).collect();

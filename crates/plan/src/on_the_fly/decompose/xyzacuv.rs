@@ -1,6 +1,7 @@
 //! Seven axes: paths on a part within limits of focus, angle and field.
 
 use std::f64::consts::PI;
+use terrace_core::math;
 
 use super::corridor::{least_from, within};
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pivot, Pose, TurnedAbout, nearest_half_turn, turned};
@@ -71,7 +72,7 @@ pub fn seven_axes(marks: &[Pose<Pivot>], steps: &[f64], limits: Limits) -> Vec<A
 
 /// C along the path.
 fn turntable(marks: &[Pose<Pivot>], steps: &[f64], angle: f64) -> Vec<f64> {
-    let reach = FOR_C * angle.sin();
+    let reach = FOR_C * math::sin(angle);
     // The C of each mark that needs one, with how far it may be off, and between them straight lines.
     let mut start = vec![0.0; marks.len()];
     let mut ends = vec![[f64::NEG_INFINITY, f64::INFINITY]; marks.len()];
@@ -79,14 +80,14 @@ fn turntable(marks: &[Pose<Pivot>], steps: &[f64], angle: f64) -> Vec<f64> {
     let mut last: Option<usize> = None;
     for (i, mark) in marks.iter().enumerate() {
         let UnitVector([x, y, _]) = mark.n;
-        let tilt = x.hypot(y);
+        let tilt = math::hypot(x, y);
         if tilt <= reach {
             continue;
         }
         // Of C and C + π the nearer to the last.
-        let own = (-x).atan2(y);
+        let own = math::atan2(-x, y);
         start[i] = last.map_or(own, |l| nearest_half_turn(own, start[l]));
-        let off = (reach / tilt).asin();
+        let off = math::asin(reach / tilt);
         ends[i] = [start[i] - off, start[i] + off];
         let (from, begin) = last.map_or((0, start[i]), |l| (l, start[l]));
         for j in from..i {
@@ -110,10 +111,10 @@ fn swivel(marks: &[Pose<Pivot>], steps: &[f64], c: &[f64], angle: f64) -> Vec<f6
         .map(|(mark, c)| {
             // The normal's part in the plane in which A turns the tool, and its angle there.
             let UnitVector([i, j, k]) = mark.n;
-            let across = j * c.cos() - i * c.sin();
-            let (own, part) = (across.atan2(k), across.hypot(k));
+            let across = j * math::cos(*c) - i * math::sin(*c);
+            let (own, part) = (math::atan2(across, k), math::hypot(across, k));
             // cos of the beam's angle to the normal is part × cos(A - own).
-            let off = (angle.cos() / part).min(1.0).acos();
+            let off = math::acos((math::cos(angle) / part).min(1.0));
             (own, [own - off, own + off])
         })
         .unzip::<_, _, Vec<_>, Vec<_>>();
@@ -131,14 +132,14 @@ fn in_focus(marks: &[P3Mm<TurnedAbout<Pivot>>], steps: &[f64], half_depth: f64) 
 fn in_field(marks: &[P3Mm<TurnedAbout<Pivot>>], steps: &[f64], field: f64) -> Vec<f64> {
     let start: Vec<f64> = marks.iter().flat_map(|q| q.xy()).collect();
     // The polygon within the disc: its sides are `inner` from the middle, its corners on the circle.
-    let inner = field * (PI / SIDES as f64).cos();
+    let inner = field * math::cos(PI / SIDES as f64);
     if inner <= 0.0 {
         return start;
     }
     let rows: Vec<Row<2>> = (0..marks.len())
         .flat_map(|i| {
             (0..SIDES / 2).map(move |s| {
-                let (sin, cos) = (2.0 * PI * s as f64 / SIDES as f64).sin_cos();
+                let (sin, cos) = math::sin_cos(2.0 * PI * s as f64 / SIDES as f64);
                 Row { at: 2 * i, a: [cos, sin], lo: -inner, hi: inner }
             })
         })

@@ -171,6 +171,7 @@ impl WholeTurns {
 mod tests {
     use super::*;
     use crate::on_the_fly::axes::kinematics::FieldPosition;
+    use terrace_core::math;
     use terrace_core::program::{PenId, PieceId};
 
     /// Rings about the pole with short jumps between them, all the same way round; C as it would continue.
@@ -180,7 +181,7 @@ mod tests {
             for i in 0..=90 {
                 let (angle, r) = (f64::from(4 * i).to_radians(), 10.0 + jump * f64::from(ring));
                 let c = TAU * f64::from(ring) + angle;
-                let at = [r * angle.cos(), r * angle.sin(), 0.0];
+                let at = [r * math::cos(angle), r * math::sin(angle), 0.0];
                 path.nodes.push(Node {
                     at: P3Mm::new(at),
                     pen: (i > 0).then_some(PenId(0)),

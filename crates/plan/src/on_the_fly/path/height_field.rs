@@ -13,6 +13,7 @@
 
 use crate::projection::Tracer;
 use terrace_core::geom::{Box2, NM_PER_MM, Nm, P2, UnitVector};
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_input::surface::Surface;
 
@@ -109,10 +110,10 @@ impl HeightField {
         for j in 0..rows {
             for i in 0..columns {
                 let [x, y] = self.at(node(i, j)).slope;
-                steepest = steepest.max(x.hypot(y));
+                steepest = steepest.max(math::hypot(x, y));
             }
         }
-        steepest.atan()
+        math::atan(steepest)
     }
 
     /// Distance of the grid's nodes.
@@ -134,7 +135,7 @@ impl HeightField {
             out.slope[0] += wy * dot(&dx) / self.step;
             out.slope[1] += dy * across / self.step;
         }
-        let steep = out.slope[0].hypot(out.slope[1]);
+        let steep = math::hypot(out.slope[0], out.slope[1]);
         if steep > self.steepest {
             out.slope = out.slope.map(|s| s * (self.steepest / steep));
         }
@@ -365,7 +366,7 @@ mod tests {
     #[ignore = "slow: make test-all"]
     fn smoothing_leaves_the_height_of_a_hill_alone() {
         // The highest hill of the seven-axis part in facets of a quarter of a millimetre, smoothed within 10 um.
-        let z = |x: f64, y: f64| 4.7 * (-((x - 10.0).powi(2) + (y - 10.0).powi(2)) / 162.0).exp();
+        let z = |x: f64, y: f64| 4.7 * math::exp(-((x - 10.0).powi(2) + (y - 10.0).powi(2)) / 162.0);
         let height_field = HeightField::over(&surface(80, 20.0, z), area(0.0, 20.0), 0.05, 0.01).expect("part");
         // The facets themselves lie up to 0.9 um below the hill: h² z'' / 8 of their diagonal.
         for p in [[10.0, 10.0], [10.1, 9.9], [12.0, 10.0], [5.0, 14.0], [10.0, 16.0]] {
@@ -378,7 +379,7 @@ mod tests {
     fn holes_are_bridged() {
         let mut facets = Vec::new();
         for (i, j) in (0..50).flat_map(|j| (0..50).map(move |i| (f64::from(i), f64::from(j)))) {
-            if (i - 25.0).hypot(j - 25.0) > 8.0 {
+            if math::hypot(i - 25.0, j - 25.0) > 8.0 {
                 let c = |x: f64, y: f64| [x, y, 3.0];
                 facets.push([c(i, j), c(i + 1.0, j), c(i + 1.0, j + 1.0)]);
                 facets.push([c(i, j), c(i + 1.0, j + 1.0), c(i, j + 1.0)]);

@@ -18,6 +18,7 @@ use crate::on_the_fly::path::height_field::HeightField;
 use crate::ordered_strokes::OrderedStrokes;
 use crate::projection::Tracer;
 use terrace_core::geom::{NM_PER_MM, P2, P3Mm, mm_from_nm};
+use terrace_core::math;
 use terrace_core::motion::{CORNER, angle, is_corner};
 use terrace_core::program::{Pen, PenId, PieceId};
 use terrace_input::surface::Surface;
@@ -275,7 +276,7 @@ impl Path {
             let rests = i == 0 || i + 1 == runs.len() || is_jump(i) != is_jump(i + 1);
             let kind = if rests { NodeKind::End } else { node.kind };
             if let Some(last) = out.nodes.last().map(|last| last.at).filter(|_| is_jump(i)) {
-                let count = ((node.at[0] - last[0]).hypot(node.at[1] - last[1]) / STEP).ceil();
+                let count = (math::hypot(node.at[0] - last[0], node.at[1] - last[1]) / STEP).ceil();
                 for k in 1..count as usize {
                     out.node(last.lerp(node.at, k as f64 / count), None, node.stroke);
                 }
@@ -343,7 +344,7 @@ impl Path {
     /// A run of so many mm, seen from the lens, in the direction from one node to another.
     fn run(&self, from: usize, to: usize, mm: f64) -> [f64; 3] {
         let (a, b) = (self.nodes[from].at, self.nodes[to].at);
-        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let length = math::hypot(b[0] - a[0], b[1] - a[1]);
         let share = if length > 0.0 { mm / length } else { 0.0 };
         b.way_from(a).map(|v| share * v)
     }
@@ -358,7 +359,7 @@ impl Path {
             let (a, b) = (self.nodes[i].at, self.nodes[j].at);
             node = j;
             // Past a vertex the mark has another direction.
-            if (b[0] - a[0]).hypot(b[1] - a[1]) >= ENOUGH || self.nodes[j].kind != NodeKind::Between {
+            if math::hypot(b[0] - a[0], b[1] - a[1]) >= ENOUGH || self.nodes[j].kind != NodeKind::Between {
                 break;
             }
         }
@@ -483,9 +484,9 @@ fn on_one_line(end: &MarkEnd, begin: &MarkEnd) -> bool {
     let gap = [begin.at[0] - end.at[0], begin.at[1] - end.at[1]];
     let run_out = [end.run[0], end.run[1]];
     let run_in = [begin.run[0], begin.run[1]];
-    let gap_mm = gap[0].hypot(gap[1]);
-    let run_out_mm = run_out[0].hypot(run_out[1]);
-    let run_in_mm = run_in[0].hypot(run_in[1]);
+    let gap_mm = math::hypot(gap[0], gap[1]);
+    let run_out_mm = math::hypot(run_out[0], run_out[1]);
+    let run_in_mm = math::hypot(run_in[0], run_in[1]);
     // Where the part steps between them a way that runs on would have to rise like a wall.
     let step = (begin.at[2] - end.at[2] - end.run[2] / run_out_mm * gap_mm).abs();
     if step > FLAT + STEEPER * gap_mm {
@@ -500,7 +501,7 @@ fn on_one_line(end: &MarkEnd, begin: &MarkEnd) -> bool {
 
 /// Length between two neighbouring nodes, seen from the lens.
 fn stretch(w: &[Node]) -> f64 {
-    (w[1].at[0] - w[0].at[0]).hypot(w[1].at[1] - w[0].at[1])
+    math::hypot(w[1].at[0] - w[0].at[0], w[1].at[1] - w[0].at[1])
 }
 
 /// How many pieces of `spacing` mm or less a line between two points is divided into.
@@ -640,8 +641,10 @@ mod tests {
 
     #[test]
     fn even_nodes_keep_corners_ends_and_round_shapes() {
-        let circle: Vec<[f64; 3]> =
-            (0..=720).map(|i| f64::from(i).to_radians() / 2.0).map(|t| [10.0 * t.cos(), 10.0 * t.sin(), 0.0]).collect();
+        let circle: Vec<[f64; 3]> = (0..=720)
+            .map(|i| f64::from(i).to_radians() / 2.0)
+            .map(|t| [10.0 * math::cos(t), 10.0 * math::sin(t), 0.0])
+            .collect();
         let mut path = path(&[&circle, &[circle[720], [10.0, -3.0, 0.0], [13.0, -3.0, 0.0]]]);
         path.nodes[721].kind = NodeKind::Corner;
         for i in 1..720 {
@@ -650,7 +653,7 @@ mod tests {
         let out = path.evened(1.0);
         let at = places(&out);
         assert!(at.contains(&[10.0, -3.0, 0.0]) && at.last() == Some(&[13.0, -3.0, 0.0]), "{at:?}");
-        let on: Vec<f64> = at.iter().take(63).map(|p| p[0].hypot(p[1])).collect();
+        let on: Vec<f64> = at.iter().take(63).map(|p| math::hypot(p[0], p[1])).collect();
         assert!(on.iter().all(|r| (r - 10.0).abs() < 1e-3), "{on:?}");
         let lengths = |p: &Path| p.distances().last().copied().unwrap_or_default();
         assert!((lengths(&out) / lengths(&path) - 1.0).abs() < 1e-3 && out.len() < 95, "{}", out.len());
@@ -659,7 +662,9 @@ mod tests {
         let small = self::path(&[&small]).evened(1.0);
         assert!(small.len() >= 24, "{}", small.len());
         // A hairpin between long legs too.
-        let bend = (1..16).map(|i| (f64::from(i) * 11.25).to_radians()).map(|t| [0.2 * t.sin(), -0.2 * t.cos(), 0.0]);
+        let bend = (1..16)
+            .map(|i| (f64::from(i) * 11.25).to_radians())
+            .map(|t| [0.2 * math::sin(t), -0.2 * math::cos(t), 0.0]);
         let leg = |y: f64, back: bool| (0..50).map(move |i| [-f64::from(if back { i } else { 50 - i }), y, 0.0]);
         let hairpin: Vec<[f64; 3]> =
             leg(-0.2, false).chain([[0.0, -0.2, 0.0]]).chain(bend).chain(leg(0.2, true)).collect();

@@ -11,6 +11,7 @@
 
 use crate::on_the_fly::path::{NodeKind, Path};
 use terrace_core::machine::{Axis, Machine};
+use terrace_core::math;
 use terrace_core::motion::{GalvoModel, RestToRest, Run};
 use terrace_core::program::Pen;
 
@@ -83,7 +84,7 @@ impl Runs {
             for i in stretches {
                 let [x, y] = step(i);
                 let (way_before, time_before) = (way, time);
-                way += x.hypot(y);
+                way += math::hypot(x, y);
                 // The sum of the ways is rounded: the run ends when it ends.
                 time = if i == last { motion.total_s() } else { motion.time_at(way) };
                 out.stretches.push(StretchOfRun { run: out.runs.len(), way: [way_before, way] });
@@ -168,7 +169,7 @@ fn lift_s(z: &Axis, height: f64) -> f64 {
     // Peaks of the first three derivatives of `ease`: 15/8, 10/sqrt 3 and 60.
     let by_speed = 1.875 * height / z.speed.as_mm_s();
     let by_acceleration = (10.0 / 3.0f64.sqrt() * height / z.acceleration.as_mm_s2()).sqrt();
-    let by_jerk = z.jerk.map_or(0.0, |jerk| (60.0 * height / jerk.as_mm_s3()).cbrt());
+    let by_jerk = z.jerk.map_or(0.0, |jerk| math::cbrt(60.0 * height / jerk.as_mm_s3()));
     by_speed.max(by_acceleration).max(by_jerk)
 }
 
@@ -191,7 +192,7 @@ impl Schedule {
             let ends_mark = path.nodes[i].pen.is_some();
             if i > 0 {
                 let (a, b) = (path.nodes[i - 1].at, path.nodes[i].at);
-                let at_speed = || (b[0] - a[0]).hypot(b[1] - a[1]) / speed;
+                let at_speed = || math::hypot(b[0] - a[0], b[1] - a[1]) / speed;
                 let time = times.get(i).copied().unwrap_or_else(at_speed);
                 *(if ends_mark { &mut out.mark_s } else { &mut out.jump_s }) += time;
                 now += time;
@@ -427,7 +428,7 @@ mod tests {
             assert!((schedule.delay_s - 2.0 * delay).abs() < 1e-12, "before each mark, at no corner");
             // The samples are those of the motion, with limits kept along every side and rests at corners.
             let samples = schedule.samples(&path, 1e-5);
-            let speed = |w: &[[f64; 3]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) / samples.step_s;
+            let speed = |w: &[[f64; 3]]| math::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1]) / samples.step_s;
             let speeds: Vec<f64> = samples.at.windows(2).map(speed).collect();
             let lit = speeds.iter().zip(&samples.on).filter(|(_, on)| **on).map(|(v, _)| *v);
             let peak = model.motion(side, 200.0).expect("a motion").peak();

@@ -9,6 +9,7 @@ use crate::on_the_fly::program::{AxisCommands, Kind};
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::{MAX_NM, NM_PER_MM, P3Mm, Part, UnitVector, mm_from_nm};
 use terrace_core::machine::{Carries, Letter, Machine, Origin, Scanner, Tilt};
+use terrace_core::math;
 
 /// How far axes may have turned, millionths of a degree: 100,000 turns.
 const MOST_TURNED: f64 = 3.6e13;
@@ -136,7 +137,7 @@ impl Frame {
             (P3Mm::new(from_pivot), UnitVector::UP)
         };
         let [x, y, z] = from_pivot;
-        Spot { part: P3Mm::new(p.way_from(self.origin)), up, lever: x.hypot(y).hypot(z) }
+        Spot { part: P3Mm::new(p.way_from(self.origin)), up, lever: math::hypot(math::hypot(x, y), z) }
     }
 
     /// A sample with the stage where another has it; U and V compensate for X and Y.
@@ -171,7 +172,7 @@ impl Frame {
             let (a, c) = (axis(3, share), axis(4, share));
             let meant = self.table(a, c, turned(a, c, p.lerp(q, share)));
             let reached = [0, 1].map(|k| ends[0][k] + share * (ends[1][k] - ends[0][k]));
-            let off = (reached[0] - meant[0]).hypot(reached[1] - meant[1]);
+            let off = math::hypot(reached[0] - meant[0], reached[1] - meant[1]);
             // At a quarter of its length an even bow has three quarters of its height.
             worst = worst.max(if share == 0.5 { off } else { off / 0.75 });
         }

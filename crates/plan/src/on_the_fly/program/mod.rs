@@ -23,6 +23,7 @@ mod merge;
 pub mod peaks;
 
 use std::ops::{Index, IndexMut};
+use terrace_core::math;
 
 use crate::on_the_fly::axes::kinematics::turned_back;
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
@@ -395,7 +396,7 @@ impl MotionSampler<'_> {
         }
         let halvings = if mark.is_some() && self.frame.turns() { self.halvings(i, from, to) } else { 0 };
         let count = 1u32 << halvings;
-        let moves = (to[0] - from[0]).hypot(to[1] - from[1]) > 1e-9;
+        let moves = math::hypot(to[0] - from[0], to[1] - from[1]) > 1e-9;
         let is_wait = mark.is_none() && !moves && !self.frame.turns();
         // A wait may be no shorter than it was meant, to the microsecond that its begin was rounded by.
         let least = if is_wait { ((t1 - t0) * 1e6 / f64::from(count)).floor() as i64 } else { 0 };
@@ -445,7 +446,7 @@ impl MotionSampler<'_> {
     fn least_us(&self, from: &AxisCommands, to: &AxisCommands, mark: Option<Mark>) -> i64 {
         let [u, v] = [5, 6].map(|k| mm_from_nm(to[k] - from[k]));
         let speed = if mark.is_some() { self.speeds.scanner_mark } else { self.speeds.scanner_jump };
-        let scanner = (u.hypot(v) - ROUNDING) / speed;
+        let scanner = (math::hypot(u, v) - ROUNDING) / speed;
         let pen = mark.map_or(0.0, |mark| {
             let way = self.frame.spot(from).way(&self.frame.spot(to));
             (way - ROUNDING) / self.speeds.pens[mark.pen.index()]

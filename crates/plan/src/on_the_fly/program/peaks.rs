@@ -121,13 +121,14 @@ mod tests {
     use super::*;
     use crate::on_the_fly::program::{Kind, Move};
     use terrace_core::machine::Origin;
+    use terrace_core::math;
 
     #[test]
     fn peak_rates_of_smooth_motions_match_closed_forms() {
         // x = 3 mm (1 - cos 20 t)^2 from rest to rest, samples at uneven times.
         let mut us = 0;
         let at = |us: i64| {
-            let x = 3.0 * (1.0 - (us as f64 * 20e-6).cos()).powi(2);
+            let x = 3.0 * (1.0 - math::cos(us as f64 * 20e-6)).powi(2);
             AxisCommands([(x * 1e6).round() as i64, 0, 0, 0, 0, 0, 0])
         };
         let mut moves = Vec::new();

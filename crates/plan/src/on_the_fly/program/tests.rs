@@ -1,6 +1,7 @@
 use super::*;
 use terrace_core::geom::{P3, Part};
 use terrace_core::machine::{Carries, Machine, Origin, TiltAngles};
+use terrace_core::math;
 use terrace_core::program::{Stroke, sample};
 use terrace_core::units::Length;
 
@@ -25,8 +26,8 @@ fn motion(nodes: impl Iterator<Item = (f64, [f64; AXES])>) -> Motion {
 fn turning(step: f64) -> Motion {
     motion((0..400).map(|i| {
         let t = f64::from(i) * step;
-        let (x, y, z) = (20.0 * t.sin(), 15.0 * (1.3 * t).cos(), 2.0 * t.sin());
-        (t, [x, y, z, 0.3 * (0.7 * t).sin(), t, (9.0 * t).sin(), (8.0 * t).cos()])
+        let (x, y, z) = (20.0 * math::sin(t), 15.0 * math::cos(1.3 * t), 2.0 * math::sin(t));
+        (t, [x, y, z, 0.3 * math::sin(0.7 * t), t, math::sin(9.0 * t), math::cos(8.0 * t)])
     }))
 }
 
@@ -116,7 +117,7 @@ fn times_do_not_drift_and_the_stage_is_where_it_is_at_the_rounded_time() {
     // 0.4 us apart where they are closest.
     let motion = motion((0..500).map(|i| {
         let t = 1.0 + f64::from(i) * if i < 100 { 0.4e-6 } else { 33.3e-6 };
-        (t, [100.0 * (t - 1.0), (90.0 * t).sin(), 0.0, 0.0, 0.0, 50.0 * (t - 1.0), 0.1 * (900.0 * t).cos()])
+        (t, [100.0 * (t - 1.0), math::sin(90.0 * t), 0.0, 0.0, 0.0, 50.0 * (t - 1.0), 0.1 * math::cos(900.0 * t)])
     }));
     let (program, _) = Program::of(&motion, &strokes(), &machine, Origin::default(), Kind::Xyzuv).expect("a program");
     assert!(program.steps().all(|(us, _, to)| to.us > us));
@@ -163,7 +164,7 @@ fn stage_below_its_least_speed_stands_still_and_the_scanner_compensates() {
     // 1 um/s, and the scanner to and fro.
     let motion = motion((0..2000).map(|i| {
         let t = f64::from(i) * 1e-3;
-        (t, [1e-3 * t, -5e-4 * t, 0.0, 0.0, 0.0, (90.0 * t).sin(), (70.0 * t).cos()])
+        (t, [1e-3 * t, -5e-4 * t, 0.0, 0.0, 0.0, math::sin(90.0 * t), math::cos(70.0 * t)])
     }));
     let (program, _) = Program::of(&motion, &strokes(), &machine, Origin::default(), Kind::Xyzuv).expect("a program");
     let spot = program.spots(&machine).expect("axes");
@@ -171,7 +172,7 @@ fn stage_below_its_least_speed_stands_still_and_the_scanner_compensates() {
         let way: f64 = (0..3).map(|k| ((to.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
         assert!(way == 0.0 || way >= CREEP * (to.us - us) as f64, "{to:?}");
         let t = to.us as f64 * 1e-6;
-        let meant = [1e-3 * t + (90.0 * t).sin(), -5e-4 * t + (70.0 * t).cos()];
+        let meant = [1e-3 * t + math::sin(90.0 * t), -5e-4 * t + math::cos(70.0 * t)];
         let is = spot(&to.to).part;
         assert!((0..2).all(|k| (is[k] - meant[k]).abs() < 2e-6), "{is:?} {meant:?}");
     }
@@ -183,11 +184,11 @@ fn short_moves_keep_the_pens_speed_to_the_microsecond_and_the_spot_is_not_late()
     let machine = Machine::built_in("xyz-galvo-40").expect("profile");
     // Circles of 360 chords of 5.3 us each at the pen's own speed, while the stage runs on.
     let (radius, speed) = (0.1214, 400.0);
-    let chord = 2.0 * radius * 0.5f64.to_radians().sin();
+    let chord = 2.0 * radius * math::sin(0.5f64.to_radians());
     let circles = |slower: f64| {
         let of = |i: u32| {
             let (angle, time) = (f64::from(i).to_radians(), f64::from(i) * slower * chord / speed);
-            let (x, y) = (radius * angle.cos(), radius * angle.sin());
+            let (x, y) = (radius * math::cos(angle), radius * math::sin(angle));
             let axes = [50.0 * time, 0.0, 0.0, 0.0, 0.0, x - 50.0 * time, y];
             Waypoint { time, axes, pen: (i > 0).then_some(PenId(1)), stroke: PieceId(0) }
         };

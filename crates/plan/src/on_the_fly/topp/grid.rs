@@ -2,6 +2,7 @@
 
 use super::{Limit, Options, Path};
 use crate::on_the_fly::spline;
+use terrace_core::math;
 
 /// A run on its cells.
 #[derive(Debug)]
@@ -93,8 +94,8 @@ impl Grid {
         if self.is_end(cell) {
             // From rest with even jerk: b = b₁ u^(4/3), d²s/dt² = 2/3 b₁/h u^(1/3), u the share of the way.
             let (left, share) = if cell == 0 { (true, third as f64 / 2.0) } else { (false, 1.0 - third as f64 / 2.0) };
-            let gain = 2.0 / 3.0 / h * share.cbrt();
-            let factor = d2 * share.cbrt().powi(4) + if left { gain * d1 } else { -gain * d1 };
+            let gain = 2.0 / 3.0 / h * math::cbrt(share);
+            let factor = d2 * math::cbrt(share).powi(4) + if left { gain * d1 } else { -gain * d1 };
             return if left { [0.0, factor] } else { [factor, 0.0] };
         }
         let v = third as f64 / 2.0;
@@ -153,7 +154,7 @@ fn fine(path: &Path, limits: &[Limit], options: &Options, first: usize, last: us
         ramp = ramp.min(if jerk.is_finite() { acceleration.powi(3) / (6.0 * jerk * jerk) } else { f64::INFINITY });
     }
     let least = options.least_cells.max(4) as f64;
-    let want = 3.0 * (0.5 * (path.s[last] - path.s[first]) / ramp).cbrt();
+    let want = 3.0 * math::cbrt(0.5 * (path.s[last] - path.s[first]) / ramp);
     want.clamp(least, 8.0 * least)
 }
 
@@ -196,6 +197,6 @@ fn cells(s: &[f64], options: &Options, first: usize, fine: f64) -> (Vec<f64>, Ve
 
 /// Fine cells of a run up to x, of `half` up to its middle; its two halves are mirrored.
 fn fine_cells_up_to(x: f64, length: f64, half: f64) -> f64 {
-    let from_stop = |x: f64| half * (x / (0.5 * length)).max(0.0).cbrt();
+    let from_stop = |x: f64| half * math::cbrt((x / (0.5 * length)).max(0.0));
     if x <= 0.5 * length { from_stop(x) } else { 2.0 * half - from_stop(length - x) }
 }

@@ -5,6 +5,7 @@
 //! a second round windows that lie half a width further remove the loss that this causes.
 
 use std::ops::Range;
+use terrace_core::math;
 
 use terrace_core::parallel;
 
@@ -111,9 +112,10 @@ fn windows(end: usize, first: usize, width: usize) -> Vec<Range<usize>> {
 fn round_off(grid: &Grid, caps: &[f64], b: &mut [f64]) {
     let n = grid.cells();
     // From rest with even jerk b rises as x^(4/3); added as resistances are, b stays below both and is smooth.
-    let (first, last) = (caps[1] / grid.width(0).powf(4.0 / 3.0), caps[n - 1] / grid.width(n - 1).powf(4.0 / 3.0));
+    let (first, last) =
+        (caps[1] / math::pow(grid.width(0), 4.0 / 3.0), caps[n - 1] / math::pow(grid.width(n - 1), 4.0 / 3.0));
     let length = grid.x[n];
-    let rise = |c: f64, x: f64| 1.0 / (c * x.powf(4.0 / 3.0));
+    let rise = |c: f64, x: f64| 1.0 / (c * math::pow(x, 4.0 / 3.0));
     for (b, &x) in b.iter_mut().zip(&grid.x).take(n).skip(1) {
         *b = 1.0 / (1.0 / *b + rise(first, x) + rise(last, length - x));
     }
@@ -126,11 +128,11 @@ fn from_held(grid: &Grid, fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<
     // From rest with even jerk j: t³ = 6 x / j and ds/dt = j t² / 2.
     let rise = ends.map(|i| {
         let slowest = (0..grid.axes).map(|a| grid.shape(2 * i, a).0.abs() * grid.ramp[a]).fold(0.0, f64::max);
-        0.25 * 6f64.powf(4.0 / 3.0) * slowest.powf(-2.0 / 3.0)
+        0.25 * math::pow(6f64, 4.0 / 3.0) * math::pow(slowest, -2.0 / 3.0)
     });
     let reached = |i: usize, k: usize| {
         let x = (grid.x[i] - grid.x[ends[k]]).abs();
-        if b[ends[k]] > 0.0 { b[ends[k]] + rise[k] * x.powf(4.0 / 3.0) } else { f64::INFINITY }
+        if b[ends[k]] > 0.0 { b[ends[k]] + rise[k] * math::pow(x, 4.0 / 3.0) } else { f64::INFINITY }
     };
     range.clone().map(|i| fast[i].min(reached(i, 0)).min(reached(i, 1))).collect()
 }
@@ -142,13 +144,13 @@ fn across(fast: &[f64], b: &[f64], range: &Range<usize>, seams: &[usize], reach:
         let near = inside.iter().map(|&s| s.abs_diff(i)).min().map_or(f64::INFINITY, |d| d as f64);
         (2.0 - 2.0 * near / reach).clamp(0.0, 1.0)
     };
-    range.clone().map(|i| b[i].powf(1.0 - share(i)) * fast[i].powf(share(i))).collect()
+    range.clone().map(|i| math::pow(b[i], 1.0 - share(i)) * math::pow(fast[i], share(i))).collect()
 }
 
 /// Slows a motion down evenly until it keeps all limits, with some room.
 fn slow_down(grid: &Grid, b: &mut [f64]) {
     // Evenly slowed by k, speed falls as k, acceleration as k² and jerk as k³; b is the square of the speed.
     let most = ratio::of(grid, b);
-    let slower = 0.9 / most.jerk.powf(2.0 / 3.0).max(most.acceleration).max(most.speed.powi(2)).max(1.0);
+    let slower = 0.9 / math::pow(most.jerk, 2.0 / 3.0).max(most.acceleration).max(most.speed.powi(2)).max(1.0);
     b.iter_mut().for_each(|b| *b *= slower);
 }

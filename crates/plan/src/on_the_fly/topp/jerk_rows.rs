@@ -5,6 +5,7 @@
 //! even instead (a cell with even acceleration would begin with a step of it).
 
 use super::grid::Grid;
+use terrace_core::math;
 
 /// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
 /// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.
@@ -72,7 +73,7 @@ pub(super) fn ratio(grid: &Grid, b: &[f64]) -> f64 {
     let mut most = 0.0f64;
     for axis in (0..grid.axes).filter(|&a| grid.ramp[a] > 0.0) {
         for (cell, b) in [(0, b[1]), (n - 1, b[n - 1])] {
-            let even = 2.0 * b.powf(1.5) / (9.0 * grid.width(cell).powi(2));
+            let even = 2.0 * math::pow(b, 1.5) / (9.0 * grid.width(cell).powi(2));
             most = most.max(end_factor(grid, cell, axis) * even);
         }
     }
@@ -92,5 +93,5 @@ fn ratio_at(grid: &Grid, i: usize, b: [f64; 3]) -> f64 {
 /// Largest b next to the stops by jerk alone.
 pub(super) fn end_cap(grid: &Grid, cell: usize) -> f64 {
     let factor = (0..grid.axes).map(|a| end_factor(grid, cell, a)).fold(0.0, f64::max);
-    (4.5 * grid.width(cell).powi(2) / factor).powf(2.0 / 3.0)
+    math::pow(4.5 * grid.width(cell).powi(2) / factor, 2.0 / 3.0)
 }

@@ -40,6 +40,7 @@ use crate::on_the_fly::spline::{self, cell};
 use grid::Grid;
 use reachability::Reach;
 use terrace_core::diag::{Diag, Error};
+use terrace_core::math;
 use terrace_core::parallel;
 
 /// Most axes.
@@ -111,7 +112,7 @@ impl Ratio {
 
     /// Factor on time that brings the ratios to 1; at least 1.
     fn slow_down(&self) -> f64 {
-        self.speed.max(self.acceleration.sqrt()).max(self.jerk.cbrt()).max(1.0)
+        self.speed.max(self.acceleration.sqrt()).max(math::cbrt(self.jerk)).max(1.0)
     }
 }
 

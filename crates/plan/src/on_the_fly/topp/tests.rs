@@ -25,7 +25,7 @@ impl Owned {
 
     /// Two slow axes along a wavy line, and a fast one that swings.
     fn wave(nodes: usize) -> Self {
-        Self::new(nodes, 0.1, |s| vec![0.9 * s, 4.0 * (s / 5.0).sin(), 0.4 * (s / 0.9).cos()])
+        Self::new(nodes, 0.1, |s| vec![0.9 * s, 4.0 * math::sin(s / 5.0), 0.4 * math::cos(s / 0.9)])
     }
 
     fn path(&self) -> Path<'_> {
@@ -126,7 +126,7 @@ fn coarse_cells_keep_accelerations_between_their_borders_and_middles() {
     for jerk in [None, Some(10_000.0)] {
         let limits = [Limit { jerk, ..STAGE }; 3];
         for step in [0.4, 0.8, 1.2] {
-            let wave = Owned::new(60, step, |s| vec![0.9 * s, 4.0 * (s / 5.0).sin(), 0.4 * (s / 0.9).cos()]);
+            let wave = Owned::new(60, step, |s| vec![0.9 * s, 4.0 * math::sin(s / 5.0), 0.4 * math::cos(s / 0.9)]);
             let report = *wave.timed(&limits, &Options::default()).report();
             assert_eq!(report.stretch, 1.0, "no run is slowed down as a whole: {report:?}");
             assert!(report.ratio.acceleration <= 1.0 + TOLERANCE, "{report:?}");
@@ -157,7 +157,7 @@ fn a_path_driven_backwards_takes_as_long() {
     let end = there.s[399];
     let back = Owned::new(400, 0.1, |s| {
         let s = end - s;
-        vec![0.9 * s, 4.0 * (s / 5.0).sin(), 0.4 * (s / 0.9).cos()]
+        vec![0.9 * s, 4.0 * math::sin(s / 5.0), 0.4 * math::cos(s / 0.9)]
     });
     let (a, b) = (there.timed(&three(), &Options::default()), back.timed(&three(), &Options::default()));
     assert!(close(a.total_s(), b.total_s(), 2e-3), "{} {}", a.total_s(), b.total_s());

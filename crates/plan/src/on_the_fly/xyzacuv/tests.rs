@@ -6,6 +6,7 @@ use crate::on_the_fly::path::NodeKind;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use terrace_core::geom::{P3Mm, UnitVector};
 use terrace_core::machine::Machine;
+use terrace_core::math;
 use terrace_core::motion::rest_to_rest;
 use terrace_core::program::{Pen, PenId, PieceId};
 use terrace_core::units::{Frequency, Power, Speed};
@@ -135,7 +136,7 @@ fn scanner_takes_r_of_l_from_corner_to_corner_and_is_faster_with_more_jerk() {
     // Five times the jerk: limited by it alone, the cube root of that.
     machine.scanner.jerk = Some("5e6 mm/s3".parse().expect("a jerk"));
     let (faster, faster_total, _) = of(&machine, true, Rests::EveryPoint);
-    assert!(((faster - settle) / (alone - settle) * 5f64.cbrt() - 1.0).abs() < 0.01, "{faster} {alone}");
+    assert!(((faster - settle) / (alone - settle) * math::cbrt(5f64) - 1.0).abs() < 0.01, "{faster} {alone}");
     assert!(faster_total.is_some_and(|t| t < 0.7 * total), "{faster_total:?}");
     // Without stated limits the scanner is always at speed, and its delays count.
     (machine.scanner.acceleration, machine.scanner.jerk) = (None, None);
@@ -220,7 +221,7 @@ fn marks_with_skywriting_run_at_the_speed_of_their_pen_from_end_to_end() {
             if lit(i) != lit(i + 1) {
                 let to = end + if lit(i) { -1e-3 } else { 1e-3 };
                 let [a, b] = [end.min(to), end.max(to)].map(|t| reader.at(t).field);
-                out.push((b[0] - a[0]).hypot(b[1] - a[1]) / 1e-3);
+                out.push(math::hypot(b[0] - a[0], b[1] - a[1]) / 1e-3);
             }
         }
         out

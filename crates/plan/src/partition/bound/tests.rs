@@ -1,5 +1,6 @@
 use super::*;
 use crate::partition::window::{cover, tests::noise};
+use terrace_core::math;
 
 const MM: i32 = 1_000_000;
 const SIZE: [i32; 3] = [40 * MM, 40 * MM, 70_000];
@@ -98,7 +99,7 @@ fn laps_around_a_closed_line_count_its_last_part() {
     let points: Vec<[i32; 3]> = (0..20_000)
         .map(|n| {
             let t = f64::from(n) / 20e3 * std::f64::consts::TAU;
-            [(r * t.cos()) as i32, (r * t.sin()) as i32, 0]
+            [(r * math::cos(t)) as i32, (r * math::sin(t)) as i32, 0]
         })
         .collect();
     let certificate = lower_bound(&points, SIZE);

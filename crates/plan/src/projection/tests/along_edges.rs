@@ -3,6 +3,7 @@
 
 use crate::projection::{Skip, Tracer};
 use terrace_core::geom::{NM_PER_MM, P2};
+use terrace_core::math;
 use terrace_core::random::Random;
 use terrace_input::surface::Surface;
 
@@ -45,7 +46,7 @@ fn cylinder(from: f64, to: f64, is_closed: bool) -> Vec<Facet> {
     const STEPS: usize = 12;
     let ring: Vec<[f64; 2]> = (0..=STEPS)
         .map(|i| {
-            let (sin, cos) = (from + (to - from) * i as f64 / STEPS as f64).sin_cos();
+            let (sin, cos) = math::sin_cos(from + (to - from) * i as f64 / STEPS as f64);
             [10.0 * cos, 10.0 * sin]
         })
         .collect();
@@ -167,7 +168,7 @@ fn topmost(facets: &[Facet], [x, y]: [f64; 2]) -> Option<(f64, f64)> {
 fn strokes_along_edges_are_marked_on_what_is_topmost_beside_them() {
     for (name, solid) in solids() {
         for turn in [0.0f64, 0.4] {
-            let (sin, cos) = turn.sin_cos();
+            let (sin, cos) = math::sin_cos(turn);
             let place = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
             let mut edges: Vec<[[f64; 2]; 2]> = Vec::new();
             for f in &solid {
@@ -185,7 +186,7 @@ fn strokes_along_edges_are_marked_on_what_is_topmost_beside_them() {
                 .iter()
                 .map(|&[a, b]| {
                     let d = [b[0] - a[0], b[1] - a[1]];
-                    let len = d[0].hypot(d[1]);
+                    let len = math::hypot(d[0], d[1]);
                     let beside = |t: f64, side: f64| {
                         let by = side * BESIDE / len;
                         topmost(&solid, [a[0] + t * d[0] - by * d[1], a[1] + t * d[1] + by * d[0]])

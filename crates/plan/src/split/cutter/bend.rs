@@ -1,5 +1,6 @@
 //! Lines in the field of a turned part.
 
+use terrace_core::math;
 use terrace_core::program::CHORD_NM;
 
 /// A line in the field that bends with the surface, followed from its last point: the directions in which it may
@@ -27,7 +28,7 @@ impl Bend {
             *self = Self::start(corner);
         }
         let d = [to[0] - self.from[0], to[1] - self.from[1]];
-        let length = d[0].hypot(d[1]);
+        let length = math::hypot(d[0], d[1]);
         if self.at.is_none() {
             self.along = [d[0] / length, d[1] / length];
             self.open = [f64::NEG_INFINITY, f64::INFINITY];

@@ -6,6 +6,7 @@ mod seam;
 pub use seam::Seam;
 
 use bend::Bend;
+use terrace_core::math;
 
 use std::cmp::Ordering;
 
@@ -567,7 +568,7 @@ impl<'a> Cutter<'a> {
             }
         }
         let drawn = (t[1] - t[0]) * s.a.distance(s.b);
-        let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
+        let length = ends.map_or(drawn, |[a, b]| math::hypot(b[0] - a[0], b[1] - a[1]));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.cos_length += length / (1.0 + slope2).sqrt();
         // A piece no longer than the grid is only rounding of a cut: the mark touches that facet but does not lie on

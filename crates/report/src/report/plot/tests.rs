@@ -4,6 +4,7 @@ use super::words;
 use super::*;
 use crate::report::page::{Item, page_html};
 use crate::report::table::{Column, Table};
+use terrace_core::math;
 use terrace_core::random::Random;
 
 /// A text of a chart: its words and the place they take.
@@ -93,7 +94,7 @@ fn motions() -> Plot {
         .iter()
         .enumerate()
         .map(|(k, &(name, unit))| {
-            let f = |t: f64, lag: f64| (t * (1.0 + k as f64) * 0.7 - lag).sin() * 10f64.powi(2 - k as i32);
+            let f = |t: f64, lag: f64| math::sin(t * (1.0 + k as f64) * 0.7 - lag) * 10f64.powi(2 - k as i32);
             let path = |lag: f64| (0..2000).map(|i| f64::from(i) * 0.004).map(|t| [t, f(t, lag)]).collect();
             Panel {
                 y: Axis::new(name, unit),
@@ -109,7 +110,7 @@ fn motions() -> Plot {
 fn along() -> Plot {
     let wave = |k: usize, a: f64| {
         let t = k as f64 / 150_000.0;
-        a * ((t * 40.0).sin().abs() + 0.2 * (t * 9000.0).sin().abs() + 0.01)
+        a * (math::sin(t * 40.0).abs() + 0.2 * math::sin(t * 9000.0).abs() + 0.01)
     };
     let names = [
         "flat field tiling",
@@ -168,8 +169,9 @@ fn paths() -> Plot {
             [if row % 2 == 0 { 80.0 * t } else { 80.0 * (1.0 - t) }, f64::from(row)]
         })
         .collect();
-    let ring =
-        |r: f64| (0..=900).map(|k| f64::from(k) / 143.2).map(|a| [40.0 + r * a.cos(), 30.0 + r * a.sin()]).collect();
+    let ring = |r: f64| {
+        (0..=900).map(|k| f64::from(k) / 143.2).map(|a| [40.0 + r * math::cos(a), 30.0 + r * math::sin(a)]).collect()
+    };
     Paths {
         title: "Path of the marks, and what the stage does of it".into(),
         x: "x".into(),
@@ -259,7 +261,7 @@ fn points_lie_where_the_axes_say() {
 
 #[test]
 fn extremes_of_a_long_series_are_drawn() {
-    let mut points: Vec<[f64; 2]> = (0..300_000).map(|k| [f64::from(k), (f64::from(k) * 0.01).sin()]).collect();
+    let mut points: Vec<[f64; 2]> = (0..300_000).map(|k| [f64::from(k), math::sin(f64::from(k) * 0.01)]).collect();
     points[123_456][1] = 50.0;
     points[123_457][1] = -50.0;
     let panel = Panel { y: Axis::new("y", ""), series: vec![Series::new("a", points)], limits: vec![] };
@@ -339,8 +341,8 @@ fn a_path_has_equal_scales() {
 #[test]
 fn colours_differ_in_grey() {
     let lightness = |c: [u8; 3]| {
-        let [r, g, b] = c.map(|v| (f64::from(v) / 255.0).powf(2.2));
-        116.0 * (0.2126 * r + 0.7152 * g + 0.0722 * b).cbrt() - 16.0
+        let [r, g, b] = c.map(|v| math::pow(f64::from(v) / 255.0, 2.2));
+        116.0 * math::cbrt(0.2126 * r + 0.7152 * g + 0.0722 * b) - 16.0
     };
     for a in 0..16 {
         for b in 0..a {
@@ -384,19 +386,19 @@ fn charts_of_random_data_are_well_formed() {
         let by = 10f64.powi(noise.between(-12, 11) as i32);
         let logs = [noise.chance(50), noise.chance(50)];
         let axis = |name: &str, is_log| if is_log { Axis::new(name, "mm").log() } else { Axis::new(name, "mm") };
-        let place = |k: usize, [x, y]: [f64; 2]| [x * by, y.atan() * by + k as f64];
+        let place = |k: usize, [x, y]: [f64; 2]| [x * by, math::atan(y) * by + k as f64];
         let series: Vec<Series> = names
             .iter()
             .enumerate()
             .map(|(k, n)| Series::new(n, points.iter().map(|p| place(k, *p)).collect()).marked())
             .collect();
-        let limits: Vec<Limit> = limits.iter().map(|l| Limit::new(&l.1, l.0.atan() * by)).collect();
+        let limits: Vec<Limit> = limits.iter().map(|l| Limit::new(&l.1, math::atan(l.0) * by)).collect();
         let panel =
             |k: usize| Panel { y: axis(&names[0], logs[0]), series: series[k..].to_vec(), limits: limits.clone() };
         let x = axis(&title, logs[1]);
         let panels = vec![panel(0), panel(1)];
         check(&LineChart { title: title.clone(), x: x.clone(), panels, limits }.draw());
-        let parts: Vec<f64> = points.iter().map(|p| p[0].atan() * by).collect();
+        let parts: Vec<f64> = points.iter().map(|p| math::atan(p[0]) * by).collect();
         let bar =
             |(k, name): (usize, &String)| Bar { name: name.clone(), parts: parts.clone(), is_hatched: k % 2 == 1 };
         let rows = names.iter().enumerate().map(bar).collect();

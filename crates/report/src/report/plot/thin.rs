@@ -1,6 +1,7 @@
 //! Fewer points that look the same. Points are in units of the drawing; None is a gap.
 
 use crate::report::outline;
+use terrace_core::math;
 
 /// A line as runs without gaps. In each column one unit wide the lowest and the highest point stay, in the
 /// order in which they come; a line that only goes to the right has so at most two points for each unit of
@@ -91,7 +92,7 @@ fn path(points: &[Option<[f64; 2]>], tolerance: f64) -> Vec<Vec<[f64; 2]>> {
         // Most points of a fine path go here, at no cost: a third of the tolerance.
         let mut coarse: Vec<[f64; 2]> = Vec::new();
         for (k, p) in run.iter().flatten().enumerate() {
-            let near = |q: &[f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) < tolerance / 3.0;
+            let near = |q: &[f64; 2]| math::hypot(p[0] - q[0], p[1] - q[1]) < tolerance / 3.0;
             if !coarse.last().is_some_and(near) {
                 coarse.push(*p);
             } else if k + 1 == run.len() && coarse.len() > 1 {
@@ -126,7 +127,7 @@ mod tests {
     #[test]
     fn a_long_line_keeps_its_extremes_and_two_points_a_column() {
         let n = 40_000;
-        let at = |k: usize| [k as f64 * 800.0 / n as f64, 100.0 + 40.0 * (k as f64 * 0.37).sin()];
+        let at = |k: usize| [k as f64 * 800.0 / n as f64, 100.0 + 40.0 * math::sin(k as f64 * 0.37)];
         let points: Vec<[f64; 2]> = (0..n)
             .map(|k| {
                 if k == 17_777 {
@@ -169,7 +170,7 @@ mod tests {
             let len2 = d[0] * d[0] + d[1] * d[1];
             let t =
                 if len2 > 0.0 { (((p[0] - a[0]) * d[0] + (p[1] - a[1]) * d[1]) / len2).clamp(0.0, 1.0) } else { 0.0 };
-            (p[0] - a[0] - t * d[0]).hypot(p[1] - a[1] - t * d[1])
+            math::hypot(p[0] - a[0] - t * d[0], p[1] - a[1] - t * d[1])
         };
         path.windows(2).map(to).fold(f64::INFINITY, f64::min)
     }
@@ -178,7 +179,7 @@ mod tests {
     fn a_thinned_path_stays_near_and_keeps_its_ends() {
         let spiral: Vec<[f64; 2]> = (0..20_000)
             .map(|k| f64::from(k) / 20_000.0)
-            .map(|t| [300.0 + 280.0 * t * (60.0 * t).cos(), 300.0 + 280.0 * t * (60.0 * t).sin()])
+            .map(|t| [300.0 + 280.0 * t * math::cos(60.0 * t), 300.0 + 280.0 * t * math::sin(60.0 * t)])
             .collect();
         let given: Vec<_> = spiral.iter().copied().map(Some).collect();
         let thinned = &paths(&[given])[0];

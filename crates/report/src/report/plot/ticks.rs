@@ -6,6 +6,7 @@
 
 use super::{Axis, Limit, words};
 use crate::report::plain;
+use terrace_core::math;
 
 /// A place on an axis; the finer ones of a logarithmic axis have no label.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,7 +73,7 @@ pub fn range(values: impl Iterator<Item = f64>, is_log: bool) -> Option<[f64; 2]
 
 /// A range that ends a little beyond limits, so that none lies on the frame; not below 0 where it was not.
 pub(crate) fn with_air([lo, hi]: [f64; 2], limits: &[Limit], is_log: bool) -> [f64; 2] {
-    let by = if is_log { (hi / lo).powf(AIR) } else { AIR * (hi - lo) };
+    let by = if is_log { math::pow(hi / lo, AIR) } else { AIR * (hi - lo) };
     let least = if lo >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
     let around = |v: f64| if is_log { [v / by, v * by] } else { [(v - by).max(least), v + by] };
     let shown = limits.iter().map(|l| l.value).filter(|&v| is_shown(v, is_log));
@@ -131,7 +132,7 @@ impl Ruler {
     /// A logarithmic axis: as many labels as have room.
     fn log(axis: &Axis, [lo, hi]: [f64; 2], ends: AxisEnds, space: TickSpace) -> Self {
         // A logarithmic axis is not rounded outwards to ticks, but gets air instead.
-        let air = if ends == AxisEnds::AtTicks { (hi / lo).powf(AIR) } else { 1.0 };
+        let air = if ends == AxisEnds::AtTicks { math::pow(hi / lo, AIR) } else { 1.0 };
         let range = [lo / air, hi * air];
         let [fine, middle, coarse] = [&[1, 2, 5][..], &[1, 3], &[1]];
         let labellings = [(fine, 1), (middle, 1), (coarse, 1), (coarse, 2), (coarse, 5), (coarse, 10), (coarse, 25)];
@@ -149,7 +150,7 @@ impl Ruler {
 
     /// A logarithmic axis over a range with these labels.
     fn of_powers(axis: &Axis, [lo, hi]: [f64; 2], labelled: PowerLabels<'_>) -> Self {
-        let [first, last] = [lo.log10().floor() as i32, hi.log10().ceil() as i32];
+        let [first, last] = [math::log10(lo).floor() as i32, math::log10(hi).ceil() as i32];
         let has_multiples = last - first <= 8;
         let ticks = (first..=last)
             .flat_map(|e| (1..10).map(move |m| (m, e)))
@@ -170,7 +171,11 @@ impl Ruler {
 
     /// How far along the axis a value lies, from 0 to 1.
     pub fn share(&self, v: f64) -> f64 {
-        if self.is_log { (v / self.lo).ln() / (self.hi / self.lo).ln() } else { (v - self.lo) / (self.hi - self.lo) }
+        if self.is_log {
+            math::ln(v / self.lo) / math::ln(self.hi / self.lo)
+        } else {
+            (v - self.lo) / (self.hi - self.lo)
+        }
     }
 
     /// From and to where on the axis a label reaches.
@@ -245,7 +250,7 @@ struct Step {
 impl Step {
     /// The least that is not below `v`, which is above 0.
     fn of(v: f64) -> Self {
-        let mut exponent = v.log10().floor() as i32;
+        let mut exponent = math::log10(v).floor() as i32;
         let mut factor = 1;
         // A hair more is the rounding of the division that made v.
         while factor as f64 * ten(exponent) < v * (1.0 - 1e-9) {
@@ -288,7 +293,7 @@ impl Step {
 
 /// The power of a thousand that values up to `most` are divided by.
 fn thousands(most: f64) -> i32 {
-    if most == 0.0 || (1e-3..1e6).contains(&most) { 0 } else { 3 * (most.log10() / 3.0).floor() as i32 }
+    if most == 0.0 || (1e-3..1e6).contains(&most) { 0 } else { 3 * (math::log10(most) / 3.0).floor() as i32 }
 }
 
 fn ten(exponent: i32) -> f64 {
@@ -324,7 +329,7 @@ pub(crate) fn brief(v: f64) -> String {
     if v == 0.0 || !(1e-4..1e7).contains(&v.abs()) {
         return if v == 0.0 { "0".into() } else { format!("{v:.3e}") };
     }
-    let decimals = (5 - v.abs().log10().floor() as i32).max(0) as usize;
+    let decimals = (5 - math::log10(v.abs()).floor() as i32).max(0) as usize;
     let text = plain(v, decimals);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::OnceLock;
+use terrace_core::math;
 
 use crate::{Proof, verify};
 use terrace_core::machine::Machine;
@@ -303,7 +304,7 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
                 // The tool stands on the height field under the averaged path, along its normal.
                 let height = height_field.at([s[0], s[1]]);
                 let n = height.normal().0;
-                let (a, c) = (n[2].acos(), (-n[0]).atan2(n[1]));
+                let (a, c) = (math::acos(n[2]), math::atan2(-n[0], n[1]));
                 let q = turned(a, c, [s[0], s[1], height.z]);
                 let m = turned(a, c, p);
                 [q[0], q[1], q[2], a, c, m[0] - q[0], m[1] - q[1]]
@@ -327,8 +328,8 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
 
 /// Rx(a) Rz(-c) p.
 fn turned(a: f64, c: f64, p: [f64; 3]) -> [f64; 3] {
-    let (x, y) = (p[0] * c.cos() + p[1] * c.sin(), p[1] * c.cos() - p[0] * c.sin());
-    [x, y * a.cos() - p[2] * a.sin(), y * a.sin() + p[2] * a.cos()]
+    let (x, y) = (p[0] * math::cos(c) + p[1] * math::sin(c), p[1] * math::cos(c) - p[0] * math::sin(c));
+    [x, y * math::cos(a) - p[2] * math::sin(a), y * math::sin(a) + p[2] * math::cos(a)]
 }
 
 /// Mean over `half` samples on either side; beyond its ends the path stands still.

@@ -5,6 +5,7 @@ use super::grey::Grey;
 use super::{BEYOND, MAX_MARKS, PlacedBitmap, ROUNDING, TextureStrokes, places};
 use crate::proof::Rule;
 use terrace_core::geom::{BoxMm, NM_PER_MM, P2, PlanePoint};
+use terrace_core::math;
 use terrace_input::texture::FillMode;
 
 /// Most dark places that are looked for, as docs/verify.md states.
@@ -177,7 +178,7 @@ impl MarkedCells {
             for w in points.windows(2) {
                 let (a, b) = (on_plane(&w[0]), on_plane(&w[1]));
                 // Steps of half a cell at most: a cell that is left out is cut at a corner, next to one that is set.
-                let steps = ((b[0] - a[0]).hypot(b[1] - a[1]) / cell * 2.0).ceil().max(1.0);
+                let steps = (math::hypot(b[0] - a[0], b[1] - a[1]) / cell * 2.0).ceil().max(1.0);
                 for k in 1..=steps as usize {
                     let t = k as f64 / steps;
                     marked.set([0, 1].map(|m| a[m] + t * (b[m] - a[m])));

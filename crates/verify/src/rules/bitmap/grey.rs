@@ -1,6 +1,7 @@
 //! How dark a bitmap is on its page.
 
 use terrace_core::geom::PlanePoint;
+use terrace_core::math;
 use terrace_input::texture::{Image, Tone};
 
 /// The densities of a picture on its page, rows from the top, 0 to 1.
@@ -18,7 +19,7 @@ impl Grey {
     /// The densities of a bitmap whose page has these sides, mm.
     pub(super) fn new(image: &Image, tone: &Tone, size: [f64; 2]) -> Self {
         let density = |&sample: &u16| {
-            let light = (f64::from(sample) / f64::from(u16::MAX)).powf(tone.gamma);
+            let light = math::pow(f64::from(sample) / f64::from(u16::MAX), tone.gamma);
             (if tone.invert { light } else { 1.0 - light }) as f32
         };
         Self {

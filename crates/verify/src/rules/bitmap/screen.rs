@@ -1,6 +1,7 @@
 //! Screens: in every window of a page as much is marked as the bitmap is dark there.
 
 use std::collections::HashMap;
+use terrace_core::math;
 
 use super::grey::Grey;
 use super::{BEYOND, MAX_MARKS, PlacedBitmap, ROUNDING, TextureStrokes, places};
@@ -144,7 +145,7 @@ impl Raster {
             // The thresholds of n neighbouring lines are those of a van der Corput sequence: of these a share q is
             // marked to within log2(n) / 3 + 1 lines (docs/job-file.md), for which log2(n) / 2 + 1 is taken. Each line
             // is `side` long.
-            Screen::Lines => side * (1.0 + side.log2() / 2.0),
+            Screen::Lines => side * (1.0 + math::log2(side) / 2.0),
             // A dash of q periods lies in the middle of its period, so up to any place in the period as much as
             // q (1 - q) / 2 of it is missing or too much: an eighth at q = 1/2. So it is at both ends of each line.
             Screen::Dashes => side * self.period / 4.0,
@@ -200,7 +201,7 @@ impl Amounts {
 impl Windows<'_> {
     /// A point of a page in u and v.
     fn along(&self, [x, y]: PlanePoint) -> PlanePoint {
-        let (s, c) = self.direction.sin_cos();
+        let (s, c) = math::sin_cos(self.direction);
         [c * x + s * y, c * y - s * x]
     }
 
@@ -234,7 +235,7 @@ impl Windows<'_> {
     /// screen run along u, so that no window changes along v.
     fn add_line(&self, a: PlanePoint, b: PlanePoint, side: f64, amounts: &mut Amounts) {
         let page = self.bitmap.page;
-        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let length = math::hypot(b[0] - a[0], b[1] - a[1]);
         let place = |t: f64| [0, 1].map(|k| a[k] + t * (b[k] - a[k]));
         let tiles = page.tile_crossings(a, b);
         for t in tiles.windows(2) {
@@ -259,7 +260,7 @@ impl Windows<'_> {
         let side = n as f64 * self.pitch;
         let ends = BoxMm::of(BoxMm { lo: [0.0; 2], hi: page.size }.corners().map(|p| self.along(p)));
         let places = |k: usize| (ends.lo[k] / side).floor() as i64..=(ends.hi[k] / side).ceil() as i64;
-        let (s, c) = self.direction.sin_cos();
+        let (s, c) = math::sin_cos(self.direction);
         let tiles = page.tiles(limit);
         for j in places(1) {
             for i in places(0) {

@@ -4,6 +4,7 @@ use super::super::page::Site;
 use super::*;
 use crate::tests::made::bmp;
 use terrace_core::geom::NM_PER_MM;
+use terrace_core::math;
 use terrace_input::job::{Job, Overrides};
 use terrace_input::texture::Texture;
 
@@ -132,7 +133,7 @@ fn a_bitmap_that_looks_otherwise_is_found() {
         |i, j| picture(i, ROWS - 1 - j),
         |i, j| picture(COLUMNS - 1 - i, ROWS - 1 - j),
         |i, j| 255 - picture(i, j),
-        |i, j| (255.0 * (f64::from(picture(i, j)) / 255.0).powf(1.5)) as u8,
+        |i, j| (255.0 * math::pow(f64::from(picture(i, j)) / 255.0, 1.5)) as u8,
         |i, j| picture((i + 12) % COLUMNS, j),
     ];
     for keys in SCREENS {

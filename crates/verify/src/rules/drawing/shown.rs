@@ -14,6 +14,7 @@ use crate::proof::Rule;
 use crate::read::labels::Truth;
 use crate::read::picture::{Ink, Picture};
 use terrace_core::geom::{BoxMm, P2, PlanePoint};
+use terrace_core::math;
 use terrace_input::texture::{Area, FillMode, Kind, Request};
 
 /// Most places along a side of the page, as docs/verify.md states.
@@ -114,7 +115,7 @@ impl FillCheck<'_> {
             return false;
         }
         (0..RING).all(|k| {
-            let (s, c) = (f64::from(k) * std::f64::consts::TAU / f64::from(RING)).sin_cos();
+            let (s, c) = math::sin_cos(f64::from(k) * std::f64::consts::TAU / f64::from(RING));
             let other = self.ink([p[0] + c * reach, p[1] + s * reach]);
             other.is_some_and(|other| other.colour == ink.colour && other.element == ink.element)
         })
@@ -139,7 +140,7 @@ impl FillCheck<'_> {
 impl FillPlaces {
     /// Takes out what lies near a side of a stroke.
     fn mark(&mut self, [a, b]: [PlanePoint; 2]) {
-        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let length = math::hypot(b[0] - a[0], b[1] - a[1]);
         let steps = (2.0 * length / self.cell[0].min(self.cell[1])).ceil() as usize;
         for k in 0..=steps {
             let t = k as f64 / steps.max(1) as f64;
@@ -171,5 +172,5 @@ fn away(p: PlanePoint, [a, b]: [PlanePoint; 2]) -> f64 {
     let square = d[0] * d[0] + d[1] * d[1];
     let along = d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1]);
     let t = if square > 0.0 { (along / square).clamp(0.0, 1.0) } else { 0.0 };
-    (a[0] + t * d[0] - p[0]).hypot(a[1] + t * d[1] - p[1])
+    math::hypot(a[0] + t * d[0] - p[0], a[1] + t * d[1] - p[1])
 }

@@ -2,6 +2,7 @@
 
 use super::super::{assert_only, broken};
 use super::{Bench, double, long_stroke_of, remove, verified};
+use terrace_core::math;
 use terrace_core::program::{PenId, Program};
 
 /// Names and colours of the layers; the pen of layer k is pen k + 1.
@@ -116,7 +117,7 @@ fn damaged_hatch_lines_are_reported_by_their_rules() {
         let s = program.strokes[line(program)];
         let [a, b] = [program.points[s.first as usize], program.points[s.first as usize + 1]];
         let d = [f64::from(b.x - a.x), f64::from(b.y - a.y)];
-        let length = d[0].hypot(d[1]);
+        let length = math::hypot(d[0], d[1]);
         let step = if axis == 0 { d } else { [-d[1], d[0]] }.map(|v| (v / length * by).round() as i32);
         for &end in ends {
             let p = &mut program.points[s.first as usize + end];
@@ -176,7 +177,7 @@ fn damaged_strokes_in_a_mask_are_reported_by_their_rules() {
             let s = program.strokes[long_stroke_of(program, |s| pieces(s.source) == 1)];
             let last = (s.first + s.len - 1) as usize;
             let [a, b] = [program.points[last - 1], program.points[last]];
-            let length = f64::from(b.x - a.x).hypot(f64::from(b.y - a.y));
+            let length = math::hypot(f64::from(b.x - a.x), f64::from(b.y - a.y));
             let end = &mut program.points[last];
             let by = |d: i32| (f64::from(d) / length * 5_000.0).round() as i32;
             (end.x, end.y) = (end.x + by(b.x - a.x), end.y + by(b.y - a.y));

@@ -18,6 +18,7 @@ mod zoom;
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use terrace_core::math;
 
 use super::{alter_manifest, assert_only, broken, renew_hash};
 use crate::{Proof, verify};
@@ -90,7 +91,7 @@ impl Bench {
 
     /// The same on another machine.
     fn near_on(machine: Vec<u8>, formats: &str) -> Self {
-        let ridge = |x: f64, _: f64| 0.01 * x + 5.0 * (-((x - 40.0) / 2.0).powi(2)).exp();
+        let ridge = |x: f64, _: f64| 0.01 * x + 5.0 * math::exp(-((x - 40.0) / 2.0).powi(2));
         let part = stl(&right::sheet([0.0; 2], [80, 30], [1.0; 2], ridge));
         let files = [("part.stl", part), ("machine.toml", machine)];
         let bench = Self::edited_beside(1.0, &files, |text| {
@@ -246,7 +247,7 @@ fn replace(bytes: &mut Vec<u8>, from: &str, old: &str, new: &str) {
 
 /// A wavy sheet of 60 x 42 mm with a hole, as binary STL.
 fn part(steep: f64) -> Vec<u8> {
-    let z = |x: f64, y: f64| steep * (0.3 * (x / 11.0).sin() + 0.25 * (y / 8.0).cos() + 0.004 * x);
+    let z = |x: f64, y: f64| steep * (0.3 * math::sin(x / 11.0) + 0.25 * math::cos(y / 8.0) + 0.004 * x);
     let (nx, ny) = (60u32, 42u32);
     let mut facets = Vec::new();
     for j in 0..ny {

@@ -2,6 +2,7 @@
 //! rounding does on a tilted part: every one is proved.
 
 use super::*;
+use terrace_core::math;
 
 /// Facets of a sheet of `n` cells of `d` mm from `at`, z from a function of x and y, all mm.
 pub(super) fn sheet(at: [f64; 2], n: [u32; 2], d: [f64; 2], z: impl Fn(f64, f64) -> f64) -> Vec<[[f64; 3]; 3]> {
@@ -15,12 +16,12 @@ pub(super) fn sheet(at: [f64; 2], n: [u32; 2], d: [f64; 2], z: impl Fn(f64, f64)
 }
 
 fn wavy(x: f64, y: f64) -> f64 {
-    0.3 * (x / 11.0).sin() + 0.25 * (y / 8.0).cos() + 0.004 * x
+    0.3 * math::sin(x / 11.0) + 0.25 * math::cos(y / 8.0) + 0.004 * x
 }
 
 /// A wavy sheet on which every vertex is off by up to `by` mm.
 fn rough(n: u32, by: f64, seed: f64) -> Vec<[[f64; 3]; 3]> {
-    sheet([0.0; 2], [n; 2], [0.5; 2], |x, y| wavy(x, y) + by * (37.1 * x * 2.0 + 91.7 * y * 2.0 + seed).sin())
+    sheet([0.0; 2], [n; 2], [0.5; 2], |x, y| wavy(x, y) + by * math::sin(37.1 * x * 2.0 + 91.7 * y * 2.0 + seed))
 }
 
 const HATCH: &str = "[[texture]]\npattern = \"hatch\"\npitch = \"1 mm\"\n";
@@ -112,7 +113,7 @@ fn tilted_marks_over_welded_cracks_are_on_their_lines_as_far_as_welding_moves_th
 
 #[test]
 fn a_tilted_mark_that_begins_on_the_rim_of_an_upper_sheet_lies_on_that_sheet() {
-    let lower = |x: f64, y: f64| 0.05 * x + 0.2 * (y / 4.0).sin();
+    let lower = |x: f64, y: f64| 0.05 * x + 0.2 * math::sin(y / 4.0);
     for slope in [-0.03, 0.0] {
         let mut facets = sheet([0.0; 2], [20, 15], [2.0; 2], lower);
         facets.extend(sheet([5.0, 3.0], [12, 10], [2.5, 2.4], |x, _| 1.4 + slope * (x - 5.0)));

@@ -3,6 +3,7 @@
 use super::super::made::bmp;
 use super::super::{assert_only, broken};
 use super::{Bench, double, remove, verified};
+use terrace_core::math;
 use terrace_core::program::{PenId, Program};
 
 /// Beside the hatch of the sheet a bitmap, marked with a pen of its own.
@@ -38,7 +39,7 @@ fn mark(program: &Program) -> usize {
         let s = program.strokes[i];
         let of = |k: u32| program.points[(s.first + k) as usize];
         let (a, b) = (of(0), of(s.len - 1));
-        f64::from(b.x - a.x).hypot(f64::from(b.y - a.y))
+        math::hypot(f64::from(b.x - a.x), f64::from(b.y - a.y))
     };
     let all = program.blocks.iter().filter(|b| b.strokes.len() > 5).flat_map(|b| b.strokes.clone());
     let is_one = |&i: &usize| {
