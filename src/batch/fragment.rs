@@ -31,7 +31,7 @@ pub struct Fragment {
 impl Fragment {
     /// The fragment of a unit that was worked on here.
     pub fn new(unit: &Unit, result: WorkResult, seconds: f64) -> Self {
-        Self { unit: unit.id, hash: result.hash, host: host(), seconds, end: result.end }
+        Self { unit: unit.id, hash: result.hash, host: terrace_core::host::name(), seconds, end: result.end }
     }
 
     /// Writes it into the folder of reports, over one of an earlier try.
@@ -61,13 +61,4 @@ impl Fragment {
 /// The file of the report of a unit.
 fn file(reports: &Path, unit: usize) -> PathBuf {
     reports.join(format!("{unit:06}.json"))
-}
-
-/// The name of this machine, as it is shown.
-pub fn host() -> String {
-    let read = |path: &str| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
-    let named = ["/proc/sys/kernel/hostname", "/etc/hostname"].into_iter().find_map(read);
-    let named = named.or_else(|| std::env::var("COMPUTERNAME").ok()).filter(|name| !name.is_empty());
-    let plain = |name: String| name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '-', "_");
-    named.map_or_else(|| "unknown".into(), plain)
 }

@@ -16,6 +16,14 @@ use super::work::{End, WorkResult};
 use terrace_core::diag::{Diag, Error, Fault, Place};
 use terrace_report::job_folder::{self, Durability};
 
+/// Sets a limit of address space, KiB, and becomes the command behind it. A lower limit that is set already, and that
+/// nobody may raise, stays.
+const LIMITED: &str = r#"limit=$1
+shift
+hard=$(ulimit -H -v)
+if [ "$hard" != unlimited ] && [ "$hard" -lt "$limit" ]; then limit=$hard; fi
+ulimit -v "$limit" && exec "$@""#;
+
 /// Bytes of a process's last messages that are kept.
 const MESSAGES: usize = 4096;
 
@@ -65,7 +73,7 @@ fn limited(command: Command, bytes: u64) -> Command {
         return command;
     }
     let mut shell = Command::new("sh");
-    shell.args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh"]);
+    shell.args(["-c", LIMITED, "sh"]);
     shell.arg((bytes >> 10).to_string()).arg(command.get_program()).args(command.get_args());
     shell.env("MALLOC_ARENA_MAX", "1");
     shell
@@ -104,10 +112,18 @@ fn last_words(mut from: ChildStderr) -> String {
     String::from_utf8_lossy(&kept).into_owned()
 }
 
+/// The line of a process's last messages that says why it ended: its error, without the hints that follow; else the
+/// last line.
+pub(super) fn reason(messages: &str) -> &str {
+    let mut lines = messages.lines().rev().filter(|line| !line.trim().is_empty());
+    let last = lines.clone().next().unwrap_or("no message");
+    lines.find(|line| line.starts_with("error")).unwrap_or(last)
+}
+
 /// Why a process ended without a word of its unit.
 fn fault(unit: &Unit, status: ExitStatus, messages: &str, memory: u64) -> Fault {
     let place = Place::file(unit.job.display().to_string());
-    let last = messages.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+    let last = reason(messages);
     // The standard library says so before it aborts.
     if memory > 0 && messages.contains("memory allocation of") {
         let text = format!("memory limit exceeded: the unit needs more than {} MB ({last})", memory >> 20);
@@ -117,4 +133,35 @@ fn fault(unit: &Unit, status: ExitStatus, messages: &str, memory: u64) -> Fault 
     let text = format!("the process of the unit ended without a report ({status}): {last}");
     let d = Diag::limit("unit-ended", text).at(place);
     d.hint("a system that is short of memory kills processes (signal 9): set a limit with --memory").into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reason_is_the_error_and_not_the_hint_behind_it() {
+        let messages =
+            "warning: slow\nerror[units-folder]: cannot work: there is no folder /srv\n  = help: start it there\n";
+        assert_eq!(reason(messages), "error[units-folder]: cannot work: there is no folder /srv");
+        assert_eq!(reason("Killed\n\n"), "Killed");
+        assert_eq!(reason(""), "no message");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_limit_of_memory_is_set_and_a_lower_one_that_nobody_may_raise_stays() {
+        let limit_under = |hard: &str| {
+            let mut asked = Command::new("sh");
+            asked.args(["-c", "ulimit -v"]);
+            let limited = limited(asked, 512 << 20);
+            let script = format!("ulimit -v {hard}; exec \"$@\"");
+            let mut outer = Command::new("sh");
+            outer.args(["-c", &script, "sh"]).arg(limited.get_program()).args(limited.get_args());
+            let out = outer.output().expect("a shell");
+            String::from_utf8_lossy(&out.stdout).trim().to_owned()
+        };
+        assert_eq!(limit_under("unlimited"), (512 << 10).to_string());
+        assert_eq!(limit_under("300000"), "300000");
+    }
 }

@@ -412,7 +412,7 @@ pub struct Batch {
     pub units: Option<PathBuf>,
     /// Work on these units (0-9,12), or on a share of all (3/40: the third of forty); each leaves a report beside the
     /// file of units.
-    #[arg(long, value_name = "UNITS", requires = "units", value_parser = str::parse::<UnitSelection>)]
+    #[arg(long, value_name = "UNITS", requires = "units", group = "apart", value_parser = str::parse::<UnitSelection>)]
     pub unit: Option<UnitSelection>,
     /// Compile nothing: make one report of what the units of this file have left.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["jobs", "output", "verify", "plan", "units", "engine", "log"])]
@@ -427,14 +427,14 @@ pub struct Batch {
 #[derive(Debug, clap::Args)]
 pub struct FleetArgs {
     /// Have the work done by the workers of this engine; they need the same folders at the same place.
-    #[arg(long, value_name = "NAME", value_parser = one_of(Engine::ALL, Engine::name))]
+    #[arg(long, value_name = "NAME", group = "apart", value_parser = one_of(Engine::ALL, Engine::name))]
     pub engine: Option<Engine>,
     /// Address of the engine's scheduler.
     #[arg(long, value_name = "ADDRESS", default_value = "tcp://127.0.0.1:8786", requires = "engine")]
     pub scheduler: String,
-    /// Limit of memory of a unit, such as 4GB; it is then worked on in a process of its own. 0: no limit. Default with
-    /// --engine: the memory of the worker divided by its threads.
-    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    /// Limit of memory of a unit of --engine or --unit, such as 4GB; it is then worked on in a process of its own. 0:
+    /// no limit. Default with --engine: the memory of the worker divided by its threads.
+    #[arg(long, value_name = "SIZE", requires = "apart", value_parser = bytes)]
     pub memory: Option<u64>,
 }
 

@@ -8,11 +8,12 @@ use super::args::{Args, FleetArgs};
 use super::{durability, show, unwritable};
 use crate::batch::collect::{Reasons, collect};
 use crate::batch::engine::{self, Fleet, News};
-use crate::batch::fragment::{Fragment, host};
+use crate::batch::fragment::Fragment;
 use crate::batch::units;
 use crate::batch::work::{End, up_to_date};
 use crate::batch::{Outcome, Report, Unit};
 use terrace_core::diag::{Error, Place};
+use terrace_core::host;
 use terrace_core::parallel;
 
 /// Units that are carried by an engine.
@@ -111,7 +112,7 @@ const OWN: &str = ".fleet-";
 
 impl OwnFolder {
     fn inside(around: &Path) -> Result<Self, Error> {
-        let path = around.join(format!("{OWN}{}-{}", host(), std::process::id()));
+        let path = around.join(format!("{OWN}{}-{}", host::name(), std::process::id()));
         let failed = |e: std::io::Error| unwritable("make the folder", Place::file(path.display().to_string()), &e);
         std::fs::create_dir_all(around).map_err(failed)?;
         remove_left(around);

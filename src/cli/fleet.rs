@@ -50,7 +50,7 @@ pub(super) fn stop_on_ctrl_c(view: &show::Progress, is_fleet: bool) -> Arc<Atomi
     let stopped = stop.clone();
     let view = view.clone();
     // Where the system takes no handler, Ctrl-C ends the program at once. Folders are whole either way.
-    let _ = ctrlc::set_handler(move || {
+    let _ = super::stop::on_request(move || {
         if stopped.swap(true, Ordering::Relaxed) {
             std::process::exit(1);
         }

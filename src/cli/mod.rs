@@ -23,6 +23,7 @@ mod resume;
 #[cfg(feature = "run")]
 mod run;
 mod show;
+mod stop;
 mod sweep;
 
 use std::cell::Cell;

@@ -18,7 +18,7 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     named::job_folder(asked.folder())?;
     let interrupt = Interrupt::default();
     let interrupted = interrupt.clone();
-    let heard = ctrlc::set_handler(move || {
+    let heard = super::stop::on_request(move || {
         interrupted.request();
         let text = if interrupted.is_abort() {
             "aborting"

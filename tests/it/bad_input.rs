@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
+use crate::bad_svg::HEAVY;
 use crate::support::{JobText, folder, machine_file, malformed, said, shared, terrace, verify};
 use serde_json::Value;
 
@@ -337,9 +338,20 @@ fn paper_that_is_neither_a_colour_nor_a_lightness_is_refused() {
 
 #[test]
 fn malformed_drawings_give_the_expected_messages() {
+    check_drawings(|name| !HEAVY.contains(&name));
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn heavy_drawings_give_the_expected_messages() {
+    check_drawings(|name| HEAVY.contains(&name));
+}
+
+/// Compiles the drawings of the tables that are wanted.
+fn check_drawings(is_wanted: fn(&str) -> bool) {
     let dir = folder();
     for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {
-        for (name, want) in table {
+        for (name, want) in table.iter().filter(|(name, _)| is_wanted(name)) {
             let texture = format!("file = {:?}{size}", malformed::file(dir.path(), name).display().to_string());
             check(&plate(dir.path()).texture(&texture).write(dir.path(), "job.toml"), name, want);
         }

@@ -47,6 +47,9 @@ const AS_IS: [(&str, Outcome); 30] = [
     ("no_such_file.svg", (Err("file-unreadable"), &[])),
 ];
 
+/// Those that take a second where the program is built without optimization.
+pub const HEAVY: [&str; 2] = ["svg_self_intersecting_million.svg", "svg_use_bomb.svg"];
+
 /// The same with a size given.
 const SIZED: [(&str, Outcome); 4] = [
     ("svg_empty.svg", (Err("texture-empty"), &[])),
@@ -92,7 +95,7 @@ fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) 
 #[test]
 fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
-    for (name, outcome) in AS_IS {
+    for (name, outcome) in AS_IS.into_iter().filter(|(name, _)| !HEAVY.contains(name)) {
         check(&malformed::file(dir.path(), name), None, outcome);
     }
     for (name, outcome) in SIZED {
@@ -101,6 +104,15 @@ fn malformed_drawings_give_the_expected_messages() {
     let known = |name: &str| AS_IS.iter().any(|(n, _)| *n == name);
     for name in malformed::names() {
         assert!(!name.starts_with("svg") || known(&name), "{name} has no outcome in the table");
+    }
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn heavy_drawings_give_the_expected_messages() {
+    let dir = folder();
+    for (name, outcome) in AS_IS.into_iter().filter(|(name, _)| HEAVY.contains(name)) {
+        check(&malformed::file(dir.path(), name), None, outcome);
     }
 }
 

@@ -382,7 +382,7 @@ fn grbl(seeds: std::ops::Range<u64>) {
 
 #[test]
 fn surplus_late_doubled_and_foreign_datagrams_never_let_the_stage_move_while_lightburn_marks() {
-    lightburn(0..8);
+    lightburn(0..3);
 }
 
 #[test]
@@ -393,7 +393,7 @@ fn surplus_late_doubled_and_foreign_datagrams_never_let_the_stage_move_in_500_sc
 
 #[test]
 fn killed_runs_with_linuxcnc_and_its_card_mark_every_block_once() {
-    handshake(0..8);
+    handshake(0..3);
 }
 
 #[test]
@@ -404,7 +404,7 @@ fn killed_runs_with_linuxcnc_and_its_card_mark_every_block_once_in_500_schedules
 
 #[test]
 fn killed_runs_with_a_command_mark_every_block_once() {
-    command(0..8);
+    command(0..3);
 }
 
 #[test]
@@ -415,7 +415,7 @@ fn killed_runs_with_a_command_mark_every_block_once_in_500_schedules() {
 
 #[test]
 fn killed_runs_with_grbl_mark_every_block_once() {
-    grbl(0..8);
+    grbl(0..3);
 }
 
 #[test]

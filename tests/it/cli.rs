@@ -564,6 +564,10 @@ fn symbolic_links_to_the_output_folder_are_kept() {
 fn interrupted_folder_exchange_is_finished_or_undone() {
     let dir = job_folder_fixture();
     let at = |name: &str| -> PathBuf { dir.path().join(name) };
+    // The names of a process of this computer that has ended; no process has so high a number.
+    let owner = format!("{}-{}-4294967295", std::env::consts::OS, terrace_core::host::name());
+    let [new, old] = ["new", "old"].map(|ending| at(&format!(".a.job.{owner}.{ending}")));
+    let stopped = || write(at(".a.job.lock"), "");
     let clean = || assert!(names(dir.path()).iter().all(|n| !n.starts_with('.')), "{:?}", names(dir.path()));
     let compile = || run(dir.path(), &["compile", "a.toml"]).status.code();
     assert_eq!(compile(), Some(0));
@@ -572,31 +576,34 @@ fn interrupted_folder_exchange_is_finished_or_undone() {
     break_job(dir.path());
 
     // Between the two renames: the old folder comes back.
-    std::fs::rename(at("a.job"), at(".a.job.old")).expect("moved");
-    std::fs::create_dir(at(".a.job.new")).expect("made");
-    write(at(".a.job.new/program.txt"), "half");
-    write(at(".a.job.lock"), "");
+    std::fs::rename(at("a.job"), &old).expect("moved");
+    std::fs::create_dir(&new).expect("made");
+    write(new.join("program.txt"), "half");
+    stopped();
     assert_eq!(compile(), Some(2));
     assert_eq!(files(&at("a.job")), first);
     clean();
 
     // After the second rename: the old one goes.
-    std::fs::create_dir(at(".a.job.old")).expect("made");
-    write(at(".a.job.old/manifest.json"), read(at("a.job/manifest.json")));
+    std::fs::create_dir(&old).expect("made");
+    write(old.join("manifest.json"), read(at("a.job/manifest.json")));
+    stopped();
     assert_eq!(compile(), Some(2));
     assert_eq!(files(&at("a.job")), first);
     clean();
 
     // While the old one was being removed, and then someone took the new one away: no half folder.
-    std::fs::rename(at("a.job"), at(".a.job.old")).expect("moved");
-    std::fs::remove_file(at(".a.job.old/manifest.json")).expect("removed");
+    std::fs::rename(at("a.job"), &old).expect("moved");
+    std::fs::remove_file(old.join("manifest.json")).expect("removed");
+    stopped();
     assert_eq!(compile(), Some(2));
     assert!(!at("a.job").exists());
     clean();
 
     // While the first folder was being written.
-    std::fs::create_dir_all(at(".a.job.new/blocks")).expect("made");
+    std::fs::create_dir_all(new.join("blocks")).expect("made");
     write(at("a.toml"), job);
+    stopped();
     assert_eq!(compile(), Some(0));
     assert_eq!(files(&at("a.job")), first);
     clean();

@@ -37,6 +37,7 @@ fn refused(job: &JobText, dir: &Path) -> String {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn dots_of_every_source_are_marked_by_every_method() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

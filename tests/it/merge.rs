@@ -65,6 +65,7 @@ fn dots(dir: &Path, partition: &str, more: &str) -> PathBuf {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn mergers_hold_with_every_kind_of_seam_pass_and_setup() {
     let dir = folder();
     let passes = "[passes]\ncount = 2\nlower = \"5 um\"\n";

@@ -358,6 +358,7 @@ fn coverage_falls_linearly_over_a_soft_border() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_seed_decides_where_strokes_end_and_far_from_the_border_none_is_cut() {
     let dir = folder();
     std::fs::write(dir.path().join("shapes.svg"), SHAPES).expect("writable");

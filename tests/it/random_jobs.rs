@@ -496,75 +496,74 @@ fn trials(seeds: impl IntoIterator<Item = u64>, wanted: Machine, part: Part) {
 #[test]
 fn random_jobs_verify_or_are_refused() {
     // 21891, 23145: texture that is cut short at the corner of four sections of one pass lies within one of another.
-    trials((0..12).chain([21_891, 23_145]), Machine::Plain, Part::Sheets);
+    trials((0..8).chain([21_891, 23_145]), Machine::Plain, Part::Sheets);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_verify_or_are_refused_at_length() {
-    trials(seeds(12..8_000), Machine::Plain, Part::Sheets);
+    trials(seeds(8..8_000), Machine::Plain, Part::Sheets);
 }
 
 #[test]
 fn random_jobs_for_zoom_optics_verify_or_are_refused() {
-    // 442, 957: lines of a tile collapse to a point where it lies.
-    trials((0..6).chain([442, 957]), Machine::Zoom, Part::Sheets);
+    // Lines of a tile collapse to a point where it lies.
+    trials((0..2).chain([957]), Machine::Zoom, Part::Sheets);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_for_zoom_optics_verify_or_are_refused_at_length() {
-    trials(seeds(6..1_500), Machine::Zoom, Part::Sheets);
+    trials(seeds(2..1_500), Machine::Zoom, Part::Sheets);
 }
 
 #[test]
 fn random_jobs_for_tilt_tables_verify_or_are_refused() {
-    // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends,
-    // next to what it shares. 1527: a wall hides 19 nm of the marks at its foot. 3916: a mark against the direction of
-    // its stroke has a point at a step that it runs over. 5460: lines shorter than welding tells end at a step. 5156: a
-    // mark along a rim, under which another sheet lies beyond its block's heights. 1241: a mark along two rims of the
-    // part and around their corner.
-    trials((0..6).chain([422, 512, 1241, 1527, 3916, 5156, 5460]), Machine::Tilting, Part::Sheets);
+    // 512: a mark has less of its own than is known of its ends, next to what it shares. 5156: a mark along a rim, under
+    // which another sheet lies beyond its block's heights.
+    trials([0, 1, 512, 5156], Machine::Tilting, Part::Sheets);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn more_random_jobs_for_tilt_tables_verify_or_are_refused() {
-    // 6844, 7424: as 5156. 6062: the rim of a wall, which leaves a mark's place on its stroke unknown.
-    trials([6062, 6844, 7424], Machine::Tilting, Part::Sheets);
+    // 422: welding moves a step at which a mark begins. 1241: a mark along two rims of the part and around their corner.
+    // 1527: a wall hides 19 nm of the marks at its foot. 3916: a mark against the direction of its stroke has a point at
+    // a step that it runs over. 5460: lines shorter than welding tells end at a step. 6844, 7424: as 5156. 6062: the rim
+    // of a wall, which leaves a mark's place on its stroke unknown.
+    trials([422, 1241, 1527, 3916, 5460, 6062, 6844, 7424], Machine::Tilting, Part::Sheets);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_for_tilt_tables_verify_or_are_refused_at_length() {
-    trials(seeds(6..2_040), Machine::Tilting, Part::Sheets);
+    trials(seeds(2..2_040), Machine::Tilting, Part::Sheets);
 }
 
 #[test]
 fn random_jobs_with_frames_and_dots_verify_or_are_refused() {
-    trials(0..12, Machine::Plain, Part::Framed);
+    trials(0..6, Machine::Plain, Part::Framed);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_with_frames_and_dots_verify_or_are_refused_at_length() {
     for machine in [Machine::Plain, Machine::Zoom, Machine::Tilting] {
-        trials(seeds(12..346), machine, Part::Framed);
+        trials(seeds(6..346), machine, Part::Framed);
     }
 }
 
 #[test]
 fn random_jobs_on_drafted_solids_verify_or_are_refused() {
-    trials(0..16, Machine::Plain, Part::Solids);
+    trials(0..6, Machine::Plain, Part::Solids);
     // A stroke ends at a wall where the stop before admits it no more: nothing is left for the next one but the overlap.
-    // And marks along the rim of a part that is tilted.
-    trials([240, 457, 481], Machine::Tilting, Part::Solids);
+    trials([240], Machine::Tilting, Part::Solids);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_on_drafted_solids_verify_or_are_refused_at_length() {
     for wanted in [Machine::Plain, Machine::Zoom, Machine::Tilting] {
-        trials(seeds(16..500), wanted, Part::Solids);
+        trials(seeds(6..500), wanted, Part::Solids);
     }
 }

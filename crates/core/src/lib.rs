@@ -6,6 +6,7 @@ pub mod diag;
 pub mod duration;
 pub mod format;
 pub mod geom;
+pub mod host;
 pub mod machine;
 pub mod math;
 pub mod motion;

@@ -28,6 +28,8 @@ pub fn hypot(x: f64, y: f64) -> f64 {
 mod tests {
     use super::*;
 
+    type Function = fn(f64) -> f64;
+
     #[test]
     fn length_holds_for_vectors_whose_squares_do_not() {
         for scale in [1.0, 1e-300, 1e-160, 1e-140, 1e140, 1e160, 1e300] {
@@ -42,10 +44,9 @@ mod tests {
     #[test]
     fn functions_have_the_bits_that_they_have_everywhere() {
         // One argument in several hundred rounds otherwise in some C library; a sum over many shows it.
-        let bits = |f: fn(f64) -> f64| {
-            (1..4000).fold(0_u64, |sum, k| sum.rotate_left(7) ^ f(f64::from(k) * 0.000_731).to_bits())
-        };
-        let functions: [(&str, fn(f64) -> f64, u64); 13] = [
+        let bits =
+            |f: Function| (1..4000).fold(0_u64, |sum, k| sum.rotate_left(7) ^ f(f64::from(k) * 0.000_731).to_bits());
+        let functions: [(&str, Function, u64); 13] = [
             ("sin", sin, 0xb7ab_0058_8966_a6a9),
             ("cos", cos, 0x5473_b9f9_1605_1256),
             ("tan", tan, 0x7e02_894b_e608_6f91),

@@ -18,6 +18,7 @@ use dask::{Event, Session, Submission};
 
 use super::collect::Reasons;
 use super::fragment::Fragment;
+use super::isolated::reason;
 use super::outcome::State;
 use super::unit::Unit;
 use super::units::numbers;
@@ -210,7 +211,7 @@ impl<'a> Work<'a, '_> {
                     on_news(News::Ended(fragment));
                 }
                 None => {
-                    let last = err.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+                    let last = reason(err);
                     let why = format!("its process on {worker} ended with exit code {code} and no report: {last}");
                     self.reasons.insert(unit.id, why);
                 }

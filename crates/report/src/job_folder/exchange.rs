@@ -1,23 +1,27 @@
 //! The place of a job folder, and the exchange that puts a new one there.
 //!
 //! Consumes the path as given; links are followed, so the folder behind a link is replaced and the
-//! link stays. Beside the target `NAME` live, only while a run writes, `.NAME.new` (the folder in the
-//! making; once names are exchanged, the one that was replaced), `.NAME.old` (the one that is replaced, where names
-//! cannot be exchanged) and `.NAME.lock`. The lock is the system's own and ends
+//! link stays. Beside the target `NAME` live, only while a run writes, `.NAME.lock` and two folders under names of
+//! the process alone ([`temporary`]): the one in the making (once names are exchanged, the one that was replaced), and
+//! the one that is replaced, where names cannot be exchanged. The lock is the system's own and ends
 //! with its process, however that ends; a second run on the same target waits for it. `.NAME.claim` is another, held
 //! by a batch from before it looks whether the folder is up to date until it is: of two batches one compiles.
 //!
 //! Promises that under the final name there is the whole old folder or the whole new one; where the system cannot
 //! exchange two names in one step (other systems than Linux, some network shares), also none between two renames.
 //! [`Target::recover`] clears up what a stopped run left. This holds when a process is
-//! killed, and, where the new folder and its parent are flushed, when power fails. Limits: file systems
-//! without locks (some network shares) are used without one.
+//! killed, and, where the new folder and its parent are flushed, when power fails. File systems without locks, or
+//! with locks that another system does not see (some network shares), are used without one: then the last of two runs
+//! wins, and each looks whether the folder that it put in place is there ([`Target::exchange`]).
 
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
 use super::flush::{Flush, flush_tree};
+use super::temporary::{self, Kind};
 use super::{failed, place};
 use terrace_core::diag::{self, Diag, Error};
 use terrace_input::job::Mode;
@@ -28,9 +32,12 @@ use terrace_plan::manifest::{self, FileFact, InputFact, JobRef, MANIFEST};
 pub(super) struct Target {
     /// The folder itself, absolute and free of links.
     pub(super) path: PathBuf,
+    /// The last part of the path.
+    name: OsString,
     /// The folder in the making.
     pub(super) new: PathBuf,
-    old: PathBuf,
+    /// The folder that is replaced.
+    pub(super) old: PathBuf,
     lock: PathBuf,
     claim: PathBuf,
     /// The file without which a folder of this kind is not whole.
@@ -41,6 +48,8 @@ pub(super) struct Target {
 #[derive(Debug)]
 pub(super) struct Lock {
     path: PathBuf,
+    /// Whether the file was there before: its process has not removed it, so it was stopped, or there are no locks.
+    was_left: bool,
     /// Holds the system's lock as long as it is open.
     _file: File,
 }
@@ -49,20 +58,26 @@ impl Lock {
     /// Waits until no other process holds the lock of this file.
     fn of(path: &Path) -> Result<Self, Error> {
         let refused = |e: std::io::Error| failed("lock the output", path, &e);
-        if is_no_file(path) {
-            let text = "cannot lock the output: something that is not a regular file has the name of its lock";
-            let d = Diag::input("output-unwritable", text).at(place(path));
-            return Err(d.hint("remove it, or name another folder with -o").into());
-        }
         loop {
-            let file = File::options().create(true).append(true).open(path).map_err(refused)?;
+            if is_no_file(path) {
+                let text = "cannot lock the output: something that is not a regular file has the name of its lock";
+                let d = Diag::input("output-unwritable", text).at(place(path));
+                return Err(d.hint("remove it, or name another folder with -o").into());
+            }
+            let made = File::options().create_new(true).append(true).open(path);
+            let was_left = made.as_ref().is_err_and(|e| e.kind() == ErrorKind::AlreadyExists);
+            let file = match if was_left { File::options().append(true).open(path) } else { made } {
+                // Removed since by the run that held it.
+                Err(e) if was_left && e.kind() == ErrorKind::NotFound => continue,
+                opened => opened.map_err(refused)?,
+            };
             match file.lock() {
-                Err(e) if e.kind() != std::io::ErrorKind::Unsupported => return Err(refused(e)),
+                Err(e) if e.kind() != ErrorKind::Unsupported => return Err(refused(e)),
                 _ => {}
             }
             // The run that held it before has removed its file: a lock on that one is worth nothing.
             if is_same(&file, path) {
-                return Ok(Self { path: path.to_owned(), _file: file });
+                return Ok(Self { path: path.to_owned(), was_left, _file: file });
             }
         }
     }
@@ -75,7 +90,7 @@ impl Lock {
         }
         let file = File::options().append(true).open(path).ok()?;
         let is_free = file.try_lock().is_ok() && is_same(&file, path);
-        is_free.then(|| Self { path: path.to_owned(), _file: file })
+        is_free.then(|| Self { path: path.to_owned(), was_left: true, _file: file })
     }
 }
 
@@ -92,7 +107,7 @@ fn nameless(given: &Path) -> Error {
     d.hint("name a folder, such as -o hood.job").into()
 }
 
-/// The hidden neighbour of the folder at `path` of a name, such as `.NAME.new`.
+/// The hidden neighbour of the folder at `path` of a name, such as `.NAME.lock`.
 fn hidden(path: &Path, name: &OsStr, ending: &str) -> PathBuf {
     let mut hidden = OsString::from(".");
     hidden.push(name);
@@ -107,14 +122,16 @@ impl Target {
             return Err(nameless(given));
         }
         let path = resolved(given).map_err(|e| failed("find the folder", given, &e))?;
-        let name = path.file_name().ok_or_else(|| nameless(given))?;
-        let [new, old, lock, claim] = [".new", ".old", ".lock", ".claim"].map(|ending| hidden(&path, name, ending));
-        Ok(Self { new, old, lock, claim, path, sign })
+        let name = path.file_name().ok_or_else(|| nameless(given))?.to_owned();
+        let [lock, claim] = [".lock", ".claim"].map(|ending| hidden(&path, &name, ending));
+        let [new, old] = [Kind::New, Kind::Old].map(|kind| temporary::own(&path, &name, kind));
+        Ok(Self { name, new, old, lock, claim, path, sign })
     }
 
     /// Finishes or undoes what a stopped run left.
     pub(super) fn recover(&self) -> Result<(), Error> {
-        if [&self.new, &self.old, &self.lock].into_iter().any(|p| is_there(p)) {
+        // A run that was stopped has left its lock.
+        if is_there(&self.lock) {
             let lock = self.lock()?;
             self.tidy(&lock)?;
         }
@@ -134,17 +151,25 @@ impl Target {
     }
 
     /// [`Target::recover`] under a lock that is held already.
-    pub(super) fn tidy(&self, _lock: &Lock) -> Result<(), Error> {
-        if is_there(&self.old) {
-            // A replaced folder loses its sign first, so one that has it is whole.
-            if !is_there(&self.path) && self.old.join(self.sign).is_file() {
-                fs::rename(&self.old, &self.path).map_err(|e| failed("restore the old folder", &self.old, &e))?;
-            } else {
-                self.discard_old()?;
-            }
-        }
+    pub(super) fn tidy(&self, lock: &Lock) -> Result<(), Error> {
+        // A fault of this process, earlier: the system did not let it go then.
         if is_there(&self.new) {
             fs::remove_dir_all(&self.new).map_err(|e| failed("remove an unfinished folder", &self.new, &e))?;
+        }
+        if !lock.was_left {
+            return Ok(());
+        }
+        let parent = self.path.parent().unwrap_or(Path::new("/"));
+        let left = temporary::abandoned(&self.path, &self.name).map_err(|e| failed("read the folder", parent, &e))?;
+        for (kind, folder) in left {
+            // A replaced folder loses its sign first, so one that has it is whole.
+            if kind == Kind::Old && !is_there(&self.path) && folder.join(self.sign).is_file() {
+                fs::rename(&folder, &self.path).map_err(|e| failed("restore the old folder", &folder, &e))?;
+            } else if kind == Kind::Old {
+                self.discard(&folder)?;
+            } else {
+                fs::remove_dir_all(&folder).map_err(|e| failed("remove an unfinished folder", &folder, &e))?;
+            }
         }
         Ok(())
     }
@@ -177,8 +202,18 @@ impl Target {
 
     /// Puts the finished new folder in place. Where that fails the old one is put back. The new folder is flushed
     /// before its name changes, and the folder around it before the old one is removed.
+    ///
+    /// # Errors
+    /// `output-disturbed` where what lies there afterwards is not the new folder, whole; what the file system refuses.
     pub(super) fn exchange(&self, _lock: &Lock, flush: &Flush<'_>) -> Result<(), Error> {
-        self.put(flush, swap)
+        let made = listing(&self.new).map_err(|e| failed("read the new folder", &self.new, &e))?;
+        self.put(flush, swap)?;
+        if listing(&self.path).is_ok_and(|there| there == made) {
+            return Ok(());
+        }
+        let text = "the folder is not the one that was written: another process wrote here at the same time";
+        let d = Diag::input("output-disturbed", text).at(place(&self.path));
+        Err(d.hint("compile again while no other computer or system writes this folder").into())
     }
 
     /// [`Target::exchange`] by a function that exchanges two names in one step, or cannot.
@@ -203,14 +238,32 @@ impl Target {
             return Err(failed("put the new folder in place", &self.path, &e));
         }
         flush_parent()?;
-        if replaces { self.discard_old() } else { Ok(()) }
+        if replaces { self.discard(&self.old) } else { Ok(()) }
     }
 
     /// Removes the replaced folder, its sign first.
-    fn discard_old(&self) -> Result<(), Error> {
-        let _ = fs::remove_file(self.old.join(self.sign));
-        fs::remove_dir_all(&self.old).map_err(|e| failed("remove the replaced folder", &self.old, &e))
+    fn discard(&self, old: &Path) -> Result<(), Error> {
+        let _ = fs::remove_file(old.join(self.sign));
+        fs::remove_dir_all(old).map_err(|e| failed("remove the replaced folder", old, &e))
     }
+}
+
+/// The files of a folder and of those in it, with their sizes, bytes.
+fn listing(folder: &Path) -> std::io::Result<BTreeMap<PathBuf, u64>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(inner) = open.pop() {
+        for entry in fs::read_dir(&inner)? {
+            let entry = entry?;
+            let path = entry.path();
+            if entry.file_type()?.is_dir() {
+                open.push(path);
+            } else if let Ok(name) = path.strip_prefix(folder) {
+                found.insert(name.to_owned(), entry.metadata()?.len());
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// Whether anything has this name, a link that leads nowhere included.
@@ -301,7 +354,7 @@ mod tests {
 
     use super::*;
 
-    /// A folder `.a.job.new` with a text in its sign, about to become `a.job`.
+    /// A folder in the making with a text in its sign, about to become `a.job`.
     fn made(dir: &Path, text: &str) -> Target {
         let target = Target::find(&dir.join("a.job"), "sign").expect("a place");
         fs::create_dir(&target.new).expect("made");
@@ -319,6 +372,33 @@ mod tests {
                 assert_eq!(fs::read_dir(dir.path()).expect("there").count(), 1, "nothing is left beside it");
             }
         }
+    }
+
+    #[test]
+    fn a_folder_that_another_process_has_changed_by_then_is_an_error() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let lost = dir.path().join("a.job/sign");
+        let target = made(dir.path(), "one");
+        let lock = target.lock().expect("free");
+        // The parent is flushed last, once the folder has its name.
+        let disturb = |path: &Path| if path == dir.path() { fs::remove_file(&lost) } else { Ok(()) };
+        let e = target.exchange(&lock, &disturb).expect_err("a file is gone");
+        assert_eq!(e.diags()[0].code, "output-disturbed");
+    }
+
+    #[test]
+    fn a_folder_in_the_making_elsewhere_is_left_alone_and_no_lock_is_needed_for_that() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let foreign = dir.path().join(".a.job.windows-PC-7.new");
+        fs::create_dir(&foreign).expect("made");
+        // As a process leaves it that is stopped.
+        fs::write(dir.path().join(".a.job.lock"), "").expect("made");
+        Target::find(&dir.path().join("a.job"), "sign").expect("a place").recover().expect("free");
+        let target = made(dir.path(), "one");
+        assert!(foreign.is_dir() && !target.lock.exists());
+        let lock = target.lock().expect("free");
+        target.exchange(&lock, &|_| Ok(())).expect("in place");
+        assert!(foreign.is_dir() && target.path.is_dir());
     }
 
     #[cfg(target_os = "linux")]

@@ -9,6 +9,7 @@ mod files;
 mod flush;
 mod inputs;
 mod pictures;
+mod temporary;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -264,7 +265,7 @@ mod tests {
     /// order, each with whether the target held the new folder by then, and whether the old one was still there.
     fn flushed(target: &Path, text: &str) -> Vec<(PathBuf, bool, bool)> {
         let target = Target::find(target, "sign").expect("a place");
-        let [new, old] = [".out.job.new", ".out.job.old"].map(|name| target.path.with_file_name(name));
+        let (new, old) = (&target.new, &target.old);
         let seen = Mutex::new(Vec::new());
         let flush = |path: &Path| {
             let is_new = fs::read_to_string(target.path.join("sign")).is_ok_and(|held| held == text);
@@ -288,7 +289,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let top = fs::canonicalize(dir.path()).expect("there");
         let parent = top.join("a");
-        let new = top.join("a/.out.job.new");
+        let made = Target::find(&top.join("a/out.job"), "sign").expect("a place");
+        let new = &made.new;
         let first = flushed(&top.join("a/out.job"), "one");
         let again = flushed(&top.join("a/out.job"), "two");
         for (seen, replaces) in [(&first, false), (&again, true)] {
@@ -297,13 +299,13 @@ mod tests {
             names.sort();
             assert_eq!(names, [&new.join("blocks/1"), &new.join("sign")]);
             assert!(files.iter().all(|(_, is_new, _)| !is_new));
-            assert_eq!(rest[..2], [(new.join("blocks"), false, false), (new.clone(), false, false)]);
+            assert_eq!(rest[..2], [(new.join("blocks"), false, false), (new.to_owned(), false, false)]);
             assert_eq!(rest[2], (parent.clone(), true, replaces), "the names have changed, the old folder is there");
         }
         // The folder around it was new, so the one around that has a new name too.
         assert_eq!(first[5..], [(top.clone(), true, false)]);
         assert_eq!(again.len(), 5);
-        assert!(!parent.join(".out.job.old").exists());
+        assert!(!made.old.exists());
     }
 
     #[test]
