@@ -417,7 +417,12 @@ fn lines_of(child: &mut std::process::Child) -> impl Iterator<Item = String> + u
 /// Ctrl-C, as a terminal sends it.
 #[cfg(target_os = "linux")]
 fn interrupt(child: &std::process::Child) {
-    let sent = Command::new("kill").arg("-INT").arg(child.id().to_string()).status().expect("kill starts");
+    signal(child, "INT");
+}
+
+#[cfg(target_os = "linux")]
+fn signal(child: &std::process::Child, name: &str) {
+    let sent = Command::new("kill").arg(format!("-{name}")).arg(child.id().to_string()).status().expect("kill starts");
     assert!(sent.success());
 }
 
@@ -484,6 +489,35 @@ fn ctrl_c_lets_the_running_job_end_and_the_next_run_goes_on() {
     assert_eq!(lines.next(), None, "the job that runs does not end");
     assert_eq!(child.wait().expect("ended").code(), Some(1));
     assert!(out.join("s0.job").exists() && !out.join("s1.job").exists());
+}
+
+/// `nohup` and `disown` start programs so; the terminal's end is then none of theirs.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_batch_under_nohup_outlives_its_terminal_and_another_ends_after_the_running_job() {
+    for (trap, code) in [("trap '' HUP; ", 0), ("", 1)] {
+        let dir = folder();
+        let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+        small_jobs(&jobs, 3);
+        std::fs::create_dir_all(&out).expect("made");
+        // The second job runs until the lock of its folder is free.
+        let lock_path = out.join(".s1.job.lock");
+        let held = std::fs::File::create(&lock_path).expect("writable");
+        held.lock().expect("a system with locks");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("{trap}exec \"$@\""), "sh", env!("CARGO_BIN_EXE_terrace"), "batch"]);
+        shell.arg(&jobs).arg("-o").arg(&out).args(["-j1", "--no-sync"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = shell.spawn().expect("it starts");
+        await_open(&child, &lock_path);
+        signal(&child, "HUP");
+        // The program has time to act on it.
+        std::thread::sleep(Duration::from_millis(300));
+        drop(held);
+        let done = child.wait_with_output().expect("ended");
+        assert_eq!(done.status.code(), Some(code), "{trap}: {}", said(&done));
+        assert_eq!(out.join("s2.job").exists(), code == 0, "{trap}: {}", said(&done));
+        assert!(out.join("s1.job").exists(), "{trap}: the running job is completed");
+    }
 }
 
 fn command(jobs: &Path, out: &Path, seed: u64) -> Command {

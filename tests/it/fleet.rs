@@ -343,6 +343,19 @@ fn a_unit_that_exceeds_its_memory_fails_alone_and_leaves_nothing() {
 }
 
 #[test]
+fn a_limit_of_memory_without_units_of_its_own_is_refused() {
+    let dir = folder();
+    small_jobs(dir.path(), 1);
+    for command in ["batch", "sweep"] {
+        let job = dir.path().join("s0.toml");
+        let done = terrace([command, path(&job), "--memory", "20MB"]);
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{command}: {text}");
+        assert!(text.contains("--engine"), "{command}: {text}");
+    }
+}
+
+#[test]
 fn a_process_that_is_killed_in_the_middle_of_a_unit_fails_that_unit_only() {
     let dir = folder();
     let (units, out) = planned(dir.path(), 4, &[]);
@@ -458,6 +471,97 @@ fn worker_with_own_disk(fleet: &mut Fleet, out: &Path, kb: usize, is_full: bool)
         out.display()
     );
     fleet.worker(&["unshare", "-m", "sh", "-c", &mount, "sh"]);
+}
+
+/// A worker that sees something else than the others: `set_up` is a script of its own mounts.
+fn worker_after(fleet: &mut Fleet, set_up: &str) {
+    let script = format!("{{ {set_up}; }} || {{ echo 'cannot mount: this test needs root'; exit 1; }}; exec \"$@\"");
+    fleet.worker(&["unshare", "-m", "sh", "-c", &script, "sh"]);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn a_worker_that_cannot_work_is_named_once_and_the_others_do_its_units() {
+    let (_dir, [jobs, one, two]) = compiled_here(20);
+    let program = env!("CARGO_BIN_EXE_terrace");
+    let fakes = folder();
+    let fake = |name: &str, version: &str| {
+        let path = fakes.path().join(name);
+        let script = format!(
+            "#!/bin/sh\ncase $1 in --version) echo terrace {version};; *) echo 'error[broken]: no arm' >&2; exit 7;; esac\n"
+        );
+        std::fs::write(&path, script).expect("written");
+        assert!(Command::new("chmod").arg("+x").arg(&path).status().expect("chmod starts").success());
+        format!("mount --bind '{}' '{program}'", path.display())
+    };
+    let unshared = format!("mkdir -p '{0}' && mount -t tmpfs own '{0}'", two.display());
+    let kinds = [
+        // No share; the folder is there.
+        (unshared, "is the folder shared?", &[][..]),
+        (fake("old", "0.0.1"), "is terrace 0.0.1, this is terrace", &[][..]),
+        // It passes the first look, and ends every group without a report.
+        (fake("broken", env!("CARGO_PKG_VERSION")), "error[broken]: no arm", &[][..]),
+        ("ulimit -v 1500000".into(), "its limit of memory (ulimit -v) is 1464 MB, below", &["--memory", "2GB"][..]),
+    ];
+    for (set_up, why, more) in kinds {
+        let mut fleet = Fleet::of(1);
+        worker_after(&mut fleet, &set_up);
+        fleet.wait(2);
+        let done = carried(&fleet, &jobs, &two, more);
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(0), "{set_up}: {text}\n{}", fleet.said());
+        let named: Vec<&str> = text.lines().filter(|line| line.contains("is set aside")).collect();
+        assert!(named.len() == 1 && named[0].starts_with("worker worker1 (tcp://"), "{set_up}: {text}");
+        assert!(named[0].contains(why), "{set_up}: {text}");
+        assert_same(&one, &two);
+        std::fs::remove_dir_all(&two).expect("removed");
+    }
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn a_fleet_without_a_worker_that_can_work_says_why_and_does_nothing() {
+    let (_dir, [jobs, _, two]) = compiled_here(2);
+    let mut fleet = Fleet::without_workers();
+    worker_after(&mut fleet, &format!("mkdir -p '{0}' && mount -t tmpfs own '{0}'", two.display()));
+    fleet.wait(1);
+    let done = carried(&fleet, &jobs, &two, &[]);
+    let text = said(&done);
+    assert!(done.status.code() == Some(1) && text.contains("error[engine-workers]"), "{text}");
+    assert!(text.contains("worker0 (tcp://") && text.contains("is the folder shared?"), "{text}");
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn a_lower_limit_of_memory_of_a_worker_costs_no_unit_that_fits() {
+    let (_dir, [jobs, one, two]) = compiled_here(6);
+    let mut fleet = Fleet::without_workers();
+    fleet.worker(&["sh", "-c", "ulimit -v 1500000; exec \"$@\"", "sh"]);
+    fleet.wait(1);
+    let done = carried(&fleet, &jobs, &two, &[]);
+    assert_eq!(done.status.code(), Some(0), "{}\n{}", said(&done), fleet.said());
+    assert_same(&one, &two);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn a_frozen_worker_is_named_within_a_minute_and_its_units_go_to_the_other() {
+    let (_dir, [jobs, one, two]) = compiled_here(8);
+    let fleet = Fleet::of(2);
+    // Both workers wait for a folder each; then one is frozen, as a computer that sleeps.
+    let held: Vec<Held> = (0..8).map(|i| Held::new(&two, &format!("s{i}"))).collect();
+    let running = fleet.terrace(["batch", path(&jobs), "-o", path(&two), "--json"]).spawn().expect("it runs");
+    until("both workers are at work", Duration::from_secs(60), || fleet.is_busy(0) && fleet.is_busy(1));
+    let begin = std::time::Instant::now();
+    fleet.freeze_worker(0);
+    drop(held);
+    let done = running.wait_with_output().expect("ended");
+    fleet.thaw_worker(0);
+    let text = said(&done);
+    assert_eq!(done.status.code(), Some(0), "{text}\n{}", fleet.said());
+    assert!(text.contains("worker worker0 (tcp://") && text.contains("nothing has been heard of it"), "{text}");
+    assert!(begin.elapsed() < Duration::from_secs(150), "{:?}", begin.elapsed());
+    assert_same(&one, &two);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! and hears of them on standard output, a JSON object a line. It is isolated (`-I`) and in a process group of its own:
 //! Ctrl-C is for this program to act on.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
@@ -27,6 +28,8 @@ const PACKAGE: &str = "distributed==2026.8.0";
 #[derive(Clone, Debug, Deserialize)]
 pub(super) struct Worker {
     pub(super) address: String,
+    /// The name that it was started with; else its address.
+    pub(super) name: String,
     pub(super) threads: usize,
     /// Bytes; 0: no limit.
     pub(super) memory: u64,
@@ -46,6 +49,28 @@ pub(super) struct Submission {
     pub(super) not: Vec<String>,
 }
 
+/// What a worker needs, to work on units.
+#[derive(Serialize)]
+pub(super) struct Need {
+    /// This program; a worker may have another place for it.
+    pub(super) program: PathBuf,
+    /// What `terrace --version` prints.
+    pub(super) version: String,
+    pub(super) cwd: PathBuf,
+    /// The file of units, with its size; reports are written beside it.
+    pub(super) file: PathBuf,
+    pub(super) bytes: u64,
+    /// Bytes of a unit; 0: as the worker has.
+    pub(super) memory: u64,
+}
+
+/// A worker that is to have no more tasks.
+#[derive(Serialize)]
+struct SetAside<'a> {
+    aside: &'a str,
+    why: &'a str,
+}
+
 /// What the scheduler reports.
 #[derive(Debug)]
 pub(super) enum Event {
@@ -53,6 +78,10 @@ pub(super) enum Event {
     Ended { task: usize, code: i32, out: String, err: String, worker: String },
     /// The engine has given a task up.
     Lost { task: usize, why: String },
+    /// A worker is given no more tasks: why.
+    Aside { worker: String, why: String },
+    /// A worker that was silent is heard of, and given tasks again.
+    Back { worker: String },
     /// There are so many workers now.
     Workers(usize),
     /// The scheduler is gone.
@@ -69,7 +98,9 @@ pub(super) enum Event {
 enum Line {
     Absent { why: String },
     Unreachable { why: String },
-    Connected { workers: Vec<Worker> },
+    Connected { workers: Vec<Worker>, aside: BTreeMap<String, String> },
+    Aside { worker: String, why: String },
+    Back { worker: String },
     Ended { task: usize, code: i32, out: String, err: String, worker: String },
     Lost { task: usize, why: String },
     Workers { count: usize },
@@ -85,6 +116,8 @@ pub(super) struct Session {
     lines: Receiver<Line>,
     messages: Receiver<String>,
     workers: Vec<Worker>,
+    /// Workers that have no tasks, and why.
+    aside: BTreeMap<String, String>,
 }
 
 impl Session {
@@ -92,10 +125,11 @@ impl Session {
     ///
     /// # Errors
     /// `engine-absent` where no Python has Dask, `engine-unreachable` where there is no scheduler.
-    pub(super) fn start(scheduler: &str, patience_s: u64) -> Result<Self, Error> {
+    pub(super) fn start(scheduler: &str, patience_s: u64, need: &Need) -> Result<Self, Error> {
+        let need = to_line(need)?;
         let mut tried = Vec::new();
         for interpreter in python::interpreters() {
-            match Self::with(&interpreter, scheduler, patience_s) {
+            match Self::with(&interpreter, scheduler, patience_s, &need) {
                 Ok(Ok(session)) => return Ok(session),
                 Ok(Err(why)) => {
                     let text = format!("there is no Dask scheduler at {scheduler} ({why})");
@@ -111,9 +145,14 @@ impl Session {
     }
 
     /// With this interpreter: Err where it has no Dask, Ok(Err) where it reaches no scheduler.
-    fn with(interpreter: &OsString, scheduler: &str, patience_s: u64) -> Result<Result<Self, String>, String> {
+    fn with(
+        interpreter: &OsString,
+        scheduler: &str,
+        patience_s: u64,
+        need: &str,
+    ) -> Result<Result<Self, String>, String> {
         let mut command = Command::new(interpreter);
-        command.args(["-I", "-c", SCRIPT, scheduler, &patience_s.to_string()]);
+        command.args(["-I", "-c", SCRIPT, scheduler, &patience_s.to_string(), need]);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -132,21 +171,45 @@ impl Session {
             let _ = err.into_iter().try_for_each(|mut err| err.read_to_end(&mut text).map(|_| ()));
             message.send(String::from_utf8_lossy(&text).into_owned())
         });
-        let mut session = Self { child, stdin, lines, messages, workers: Vec::new() };
-        match session.lines.recv() {
-            Ok(Line::Connected { workers }) => {
-                session.workers = workers;
-                Ok(Ok(session))
+        let mut session = Self { child, stdin, lines, messages, workers: Vec::new(), aside: BTreeMap::new() };
+        loop {
+            match session.lines.recv() {
+                // Named again when all have been asked.
+                Ok(Line::Aside { .. }) => {}
+                Ok(Line::Connected { workers, aside }) => {
+                    session.workers = workers;
+                    session.aside = aside;
+                    return Ok(Ok(session));
+                }
+                Ok(Line::Unreachable { why }) => return Ok(Err(why)),
+                Ok(Line::Absent { why }) => return Err(why),
+                _ => return Err(session.last_words()),
             }
-            Ok(Line::Unreachable { why }) => Ok(Err(why)),
-            Ok(Line::Absent { why }) => Err(why),
-            _ => Err(session.last_words()),
         }
     }
 
-    /// The workers that were connected at the beginning.
-    pub(super) fn workers(&self) -> &[Worker] {
-        &self.workers
+    /// The workers that have tasks, of those that were connected at the beginning.
+    pub(super) fn fit(&self) -> impl Iterator<Item = &Worker> {
+        self.workers.iter().filter(|worker| !self.aside.contains_key(&worker.address))
+    }
+
+    /// The workers that have no tasks, and why.
+    pub(super) fn aside(&self) -> &BTreeMap<String, String> {
+        &self.aside
+    }
+
+    /// A worker as it is shown: the name that it was started with, and where it is.
+    pub(super) fn shown(&self, address: &str) -> String {
+        let name = self.workers.iter().find(|worker| worker.address == address).map(|worker| worker.name.as_str());
+        name.filter(|name| *name != address).map_or_else(|| address.to_owned(), |name| format!("{name} ({address})"))
+    }
+
+    /// Gives a worker no more tasks.
+    ///
+    /// # Errors
+    /// Where the program that speaks to the scheduler has ended.
+    pub(super) fn set_aside(&mut self, worker: &str, why: &str) -> Result<(), Error> {
+        self.send(&to_line(&SetAside { aside: worker, why })?)
     }
 
     /// Gives a task.
@@ -154,10 +217,10 @@ impl Session {
     /// # Errors
     /// Where the program that speaks to the scheduler has ended.
     pub(super) fn submit(&mut self, task: &Submission) -> Result<(), Error> {
-        let line = serde_json::to_string(task).map_err(|e| {
-            let text = format!("a path cannot be given to the engine: {e}");
-            Error::from(Diag::input("unit-path", text).hint("use file names that are UTF-8 text"))
-        })?;
+        self.send(&to_line(task)?)
+    }
+
+    fn send(&mut self, line: &str) -> Result<(), Error> {
         let given =
             self.stdin.as_mut().map(|to| to.write_all(format!("{line}\n").as_bytes()).and_then(|()| to.flush()));
         match given {
@@ -174,6 +237,14 @@ impl Session {
         match self.lines.recv_timeout(longest) {
             Ok(Line::Ended { task, code, out, err, worker }) => Some(Event::Ended { task, code, out, err, worker }),
             Ok(Line::Lost { task, why }) => Some(Event::Lost { task, why }),
+            Ok(Line::Aside { worker, why }) => {
+                self.aside.insert(worker.clone(), why.clone());
+                Some(Event::Aside { worker, why })
+            }
+            Ok(Line::Back { worker }) => {
+                self.aside.remove(&worker);
+                Some(Event::Back { worker })
+            }
             Ok(Line::Workers { count }) => Some(Event::Workers(count)),
             Ok(Line::SchedulerLost) => Some(Event::SchedulerLost),
             Ok(Line::SchedulerBack) => Some(Event::SchedulerBack),
@@ -205,6 +276,14 @@ impl Drop for Session {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// A line of the program's input.
+fn to_line(value: &impl Serialize) -> Result<String, Error> {
+    serde_json::to_string(value).map_err(|e| {
+        let text = format!("a path cannot be given to the engine: {e}");
+        Diag::input("unit-path", text).hint("use file names that are UTF-8 text").into()
+    })
 }
 
 /// How a scheduler and workers are started.

@@ -5,6 +5,10 @@
 //! so reports are complete where the folders of the machines are not shared. The engine's own means do the rest: it
 //! gives the next group to the next free worker, the largest first, starts a group again whose worker died, on another
 //! worker too, and gives up after some tries.
+//!
+//! A fault of a machine is not one of a unit: workers are asked at the beginning whether they can work at all, and a
+//! group that a worker ends without a report is given to others. Such a worker, and one that is silent, is set aside
+//! and named once.
 
 mod dask;
 
@@ -14,12 +18,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use dask::{Event, Session, Submission};
+use dask::{Event, Need, Session, Submission};
 
 use super::collect::Reasons;
 use super::fragment::Fragment;
 use super::isolated::reason;
-use super::outcome::State;
+use super::outcome::{State, counted};
 use super::unit::Unit;
 use super::units::numbers;
 use super::units_per_process::groups;
@@ -27,8 +31,11 @@ use super::work::End;
 use terrace_core::diag::{Diag, Error};
 use terrace_report::job_folder::Durability;
 
-/// How often units are given to other workers because one could not write them.
+/// How often units are given to other workers because one could not write or report them.
 const MOST_TRIES: usize = 3;
+
+/// After so many groups without a report a worker is set aside: one may be a process that was killed.
+const MOST_FAULTS: usize = 2;
 
 /// How long an engine is waited for that is gone, s.
 const PATIENCE_S: u64 = 120;
@@ -71,7 +78,7 @@ pub enum News<'a> {
 /// A group that was given to the engine.
 struct Group<'a> {
     units: Vec<&'a Unit>,
-    /// Workers that could not write its folders.
+    /// Workers that could not write its folders, or left no report.
     not: BTreeSet<String>,
     /// How often it has been given before.
     tries: usize,
@@ -82,12 +89,22 @@ struct Group<'a> {
 /// # Errors
 /// `engine-absent`, `engine-unreachable`, `engine-workers`; what the file system refuses.
 pub fn run(units: &[&Unit], fleet: &Fleet<'_>, on_news: &mut dyn FnMut(News<'_>)) -> Result<Reasons, Error> {
-    let mut session = Session::start(fleet.scheduler, PATIENCE_S)?;
+    let mut session = Session::start(fleet.scheduler, PATIENCE_S, &need(fleet)?)?;
     let slots = slots(&session, fleet)?;
+    for (worker, why) in session.aside() {
+        on_news(News::Said(set_aside(&session.shown(worker), why)));
+    }
     let list: Vec<Group<'_>> =
         groups(units, slots).into_iter().map(|units| Group { units, not: BTreeSet::new(), tries: 0 }).collect();
-    on_news(News::Submitted { groups: list.len(), workers: session.workers().len(), slots });
-    let mut work = Work { fleet, open: BTreeMap::new(), given: 0, reasons: Reasons::new() };
+    on_news(News::Submitted { groups: list.len(), workers: session.fit().count(), slots });
+    let mut work = Work {
+        fleet,
+        open: BTreeMap::new(),
+        given: 0,
+        reasons: Reasons::new(),
+        faults: BTreeMap::new(),
+        full: BTreeSet::new(),
+    };
     for group in list {
         work.submit(&mut session, group)?;
     }
@@ -105,7 +122,13 @@ pub fn run(units: &[&Unit], fleet: &Fleet<'_>, on_news: &mut dyn FnMut(News<'_>)
                 }
             }
             Some(Event::Lost { task, why }) => work.lost(task, &why),
-            Some(Event::Workers(count)) => on_news(News::Said(format!("the engine has {count} workers now"))),
+            Some(Event::Aside { worker, why }) => on_news(News::Said(set_aside(&session.shown(&worker), &why))),
+            Some(Event::Back { worker }) => {
+                on_news(News::Said(format!("worker {} is heard of again", session.shown(&worker))));
+            }
+            Some(Event::Workers(count)) => {
+                on_news(News::Said(format!("the engine has {} now", counted(count, "worker"))));
+            }
             Some(Event::SchedulerLost) => on_news(News::Said(format!(
                 "the scheduler at {} is gone: waiting {PATIENCE_S} s for it and a worker to come back",
                 fleet.scheduler
@@ -125,12 +148,21 @@ pub fn run(units: &[&Unit], fleet: &Fleet<'_>, on_news: &mut dyn FnMut(News<'_>)
 /// # Errors
 /// `engine-workers` where there is no worker, or none with the memory of a unit.
 fn slots(session: &Session, fleet: &Fleet<'_>) -> Result<usize, Error> {
-    let slots: usize = session.workers().iter().map(|worker| worker.threads).sum();
+    let slots: usize = session.fit().map(|worker| worker.threads).sum();
+    if slots == 0 && !session.aside().is_empty() {
+        let whys = session.aside().iter().map(|(worker, why)| format!("{}: {why}", session.shown(worker)));
+        let text = format!(
+            "no worker of the scheduler at {} can work on the units ({})",
+            fleet.scheduler,
+            whys.collect::<Vec<_>>().join("; ")
+        );
+        return Err(Diag::limit("engine-workers", text).hint("mend one, and run the same command again").into());
+    }
     if slots == 0 {
         let d = Diag::limit("engine-workers", format!("the scheduler at {} has no worker", fleet.scheduler));
         return Err(d.hint(format!("start one on each machine: dask worker {}", fleet.scheduler)).into());
     }
-    let limits: Vec<u64> = session.workers().iter().map(|worker| worker.memory).collect();
+    let limits: Vec<u64> = session.fit().map(|worker| worker.memory).collect();
     match fleet.memory {
         Some(wanted) if !has_room(wanted, &limits) => {
             let largest = limits.iter().max().copied().unwrap_or_default();
@@ -148,6 +180,24 @@ fn has_room(unit: u64, limits: &[u64]) -> bool {
     limits.iter().any(|&limit| limit == 0 || limit >= unit)
 }
 
+/// What a worker needs to work on the units of a fleet.
+fn need(fleet: &Fleet<'_>) -> Result<Need, Error> {
+    let bytes = std::fs::metadata(fleet.file).map_err(|e| unstartable(&e))?.len();
+    Ok(Need {
+        program: std::env::current_exe().map_err(|e| unstartable(&e))?,
+        version: concat!("terrace ", env!("CARGO_PKG_VERSION")).into(),
+        cwd: std::env::current_dir().map_err(|e| unstartable(&e))?,
+        file: fleet.file.to_owned(),
+        bytes,
+        memory: fleet.memory.unwrap_or(0),
+    })
+}
+
+/// The line that names a worker which has no more tasks.
+fn set_aside(worker: &str, why: &str) -> String {
+    format!("worker {worker} is set aside, the others do its work: {why}")
+}
+
 /// What the engine has in work.
 struct Work<'a, 'f> {
     fleet: &'f Fleet<'f>,
@@ -155,13 +205,17 @@ struct Work<'a, 'f> {
     /// Number of tasks that were given so far; those given first come first.
     given: usize,
     reasons: Reasons,
+    /// How many groups each worker has ended without a report.
+    faults: BTreeMap<String, usize>,
+    /// Workers of which it was said that they cannot write.
+    full: BTreeSet<String>,
 }
 
 impl<'a> Work<'a, '_> {
     fn submit(&mut self, session: &mut Session, group: Group<'a>) -> Result<(), Error> {
         let ids: Vec<usize> = group.units.iter().map(|unit| unit.id).collect();
         // Workers that declare memory give each task its part; others have as many tasks as threads.
-        let declared = session.workers().iter().any(|worker| worker.declared.is_some());
+        let declared = session.fit().any(|worker| worker.declared.is_some());
         let submission = Submission {
             task: self.given,
             argv: self.argv(&ids)?,
@@ -188,7 +242,8 @@ impl<'a> Work<'a, '_> {
         Ok(argv)
     }
 
-    /// Takes up the reports of a group; units that the worker's disk had no room for are given to other workers.
+    /// Takes up the reports of a group; units that the worker's disk had no room for, or that it left without a report,
+    /// are given to other workers.
     fn ended(
         &mut self,
         session: &mut Session,
@@ -200,7 +255,9 @@ impl<'a> Work<'a, '_> {
         let mut not = group.not;
         not.insert(worker.to_owned());
         let tries = group.tries + 1;
-        let has_other = session.workers().iter().any(|other| !not.contains(&other.address)) && tries <= MOST_TRIES;
+        let has_other = session.fit().any(|other| !not.contains(&other.address)) && tries <= MOST_TRIES;
+        let shown = session.shown(worker);
+        let mut is_faulty = false;
         let found: Vec<Fragment> = out.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
         let mut again = Vec::new();
         for unit in group.units {
@@ -210,9 +267,13 @@ impl<'a> Work<'a, '_> {
                     fragment.write(self.fleet.reports, self.fleet.durability)?;
                     on_news(News::Ended(fragment));
                 }
+                None if has_other => {
+                    is_faulty = true;
+                    again.push(unit);
+                }
                 None => {
-                    let last = reason(err);
-                    let why = format!("its process on {worker} ended with exit code {code} and no report: {last}");
+                    let why =
+                        format!("its process on {shown} ended with exit code {code} and no report: {}", reason(err));
                     self.reasons.insert(unit.id, why);
                 }
             }
@@ -220,7 +281,17 @@ impl<'a> Work<'a, '_> {
         if again.is_empty() {
             return Ok(());
         }
-        on_news(News::Said(format!("{} units could not be written on {worker}: given to other workers", again.len())));
+        if is_faulty {
+            let faults = self.faults.entry(worker.to_owned()).or_default();
+            *faults += 1;
+            if *faults == MOST_FAULTS {
+                session.set_aside(worker, reason(err))?;
+            }
+        } else if self.full.insert(worker.to_owned()) {
+            on_news(News::Said(format!(
+                "units could not be written on {shown}: such units are given to other workers"
+            )));
+        }
         self.submit(session, Group { units: again, not, tries })
     }
 

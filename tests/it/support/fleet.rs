@@ -29,6 +29,13 @@ impl Tree {
         Self(command.process_group(0).spawn().expect("it starts"))
     }
 
+    /// A signal to all of it.
+    fn signal(&self, name: &str) {
+        let group = format!("-{}", self.0.id());
+        let sent = Command::new("kill").args([&format!("-{name}"), "--", &group]).status().expect("kill starts");
+        assert!(sent.success());
+    }
+
     /// SIGKILL to all of it.
     pub fn kill(&mut self) {
         // The group's number cannot be another's: its first process has not been waited for.
@@ -128,6 +135,16 @@ impl Fleet {
     fn process(&self, number: usize) -> Option<u32> {
         let nanny = children(self.workers[number].0.id()).pop()?;
         children(nanny).pop()
+    }
+
+    /// Stops all processes of a worker, as a computer that sleeps.
+    pub fn freeze_worker(&self, number: usize) {
+        self.workers[number].signal("STOP");
+    }
+
+    /// Lets a frozen worker go on.
+    pub fn thaw_worker(&self, number: usize) {
+        self.workers[number].signal("CONT");
     }
 
     /// Ends a worker for good, with all that it has started.
