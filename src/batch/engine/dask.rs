@@ -288,6 +288,12 @@ fn to_line(value: &impl Serialize) -> Result<String, Error> {
 
 /// How a scheduler and workers are started.
 fn start_lines(scheduler: &str) -> String {
+    if scheduler.starts_with("tls://") {
+        return "give your certificate in the environment: DASK_DISTRIBUTED__COMM__TLS__CA_FILE, \
+                DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY; docs/fleet.md, \
+                Security"
+            .into();
+    }
     let port = scheduler.rsplit_once(':').map_or("8786", |(_, port)| port);
     format!("start it, then one worker on each machine: dask scheduler --port {port}; dask worker {scheduler}")
 }
