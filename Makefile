@@ -8,6 +8,7 @@ DEMO := target/demo/hood.job
 demo:
 	@echo "building terrace: some minutes the first time, nothing after that"
 	$(CARGO) build --release
+	@echo "compiling leather on a car hood into $(DEMO), and verifying it"
 	$(CARGO) run --release --quiet -- compile fixtures/hood.toml --verify -o $(DEMO)
 	$(CARGO) run --release --quiet -- verify $(DEMO)
 	@echo

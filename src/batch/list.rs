@@ -6,7 +6,7 @@ use super::unit::{Compile, Task, Unit};
 use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_core::machine::Machine;
 use terrace_core::parallel;
-use terrace_input::job::{Job, Overrides};
+use terrace_input::job::{Job, Overrides, backslash};
 use terrace_report::job_folder::{Hashes, default_output};
 
 /// A job file that was listed.
@@ -90,8 +90,15 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
         let text = diag::utf8(diag::read_file(path, 16 << 20)?)
             .map_err(|e| e.at(Diag::input("batch-utf8", format!("the list is {e}")), path.display().to_string()))?;
         let base = path.parent().unwrap_or(Path::new(""));
-        let lines = text.lines().map(|l| l.split('#').next().unwrap_or("").trim()).filter(|l| !l.is_empty());
-        files.extend(lines.map(|l| base.join(l)));
+        for (line, number) in text.lines().zip(1..) {
+            let file = line.split('#').next().unwrap_or("").trim();
+            if let Some(fault) = backslash(file) {
+                return Err(fault.at(Place::line(path.display().to_string(), number)).into());
+            }
+            if !file.is_empty() {
+                files.push(base.join(file));
+            }
+        }
     }
     Ok(files)
 }

@@ -359,6 +359,25 @@ fn check_drawings(is_wanted: fn(&str) -> bool) {
 }
 
 #[test]
+fn a_path_that_leads_somewhere_on_windows_alone_is_refused_at_its_line() {
+    let dir = folder();
+    let job = plate(dir.path()).texture("file = 'sub\\a.svg'").write(dir.path(), "job.toml");
+    std::fs::write(dir.path().join("jobs.txt"), "# all\nsub\\job.toml\n").expect("written");
+    let list = dir.path().join("jobs.txt");
+    let text = std::fs::read_to_string(&job).expect("readable");
+    let line = text.lines().position(|line| line.contains("sub")).expect("a line") + 1;
+    for (command, file, at, write) in [
+        ("check", &job, format!("job.toml:{line}"), "write sub/a.svg"),
+        ("batch", &list, "jobs.txt:2".into(), "write sub/job.toml"),
+    ] {
+        let done = terrace([Path::new(command), file]);
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{text}");
+        assert!(text.contains("error[path-backslash]") && text.contains(&at) && text.contains(write), "{text}");
+    }
+}
+
+#[test]
 fn malformed_bitmaps_give_the_expected_messages() {
     let dir = folder();
     for (name, want) in BITMAPS {

@@ -16,10 +16,16 @@ complain() {
     failed=1
 }
 
+# What is done, before it is done: some of it takes a minute.
+tell() {
+    printf 'setup: %s\n' "$1"
+}
+
 # --- Python packages
 if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
     # Debian keeps these apart from python3 itself.
     install='apt-get install -y --no-install-recommends python3 python3-venv'
+    tell "installing python3-venv, which needs root: $install"
     if [ "$(id -u)" = 0 ]; then
         { apt-get update && $install; } >/dev/null 2>&1 || complain "python3-venv ($install)"
     elif command -v sudo >/dev/null; then
@@ -35,6 +41,7 @@ fi
 for list in $lists; do
     stamp="$venv/$(basename "$list" .txt).stamp"
     if ! cmp -s "$list" "$stamp"; then
+        tell "installing the Python packages of ${list#"$root"/} into .venv"
         if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --no-compile --disable-pip-version-check -r "$list"; then
             cp "$list" "$stamp"
         else
@@ -99,6 +106,7 @@ if [ ! -x "$cnc/rs274" ]; then
     if [ ! -d "$venv" ]; then
         mkdir -p "$venv"
     fi
+    tell "unpacking the G-code interpreter of linuxcnc-uspace into .venv, without root"
     install_rs274 || complain "rs274 of linuxcnc-uspace (needs apt-get, dpkg and the packages of Debian 12)"
 fi
 
@@ -116,11 +124,13 @@ install_controller() {
 }
 
 if [ "${1:-}" = all ] && [ ! -e "$cnc/controller.stamp" ]; then
+    tell "making the controller of linuxcnc-uspace run from .venv, without root"
     install_controller || complain "the controller of linuxcnc-uspace in simulation (needs Debian 12 and util-linux)"
 fi
 
 # --- Chromium, which opens view.html for tests/browser/view.mjs, and the packages of Node that drive it
 install_debian() {
+    tell "installing $*, which needs root: apt-get install -y --no-install-recommends $*"
     if [ "$(id -u)" = 0 ]; then
         { apt-get update && apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
     elif command -v sudo >/dev/null; then
@@ -142,6 +152,7 @@ if [ "${1:-}" = all ]; then
     if ! cmp -s "$list" "$browser/package.stamp"; then
         mkdir -p "$browser"
         cp "$list" "$browser/package.json"
+        tell "installing the packages of ${list#"$root"/} into .venv"
         if npm install --prefix "$browser" --no-audit --no-fund --silent >/dev/null; then
             cp "$list" "$browser/package.stamp"
         else
@@ -155,6 +166,7 @@ if [ "${1:-}" = all ] && [ ! -d "$venv/drawings/root/usr/share/inkscape" ]; then
     drawings="$venv/drawings"
     mkdir -p "$drawings/deb" "$drawings/root"
     fetch() { (cd "$drawings/deb" && apt-get download inkscape >/dev/null 2>&1); }
+    tell "unpacking the drawings of inkscape into .venv, without root"
     { fetch || { apt-get update >/dev/null 2>&1 && fetch; }; } && dpkg -x "$drawings"/deb/inkscape_*.deb "$drawings/root" ||
         complain "the drawings of inkscape (needs apt-get, dpkg and the packages of Debian 12)"
 fi
@@ -172,6 +184,7 @@ fi
 
 # --- cargo-deny, which holds licences and sources of the dependencies against deny.toml
 if [ "${1:-}" = all ] && [ ! -x "$venv/cargo/bin/cargo-deny" ]; then
+    tell "building cargo-deny into .venv, some minutes"
     cargo install --quiet --locked --root "$venv/cargo" cargo-deny || complain "cargo-deny (cargo install cargo-deny)"
 fi
 

@@ -116,7 +116,9 @@ impl Job {
             Ok(file) => file,
             Err(e) => return Err(Error::many([key_faults, e.diags().to_vec()].concat())),
         };
-        resolve(path, Arc::clone(&source), &file, overrides, key_faults)
+        let job = resolve(path, Arc::clone(&source), &file, overrides, key_faults)?;
+        let backslashes = job.backslashes();
+        if backslashes.is_empty() { Ok(job) } else { Err(Error::many(backslashes)) }
     }
 
     /// The place of a key of the job file, such as `partition.section`; the file where it is not given.

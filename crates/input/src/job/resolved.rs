@@ -224,6 +224,13 @@ pub enum MachineInput {
     File(PathBuf),
 }
 
+/// The fault of a path that separates folders by backslashes; None where it has none.
+pub fn backslash(path: &str) -> Option<Diag> {
+    let text = format!("the path {path} has a backslash, which separates folders on Windows alone");
+    let fault = || Diag::input("path-backslash", text).hint(format!("write {}", path.replace('\\', "/")));
+    path.contains('\\').then(fault)
+}
+
 impl Job {
     /// The job file as a place.
     pub fn place(&self) -> Place {
@@ -307,6 +314,20 @@ impl Job {
             }
         }
         files
+    }
+
+    /// Paths that lead to a file on Windows alone, where `\\` separates folders: a folder that was made of them could be
+    /// proved on no other system.
+    pub(super) fn backslashes(&self) -> Vec<Diag> {
+        let named = self.named_files();
+        let place = |file: &Path| {
+            let full = self.relative(file);
+            named.iter().find(|(_, named)| *named == full).map(|(key, _)| self.place_of(key))
+        };
+        let own = || Place::file(self.path.display().to_string());
+        let files =
+            self.input_files().into_iter().filter_map(|(_, file)| Some((file, backslash(&file.to_string_lossy())?)));
+        files.map(|(file, fault)| fault.at(place(file).unwrap_or_else(own))).collect()
     }
 
     /// A diagnostic with its key as its place, where it is about one of these files that cannot be read.
