@@ -92,7 +92,7 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
         let base = path.parent().unwrap_or(Path::new(""));
         for (line, number) in text.lines().zip(1..) {
             let file = line.split('#').next().unwrap_or("").trim();
-            if let Some(fault) = backslash(file) {
+            if let Some(fault) = backslash(Path::new(file), &base.join(file)) {
                 return Err(fault.at(Place::line(path.display().to_string(), number)).into());
             }
             if !file.is_empty() {

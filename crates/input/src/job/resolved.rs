@@ -224,11 +224,15 @@ pub enum MachineInput {
     File(PathBuf),
 }
 
-/// The fault of a path that separates folders by backslashes; None where it has none.
-pub fn backslash(path: &str) -> Option<Diag> {
-    let text = format!("the path {path} has a backslash, which separates folders on Windows alone");
-    let fault = || Diag::input("path-backslash", text).hint(format!("write {}", path.replace('\\', "/")));
-    path.contains('\\').then(fault)
+/// The fault of a path that separates folders by backslashes; None where it does not. Elsewhere than on Windows a
+/// backslash may stand in the name of a file: one that is there, as it can be opened at `full`.
+pub fn backslash(path: &Path, full: &Path) -> Option<Diag> {
+    let shown = path.to_string_lossy();
+    if !shown.contains('\\') || cfg!(not(windows)) && full.exists() {
+        return None;
+    }
+    let text = format!("the path {shown} has a backslash, which separates folders on Windows alone");
+    Some(Diag::input("path-backslash", text).hint(format!("write {}", shown.replace('\\', "/"))))
 }
 
 impl Job {
@@ -319,15 +323,15 @@ impl Job {
     /// Paths that lead to a file on Windows alone, where `\\` separates folders: a folder that was made of them could be
     /// proved on no other system.
     pub(super) fn backslashes(&self) -> Vec<Diag> {
-        let named = self.named_files();
-        let place = |file: &Path| {
+        let named_files = self.named_files();
+        let mut faults = Vec::new();
+        for (_, file) in self.input_files() {
             let full = self.relative(file);
-            named.iter().find(|(_, named)| *named == full).map(|(key, _)| self.place_of(key))
-        };
-        let own = || Place::file(self.path.display().to_string());
-        let files =
-            self.input_files().into_iter().filter_map(|(_, file)| Some((file, backslash(&file.to_string_lossy())?)));
-        files.map(|(file, fault)| fault.at(place(file).unwrap_or_else(own))).collect()
+            let Some(fault) = backslash(file, &full) else { continue };
+            let key = named_files.iter().find(|(_, named)| *named == full);
+            faults.push(fault.at(key.map_or_else(|| self.place(), |(key, _)| self.place_of(key))));
+        }
+        faults
     }
 
     /// A diagnostic with its key as its place, where it is about one of these files that cannot be read.
