@@ -76,6 +76,18 @@ function layout(small, large) {
   return page;
 }
 
+/** The picture of a page, base64: the second of two equal ones, as a busy browser shows tiles that are not drawn yet. */
+async function finished(page, session) {
+  let last;
+  for (let tries = 0; tries < 20; tries++) {
+    await page.evaluate(painted);
+    const { data } = await session.send("Page.captureScreenshot", { format: "png", optimizeForSpeed: true });
+    if (data === last) return data;
+    last = data;
+  }
+  throw new Error("the page is never the same twice");
+}
+
 async function render(page, session, { file, out, perMm, side }) {
   const window = async (width, height, deviceScaleFactor) => {
     await session.send("Emulation.setDeviceMetricsOverride", { width, height, deviceScaleFactor, mobile: false });
@@ -96,9 +108,7 @@ async function render(page, session, { file, out, perMm, side }) {
     await window(Math.ceil(size[0] - 1e-3), Math.ceil(size[1] - 1e-3), scale);
   }
   await page.evaluate(halt);
-  await page.evaluate(painted);
-  const shot = await session.send("Page.captureScreenshot", { format: "png", optimizeForSpeed: true });
-  writeFileSync(out, Buffer.from(shot.data, "base64"));
+  writeFileSync(out, Buffer.from(await finished(page, session), "base64"));
   return { page: size };
 }
 
