@@ -78,7 +78,7 @@ mod tests {
     /// The verifier computes with the same functions as the planner, so a fault in them would be in both: here they
     /// stand beside those of the system, another implementation.
     #[test]
-    #[allow(clippy::disallowed_methods)]
+    #[allow(clippy::disallowed_methods, reason = "they are what is compared with")]
     fn functions_agree_with_those_of_the_system_to_two_last_places() {
         let pairs: [(&str, Function, Function); 17] = [
             ("sin", sin, f64::sin),
