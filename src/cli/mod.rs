@@ -70,7 +70,7 @@ complete -F _terrace_with_settings -o bashdefault -o default terrace
 
 /// Parses the command line, runs it, and returns the exit code.
 pub fn main() -> ExitCode {
-    let args = match Args::of(std::env::args_os()) {
+    let args = match Args::of(wild::args_os()) {
         Ok(args) => args,
         Err(mut e) => {
             // An option that a command does not have is not a file name: no hint to pass it as one.
@@ -169,7 +169,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             let plan = planned(args, load(args, job, choice)?, &mut |facet| facets.take(facet))?;
             let found = part::look_at(&plan, &facets);
             warn(args, &found);
-            report(args, &plan, plan.summary().warned(&found), None)?;
+            report(args, &plan, plan.summary().warned(plan.job(), &found), None)?;
             if let (Some(plan), false) = (plan.stepped(), args.json) {
                 print(&show::hatch(&HatchSaving::of(plan), plan.summary.time_s.total))?;
             }

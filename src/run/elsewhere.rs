@@ -91,7 +91,7 @@ fn beside(folder: &Path) -> Vec<PathBuf> {
 
 /// A path by which a file has one name, where it is there.
 fn real(path: &Path) -> PathBuf {
-    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+    dunce::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// The note of a manifest: lines with the paths of its journals, as JSON.

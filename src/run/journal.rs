@@ -91,7 +91,7 @@ struct Record {
 /// The usual place: beside the folder, `hood.run.jsonl` for `hood.job`.
 pub fn beside(folder: &Path) -> PathBuf {
     // By whatever link or path the folder is named.
-    let whole = std::fs::canonicalize(folder).or_else(|_| std::path::absolute(folder));
+    let whole = dunce::canonicalize(folder).or_else(|_| std::path::absolute(folder));
     whole.unwrap_or_else(|_| folder.to_owned()).with_extension("run.jsonl")
 }
 

@@ -26,7 +26,7 @@ impl Inputs {
     /// below where that lies.
     pub(super) fn used(&self, job: &Job, folder: &Path) -> Vec<Input> {
         let whole =
-            |path: &Path| std::fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or(path.into());
+            |path: &Path| dunce::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or(path.into());
         let around = whole(folder).parent().map(Path::to_owned);
         let file = |role, path: &Path| {
             let path = whole(path);

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io;
+use std::path::PathBuf;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
@@ -101,7 +102,9 @@ impl Command {
 
 /// A word of a command with what it names of a block.
 fn filled_for(word: &str, work: &Work) -> String {
-    let file = work.file.as_ref().map_or(String::new(), |file| file.display().to_string());
+    // With the separators of the system: a program of Windows takes `/` for the start of an option.
+    let native = |file: &PathBuf| file.components().collect::<PathBuf>().display().to_string();
+    let file = work.file.as_ref().map_or(String::new(), native);
     let shift = Nm(work.focus_shift).mm().to_string();
     filled(word, &[("{file}", file.as_str()), ("{block}", work.block.as_str()), (SHIFT, shift.as_str())])
 }

@@ -12,6 +12,7 @@ mod registration;
 #[cfg(any(test, feature = "test-support"))]
 pub mod sample;
 mod stepped;
+mod warnings;
 
 pub use head::{FileFact, Head, InputFact, JobRef, MANIFEST, with_file};
 pub use head::{MAX_FILE, portable};
@@ -23,6 +24,7 @@ pub use on_the_fly::{
 pub use overview::{AnySummary, ManifestOverview, read};
 pub use registration::{Registered, registered, registration};
 pub use stepped::{BlockEntry, Manifest, RegistrationEntry, SetupEntry, manifest};
+pub use warnings::warnings;
 
 use serde::{Deserialize, Serialize};
 

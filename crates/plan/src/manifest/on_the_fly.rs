@@ -11,7 +11,7 @@ use crate::budget::Budget;
 use crate::on_the_fly::check::{Checked, LineEnergy};
 use crate::on_the_fly::program::Program;
 use crate::split::Skipped;
-use terrace_core::diag::{Diag, Message};
+use terrace_core::diag::Message;
 use terrace_core::machine::Machine;
 use terrace_core::program::Pen;
 use terrace_input::job::Job;
@@ -202,7 +202,7 @@ impl OnTheFlySummary {
         lengths: FlyLengths,
         accuracy: FlyAccuracy,
         curves: Option<SpaceCurves>,
-        warnings: &[Diag],
+        warnings: Vec<Message>,
     ) -> Self {
         let FlyAccuracy { part_mm, deviations, blend_mm, laser, budget } = accuracy;
         let figures = checked.figures();
@@ -230,7 +230,7 @@ impl OnTheFlySummary {
             budget,
             curves,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
-            warnings: warnings.iter().map(Message::from).collect(),
+            warnings,
         }
     }
 }

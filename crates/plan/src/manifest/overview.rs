@@ -7,9 +7,9 @@ use serde::de::IgnoredAny;
 
 use super::head::{bytes, parse};
 use super::{Head, Manifest, OnTheFlySummary, Summary};
-use terrace_core::diag::{Diag, Error, Message};
+use terrace_core::diag::{Diag, Error};
 use terrace_core::machine::Machine;
-use terrace_input::job::Mode;
+use terrace_input::job::{Job, Mode};
 
 /// A manifest as the product reads it.
 #[derive(Clone, Debug)]
@@ -41,14 +41,14 @@ impl AnySummary {
         value.expect("summaries are plain JSON")
     }
 
-    /// With further warnings.
+    /// With further warnings of its job.
     #[must_use]
-    pub fn warned(mut self, further: &[Diag]) -> Self {
+    pub fn warned(mut self, job: &Job, further: &[Diag]) -> Self {
         let warnings = match &mut self {
             Self::Stepped(summary) => &mut summary.warnings,
             Self::OnTheFly(summary) => &mut summary.warnings,
         };
-        warnings.extend(further.iter().map(Message::from));
+        warnings.extend(super::warnings(job, further));
         self
     }
 }

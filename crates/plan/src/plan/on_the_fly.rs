@@ -11,7 +11,7 @@ use terrace_core::math;
 
 use crate::budget::{Relief, StatedErrors};
 use crate::emit::{self, FlyFile};
-use crate::manifest::{Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
+use crate::manifest::{self, Deviations, FlyAccuracy, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, turned};
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
@@ -112,7 +112,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
                 laser: laser(&job, &inputs.machine, &checked),
                 budget,
             };
-            let summary = OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, &warnings);
+            let summary =
+                OnTheFlySummary::new(&checked, lengths, accuracy, inputs.curves, manifest::warnings(&job, &warnings));
             let machine = inputs.machine.clone();
             let inputs = Arc::new(inputs);
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })

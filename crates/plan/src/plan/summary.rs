@@ -3,10 +3,10 @@
 use super::pass::Pass;
 use crate::budget::Budget;
 use crate::check::Checked;
-use crate::manifest::{Candidate, Dots, Loading, SpaceCurves, Summary, Times};
+use crate::manifest::{self, Candidate, Dots, Loading, SpaceCurves, Summary, Times};
 use crate::partition::bound::Certificate;
 use crate::split::Fragments;
-use terrace_core::diag::{Diag, Message};
+use terrace_core::diag::Diag;
 use terrace_core::geom::Nm;
 use terrace_core::machine::Machine;
 use terrace_core::program::{Block, BlockFigures, OffAxis, Program};
@@ -83,6 +83,6 @@ pub(super) fn summary(
         time_s: figures.times,
         loading: Loading::new(job, machine, program.blocks.len(), figures.times.total),
         candidates,
-        warnings: warnings.iter().map(Message::from).collect(),
+        warnings: manifest::warnings(job, warnings),
     }
 }

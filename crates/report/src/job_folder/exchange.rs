@@ -104,7 +104,8 @@ impl Drop for Lock {
 /// The fault of an output that names no folder, as `/` and `..` do.
 fn nameless(given: &Path) -> Error {
     let d = Diag::input("output-name", "the output has no name of its own").at(place(given));
-    d.hint("name a folder, such as -o hood.job").into()
+    let devices = if cfg!(windows) { "; con, aux, nul, prn, com1 and the like are devices" } else { "" };
+    d.hint(format!("name a folder, such as -o hood.job{devices}")).into()
 }
 
 /// The hidden neighbour of the folder at `path` of a name, such as `.NAME.lock`.
@@ -191,7 +192,7 @@ impl Target {
         }
         for input in inputs {
             // An input that is not there cannot be removed.
-            if fs::canonicalize(input).is_ok_and(|real| real.starts_with(&self.path)) {
+            if dunce::canonicalize(input).is_ok_and(|real| real.starts_with(&self.path)) {
                 let text = format!("the output would replace the folder that holds the input {}", input.display());
                 let d = Diag::input("output-holds-input", text).at(place(&self.path));
                 return Err(d.hint("move the input, or name another folder with -o").into());
@@ -313,17 +314,10 @@ fn mode_of(path: &Path) -> Option<Mode> {
     has_some.then_some(sign.mode)
 }
 
-#[cfg(unix)]
+/// Whether a file that is open still has this name: another process may have removed it, on Windows too.
 fn is_same(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let (Ok(a), Ok(b)) = (file.metadata(), fs::metadata(path)) else { return false };
-    (a.dev(), a.ino()) == (b.dev(), b.ino())
-}
-
-/// Elsewhere a file that is open keeps its name.
-#[cfg(not(unix))]
-fn is_same(_: &File, _: &Path) -> bool {
-    true
+    let open = file.try_clone().and_then(same_file::Handle::from_file);
+    open.is_ok_and(|open| same_file::Handle::from_path(path).is_ok_and(|named| named == open))
 }
 
 /// The path, absolute and free of links; its last parts need not exist.
@@ -334,7 +328,7 @@ pub(super) fn resolved(path: &Path) -> std::io::Result<PathBuf> {
     let mut out = loop {
         // A link that leads nowhere is there, and is refused by name.
         if is_there(known) {
-            break fs::canonicalize(known)?;
+            break dunce::canonicalize(known)?;
         }
         rest.extend(known.components().next_back());
         known = known.parent().unwrap_or(Path::new("/"));

@@ -287,7 +287,7 @@ mod tests {
     #[test]
     fn a_new_folder_is_flushed_before_it_takes_its_name_and_its_parent_before_the_old_one_goes() {
         let dir = tempfile::tempdir().expect("a folder");
-        let top = fs::canonicalize(dir.path()).expect("there");
+        let top = dunce::canonicalize(dir.path()).expect("there");
         let parent = top.join("a");
         let made = Target::find(&top.join("a/out.job"), "sign").expect("a place");
         let new = &made.new;

@@ -181,7 +181,7 @@ impl Bench {
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),
-            summary: OnTheFlySummary::new(&checked, lengths, accuracy, None, &[]),
+            summary: OnTheFlySummary::new(&checked, lengths, accuracy, None, Vec::new()),
             checked,
             left_out: Vec::new(),
             warnings: Vec::new(),
