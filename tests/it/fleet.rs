@@ -483,7 +483,7 @@ fn worker_after(fleet: &mut Fleet, set_up: &str) {
 #[test]
 #[ignore = "slow: make test-all"]
 fn a_worker_that_cannot_work_is_named_once_and_the_others_do_its_units() {
-    let (_dir, [jobs, one, two]) = compiled_here(20);
+    let (_dir, [jobs, one, two]) = compiled_here(60);
     let program = env!("CARGO_BIN_EXE_terrace");
     let fakes = folder();
     let fake = |name: &str, version: &str| {
@@ -505,14 +505,14 @@ fn a_worker_that_cannot_work_is_named_once_and_the_others_do_its_units() {
         ("ulimit -v 1500000".into(), "its limit of memory (ulimit -v) is 1464 MB, below", &["--memory", "2GB"][..]),
     ];
     for (set_up, why, more) in kinds {
-        let mut fleet = Fleet::of(1);
+        let mut fleet = Fleet::of(2);
         worker_after(&mut fleet, &set_up);
-        fleet.wait(2);
+        fleet.wait(3);
         let done = carried(&fleet, &jobs, &two, more);
         let text = said(&done);
         assert_eq!(done.status.code(), Some(0), "{set_up}: {text}\n{}", fleet.said());
         let named: Vec<&str> = text.lines().filter(|line| line.contains("is set aside")).collect();
-        assert!(named.len() == 1 && named[0].starts_with("worker worker1 (tcp://"), "{set_up}: {text}");
+        assert!(named.len() == 1 && named[0].starts_with("worker worker2 (tcp://"), "{set_up}: {text}");
         assert!(named[0].contains(why), "{set_up}: {text}");
         assert_same(&one, &two);
         std::fs::remove_dir_all(&two).expect("removed");
@@ -546,15 +546,16 @@ fn a_lower_limit_of_memory_of_a_worker_costs_no_unit_that_fits() {
 
 #[test]
 #[ignore = "slow: make test-all"]
-fn a_frozen_worker_is_named_within_a_minute_and_its_units_go_to_the_other() {
-    let (_dir, [jobs, one, two]) = compiled_here(8);
-    let fleet = Fleet::of(2);
-    // Both workers wait for a folder each; then one is frozen, as a computer that sleeps.
-    let held: Vec<Held> = (0..8).map(|i| Held::new(&two, &format!("s{i}"))).collect();
+fn a_frozen_worker_is_named_and_its_units_go_to_the_others_one_of_which_is_started_again() {
+    let (_dir, [jobs, one, two]) = compiled_here(60);
+    let fleet = Fleet::of(3);
+    // All wait for folders; then one is frozen, as a computer that sleeps, and one is killed and started again.
+    let held: Vec<Held> = (0..60).map(|i| Held::new(&two, &format!("s{i}"))).collect();
     let running = fleet.terrace(["batch", path(&jobs), "-o", path(&two), "--json"]).spawn().expect("it runs");
-    until("both workers are at work", Duration::from_secs(60), || fleet.is_busy(0) && fleet.is_busy(1));
+    until("all workers are at work", Duration::from_secs(60), || (0..3).all(|worker| fleet.is_busy(worker)));
     let begin = std::time::Instant::now();
     fleet.freeze_worker(0);
+    fleet.kill_worker(1);
     drop(held);
     let done = running.wait_with_output().expect("ended");
     fleet.thaw_worker(0);
