@@ -3,6 +3,7 @@ CARGO ?= cargo
 DEMO := target/demo/hood.job
 
 .PHONY: demo test tests test-all check bench sources method-table method-pictures setup setup-all clean
+.PHONY: packages package-static package-deb package-wheel package-windows package-table setup-packages
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
@@ -28,6 +29,19 @@ tests:
 # every test, whatever failed before it.
 test-all: setup-all check
 	$(CARGO) test --no-fail-fast --profile test-all -- --include-ignored
+
+# What users install, into target/packages, with checksums and the list of parts; each kind has a command of its own.
+PACKAGE := PATH="$(CURDIR)/.venv/bin:$$PATH" python3 crates/packages/make.py
+
+packages: setup-packages
+	$(PACKAGE) static deb wheel windows sums
+
+package-static package-deb package-wheel package-windows: setup-packages
+	$(PACKAGE) $(@:package-%=%)
+
+# All of them, built anew, with sizes and times for docs/release.md.
+package-table: setup-packages
+	$(PACKAGE) table
 
 # Formatting, lints, documentation.
 check:
@@ -69,6 +83,9 @@ setup:
 
 setup-all:
 	sh tests/python/setup.sh all
+
+setup-packages:
+	sh tests/python/setup.sh packages
 
 clean:
 	$(CARGO) clean

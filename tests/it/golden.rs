@@ -34,7 +34,8 @@ fn small_part(dir: &Path) -> std::path::PathBuf {
 
 const STEPPED_FORMATS: &str = "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]\n";
 
-fn jobs(dir: &Path) -> Vec<(&'static str, JobText, &'static str)> {
+/// The jobs by name, with the mode that each is compiled in. Their parts are written to a folder.
+pub fn jobs(dir: &Path) -> Vec<(&'static str, JobText, &'static str)> {
     let part = part(dir);
     let small = small_part(dir);
     let stepped = |method| {
@@ -83,7 +84,7 @@ fn is_program(name: &str) -> bool {
 }
 
 /// Compiles a job into a folder with a command of terrace.
-fn compile(mut command: Command, job: &Path, mode: &str, out: &Path) {
+pub fn compile(mut command: Command, job: &Path, mode: &str, out: &Path) {
     let done =
         command.args(["compile", "--no-sync", "--mode", mode, "-o"]).args([out, job]).output().expect("terrace runs");
     assert!(done.status.success(), "{}: {}", job.display(), said(&done));

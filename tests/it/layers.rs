@@ -13,6 +13,10 @@ fn crates() -> Vec<(String, PathBuf)> {
     let mut out = vec![("terrace".to_owned(), root().join("src"))];
     for entry in std::fs::read_dir(root().join("crates")).expect("crates is readable") {
         let folder = entry.expect("crates is readable").path();
+        // `packages` is no crate.
+        if !folder.join("Cargo.toml").is_file() {
+            continue;
+        }
         let name = folder.file_name().expect("a name").to_string_lossy().into_owned();
         out.push((name, folder.join("src")));
     }

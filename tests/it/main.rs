@@ -36,6 +36,7 @@ mod golden;
 mod handshake;
 mod hatch;
 mod inspect;
+mod install;
 mod keys;
 mod laid;
 mod layers;

@@ -3,7 +3,8 @@
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
 # unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt, Dask among them),
 # Chromium with the packages that drive it and icons (../browser/package.json), the drawings of
-# Debian's inkscape, Slurm, and cargo-deny. Running it again costs nothing. Ends with an error if anything is missing.
+# Debian's inkscape, Slurm, cargo-deny, and clean systems to install packages into: two of Debian, Wine, and an
+# emulator of arm64. With `packages` only what builds the packages that users install. Running it again costs nothing. Ends with an error if anything is missing.
 set -eu
 
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -35,9 +36,10 @@ if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
     fi
 fi
 lists="$here/requirements.txt"
-if [ "${1:-}" = all ]; then
-    lists="$lists $here/requirements-all.txt"
-fi
+case "${1:-}" in
+    all) lists="$lists $here/requirements-all.txt $here/requirements-packages.txt" ;;
+    packages) lists="$here/requirements-packages.txt" ;;
+esac
 for list in $lists; do
     stamp="$venv/$(basename "$list" .txt).stamp"
     if ! cmp -s "$list" "$stamp"; then
@@ -49,6 +51,33 @@ for list in $lists; do
         fi
     fi
 done
+
+# --- What builds packages; Rust brings all but the linker for Windows
+install_debian() {
+    tell "installing $*, which needs root: apt-get install -y --no-install-recommends $*"
+    if [ "$(id -u)" = 0 ]; then
+        { apt-get update && apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
+    elif command -v sudo >/dev/null; then
+        { sudo -n apt-get update && sudo -n apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
+    else
+        return 1
+    fi
+}
+
+# Installs packages where a program of theirs is not there: add_program PROGRAM PACKAGE...
+add_program() {
+    program=$1
+    shift
+    PATH="$PATH:/usr/sbin" command -v "$program" >/dev/null || install_debian "$@" ||
+        complain "$program (apt-get install -y --no-install-recommends $*)"
+}
+
+case "${1:-}" in
+    all | packages) add_program x86_64-w64-mingw32-gcc gcc-mingw-w64-x86-64 ;;
+esac
+if [ "${1:-}" = packages ]; then
+    exit "$failed"
+fi
 
 # --- rs274, the interpreter of LinuxCNC
 cnc="$venv/linuxcnc"
@@ -129,24 +158,10 @@ if [ "${1:-}" = all ] && [ ! -e "$cnc/controller.stamp" ]; then
 fi
 
 # --- Chromium, which opens view.html for tests/browser/view.mjs, and the packages of Node that drive it
-install_debian() {
-    tell "installing $*, which needs root: apt-get install -y --no-install-recommends $*"
-    if [ "$(id -u)" = 0 ]; then
-        { apt-get update && apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
-    elif command -v sudo >/dev/null; then
-        { sudo -n apt-get update && sudo -n apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
-    else
-        return 1
-    fi
-}
-
 if [ "${1:-}" = all ]; then
-    for tool in chromium node npm; do
-        if ! command -v "$tool" >/dev/null; then
-            package=$([ "$tool" = node ] && echo nodejs || echo "$tool")
-            install_debian "$package" || complain "$tool (apt-get install -y --no-install-recommends $package)"
-        fi
-    done
+    add_program chromium chromium
+    add_program node nodejs
+    add_program npm npm
     list="$root/tests/browser/package.json"
     browser="$venv/browser"
     if ! cmp -s "$list" "$browser/package.stamp"; then
@@ -174,12 +189,39 @@ fi
 # --- Slurm, for the script of docs/fleet.md: controller, node and munge; the tests start them by themselves
 if [ "${1:-}" = all ]; then
     for tool in slurmctld slurmd munged sbatch; do
-        if ! PATH="$PATH:/usr/sbin" command -v "$tool" >/dev/null; then
-            install_debian slurmctld slurmd slurm-client munge ||
-                complain "Slurm (apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge)"
-            break
-        fi
+        add_program "$tool" slurmctld slurmd slurm-client munge
     done
+fi
+
+# --- Clean systems, which packages are installed into: Debian as it begins, the same with Python, Wine, and arm64
+if [ "${1:-}" = all ]; then
+    add_program debootstrap debootstrap
+    add_program qemu-aarch64-static qemu-user-static
+    [ -x /usr/lib/wine/wine64 ] || install_debian wine wine64 ||
+        complain "Wine (apt-get install -y --no-install-recommends wine wine64)"
+    systems="$venv/systems"
+    mkdir -p "$systems/wheels"
+    root_of_debian() {
+        name=$1
+        shift
+        as_root=$([ "$(id -u)" = 0 ] || echo 'sudo -n')
+        new=$(mktemp -d) && chmod 755 "$new" &&
+            $as_root env PATH="$PATH:/usr/sbin" debootstrap --variant=minbase "$@" bookworm "$new" >"$systems/$name.log" 2>&1 &&
+            $as_root tar -C "$new" --exclude ./var/cache/apt -cf "$systems/$name.tar.new" . &&
+            mv "$systems/$name.tar.new" "$systems/$name.tar" && $as_root rm -rf "$new"
+    }
+    if [ ! -e "$systems/debian.tar" ]; then
+        tell "making a clean Debian in .venv, a minute or two, which needs root"
+        root_of_debian debian || complain "a clean Debian (debootstrap; see $systems/debian.log)"
+    fi
+    if [ ! -e "$systems/debian-python.tar" ]; then
+        tell "making a clean Debian with Python in .venv, a minute or two, which needs root"
+        root_of_debian debian-python --include=python3-venv || complain "a clean Debian (debootstrap; see $systems/debian-python.log)"
+    fi
+    if ! ls "$systems/wheels"/numpy-*.whl >/dev/null 2>&1; then
+        "$venv/bin/pip" download --quiet --disable-pip-version-check --only-binary :all: -d "$systems/wheels" numpy ||
+            complain "a wheel of numpy (needs PyPI)"
+    fi
 fi
 
 # --- cargo-deny, which holds licences and sources of the dependencies against deny.toml
