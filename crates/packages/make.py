@@ -12,11 +12,13 @@ x86_64-w64-mingw32-gcc. `make packages` installs them and makes all.
 
 from __future__ import annotations
 
+import email.utils
 import gzip
 import hashlib
 import io
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -33,6 +35,8 @@ OUT = ROOT / "target/packages"
 VERSION = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
 X86, ARM, WINDOWS = "x86_64-unknown-linux-musl", "aarch64-unknown-linux-musl", "x86_64-pc-windows-gnu"
 DEBIAN_ARCHITECTURE = {X86: "amd64", ARM: "arm64"}
+# The same for cargo and maturin, which then takes what is built.
+BUILD = ["--release", "--locked", "--quiet", "--config", "profile.release.strip=true"]
 COMPLETIONS = {
     "bash": "usr/share/bash-completion/completions/terrace",
     "zsh": "usr/share/zsh/vendor-completions/_terrace",
@@ -68,8 +72,7 @@ def build_environment() -> dict[str, str]:
 def binary(target: str) -> pathlib.Path:
     """Builds terrace for a target, stripped."""
     run("rustup", "--quiet", "target", "add", target)
-    options = ["--config", "profile.release.strip=true"]
-    run("cargo", "build", "--release", "--locked", "--quiet", "--target", target, *options, environment=build_environment())
+    run("cargo", "build", *BUILD, "--target", target, environment=build_environment())
     folder = pathlib.Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
     return folder / target / "release" / ("terrace.exe" if target == WINDOWS else "terrace")
 
@@ -144,13 +147,25 @@ def deb() -> None:
             if shell in COMPLETIONS:
                 files[COMPLETIONS[shell]] = text
         doc = "usr/share/doc/terrace"
-        for name, data in documents(target).items():
-            if name == "CHANGELOG.md":
-                files[f"{doc}/changelog.gz"] = compressed(data)
-            else:
-                # Where Debian looks for it.
-                files[f"{doc}/{'copyright' if name == 'LICENSE' else name}"] = data
+        files |= {f"{doc}/{name}": data for name, data in documents(target).items() if name != "LICENSE"}
+        files[f"{doc}/copyright"] = debian_copyright().encode()
+        files[f"{doc}/changelog.gz"] = compressed(debian_changelog().encode())
         write_deb(files, architecture)
+
+
+def debian_copyright() -> str:
+    """LICENSE without the text of the Apache licence, which every Debian has."""
+    before, mit, _ = re.split("^=+$", (ROOT / "LICENSE").read_text(), flags=re.MULTILINE)
+    return f"{before}{mit}On Debian systems, the Apache License, Version 2.0, is in /usr/share/common-licenses/Apache-2.0.\n"
+
+
+def debian_changelog() -> str:
+    maintainer = next(line for line in (HERE / "control").read_text().splitlines() if line.startswith("Maintainer: "))
+    date = email.utils.formatdate(commit_time())
+    return (
+        f"terrace ({VERSION}) stable; urgency=medium\n\n  * What changed is in CHANGELOG.md.\n\n"
+        f" -- {maintainer.removeprefix('Maintainer: ')}  {date}\n"
+    )
 
 
 def write_deb(files: dict[str, bytes], architecture: str) -> None:
@@ -181,8 +196,8 @@ def wheel() -> None:
     python = HERE / "python"
     for name, data in licences(X86).items():
         (python / name).write_bytes(data)
-    options = ["--release", "--strip", "--locked", "--quiet", "--target", X86, "--compatibility", "manylinux2014"]
-    run("maturin", "build", *options, "--out", OUT, folder=python, environment=build_environment())
+    options = ["--target", X86, "--compatibility", "manylinux2014"]
+    run("maturin", "build", *BUILD, *options, "--out", OUT, folder=python, environment=build_environment())
 
 
 def windows() -> None:

@@ -425,6 +425,15 @@ fn links_between_the_documents_lead_somewhere() {
     assert!(count > 10, "links are found: {count}");
 }
 
+#[test]
+fn readme_names_the_packages_of_this_version() {
+    let text = text_of("README.md");
+    for name in ["terrace_", "terrace-", "terrace_laser-"] {
+        let name = format!("`{name}{}", env!("CARGO_PKG_VERSION"));
+        assert!(text.contains(&name), "README.md does not name {name}...");
+    }
+}
+
 // --- Index of the tests
 
 #[test]
