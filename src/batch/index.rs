@@ -52,7 +52,13 @@ fn link(outcome: &Outcome, name: &str, folder: &Path) -> Result<Option<String>, 
     if !file.is_file() {
         return Ok(None);
     }
-    Ok(Some(address(&job_folder::path_from(&file, folder)?)))
+    let path = job_folder::path_from(&file, folder)?;
+    // Whole where it lies on another drive of Windows or on a server (RFC 8089, appendix E).
+    Ok(Some(match Path::new(&path).is_absolute() {
+        false => address(&path),
+        true if path.starts_with("//") => format!("file:{}", address(&path)),
+        true => format!("file:///{}", address(&path).replacen("%3A", ":", 1)),
+    }))
 }
 
 /// The row of a job.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::unit::Unit;
+use super::unit::{Unit, with_slashes};
 use terrace_core::diag::{Fault, Message};
 use terrace_core::duration::duration;
 use terrace_core::machine::LoadingWay;
@@ -101,8 +101,10 @@ impl State {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Job file.
+    #[serde(serialize_with = "with_slashes")]
     pub job: PathBuf,
     /// The folder of the unit.
+    #[serde(serialize_with = "with_slashes")]
     pub folder: PathBuf,
     /// What became of it.
     pub state: State,

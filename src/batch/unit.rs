@@ -6,7 +6,8 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::ser::Error as _;
+use serde::{Deserialize, Serialize, Serializer};
 
 use terrace_input::job::{Job, Overrides, Setting};
 use terrace_plan::manifest::InputFact;
@@ -30,6 +31,7 @@ pub struct Unit {
     /// The job file's name without extension.
     pub name: String,
     /// The job file.
+    #[serde(serialize_with = "with_slashes")]
     pub job: PathBuf,
     /// What is to be done with it.
     pub task: Task,
@@ -57,6 +59,7 @@ pub enum Task {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Compile {
     /// The folder.
+    #[serde(serialize_with = "with_slashes")]
     pub folder: PathBuf,
     /// Whether it is verified, an unchanged one too.
     pub verify: bool,
@@ -67,6 +70,12 @@ pub struct Compile {
 
 fn drawn() -> bool {
     true
+}
+
+/// A path with `/` between its names, which every system reads: what Windows plans Linux may work on.
+pub(super) fn with_slashes<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    let text = path.to_str().ok_or_else(|| S::Error::custom("path contains invalid UTF-8 characters"))?;
+    serializer.serialize_str(&if cfg!(windows) { text.replace('\\', "/") } else { text.to_owned() })
 }
 
 /// Some combinations of a sweep.

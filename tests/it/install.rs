@@ -300,7 +300,7 @@ fn windows_program_works_under_wine_with_paths_as_they_are_there() {
     assert!(windows.says(0, &["batch", "bj", "-o", "out"]).contains("2 unchanged"));
     let text = std::fs::read_to_string(at("bj/a.toml")).expect("the job").replace("../try/", r"..\\try\\");
     std::fs::write(at("bj/c.toml"), text).expect("writable");
-    assert!(windows.says(1, &["check", r"bj\c.toml"]).contains("path-backslash"));
+    assert!(windows.says(2, &["check", r"bj\c.toml"]).contains("path-backslash"));
     let refused = windows.says(2, &["compile", r"try\job.toml", "-o", "bj"]);
     assert!(refused.contains("output-not-a-job") && !refused.contains(r"\\?\"), "{refused}");
 

@@ -239,7 +239,8 @@ pub fn claim(target: &Path) -> Result<Claim, Error> {
     target.claim().map(Claim)
 }
 
-/// A file as seen from inside the folder at `target`; neither need exist yet.
+/// A file as seen from inside the folder at `target`, with `/` between the names; neither need exist yet. Whole where
+/// they lie on different drives of Windows.
 ///
 /// # Errors
 /// Where a folder on the way cannot be read.
@@ -250,6 +251,9 @@ pub fn path_from(file: &Path, target: &Path) -> Result<String, Error> {
     let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = real(folder)?.join(file.file_name().unwrap_or_default());
     let common = file.components().zip(from.components()).take_while(|(a, b)| a == b).count();
+    if common == 0 {
+        return Ok(file.to_string_lossy().replace('\\', "/"));
+    }
     let mut out = vec!["..".to_owned(); from.components().count() - common];
     out.extend(file.components().skip(common).map(|c| c.as_os_str().to_string_lossy().into_owned()));
     Ok(out.join("/"))
