@@ -233,6 +233,8 @@ impl Windows {
         let mut command = Command::new("/usr/lib/wine/wine64");
         command.arg(&self.program).current_dir(self.dir.path());
         command.env("WINEPREFIX", self.dir.path().join("prefix")).env("WINEDEBUG", "-all").env("DISPLAY", "");
+        // Wine leaves files there.
+        command.env("TMPDIR", self.dir.path());
         command
     }
 
@@ -249,6 +251,7 @@ impl Drop for Windows {
         let server = Command::new("/usr/lib/wine/wineserver64")
             .arg("-k")
             .env("WINEPREFIX", self.dir.path().join("prefix"))
+            .env("TMPDIR", self.dir.path())
             .status();
         drop(server);
     }
