@@ -25,9 +25,11 @@ def text(root: pathlib.Path, target: str) -> str:
         numbers = sorted({texts.setdefault(tidy(path), len(texts) + 1) for path in own})
         where = package.get("repository") or ""
         lines.append(f"{package['name']} {package['version']}: {package['license']} {numbers} {where}".rstrip() + "\n")
-    runtime = {"musl": "musl.txt", "gnu": "mingw-w64.txt"}[target.rsplit("-", 1)[1]]
-    system = f"{RULE}\nThe C library that is linked in\n\n{(root / 'crates/packages/runtimes' / runtime).read_text()}"
-    return "\n".join([HEAD, "".join(lines), *(f"{RULE}\n[{number}]\n\n{text}" for text, number in texts.items()), system])
+    # The C library, and what the compiler adds to it.
+    names = {"musl": ("musl", "zig"), "gnu": ("mingw-w64",)}[target.rsplit("-", 1)[1]]
+    folder_of_runtimes = root / "crates/packages/runtimes"
+    runtimes = [f"{RULE}\nLinked in: {name}\n\n{(folder_of_runtimes / f'{name}.txt').read_text()}" for name in names]
+    return "\n".join([HEAD, "".join(lines), *(f"{RULE}\n[{number}]\n\n{text}" for text, number in texts.items()), *runtimes])
 
 
 def linked(root: pathlib.Path, target: str) -> list[dict[str, Any]]:

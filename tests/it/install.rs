@@ -1,8 +1,9 @@
 //! What users install: made by `make packages`, installed into clean systems and tried there. Systems are those that
 //! tests/python/setup.sh makes below `.venv/systems`; installing into them needs root, as any installing does.
 
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -230,12 +231,34 @@ impl Windows {
     }
 
     fn terrace(&self) -> Command {
-        let mut command = Command::new("/usr/lib/wine/wine64");
-        command.arg(&self.program).current_dir(self.dir.path());
+        let mut command = self.command("/usr/lib/wine/wine64");
+        command.arg(&self.program);
+        command
+    }
+
+    /// A command that runs where Windows is.
+    fn command(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.dir.path());
         command.env("WINEPREFIX", self.dir.path().join("prefix")).env("WINEDEBUG", "-all").env("DISPLAY", "");
         // Wine leaves files there.
         command.env("TMPDIR", self.dir.path());
         command
+    }
+
+    /// What lies where it works and begins with a dot.
+    fn hidden(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(&self.dir).expect("the folder");
+        let names = entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.starts_with('.')).collect()
+    }
+
+    /// terrace with these arguments in a console of Windows, on a terminal of its own.
+    fn in_console(&self, args: &str) -> Child {
+        let line = format!("/usr/lib/wine/wine64 '{}' {args}", self.program.display());
+        let mut script = self.command("script");
+        script.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
+        script.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("script starts")
     }
 
     /// What a command says; panics with it where the exit code is another.
@@ -248,12 +271,7 @@ impl Windows {
 
 impl Drop for Windows {
     fn drop(&mut self) {
-        let server = Command::new("/usr/lib/wine/wineserver64")
-            .arg("-k")
-            .env("WINEPREFIX", self.dir.path().join("prefix"))
-            .env("TMPDIR", self.dir.path())
-            .status();
-        drop(server);
+        drop(self.command("/usr/lib/wine/wineserver64").arg("-k").status());
     }
 }
 
@@ -316,6 +334,35 @@ fn windows_program_works_under_wine_with_paths_as_they_are_there() {
 
 #[test]
 #[ignore = "slow: make test-all"]
+fn windows_program_writes_to_a_console_and_ctrl_c_leaves_nothing_half_written() {
+    let windows = Windows::new();
+    let shown = windows.in_console(r"check 'Müller\Teil ä.toml'").wait_with_output().expect("it ends");
+    assert_eq!(shown.status.code(), Some(2));
+    let shown = String::from_utf8(shown.stdout).expect("UTF-8");
+    // Red, and letters beyond ASCII as they are.
+    assert!(shown.contains("\u{1b}[91merror[file-unreadable]") && shown.contains("Müller"), "{shown}");
+
+    let job = format!(r"Z:{}/fixtures/hood.toml", ROOT);
+    let mut console = windows.in_console(&format!("compile '{job}' -o hood.job"));
+    let mut output = console.stdout.take().expect("piped");
+    let (mut shown, mut some) = (Vec::new(), [0; 4096]);
+    while let count @ 1.. = output.read(&mut some).expect("readable") {
+        shown.extend_from_slice(&some[..count]);
+        if shown.windows(6).any(|text| text == b"step 4") {
+            break;
+        }
+    }
+    console.stdin.as_mut().expect("piped").write_all(b"\x03").expect("a key");
+    output.read_to_end(&mut shown).expect("readable");
+    console.wait().expect("it ends");
+    let folder = windows.dir.path().join("hood.job");
+    assert!(!folder.exists(), "{}", String::from_utf8_lossy(&shown));
+    windows.says(0, &["compile", &job, "-o", "hood.job"]);
+    assert_eq!(windows.hidden(), Vec::<String>::new());
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
 fn six_programs_of_windows_at_one_output_leave_it_whole() {
     let windows = Windows::new();
     windows.says(0, &["init", "try"]);
@@ -327,12 +374,7 @@ fn six_programs_of_windows_at_one_output_leave_it_whole() {
     }
     assert_eq!(files(&windows.dir.path().join("one.job")).len(), sample().len());
     windows.says(0, &["verify", "one.job"]);
-    let around: Vec<_> = std::fs::read_dir(windows.dir.path())
-        .expect("the folder")
-        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
-        .filter(|name| name.starts_with('.'))
-        .collect();
-    assert_eq!(around, Vec::<String>::new());
+    assert_eq!(windows.hidden(), Vec::<String>::new());
 }
 
 #[test]
