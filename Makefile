@@ -39,7 +39,7 @@ packages: setup-packages
 package-static package-deb package-wheel package-windows: setup-packages
 	$(PACKAGE) $(@:package-%=%)
 
-# All of them, built anew, with sizes and times for docs/release.md.
+# All of them, built anew, with sizes and times for docs/developing/release.md.
 package-table: setup-packages
 	$(PACKAGE) table
 
@@ -64,19 +64,19 @@ bench: setup
 	$(CARGO) bench --bench nurbs
 	$(CARGO) bench --bench fleet
 
-# The tables of figures in docs/compare.md, from the jobs of fixtures/sources and the hood; some minutes.
+# The tables of figures in docs/explanation/compare.md, from the jobs of fixtures/sources and the hood; some minutes.
 sources:
 	SOURCES=write $(CARGO) test --profile test-all --test it sources:: -- --include-ignored
 
-# The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
+# The table of docs/explanation/method.md: every method on real parts of ../shared, each result verified; some minutes.
 method-table:
-	METHOD_TABLE=docs/method.md $(CARGO) test --profile test-all --test it method:: -- --ignored --nocapture
+	METHOD_TABLE=docs/explanation/method.md $(CARGO) test --profile test-all --test it method:: -- --ignored --nocapture
 
-# The pictures of docs/method.md.
+# The pictures of docs/explanation/method.md.
 method-pictures:
 	$(CARGO) build --release --quiet
 	for m in contour window tilt; do sed "s/\"contour\"/\"$$m\"/" fixtures/method.toml | \
-		(cd fixtures && $(CARGO) run --release --quiet -- preview - -o ../docs/method-$$m.svg); done
+		(cd fixtures && $(CARGO) run --release --quiet -- preview - -o ../docs/explanation/method-$$m.svg); done
 
 setup:
 	sh tests/python/setup.sh

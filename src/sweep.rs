@@ -147,7 +147,7 @@ fn edited(source: JobText<'_>, settings: &[Setting], number: usize) -> Result<Ed
         keys.set(&setting.key, value).map_err(|what| {
             let d = Diag::input("sweep-key", format!("{} cannot be set: {what}", setting.key));
             let hint = match near_keys(&setting.key).as_slice() {
-                [] => "name a key with its table as docs/job-file.md does, such as focus.pdof".to_owned(),
+                [] => "name a key with its table as docs/reference/job-file.md does, such as focus.pdof".to_owned(),
                 near => format!("did you mean {}?", near.join(" or ")),
             };
             d.at(Place::file(source.path.display().to_string())).hint(hint)

@@ -3,7 +3,7 @@
 KIND is `static` (Linux binaries that need no library, x86-64 and arm64), `deb` (for Debian and Ubuntu, with manual
 pages and completions), `wheel` (for Python: the binary and readers of job folders), `windows` (a zip with terrace.exe),
 `sums` (SHA256SUMS of all that is there, with the list of parts, an SBOM in CycloneDX), or `table` (all of these, built
-anew, with sizes and times for docs/release.md). All carry the licences of
+anew, with sizes and times for docs/developing/release.md). All carry the licences of
 everything that is inside. Same commit, same toolchain: same bytes.
 
 It needs cargo, rustup, python3, and but for Windows cargo-zigbuild and zig; `deb` needs dpkg-deb, `wheel` needs maturin,
@@ -81,8 +81,8 @@ def documents(target: str) -> dict[str, bytes]:
     """What lies beside every binary: introduction, documentation, licences."""
     names = ["README.md", "CHANGELOG.md"]
     files = {name: (ROOT / name).read_bytes() for name in names}
-    for path in sorted((ROOT / "docs").iterdir()):
-        files[f"docs/{path.name}"] = path.read_bytes()
+    pages = (path for path in sorted((ROOT / "docs").rglob("*")) if path.is_file())
+    files |= {str(path.relative_to(ROOT)): path.read_bytes() for path in pages}
     return files | licences(target)
 
 
@@ -222,7 +222,7 @@ def sums() -> None:
 
 
 def table() -> None:
-    """Builds each binary anew, and writes sizes and times into docs/release.md."""
+    """Builds each binary anew, and writes sizes and times into docs/developing/release.md."""
     folder = pathlib.Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
     lines = ["| target | build, min | binary, MB |", "|---|---|---|"]
     for target in (X86, ARM, WINDOWS):
@@ -234,7 +234,7 @@ def table() -> None:
         kind()
     lines += ["", f"Built with {os.cpu_count()} cores.", "", "| package | MB |", "|---|---|"]
     lines += [f"| `{path.name}` | {path.stat().st_size / 1e6:.1f} |" for path in packages() if path.name != "SHA256SUMS"]
-    page = ROOT / "docs/release.md"
+    page = ROOT / "docs/developing/release.md"
     before, _, rest = page.read_text().partition("<!-- packages: make package-table writes this -->\n")
     _, end, after = rest.partition("<!-- end of packages -->")
     page.write_text(f"{before}<!-- packages: make package-table writes this -->\n" + "\n".join([*lines, end]) + after)

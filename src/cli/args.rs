@@ -271,8 +271,8 @@ pub enum Command {
         /// the field; accumulated: eq. 5 of Cui et al., which does not keep it in the field; off: not limited).
         #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = one_of(&Protection::ALL, Protection::name))]
         protection: Protection,
-        /// The exact surface of the placed part, as a NURBS file (docs/cli.md, inspect): the system tool-servo needs
-        /// it.
+        /// The exact surface of the placed part, as a NURBS file (docs/reference/cli.md, inspect): the system
+        /// tool-servo needs it.
         #[arg(long, value_name = "FILE")]
         nurbs: Option<PathBuf>,
         /// Folder to write tables and pictures to.

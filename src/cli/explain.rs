@@ -1,10 +1,10 @@
-//! `explain`: what a message means, as docs/errors.md says. The document is part of the program.
+//! `explain`: what a message means, as docs/reference/errors.md says. The document is part of the program.
 
 use serde_json::{Value, json};
 
 use terrace_core::diag::{Diag, Error, edits};
 
-const ERRORS: &str = include_str!("../../docs/errors.md");
+const ERRORS: &str = include_str!("../../docs/reference/errors.md");
 
 /// Codes named where the one asked for does not exist.
 const NEAREST: usize = 5;

@@ -10,7 +10,7 @@ use terrace_core::diag::{self, Diag, Error, Place};
 use terrace_core::units::{Length, positive_option};
 
 /// Where all keys of a run file are listed.
-const KEYS: &str = "docs/run-file.md lists all keys of a run file";
+const KEYS: &str = "docs/reference/run-file.md lists all keys of a run file";
 
 /// Largest run file that is read.
 const MAX_FILE: u64 = 1 << 20;

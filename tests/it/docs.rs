@@ -110,7 +110,7 @@ fn codes_in_source() -> BTreeMap<String, BTreeSet<String>> {
 
 #[test]
 fn every_code_has_its_section_in_the_list_of_errors() {
-    let text = text_of("docs/errors.md");
+    let text = text_of("docs/reference/errors.md");
     let mut listed = BTreeMap::new();
     for section in text.split("\n### ").skip(1) {
         let (code, rest) = section.split_once('\n').expect("a heading has a text");
@@ -125,10 +125,10 @@ fn every_code_has_its_section_in_the_list_of_errors() {
     assert!(source.len() > 100 && source.contains_key("svg-text"), "codes are found: {}", source.len());
     for (code, kinds) in &source {
         let have = listed.get(code);
-        assert_eq!(have, Some(kinds), "docs/errors.md against the source (right): ### {code}");
+        assert_eq!(have, Some(kinds), "docs/reference/errors.md against the source (right): ### {code}");
     }
     for code in listed.keys() {
-        assert!(source.contains_key(code), "docs/errors.md lists {code}, which no source file gives");
+        assert!(source.contains_key(code), "docs/reference/errors.md lists {code}, which no source file gives");
     }
 }
 
@@ -191,7 +191,7 @@ fn grey(width: u32, height: u32) -> Vec<u8> {
 #[test]
 fn whole_jobs_of_the_documents_compile() {
     let mut count = 0;
-    for file in ["README.md", "docs/job-file.md", "docs/machine-file.md"] {
+    for file in ["README.md", "docs/reference/job-file.md", "docs/reference/machine-file.md"] {
         for block in blocks(&text_of(file), "toml job") {
             let dir = tempfile::tempdir().expect("a folder");
             let job = Job::parse(&dir.path().join("job.toml"), block, &Overrides::default())
@@ -207,7 +207,7 @@ fn whole_jobs_of_the_documents_compile() {
 
 #[test]
 fn whole_machines_of_the_documents_load() {
-    let text = text_of("docs/machine-file.md");
+    let text = text_of("docs/reference/machine-file.md");
     let machines = blocks(&text, "toml machine");
     assert!(!machines.is_empty());
     for block in machines {
@@ -220,7 +220,7 @@ fn whole_machines_of_the_documents_load() {
 
 #[test]
 fn every_built_in_machine_is_counted_and_has_its_row() {
-    let text = text_of("docs/machine-file.md");
+    let text = text_of("docs/reference/machine-file.md");
     let numbers = ["five", "six", "seven", "eight", "nine", "ten"];
     let count = numbers[machine::PROFILES.len() - 5];
     let section =
@@ -264,7 +264,9 @@ fn property<'a>(schema: &'a Value, at: &'a Value, key: &str) -> &'a Value {
 
 #[test]
 fn parts_of_files_in_the_documents_have_keys_that_exist() {
-    for (file, schema) in [("docs/job-file.md", job::json_schema()), ("docs/machine-file.md", machine::json_schema())] {
+    for (file, schema) in
+        [("docs/reference/job-file.md", job::json_schema()), ("docs/reference/machine-file.md", machine::json_schema())]
+    {
         let schema: Value = serde_json::from_str(&schema).expect("a schema is JSON");
         let text = text_of(file);
         let parts = blocks(&text, "toml");
@@ -351,7 +353,7 @@ fn picture_and_numbers_of_the_readme_are_those_of_its_jobs() {
     let script = "terrace init try >&2 && terrace compile --json try/job.toml";
     let summary: Value = serde_json::from_str(&printed(dir.path(), script, "README.md")).expect("JSON");
     let made = std::fs::read_to_string(dir.path().join("try/job.job/layout.svg")).expect("a picture");
-    let shown = root().join("docs/layout.svg");
+    let shown = root().join("docs/start/layout.svg");
     if std::env::var_os("DOCS").is_some_and(|v| v == "write") {
         std::fs::write(shown, made).expect("written");
     } else {

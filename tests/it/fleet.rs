@@ -1,5 +1,5 @@
-//! Units on a real fleet: Dask's scheduler and workers on this machine (`support/fleet.rs`), started as docs/fleet.md
-//! starts them. `tests/python/setup.sh` installs Dask; without it these tests fail.
+//! Units on a real fleet: Dask's scheduler and workers on this machine (`support/fleet.rs`), started as
+//! docs/how-to/fleet.md starts them. `tests/python/setup.sh` installs Dask; without it these tests fail.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -633,7 +633,7 @@ fn a_unit_that_exceeds_its_memory_on_a_fleet_is_named_and_all_others_finish() {
 #[test]
 #[ignore = "slow: make test-all"]
 fn the_script_for_slurm_in_the_documents_gives_the_bytes_of_a_local_batch() {
-    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/fleet.md")).expect("the page");
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/how-to/fleet.md")).expect("the page");
     let script = page.split("```sh slurm\n").nth(1).and_then(|rest| rest.split("```").next()).expect("the script");
     assert!(script.lines().count() <= 10, "ten lines of shell");
     let dir = folder();

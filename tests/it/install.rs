@@ -131,7 +131,7 @@ fn debian_package_works_in_an_empty_debian_within_a_minute() {
         "/usr/share/fish/vendor_completions.d/terrace.fish",
         "/usr/share/doc/terrace/copyright",
         "/usr/share/doc/terrace/THIRD-PARTY.txt",
-        "/usr/share/doc/terrace/docs/operating.md",
+        "/usr/share/doc/terrace/docs/how-to/operating.md",
     ] {
         assert!(listed.lines().any(|line| line == file), "{file} is not in {listed}");
         assert!(system.dir.join(&file[1..]).metadata().expect("it is there").len() > 500, "{file}");

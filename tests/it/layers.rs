@@ -1,5 +1,5 @@
-//! What no compiler holds of the structure: the crates as docs/architecture.md draws them, modules without circles, and
-//! what the verifier may not touch of the crates that it shares.
+//! What no compiler holds of the structure: the crates as docs/developing/architecture.md draws them, modules without
+//! circles, and what the verifier may not touch of the crates that it shares.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -133,7 +133,7 @@ fn the_verifier_is_built_without_anything_that_plans_or_writes() {
     assert_eq!(reached(&graph(), "verify"), BTreeSet::from(want));
 }
 
-/// The arrows between the crates as docs/architecture.md draws them, those left out that others imply.
+/// The arrows between the crates as docs/developing/architecture.md draws them, those left out that others imply.
 #[test]
 fn the_crates_are_drawn_as_they_are() {
     let graph = graph();
@@ -145,8 +145,8 @@ fn the_crates_are_drawn_as_they_are() {
         }
     }
     drawn.push_str("```\n");
-    let text = std::fs::read_to_string(root().join("docs/architecture.md")).expect("readable");
-    assert!(text.contains(&drawn), "docs/architecture.md draws the crates otherwise than\n{drawn}");
+    let text = std::fs::read_to_string(root().join("docs/developing/architecture.md")).expect("readable");
+    assert!(text.contains(&drawn), "docs/developing/architecture.md draws the crates otherwise than\n{drawn}");
 }
 
 #[test]

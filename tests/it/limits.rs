@@ -1,5 +1,5 @@
-//! docs/limits.md against the tests: each limit that names a refusal or an absence has a test that tries it, and no
-//! sentence of the page stands here that it does not have.
+//! docs/explanation/limits.md against the tests: each limit that names a refusal or an absence has a test that tries
+//! it, and no sentence of the page stands here that it does not have.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -246,7 +246,7 @@ fn root() -> &'static Path {
 }
 
 fn page() -> String {
-    let text = std::fs::read_to_string(root().join("docs/limits.md")).expect("readable");
+    let text = std::fs::read_to_string(root().join("docs/explanation/limits.md")).expect("readable");
     // Sentences run over the ends of lines.
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -275,17 +275,17 @@ fn test_of(file: &str, name: &str) -> Option<String> {
 fn every_limit_that_a_test_tries_stands_on_the_page_and_has_its_test() {
     let page = page();
     for (words, file, name) in TRIED {
-        assert!(page.contains(words), "docs/limits.md does not say {words:?}");
+        assert!(page.contains(words), "docs/explanation/limits.md does not say {words:?}");
         assert!(test_of(file, name).is_some(), "{file} has no test {name} ({words:?})");
     }
     for (words, why) in UNTRIED {
-        assert!(page.contains(words) && !why.is_empty(), "docs/limits.md does not say {words:?}");
+        assert!(page.contains(words) && !why.is_empty(), "docs/explanation/limits.md does not say {words:?}");
     }
 }
 
 #[test]
 fn every_sentence_that_names_a_refusal_or_an_absence_is_listed() {
-    let text = std::fs::read_to_string(root().join("docs/limits.md")).expect("readable");
+    let text = std::fs::read_to_string(root().join("docs/explanation/limits.md")).expect("readable");
     let page = page();
     // A sentence is covered by words that begin or end in it.
     let listed: Vec<&str> = TRIED.iter().map(|row| row.0).chain(UNTRIED.iter().map(|row| row.0)).collect();

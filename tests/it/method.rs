@@ -1,5 +1,5 @@
-//! The table of docs/method.md, made anew: what every method needs on real parts. `make method-table` writes it
-//! into the document; every job folder is verified on the way.
+//! The table of docs/explanation/method.md, made anew: what every method needs on real parts. `make method-table`
+//! writes it into the document; every job folder is verified on the way.
 
 use std::path::Path;
 

@@ -162,7 +162,7 @@ fn a_pivot_moved_by_a_micrometre_moves_the_marks() {
     assert!(by > 900.0 * sine && sine > 0.02, "{by} nm at a sine of {sine}");
 }
 
-/// The dome of `closed_forms` as half a million facets under lines of 1 mm pitch, as in `docs/compare.md`.
+/// The dome of `closed_forms` as half a million facets under lines of 1 mm pitch, as in `docs/explanation/compare.md`.
 #[test]
 #[ignore = "slow: make test-all"]
 fn rob_scan_of_the_dome_takes_144_stops_and_verifies() {

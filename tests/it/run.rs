@@ -611,7 +611,8 @@ fn the_part_is_placed_before_each_set_up() {
 
 #[test]
 fn example_of_the_document_is_a_run_file() {
-    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/run-file.md")).expect("a document");
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/run-file.md"))
+        .expect("a document");
     let example = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
     let dir = folder();
     let path = dir.path().join("run.toml");

@@ -1,5 +1,5 @@
-//! The figures of docs/compare.md: what stands there between `<!-- make sources: NAME -->` and `<!-- end of NAME -->` is
-//! made anew from the JSON of the program and held against the page; `make sources` writes it. The jobs are those of
+//! The figures of docs/explanation/compare.md: what stands there between `<!-- make sources: NAME -->` and `<!-- end of
+//! NAME -->` is made anew from the JSON of the program and held against the page; `make sources` writes it. The jobs are those of
 //! `fixtures/sources`, after the articles, and the hood.
 
 mod page;

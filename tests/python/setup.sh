@@ -186,7 +186,7 @@ if [ "${1:-}" = all ] && [ ! -d "$venv/drawings/root/usr/share/inkscape" ]; then
         complain "the drawings of inkscape (needs apt-get, dpkg and the packages of Debian 12)"
 fi
 
-# --- Slurm, for the script of docs/fleet.md: controller, node and munge; the tests start them by themselves
+# --- Slurm, for the script of docs/how-to/fleet.md: controller, node and munge; the tests start them by themselves
 if [ "${1:-}" = all ]; then
     for tool in slurmctld slurmd munged sbatch; do
         add_program "$tool" slurmctld slurmd slurm-client munge

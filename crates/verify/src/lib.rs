@@ -7,7 +7,7 @@
 //!
 //! Every fault is reported by one rule. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
 //! the stage programs, the OVF and the manifest to it, number by number; `hash` ties bytes to the
-//! manifest. So a damaged drawing breaks agreement and leaves depth alone. `docs/verify.md` lists the
+//! manifest. So a damaged drawing breaks agreement and leaves depth alone. `docs/explanation/verify.md` lists the
 //! rules with their tolerances and limits.
 //!
 //! Units: nm, integer in files and f64 in `geometry`; mm and um only in the proof.

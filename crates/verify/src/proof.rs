@@ -5,7 +5,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-/// How many violations of one rule are kept in full; the rest is counted. docs/verify.md promises the first 20.
+/// How many violations of one rule are kept in full; the rest is counted. docs/explanation/verify.md promises the first
+/// 20.
 const KEPT: usize = 20;
 
 /// One place where a rule is broken.

@@ -290,7 +290,7 @@ fn to_line(value: &impl Serialize) -> Result<String, Error> {
 fn start_lines(scheduler: &str) -> String {
     if scheduler.starts_with("tls://") {
         return "give your certificate in the environment: DASK_DISTRIBUTED__COMM__TLS__CA_FILE, \
-                DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY; docs/fleet.md, \
+                DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY; docs/how-to/fleet.md, \
                 Security"
             .into();
     }

@@ -422,9 +422,8 @@ impl LightBurn {
                 "LightBurn was not seen marking within {} s after START: whether block {block} is marked is not certain",
                 begin.as_secs_f64()
             );
-            return Err(
-                Diag::limit("lightburn-unseen", text).hint("look at the part; see LightBurn in docs/operating.md")
-            );
+            return Err(Diag::limit("lightburn-unseen", text)
+                .hint("look at the part; see LightBurn in docs/how-to/operating.md"));
         }
         if !self.wait_for_end(work, interrupt)? {
             let text = format!("LightBurn still marks block {block} after {} s", work.longest().as_secs());

@@ -23,7 +23,7 @@ const HEAD: &str = "#:schema ./job.schema.json
 # A terrace job with every key. Every length, angle, speed and power carries its unit.
 # `terrace compile job.toml` writes the job folder job.job; open its layout.svg before you mark.
 # Paths are relative to this file. Keys that are commented out have their default, or belong to another kind
-# of input; docs/job-file.md says more of each.
+# of input; docs/reference/job-file.md says more of each.
 ";
 
 /// A second texture, after the keys of the first.

@@ -11,9 +11,9 @@ use super::schema::{Schema, Table};
 /// Documents, and the schema of the file that each describes.
 fn documents() -> [(&'static str, String); 3] {
     [
-        ("docs/job-file.md", terrace_input::job::json_schema()),
-        ("docs/machine-file.md", terrace_core::machine::json_schema()),
-        ("docs/run-file.md", terrace::run::settings::json_schema()),
+        ("docs/reference/job-file.md", terrace_input::job::json_schema()),
+        ("docs/reference/machine-file.md", terrace_core::machine::json_schema()),
+        ("docs/reference/run-file.md", terrace::run::settings::json_schema()),
     ]
 }
 

@@ -1,18 +1,19 @@
-//! docs/compare.md: its regions that hold figures of runs, and that nothing else of it holds any.
+//! docs/explanation/compare.md: its regions that hold figures of runs, and that nothing else of it holds any.
 
 use std::sync::Mutex;
 
-const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/compare.md");
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/explanation/compare.md");
 
 fn page() -> String {
-    std::fs::read_to_string(PAGE).expect("docs/compare.md")
+    std::fs::read_to_string(PAGE).expect("docs/explanation/compare.md")
 }
 
 /// What stands before, in and after a region of the page.
 fn region<'a>(page: &'a str, name: &str) -> [&'a str; 3] {
     let (begin, end) = (format!("<!-- make sources: {name} -->\n"), format!("<!-- end of {name} -->\n"));
-    let begins = page.find(&begin).unwrap_or_else(|| panic!("docs/compare.md has no {begin}")) + begin.len();
-    let ends = begins + page[begins..].find(&end).unwrap_or_else(|| panic!("docs/compare.md has no {end}"));
+    let begins =
+        page.find(&begin).unwrap_or_else(|| panic!("docs/explanation/compare.md has no {begin}")) + begin.len();
+    let ends = begins + page[begins..].find(&end).unwrap_or_else(|| panic!("docs/explanation/compare.md has no {end}"));
     [&page[..begins], &page[begins..ends], &page[ends..]]
 }
 
@@ -26,7 +27,10 @@ pub fn hold(name: &str, made: &str) {
     if std::env::var_os("SOURCES").is_some_and(|v| v == "write") {
         std::fs::write(PAGE, format!("{before}{made}{after}")).expect("a writable page");
     } else {
-        assert_eq!(is, made, "docs/compare.md, {name}, against the program (right): `make sources` writes it");
+        assert_eq!(
+            is, made,
+            "docs/explanation/compare.md, {name}, against the program (right): `make sources` writes it"
+        );
     }
 }
 
@@ -111,12 +115,15 @@ fn every_region_of_the_page_is_made_and_has_every_system() {
     for text in regions {
         let name = text.split(" -->").next().expect("a name");
         let made = region(&page, name)[1];
-        assert!(made.trim().lines().count() > 1, "docs/compare.md, {name}, is empty: `make sources` writes it");
+        assert!(
+            made.trim().lines().count() > 1,
+            "docs/explanation/compare.md, {name}, is empty: `make sources` writes it"
+        );
     }
     for name in ["times", "deviations"] {
         let rows = region(&page, name)[1].lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
         let systems: Vec<&str> = terrace_compare::compare::SYSTEMS.iter().map(|s| s.name).collect();
-        assert_eq!(rows.collect::<Vec<_>>(), systems, "docs/compare.md, {name}: `make sources` writes it");
+        assert_eq!(rows.collect::<Vec<_>>(), systems, "docs/explanation/compare.md, {name}: `make sources` writes it");
     }
 }
 
@@ -139,14 +146,14 @@ fn page_has_no_figures_of_runs_but_those_of_its_tables() {
     let plain: String = prose.split('`').step_by(2).collect::<Vec<_>>().join("");
     let words = plain.split_whitespace().collect::<Vec<_>>().join(" ");
     let left = SETTINGS.iter().fold(words, |text, setting| {
-        assert!(text.contains(setting), "docs/compare.md does not state {setting:?}");
+        assert!(text.contains(setting), "docs/explanation/compare.md does not state {setting:?}");
         text.replace(setting, "")
     });
     let left: Vec<&str> = left.split(' ').collect();
     let figures = left.iter().enumerate().filter(|(_, w)| w.contains(|c: char| c.is_ascii_digit()));
     let figures: Vec<String> =
         figures.map(|(i, _)| left[i.saturating_sub(3)..(i + 3).min(left.len())].join(" ")).collect();
-    assert!(figures.is_empty(), "docs/compare.md: figures that are not settings, {figures:#?}");
+    assert!(figures.is_empty(), "docs/explanation/compare.md: figures that are not settings, {figures:#?}");
     // The blocks that show output are those that the documents' own test runs.
     for block in page.split("\n```text\n").collect::<Vec<_>>().split_last().expect("blocks").1 {
         assert!(block.lines().last().is_some_and(|l| l.starts_with("<!-- output: ")), "output without its command");

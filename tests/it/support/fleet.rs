@@ -1,4 +1,4 @@
-//! A real fleet on this machine: a Dask scheduler and workers, as docs/fleet.md starts them.
+//! A real fleet on this machine: a Dask scheduler and workers, as docs/how-to/fleet.md starts them.
 
 use std::net::TcpListener;
 use std::os::unix::process::CommandExt;
@@ -94,7 +94,7 @@ impl Fleet {
         format!("tcp://127.0.0.1:{}", self.port)
     }
 
-    /// One more worker, started again when it ends as docs/fleet.md says; the words before the command, such as
+    /// One more worker, started again when it ends as docs/how-to/fleet.md says; the words before the command, such as
     /// `unshare`, are `around` it.
     pub fn worker(&mut self, around: &[&str]) {
         let name = format!("worker{}", self.workers.len());

@@ -1,5 +1,5 @@
-//! NURBS files: a surface as JSON (`docs/cli.md`). The fields are those of STEP's `B_SPLINE_SURFACE_WITH_KNOTS` and
-//! `RATIONAL_B_SPLINE_SURFACE`, knots with their multiplicities written out.
+//! NURBS files: a surface as JSON (`docs/reference/cli.md`). The fields are those of STEP's
+//! `B_SPLINE_SURFACE_WITH_KNOTS` and `RATIONAL_B_SPLINE_SURFACE`, knots with their multiplicities written out.
 
 use std::path::Path;
 
@@ -41,8 +41,9 @@ impl Surface {
         let File { unit: Unit::Mm, degree, knots, points, weights } = serde_json::from_slice(&bytes).map_err(|e| {
             let d = Diag::input("nurbs-file", format!("the file is no NURBS surface: {e}"));
             let place = if e.line() > 0 { Place::line(&shown, e.line()) } else { Place::file(&shown) };
-            d.at(place)
-                .hint("it is JSON with unit, degree, knots, points and perhaps weights; see docs/cli.md, inspect")
+            d.at(place).hint(
+                "it is JSON with unit, degree, knots, points and perhaps weights; see docs/reference/cli.md, inspect",
+            )
         })?;
         Self::new(degree, knots, &points, weights.as_deref())
             .map_err(|e| Error::many(e.diags().iter().map(|d| d.clone().at(Place::file(&shown))).collect()))

@@ -12,7 +12,7 @@
 //!
 //! # Source
 //! Brecher et al., online trajectory generation from NURBS surfaces for a fast tool servo, eq. 2 to 7
-//! (`docs/references.md`); basis functions by L. Piegl, W. Tiller, The NURBS Book (1997), A2.2 and A4.4.
+//! (`docs/explanation/references.md`); basis functions by L. Piegl, W. Tiller, The NURBS Book (1997), A2.2 and A4.4.
 
 mod basis;
 mod decoupled;

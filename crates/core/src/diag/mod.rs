@@ -1,8 +1,8 @@
 //! What goes wrong, with its place and its remedy.
 //!
 //! Each diagnostic is one of: warning, input error, machine limit, internal bug. It is one sentence with a stable code
-//! (listed in `docs/errors.md`), a place and a hint that says what to change. Nothing here prints: the command line
-//! renders diagnostics, JSON writes them as objects.
+//! (listed in `docs/reference/errors.md`), a place and a hint that says what to change. Nothing here prints: the
+//! command line renders diagnostics, JSON writes them as objects.
 
 mod did_you_mean;
 mod exit_code;

@@ -1,6 +1,6 @@
 //! The machine: lens, scanner, stage, laser, delays, controller, as its file states them.
 //!
-//! A machine file is TOML with a unit in every value (`docs/machine-file.md`). Six profiles are built
+//! A machine file is TOML with a unit in every value (`docs/reference/machine-file.md`). Six profiles are built
 //! in; each number in them names its source or says that it is an assumption. Signs and limits live
 //! here and nowhere else: a stage target is made by [`Machine::stage_from_part`], that of a tilted head by
 //! [`Machine::stand`].

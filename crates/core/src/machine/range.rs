@@ -1,6 +1,6 @@
 //! The ranges of a machine's numbers: wide enough for any machine that is built, narrow enough that no time, count or
-//! memory that follows from them runs away. `docs/machine-file.md` states every one. Those of the field, the travel and
-//! the increments have codes of their own.
+//! memory that follows from them runs away. `docs/reference/machine-file.md` states every one. Those of the field, the
+//! travel and the increments have codes of their own.
 
 use super::{Fault, Machine, OverField, ToolServo};
 use crate::diag::Diag;
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn the_document_states_every_range() {
-        let text = include_str!("../../../../docs/machine-file.md");
+        let text = include_str!("../../../../docs/reference/machine-file.md");
         let machine = Machine::built_in("xyz-galvo-40").expect("profile");
         let mut rows = std::collections::BTreeSet::new();
         for Range { key, ends: [lo, hi], .. } in ranges(&machine) {

@@ -1,7 +1,7 @@
 //! `program.txt`: the program as stable text, one line per block and per stroke, integers in nm.
 //!
 //! Lines end in `\n`; the numbers of pens, blocks and strokes stand before what they count. The layout is
-//! in `docs/formats.md`. [`parse`] gives back what [`write()`] wrote, with `==`, for every program whose
+//! in `docs/reference/formats.md`. [`parse`] gives back what [`write()`] wrote, with `==`, for every program whose
 //! strokes and points lie block by block without gaps, which is how programs are made. It allocates by
 //! what the file holds, never by a number that the file states.
 

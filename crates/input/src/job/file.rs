@@ -2,7 +2,7 @@
 //!
 //! `super::resolve` makes a [`super::Job`] of it; nothing else reads these types, but for the enums that
 //! have the same meaning in both. They are the authority for the JSON schema (`terrace init --schema`) and
-//! for `docs/job-file.md`.
+//! for `docs/reference/job-file.md`.
 
 use std::path::PathBuf;
 

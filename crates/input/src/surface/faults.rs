@@ -1,7 +1,7 @@
 //! Faults of a mesh: their kinds, what is said of each, and the rule by which it is mended, reported or refused.
 //!
 //! Consumes what `topology` counts, with the place of one of each kind. Promises one message per kind.
-//! `docs/job-file.md` has the table of the rules.
+//! `docs/reference/job-file.md` has the table of the rules.
 
 use terrace_core::diag::{Diag, Place};
 use terrace_core::math;

@@ -10,7 +10,7 @@
     for mark in job.scene.marks:
         print(mark.points, mark.defocus_um)        # mm on the part
 
-Nothing is verified here: `terrace verify FOLDER` does that. Formats: docs/formats.md.
+Nothing is verified here: `terrace verify FOLDER` does that. Formats: docs/reference/formats.md.
 """
 
 from ._folder import JobFolder, load

@@ -6,7 +6,7 @@
 //! written as decimals of mm digit by digit. The same program gives the same bytes.
 //!
 //! Points leave here in controller coordinates: the field frame after the scanner's swap and mirrors.
-//! What each file holds is written down in `docs/formats.md`.
+//! What each file holds is written down in `docs/reference/formats.md`.
 
 mod cards;
 pub mod csv;

@@ -97,7 +97,7 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
     for file in files {
         let target = TARGETS.iter().find(|t| t.on_the_fly.as_ref().is_some_and(|f| f.name == *file));
         let name = target.map_or("", |t| t.name());
-        writeln!(out, "  - {file} ({name}): the whole job, see docs/operating.md, On the fly")?;
+        writeln!(out, "  - {file} ({name}): the whole job, see docs/how-to/operating.md, On the fly")?;
     }
     Ok(())
 }

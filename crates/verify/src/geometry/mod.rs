@@ -378,8 +378,8 @@ impl Geometry {
             Shape::Mesh(mesh) => mesh.altitude(facet),
             Shape::Map(map) => map.altitude(),
         };
-        // docs/verify.md states this bound: a vertex that moves in height turns the facet by as much over its altitude,
-        // and one that moves in the plane by the slope times that.
+        // docs/explanation/verify.md states this bound: a vertex that moves in height turns the facet by as much over
+        // its altitude, and one that moves in the plane by the slope times that.
         4.0 * (ROUNDING + self.weld) / altitude * (1.0 + slope)
     }
 

@@ -28,10 +28,11 @@ const PLACE: &str = "manifest.json";
 const SAME: f64 = 1e-9;
 /// A power is written with three decimals of a percent: half of the last, and a tenth of the last more.
 const PERCENT: f64 = 0.0006;
-/// How far power may lie from what the speed of the spot asks for, as a share of that of its pen: docs/verify.md states
-/// 1 %.
+/// How far power may lie from what the speed of the spot asks for, as a share of that of its pen:
+/// docs/explanation/verify.md states 1 %.
 const FOLLOWED: f64 = 0.01;
-/// How far a blending controller may round a corner, nm: docs/verify.md states 0.2 um; and half a nanometre.
+/// How far a blending controller may round a corner, nm: docs/explanation/verify.md states 0.2 um; and half a
+/// nanometre.
 const ROUNDED: f64 = 200.5;
 
 /// The formats of programs for a machine of these axes.
@@ -294,8 +295,8 @@ pub(super) fn summary(
         fastest = fastest.max(way / (step.us - us) as f64);
     }
     rule.require_figure("", "texture_mm", s.texture_mm, lengths.texture_mm, 1e-6 + SAME * lengths.texture_mm);
-    // Both ends of every piece are rounded and merged, 0.2 um each (docs/verify.md), and may lie elsewhere where
-    // corners of facets are welded.
+    // Both ends of every piece are rounded and merged, 0.2 um each (docs/explanation/verify.md), and may lie elsewhere
+    // where corners of facets are welded.
     let ends = doubt_mm + 4e-4 * (1.0 + program.powers.len() as f64 + manifest.left_out.len() as f64);
     rule.require_figure("", "skipped_mm", s.skipped_mm, lengths.skipped_mm, ends);
     let left_out: f64 = manifest.left_out.iter().map(|l| l.to_mm - l.from_mm).sum();

@@ -8,7 +8,7 @@ use crate::job_facts::JobFacts;
 use crate::proof::{Lengths, Rule};
 
 /// Length that marks may share or leave at a cut, nm: each end may stray by what samples are rounded and merged, as
-/// docs/verify.md states for ends of pieces.
+/// docs/explanation/verify.md states for ends of pieces.
 const CUT: f64 = 200.0;
 
 /// A stretch of a stroke that a mark covers.
@@ -197,7 +197,7 @@ impl CoverageChecker<'_> {
     }
 
     /// How long a stretch may be that could be marked and is not, nm: both its ends may stray, and what is shorter than
-    /// twice `min_mark` may be left out, as docs/verify.md states.
+    /// twice `min_mark` may be left out, as docs/explanation/verify.md states.
     fn allowed(&self) -> f64 {
         (2.0 * CUT + self.geometry.grain()).max(2.0 * self.facts.min_mark_nm)
     }

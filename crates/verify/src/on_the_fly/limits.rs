@@ -15,13 +15,13 @@ use terrace_core::machine::{FieldShape, Machine};
 use terrace_core::math;
 use terrace_core::program::Pen;
 
-/// Sums of ways and times are rounded: so much more than a limit is allowed, as docs/verify.md states.
+/// Sums of ways and times are rounded: so much more than a limit is allowed, as docs/explanation/verify.md states.
 const OVER: f64 = 1.0 + 1e-6;
 /// Length that the rounding of both ends of a move to whole nanometres may add to its way, nm: up to 0.71 nm each in
 /// the plane, 0.87 nm in space.
 const ROUNDED: f64 = 2.0;
-/// Least distance of the samples that accelerations and jerks are taken from, us, as docs/verify.md states: of nearer
-/// ones rounding to whole nanometres is the larger part.
+/// Least distance of the samples that accelerations and jerks are taken from, us, as docs/explanation/verify.md states:
+/// of nearer ones rounding to whole nanometres is the larger part.
 const APART_US: [i64; 2] = [5_000, 10_000];
 
 /// The limits of one axis, in mm or degrees.

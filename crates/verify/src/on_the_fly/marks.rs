@@ -12,7 +12,7 @@ use crate::proof::Rule;
 use crate::read::on_the_fly::{Commands, FlyStep};
 use terrace_core::math;
 
-/// Largest distance of places that are looked at, nm, as docs/verify.md states.
+/// Largest distance of places that are looked at, nm, as docs/explanation/verify.md states.
 const APART: f64 = 50_000.0;
 /// Largest distance of a mark from the texture, nm: 1 um, and the nanometre of every axis that takes part.
 pub(super) const STRAY: f64 = 1_002.0;

@@ -13,7 +13,7 @@ use terrace_core::machine::Machine;
 use terrace_core::math;
 use terrace_core::program::Pen;
 
-/// The spot is looked at again when it is so far away, nm, as docs/verify.md states.
+/// The spot is looked at again when it is so far away, nm, as docs/explanation/verify.md states.
 const APART: f64 = 100.0;
 /// How far the rounding of two samples may turn such a step, rad.
 const ROUNDED: f64 = 0.05;

@@ -19,7 +19,7 @@ use super::unread::unread;
 /// Most nodes of a drawing.
 const MAX_NODES: u32 = 2_000_000;
 
-// The next three bound the time and memory that usvg takes; docs/verify.md states them.
+// The next three bound the time and memory that usvg takes; docs/explanation/verify.md states them.
 
 /// Most elements of a drawing once what they refer to is expanded.
 const MAX_ELEMENTS: u32 = 300_000;
@@ -36,7 +36,7 @@ const MAX_OPEN: usize = 32;
 /// The least width of a line, px: usvg leaves out what is shorter than 1/4096.
 const LEAST_WIDTH: f32 = 0.02;
 
-/// Largest number of a drawing, as docs/verify.md states: beyond it f32 has steps of 1/16 and more.
+/// Largest number of a drawing, as docs/explanation/verify.md states: beyond it f32 has steps of 1/16 and more.
 const LARGEST: f64 = 1e6;
 
 /// How much finer than for pixels of a px outlines of strokes are.

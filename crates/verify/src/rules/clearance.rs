@@ -34,7 +34,7 @@ use terrace_core::program::{Block, SetupId};
 const TILES: f64 = 128.0;
 
 /// How often a range of angles is halved: one axis alone is then left in 1/1024 of its range, two in 1/32 each, as
-/// docs/verify.md states.
+/// docs/explanation/verify.md states.
 const HALVINGS: u32 = 10;
 
 /// Rounding of vertices, commands and f64 moves a place of the part by at most this, nm.

@@ -22,7 +22,7 @@ use super::stretch::{Parallel, Parts, Stretch, confirmed_along, note};
 /// Points of a stroke lie this near to those of its curve in x and y, nm: both are rounded.
 const SAME: i64 = 1;
 
-/// Lengths and distances agree to this share, as docs/verify.md states.
+/// Lengths and distances agree to this share, as docs/explanation/verify.md states.
 const SHARE: f64 = 1e-9;
 
 /// A curve that is no wider than this in x and y, nm, may be left out.

@@ -14,10 +14,10 @@ use terrace_core::geom::FieldPoint;
 use terrace_core::program::{Block, Pen, Stroke};
 use terrace_input::job::{Compensate, Dose};
 
-/// How far rounding of vertices and ends of marks may move a factor, as docs/verify.md states.
+/// How far rounding of vertices and ends of marks may move a factor, as docs/explanation/verify.md states.
 const NEAR: f64 = 0.002;
 
-/// Marks shorter than this, nm, lie where they are rounded to: docs/verify.md states 1 um.
+/// Marks shorter than this, nm, lie where they are rounded to: docs/explanation/verify.md states 1 um.
 const SHORTEST: f64 = 1000.0;
 
 /// The job's pen of which a pen says that it is made, and its factor; the pen itself and 1 where it is the

@@ -21,7 +21,7 @@ use terrace_core::program::PenId;
 use terrace_input::job::Job;
 use terrace_input::texture::{FillMode, Kind, Marking, Paper, Selector, Texture};
 
-/// Most lines of one drawing that are looked at, as docs/verify.md states.
+/// Most lines of one drawing that are looked at, as docs/explanation/verify.md states.
 const MAX_LINES: usize = 30_000;
 
 /// Coordinates of the reader are f32, which holds 24 bits: a share of the drawing's size, some 16 steps of the last
@@ -129,7 +129,7 @@ impl DrawingOnPage<'_> {
             let [x, y] = self.page.at(p);
             return Some(format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page"));
         }
-        // With `fill = "outline"` pens are not told apart, as docs/verify.md states.
+        // With `fill = "outline"` pens are not told apart, as docs/explanation/verify.md states.
         let has_own_pen = self.is_outline || shown.iter().any(|&ink| self.choice.may_have(ink, pen));
         (!has_own_pen).then(|| "its pen is not that of its colour or label".to_owned())
     }

@@ -19,20 +19,21 @@ const HARMLESS: [u32; 14] = [170, 200, 210, 400, 490, 540, 610, 611, 690, 800, 9
 /// A dwell may be shorter than the settling time by this, s: it is written in decimals of a second.
 const DWELL_ROUNDING: f64 = 1e-6;
 
-/// The shortest settling time of a program, s (docs/formats.md), and by how much a dwell in whole milliseconds may be
-/// longer.
+/// The shortest settling time of a program, s (docs/reference/formats.md), and by how much a dwell in whole
+/// milliseconds may be longer.
 const LEAST_SETTLE: f64 = 0.05;
 const MILLISECOND: f64 = 1e-3;
 
-/// Waits for BUSY, s, as docs/formats.md states them: before START, and for its rise. A longer one leaves the beam
-/// where it should not be; a shorter one ends the program although all is well.
+/// Waits for BUSY, s, as docs/reference/formats.md states them: before START, and for its rise. A longer one leaves the
+/// beam where it should not be; a shorter one ends the program although all is well.
 const BEFORE_START: f64 = 2.0;
 const FOR_RISE: f64 = 5.0;
 
-/// The dwell after which BUSY must be low once more, s: a contact may bounce for less (docs/formats.md).
+/// The dwell after which BUSY must be low once more, s: a contact may bounce for less (docs/reference/formats.md).
 const BOUNCE: f64 = 0.05;
 
-/// The wait for the end of a block, s, as docs/formats.md states: of its estimate twice that and this, rounded up.
+/// The wait for the end of a block, s, as docs/reference/formats.md states: of its estimate twice that and this,
+/// rounded up.
 const FOR_END: f64 = 10.0;
 
 /// How far the estimate of the manifest may lie from that of the program, s.

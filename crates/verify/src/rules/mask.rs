@@ -20,7 +20,7 @@ use terrace_core::geom::{P2, PlanePoint};
 use terrace_core::math;
 use terrace_input::texture::{Kind, Mask, Request, Uncut};
 
-/// Most strokes of a texture that are looked at, as docs/verify.md states.
+/// Most strokes of a texture that are looked at, as docs/explanation/verify.md states.
 const MAX_STROKES: u64 = 30_000;
 
 /// Places of a whole stroke at least, and of all strokes together.
@@ -37,7 +37,7 @@ const ON_PIECE: f64 = 2.0;
 /// distribution one in 5 x 10^8 lies farther off.
 const SIGMAS: f64 = 6.0;
 
-/// The fewest places in a soft border whose number is compared, as docs/verify.md states.
+/// The fewest places in a soft border whose number is compared, as docs/explanation/verify.md states.
 const FEWEST: usize = 200;
 
 /// Holds the rule for the textures of a pass.

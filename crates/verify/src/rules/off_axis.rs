@@ -8,10 +8,10 @@ use terrace_core::geom::{FieldPoint, NM_PER_MM};
 use terrace_core::math;
 use terrace_core::program::Program;
 
-/// Distances and shares agree to this, as docs/verify.md states.
+/// Distances and shares agree to this, as docs/explanation/verify.md states.
 const NEAR: f64 = 1e-9;
 
-/// Distances are stated in steps of this share of the largest one, as docs/verify.md states.
+/// Distances are stated in steps of this share of the largest one, as docs/explanation/verify.md states.
 const STEP: f64 = 1.0 / 512.0;
 
 /// The share of the marked length that `p95` speaks of.

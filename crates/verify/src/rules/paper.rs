@@ -1,9 +1,10 @@
-//! Which colours of a drawing are the page, by the definition of docs/job-file.md, computed by the verifier itself.
+//! Which colours of a drawing are the page, by the definition of docs/reference/job-file.md, computed by the verifier
+//! itself.
 
 use terrace_core::math;
 use terrace_input::texture::Paper;
 
-/// Largest chroma of the page, beyond that of a stated colour, by the definition of docs/job-file.md.
+/// Largest chroma of the page, beyond that of a stated colour, by the definition of docs/reference/job-file.md.
 const CHROMA: f64 = 1.1;
 
 /// An opacity that lies this near to one half may hide or not: it is a product of f32 numbers, in any order.

@@ -27,10 +27,10 @@ use terrace_core::parallel;
 use terrace_core::program::Block;
 use terrace_input::job::Format;
 
-/// Lengths agree to this, relative, as docs/verify.md states.
+/// Lengths agree to this, relative, as docs/explanation/verify.md states.
 const LENGTH: f64 = 1e-9;
 
-/// The worst defocus agrees to this and the tolerance of its height, nm, as docs/verify.md states.
+/// The worst defocus agrees to this and the tolerance of its height, nm, as docs/explanation/verify.md states.
 const DEFOCUS: f64 = 2.0;
 
 const PLACE: &str = "manifest.json";
@@ -255,7 +255,7 @@ pub(super) fn way(facts: &JobFacts) -> LoadingWay {
 }
 
 /// Time for one block, s. A person takes 15 s where the machine file does not state it: the default of
-/// docs/machine-file.md.
+/// docs/reference/machine-file.md.
 pub(super) fn load_s(way: LoadingWay, facts: &JobFacts) -> f64 {
     let stated = facts.machine.operator.load.map(|load| load.as_s());
     match way {

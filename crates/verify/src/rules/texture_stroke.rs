@@ -10,7 +10,7 @@ use terrace_core::math;
 use terrace_core::program::PenId;
 
 /// A cut point is a point of the stroke rounded to the grid: it lies 0.71 nm near, half the diagonal of the grid. A
-/// whole nanometre is what docs/verify.md states.
+/// whole nanometre is what docs/explanation/verify.md states.
 const ON_STROKE: f64 = 1.0;
 
 /// A mark that is not where it claims to be is laid on its stroke if that is this near, nm, so that

@@ -1,5 +1,5 @@
 //! The estimated times of a job, found again from the program and the machine file by the model that
-//! `docs/formats.md` states, with arithmetic of the verifier's own.
+//! `docs/reference/formats.md` states, with arithmetic of the verifier's own.
 
 use crate::read::program::ProgramFile;
 use crate::rest_to_rest::{CORNER, profile_time};

@@ -8,7 +8,7 @@ use terrace_core::geom::{BoxMm, NM_PER_MM, P2, PlanePoint};
 use terrace_core::math;
 use terrace_input::texture::FillMode;
 
-/// Most dark places that are looked for, as docs/verify.md states.
+/// Most dark places that are looked for, as docs/explanation/verify.md states.
 pub(super) const MAX_PLACES: usize = 60_000;
 
 /// Most pixels that are looked at for them.

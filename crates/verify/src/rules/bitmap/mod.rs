@@ -21,10 +21,10 @@ use grey::Grey;
 use terrace_core::geom::{BoxMm, P2, PlanePoint};
 use terrace_input::texture::{Area, Image, Kind, Marking, Request, Resolution, Screen, Tone};
 
-/// Most marks of a texture that are looked at one by one, as docs/verify.md states.
+/// Most marks of a texture that are looked at one by one, as docs/explanation/verify.md states.
 const MAX_MARKS: usize = 30_000;
 
-/// Most sides of a mark on which places are looked at, as docs/verify.md states.
+/// Most sides of a mark on which places are looked at, as docs/explanation/verify.md states.
 const SIDES: usize = 64;
 
 /// How far a density may lie from the compiler's, which rounds it to steps of 1 / 65535 twice: of each sample, and of

@@ -9,13 +9,14 @@ use crate::proof::Rule;
 use terrace_core::geom::{BoxMm, P2, PlanePoint};
 use terrace_input::texture::{Screen, Tone};
 
-/// The period of dashes and halftone cells unless the job states it, in pitches: the default of docs/job-file.md.
+/// The period of dashes and halftone cells unless the job states it, in pitches: the default of
+/// docs/reference/job-file.md.
 const PERIOD: f64 = 10.0;
 
 /// Most sites along a side of a halftone cell: the compiler's limit.
 const MAX_SIDE: f64 = 256.0;
 
-/// Sites along a side of the mask of noise, as docs/job-file.md states.
+/// Sites along a side of the mask of noise, as docs/reference/job-file.md states.
 const NOISE_SIDE: usize = 64;
 
 /// The windows at which tones are compared, in cells of the screen along a side.
@@ -143,8 +144,8 @@ impl Raster {
         let side = n as f64;
         let by_screen = match self.screen {
             // The thresholds of n neighbouring lines are those of a van der Corput sequence: of these a share q is
-            // marked to within log2(n) / 3 + 1 lines (docs/job-file.md), for which log2(n) / 2 + 1 is taken. Each line
-            // is `side` long.
+            // marked to within log2(n) / 3 + 1 lines (docs/reference/job-file.md), for which log2(n) / 2 + 1 is taken.
+            // Each line is `side` long.
             Screen::Lines => side * (1.0 + math::log2(side) / 2.0),
             // A dash of q periods lies in the middle of its period, so up to any place in the period as much as
             // q (1 - q) / 2 of it is missing or too much: an eighth at q = 1/2. So it is at both ends of each line.

@@ -12,10 +12,11 @@ use crate::rules::turned::Turned;
 use terrace_core::geom::P3;
 use terrace_core::program::Block;
 
-/// How much of what follows a mark, nm, decides whether its block would have continued, as docs/verify.md states.
+/// How much of what follows a mark, nm, decides whether its block would have continued, as docs/explanation/verify.md
+/// states.
 const BEGIN: f64 = 100.0;
 
-/// The share of a run that a block must accept for certain to have begun with it, as docs/verify.md states.
+/// The share of a run that a block must accept for certain to have begun with it, as docs/explanation/verify.md states.
 const CERTAIN_SHARE: f64 = 0.8;
 
 /// A run up to this, nm, is the rounding of its two ends and begins nothing.

@@ -17,7 +17,7 @@ use terrace_core::geom::{BoxMm, P2, PlanePoint};
 use terrace_core::math;
 use terrace_input::texture::{Area, FillMode, Kind, Request};
 
-/// Most places along a side of the page, as docs/verify.md states.
+/// Most places along a side of the page, as docs/explanation/verify.md states.
 const SIDE: f64 = 50.0;
 
 /// How many others are looked at around a place.
