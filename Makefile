@@ -2,7 +2,7 @@
 CARGO ?= cargo
 DEMO := target/demo/hood.job
 
-.PHONY: demo test tests test-all check bench sources method-table method-pictures setup setup-all clean
+.PHONY: demo test tests test-all check bench sources method-table method-pictures book setup setup-all clean
 .PHONY: packages package-static package-deb package-wheel package-windows package-table setup-packages
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
@@ -43,6 +43,11 @@ package-static package-deb package-wheel package-windows: setup-packages
 package-table: setup-packages
 	$(PACKAGE) table
 
+# The book of docs, with search, into target/book.
+book:
+	sh tests/python/setup.sh book
+	PATH="$(CURDIR)/.venv/cargo/bin:$$PATH" mdbook build docs
+
 # Formatting, lints, documentation.
 check:
 	$(CARGO) fmt --all --check
@@ -50,6 +55,7 @@ check:
 	$(CARGO) clippy --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
 	PATH="$(CURDIR)/.venv/cargo/bin:$$PATH" $(CARGO) deny check bans licenses sources
+	PATH="$(CURDIR)/.venv/cargo/bin:$$PATH" mdbook build docs
 
 # Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces, a fleet; prints tables.
 bench: setup

@@ -186,6 +186,9 @@ pub enum Command {
         /// Where to write.
         #[arg(default_value = ".")]
         folder: PathBuf,
+        /// Write the files of the tutorial instead: a mould insert, a grain, a machine, a focus ladder.
+        #[arg(long, conflicts_with = "schema")]
+        tutorial: bool,
         /// Print the JSON schema of job files instead.
         #[arg(long)]
         schema: bool,

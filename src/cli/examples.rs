@@ -20,6 +20,7 @@ pub const EXAMPLES: &[(&str, &[Example])] = &[
         "init",
         &[
             ("terrace init try", "Writes try/job.toml and the files that it names"),
+            ("terrace init insert --tutorial", "Writes the files of the tutorial"),
             ("terrace init --schema -o job.schema.json", "The JSON schema for an editor"),
         ],
     ),

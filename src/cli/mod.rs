@@ -163,7 +163,8 @@ fn unwritable(what: &str, place: Place, e: &std::io::Error) -> Error {
 fn run(args: &Args) -> Result<u8, Error> {
     match &args.command {
         Command::Init { schema: true, output, .. } => schema_text(args, job::json_schema(), output.as_deref())?,
-        Command::Init { folder, .. } => init(args, folder)?,
+        Command::Init { folder, tutorial: false, .. } => init(args, folder, sample_job(), "compile")?,
+        Command::Init { folder, .. } => init(args, folder, tutorial(), "check")?,
         Command::Check { job, choice } => {
             let mut facets = Facets::default();
             let plan = planned(args, load(args, job, choice)?, &mut |facet| facets.take(facet))?;
@@ -448,15 +449,32 @@ fn print_or_write(args: &Args, text: &str, file: Option<&Path>) -> Result<(), Er
     wrote(args, &[file.to_owned()])
 }
 
-fn init(args: &Args, folder: &Path) -> Result<(), Error> {
-    let schema_text = format!("{}\n", job::json_schema());
-    let files = [
-        ("job.toml", job::SAMPLE_JOB.as_bytes().to_vec()),
+/// A file to write: its name and its bytes.
+type NamedFile = (&'static str, Vec<u8>);
+
+/// The job to start from, and what it names.
+fn sample_job() -> Vec<NamedFile> {
+    vec![
+        ("job.toml", job::SAMPLE_JOB.into()),
         (job::SAMPLE_SURFACE_NAME, job::sample_surface()),
-        (job::SAMPLE_DRAWING_NAME, job::SAMPLE_DRAWING.as_bytes().to_vec()),
-        (job::SCHEMA_NAME, schema_text.into_bytes()),
-    ];
-    let paths = files.each_ref().map(|(name, _)| folder.join(name));
+        (job::SAMPLE_DRAWING_NAME, job::SAMPLE_DRAWING.into()),
+        (job::SCHEMA_NAME, format!("{}\n", job::json_schema()).into_bytes()),
+    ]
+}
+
+/// What docs/tutorial works with.
+fn tutorial() -> Vec<NamedFile> {
+    macro_rules! files {
+        ($($name:literal),*) => {
+            vec![$(($name, include_bytes!(concat!("../../docs/tutorial/files/", $name)).into())),*]
+        };
+    }
+    files!["job.toml", "insert.step", "grain.svg", "mill.toml", "ladder.toml", "ladder.obj", "run.toml"]
+}
+
+/// Writes files into a folder, none over another; says what to do next with the first, a job.
+fn init(args: &Args, folder: &Path, files: Vec<NamedFile>, next: &str) -> Result<(), Error> {
+    let paths: Vec<PathBuf> = files.iter().map(|(name, _)| folder.join(name)).collect();
     for path in &paths {
         if std::fs::symlink_metadata(path).is_ok() {
             let d = Diag::input("init-exists", "the file exists already").at(Place::file(path.display().to_string()));
@@ -470,7 +488,7 @@ fn init(args: &Args, folder: &Path) -> Result<(), Error> {
     }
     wrote(args, &paths)?;
     if !args.quiet {
-        eprintln_all(&format!("next: terrace compile {}", show::shown(&paths[0])));
+        eprintln_all(&format!("next: terrace {next} {}", show::shown(&paths[0])));
     }
     Ok(())
 }

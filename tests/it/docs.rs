@@ -191,8 +191,8 @@ fn grey(width: u32, height: u32) -> Vec<u8> {
 #[test]
 fn whole_jobs_of_the_documents_compile() {
     let mut count = 0;
-    for file in ["README.md", "docs/reference/job-file.md", "docs/reference/machine-file.md"] {
-        for block in blocks(&text_of(file), "toml job") {
+    for file in documents() {
+        for block in blocks(&text_of(&file), "toml job") {
             let dir = tempfile::tempdir().expect("a folder");
             let job = Job::parse(&dir.path().join("job.toml"), block, &Overrides::default())
                 .unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
@@ -202,7 +202,22 @@ fn whole_jobs_of_the_documents_compile() {
             count += 1;
         }
     }
-    assert!(count >= 3, "whole jobs are found: {count}");
+    assert!(count >= 6, "whole jobs are found: {count}");
+}
+
+#[test]
+fn whole_run_files_of_the_documents_load() {
+    let mut count = 0;
+    for file in documents() {
+        for block in blocks(&text_of(&file), "toml run") {
+            let dir = tempfile::tempdir().expect("a folder");
+            let path = dir.path().join("run.toml");
+            std::fs::write(&path, block).expect("written");
+            terrace::run::settings::RunFile::read(&path).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            count += 1;
+        }
+    }
+    assert!(count >= 4, "whole run files are found: {count}");
 }
 
 #[test]
@@ -264,13 +279,13 @@ fn property<'a>(schema: &'a Value, at: &'a Value, key: &str) -> &'a Value {
 
 #[test]
 fn parts_of_files_in_the_documents_have_keys_that_exist() {
-    for (file, schema) in
-        [("docs/reference/job-file.md", job::json_schema()), ("docs/reference/machine-file.md", machine::json_schema())]
-    {
+    let how_to = documents().into_iter().filter(|file| file.starts_with("docs/how-to/"));
+    let jobs = how_to.chain(["docs/reference/job-file.md".to_owned()]).map(|file| (file, job::json_schema()));
+    for (file, schema) in jobs.chain([("docs/reference/machine-file.md".to_owned(), machine::json_schema())]) {
         let schema: Value = serde_json::from_str(&schema).expect("a schema is JSON");
-        let text = text_of(file);
+        let text = text_of(&file);
         let parts = blocks(&text, "toml");
-        assert!(!parts.is_empty(), "{file}");
+        assert!(!parts.is_empty() || file.contains("/how-to/"), "{file}");
         for part in parts {
             let example: toml::Table = part.parse().unwrap_or_else(|e| panic!("{file}: {e}\n{part}"));
             keys_exist(&schema, &schema, &example, part);
@@ -278,11 +293,25 @@ fn parts_of_files_in_the_documents_have_keys_that_exist() {
     }
 }
 
-/// The documents: README.md and all of docs, by their paths from the root.
+/// The documents: README.md, then the pages of the book in its order, by their paths from the root.
 fn documents() -> Vec<String> {
-    let docs = files(&root().join("docs"), "md");
-    let relative = |p: &PathBuf| p.strip_prefix(root()).expect("below the root").to_string_lossy().replace('\\', "/");
-    std::iter::once("README.md".to_owned()).chain(docs.iter().map(relative)).collect()
+    let pages = book().into_iter().map(|page| format!("docs/{page}"));
+    std::iter::once("README.md".to_owned()).chain(pages).collect()
+}
+
+/// The pages of the book in the order of its table of contents.
+fn book() -> Vec<String> {
+    let text = text_of("docs/SUMMARY.md");
+    let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    links.map(str::to_owned).collect()
+}
+
+#[test]
+fn every_page_is_in_the_table_of_contents() {
+    let pages: BTreeSet<PathBuf> = files(&root().join("docs"), "md").into_iter().collect();
+    let mut listed: BTreeSet<PathBuf> = book().iter().map(|page| root().join("docs").join(page)).collect();
+    listed.insert(root().join("docs/SUMMARY.md"));
+    assert_eq!(pages, listed);
 }
 
 /// What a script prints to stdout, run by sh in `dir` with the tested program first in PATH.
@@ -290,8 +319,10 @@ fn documents() -> Vec<String> {
 fn printed(dir: &Path, script: &str, shown: &str) -> String {
     let program = Path::new(env!("CARGO_BIN_EXE_terrace")).parent().expect("a folder");
     let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
-    let done = Command::new("sh").args(["-e", "-c", script]).current_dir(dir).env("PATH", &path).output();
-    let done = done.expect("sh starts");
+    let mut sh = Command::new("sh");
+    sh.args(["-e", "-c", script]).current_dir(dir).env("PATH", &path);
+    sh.env("TERRACE_PYTHON", root().join(".venv/bin/python"));
+    let done = sh.output().expect("sh starts");
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success(), "{shown}: {}\n{said}\n{script}", done.status);
     String::from_utf8(done.stdout).expect("output is UTF-8")
@@ -304,10 +335,9 @@ fn outputs(text: &str) -> Vec<(&str, Range<usize>)> {
     let found = text.match_indices(open).map(|(at, _)| {
         let line = text[at..].lines().next().expect("a line");
         let command = line[open.len()..].strip_suffix(" -->").unwrap_or_else(|| panic!("not closed: {line}"));
-        let fence = "\n```text\n";
         let body = &text[at + line.len()..];
-        assert!(body.starts_with(fence), "no block follows {line}");
-        let from = at + line.len() + fence.len();
+        let fence = ["\n```text\n", "\n```toml\n"].into_iter().find(|fence| body.starts_with(fence));
+        let from = at + line.len() + fence.unwrap_or_else(|| panic!("no block follows {line}")).len();
         // An empty block has its closing fence at once.
         let close = text[from - 1..].find("\n```\n").unwrap_or_else(|| panic!("the block of {line} is open"));
         (command, from..from + close)
@@ -315,26 +345,52 @@ fn outputs(text: &str) -> Vec<(&str, Range<usize>)> {
     found.collect()
 }
 
-/// The commands of every document run, and each block that is marked as output holds what its command
-/// prints. `DOCS=write` writes what is printed into the documents instead.
+/// Every `<!-- picture: FILE -->` of a document: the file, and the address of the picture that follows it.
+fn pictures(text: &str) -> Vec<(&str, &str)> {
+    let found = text.split("<!-- picture: ").skip(1).map(|rest| {
+        let (made, shown) = rest.split_once(" -->\n![").expect("a picture follows");
+        (made, shown.split("](").nth(1).and_then(|rest| rest.split(')').next()).expect("its address"))
+    });
+    found.collect()
+}
+
+fn is_written() -> bool {
+    std::env::var_os("DOCS").is_some_and(|v| v == "write")
+}
+
+/// The commands of every document run, those of the tutorial's pages in one folder; each block that is marked as output
+/// holds what its command prints, and each picture is the one that was made. `DOCS=write` takes over what is printed
+/// and made.
 #[test]
 #[ignore = "slow: make test-all"]
 #[cfg(unix)]
 fn commands_of_the_documents_run_and_print_what_is_shown() {
-    let (mut commands, mut shown) = (0, 0);
+    let tutorial = tempfile::tempdir().expect("a folder");
+    let (mut commands, mut shown, mut drawn) = (0, 0, 0);
     for file in documents() {
         let mut text = text_of(&file);
         // The blocks of a file follow each other in one folder, and outputs are those after all of them.
         let script = blocks(&text, "sh run").join("\n");
-        let dir = tempfile::tempdir().expect("a folder");
-        printed(dir.path(), &script, &file);
+        let own = tempfile::tempdir().expect("a folder");
+        let dir = if file.starts_with("docs/tutorial/") { tutorial.path() } else { own.path() };
+        printed(dir, &script, &file);
         commands += script.matches("terrace ").count();
+        for (made, picture) in pictures(&text) {
+            let made = std::fs::read(dir.join(made)).unwrap_or_else(|e| panic!("{file}: {made}: {e}"));
+            let kept = root().join(&file).parent().expect("a folder").join(picture);
+            if is_written() {
+                std::fs::write(kept, made).expect("written");
+            } else {
+                assert!(std::fs::read(kept).expect("a picture") == made, "{file}: {picture}: DOCS=write takes it over");
+            }
+            drawn += 1;
+        }
         let found: Vec<(String, Range<usize>)> = outputs(&text).iter().map(|o| (o.0.to_owned(), o.1.clone())).collect();
         for (command, range) in found.into_iter().rev() {
             // Absolute paths are those of a reader who is at home.
-            let here = dir.path().canonicalize().expect("a folder");
-            let out = printed(dir.path(), &command, &file).replace(&here.display().to_string(), "/home/me");
-            if std::env::var_os("DOCS").is_some_and(|v| v == "write") {
+            let here = dir.canonicalize().expect("a folder");
+            let out = printed(dir, &command, &file).replace(&here.display().to_string(), "/home/me");
+            if is_written() {
                 text.replace_range(range, &out);
                 std::fs::write(root().join(&file), &text).expect("written");
             } else {
@@ -343,7 +399,7 @@ fn commands_of_the_documents_run_and_print_what_is_shown() {
             shown += 1;
         }
     }
-    assert!(commands >= 15 && shown >= 5, "commands and outputs are found: {commands}, {shown}");
+    assert!(commands >= 30 && shown >= 15 && drawn >= 4, "{commands} commands, {shown} outputs, {drawn} pictures");
 }
 
 #[test]

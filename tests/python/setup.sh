@@ -4,7 +4,7 @@
 # unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt, Dask among them),
 # Chromium with the packages that drive it and icons (../browser/package.json), the drawings of
 # Debian's inkscape, Slurm, cargo-deny, and clean systems to install packages into: two of Debian, Wine, and an
-# emulator of arm64. With `packages` only what builds the packages that users install. Running it again costs nothing. Ends with an error if anything is missing.
+# emulator of arm64. With `packages` only what builds the packages that users install, with `book` only what builds the book. Running it again costs nothing. Ends with an error if anything is missing.
 set -eu
 
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -37,6 +37,7 @@ if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
 fi
 lists="$here/requirements.txt"
 case "${1:-}" in
+    book) lists= ;;
     all) lists="$lists $here/requirements-all.txt $here/requirements-packages.txt" ;;
     packages) lists="$here/requirements-packages.txt" ;;
 esac
@@ -72,6 +73,18 @@ add_program() {
         complain "$program (apt-get install -y --no-install-recommends $*)"
 }
 
+# Builds a program of Rust where it is not there.
+add_cargo() {
+    if [ ! -x "$venv/cargo/bin/$1" ]; then
+        tell "building $1 into .venv, some minutes"
+        cargo install --quiet --locked --root "$venv/cargo" "$1" || complain "$1 (cargo install $1)"
+    fi
+}
+
+if [ "${1:-}" = book ]; then
+    add_cargo mdbook
+    exit "$failed"
+fi
 case "${1:-}" in
     all | packages) add_program x86_64-w64-mingw32-gcc gcc-mingw-w64-x86-64 ;;
 esac
@@ -224,10 +237,10 @@ if [ "${1:-}" = all ]; then
     fi
 fi
 
-# --- cargo-deny, which holds licences and sources of the dependencies against deny.toml
-if [ "${1:-}" = all ] && [ ! -x "$venv/cargo/bin/cargo-deny" ]; then
-    tell "building cargo-deny into .venv, some minutes"
-    cargo install --quiet --locked --root "$venv/cargo" cargo-deny || complain "cargo-deny (cargo install cargo-deny)"
+# --- cargo-deny, which holds licences and sources of the dependencies against deny.toml, and mdbook
+if [ "${1:-}" = all ]; then
+    add_cargo cargo-deny
+    add_cargo mdbook
 fi
 
 if [ "$failed" = 0 ]; then

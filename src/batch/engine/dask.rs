@@ -290,8 +290,8 @@ fn to_line(value: &impl Serialize) -> Result<String, Error> {
 fn start_lines(scheduler: &str) -> String {
     if scheduler.starts_with("tls://") {
         return "give your certificate in the environment: DASK_DISTRIBUTED__COMM__TLS__CA_FILE, \
-                DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY; docs/how-to/fleet.md, \
-                Security"
+                DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY; see Security in \
+                docs/how-to/fleet.md"
             .into();
     }
     let port = scheduler.rsplit_once(':').map_or("8786", |(_, port)| port);

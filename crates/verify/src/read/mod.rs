@@ -23,6 +23,7 @@ pub(super) mod poses;
 pub(super) mod program;
 mod rtc;
 pub(super) mod runsheet;
+mod sides;
 mod unread;
 
 use formats::{BlockFiles, OnTheFly, Row, Stepped, drawing, in_nm, no_dwell, tens_of_us};

@@ -14,6 +14,7 @@ use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Tr
 use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
 
 use super::labels::{Labels, Truth, UNKNOWN};
+use super::sides::Sides;
 use super::unread::unread;
 
 /// Most nodes of a drawing.
@@ -103,7 +104,7 @@ struct Layer {
 
 enum Item {
     Area {
-        contours: Contours,
+        contours: Sides,
         band: Option<Band>,
         is_evenodd: bool,
         paint: Paint,
@@ -133,7 +134,7 @@ enum AreaKind {
 /// The lines of a stroke and half its width, px. What lies beside its lines is of its area whatever the outline is:
 /// that of a stroke much thinner than its curves bend may lie off them.
 struct Band {
-    lines: Contours,
+    lines: Sides,
     half: f64,
 }
 
@@ -336,7 +337,7 @@ impl Reader<'_> {
         if let Some(fill) = path.fill().filter(|fill| is_seen(fill.opacity())) {
             let is_evenodd = fill.rule() == FillRule::EvenOdd;
             if let Some(paint) = self.paint(fill.paint(), here) {
-                let contours = contours(path.data(), here, self.fine);
+                let contours = Sides::new(contours(path.data(), here, self.fine));
                 let opacity = self.opacity * fill.opacity().get();
                 items.push(Item::Area {
                     contours,
@@ -369,8 +370,8 @@ impl Reader<'_> {
             };
             if let Some((outline, line)) = line.and_then(|line| Some((line.stroke(&style, scale)?, line))) {
                 let half = f64::from(style.width) / 2.0 * least_scale(&here);
-                let band = Some(Band { lines: contours(&line, here, self.fine), half });
-                let contours = contours(&outline, here, self.fine);
+                let band = Some(Band { lines: Sides::new(contours(&line, here, self.fine)), half });
+                let contours = Sides::new(contours(&outline, here, self.fine));
                 let opacity = self.opacity * stroke.opacity().get();
                 items.push(Item::Area { contours, band, is_evenodd: false, paint, opacity, element, kind });
             }
@@ -425,7 +426,7 @@ impl Layer {
             match item {
                 Item::Area { contours, is_evenodd, element, kind, paint, .. } => {
                     let outline = match kind {
-                        AreaKind::Fill => ShapeOutline::Fill { contours, is_evenodd: *is_evenodd },
+                        AreaKind::Fill => ShapeOutline::Fill { contours: contours.lines(), is_evenodd: *is_evenodd },
                         AreaKind::Border => continue,
                         AreaKind::Line { centre, is_dashed } => ShapeOutline::Line { centre, is_dashed: *is_dashed },
                     };
@@ -456,8 +457,8 @@ impl Layer {
         for i in near {
             match &self.items[i] {
                 Item::Area { contours, band, .. } => {
-                    found.extend(band.iter().filter_map(|band| Some(nearest(&band.lines, p, reach)?.0)));
-                    if let Some(([x, y], [dx, dy])) = nearest(contours, p, reach) {
+                    found.extend(band.iter().filter_map(|band| Some(band.lines.nearest(p, reach)?.0)));
+                    if let Some(([x, y], [dx, dy])) = contours.nearest(p, reach) {
                         let beside = reach * BESIDE;
                         found.extend([[x - dy * beside, y + dx * beside], [x + dy * beside, y - dx * beside]]);
                     }
@@ -470,7 +471,8 @@ impl Layer {
     fn has_contour(&self, p: [f64; 2], reach: f64, exists: &dyn Fn(Ink) -> bool) -> bool {
         let about = AABB::from_corners([p[0] - reach, p[1] - reach], [p[0] + reach, p[1] + reach]);
         self.index.locate_in_envelope_intersecting(&about).any(|e| match &self.items[e.data] {
-            Item::Area { contours, paint, opacity, element, kind, .. } => nearest(contours, p, reach)
+            Item::Area { contours, paint, opacity, element, kind, .. } => contours
+                .nearest(p, reach)
                 .is_some_and(|(q, _)| paint.find(q, &mut |own| exists(own.within(*opacity, *element, kind)))),
             Item::Group { layer, clip, mask } => {
                 let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
@@ -496,8 +498,8 @@ impl Item {
         };
         match self {
             Self::Area { contours, band, .. } => {
-                let lines = band.iter().flat_map(|band| &band.lines);
-                contours.iter().chain(lines).flatten().copied().fold(None, grow)
+                let lines = band.iter().flat_map(|band| band.lines.lines());
+                contours.lines().iter().chain(lines).flatten().copied().fold(None, grow)
             }
             Self::Group { layer, .. } => layer.items.iter().filter_map(Self::bounds).flatten().fold(None, grow),
         }
@@ -506,9 +508,9 @@ impl Item {
     fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         match self {
             Self::Area { contours, band, is_evenodd, paint, opacity, element, kind } => {
-                let turns = turns(contours, p);
+                let turns = contours.turns(p);
                 let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 }
-                    || band.as_ref().is_some_and(|band| band.holds(p));
+                    || band.as_ref().is_some_and(|band| band.lines.holds_beside(p, band.half));
                 is_inside && paint.find(p, &mut |own| take(own.within(*opacity, *element, kind)))
             }
             Self::Group { layer, clip, mask } => {
@@ -518,45 +520,6 @@ impl Item {
             }
         }
     }
-}
-
-impl Band {
-    /// Whether a point lies beside one of its lines, not beyond its ends.
-    fn holds(&self, p: [f64; 2]) -> bool {
-        sides(&self.lines).any(|[a, b]| {
-            let t = along(a, b, p);
-            (0.0..=1.0).contains(&t) && distance(p, between(a, b, t)) <= self.half
-        })
-    }
-}
-
-/// The point of polylines that is nearest to one, if not farther than `reach`, and the direction there; not quite at
-/// the end of a side.
-fn nearest(lines: &[Vec<[f64; 2]>], p: [f64; 2], reach: f64) -> Option<([f64; 2], [f64; 2])> {
-    let near = sides(lines).map(|[a, b]| (between(a, b, along(a, b, p).clamp(1e-6, 1.0 - 1e-6)), [a, b]));
-    let near = near.filter(|(q, _)| distance(p, *q) <= reach);
-    let (q, [a, b]) = near.min_by(|a, b| distance(p, a.0).total_cmp(&distance(p, b.0)))?;
-    let length = distance(a, b);
-    Some((q, [(b[0] - a[0]) / length, (b[1] - a[1]) / length]))
-}
-
-/// The sides of polylines that have a length.
-fn sides(lines: &[Vec<[f64; 2]>]) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
-    lines.iter().flat_map(|line| line.windows(2)).map(|w| [w[0], w[1]]).filter(|[a, b]| a != b)
-}
-
-/// How far along a side the point lies that is nearest to another, in lengths of the side.
-fn along(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> f64 {
-    let d = [b[0] - a[0], b[1] - a[1]];
-    (d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1])) / (d[0] * d[0] + d[1] * d[1])
-}
-
-fn between(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
-    [0, 1].map(|k| a[k] + t * (b[k] - a[k]))
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 impl Ink {
@@ -684,18 +647,4 @@ fn steps(from: [f64; 2], controls: &[[f64; 2]], fine: f64) -> u32 {
     let degree = controls.len() as f64;
     let second = degree * (degree - 1.0) * points.windows(3).map(bend).fold(0.0, f64::max);
     (second / 8.0 / fine).sqrt().ceil().clamp(1.0, MAX_STEPS) as u32
-}
-
-/// How often the contours go round a point.
-fn turns(contours: &[Vec<[f64; 2]>], [x, y]: [f64; 2]) -> i32 {
-    let mut turns = 0;
-    for contour in contours {
-        for (k, a) in contour.iter().enumerate() {
-            let b = contour[(k + 1) % contour.len()];
-            if (a[1] <= y) != (b[1] <= y) && a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) > x {
-                turns += if b[1] > a[1] { 1 } else { -1 };
-            }
-        }
-    }
-    turns
 }
