@@ -484,11 +484,11 @@ fn links_between_the_documents_lead_somewhere() {
 }
 
 #[test]
-fn readme_names_the_packages_of_this_version() {
-    let text = text_of("README.md");
+fn packages_are_named_with_this_version() {
+    let text = text_of("docs/start/install.md");
     for name in ["terrace_", "terrace-", "terrace_laser-"] {
         let name = format!("`{name}{}", env!("CARGO_PKG_VERSION"));
-        assert!(text.contains(&name), "README.md does not name {name}...");
+        assert!(text.contains(&name), "install.md does not name {name}...");
     }
 }
 
