@@ -322,6 +322,8 @@ fn printed(dir: &Path, script: &str, shown: &str) -> String {
     let mut sh = Command::new("sh");
     sh.args(["-e", "-c", script]).current_dir(dir).env("PATH", &path);
     sh.env("TERRACE_PYTHON", root().join(".venv/bin/python"));
+    // Journals of runs are noted there.
+    sh.env("XDG_STATE_HOME", dir.join("state"));
     let done = sh.output().expect("sh starts");
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success(), "{shown}: {}\n{said}\n{script}", done.status);
