@@ -8,7 +8,8 @@ use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
 use terrace_core::math;
 
-use super::picture::{Clip, Contours, Picture, ShapeOutline};
+use super::picture::{Clip, Picture, ShapeOutline};
+use super::sides::Contours;
 use terrace_core::geom::PlanePoint;
 
 /// An edge and the area that it bounds.

@@ -14,7 +14,7 @@ use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Tr
 use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
 
 use super::labels::{Labels, Truth, UNKNOWN};
-use super::sides::Sides;
+use super::sides::{Contours, Sides};
 use super::unread::unread;
 
 /// Most nodes of a drawing.
@@ -55,9 +55,6 @@ const ARC: f64 = 2e-4;
 
 /// How far beside a border a point is offered: a share of the reach.
 const BESIDE: f64 = 0.02;
-
-/// Polylines.
-pub(super) type Contours = Vec<Vec<[f64; 2]>>;
 
 type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
 

@@ -3,7 +3,8 @@
 
 use terrace_core::math;
 
-use super::picture::Contours;
+/// Polylines.
+pub(super) type Contours = Vec<Vec<[f64; 2]>>;
 
 /// Sides to a strip, about.
 const SIDES: usize = 4;
