@@ -69,8 +69,8 @@ def build_environment() -> dict[str, str]:
 def binary(target: str) -> pathlib.Path:
     """Builds terrace for a target, stripped."""
     run("rustup", "--quiet", "target", "add", target)
-    # zig is compiler, linker and musl for both processors. Its memcpy costs nothing beside that of glibc; with that of
-    # the musl that Rust brings, the main job takes a sixth longer.
+    # zig is compiler, linker and musl for both processors. Its memcpy is as fast as that of glibc; the one in the musl
+    # that Rust brings is not.
     build = "build" if target == WINDOWS else "zigbuild"
     run("cargo", build, *BUILD, "--target", target, environment=build_environment())
     folder = pathlib.Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
@@ -196,8 +196,9 @@ def wheel() -> None:
     python = HERE / "python"
     for name, data in licences(X86).items():
         (python / name).write_bytes(data)
-    options = ["--zig", "--target", X86, "--compatibility", "manylinux2014"]
-    run("maturin", "build", *BUILD, *options, "--out", OUT, folder=python, environment=build_environment())
+    options = ["--target", X86, "--compatibility", "manylinux2014"]
+    environment = {**build_environment(), "CARGO": str(HERE / "cargo-zig")}
+    run("maturin", "build", *BUILD, *options, "--out", OUT, folder=python, environment=environment)
 
 
 def windows() -> None:

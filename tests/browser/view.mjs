@@ -1,10 +1,10 @@
 // Opens the view.html of job folders in headless Chromium, drives every control and compares what is shown with
 // manifest.json of the same folder:
 //
-//   node view.mjs [--shots FOLDER] [--golden FOLDER [--update]] [--paint-ms N] [--quick] JOB...
+//   node view.mjs [--shots FOLDER] [--golden FOLDER [--update]] [--paint-ms N] [--quick] [--pictures] JOB...
 //
 // One line for each check; exits with 1 if one fails. A golden picture is compared where there is one by the name of
-// the job folder. --quick leaves the pictures out; --update makes them anew and checks nothing else.
+// the job folder. --quick leaves the pictures out; --pictures checks nothing else; --update makes them anew.
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
@@ -49,6 +49,7 @@ function options() {
     else if (word === "--golden") o.golden = words.shift();
     else if (word === "--update") o.update = true;
     else if (word === "--quick") o.quick = true;
+    else if (word === "--pictures") o.pictures = true;
     else if (word === "--paint-ms") o.paintMs = Number(words.shift());
     else if (word.startsWith("-")) throw new Error(`there is no option ${word}`);
     else o.jobs.push(resolve(word));
@@ -196,7 +197,7 @@ try {
     const name = basename(folder).replace(/\.job$/, "");
     const manifest = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
     try {
-      if (o.update) {
+      if (o.update || o.pictures) {
         await pictures(browser, folder, name, o);
         continue;
       }
