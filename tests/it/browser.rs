@@ -85,7 +85,9 @@ fn pictures_of_the_view_are_those_that_are_kept() {
     node("sample.mjs", [dir.path()]);
     let golden = root().join("tests/browser/golden");
     let samples = ["demo", "tilt", "passes", "fly"].map(|name| dir.path().join(format!("sample-{name}")));
-    let args = [Path::new("--pictures"), Path::new("--golden"), &golden].into_iter().chain(samples.iter().map(PathBuf::as_path));
+    let args = [Path::new("--pictures"), Path::new("--golden"), &golden]
+        .into_iter()
+        .chain(samples.iter().map(PathBuf::as_path));
     node("view.mjs", args);
 }
 
