@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
-use terrace_core::diag::{Diag, Error, Fault, Place, Severity};
+use terrace_core::diag::{Diag, Error, Fault, Kind, Place, Severity};
 use terrace_core::parallel;
 use terrace_input::job::{Job, KeyValue, Keys, Mode, Overrides, Setting, near_keys};
 use terrace_input::surface::Surface;
@@ -110,10 +110,18 @@ impl Sweep {
         if rows.iter().all(|row| row.summary.is_err()) {
             // A fault holds what is shown of an error; the error itself is found again.
             let first = edited(JobText { path: &job.path, text }, settings, 0)?;
-            planned(JobText { path: &job.path, text: &first.text }, overrides, &SharedSurface::new())?;
+            planned(JobText { path: &job.path, text: &first.text }, overrides, &SharedSurface::new())
+                .map_err(|e| with_values(&e, settings, &first.values))?;
         }
         Ok(Self { keys: settings.iter().map(|s| s.key.clone()).collect(), rows, job })
     }
+}
+
+/// The error of a combination, with its values: no line of the job file has them.
+fn with_values(e: &Error, settings: &[Setting], values: &[KeyValue]) -> Error {
+    let set: Vec<String> = settings.iter().zip(values).map(|(s, value)| format!("{} = {value}", s.key)).collect();
+    let named = |d: &Diag| Diag { message: format!("with {}: {}", set.join(", "), d.message), ..d.clone() };
+    Error::many(e.diags().iter().map(|d| if d.kind == Kind::Warning { d.clone() } else { named(d) }).collect())
 }
 
 /// The values of a combination.

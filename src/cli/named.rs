@@ -48,12 +48,25 @@ pub fn job_folder(path: &Path) -> Result<(), Error> {
     }
     let near = if path.is_dir() { folders_in(path, |_| true) } else { near(path) };
     if near.is_empty() {
-        return Ok(());
+        return match job_of(path) {
+            Some(job) => {
+                let hint = format!("make it first: terrace compile {} --verify", show::shown(&job));
+                refused("there is no such job folder", hint)
+            }
+            None => Ok(()),
+        };
     }
     refused(
         if path.is_dir() { "this is a folder, not a job folder" } else { "there is no such job folder" },
         mean(&near),
     )
+}
+
+/// The job file whose folder a path would be.
+fn job_of(folder: &Path) -> Option<PathBuf> {
+    let name = folder.file_name()?.to_str()?;
+    let stem = name.strip_suffix(".fly.job").or_else(|| name.strip_suffix(".job"))?;
+    Some(folder.with_file_name(format!("{stem}.toml"))).filter(|job| job.is_file())
 }
 
 fn is_job_folder(path: &Path) -> bool {
@@ -127,6 +140,10 @@ mod tests {
         assert_eq!(refusal("parts"), "this is a folder, not a job folder|did you mean parts/door.job?");
         assert_eq!(refusal("hood"), "there is no such job folder|did you mean hood.fly.job or hood.job?");
         assert_eq!(refusal("hodo.job"), "there is no such job folder|did you mean hood.job?");
+        std::fs::write(at("lid.toml"), "").expect("written");
+        let hint = "there is no such job folder|make it first: terrace compile lid.toml --verify";
+        assert_eq!(refusal("lid.job"), hint);
+        assert_eq!(refusal("lid.fly.job"), hint);
         // Nothing is known to be meant: the command says what is wrong.
         assert_eq!(refusal("elsewhere.job"), "");
     }

@@ -200,7 +200,7 @@ mod tests {
         for (keys, wanted) in [
             (
                 "driver = \"grbl\"\nport = \"x\"\nbaud = \"fast\"",
-                "run.toml:5:8: invalid type: string \"fast\", expected u32",
+                "run.toml:5:8: this is the text \"fast\", expected a whole number",
             ),
             ("driver = \"grbl\"\nport = \"x\"\nbuad = 9600", "run.toml:5:1: unknown field `buad`"),
             ("driver = \"grbl\"", "missing field `port`"),

@@ -40,9 +40,7 @@ macro_rules! quantity {
                     $($unit => Ok(Self(in_base(number, $factor))),)+
                     "" => Err(format!(
                         "{} {text:?} has no unit; write it as {:?}", $what, $example)),
-                    other => Err(format!(
-                        "unknown unit {other:?} for {}; known units: {}", article($what),
-                        [$($unit),+].join(", "))),
+                    other => Err(unknown_unit(other, &article($what), &[$($unit),+])),
                 }
             }
         }
@@ -174,6 +172,53 @@ impl Share {
     pub const fn as_percent(self) -> f64 {
         self.0
     }
+}
+
+/// Units as they are written out or abbreviated elsewhere.
+const WRITTEN_OUT: [(&str, &str); 22] = [
+    ("millimetre", "mm"),
+    ("millimeter", "mm"),
+    ("micrometre", "um"),
+    ("micrometer", "um"),
+    ("micron", "um"),
+    ("centimetre", "cm"),
+    ("centimeter", "cm"),
+    ("metre", "m"),
+    ("meter", "m"),
+    ("inche", "inch"),
+    ("\"", "inch"),
+    ("degree", "deg"),
+    ("second", "s"),
+    ("sec", "s"),
+    ("millisecond", "ms"),
+    ("msec", "ms"),
+    ("microsecond", "us"),
+    ("minute", "min"),
+    ("percent", "%"),
+    ("pct", "%"),
+    ("watt", "W"),
+    ("hertz", "Hz"),
+];
+
+/// What is said of a unit that is not among the known ones.
+fn unknown_unit(unit: &str, article: &str, known: &[&str]) -> String {
+    let meant = meant(unit, known).map(|meant| format!("did you mean {meant}? ")).unwrap_or_default();
+    format!("unknown unit {unit:?} for {article}; {meant}known units: {}", known.join(", "))
+}
+
+/// The unit that is written with other case, or written out.
+pub(crate) fn meant<'a>(unit: &str, known: &[&'a str]) -> Option<&'a str> {
+    let short = |part: &str| {
+        let word = part.trim().to_lowercase();
+        let singular = word.strip_suffix('s').filter(|rest| rest.len() > 2).unwrap_or(&word).to_owned();
+        let found = WRITTEN_OUT.iter().find(|(long, _)| *long == word || *long == singular);
+        found.map_or(word, |(_, short)| short.to_lowercase())
+    };
+    let plain = unit.replace(" per ", "/").split('/').map(short).collect::<Vec<_>>().join("/");
+    let mut equal = known.iter().filter(|one| one.to_lowercase() == plain);
+    // Where case tells units apart, none is meant.
+    let first = equal.next().copied();
+    if equal.next().is_some() { None } else { first }
 }
 
 /// A number of units, each `factor` base units. Parts of the base unit divide, so that 200 us are 0.0002 s to the last
@@ -363,7 +408,9 @@ impl FromStr for Power {
             "%" if (0.0..=100.0).contains(&number) => Ok(Self::Percent(number)),
             "%" => Err(format!("power {text:?} is not between 0 % and 100 %")),
             _ if number < 0.0 => Err(format!("power {text:?} is negative")),
-            _ => text.parse().map(Self::Absolute),
+            "mW" | "W" | "kW" => text.parse().map(Self::Absolute),
+            "" => Err(format!("power {text:?} has no unit; write it as \"60 %\" or \"14 W\"")),
+            other => Err(unknown_unit(other, "a power", &["%", "mW", "W", "kW"])),
         }
     }
 }
@@ -518,7 +565,10 @@ mod tests {
         for (text, say) in [
             ("0.07", "no unit"),
             ("0,07 mm", "decimal comma"),
-            ("7 parsec", "unknown unit"),
+            ("7 parsec", "unknown unit \"parsec\" for a length; known units: nm"),
+            ("7 MM", "; did you mean mm? known units: nm"),
+            ("7 millimetres", "; did you mean mm? known"),
+            ("7 microns", "; did you mean um? known"),
             ("mm", "is not a length"),
             ("1e999 mm", "not a finite"),
             ("", "is not a length"),
@@ -526,6 +576,10 @@ mod tests {
             let err = text.parse::<Length>().expect_err(text);
             assert!(err.contains(say), "{text}: {err}");
         }
+        assert!("7 mm/sec".parse::<Speed>().is_err_and(|e| e.contains("did you mean mm/s?")));
+        assert!("7 mm per second".parse::<Speed>().is_err_and(|e| e.contains("did you mean mm/s?")));
+        assert!("60 percent".parse::<Power>().is_err_and(|e| e.contains("did you mean %? known units: %, mW")));
+        assert!("60".parse::<Power>().is_err_and(|e| e.contains("write it as \"60 %\" or")));
         assert!("140 %".parse::<Power>().is_err());
         assert!("deg".parse::<Angle>().is_err_and(|e| e.contains("is not an angle")));
     }

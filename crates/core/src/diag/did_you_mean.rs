@@ -16,15 +16,34 @@ pub fn edits(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
-/// Of the names in a message "unknown field `a`, expected one of `b`, `c`" those that differ from the first by one or
-/// two characters: the nearest, at most three.
+/// Of the names in a message "unknown field `a`, expected one of `b`, `c`" those that differ from the first by case, or
+/// by one or two characters: the nearest, at most three; else those that begin with it, or that it begins with.
 pub(super) fn meant(message: &str) -> Vec<&str> {
     let mut names = message.split('`').skip(1).step_by(2);
     let Some(given) = names.next() else { return Vec::new() };
-    let near: Vec<(usize, &str)> = names.map(|name| (edits(given, name), name)).filter(|(n, _)| *n <= 2).collect();
+    let lower = given.to_lowercase();
+    let begins = |long: &str, short: &str| short.len() >= 3 && long.starts_with(short);
+    let alike = names.clone().filter(|name| begins(name, &lower) || begins(&lower, name)).take(3);
+    let letters = |text: &str| {
+        let mut letters: Vec<char> = text.chars().collect();
+        letters.sort_unstable();
+        letters
+    };
+    // Letters that changed places are one slip.
+    let swapped = letters(&lower);
+    let distance = |name: &str| match letters(name) == swapped {
+        true => 0,
+        false => edits(given, name).min(edits(&lower, &name.to_lowercase())),
+    };
+    let known: Vec<&str> = names.clone().collect();
+    if let Some(unit) = crate::units::meant(given, &known) {
+        return vec![unit];
+    }
+    let near: Vec<(usize, &str)> = names.clone().map(|name| (distance(name), name)).filter(|(n, _)| *n <= 2).collect();
     let least = near.iter().map(|(n, _)| *n).min();
     let nearest = near.into_iter().filter(|(n, name)| Some(*n) == least && *n < name.len() / 2);
-    nearest.map(|(_, name)| name).take(3).collect()
+    let nearest: Vec<&str> = nearest.map(|(_, name)| name).take(3).collect();
+    if nearest.is_empty() { alike.collect() } else { nearest }
 }
 
 #[cfg(test)]
@@ -38,6 +57,12 @@ mod tests {
         assert_eq!(meant(&of("pitsh")), ["pitch"]);
         assert_eq!(meant(&of("Unit")), ["unit"]);
         assert_eq!(meant(&of("penn")), ["pens"]);
+        assert_eq!(meant(&of("PITCH")), ["pitch"]);
+        assert_eq!(meant(&of("cel")), ["cell"]);
+        assert_eq!(meant("unknown variant `dfx`, expected one of `dxf`, `csv`"), ["dxf"]);
+        assert_eq!(meant("unknown variant `hatching`, expected one of `hatch`, `dots`"), ["hatch"]);
+        assert_eq!(meant("unknown variant `millimeters`, expected one of `mm`, `cm`, `in`"), ["mm"]);
+        assert_eq!(meant("unknown field `direct`, expected `direction` or `x`"), ["direction"]);
         assert!(meant(&of("speed")).is_empty());
         assert!(meant("unknown field").is_empty());
     }

@@ -119,6 +119,7 @@ pub(super) fn unread(path: &Path) -> Diag {
         "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
             "export it from the CAD program as STEP".into()
         }
+        "svg" | "svgz" | "dxf" | "plt" | "hpgl" => "a drawing is a texture: name it as file of a [[texture]]".into(),
         "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => {
             "open it in MeshLab or Blender and export it as binary STL".into()
         }

@@ -7,7 +7,7 @@ use super::operator_way;
 use super::plausible;
 use super::space_curves;
 use crate::manifest::SpaceCurves;
-use terrace_core::diag::{Diag, Error, Kind};
+use terrace_core::diag::{Diag, Error, Kind, stand_in};
 use terrace_core::geom::{Box2, BoxMm, P2, cos_sin};
 use terrace_core::machine::Machine;
 use terrace_core::program::{PassId, PenId};
@@ -113,7 +113,7 @@ impl Inputs {
         // Warnings before an error often show its cause.
         match Self::read(job, purpose, surface, &machine, &mut warnings, each, task) {
             Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
-            Err(e) => Err(job.at_keys(&e).after(warnings)),
+            Err(e) => Err(job.at_keys(&stand_in::explained(e)).after(warnings)),
         }
     }
 

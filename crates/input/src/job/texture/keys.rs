@@ -15,7 +15,10 @@ use terrace_core::units::{Angle, Length, Share, positive, positive_option};
 
 /// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "this is no area; write \"part\", or lengths [x0, y0, x1, y1] with their units, such as [\"0 mm\", \"0 mm\", \"50 mm\", \"40 mm\"]"
+)]
 pub(crate) enum AreaKeys {
     /// `"part"`.
     Named(AreaName),
@@ -252,7 +255,10 @@ pub(crate) struct CurvesKeys {
 
 /// The area of a drawing: its file, with `#` and the id, layer, class or block that makes the area; or a table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "this is no area of a drawing; write \"mask.svg#outline\", or a table with file and the keys of a drawing"
+)]
 pub(crate) enum MaskKeys {
     /// Placed as a drawing with the keys of the texture.
     Named(String),
@@ -358,7 +364,7 @@ pub(crate) enum PaperKeys {
 
 /// Resolution of a bitmap: a number, or `"file"`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "this is no resolution; write a number of pixels in an inch, or \"file\"")]
 pub(crate) enum DpiKeys {
     /// Pixels in an inch.
     Number(f64),
