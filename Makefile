@@ -57,11 +57,12 @@ check:
 	PATH="$(CURDIR)/.venv/cargo/bin:$$PATH" $(CARGO) deny check bans licenses sources
 	PATH="$(CURDIR)/.venv/cargo/bin:$$PATH" mdbook build docs
 
-# Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces, a fleet; prints tables.
-bench: setup
+# Speed and memory on three sizes, speed of the writers, of the pictures, of the view in a browser and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces, a fleet; prints tables.
+bench: setup-all
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench emit
 	$(CARGO) bench --bench pictures
+	$(CARGO) bench --bench view
 	$(CARGO) bench --bench partition
 	$(CARGO) bench --bench order
 	$(CARGO) bench --bench on_the_fly

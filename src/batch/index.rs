@@ -15,7 +15,7 @@ use terrace_report::report::page::{self, escape};
 
 /// What the page adds to the style of all pages. On a narrow screen every row is a card: picture and name, and below
 /// them the figures, each with its name.
-const STYLE: &str = "html{color-scheme:light dark}td{vertical-align:top}td.l{overflow-wrap:anywhere}.state{text-align:left}.l .warn{margin:.2em 0;text-align:left}\
+const STYLE: &str = "html{color-scheme:light dark}td{vertical-align:top}td.l{overflow-wrap:anywhere;min-width:9em}.state{text-align:left}.l .warn{margin:.2em 0;text-align:left}\
 .pic{width:144px}.pic img{display:block;width:144px;height:108px;object-fit:contain;background:#fff;border:1px solid #ddd}\
 .failed b,.missing b,.left b{color:#c2410c}\
 @media(max-width:52em){body{margin:1em auto}table,tbody{display:block}thead{display:none}\
@@ -52,13 +52,7 @@ fn link(outcome: &Outcome, name: &str, folder: &Path) -> Result<Option<String>, 
     if !file.is_file() {
         return Ok(None);
     }
-    let path = job_folder::path_from(&file, folder)?;
-    // Whole where it lies on another drive of Windows or on a server (RFC 8089, appendix E).
-    Ok(Some(match Path::new(&path).is_absolute() {
-        false => address(&path),
-        true if path.starts_with("//") => format!("file:{}", address(&path)),
-        true => format!("file:///{}", address(&path).replacen("%3A", ":", 1)),
-    }))
+    Ok(Some(page::address(&job_folder::path_from(&file, folder)?)))
 }
 
 /// The row of a job.
@@ -76,7 +70,7 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
         return Ok(());
     };
     let picture = link(outcome, "layout.svg", folder)?.map_or(String::new(), |to| {
-        format!("<a href=\"{to}\"><img src=\"{to}\" alt=\"block layout\" loading=\"lazy\"/></a>")
+        format!("<a href=\"{to}\"><img src=\"{to}#part\" alt=\"block layout\" loading=\"lazy\"/></a>")
     });
     let mut links = Vec::new();
     for (name, shown) in
@@ -97,18 +91,4 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
         links.join(" &#183; ")
     );
     Ok(())
-}
-
-/// A path with / as the address of a link (RFC 3986): every byte that an address may not have as it is, escaped.
-fn address(path: &str) -> String {
-    let mut out = String::with_capacity(path.len());
-    for byte in path.bytes() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => out.push(char::from(byte)),
-            _ => {
-                let _ = write!(out, "%{byte:02X}");
-            }
-        }
-    }
-    out
 }

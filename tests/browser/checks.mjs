@@ -492,6 +492,40 @@ export async function checks(page, manifest, check, options) {
     if (id === "layer-labels" || id === "layer-field") await page.locator("#texture").click();
   }
 
+  // --- measuring and the section
+  await page.locator("#above").click();
+  await drawn();
+  const measured = async (...ends) => {
+    await page.locator("#measure").click();
+    for (const p of ends) {
+      const [x, y] = await view((v, q) => v.project(q), p);
+      await page.locator("#scene").click({ position: { x, y } });
+    }
+    return { ends: (await state()).measured, words: await page.locator("#measured").innerText() };
+  };
+  const marked = (await view((v) => v.sampleMarks(400))).map((m) => m.at);
+  const first = marked.reduce((a, b) => (b[0] < a[0] ? b : a));
+  const last = marked.reduce((a, b) => (b[0] > a[0] ? b : a));
+  const { ends, words } = await measured(first, last);
+  const off = ends.map((p, i) => Math.hypot(p[0] - [first, last][i][0], p[1] - [first, last][i][1]));
+  const pixel = await view((v) => v.app.camera.pixel_mm());
+  const length = ends.length === 2 ? Math.hypot(...[0, 1, 2].map((k) => ends[1][k] - ends[0][k])) : NaN;
+  check(
+    "two clicks measure between two places of the part",
+    ends.length === 2 && Math.max(...off) < 3 * pixel + head.part.within_mm && words.startsWith(length.toFixed(3)),
+    `${words} (${off.map((v) => v.toFixed(3)).join(", ")} mm off)`,
+  );
+  const inked = await page.locator("#profile").evaluate((c) => {
+    const pixels = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+    const colours = new Set();
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 200) colours.add(pixels.slice(i, i + 3).join());
+    return colours.size;
+  });
+  check("the section is drawn", inked > (isFly ? 2 : 3), `${inked} colours`);
+  await page.keyboard.press("Escape");
+  check("Escape ends measuring", !(await page.locator("#section").isVisible()));
+  await page.locator("#texture").click();
+
   // --- histograms
   for (const which of ["defocus", "incidence"]) {
     const bars = page.locator(`#${which} .bars button`);

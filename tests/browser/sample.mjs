@@ -135,7 +135,7 @@ function writeJob(folder, name) {
   const list = kind.fly ? makeRuns(kind) : makeBlocks(kind);
   const columns = Object.fromEntries(
     (
-      "id pass setup section level centre focus tilt turn frame origin stage lift shift z begin start end strokes " +
+      "id pass setup section level centre focus tilt turn frame origin name_at stage lift shift z begin start end strokes " +
       "mark_mm jump_mm incidence stretch dose pens files"
     )
       .split(" ")
@@ -188,6 +188,7 @@ function writeJob(folder, name) {
       turn: b.turn,
       frame: inv ? [...inv.slice(0, 9), ...origin] : null,
       origin,
+      name_at: points[Math.floor(points.length / 2)].p,
       stage: kind.fly ? null : [-centre[0], -centre[1], round(100 - focus)],
       lift: null,
       shift: 0,
@@ -362,6 +363,41 @@ function writeJob(folder, name) {
     maps.push({ name: map, pass, origin: [0, 0], cell, columns: mc, rows: mr });
   }
 
+  // How dense the marks lie.
+  const tones = { maps: [], most_per_mm: 0, dense_per_mm: [] };
+  const toneCell = 0.5;
+  const [tc, tr] = SIZE.map((s) => Math.ceil(s / toneCell));
+  for (let pass = 1; pass <= kind.passes; pass++) {
+    const lengths = new Float64Array(tc * tr);
+    const pens = new Uint8Array(tc * tr);
+    for (const m of list.filter((b) => b.pass === pass).flatMap((b) => b.marks))
+      m.points.slice(1).forEach(({ p: b }, i) => {
+        const a = m.points[i].p;
+        const at = Math.floor((a[1] + b[1]) / 2 / toneCell) * tc + Math.floor((a[0] + b[0]) / 2 / toneCell);
+        lengths[at] += Math.hypot(b[0] - a[0], b[1] - a[1]);
+        pens[at] = m.pen;
+      });
+    const densities = [...lengths].map((v) => v / toneCell ** 2);
+    const marked = densities.filter((v) => v > 0).sort((a, b) => a - b);
+    if (pass === 1) {
+      tones.dense_per_mm = [marked[Math.floor(0.98 * marked.length)], 1 / kind.pitch];
+      tones.most_per_mm = 2 * tones.dense_per_mm[0];
+    }
+    const w = new Writer();
+    w.u8s(densities.map((v) => (v > 0 ? Math.min(Math.max(Math.round((255 * v) / tones.most_per_mm), 1), 255) : 0)));
+    w.u8s(pens);
+    data += dataElement(`tone-${pass}`, w.bytes);
+    tones.maps.push({
+      name: `tone-${pass}`,
+      pass,
+      origin: [0, 0],
+      cell: toneCell,
+      columns: tc,
+      rows: tr,
+      has_pens: true,
+    });
+  }
+
   // Texture beside the part and over a steep place.
   const skippedLines = [];
   for (let k = 0; k < 12; k++)
@@ -429,7 +465,11 @@ function writeJob(folder, name) {
     const length_mm = new Array(n).fill(0);
     for (const v of values)
       length_mm[Math.max(0, Math.min(n - 1, Math.floor(((v - low) / (high - low)) * n)))] += kind.step;
-    return { edges: Array.from({ length: n + 1 }, (_, k) => round(low + ((high - low) * k) / n)), length_mm };
+    return {
+      edges: Array.from({ length: n + 1 }, (_, k) => round(low + ((high - low) * k) / n)),
+      length_mm,
+      of_dots: false,
+    };
   };
   const marks = chunks.reduce((s, c) => s + c.marks, 0);
   const mark_mm = round(
@@ -461,6 +501,9 @@ function writeJob(folder, name) {
     passes: kind.passes,
     setups: kind.setups,
     maps,
+    tones,
+    spot_mm: 0.04,
+    half_depth_mm: kind.level / 2,
     blocks: { name: "blocks", count: list.length },
     chunks,
     incidence_deg_per_step: 0.25,

@@ -5,30 +5,10 @@
 //
 // One line for each check; exits with 1 if one fails. A golden picture is compared where there is one by the name of
 // the job folder. --quick leaves the pictures out; --pictures checks nothing else; --update makes them anew.
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { tmpdir } from "node:os";
-import { basename, dirname, join, resolve } from "node:path";
-import { fileURLToPath, pathToFileURL } from "node:url";
+import { existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { basename, join, resolve } from "node:path";
 import { checks } from "./checks.mjs";
-
-const here = dirname(fileURLToPath(import.meta.url));
-const installed = process.env.TERRACE_BROWSER ?? join(here, "../../.venv/browser");
-const { chromium } = createRequire(join(installed, "package.json"))("playwright-core");
-
-const ARGUMENTS = [
-  "--no-sandbox",
-  "--use-gl=angle",
-  "--use-angle=swiftshader",
-  "--enable-unsafe-swiftshader",
-  "--disable-quic",
-  "--no-first-run",
-  "--disable-background-networking",
-  "--disable-component-update",
-  "--disable-sync",
-  "--force-color-profile=srgb",
-  "--font-render-hinting=none",
-];
+import { launch, open } from "./chromium.mjs";
 
 /** Width and height of the window in CSS pixels, and the width of the golden picture. */
 const SIZES = [
@@ -62,23 +42,6 @@ let failures = 0;
 function report(job, name, ok, detail = "") {
   if (!ok) failures += 1;
   console.log(`${ok ? "ok  " : "FAIL"} ${job}: ${name}${detail ? ` (${detail})` : ""}`);
-}
-
-/** A page with the job open; `noise` holds what it said on the console and what it asked for. */
-async function open(browser, folder, width, height, more = {}) {
-  const context = await browser.newContext({ viewport: { width, height }, offline: true, ...more });
-  const page = await context.newPage();
-  const noise = [];
-  const url = pathToFileURL(join(folder, "view.html")).href;
-  page.on("console", (m) => noise.push(`${m.type()}: ${m.text()}`));
-  page.on("pageerror", (e) => noise.push(`error: ${e.message}`));
-  page.on("request", (r) => {
-    if (r.url() !== url && !r.url().startsWith("data:")) noise.push(`request: ${r.url().slice(0, 100)}`);
-  });
-  if (more.before) await page.addInitScript(more.before);
-  await page.goto(url);
-  const error = await page.evaluate(() => globalThis.terraceView.ready.then((e) => (e ? String(e) : null)));
-  return { context, page, noise, error };
 }
 
 /** A picture made smaller, as JPEG, and its mean difference from another; the browser does both. */
@@ -185,13 +148,7 @@ async function refusals(browser, folder, name) {
 }
 
 const o = options();
-const profile = mkdtempSync(join(tmpdir(), "terrace-browser-"));
-const browser = await chromium.launch({
-  executablePath: process.env.TERRACE_CHROMIUM ?? "/usr/bin/chromium",
-  headless: true,
-  args: ARGUMENTS,
-  env: { ...process.env, HOME: profile },
-});
+const browser = await launch();
 try {
   for (const folder of o.jobs) {
     const name = basename(folder).replace(/\.job$/, "");
@@ -221,7 +178,6 @@ try {
   }
 } finally {
   await browser.close();
-  rmSync(profile, { recursive: true, force: true });
 }
 console.log(failures === 0 ? "all checks hold" : `${failures} checks fail`);
 process.exit(failures === 0 ? 0 : 1);

@@ -4,6 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use terrace_core::math;
+
+use crate::support::image::height_map;
 use crate::support::surfaces::{mesh, write_stl};
 use crate::support::{JobText, fixture, folder, machine_file, manifest, said, terrace};
 
@@ -76,6 +79,76 @@ fn every_control_of_the_view_works_in_a_browser_and_shows_what_the_manifest_says
         compiled(&at("try/job.toml"), "on-the-fly", at("try.fly.job")),
     ];
     node("view.mjs", jobs.iter().map(PathBuf::as_path));
+}
+
+/// A level plate with a texture of its own, compiled.
+fn plate(dir: &Path, name: &str, texture: &str, pen: &str) -> PathBuf {
+    let stl = dir.join("plate.stl");
+    write_stl(&stl, &mesh(2, [0.0, 0.0, 60.0, 45.0], |_, _| 2.0));
+    let mut job = JobText::on(&stl).texture(texture);
+    // Keys of the pen, which is the last table.
+    job.more = pen.into();
+    compiled(&job.write(dir, &format!("{name}.toml")), "stepped", dir.join(format!("{name}.job")))
+}
+
+#[test]
+#[ignore = "slow"]
+fn texture_is_seen_at_every_zoom() {
+    let dir = folder();
+    let blobs: Vec<u16> = (0..82 * 112)
+        .map(|i| (f64::from(i % 112), f64::from(i / 112)))
+        .map(|(x, y)| 0.5 + 0.25 * math::sin(x / 5.0) * math::cos(y / 7.0) + 0.25 * math::sin((x + 2.0 * y) / 11.0))
+        .map(|grey| (grey * 65_535.0) as u16)
+        .collect();
+    std::fs::write(dir.path().join("blobs.png"), height_map(112, &blobs)).expect("a writable folder");
+    let leather = fixture("leather.svg").display().to_string();
+    let filled = |area: &str| format!("file = {leather:?}\narea = {area}\ntile = true\nfill = \"hatch\"");
+    let jobs = [
+        plate(dir.path(), "leather", &filled("[\"2 mm\", \"2 mm\", \"58 mm\", \"43 mm\"]"), ""),
+        plate(
+            dir.path(),
+            "fss",
+            "pattern = \"jerusalem\"\npitch = \"3 mm\"\ncell = \"2.4 mm\"\nwidth = \"0.1 mm\"\nbar = \"0.9 mm\"",
+            "",
+        ),
+        plate(dir.path(), "hatch", "pattern = \"hatch\"\npitch = \"0.2 mm\"\ndirection = \"20 deg\"", ""),
+        plate(
+            dir.path(),
+            "halftone",
+            "file = \"blobs.png\"\nsize = [\"22.4 mm\", \"16.4 mm\"]\nscreen = \"halftone\"\npitch = \"0.025 mm\"\n\
+             period = \"0.2 mm\"\narea = [\"2 mm\", \"2 mm\", \"24 mm\", \"18 mm\"]",
+            "dwell = \"100 us\"\n",
+        ),
+    ];
+    node("zooms.mjs", jobs.iter().map(PathBuf::as_path));
+}
+
+#[test]
+#[ignore = "slow"]
+fn a_million_marks_are_seen_as_tone() {
+    let dir = folder();
+    let stl = dir.path().join("panel.stl");
+    write_stl(&stl, &mesh(2, [0.0, 0.0, 240.0, 220.0], |_, _| 2.0));
+    let leather = fixture("leather.svg").display().to_string();
+    let texture = format!(
+        "file = {leather:?}\narea = [\"2 mm\", \"2 mm\", \"238 mm\", \"218 mm\"]\ntile = true\nfill = \"hatch\""
+    );
+    let job = JobText::on(&stl).texture(&texture).write(dir.path(), "panel.toml");
+    let out = compiled(&job, "stepped", dir.path().join("panel.job"));
+    assert!(manifest(&out)["summary"]["fragments"].as_u64().is_some_and(|n| n > 1_000_000));
+    node("zooms.mjs", [out.as_path(), Path::new("--tone")]);
+}
+
+#[test]
+#[ignore = "slow"]
+fn a_page_of_two_jobs_has_one_camera() {
+    let dir = folder();
+    let pitches = ["1 mm", "2 mm"].map(|pitch| format!("pattern = \"hatch\"\npitch = \"{pitch}\""));
+    let jobs = [("before", &pitches[0]), ("after", &pitches[1])].map(|(name, t)| plate(dir.path(), name, t, ""));
+    let page = dir.path().join("both.html");
+    let done = terrace([Path::new("diff"), &jobs[0], &jobs[1], Path::new("-o"), &page]);
+    assert!(done.status.success(), "{}", said(&done));
+    node("both.mjs", [page.as_path()]);
 }
 
 #[test]

@@ -16,8 +16,8 @@ use terrace_core::motion::deposits;
 use terrace_core::parallel;
 use terrace_plan::on_the_fly::program::Marked;
 
-/// Cells along the longer side of the texture; no smaller than the spot.
-const CELLS: f64 = 400.0;
+/// Cells along the longer side of the texture at most, and at least.
+const CELLS: [f64; 2] = [400.0, 25.0];
 /// Colours, half a power of two each, from a quarter of the median up.
 const COLOURS: i64 = 13;
 
@@ -33,26 +33,43 @@ struct Cells {
     side: f64,
     /// Columns and rows.
     count: [usize; 2],
+    /// Of the box, mm.
+    size: [f64; 2],
 }
 
 impl Cells {
-    /// Over a box of that size, its longer side of [`CELLS`] cells that are no smaller than the spot.
-    fn over(lo: [f64; 2], size: [f64; 2], spot: f64) -> Self {
-        let side = (size[0].max(size[1]) / CELLS).max(spot);
-        Self { lo, side, count: size.map(|v| ((v / side).ceil() as usize).max(1)) }
+    /// Over a box of that size, marked on `mark_mm`: no smaller than the spot, and the mean distance of marks wide as long
+    /// as there are enough cells. With [`Cells::add`] a hatch of that distance then gives the same to all cells.
+    fn over(lo: [f64; 2], size: [f64; 2], spot: f64, mark_mm: f64) -> Self {
+        let long = size[0].max(size[1]);
+        let lines = if mark_mm > 0.0 { size[0] * size[1] / mark_mm } else { 0.0 };
+        let side = (long / CELLS[0]).max(spot).max(lines.min(long / CELLS[1]));
+        Self { lo, side, count: size.map(|v| ((v / side).ceil() as usize).max(1)), size }
     }
 
     fn len(&self) -> usize {
         self.count[0] * self.count[1]
     }
 
-    /// Number of the cell that holds a point, mm, or lies next to it; row by row from the lower left.
-    fn holding(&self, p: [f64; 2]) -> usize {
-        let [x, y] = [0, 1].map(|k| {
-            let v = (p[k] - self.lo[k]) / self.side;
-            (v.max(0.0) as usize).min(self.count[k] - 1)
-        });
-        y * self.count[0] + x
+    /// Shares an energy at a point, mm, among the four cells whose centres are around it, by their distance; beyond the
+    /// box it counts for the next cell.
+    fn add(&self, energy: &mut [f64], p: [f64; 2], joule: f64) {
+        let [u, v] = [0, 1].map(|k| (p[k] - self.lo[k]) / self.side - 0.5);
+        let [column, row] = [u.floor(), v.floor()];
+        let cell = |k: usize, at: f64| (at.max(0.0) as usize).min(self.count[k] - 1);
+        for (y, share_y) in [(row, row + 1.0 - v), (row + 1.0, v - row)] {
+            for (x, share_x) in [(column, column + 1.0 - u), (column + 1.0, u - column)] {
+                energy[cell(1, y) * self.count[0] + cell(0, x)] += joule * share_x * share_y;
+            }
+        }
+    }
+
+    /// The area of a cell that lies in the box, of the whole cell: less than 1 at the upper and right border.
+    fn share_in_box(&self, cell: usize) -> f64 {
+        let place = [cell % self.count[0], cell / self.count[0]];
+        let sides = [0, 1].map(|k| (self.size[k] / self.side - place[k] as f64).clamp(0.0, 1.0));
+        // A box without width is one column of cells.
+        sides.into_iter().map(|side| if side > 0.0 { side } else { 1.0 }).product()
     }
 
     /// The centre of a cell, mm.
@@ -89,7 +106,8 @@ impl EnergyMap {
     /// Of the marks of a job.
     pub fn of(job: &Layout<'_>) -> Self {
         let size = job.texture_size().map(|v| v.mm());
-        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm());
+        let mark_mm = job.summary.mark_mm / f64::from(job.summary.passes.max(1));
+        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm(), mark_mm);
         let blocks = job.checked.program().blocks.len();
         let mut energy = vec![0.0; cells.len()];
         let energy_of_list = |k: usize, ()| {
@@ -106,7 +124,7 @@ impl EnergyMap {
     /// Of the moves of an on-the-fly program, whose spot has the speed of each: by area as the lens sees it.
     pub(crate) fn of_moves(job: &OnTheFlyLayout<'_>) -> Self {
         let size = job.texture.size().map(|v| v.mm());
-        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm());
+        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm(), job.summary.mark_mm);
         let mut energy = vec![0.0; cells.len()];
         for marked in job.program.marked(job.machine) {
             add_move(job, &marked, &cells, &mut energy);
@@ -114,7 +132,8 @@ impl EnergyMap {
         Self::new("seen along z", cells, energy)
     }
 
-    fn new(area: &'static str, cells: Cells, energy: Vec<f64>) -> Self {
+    fn new(area: &'static str, cells: Cells, mut energy: Vec<f64>) -> Self {
+        energy.iter_mut().enumerate().for_each(|(cell, e)| *e /= cells.share_in_box(cell));
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
@@ -154,17 +173,17 @@ fn add_block(job: &Layout<'_>, i: usize, cells: &Cells, energy: &mut [f64]) {
     let centre = Turn::drawn(block.stop.centre).mm();
     // J/mm² to J/cm².
     let share = 100.0 * job.figures[i].slope.cos()[0] / (cells.side * cells.side);
-    let cell_at = |[x, y]: [f64; 2]| cells.holding([centre[0] + x, centre[1] + y]);
+    let mut add = |[x, y]: [f64; 2], joule: f64| cells.add(energy, [centre[0] + x, centre[1] + y], share * joule);
     for stroke in program.strokes_of(block) {
         let pen = &program.pens[stroke.pen.index()];
         let points = program.points_of(stroke);
         let beam = pen.beam(job.machine);
         let passes = f64::from(pen.passes);
         // A quarter of a cell: steps are finer than what is shown.
-        deposits(points, beam, cells.side / 4.0, |p, joule| energy[cell_at(p)] += share * (passes * joule));
+        deposits(points, beam, cells.side / 4.0, |p, joule| add(p, passes * joule));
         if let ([dot], Some(dwell)) = (points, pen.dwell) {
             let p = [dot.x, dot.y].map(|v| f64::from(v) / NM_PER_MM);
-            energy[cell_at(p)] += share * (passes * beam.power * dwell.as_s());
+            add(p, passes * beam.power * dwell.as_s());
         }
     }
 }
@@ -182,14 +201,23 @@ fn add_move(job: &OnTheFlyLayout<'_>, marked: &Marked, cells: &Cells, energy: &m
         let share = (f64::from(k) + 0.5) / steps;
         let p = [0, 1].map(|k| from[k] + share * (to[k] - from[k]));
         // J/mm² to J/cm².
-        energy[cells.holding(p)] += 100.0 * joule / (steps * cells.side * cells.side);
+        cells.add(energy, p, 100.0 * joule / (steps * cells.side * cells.side));
     }
+}
+
+/// The largest of 1, 2, 5, 10 ... that is not above a length.
+fn round_below(length: f64) -> f64 {
+    let power = 10f64.powi(math::log10(length).floor() as i32);
+    [5.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|v| *v <= length).unwrap_or(power)
 }
 
 /// The text of the file, of the job of a name.
 pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     const WIDTH: f64 = 900.0;
-    const KEY: f64 = 60.0;
+    /// Above the map, below it, and at its sides.
+    const HEAD: f64 = 34.0;
+    const KEY: f64 = 104.0;
+    const SIDE: f64 = 10.0;
     let colours: Vec<_> = (0..COLOURS).map(|k| of_height(k, [0, COLOURS - 1])).collect();
     let palette: Vec<[u8; 4]> =
         std::iter::once([255, 255, 255, 0]).chain(colours.iter().map(|[r, g, b]| [*r, *g, *b, 255])).collect();
@@ -197,22 +225,34 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     let pixels: Vec<u8> =
         (0..rows).rev().flat_map(|y| map.energy[y * columns..][..columns].iter().map(|e| map.colour(*e))).collect();
     let height = (WIDTH * rows as f64 / columns as f64).ceil();
+    let bottom = HEAD + height;
     let address = image::of_indices(map.cells.count, &palette, &pixels);
     let [x, y] = map.cells.lo;
+    let px_per_mm = WIDTH / (columns as f64 * map.cells.side);
+    let scale = round_below(0.25 * WIDTH / px_per_mm);
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" \
-         viewBox=\"0 0 {WIDTH} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
-         <title>{}: energy by area</title>\n<rect width=\"{WIDTH}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
-         <image width=\"{WIDTH}\" height=\"{height}\" preserveAspectRatio=\"none\" \
-         style=\"image-rendering:pixelated\" href=\"{address}\"/>\n",
-        escape(job),
-        total = height + KEY,
+         viewBox=\"-{SIDE} 0 {wide} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
+         <title>{name}: energy by area</title>\n<rect x=\"-{SIDE}\" width=\"{wide}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
+         <text y=\"23\" font-size=\"18\">{name}: energy by area</text>\n\
+         <image y=\"{HEAD}\" width=\"{WIDTH}\" height=\"{height}\" preserveAspectRatio=\"none\" \
+         style=\"image-rendering:pixelated\" href=\"{address}\"/>\n\
+         <rect y=\"{HEAD}\" width=\"{WIDTH}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>\n\
+         <path d=\"M0.5 {}v8m0-4h{bar}m0-4v8\" fill=\"none\" stroke=\"#000\"/><text x=\"{}\" y=\"{}\">{scale} mm</text>\n",
+        bottom + 6.0,
+        plain(scale * px_per_mm + 8.0, 2),
+        bottom + 15.0,
+        name = escape(job),
+        bar = plain(scale * px_per_mm, 2),
+        wide = WIDTH + 2.0 * SIDE,
+        total = bottom + KEY,
     );
+    let ramp = bottom + 24.0;
     let step = WIDTH / COLOURS as f64;
     for (k, colour) in colours.iter().enumerate() {
         let _ = writeln!(
             out,
-            "<rect x=\"{}\" y=\"{height}\" width=\"{}\" height=\"16\" fill=\"{}\"/>",
+            "<rect x=\"{}\" y=\"{ramp}\" width=\"{}\" height=\"16\" fill=\"{}\"/>",
             plain(k as f64 * step, 2),
             plain(step, 2),
             hex(*colour)
@@ -220,16 +260,17 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
         if k % 2 == 0 {
             let times = plain(2f64.powi(k as i32 / 2 - 2), 2);
             let _ =
-                writeln!(out, "<text x=\"{}\" y=\"{}\">{times}</text>", plain(k as f64 * step + 4.0, 2), height + 30.0);
+                writeln!(out, "<text x=\"{}\" y=\"{}\">{times}</text>", plain(k as f64 * step + 4.0, 2), ramp + 30.0);
         }
     }
     let _ = write!(
         out,
-        "<text x=\"4\" y=\"{}\">Energy by area as a multiple of the median, {} J/cm2 {}; cells of {} mm, the \
-         lower left at ({}, {}) mm</text>\n</svg>\n",
-        height + 50.0,
+        "<text y=\"{}\">Energy by area as a multiple of the median, {} J/cm2 {}</text>\n\
+         <text y=\"{}\">cells of {} mm, the lower left at ({}, {}) mm</text>\n</svg>\n",
+        ramp + 50.0,
         plain(map.median, 3),
         map.area,
+        ramp + 68.0,
         plain(map.cells.side, 3),
         plain(x, 3),
         plain(y, 3),
@@ -242,11 +283,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_beyond_the_cells_count_for_the_next_one() {
-        let cells = Cells::over([10.0, 20.0], [800.0, 100.0], 0.1);
-        assert_eq!((cells.side, cells.count), (2.0, [400, 50]));
-        assert_eq!(cells.holding([13.0, 22.5]), 401);
-        assert_eq!(cells.centre(401), [13.0, 23.0]);
-        assert_eq!(cells.holding([-5.0, 1e9]), 49 * 400);
+    fn a_cell_holds_several_lines_as_long_as_there_are_enough_cells() {
+        let side = |mark_mm| Cells::over([0.0; 2], [100.0, 50.0], 0.04, mark_mm).side;
+        assert_eq!(side(100_000.0), 0.25);
+        // A hatch of 0.5 mm.
+        assert_eq!(side(10_000.0), 0.5);
+        assert_eq!((side(100.0), side(0.0)), (4.0, 0.25));
+    }
+
+    #[test]
+    fn a_hatch_gives_the_same_to_all_cells_and_points_beyond_them_count_for_the_next() {
+        let cells = Cells::over([10.0, 20.0], [100.0, 50.0], 0.1, 2_000.0);
+        assert_eq!((cells.side, cells.count), (2.5, [40, 20]));
+        let mut energy = vec![0.0; cells.len()];
+        for k in 0..20 {
+            for x in 0..400 {
+                cells.add(&mut energy, [10.125 + 0.25 * f64::from(x), 20.3 + 2.5 * f64::from(k)], 1.0);
+            }
+        }
+        assert!((energy.iter().sum::<f64>() - 8_000.0).abs() < 1e-6);
+        let inner = (1..19).flat_map(|row| (1..39).map(move |column| row * 40 + column));
+        assert!(inner.clone().all(|cell| (energy[cell] - 10.0).abs() < 1e-6), "{:?}", energy[41]);
+        let mut far = vec![0.0; cells.len()];
+        cells.add(&mut far, [-5.0, 1e9], 1.0);
+        assert_eq!((far[19 * 40], far.iter().sum::<f64>()), (1.0, 1.0));
+        assert_eq!(cells.centre(41), [13.75, 23.75]);
+        let partial = Cells::over([0.0; 2], [10.0, 5.2], 1.0, 1e9);
+        assert_eq!((partial.share_in_box(0), partial.count), (1.0, [10, 6]));
+        assert!((partial.share_in_box(50) - 0.2).abs() < 1e-9);
     }
 }

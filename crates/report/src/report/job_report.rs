@@ -68,23 +68,36 @@ td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:stati
 fn verdict(h: &mut String, job: &Layout<'_>) {
     let s = job.summary;
     let mut lines = vec![NOT_VERIFIED.to_owned(), warnings_line(s.warnings.len())];
-    let share = |mm: f64| shown_share(100.0 * mm / s.texture_mm);
-    let reasons =
+    let share = |part: f64, whole: f64| shown_share(100.0 * part / whole);
+    let lengths =
         [("off the part", s.skipped_off_part_mm), ("too steep", s.skipped_steep_mm), ("too small", s.skipped_small_mm)];
-    let parts: Vec<String> = reasons
+    let lengths = lengths
         .into_iter()
         .filter(|(_, mm)| *mm > 0.0)
-        .map(|(why, mm)| format!("{why} {} ({})", length_text(mm), share(mm)))
-        .collect();
+        .map(|(why, mm)| format!("{why} {} ({})", length_text(mm), share(mm, s.texture_mm)));
+    let dots = [("off the part", s.dots.off_part), ("too steep", s.dots.steep)];
+    let dots = dots
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(why, count)| format!("{why} {count} dots ({})", share(count as f64, s.dots.texture as f64)));
+    let parts: Vec<String> = lengths.chain(dots).collect();
+    let texture = texture_text(s);
     lines.push(if parts.is_empty() {
-        format!("All of the texture is marked: {}.", length_text(s.texture_mm))
+        format!("All of the texture is marked: {texture}.")
     } else {
-        format!("Not marked of {}: {}.", length_text(s.texture_mm), parts.join(", "))
+        format!("Not marked of {texture}: {}.", parts.join(", "))
     });
     let least = if s.loading.is_least() { "at least " } else { "" };
     let total = duration(s.loading.total_s);
     lines.push(format!("A person attends {least}{total}: {}.", s.loading.sentence(s.blocks)));
     verdict_block(h, &lines);
+}
+
+/// How much texture there is: length of lines, number of dots.
+fn texture_text(s: &terrace_plan::manifest::Summary) -> String {
+    let dots = (s.dots.texture > 0).then(|| format!("{} dots", s.dots.texture));
+    let length = (s.texture_mm > 0.0 || dots.is_none()).then(|| length_text(s.texture_mm));
+    length.into_iter().chain(dots).collect::<Vec<_>>().join(" and ")
 }
 
 /// The report of a whole job as that of a rest of it, in which `left` is left: that is said first. Nothing is proved

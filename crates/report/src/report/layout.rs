@@ -142,6 +142,10 @@ fn draw(drawing: &Drawing<'_>, detail: Detail) -> String {
     let mut style = Element::new("style");
     style.append(svg::node::Text::new(style_text(sheet.unit, height / width)));
     root.append(style);
+    // What `layout.svg#part` shows: the part without what is written about it.
+    let [left, top, right, bottom] = sheet.view;
+    let shown = format!("{} {} {} {}", num(left), num(top), num(right - left), num(bottom - top));
+    root.append(el("view", &[("id", "part"), ("viewBox", &shown)]));
     root.append(rectangle([x0, y0, x1, y1], &[("id", "paper"), ("fill", "#fff")]));
     layers.into_iter().for_each(|l| root.append(l));
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{root}\n")

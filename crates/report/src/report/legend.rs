@@ -422,10 +422,13 @@ fn colours(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
         return;
     }
     c.title(if pens.len() == 1 { "pen" } else { "pens" }, "");
+    let only_dots = job.stepped().is_some_and(|layout| layout.summary.mark_mm == 0.0 && layout.summary.dots.marked > 0);
     for (k, pen) in pens.iter().take(MOST_ROWS).enumerate() {
         let Some(pen) = job.pens.get(pen.index()) else { continue };
         let colour = hex(marks::colour(k));
-        let words = format!("{}: {} mm/s, {}", pen.name, num(pen.speed.as_mm_s()), pen.power);
+        let dwell = pen.dwell.map(|dwell| format!("{} us a dot, ", num(dwell.as_us()))).unwrap_or_default();
+        let speed = if only_dots { String::new() } else { format!("{} mm/s, ", num(pen.speed.as_mm_s())) };
+        let words = format!("{}: {speed}{dwell}{}", pen.name, pen.power);
         c.row(|u, y| vec![line(u, y, &colour, 0.35, "")], &words);
     }
     if pens.len() > MOST_ROWS {

@@ -4,13 +4,15 @@
 //! nothing, runs no script, and reads on a wide screen, on paper and on a phone, where wide tables and charts
 //! are moved sideways within their place.
 
+use std::path::Path;
+
 use super::clean;
 use super::plot::Plot;
 use crate::report::table::Table;
 use terrace_core::diag::Message;
 
 /// The look of every page.
-const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color:#1a1a1a}\
+const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:110em;padding:0 1em;color:#1a1a1a}\
 h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.15em;margin:1.8em 0 .5em}\
 table{border-collapse:collapse}th,td{padding:.15em .7em;text-align:right;border-bottom:1px solid #ddd;white-space:nowrap}\
 th{background:#f3f3f3;font-weight:600}td:first-child,th:first-child,.l{text-align:left}.l{white-space:normal}\
@@ -48,6 +50,28 @@ pub enum Item<'a> {
     Plot(&'a Plot),
     /// What is shown where its title is opened; on paper it is.
     Fold(&'a str, &'a [Item<'a>]),
+}
+
+/// A path with `/` as the address of a link: relative as it is, whole where it lies on another drive of Windows or on a
+/// server (RFC 8089, appendix E).
+pub fn address(path: &str) -> String {
+    match Path::new(path).is_absolute() {
+        false => escaped(path),
+        true if path.starts_with("//") => format!("file:{}", escaped(path)),
+        true => format!("file:///{}", escaped(path).replacen("%3A", ":", 1)),
+    }
+}
+
+/// Every byte escaped that an address may not have as it is (RFC 3986).
+fn escaped(path: &str) -> String {
+    let mut out = String::with_capacity(path.len());
+    for byte in path.bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => out.push(char::from(byte)),
+            _ => out += &format!("%{byte:02X}"),
+        }
+    }
+    out
 }
 
 /// The text of an HTML file.

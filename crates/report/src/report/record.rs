@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::page::escape;
 use super::plain;
+use super::sheet::num;
 use super::table::share as shown_share;
 use crate::scene::{Histogram, Scene, Unmarked};
 use terrace_core::geom::Nm;
@@ -124,7 +125,7 @@ pub(super) fn pens(h: &mut String, pens: &[Pen], machine: &Machine) {
              <td>{}</td></tr>",
             escape(&pen.power.to_string()),
             pen.passes,
-            pen.dwell.map_or_else(String::new, |dwell| format!("{} us", dwell.as_us()))
+            pen.dwell.map_or_else(String::new, |dwell| format!("{} us", num(dwell.as_us())))
         );
     }
     h.push_str("</table></div>\n");

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::report::sheet::num;
 use crate::report::table::csv_cell;
 use terrace_core::diag;
 use terrace_core::format::Format;
@@ -259,7 +260,7 @@ pub(super) fn pens(out: &mut String, pens: &[Pen], machine: &Machine, note: &str
     }
     for (i, pen) in pens.iter().enumerate() {
         if let Some(dwell) = pen.dwell {
-            writeln!(out, "  dots of pen {}: dwell {} us", i + 1, dwell.as_us())?;
+            writeln!(out, "  dots of pen {}: dwell {} us", i + 1, num(dwell.as_us()))?;
         }
     }
     Ok(())

@@ -31,6 +31,7 @@ impl Columns {
             out.put(name, scene.groups.iter().map(|g| json!(g.clock_s[k])));
         }
         out.put("strokes", scene.groups.iter().map(|g| json!(g.marks.len())));
+        out.put("name_at", scene.groups.iter().map(|g| json!(nearest_to_the_middle(g))));
         out
     }
 
@@ -126,6 +127,15 @@ fn files(plan: &SteppedPlan, index: usize) -> Value {
         _ => None,
     });
     Value::Object(of_block.collect())
+}
+
+/// The point of a group's marks that is nearest to the middle of all, part frame, mm: where its name stands.
+fn nearest_to_the_middle(group: &crate::scene::Group) -> Option<[f64; 3]> {
+    let count = group.points.len().max(1) as f64;
+    let middle = [0, 1, 2].map(|k| group.points.iter().map(|p| f64::from(p.at[k])).sum::<f64>() / count);
+    let away = |at: [i32; 3]| (0..3).map(|k| (f64::from(at[k]) - middle[k]).powi(2)).sum::<f64>();
+    let nearest = group.points.iter().min_by(|p, q| away(p.at).total_cmp(&away(q.at)))?;
+    Some(group.frame.part_from_group(nearest.at))
 }
 
 /// Lowest and highest point of a group, part frame, mm.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::marks::ChunkHead;
+use super::tone::Tones;
 use crate::scene::{Histogram, Scene, UnmarkedRow};
 use terrace_core::diag::Message;
 use terrace_core::geom::NM_PER_MM;
@@ -32,9 +33,13 @@ pub(super) struct Head<'a> {
     pub travel: Vec<[[f64; 3]; 2]>,
     pub pens: Vec<PenHead<'a>>,
     pub scanner: ScannerHead,
-    pub passes: u32,
+    pub passes: usize,
     pub setups: usize,
     pub maps: Vec<MapHead>,
+    pub tones: Tones,
+    pub spot_mm: f64,
+    /// How far marks may lie from their focal plane.
+    pub half_depth_mm: f64,
     pub blocks: ListHead,
     pub chunks: Vec<ChunkHead>,
     pub incidence_deg_per_step: f64,
@@ -200,6 +205,8 @@ pub(super) struct Histograms {
 struct HistogramHead {
     edges: Vec<f64>,
     length_mm: Vec<f64>,
+    /// Whether the bars count dots, of a job without lines.
+    of_dots: bool,
 }
 
 /// How lines were made simpler.
@@ -266,7 +273,8 @@ pub(super) fn skipped(scene: &Scene) -> Vec<SkippedHead> {
 
 pub(super) fn histograms(scene: &Scene, pens: &[Pen]) -> Histograms {
     let passes: Vec<u32> = pens.iter().map(|pen| pen.passes).collect();
-    let head = |h: Histogram| HistogramHead { edges: h.edges(), length_mm: h.bins };
+    let of_dots = scene.groups.iter().flat_map(|g| &g.marks).all(|mark| mark.len == 1);
+    let head = |h: Histogram| HistogramHead { edges: h.edges(), length_mm: h.bins, of_dots };
     Histograms {
         defocus_um: head(Histogram::of_defocus(scene, &passes)),
         incidence_deg: head(Histogram::of_incidence(scene, &passes)),

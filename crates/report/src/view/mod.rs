@@ -3,10 +3,10 @@
 //! Consumes a plan and its [`Scene`]; promises one file that loads nothing from elsewhere, and equal bytes for equal
 //! input. The page is in `page/`: it draws with WebGL 2 what is packed here. What it is given: a head as JSON, the part
 //! in fewer triangles (the distance that this costs is measured and stated), the map of the blocks, the marks in
-//! chunks, the texture that is not marked and, on the fly, how the head moves. Marks are exact to
+//! chunks and as a map of their density, the texture that is not marked and, on the fly, how the head moves. Marks are exact to
 //! [`Scene::thinned`] and to the step of a chunk's coordinates, which is the 32,767th part of the field's half.
 //!
-//! Size: some 8 bytes a mark, and 0.7 MB for part, map and page.
+//! Size: some 8 bytes a mark, and 1 MB for part, maps and page.
 
 mod blocks;
 mod head;
@@ -14,6 +14,9 @@ mod marks;
 mod pack;
 #[cfg(test)]
 mod tests;
+mod tone;
+
+use std::ops::Range;
 
 use crate::report::page::escape;
 use crate::scene::{Motion, MotionSample, Scene};
@@ -34,7 +37,8 @@ use terrace_plan::plan::{OnTheFlyPlan, SteppedPlan};
 /// The page, its style and its scripts in the order in which they are read.
 const PAGE: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
-const SCRIPTS: [&str; 13] = [
+const SIDE_BY_SIDE: &str = include_str!("page/side_by_side.html");
+const SCRIPTS: [&str; 14] = [
     include_str!("page/data.js"),
     include_str!("page/colour.js"),
     include_str!("page/camera.js"),
@@ -45,6 +49,7 @@ const SCRIPTS: [&str; 13] = [
     include_str!("page/timeline.js"),
     include_str!("page/histogram.js"),
     include_str!("page/overlay.js"),
+    include_str!("page/section.js"),
     include_str!("page/panel.js"),
     include_str!("page/controls.js"),
     include_str!("page/main.js"),
@@ -78,8 +83,9 @@ pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
         origins: plan.checked.origins(),
         time_s: s.time_s.total,
         mark_mm: s.mark_mm,
-        passes: s.passes,
+        passes: plan.passes.iter().map(|pass| pass.blocks.clone()).collect(),
         maps,
+        half_depth_mm: plan.job.focus.half_depth_mm(),
         heights: range(lpfls()),
         dose: range(dose()),
         warnings: &s.warnings,
@@ -103,8 +109,9 @@ pub fn of_on_the_fly(plan: &OnTheFlyPlan, scene: &Scene, job: &str) -> String {
         origins: &[program.origin],
         time_s: s.time_s,
         mark_mm: s.mark_mm,
-        passes: 1,
+        passes: std::iter::once(0..scene.groups.len()).collect(),
         maps: Vec::new(),
+        half_depth_mm: plan.job.focus.half_depth_mm(),
         heights: range(z),
         dose: [1.0; 2],
         warnings: &s.warnings,
@@ -112,6 +119,14 @@ pub fn of_on_the_fly(plan: &OnTheFlyPlan, scene: &Scene, job: &str) -> String {
         blocks: Columns::on_the_fly(scene).text(),
     };
     subject.page(scene)
+}
+
+/// A page that shows the views of two jobs beside each other, with one camera; `views` are their addresses.
+pub fn side_by_side(names: &[String; 2], views: &[String; 2]) -> String {
+    let values = [&names[0], &names[1], &views[0], &views[1]].map(|text| escape(text));
+    let keys = ["{{before}}", "{{after}}", "{{view-before}}", "{{view-after}}"];
+    let pairs: Vec<(&str, &str)> = keys.into_iter().zip(values.iter().map(String::as_str)).collect();
+    filled(SIDE_BY_SIDE, &pairs)
 }
 
 /// Least and greatest value; zeros of none.
@@ -163,8 +178,10 @@ struct Subject<'a> {
     origins: &'a [Origin],
     time_s: f64,
     mark_mm: f64,
-    passes: u32,
+    /// The groups of each pass.
+    passes: Vec<Range<usize>>,
     maps: Vec<PassMap<'a>>,
+    half_depth_mm: f64,
     heights: [f64; 2],
     dose: [f64; 2],
     warnings: &'a [terrace_core::diag::Message],
@@ -189,8 +206,14 @@ impl Subject<'_> {
         let defocus_step = (most / f64::from(i16::MAX)).max(1e-3);
         let fly_step = (self.mode == Mode::OnTheFly).then_some(defocus_step);
         let ranges_of_groups = marks::chunks(scene);
-        let (part, packed) = parallel::both(
-            || self.surface.decimated(TRIANGLES),
+        let spot_mm = self.machine.lens.spot.as_mm();
+        let ((part, (tones, tone_elements)), packed) = parallel::both(
+            || {
+                parallel::both(
+                    || self.surface.decimated(TRIANGLES),
+                    || tone::tones(scene, &self.passes, self.pens.len(), spot_mm),
+                )
+            },
             || parallel::map(ranges_of_groups.len(), |i| marks::chunk(scene, i, ranges_of_groups[i].clone(), fly_step)),
         );
         let (chunks, elements): (Vec<_>, Vec<_>) = packed.into_iter().unzip();
@@ -203,6 +226,7 @@ impl Subject<'_> {
         scene.unmarked.lines.iter().flat_map(|l| &l.points).for_each(|&p| bounds.add(p));
         let mut data = vec![Data::text(&self.blocks).element("blocks"), mesh(&part, &part_box)];
         data.extend(elements);
+        data.extend(tone_elements);
         let (maps, more): (Vec<_>, Vec<_>) =
             parallel::map(self.maps.len(), |k| map(k, &self.maps[k])).into_iter().unzip();
         data.extend(more);
@@ -232,9 +256,12 @@ impl Subject<'_> {
             travel: self.origins.iter().map(|&origin| head::travel(self.machine, origin)).collect(),
             pens: head::pens(self.pens),
             scanner: head::scanner(self.machine),
-            passes: self.passes,
+            passes: self.passes.len(),
             setups: self.origins.len(),
             maps,
+            tones,
+            spot_mm,
+            half_depth_mm: self.half_depth_mm,
             blocks: ListHead { name: "blocks", count: scene.groups.len() },
             chunks,
             incidence_deg_per_step: marks::INCIDENCE_STEP,
@@ -257,13 +284,16 @@ impl Subject<'_> {
         };
         // Nothing in it can end the element that holds it.
         let head = serde_json::to_string(&head).expect("plain JSON").replace('<', "\\u003c");
-        filled(&[
-            ("{{title}}", &escape(&format!("{}: view", self.job))),
-            ("{{css}}", CSS),
-            ("{{head}}", &head),
-            ("{{data}}", &data.concat()),
-            ("{{js}}", &format!("(() => {{\n\"use strict\";\n{}}})();\n", SCRIPTS.concat())),
-        ])
+        filled(
+            PAGE,
+            &[
+                ("{{title}}", &escape(&format!("{}: view", self.job))),
+                ("{{css}}", CSS),
+                ("{{head}}", &head),
+                ("{{data}}", &data.concat()),
+                ("{{js}}", &format!("(() => {{\n\"use strict\";\n{}}})();\n", SCRIPTS.concat())),
+            ],
+        )
     }
 
     /// Arrays one after another: time, centre of the field, direction to the lens, spot; then whether the laser is on.
@@ -282,10 +312,10 @@ impl Subject<'_> {
     }
 }
 
-/// The page with its places filled; what is put in is not looked at again.
-fn filled(values: &[(&str, &str)]) -> String {
-    let mut out = String::with_capacity(PAGE.len() + values.iter().map(|(_, v)| v.len()).sum::<usize>());
-    let mut rest = PAGE;
+/// A page with its places filled; what is put in is not looked at again.
+fn filled(page: &str, values: &[(&str, &str)]) -> String {
+    let mut out = String::with_capacity(page.len() + values.iter().map(|(_, v)| v.len()).sum::<usize>());
+    let mut rest = page;
     while let Some((at, &(key, value))) =
         values.iter().filter_map(|kv| Some((rest.find(kv.0)?, kv))).min_by_key(|(at, _)| *at)
     {

@@ -7,8 +7,8 @@ fn the_page_has_every_place_once_and_what_is_put_in_is_not_looked_at_again() {
     for key in ["{{title}}", "{{css}}", "{{head}}", "{{data}}", "{{js}}"] {
         assert_eq!(PAGE.matches(key).count(), 1, "{key}");
     }
-    let text =
-        filled(&[("{{title}}", "{{js}} of it"), ("{{css}}", ""), ("{{head}}", ""), ("{{data}}", ""), ("{{js}}", "J")]);
+    let values = [("{{title}}", "{{js}} of it"), ("{{css}}", ""), ("{{head}}", ""), ("{{data}}", ""), ("{{js}}", "J")];
+    let text = filled(PAGE, &values);
     assert!(text.contains("{{js}} of it"), "{text}");
     assert_eq!(text.matches("{{").count(), 1 + text.matches("{{js}} of it").count() - 1);
 }
@@ -35,4 +35,14 @@ fn scripts_are_those_whose_types_are_checked_in_their_order() {
         std::fs::read_to_string(path).expect("a script")
     };
     assert_eq!(named.iter().map(text).collect::<Vec<_>>(), SCRIPTS);
+}
+
+#[test]
+fn a_page_of_two_views_has_names_and_addresses_of_both_and_loads_nothing_else() {
+    let names = ["before <1>.job", "after.job"].map(str::to_owned);
+    let views = ["before%20%3C1%3E.job/view.html", "../after.job/view.html"].map(str::to_owned);
+    let text = side_by_side(&names, &views);
+    assert!(text.contains("before &lt;1&gt;.job") && !text.contains("<1>") && !text.contains("{{"), "{text}");
+    let loaded: Vec<&str> = text.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert_eq!(loaded, views);
 }

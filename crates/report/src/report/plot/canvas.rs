@@ -191,8 +191,6 @@ impl Canvas {
             "svg",
             &[
                 ("xmlns", "http://www.w3.org/2000/svg"),
-                ("width", &wide),
-                ("height", &high),
                 ("viewBox", &format!("0 0 {wide} {high}")),
                 ("role", "img"),
                 ("font-family", FONTS),

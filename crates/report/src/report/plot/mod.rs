@@ -1,7 +1,7 @@
 //! Charts: lines over an axis, stacked bars, paths in the plane.
 //!
-//! Consumes numbers with their names and units, whatever they measure; promises an SVG of a fixed width of [`WIDTH`]
-//! units whose text overlaps no other text and is nowhere cut, equal byte for byte for equal input. The legend is above
+//! Consumes numbers with their names and units, whatever they measure; promises an SVG of [`WIDTH`] units, which fills
+//! the window that it is opened in, whose text overlaps no other text and is nowhere cut, equal byte for byte for equal input. The legend is above
 //! the plot, names of limits next to it. Colours differ in grey too; from the ninth series on only dashes tell series
 //! of one colour apart.
 //!
@@ -21,7 +21,7 @@ mod words;
 
 use super::colour::hex;
 
-/// Width of every chart, in units of the drawing: pixels where it is shown in its own size.
+/// Width of every chart, in units of the drawing.
 pub const WIDTH: f64 = 960.0;
 
 /// A chart that is drawn.

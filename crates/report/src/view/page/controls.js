@@ -37,6 +37,11 @@ function connect(app) {
     move(() => camera.zoom(1.5)),
   );
   button("to-block").addEventListener("click", () => app.showPresent());
+  button("measure").addEventListener("click", () => app.measure.set(!app.measure.isOn));
+  button("measure-end").addEventListener("click", () => app.measure.set(false));
+  window.addEventListener("message", (e) => {
+    if (e.source === window.parent && e.data?.terraceLook) app.follows(e.data.terraceLook);
+  });
   button("play").addEventListener("click", () => app.play(!app.playing));
   button("previous").addEventListener("click", () => step(app, -1));
   button("next").addEventListener("click", () => step(app, 1));
@@ -81,6 +86,7 @@ function connect(app) {
   button("help").addEventListener("click", () => element("keys", HTMLDialogElement).showModal());
   new ResizeObserver(() => {
     app.readStyle();
+    if (app.measure.isOn) app.measure.show();
     app.changed();
   }).observe(place("view"));
   app.scene.canvas.addEventListener("webglcontextlost", (e) => {
@@ -132,6 +138,8 @@ function onKey(app, e) {
     w: () => camera.whole(),
     t: () => camera.fromAbove(),
     b: () => app.showPresent(),
+    m: () => app.measure.set(!app.measure.isOn),
+    Escape: () => app.measure.set(false),
     "?": () => element("keys", HTMLDialogElement).showModal(),
     "/": () => input("block-id").select(),
   };
@@ -183,6 +191,7 @@ function connectPointers(app) {
   });
   canvas.addEventListener("pointerup", (e) => {
     if (down.delete(e.pointerId) && travelled < 4 && e.button === 0) {
+      if (app.measure.isOn) return app.measure.click(e.offsetX, e.offsetY);
       const block = app.pick(e.offsetX, e.offsetY);
       if (block >= 0) app.goToBlock(block);
     }
@@ -247,6 +256,9 @@ class Api {
       pen: app.pen,
       soFar: app.soFar,
       drawsMarks: app.scene.drawsMarks,
+      drawsTone: app.scene.drawsTone,
+      said: app.scene.said(),
+      measured: app.measure.ends,
       chunks: app.scene.chunks.filter(Boolean).length,
       budget: app.scene.budget,
       frames: [...app.frames],

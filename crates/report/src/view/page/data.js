@@ -13,11 +13,20 @@
  *   dwell_us: number|null}} Pen */
 /** @typedef {{name: string, pass: number, origin: [number, number], cell: number, columns: number,
  *   rows: number}} MapHead */
+/**
+ * How dense marks lie: one byte a cell and, with `has_pens`, the pen of most of the length of each.
+ * @typedef {{name: string, pass: number, origin: [number, number], cell: number, columns: number, rows: number,
+ *   has_pens: boolean}} ToneHead
+ */
+/**
+ * Densities in mm/mm²: that of a byte of 255, and that of dense marks over squares of 1, 2, 4 ... cells a side.
+ * @typedef {{maps: ToneHead[], most_per_mm: number, dense_per_mm: number[]}} Tones
+ */
 /** @typedef {{name: string, first: number, last: number, marks: number, points: number, box: Box, xy_mm: number,
  *   z_mm: number}} ChunkHead */
 /** @typedef {{reason: string, text?: string, texture: number, length_mm: number, share_percent: number, dots: number,
  *   box: [number, number, number, number]}} Skipped */
-/** @typedef {{edges: number[], length_mm: number[]}} Histogram */
+/** @typedef {{edges: number[], length_mm: number[], of_dots: boolean}} Histogram */
 /**
  * @typedef {object} Head
  * @property {number} schema
@@ -38,6 +47,9 @@
  * @property {number} passes
  * @property {number} setups
  * @property {MapHead[]} maps
+ * @property {Tones} tones
+ * @property {number} spot_mm
+ * @property {number} half_depth_mm how far marks may lie from their focal plane
  * @property {{name: string, count: number}} blocks
  * @property {ChunkHead[]} chunks
  * @property {number} incidence_deg_per_step
@@ -69,6 +81,7 @@
  * @property {(number[]|null)[]|null} turn
  * @property {(number[]|null)[]|null} frame
  * @property {Vec3[]} origin
+ * @property {(Vec3|null)[]} name_at where its name stands: on a mark
  * @property {(Vec3|null)[]|null} stage
  * @property {(number|null)[]|null} lift
  * @property {(number|null)[]|null} shift
@@ -91,7 +104,7 @@
  * then `LAST_OF_MARK` and `IS_DOT`). At least one point more than there are, so that each has a next; whole rows of the
  * texture that they become.
  * @typedef {{head: ChunkHead, words: Uint32Array<ArrayBuffer>, shorts: Int16Array<ArrayBuffer>, points: number,
- *   pointOfBlock: Uint32Array<ArrayBuffer>}} Chunk
+ *   pointOfBlock: Uint32Array<ArrayBuffer>, hasDots: boolean}} Chunk
  */
 /** @typedef {{positions: Uint16Array<ArrayBuffer>, normals: Int8Array<ArrayBuffer>,
  *   corners: Uint32Array<ArrayBuffer>}} Mesh */
@@ -241,6 +254,13 @@ async function readMap(map) {
   return new Reader(await inflate(map.name)).u32s(map.columns * map.rows);
 }
 
+/** Densities of a map, of 255, and the pens of its cells. @param {ToneHead} tone */
+async function readTone(tone) {
+  const reader = new Reader(await inflate(tone.name));
+  const cells = tone.columns * tone.rows;
+  return { density: reader.take(cells), pens: tone.has_pens ? reader.take(cells) : null };
+}
+
 /**
  * @param {Head} head @param {Blocks} blocks @param {ChunkHead} chunk
  * @returns {Promise<Chunk>}
@@ -260,6 +280,7 @@ async function readChunk(head, blocks, chunk) {
   const shorts = new Int16Array(words.buffer);
   const bytes = new Uint8Array(words.buffer);
   const pointOfBlock = new Uint32Array(chunk.last - chunk.first + 1).fill(points);
+  const hasDots = lengthOf.includes(1);
   let at = 0;
   for (let m = 0, block = 0; m < marks; m++) {
     for (; block <= blockOf[m]; block++) pointOfBlock[block] = at;
@@ -285,10 +306,10 @@ async function readChunk(head, blocks, chunk) {
   if (clock_us) {
     for (let i = 0; i < points; i++) setClock(i, clock_us[i] / 1e6);
   } else {
-    const out = { head: chunk, words, shorts, points, pointOfBlock };
+    const out = { head: chunk, words, shorts, points, pointOfBlock, hasDots };
     for (let b = 0; b + chunk.first < chunk.last; b++) setBlockClock(head, blocks, out, b, setClock);
   }
-  return { head: chunk, words, shorts, points, pointOfBlock };
+  return { head: chunk, words, shorts, points, pointOfBlock, hasDots };
 }
 
 /**

@@ -102,6 +102,28 @@ class Values {
   }
 }
 
+/** A texture of bytes of which a place has the mean over the pixel that shows it. */
+class Means {
+  /** @param {WebGL2RenderingContext} gl @param {number} width @param {number} height @param {Uint8Array} bytes */
+  constructor(gl, width, height, bytes) {
+    this.gl = gl;
+    this.texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, bytes);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+  }
+
+  /** @param {number} unit */
+  bind(unit) {
+    this.gl.activeTexture(this.gl.TEXTURE0 + unit);
+    this.gl.bindTexture(this.gl.TEXTURE_2D, this.texture);
+  }
+}
+
 /** @param {WebGL2RenderingContext} gl @param {number} target @param {ArrayBufferView<ArrayBuffer>} values */
 function bufferOf(gl, target, values) {
   const buffer = gl.createBuffer();

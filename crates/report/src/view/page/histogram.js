@@ -43,7 +43,7 @@ class HistogramView {
     const bar = this.row.appendChild(document.createElement("button"));
     bar.type = "button";
     const { edges } = this.histogram;
-    const label = `${shortNumber(edges[i])} to ${shortNumber(edges[i + 1])} ${this.unit}: ${lengthText(length)}`;
+    const label = `${shortNumber(edges[i])} to ${shortNumber(edges[i + 1])} ${this.unit}: ${this.amount(length)}`;
     bar.title = label;
     bar.setAttribute("aria-label", label);
     bar.style.setProperty("--share", String(length > 0 ? Math.max(length / most, 0.015) : 0));
@@ -90,8 +90,18 @@ class HistogramView {
     const sum = length_mm.slice(first, last + 1).reduce((a, b) => a + b, 0);
     this.words.textContent = this.chosen
       ? `Shown: ${shortNumber(edges[first])} to ${shortNumber(edges[last + 1])} ${this.unit}, ` +
-        `${lengthText(sum)} of marks.`
-      : `${lengthText(sum)} of marks in all. Choose a bar to show only its marks.`;
+        `${this.marks(sum)}.`
+      : `${this.marks(sum)} in all. Choose a bar to show only its marks.`;
+  }
+
+  /** Of a job of dots alone bars count dots. @param {number} sum */
+  amount(sum) {
+    return this.histogram.of_dots ? `${Math.round(sum)} dots` : lengthText(sum);
+  }
+
+  /** @param {number} sum */
+  marks(sum) {
+    return this.histogram.of_dots ? this.amount(sum) : `${lengthText(sum)} of marks`;
   }
 }
 

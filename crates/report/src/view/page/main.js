@@ -15,6 +15,9 @@ class App {
     this.timeline = new Timeline(head, blocks);
     this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline, this.scene.block_mm);
     this.camera = new Camera(head.box, boxOfTexture(head));
+    this.measure = new Measure(this);
+    /** Where the camera stood when another page was last told. */
+    this.told = "";
     /** @type {Theme} */
     this.theme = { ground: [0, 0, 0], part: [0, 0, 0], ink: [0, 0, 0], accent: [0, 0, 0] };
     /** @type {Strokes} */
@@ -166,22 +169,41 @@ class App {
       if (key !== this.paletteKey) this.scene.setPalette(look);
       this.paletteKey = key;
       this.scene.draw(look);
-      this.overlay.draw(look, moment, this.strokes);
+      this.overlay.draw(look, moment, this.strokes, this.measure);
       this.showClock(moment);
+      this.tell();
     }
     if (moving && this.wasMoving) {
       this.frames.push(past);
       if (this.frames.length > 120) this.frames.shift();
       // Frames are kept between 20 and 40 ms by how many lines they draw.
-      if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * Math.max(30 / past, 0.4));
+      if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * Math.max(30 / past, 0.1));
       if (past > 120) this.isCoarse = true;
       if (past < 20) this.scene.budget = Math.min(BUDGET[1], this.scene.budget * 1.1);
     }
     this.wasMoving = moving;
     if (!moving) isMore = this.scene.drawMore(look);
-    place("progress").textContent = this.scene.loading > 0 || isMore ? "Drawing marks" : "";
+    place("progress").textContent = this.scene.loading > 0 || isMore ? "Drawing marks" : this.scene.said();
     // What was drawn within a budget is drawn in full once it rests.
     if (moving || isMore) this.changed(moving);
+  }
+
+  /** Tells a page that shows two jobs side by side where the camera stands. */
+  tell() {
+    if (window.parent === window) return;
+    const { yaw, pitch, distance, target } = this.camera;
+    const stand = this.camera.stand();
+    // As long as nobody has moved it, each job is looked at as it lies.
+    if (stand === (this.told || this.camera.first)) return;
+    this.told = stand;
+    window.parent.postMessage({ terraceLook: { yaw, pitch, distance, target } }, "*");
+  }
+
+  /** The camera of the other job moved. @param {{yaw: number, pitch: number, distance: number, target: Vec3}} look */
+  follows(look) {
+    Object.assign(this.camera, look);
+    this.told = this.camera.stand();
+    this.cameraMoved();
   }
 
   /** Moves the clock. @param {number} seconds of the user */
@@ -349,11 +371,16 @@ async function begin() {
 /** The part first, then what lies on it. @param {App} app */
 async function readRest(app) {
   const { head, scene } = app;
-  scene.setMesh(await readMesh());
+  const mesh = await readMesh();
+  scene.setMesh(mesh);
+  app.measure.solid = new Solid(mesh, head.part.box);
+  app.changed();
+  for (let k = 0; k < head.tones.maps.length; k++) scene.setTone(k, await readTone(head.tones.maps[k]));
   app.changed();
   for (let k = 0; k < head.maps.length; k++) {
     const labels = await readMap(head.maps[k]);
     scene.setMap(k, labels);
+    app.measure.labels[k] = labels;
     const { touching, width } = neighboursIn(labels, head.maps[k].columns);
     app.touching[k] = touching;
     scene.width_mm = Math.min(scene.width_mm, width * head.maps[k].cell);

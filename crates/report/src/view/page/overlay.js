@@ -29,9 +29,9 @@ class Overlay {
   }
 
   /**
-   * @param {Look} look @param {Moment} moment @param {Strokes} colours
+   * @param {Look} look @param {Moment} moment @param {Strokes} colours @param {Measure} measure
    */
-  draw(look, moment, colours) {
+  draw(look, moment, colours, measure) {
     const { c, canvas } = this;
     this.camera = look.camera;
     this.both = look.camera.matrices().both;
@@ -47,6 +47,7 @@ class Overlay {
     if (look.layers.field) this.field(moment, colours);
     if (moment.beam && look.layers.field) this.beam(moment.beam);
     if (look.layers.labels) this.labels(look, moment, colours);
+    measure.drawLine(this, moment, colours);
     this.scale(look, colours);
   }
 
@@ -66,6 +67,16 @@ class Overlay {
       isDown = true;
     }
     if (closed) c.closePath();
+  }
+
+  /** A dot at a place of the world. @param {Vec3} p @param {string} colour */
+  place(p, colour) {
+    const at = this.camera.project(this.both, p);
+    if (!at) return;
+    this.c.beginPath();
+    this.c.arc(at[0], at[1], 4 * this.size, 0, 2 * Math.PI);
+    this.c.fillStyle = colour;
+    this.c.fill();
   }
 
   /** @param {string} colour @param {number} width @param {number[]} [dash] */
@@ -210,7 +221,7 @@ class Overlay {
       }
   }
 
-  /** Names of blocks, where there is room. @param {Look} look @param {Moment} moment
+  /** Names of blocks on their marks, where there is room. @param {Look} look @param {Moment} moment
    * @param {Strokes} colours */
   labels(look, moment, colours) {
     const { c, timeline, head } = this;
@@ -225,15 +236,16 @@ class Overlay {
       for (let i = 0; i < head.blocks.count; i++) if (i !== moment.block) order.push(i);
     for (const i of order) {
       if (!look.isShown(i) || timeline.blocks.pass[i] !== look.pass) continue;
-      const at = this.camera.project(this.both, turned(moment.turn, inPart(timeline.turnOf(i), timeline.centreOf(i))));
+      const named = timeline.blocks.name_at[i];
+      const at = named && this.camera.project(this.both, turned(moment.turn, named));
       if (!at || at[0] < 0 || at[1] < 0 || at[0] > this.camera.width || at[1] > this.camera.height) continue;
       if (written.some(([u, v]) => Math.abs(u - at[0]) < 54 * this.size && Math.abs(v - at[1]) < 17 * this.size))
         continue;
       written.push(at);
       c.strokeStyle = colours.halo;
-      c.strokeText(timeline.blocks.id[i], at[0], at[1] - 8 * this.size);
+      c.strokeText(timeline.blocks.id[i], at[0], at[1] + 4 * this.size);
       c.fillStyle = colours.ink;
-      c.fillText(timeline.blocks.id[i], at[0], at[1] - 8 * this.size);
+      c.fillText(timeline.blocks.id[i], at[0], at[1] + 4 * this.size);
     }
   }
 

@@ -35,6 +35,7 @@ class Probe {
     const gl = this.scene.gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     gl.viewport(0, 0, PROBE, PROBE);
+    this.scene.setBlending(false);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     draw();
@@ -84,9 +85,11 @@ class Probe {
     const pixels = this.read(() => {
       gl.disable(gl.DEPTH_TEST);
       this.scene.beginMarks(look, NO_PROJECTION, [PROBE, PROBE], 1, false);
-      markProgram.floats({ uView: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, -y, -z, 1], uBias: 0, uWidth: 3 });
+      this.scene.setBlending(false);
+      markProgram.floats({ uView: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, -y, -z, 1], uBias: 0, uDot: 5, uSize: [5, 5] });
+      markProgram.floats({ uOpacity: [1, 1] });
       this.scene.isThin = false;
-      markProgram.ints({ uAsDot: true, uThin: false });
+      markProgram.ints({ uAsDot: true });
       this.scene.drawChunk(k, point, point + 1, 1);
     });
     const middle = 4 * ((PROBE * PROBE - 1) / 2);

@@ -2,9 +2,11 @@
 /**
  * What WebGL draws: the part with the blocks draped on it, the marks, and the texture that is not marked.
  *
- * Consumes decoded data and, for each picture, a `Look`. Promises that a picture is drawn within a budget of lines:
- * while something moves, every k-th line of the marks in sight; at rest all of them, a piece in each frame. Data of
- * marks is asked for when it comes into sight, nearest first.
+ * Consumes decoded data and, for each picture, a `Look`. Where marks lie denser than pixels the map of their density is
+ * drawn as tone; elsewhere lines, so opaque that where several lie in a pixel they make the same tone. Promises that a
+ * picture is drawn within a budget of lines: while something moves, every k-th line of the marks in sight; at rest all
+ * of them, a piece in each frame. What is not drawn is told by `said`. Data of marks is asked for when it comes into
+ * sight, nearest first.
  */
 
 /**
@@ -30,9 +32,17 @@
 /** Fewest and most lines drawn in a frame while something moves. */
 const BUDGET = [20_000, 3_000_000];
 /** Lines that a frame adds at rest. */
-const PIECE = 400_000;
-/** Marks nearer to each other than this are drawn as their blocks' colour, CSS pixels. */
-const MERGED_PX = 1.1;
+const PIECE = 100_000;
+/** Lines in sight from which on dense marks are tone, at rest: fewer are drawn at once, and sharper. */
+const MANY = 600_000;
+/** Dense marks nearer to each other than this are tone, CSS pixels, */
+const MERGED_PX = 0.9;
+/** as long as cells of their map are not wider than this: at rest, and while something moves. */
+const TONE_CELL_PX = [1.5, 6];
+/** Least and largest diameter of a dot that is larger than its spot, CSS pixels. */
+const DOT_PX = [1, 3];
+/** Darkness of dense marks: how many layers of ink lie on a pixel that they cover. */
+const DARKNESS = 1.5;
 
 class Scene {
   /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks
@@ -63,6 +73,11 @@ class Scene {
     this.noLabels.set(1, 1, new Uint32Array(1));
     /** @type {{array: WebGLVertexArrayObject, corners: number}|null} */
     this.mesh = null;
+    /** @type {({density: Means, pens: Values|null}|null)[]} */
+    this.tones = head.tones.maps.map(() => null);
+    this.noTone = new Means(gl, 1, 1, new Uint8Array(1));
+    this.noPens = new Values(gl, gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE);
+    this.noPens.set(1, 1, new Uint8Array(1));
     /** @type {{array: WebGLVertexArrayObject, points: number}|null} */
     this.skipped = null;
     /** @type {({data: Chunk, points: Values}|null)[]} */
@@ -70,7 +85,7 @@ class Scene {
     /** @type {(Promise<void>|null)[]} */
     this.loads = head.chunks.map(() => null);
     this.loading = 0;
-    this.budget = 300_000;
+    this.budget = 100_000;
     /** Chunks that are not drawn yet in the picture at rest. @type {number[]} */
     this.waiting = [];
     /** Chunks in sight that were not read when the picture was begun. @type {Set<number>} */
@@ -79,15 +94,21 @@ class Scene {
     this.waitingAt = 0;
     /** Whether marks are drawn as lines of one device pixel. */
     this.isThin = false;
-    /** Whether marks are drawn, or blocks stand for them. */
+    /** Points of marks in sight. */
+    this.inSight = 0;
+    /** Whether marks are drawn as lines. */
     this.drawsMarks = false;
+    /** Whether marks are drawn as tone. */
+    this.drawsTone = false;
+    /** Lines of which one is drawn. */
+    this.every = 1;
     const size = minus(...boxOfMarks(head)).map(Math.abs);
     /** Mean side of a block, mm. */
     this.block_mm = Math.sqrt((size[0] * size[1] * head.passes) / Math.max(head.blocks.count, 1));
     /** Mean width of a block between its borders, mm. */
     this.width_mm = this.block_mm;
-    /** Mean distance of marks, mm. */
-    this.pitch_mm = (size[0] * size[1]) / Math.max(head.mark_mm, 1e-9);
+    /** Distance of dense marks, mm. */
+    this.pitch_mm = 1 / (head.tones.dense_per_mm[0] ?? 1);
   }
 
   /** Four texels for each block. @param {number} rows */
@@ -130,6 +151,42 @@ class Scene {
     const values = new Values(gl, gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT);
     values.set(this.head.maps[k].columns, this.head.maps[k].rows, labels);
     this.labels[k] = values;
+  }
+
+  /** @param {number} k of `head.tones.maps`
+   * @param {{density: Uint8Array<ArrayBuffer>, pens: Uint8Array<ArrayBuffer>|null}} tone */
+  setTone(k, tone) {
+    const gl = this.gl;
+    const { columns, rows } = this.head.tones.maps[k];
+    const pens = tone.pens && new Values(gl, gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE);
+    if (tone.pens) pens?.set(columns, rows, tone.pens);
+    this.tones[k] = { density: new Means(gl, columns, rows, tone.density), pens };
+  }
+
+  /** Density of dense marks over a square, mm/mm². @param {number} side mm */
+  dense(side) {
+    const { maps, dense_per_mm } = this.head.tones;
+    const last = dense_per_mm.length - 1;
+    if (last < 0) return 1;
+    const level = Math.min(Math.max(Math.log2(side / maps[0].cell), 0), last);
+    const [below, share] = [Math.floor(level), level % 1];
+    return dense_per_mm[below] * (1 - share) + dense_per_mm[Math.min(below + 1, last)] * share;
+  }
+
+  /** The index of the map of the pass that is looked at, -1 where marks cannot be drawn as its tone: it is not read, or
+   * they are filtered or coloured by what it does not hold. @param {Look} look */
+  toneOf(look) {
+    if (look.defocus !== null || look.incidence !== null || look.pen >= 0) return -1;
+    // On the fly there is no map of what is marked when.
+    if (this.head.maps.length === 0 && (look.now < Infinity || !["height", "pen"].includes(look.by))) return -1;
+    return this.head.tones.maps.findIndex((t, k) => t.pass === look.pass && this.tones[k]);
+  }
+
+  /** What the picture does not show, in words; empty where it shows all. */
+  said() {
+    if (this.drawsTone) return "Marks as tone: they lie denser than pixels";
+    if (this.drawsMarks && this.every > 1) return `1 of ${this.every} marks while it moves`;
+    return "";
   }
 
   /** @param {{words: Uint32Array<ArrayBuffer>, points: number}} skipped */
@@ -191,35 +248,60 @@ class Scene {
 
   /** Draws a picture from its beginning. @param {Look} look */
   draw(look) {
-    const { gl, canvas } = this;
+    const { gl, canvas, head } = this;
     const ratio = canvas.width / look.camera.width;
     gl.viewport(0, 0, canvas.width, canvas.height);
+    this.setBlending(false);
     gl.clearColor(...unitColour(look.theme.ground), 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     const { projection } = look.camera.matrices();
-    const merged = this.pitch_mm / look.camera.pixel_mm() < MERGED_PX;
-    const filtered = look.defocus !== null || look.incidence !== null || look.pen >= 0;
-    this.drawsMarks = look.layers.marks && (!merged || filtered || this.head.maps.length === 0);
+    const chunks = look.layers.marks ? this.chunksInSight(look) : [];
+    this.inSight = chunks.reduce((sum, k) => sum + head.chunks[k].points, 0);
+    this.drawsTone = look.layers.marks && this.isTone(look);
+    this.drawsMarks = look.layers.marks && !this.drawsTone;
     if (look.layers.part) this.drawMesh(look, projection, ratio, false);
     if (look.layers.skipped) this.drawSkipped(look, projection, ratio);
-    this.waiting = this.drawsMarks ? this.chunksInSight(look) : [];
+    this.waiting = this.drawsMarks ? chunks : [];
     this.waitingAt = 0;
     this.wanted = new Set(this.waiting.filter((k) => !this.chunks[k]));
     this.waiting = this.waiting.filter((k) => this.chunks[k]);
     this.readWanted();
+    this.every = 1;
     if (look.moving) {
       const lines = this.waiting.reduce((sum, k) => sum + (this.chunks[k]?.data.points ?? 0), 0);
-      const every = Math.max(1, Math.ceil(lines / this.budget));
+      this.every = Math.max(1, Math.ceil(lines / this.budget));
       this.beginMarks(look, projection, [canvas.width, canvas.height], ratio, false);
-      for (const k of this.waiting) this.drawChunk(k, 0, Infinity, every);
-      if (every === 1) this.waiting = [];
+      for (const k of this.waiting) this.drawChunk(k, 0, Infinity, this.every);
+      if (this.every === 1) this.waiting = [];
     }
+  }
+
+  /** Whether the marks of this picture are drawn as tone. @param {Look} look */
+  isTone(look) {
+    const tone = this.head.tones.maps[this.toneOf(look)];
+    // The part is what tone lies on.
+    if (!tone || !look.layers.part || !this.mesh) return false;
+    const px = look.camera.pixel_mm();
+    const [resting, moving] = TONE_CELL_PX;
+    if (this.inSight > MANY && this.pitch_mm / px < MERGED_PX && tone.cell / px < resting) return true;
+    return look.moving && this.inSight > this.budget && tone.cell / px < moving;
+  }
+
+  /** Whether what is drawn lets through what lies below it; then it hides nothing that is drawn later.
+   * @param {boolean} on */
+  setBlending(on) {
+    const gl = this.gl;
+    gl.depthMask(!on);
+    if (!on) return gl.disable(gl.BLEND);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   /** Adds a piece of the marks to the picture at rest; false when it is complete. @param {Look} look */
   drawMore(look) {
     this.readWanted();
+    this.every = 1;
     if (this.waiting.length === 0) return false;
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -274,9 +356,15 @@ class Scene {
   drawMesh(look, projection, ratio, pick) {
     if (!this.mesh) return;
     const { gl, head, meshProgram: p } = this;
+    this.setBlending(false);
     p.use();
     const { view } = look.camera.matrices();
     const [low, high] = head.part.box;
+    const px = look.camera.pixel_mm();
+    const k = this.drawsTone ? this.toneOf(look) : -1;
+    const [tone, texels] = [head.tones.maps[k], this.tones[k]];
+    (texels?.density ?? this.noTone).bind(5);
+    (texels?.pens ?? this.noPens).bind(6);
     p.floats({
       uView: product(view, matrixOfTurn(look.turn)),
       uProjection: projection,
@@ -285,12 +373,26 @@ class Scene {
       uPart: unitColour(look.theme.part),
       uInk: unitColour(look.theme.ink),
       uAccent: unitColour(look.theme.accent),
-      uTint: !look.layers.blocks ? 0 : !this.drawsMarks ? 1 : this.markMode(look.by) === MARK_MODES.palette ? 0.22 : 0,
+      uTint: !look.layers.blocks ? 0 : !look.layers.marks ? 1 : this.markMode(look.by) === MARK_MODES.palette ? 0.22 : 0,
+      uToneMap: tone ? [...tone.origin, tone.cell] : [0, 0, 1],
+      uDarkness: (DARKNESS * head.tones.most_per_mm) / this.dense(px),
+      uRange: this.rangeOf(look.by),
       uPixels: ratio,
       // Where blocks are a few pixels wide, their borders would hide their colours.
-      uBorders: look.layers.borders ? Math.min(Math.max((this.width_mm / look.camera.pixel_mm() - 5) / 10, 0), 1) : 0,
+      uBorders: look.layers.borders ? Math.min(Math.max((this.width_mm / px - 5) / 10, 0), 1) : 0,
     });
-    p.ints({ uPresent: look.present + 1, uSeams: look.layers.seams || look.by === "seam", uPick: pick });
+    p.ints({
+      uPresent: look.present + 1,
+      uSeams: look.layers.seams || look.by === "seam",
+      uPick: pick,
+      uAsTone: tone !== undefined,
+      uHasBlocks: head.maps.length > 0,
+      uHasPens: Boolean(texels?.pens),
+      uTone: 5,
+      uPens: 6,
+      uMode: this.markMode(look.by),
+    });
+    gl.uniform2i(p.at("uToneCells"), tone?.columns ?? 1, tone?.rows ?? 1);
     this.bindBlocks(p, look.pass);
     gl.bindVertexArray(this.mesh.array);
     gl.drawElements(gl.TRIANGLES, this.mesh.corners, gl.UNSIGNED_INT, 0);
@@ -338,24 +440,35 @@ class Scene {
    * @param {boolean} pick */
   beginMarks(look, projection, viewport, ratio, pick) {
     const { head, markProgram: p } = this;
+    this.setBlending(!pick);
     p.use();
-    const { histograms, ranges } = head;
+    const { histograms } = head;
     const all = /** @type {[number, number]} */ ([-1e30, 1e30]);
     const [defocus, incidence] = [look.defocus ?? all, look.incidence ?? all];
     const isOpen = (/** @type {number} */ v, /** @type {number[]} */ edges) => Number(v >= edges[edges.length - 1]);
-    /** @type {Record<string, [number, number]>} */
-    const rangeBy = {
-      defocus: aboutZero(ranges.defocus_um),
-      incidence: ranges.incidence_deg,
-      height: ranges.height_mm,
-    };
-    const width = (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm()) * look.size) * ratio;
-    this.isThin = width < 1.2;
+    const px = look.camera.pixel_mm();
+    // Never thinner than the spot.
+    const shown = Math.max(lineWidth(this.pitch_mm / px) * look.size, head.spot_mm / px);
+    const width = (pick ? 2 : shown) * ratio;
+    // Lines of the graphics card have no soft edges, but of very many nobody sees them.
+    this.isThin = width < 1.2 && !pick && this.inSight > MANY / 2;
+    // So much ink that dense lines, all together, are as dark as their tone.
+    const dense = this.dense(px);
+    const covered = dense * px * Math.max(width / ratio, 1 / ratio);
+    // A dot of the map is a line of a spot's width that covers as much.
+    const dotPitch = Math.sqrt((Math.PI / 4) * head.spot_mm * this.pitch_mm);
+    const least = Math.min(Math.max((0.25 * dotPitch) / px, DOT_PX[0]), DOT_PX[1]) * look.size;
+    const dot = Math.max(head.spot_mm / px, least);
+    const covered_by_dots = (dense * (dot * px) ** 2) / head.spot_mm;
+    /** @param {number} layers */
+    const opacity = (layers) => (pick ? 1 : 1 - Math.exp((-DARKNESS * this.every) / layers));
     p.floats({
       uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
       uProjection: projection,
       uViewport: viewport,
       uWidth: width,
+      uDot: dot * ratio,
+      uSize: [this.isThin ? 1 : width, dot * ratio],
       uBias: this.bias(look),
       uValueStep: [head.defocus_um_per_step, head.incidence_deg_per_step],
       uShownDefocus: defocus,
@@ -367,7 +480,8 @@ class Scene {
         0,
       ],
       uAccent: unitColour(look.theme.accent),
-      uRange: look.by === "time" ? [0, 1] : (rangeBy[look.by] ?? [0, 1]),
+      uOpacity: [opacity(covered), opacity(covered_by_dots)],
+      uRange: this.rangeOf(look.by),
       uSeamReach: (head.maps[0]?.cell ?? 0) * 0.5,
     });
     p.ints({
@@ -377,9 +491,23 @@ class Scene {
       uPresentBlock: look.present,
       uPick: pick,
       uAsDot: false,
-      uThin: this.isThin,
     });
     this.bindBlocks(p, look.pass);
+  }
+
+  /** The range of the values that colour marks. @param {ColourBy} by @returns {[number, number]} */
+  rangeOf(by) {
+    const { ranges } = this.head;
+    switch (by) {
+      case "defocus":
+        return aboutZero(ranges.defocus_um);
+      case "incidence":
+        return ranges.incidence_deg;
+      case "height":
+        return ranges.height_mm;
+      default:
+        return [0, 1];
+    }
   }
 
   /** @param {ColourBy} by */
@@ -400,8 +528,9 @@ class Scene {
     if (count <= 0) return;
     p.floats({ uStep: [xy_mm, z_mm] });
     chunk.points.bind(4);
-    p.ints({ uFirst: first, uPoints: 4, uFrom: from, uEvery: every });
-    gl.drawArrays(this.isThin ? gl.LINES : gl.TRIANGLES, 0, (this.isThin ? 2 : 6) * count);
+    const isThin = this.isThin && !chunk.data.hasDots;
+    p.ints({ uFirst: first, uPoints: 4, uFrom: from, uEvery: every, uThin: isThin });
+    gl.drawArrays(isThin ? gl.LINES : gl.TRIANGLES, 0, (isThin ? 2 : 6) * count);
   }
 }
 

@@ -87,10 +87,47 @@ uniform int uPresent;  // label, 0 for none
 uniform float uBorders; // how dark borders are, 0 to 1
 uniform bool uSeams;
 uniform bool uPick;
+uniform bool uAsTone;      // whether marks are drawn as tone
+uniform bool uHasBlocks;   // whether there is a map of blocks
+uniform bool uHasPens;     // whether cells of the tone have pens
+uniform highp sampler2D uTone;  // density
+uniform highp usampler2D uPens;
+uniform vec3 uToneMap;     // lowest corner, side of a cell
+uniform ivec2 uToneCells;
+uniform float uDarkness;   // of a density of 1
+uniform int uMode;
+uniform vec2 uRange;       // of the value that colours, in its unit
 out vec4 colour;
+
+vec3 ramp(float value, int row) {
+  float span = uRange.y - uRange.x;
+  float share = span > 0.0 ? clamp((value - uRange.x) / span, 0.0, 1.0) : 0.5;
+  return texelFetch(uRamps, ivec2(floor(share * ${RAMP_TEXELS - 1}.0 + 0.5), row), 0).rgb;
+}
+
+// The colour that marks of a block have here.
+vec3 markColour(int here) {
+  if (uMode == ${MARK_MODES.plane}) return ramp(vPart.z, 0);
+  if (uMode == ${MARK_MODES.pen} && uHasPens) {
+    ivec2 cell = clamp(ivec2(floor((vPart.xy - uToneMap.xy) / uToneMap.z)), ivec2(0), uToneCells - 1);
+    return texelFetch(uRamps, ivec2(int(texelFetch(uPens, cell, 0).r), 2), 0).rgb;
+  }
+  if (uMode == ${MARK_MODES.pen}) return texelFetch(uRamps, ivec2(0, 2), 0).rgb;
+  if (here == 0) return uInk;
+  if (uMode == ${MARK_MODES.defocus} || uMode == ${MARK_MODES.incidence}) {
+    vec4 x = blockTexel(here - 1, 0), y = blockTexel(here - 1, 1), z = blockTexel(here - 1, 2);
+    vec3 beam = vec3(x.z, y.z, z.z);
+    if (uMode == ${MARK_MODES.defocus}) return ramp(1000.0 * dot(beam, vPart - vec3(x.w, y.w, z.w)), 1);
+    return ramp(degrees(acos(clamp(dot(beam, normalize(vNormal)), -1.0, 1.0))), 0);
+  }
+  return blockColour(here - 1).rgb;
+}
+
 void main() {
   bool isUp = vNormal.z > 0.0;
   int here = isUp ? labelAt(vPart.xy) : 0;
+  vec2 place = (vPart.xy - uToneMap.xy) / (uToneMap.z * vec2(uToneCells));
+  float density = texture(uTone, place).r;
   if (uPick) {
     colour = idColour(here, 128.0);
     return;
@@ -106,6 +143,9 @@ void main() {
     light = mix(light, 0.72 + 0.34 * (light - 0.2), uTint * block.a);
   }
   c *= light;
+  bool isShown = here > 0 ? blockColour(here - 1).a > 0.0 : !uHasBlocks;
+  bool isOnMap = all(greaterThanEqual(place, vec2(0.0))) && all(lessThanEqual(place, vec2(1.0)));
+  if (uAsTone && isUp && isShown && isOnMap) c = mix(c, markColour(here), 1.0 - exp(-uDarkness * density));
   // Whether a border passes within half a pixel, and that of the present block within a pixel and a half.
   bool isNear = isUp && (here > 0 || all(greaterThan(vPart.xy, uMap.xy)));
   if (isNear && (uBorders > 0.0 || uPresent > 0)) {
@@ -134,6 +174,7 @@ uniform mat4 uView;
 uniform mat4 uProjection;
 uniform vec2 uViewport;  // device pixels
 uniform float uWidth;    // of a line, device pixels
+uniform float uDot;      // diameter of a dot, device pixels
 uniform float uBias;     // towards the eye, mm
 uniform vec2 uStep;      // mm of a step of x and y, of z
 uniform vec2 uValueStep; // um, deg
@@ -146,6 +187,8 @@ out float vAfter;        // clock later than now, steps
 out float vTime;         // 0 to 1
 out vec2 vPart;
 out float vHeight;       // of the focal plane at that moment
+out vec2 vAside;         // from the middle of a line, or of a dot, device pixels
+flat out int vIsDot;
 flat out int vPen;
 flat out int vBlock;
 
@@ -184,6 +227,8 @@ void main() {
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   vBlock = block;
   vPen = int(a.z >> 24);
+  vIsDot = isDot ? 1 : 0;
+  vAside = vec2(0.0);
   if ((isLast && !isDot) || blockColour(block).a == 0.0) return;
 
   uvec4 b = isDot ? a : pointAt(i + 1);
@@ -202,10 +247,12 @@ void main() {
   if (gl_Position.w <= 0.0 || other.w <= 0.0) return;
   vec2 along = (other.xy / other.w - gl_Position.xy / gl_Position.w) * uViewport * (corner < 2 ? 1.0 : -1.0);
   along = isDot || length(along) < 1e-6 ? vec2(1.0, 0.0) : normalize(along);
-  float width = isDot ? uWidth * 1.8 : uWidth;
-  vec2 offset = vec2(-along.y, along.x) * width * (uThin ? 0.0 : (corner & 1) == 0 ? -1.0 : 1.0);
-  if (isDot) offset += along * width * (corner < 2 ? -1.0 : 1.0);
-  gl_Position.xy += offset / uViewport * gl_Position.w;
+  float side = (corner & 1) == 0 ? -1.0 : 1.0;
+  // Half a pixel more on each side, in which it fades away.
+  float reach = (isDot ? uDot : uWidth) * 0.5 + 0.5;
+  vAside = vec2(isDot ? (corner < 2 ? -reach : reach) : 0.0, side * reach);
+  vec2 offset = vec2(-along.y, along.x) * vAside.y + along * vAside.x;
+  gl_Position.xy += 2.0 * offset / uViewport * gl_Position.w;
 }`;
 
 const MARK_FRAGMENT = `${COMMON}
@@ -215,6 +262,8 @@ in float vAfter;
 in float vTime;
 in vec2 vPart;
 in float vHeight;
+in vec2 vAside;
+flat in int vIsDot;
 flat in int vPen;
 flat in int vBlock;
 uniform highp sampler2D uRamps;
@@ -227,6 +276,8 @@ uniform int uPresentBlock;    // -1 for none
 uniform vec3 uAccent;
 uniform vec2 uRange;          // of the value that colours, in its unit
 uniform float uSeamReach;     // mm
+uniform vec2 uOpacity;        // of lines, of dots
+uniform vec2 uSize;           // width of lines, diameter of dots, device pixels
 uniform bool uPick;
 out vec4 colour;
 
@@ -237,6 +288,8 @@ vec3 ramp(float value, int row) {
 }
 
 void main() {
+  float covered = clamp(0.5 + 0.5 * (vIsDot == 1 ? uSize.y : uSize.x) - length(vAside), 0.0, 1.0);
+  if (covered == 0.0 || (uPick && covered < 0.5)) discard;
   float defocus = uShownHalf.z > 0.0 ? abs(vDefocus) : vDefocus;
   if (vAfter > 0.0 || defocus < uShownDefocus.x || vIncidence < uShownIncidence.x) discard;
   if (defocus > uShownDefocus.y || (defocus == uShownDefocus.y && uShownHalf.x == 0.0)) discard;
@@ -256,7 +309,7 @@ void main() {
     int kind = seamNear(vPart, vec2(uSeamReach, 0.0), vec2(0.0, uSeamReach));
     if (kind > 0) c = texelFetch(uRamps, ivec2(kind - 1, 2), 0).rgb;
   }
-  colour = vec4(c, 1.0);
+  colour = vec4(c, covered * (vIsDot == 1 ? uOpacity.y : uOpacity.x));
 }`;
 
 const SKIPPED_VERTEX = `
