@@ -314,6 +314,17 @@ pub enum Command {
     },
     /// Compile many jobs; skip unchanged ones and continue after a failure.
     Batch(Batch),
+    /// Compare two job folders, such as before and after a change of the job: figures, warnings, files, and a page with
+    /// both views side by side.
+    Diff {
+        /// Job folder before the change.
+        before: PathBuf,
+        /// Job folder after it.
+        after: PathBuf,
+        /// Write a page (HTML) with both views, which one camera moves. The page loads the folders' view.html.
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+    },
     /// Say what a surface, a drawing, a job file or a job folder holds.
     Inspect {
         /// The file or folder.
@@ -349,6 +360,8 @@ pub enum Command {
         #[arg(long, value_name = "ANGLE", default_value = "5 deg")]
         angle: Angle,
     },
+    /// Say which optional parts are there on this computer: converter for STEP and IGES, fleet, serial ports, scan card.
+    Doctor,
     /// List the built-in machines, or print one as a file to start from.
     Machines {
         /// Name of a built-in machine.

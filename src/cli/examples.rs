@@ -121,6 +121,20 @@ pub const EXAMPLES: &[(&str, &[Example])] = &[
         ],
     ),
     (
+        "diff",
+        &[
+            ("terrace diff before.job after.job", "Figures, warnings and files that differ"),
+            ("terrace diff before.job after.job -o both.html", "A page with both views and one camera"),
+        ],
+    ),
+    (
+        "doctor",
+        &[
+            ("terrace doctor", "What is there, and how to install what is not"),
+            ("terrace doctor --json", "For a program"),
+        ],
+    ),
+    (
         "inspect",
         &[
             ("terrace inspect part.stl --unit mm", "Size and place of a surface"),

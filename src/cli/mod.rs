@@ -9,6 +9,8 @@ mod batch;
 mod carrier;
 #[cfg(feature = "compare")]
 mod compare;
+mod diff;
+mod doctor;
 mod examples;
 mod explain;
 mod fleet;
@@ -32,7 +34,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 
-use clap::error::ContextKind;
+use clap::error::{ContextKind, ContextValue};
 
 #[cfg(feature = "run")]
 use args::RunArgs;
@@ -40,7 +42,7 @@ use args::{Args, Choice, Command};
 use progress::Steps;
 #[cfg(feature = "compare")]
 use terrace_compare::nurbs::{GridSteps, Surface};
-use terrace_core::diag::{self, Diag, Error, Failure, Kind, Place};
+use terrace_core::diag::{self, Diag, Error, Failure, Kind, Place, stand_in};
 use terrace_core::machine::{Machine, PROFILES};
 use terrace_core::parallel;
 #[cfg(feature = "compare")]
@@ -75,6 +77,9 @@ pub fn main() -> ExitCode {
         Err(mut e) => {
             // An option that a command does not have is not a file name: no hint to pass it as one.
             e.remove(ContextKind::Suggested);
+            if let Some(tip) = second_job(&e) {
+                e.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            }
             let _ = e.print();
             // Help and version are not errors.
             if !e.use_stderr() {
@@ -98,6 +103,13 @@ pub fn main() -> ExitCode {
         Ok(Err(e)) => fail(&args, &e),
         Err(_) => fail(&args, &Diag::bug("panic", "an invariant of the program broke (see above)").into()),
     }
+}
+
+/// What to do about a second job file where one is taken.
+fn second_job(e: &clap::Error) -> Option<&'static str> {
+    let Some(ContextValue::String(word)) = e.get(ContextKind::InvalidArg) else { return None };
+    let is_job = e.kind() == clap::error::ErrorKind::UnknownArgument && word.ends_with(".toml");
+    is_job.then_some("this command takes one job; for several: terrace batch JOB JOB ...")
 }
 
 /// Whether a command computes one job and waits for nothing.
@@ -229,6 +241,8 @@ fn run(args: &Args) -> Result<u8, Error> {
         }
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch(asked) => return batch::run(args, asked),
+        Command::Diff { before, after, output } => diff::run(args, [before, after], output.as_deref())?,
+        Command::Doctor => doctor::run(args)?,
         #[cfg(feature = "compare")]
         Command::Inspect { file, nurbs: true, grid, kernel, .. } => {
             let [step, kernel] = [grid, kernel].map(|length| length.map(Length::as_mm));
@@ -262,7 +276,7 @@ fn run(args: &Args) -> Result<u8, Error> {
 fn inspect(args: &Args, file: &Path, look: impl FnOnce() -> Result<inspect::Inspection, Error>) -> Result<(), Error> {
     let steps = Steps::new(args.quiet);
     steps.begin(format!("reading {}", file.display()));
-    let shown = look()?;
+    let shown = look().map_err(stand_in::explained)?;
     steps.done();
     warn(args, &shown.warnings);
     print(&if args.json { show::json(&shown.json) } else { shown.text })

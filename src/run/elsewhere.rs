@@ -65,6 +65,19 @@ pub(super) fn note(own: &Path, manifest: &str) -> Result<(), Diag> {
     })
 }
 
+/// The folder in which journals are noted, where it can be written.
+///
+/// # Errors
+/// Why it cannot.
+pub(super) fn writable() -> Result<PathBuf, String> {
+    let folder = notes();
+    let told = |e: std::io::Error| format!("{}: {e}", folder.display());
+    fs::create_dir_all(&folder).map_err(told)?;
+    let tried = folder.join(format!(".tried-{}", std::process::id()));
+    File::create(&tried).and_then(|_| fs::remove_file(&tried)).map_err(told)?;
+    Ok(folder)
+}
+
 /// Appends the path of a journal to a note; returns when that is on the disk.
 fn append(note: &Path, journal: &Path) -> std::io::Result<()> {
     // A line feed in a name must not make two of it.
@@ -96,8 +109,13 @@ fn real(path: &Path) -> PathBuf {
 
 /// The note of a manifest: lines with the paths of its journals, as JSON.
 fn note_of(manifest: &str) -> PathBuf {
+    notes().join(manifest)
+}
+
+/// The folder of the notes.
+fn notes() -> PathBuf {
     let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let state = || set("XDG_STATE_HOME").or_else(|| Some(set("HOME")?.join(".local/state")));
     let folder = if cfg!(windows) { set("LOCALAPPDATA") } else { state() };
-    folder.unwrap_or_else(std::env::temp_dir).join("terrace").join("runs").join(manifest)
+    folder.unwrap_or_else(std::env::temp_dir).join("terrace").join("runs")
 }

@@ -22,7 +22,7 @@ pub mod stage;
 
 use std::fs::{File, TryLockError};
 use std::io::{Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -39,6 +39,14 @@ use settings::RunFile;
 use stage::{Move, Stage};
 use terrace_core::diag::{Diag, Error, Message, Place};
 use terrace_core::program::BlockId;
+
+/// The folder in which journals of runs are noted, where it can be written.
+///
+/// # Errors
+/// Why it cannot.
+pub fn notes_writable() -> Result<PathBuf, String> {
+    elsewhere::writable()
+}
 
 /// Shortest wait after a move, whatever the machine file says, as in the stage programs.
 const LEAST_SETTLE: Duration = Duration::from_millis(50);

@@ -371,3 +371,29 @@ fn a_run_killed_at_30_random_moments_marks_every_block_once_but_those_it_names()
     bench.assert_survives_kills(30, 4_000);
     assert_eq!(rises(&control.samples()), [0, 0]);
 }
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn blocks_of_the_tutorial_are_marked_by_the_simulated_controller() {
+    let dir = folder();
+    let python = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python");
+    let done = |args: &[&str], code: i32, words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+        command.current_dir(dir.path()).env("TERRACE_PYTHON", &python).env("XDG_CACHE_HOME", dir.path());
+        command.env("XDG_STATE_HOME", dir.path());
+        assert_ended(&command.args(args).output().expect("the program starts"), code, words);
+    };
+    done(&["init", "insert", "--tutorial"], 0, &[]);
+    done(&["compile", "insert/job.toml", "--verify"], 0, &["verified"]);
+    done(&["resume", "insert/job.job", "--only", "B0001-B0003", "-o", "insert/first.job"], 0, &["3 of"]);
+    done(&["verify", "insert/first.job"], 0, &["verified"]);
+    let mut control = Simulation::new();
+    control.card(0.02, 0.3);
+    let stage = stage_of(&control);
+    let text = format!("machine = \"shop-mill\"\n\n[stage]\n{stage}\n\n[laser]\ndriver = \"handshake\"\n");
+    std::fs::write(dir.path().join("insert/linuxcnc.toml"), text).expect("written");
+    let run = ["run", "insert/first.job", "--with", "insert/linuxcnc.toml"];
+    done(&run, 0, &[]);
+    done(&[&run[..], &["--arm"]].concat(), 0, &["3 of 3 done"]);
+    assert_eq!(rises(&control.samples()), [3, 3]);
+}

@@ -27,7 +27,7 @@ fn done(dir: &Path, args: &[&str]) -> String {
     String::from_utf8(o.stdout).expect("text")
 }
 
-const COMMANDS: [&str; 17] = [
+const COMMANDS: [&str; 19] = [
     "init",
     "check",
     "compile",
@@ -39,6 +39,8 @@ const COMMANDS: [&str; 17] = [
     "sweep",
     "resume",
     "batch",
+    "diff",
+    "doctor",
     "inspect",
     "import",
     "machines",

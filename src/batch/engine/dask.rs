@@ -16,13 +16,13 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use terrace_core::diag::{Diag, Error};
-use terrace_core::python;
+use terrace_core::python::{self, Package};
 
 /// The program that speaks to the scheduler.
 const SCRIPT: &str = include_str!("dask.py");
 
 /// The package, in the version that the tests are run with.
-const PACKAGE: &str = "distributed==2026.8.0";
+pub const PACKAGE: Package = Package { pinned: "distributed==2026.8.0", module: "distributed" };
 
 /// A worker that is connected.
 #[derive(Clone, Debug, Deserialize)]
@@ -139,9 +139,7 @@ impl Session {
             }
         }
         let text = format!("the engine is reached through Dask, which is not installed ({})", tried.join("; "));
-        Err(Diag::input("engine-absent", text)
-            .hint(format!("install it with: {}", python::install_line(PACKAGE)))
-            .into())
+        Err(Diag::input("engine-absent", text).hint(format!("install it with: {}", PACKAGE.install_line())).into())
     }
 
     /// With this interpreter: Err where it has no Dask, Ok(Err) where it reaches no scheduler.

@@ -18,6 +18,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+pub use dask::PACKAGE;
 use dask::{Event, Need, Session, Submission};
 
 use super::collect::Reasons;

@@ -26,6 +26,14 @@ use super::{Beam, Laser, Work};
 use terrace_core::diag::{self, Diag};
 use terrace_core::machine::LmcLaser;
 
+/// The cards that are connected, by their serial numbers.
+///
+/// # Errors
+/// Why the system does not say.
+pub fn cards() -> Result<Vec<String>, String> {
+    usb::cards()
+}
+
 const ENABLE_LASER: u16 = 0x04;
 const EXECUTE_LIST: u16 = 0x05;
 const SET_PWM_PULSE_WIDTH: u16 = 0x06;

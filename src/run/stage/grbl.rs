@@ -109,6 +109,14 @@ pub struct Grbl {
     is_locked: bool,
 }
 
+/// Names of the serial ports of this computer.
+///
+/// # Errors
+/// Why the system does not say.
+pub fn ports() -> Result<Vec<String>, String> {
+    link::ports()
+}
+
 impl Grbl {
     /// The stage at a serial port such as `/dev/ttyUSB0` or `COM3`; `baud` is 115200 where it is None. `identity` must
     /// be part of what `$I` answers. [`Stage::open`] connects.

@@ -40,7 +40,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use bins::{Bins, Class};
-pub use cad::{About, CadMesh, Tessellation, load as load_cad};
+pub use cad::{About, CadMesh, PACKAGE as CAD_PACKAGE, Tessellation, load as load_cad};
 pub use decimate::Decimated;
 pub use facing::Facing;
 pub use faults::{Fault, FaultKind, NonManifold};

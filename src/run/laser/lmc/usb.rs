@@ -18,6 +18,16 @@ const READ: u8 = 0x88;
 /// The longest that one transfer may take.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
+/// The cards that are connected, by their serial numbers.
+///
+/// # Errors
+/// Why the system does not say.
+pub(super) fn cards() -> Result<Vec<String>, String> {
+    let devices = nusb::list_devices().wait().map_err(|e| e.to_string())?;
+    let cards = devices.filter(|d| (d.vendor_id(), d.product_id()) == (VENDOR, PRODUCT));
+    Ok(cards.map(|card| format!("serial number {}", card.serial_number().unwrap_or("none"))).collect())
+}
+
 pub(super) struct Usb {
     write: Endpoint<Bulk, Out>,
     read: Endpoint<Bulk, In>,

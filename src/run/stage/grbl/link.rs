@@ -27,6 +27,17 @@ pub(super) struct Link {
     unanswered: VecDeque<usize>,
 }
 
+/// Names of the serial ports of this computer.
+///
+/// # Errors
+/// Why the system does not say.
+pub(super) fn ports() -> Result<Vec<String>, String> {
+    let mut ports: Vec<String> =
+        serialport::available_ports().map_err(|e| e.to_string())?.into_iter().map(|port| port.port_name).collect();
+    ports.sort();
+    Ok(ports)
+}
+
 impl Link {
     /// Opens the port for this process alone.
     pub(super) fn open(name: &str, baud: u32) -> Result<Self, Diag> {

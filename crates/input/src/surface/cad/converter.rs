@@ -16,13 +16,13 @@ use super::answer::{Header, MAX_LINE, greeting, header, refused};
 use super::{AGAIN, Tessellation};
 use crate::surface::lines::place;
 use terrace_core::diag::{Diag, memory};
-use terrace_core::python;
+use terrace_core::python::{self, Package};
 
 /// The program that converts.
 pub(super) const SCRIPT: &str = include_str!("convert.py");
 
 /// The bindings of Open CASCADE, in the version that the tests are run with.
-const PACKAGE: &str = "cadquery-ocp-novtk==8.0.1.1.0";
+pub const PACKAGE: Package = Package { pinned: "cadquery-ocp-novtk==8.0.1.1.0", module: "OCP" };
 
 /// Bytes of the converter's messages that are kept.
 const MESSAGES: usize = 4096;
@@ -70,9 +70,7 @@ pub(super) fn run(path: &Path, format: &str, fine: Tessellation) -> Result<Vec<u
     }
     let tried = if tried.is_empty() { "no Python was found".into() } else { tried.join("; ") };
     let text = format!("STEP and IGES are read through Open CASCADE, which is not installed ({tried})");
-    Err(Diag::input("cad-converter", text)
-        .at(place(path))
-        .hint(format!("install it with: {}", python::install_line(PACKAGE))))
+    Err(Diag::input("cad-converter", text).at(place(path)).hint(format!("install it with: {}", PACKAGE.install_line())))
 }
 
 fn run_with(

@@ -19,6 +19,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 pub use answer::{About, CadMesh};
+pub use converter::PACKAGE;
 pub use tessellation::Tessellation;
 
 use super::facets::{Facets, Unit};
