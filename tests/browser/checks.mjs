@@ -503,9 +503,15 @@ export async function checks(page, manifest, check, options) {
     }
     return { ends: (await state()).measured, words: await page.locator("#measured").innerText() };
   };
-  const marked = (await view((v) => v.sampleMarks(400))).map((m) => m.at);
-  const first = marked.reduce((a, b) => (b[0] < a[0] ? b : a));
-  const last = marked.reduce((a, b) => (b[0] > a[0] ? b : a));
+  // Not at the rim, beside which there is no part, and not below buttons and words.
+  const marked = (await view((v) => v.sampleMarks(400))).map((m) => m.at).sort((a, b) => a[0] - b[0]);
+  const places = await view((v, all) => all.map((p) => v.project(p)), marked);
+  const { width, height } = await page.locator("#scene").boundingBox();
+  const free = marked.filter((_, i) => {
+    const [u, v] = [places[i][0] / width, places[i][1] / height];
+    return u > 0.1 && u < 0.9 && v > 0.2 && v < 0.5;
+  });
+  const [first, last] = [0.1, 0.9].map((share) => free[Math.floor(share * (free.length - 1))]);
   const { ends, words } = await measured(first, last);
   const off = ends.map((p, i) => Math.hypot(p[0] - [first, last][i][0], p[1] - [first, last][i][1]));
   const pixel = await view((v) => v.app.camera.pixel_mm());

@@ -44,7 +44,7 @@ impl Cells {
         let long = size[0].max(size[1]);
         let lines = if mark_mm > 0.0 { size[0] * size[1] / mark_mm } else { 0.0 };
         let side = (long / CELLS[0]).max(spot).max(lines.min(long / CELLS[1]));
-        Self { lo, side, count: size.map(|v| ((v / side).ceil() as usize).max(1)), size }
+        Self { lo, side, count: size.map(|v| ((v / side).round() as usize).max(1)), size }
     }
 
     fn len(&self) -> usize {
@@ -64,12 +64,14 @@ impl Cells {
         }
     }
 
-    /// The area of a cell that lies in the box, of the whole cell: less than 1 at the upper and right border.
-    fn share_in_box(&self, cell: usize) -> f64 {
+    /// The area of the box that a cell stands for, of the area of a cell: at the upper and right border it ends where the
+    /// box does, between half a cell and one and a half.
+    fn share_of_box(&self, cell: usize) -> f64 {
         let place = [cell % self.count[0], cell / self.count[0]];
-        let sides = [0, 1].map(|k| (self.size[k] / self.side - place[k] as f64).clamp(0.0, 1.0));
-        // A box without width is one column of cells.
-        sides.into_iter().map(|side| if side > 0.0 { side } else { 1.0 }).product()
+        let side =
+            |k: usize| if place[k] + 1 < self.count[k] { 1.0 } else { self.size[k] / self.side - place[k] as f64 };
+        // A box narrower than a cell has one column of whole cells.
+        [side(0), side(1)].map(|side| if side >= 0.5 { side } else { 1.0 }).into_iter().product()
     }
 
     /// The centre of a cell, mm.
@@ -133,7 +135,7 @@ impl EnergyMap {
     }
 
     fn new(area: &'static str, cells: Cells, mut energy: Vec<f64>) -> Self {
-        energy.iter_mut().enumerate().for_each(|(cell, e)| *e /= cells.share_in_box(cell));
+        energy.iter_mut().enumerate().for_each(|(cell, e)| *e /= cells.share_of_box(cell));
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
@@ -309,7 +311,7 @@ mod tests {
         assert_eq!((far[19 * 40], far.iter().sum::<f64>()), (1.0, 1.0));
         assert_eq!(cells.centre(41), [13.75, 23.75]);
         let partial = Cells::over([0.0; 2], [10.0, 5.2], 1.0, 1e9);
-        assert_eq!((partial.share_in_box(0), partial.count), (1.0, [10, 6]));
-        assert!((partial.share_in_box(50) - 0.2).abs() < 1e-9);
+        assert_eq!((partial.share_of_box(0), partial.count), (1.0, [10, 5]));
+        assert!((partial.share_of_box(40) - 1.2).abs() < 1e-9);
     }
 }
