@@ -35,6 +35,17 @@ pub struct BlockChoice {
     pub only: Vec<[BlockId; 2]>,
     /// Blocks that are marked already.
     pub done: BTreeSet<BlockId>,
+    /// Blocks that runs have marked: none of them may be left.
+    pub marked: Option<MarkedBlocks>,
+}
+
+/// Blocks that runs have marked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MarkedBlocks {
+    /// The journal of the runs.
+    pub journal: PathBuf,
+    /// Their names.
+    pub blocks: BTreeSet<String>,
 }
 
 impl BlockChoice {
@@ -110,7 +121,7 @@ struct WholeJob<'a> {
 /// # Errors
 /// `resume-changed` where a file of the folder is not as it was written, `resume-mode` of an on-the-fly job,
 /// `resume-block` where the choice names a block that the folder does not hold, `resume-empty` where nothing is left,
-/// and those of [`job_folder::prepare`].
+/// `resume-marked` where a run has marked what is left, and those of [`job_folder::prepare`].
 pub fn resume(folder: &Path, choice: &BlockChoice, target: &Path, durability: Durability) -> Result<Resumed, Error> {
     let whole = WholeJob::read(folder)?;
     if is_same(folder, target) {
@@ -121,6 +132,9 @@ pub fn resume(folder: &Path, choice: &BlockChoice, target: &Path, durability: Du
     let name = folder.join("program.txt");
     let (program, origins) = text::parse(&name.display().to_string(), &diag::read_file(&name, u64::MAX)?)?;
     let chosen = whole.chosen(&program, choice)?;
+    if let Some(marked) = &choice.marked {
+        refuse_marked(chosen.iter().map(|&i| program.id(i).to_string()), marked)?;
+    }
     let count = program.blocks.len();
     if whole.manifest.blocks.len() != count {
         let text = format!("the manifest lists {} blocks, program.txt has {count}", whole.manifest.blocks.len());
@@ -138,6 +152,16 @@ pub fn resume(folder: &Path, choice: &BlockChoice, target: &Path, durability: Du
     let job_file = job_folder::path_from(&folder.join(&whole.manifest.head.job.file), target)?;
     job_folder::replace_stepped(target, durability, &|filling| rest.write(filling, &job_file))?;
     Ok(Resumed { subset: rest.subset, of: count })
+}
+
+/// Refuses to leave blocks that runs have marked: a run of the rest has a journal of its own, and would mark them again.
+fn refuse_marked(left: impl Iterator<Item = String>, marked: &MarkedBlocks) -> Result<(), Error> {
+    let again: Vec<String> = left.filter(|id| marked.blocks.contains(id)).collect();
+    let (Some(first), Some(last)) = (again.first(), again.last()) else { return Ok(()) };
+    let text =
+        format!("{} of these blocks, {first} to {last}, are marked already by a run of this folder", again.len());
+    let hint = "leave them out with --from, --only or --done; to mark them on another part add --again";
+    Err(Diag::input("resume-marked", text).at(place(&marked.journal)).hint(hint).into())
 }
 
 /// Whether two paths lead to one folder that is there.

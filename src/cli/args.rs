@@ -308,6 +308,9 @@ pub enum Command {
         folder: PathBuf,
         #[command(flatten)]
         left: Left,
+        /// Also blocks that `terrace run` has marked: the rest is for another part.
+        #[arg(long)]
+        again: bool,
         /// Folder to write. An existing job folder is replaced; anything else is refused.
         #[arg(short, long, value_name = "FOLDER")]
         output: PathBuf,

@@ -41,6 +41,11 @@ pub fn run(args: &Args, file: &Path, output: Option<&Path>, chord: Length, angle
     super::print(&if args.json { show::json(&json) } else { format!("{text}{}\n", target.display()) })
 }
 
+/// A number with its noun, in the singular and the plural.
+fn counted(n: usize, noun: [&str; 2]) -> String {
+    format!("{n} {}", noun[usize::from(n != 1)])
+}
+
 /// What a converted file holds, as text and JSON.
 pub fn shown(mesh: &CadMesh, tessellation: Tessellation) -> (String, Value) {
     let about = &mesh.about;
@@ -48,11 +53,11 @@ pub fn shown(mesh: &CadMesh, tessellation: Tessellation) -> (String, Value) {
     let size = [0, 1, 2].map(|k| hi[k] - lo[k]);
     let triple = |v: [f64; 3], between: &str| v.map(|v| format!("{v:.4}")).join(between);
     let text = format!(
-        "CAD surface, {} faces in {} bodies, {} free edges\nunit    {}, converted to mm\nfacets  {}, within {} mm of \
+        "CAD surface, {} in {}, {}\nunit    {}, converted to mm\nfacets  {}, within {} mm of \
          the surface (tolerance {} mm)\nsize    {} mm\nfrom    ({}) mm\nto      ({}) mm\nread by Open CASCADE {}\n",
-        about.faces,
-        about.bodies,
-        about.free_edges,
+        counted(about.faces, ["face", "faces"]),
+        counted(about.bodies, ["body", "bodies"]),
+        counted(about.free_edges, ["free edge", "free edges"]),
         about.unit,
         mesh.facet_count(),
         // Rounded up: never less than measured.

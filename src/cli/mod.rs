@@ -239,7 +239,7 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Sweep { job, set, output, plot, fleet, choice } => {
             sweep::run(args, job, choice, set, fleet, [output, plot].map(Option::as_deref))?;
         }
-        Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
+        Command::Resume { folder, left, again, output } => resume::run(args, folder, left, *again, output)?,
         Command::Batch(asked) => return batch::run(args, asked),
         Command::Diff { before, after, output } => diff::run(args, [before, after], output.as_deref())?,
         Command::Doctor => doctor::run(args)?,

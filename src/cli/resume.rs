@@ -5,15 +5,16 @@ use std::path::Path;
 use super::args::{Args, Left};
 use super::progress::Steps;
 use super::{durability, named, print, show};
-use crate::resume::{self, BlockChoice};
+use crate::resume::{self, BlockChoice, MarkedBlocks};
 use terrace_core::diag::Error;
 use terrace_core::duration::duration;
 
 /// Writes the folder of what is left.
-pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {
+pub(super) fn run(args: &Args, folder: &Path, left: &Left, again: bool, target: &Path) -> Result<(), Error> {
     named::job_folder(folder)?;
     let done = left.done.as_deref().map(resume::listed).transpose()?.unwrap_or_default();
-    let choice = BlockChoice { from: left.from, only: left.only.clone(), done };
+    let marked = if again { None } else { marked(folder)? };
+    let choice = BlockChoice { from: left.from, only: left.only.clone(), done, marked };
     let steps = Steps::new(args.quiet);
     steps.begin("writing what is left");
     let found = resume::resume(folder, &choice, target, durability(args))?;
@@ -37,4 +38,16 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Res
         target.display(),
         show::shown(target)
     ))
+}
+
+/// What runs of a folder have marked.
+#[cfg(feature = "run")]
+fn marked(folder: &Path) -> Result<Option<MarkedBlocks>, Error> {
+    let found = crate::run::marked(folder)?;
+    Ok(found.map(|(journal, blocks)| MarkedBlocks { journal, blocks: blocks.into_iter().collect() }))
+}
+
+#[cfg(not(feature = "run"))]
+fn marked(_: &Path) -> Result<Option<MarkedBlocks>, Error> {
+    Ok(None)
 }

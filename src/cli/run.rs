@@ -64,8 +64,8 @@ fn text(outcome: &Outcome, order: &Order<'_>) -> String {
     let Outcome { armed, frames, blocks, marked, finished, part, .. } = outcome;
     match armed {
         _ if *frames => format!("frames         {marked} of {blocks} shown\n"),
-        true if *part > 1 => format!("marked         {marked} blocks, {finished} of {blocks} done, part {part}\n"),
-        true => format!("marked         {marked} blocks, {finished} of {blocks} done\n"),
+        true if *part > 1 => format!("marked         {}, {finished} of {blocks} done, part {part}\n", counted(*marked)),
+        true => format!("marked         {}, {finished} of {blocks} done\n", counted(*marked)),
         false if outcome.stop.is_some() => format!("dry run        {marked} of {blocks} blocks, nothing marked\n"),
         false => format!(
             "dry run        {marked} of {blocks} blocks, nothing marked\nto mark        {}\n",
@@ -135,8 +135,12 @@ impl Console for Terminal {
                 }
                 Ok(_) => self.bar.say("press Enter when done, or type stop to end the run"),
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return refused("nobody answers (end of standard input)"),
+                Err(RecvTimeoutError::Disconnected) => return refused("no answer (end of standard input)"),
             }
         }
     }
+}
+
+fn counted(blocks: usize) -> String {
+    if blocks == 1 { "1 block".into() } else { format!("{blocks} blocks") }
 }

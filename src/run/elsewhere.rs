@@ -38,6 +38,14 @@ pub(super) fn choose(order: &Order<'_>, manifest: &str) -> Result<PathBuf, Diag>
     }
 }
 
+/// The journal that has most blocks of a job as done, on its last part, with these blocks: whichever it was begun with.
+pub(super) fn done(folder: &Path, manifest: &str) -> Option<(PathBuf, Vec<String>)> {
+    let own = journal::beside(folder);
+    let paths = std::iter::once(own).chain(noted(manifest)).chain(beside(folder));
+    let records = paths.map(|path| (journal::done(&path, manifest), path)).filter(|(done, _)| !done.is_empty());
+    records.max_by_key(|(done, _)| done.len()).map(|(done, path)| (path, done))
+}
+
 /// The other journals in which the job is begun, and how many blocks.
 fn others(own: &Path, folder: &Path, manifest: &str) -> Vec<(PathBuf, usize)> {
     let own = real(own);

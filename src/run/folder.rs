@@ -18,7 +18,7 @@ use terrace_plan::manifest::{
 const MAX_FILE: u64 = 1 << 32;
 
 /// Largest manifest that is read.
-const MAX_MANIFEST: u64 = 1 << 30;
+pub(super) const MAX_MANIFEST: u64 = 1 << 30;
 
 /// What is read of a job folder.
 #[derive(Debug)]

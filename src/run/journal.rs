@@ -247,7 +247,7 @@ impl Journal {
             }
             None if done.is_empty() || choice.go_on => {}
             None => {
-                let text = format!("{count} blocks are done by an earlier run, the last is {}", done[count - 1]);
+                let text = format!("{} by an earlier run, the last is {}", blocks_are_done(count), done[count - 1]);
                 let hint = format!(
                     "no other block was begun: to continue with that part: {}; to mark another part: {}",
                     order.command("--arm --go-on"),
@@ -257,8 +257,8 @@ impl Journal {
             }
             Some(block) if !choice.go_on || named != Some(block) => {
                 let text = format!(
-                    "{count} blocks are done by an earlier run; block {block} was begun, and may be marked not at all, in \
-                     part or completely"
+                    "{} by an earlier run; block {block} was begun, and may be marked not at all, in part or completely",
+                    blocks_are_done(count)
                 );
                 let hint =
                     format!("{}; to mark another part: {}", in_doubt(order, block), order.command("--arm --again"));
@@ -279,8 +279,24 @@ impl Journal {
     }
 }
 
+fn blocks_are_done(count: usize) -> String {
+    if count == 1 { "1 block is done".into() } else { format!("{count} blocks are done") }
+}
+
 /// How many blocks a journal has as begun on its last part; None where it is not of this manifest or nothing was begun.
 pub(super) fn begun(path: &Path, manifest: &str) -> Option<usize> {
+    let record = record_of(path, manifest)?;
+    let count = record.done.len() + usize::from(record.in_doubt.is_some());
+    (count > 0 || record.part > 1).then_some(count)
+}
+
+/// The blocks that a journal has as done on its last part; none where it is not of this manifest.
+pub(super) fn done(path: &Path, manifest: &str) -> Vec<String> {
+    record_of(path, manifest).map(|record| record.done).unwrap_or_default()
+}
+
+/// What a journal says; None where it is not of this manifest.
+fn record_of(path: &Path, manifest: &str) -> Option<Record> {
     path.metadata().ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
     let mut lines = BufReader::new(File::open(path).ok()?);
     let event = |line: &[u8]| serde_json::from_slice(line).ok().map(|Line { event, .. }| event);
@@ -295,8 +311,7 @@ pub(super) fn begun(path: &Path, manifest: &str) -> Option<usize> {
     lines.split(b'\n').map_while(|line| event(&line.ok()?)).for_each(|event| {
         record.take(event);
     });
-    let count = record.done.len() + usize::from(record.in_doubt.is_some());
-    (count > 0 || record.part > 1).then_some(count)
+    Some(record)
 }
 
 impl Record {
@@ -430,6 +445,8 @@ mod tests {
         ] {
             std::fs::write(&path, lines.join("\n")).expect("written");
             assert_eq!(begun(&path, "ab"), count, "{lines:?}");
+            let is_done = lines.len() >= 3 && lines[2].contains("end");
+            assert_eq!(done(&path, "ab"), if is_done { vec!["B1"] } else { vec![] }, "{lines:?}");
             assert_eq!(begun(&path, "cd"), None, "{lines:?}");
         }
         assert_eq!(begun(dir.path(), "ab"), None);

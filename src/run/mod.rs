@@ -37,8 +37,19 @@ use log::Log;
 use moves::Moves;
 use settings::RunFile;
 use stage::{Move, Stage};
-use terrace_core::diag::{Diag, Error, Message, Place};
+use terrace_core::diag::{self, Diag, Error, Message, Place};
 use terrace_core::program::BlockId;
+use terrace_plan::manifest::MANIFEST;
+
+/// The blocks of a job folder that runs have marked on the part that was last at work, and the journal that says so; None
+/// where there is none.
+///
+/// # Errors
+/// `manifest` where the folder has none that can be read.
+pub fn marked(folder: &Path) -> Result<Option<(PathBuf, Vec<String>)>, Error> {
+    let manifest = diag::read_file(&folder.join(MANIFEST), folder::MAX_MANIFEST)?;
+    Ok(elsewhere::done(folder, &blake3::hash(&manifest).to_hex()))
+}
 
 /// The folder in which journals of runs are noted, where it can be written.
 ///

@@ -377,7 +377,11 @@ fn what_a_step_file_hides_is_left_out_and_named() {
         ("higher.step", 30, 5, "1 shape", "\"part\" from (20.000, 30.000, 30.000)"),
     ] {
         let (is_read, text) = inspected(&dir.path().join(name), dir.path());
-        assert!(is_read && text.contains(&format!("{faces} faces in {bodies} bodies")), "{name}: {text}");
+        assert!(
+            is_read
+                && text.contains(&format!("{faces} faces in {bodies} bod{}", if bodies == 1 { "y" } else { "ies" })),
+            "{name}: {text}"
+        );
         let warning = format!("warning[cad-hidden]: left out, since the file hides them ({hidden}): ");
         assert!(text.contains(&warning) && text.contains(say), "{name}: {text}");
         // From the cache it is the same.

@@ -467,7 +467,7 @@ fn a_person_moves_marks_and_can_stop() {
     let out = with_answers(&bench, &["--arm"], "\n\n\n\nstop\n");
     assert_ended(&out, 1, &["run-person", "1 of 2 blocks are done; no other block was begun"]);
     let out = with_answers(&bench, &["--arm", "--go-on"], "\n\n\n");
-    assert_ended(&out, 1, &["nobody answers", "block B0002 was begun", "blocks/B0002.dxf"]);
+    assert_ended(&out, 1, &["no answer", "block B0002 was begun", "blocks/B0002.dxf"]);
     let out = with_answers(&bench, &["--arm", "--go-on", "--skip", "B0001"], "");
     assert_ended(&out, 2, &["run-in-doubt", "--skip B0002"]);
     assert_ended(&with_answers(&bench, &["--arm", "--go-on", "--redo", "B0002"], "\n\n\n\n\n"), 0, &["2 of 2 done"]);
@@ -606,7 +606,7 @@ fn the_part_is_placed_before_each_set_up() {
     let out = with_answers(&bench, &["--arm"], "\n\n");
     assert_ended(&out, 0, &["[ready?] set-up 1 of 2", "[ready?] set-up 2 of 2", "4 of 4 done"]);
     let out = with_answers(&bench, &[], "\n");
-    assert_ended(&out, 1, &["nobody answers", "set-up 2 of 2"]);
+    assert_ended(&out, 1, &["no answer", "set-up 2 of 2"]);
 }
 
 #[test]
@@ -636,6 +636,23 @@ fn a_resumed_job_is_run_from_its_own_folder() {
     let moves: Vec<&str> = mdi.iter().filter_map(|line| line.strip_prefix("G21 G90 G53 G0 ")).collect();
     assert_eq!(moves, moves_of(&bench.job.join("stage.ngc")));
     assert!(bench.path("rest.run.jsonl").exists());
+}
+
+#[test]
+fn a_rest_never_holds_blocks_that_a_run_has_marked_unless_it_is_for_another_part() {
+    let bench = Bench::new(2);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    assert_ended(&bench.run(&["--arm"]), 0, &["4 of 4 done"]);
+    let rest = bench.path("rest.job");
+    let resumed = |more: &[&str]| {
+        let args = [Path::new("resume"), &bench.job, Path::new("--from"), Path::new("B0003"), Path::new("-o"), &rest];
+        bench.terrace().args(args).args(more).output().expect("the program starts")
+    };
+    let words = ["resume-marked", "2 of these blocks, B0003 to B0004, are marked already", "part.run.jsonl", "--again"];
+    assert_ended(&resumed(&[]), 2, &words);
+    assert!(!rest.exists());
+    assert_ended(&resumed(&["--again"]), 0, &["B0003 to B0004"]);
 }
 
 #[test]
@@ -746,7 +763,7 @@ fn parts_of_a_series_are_counted_and_each_is_marked_whole() {
     shell.control().trip = Some((moves + 4, Trip::Error));
     assert_ended(&bench.run(&["--arm", "--again"]), 1, &["1 of 2 blocks are done; no other block was begun"]);
     shell.control().trip = None;
-    assert_ended(&bench.run(&["--arm"]), 2, &["run-go-on", "1 blocks are done"]);
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-go-on", "1 block is done"]);
     let out = bench.run(&["--arm", "--go-on", "--json"]);
     let outcome: Value = serde_json::from_slice(&out.stdout).expect("one JSON object");
     assert_eq!((&outcome["part"], &outcome["finished"], &outcome["marked"]), (&3.into(), &2.into(), &1.into()));
