@@ -181,8 +181,8 @@ fn add_block(job: &Layout<'_>, i: usize, cells: &Cells, energy: &mut [f64]) {
         let points = program.points_of(stroke);
         let beam = pen.beam(job.machine);
         let passes = f64::from(pen.passes);
-        // A quarter of a cell: steps are finer than what is shown.
-        deposits(points, beam, cells.side / 4.0, |p, joule| add(p, passes * joule));
+        // Half a cell: what is shared among cells needs no finer steps.
+        deposits(points, beam, cells.side / 2.0, |p, joule| add(p, passes * joule));
         if let ([dot], Some(dwell)) = (points, pen.dwell) {
             let p = [dot.x, dot.y].map(|v| f64::from(v) / NM_PER_MM);
             add(p, passes * beam.power * dwell.as_s());
@@ -198,7 +198,7 @@ fn add_move(job: &OnTheFlyLayout<'_>, marked: &Marked, cells: &Cells, energy: &m
     let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
     let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
     let way = math::hypot(to[0] - from[0], to[1] - from[1]);
-    let steps = (4.0 * way / cells.side).ceil().max(1.0);
+    let steps = (2.0 * way / cells.side).ceil().max(1.0);
     for k in 0..steps as u32 {
         let share = (f64::from(k) + 0.5) / steps;
         let p = [0, 1].map(|k| from[k] + share * (to[k] - from[k]));

@@ -103,9 +103,9 @@ impl Map {
         for i in 1..mark.len as usize {
             let to = place(i);
             let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-            let length = math::hypot(dx, dy);
-            // Pieces of half a cell, each in the cell of its middle.
-            let pieces = (2.0 * length / self.cell).ceil().max(1.0);
+            let length = (dx * dx + dy * dy).sqrt();
+            // Pieces of a cell, each shared about its middle.
+            let pieces = (length / self.cell).ceil().max(1.0);
             for k in 0..pieces as usize {
                 let share = (k as f64 + 0.5) / pieces;
                 self.put(from[0] + dx * share, from[1] + dy * share, length / pieces, pen);
