@@ -11,25 +11,25 @@ const { chromium } = createRequire(join(installed, "package.json"))("playwright-
 
 const ARGUMENTS = [
   "--no-sandbox",
-  "--use-gl=angle",
-  "--use-angle=swiftshader",
-  "--enable-unsafe-swiftshader",
   "--disable-quic",
   "--no-first-run",
   "--disable-background-networking",
   "--disable-component-update",
   "--disable-sync",
   "--force-color-profile=srgb",
-  "--font-render-hinting=none",
 ];
+/** A page that draws with WebGL, without a graphics card. */
+const WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--font-render-hinting=none"];
+/** A document by itself, in English. */
+const DOCUMENT = ["--disable-gpu", "--hide-scrollbars", "--lang=en-US"];
 
-/** A browser with a profile of its own, which is gone when it is closed. */
-export async function launch() {
+/** A browser for pages with WebGL, or for documents; its profile is its own, and gone when it is closed. */
+export async function launch({ documents = false } = {}) {
   const profile = mkdtempSync(join(tmpdir(), "terrace-browser-"));
   const browser = await chromium.launch({
     executablePath: process.env.TERRACE_CHROMIUM ?? "/usr/bin/chromium",
     headless: true,
-    args: ARGUMENTS,
+    args: [...ARGUMENTS, ...(documents ? DOCUMENT : WEBGL)],
     env: { ...process.env, HOME: profile },
   });
   const close = browser.close.bind(browser);

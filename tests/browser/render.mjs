@@ -9,28 +9,11 @@
 // Each file is navigated to, so that processing instructions, entities, media and scripts have the effect that a user
 // sees: English, on a screen, in light colours, on white, without a network. Animations stand at their beginning. A page without
 // a size of its own takes that of its viewBox; without a viewBox it is an error.
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { tmpdir } from "node:os";
-import { dirname, join, resolve } from "node:path";
-import { fileURLToPath, pathToFileURL } from "node:url";
+import { readFileSync, writeFileSync } from "node:fs";
+import { resolve } from "node:path";
+import { pathToFileURL } from "node:url";
+import { launch } from "./chromium.mjs";
 
-const here = dirname(fileURLToPath(import.meta.url));
-const installed = process.env.TERRACE_BROWSER ?? join(here, "../../.venv/browser");
-const { chromium } = createRequire(join(installed, "package.json"))("playwright-core");
-
-const ARGUMENTS = [
-  "--no-sandbox",
-  "--disable-gpu",
-  "--disable-quic",
-  "--no-first-run",
-  "--disable-background-networking",
-  "--disable-component-update",
-  "--disable-sync",
-  "--force-color-profile=srgb",
-  "--hide-scrollbars",
-  "--lang=en-US",
-];
 const PX_PER_MM = 96 / 25.4;
 /** Pages of one browser that render side by side. */
 const PAGES = 2;
@@ -113,13 +96,7 @@ async function render(page, session, { file, out, perMm, side }) {
 }
 
 const requests = JSON.parse(readFileSync(0, "utf8"));
-const profile = mkdtempSync(join(tmpdir(), "terrace-render-"));
-const browser = await chromium.launch({
-  executablePath: process.env.TERRACE_CHROMIUM ?? "/usr/bin/chromium",
-  headless: true,
-  args: ARGUMENTS,
-  env: { ...process.env, HOME: profile },
-});
+const browser = await launch({ documents: true });
 const context = await browser.newContext({ offline: true, locale: "en-US", colorScheme: "light" });
 const answers = new Array(requests.length);
 let next = 0;
@@ -143,5 +120,4 @@ async function work() {
 }
 await Promise.all(Array.from({ length: PAGES }, work));
 await browser.close();
-rmSync(profile, { recursive: true, force: true });
 for (const answer of answers) console.log(JSON.stringify(answer));

@@ -126,9 +126,10 @@ impl LineEnergy {
     }
 }
 
-/// Divides the segments of one pass of a stroke into equal pieces of `step` mm or less, and calls `visit` for each with
-/// its middle, mm in the field, and the energy that it gets, J. Leaves dots out.
-pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl FnMut([f64; 2], f64)) {
+/// Divides the segments of one pass of a stroke into pieces, and calls `visit` for each with its ends, mm in the field, and
+/// the energy that it gets, J. Where the speed of the spot changes they are equal, of `step` mm or less; where it does not,
+/// a piece is as long as the segment. Leaves dots out.
+pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl FnMut([[f64; 2]; 2], f64)) {
     let mut run_motions = runs(points).map(|run| (run.length, beam.model.motion(run, beam.speed)));
     // The run that holds the segment, and how much of it lies before the segment, mm.
     let (mut run_length, mut motion, mut run_before) = (0.0, None, 0.0);
@@ -145,20 +146,33 @@ pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl Fn
             (run_length, motion) = run_motions.next().unwrap_or_default();
             run_before = 0.0;
         }
-        let count = (length / step).ceil().max(1.0);
         // When the spot has gone a share of the segment, s: from the start of the run, or of the segment where it is
         // always at speed. Only differences count.
         let time = |share: f64| match &motion {
             Some(motion) => motion.time_at(run_before + share * length),
             None => share * length / beam.speed,
         };
-        let mut before = time(0.0);
-        for k in 1..=count as u32 {
-            let now = time(f64::from(k) / count);
-            let middle = (f64::from(k) - 0.5) / count;
-            let from = [pair[0].x, pair[0].y].map(|v| f64::from(v) / NM_PER_MM);
-            visit([from[0] + middle * x, from[1] + middle * y], beam.power * (now - before));
-            before = now;
+        let first = [pair[0].x, pair[0].y].map(|v| f64::from(v) / NM_PER_MM);
+        let place = |share: f64| [first[0] + share * x, first[1] + share * y];
+        // The shares of the segment at which the spot has gained its speed, and at which it begins to lose it.
+        let [gained, kept] = match &motion {
+            Some(motion) => [motion.ramp_mm(), run_length - motion.ramp_mm()].map(|way| (way - run_before) / length),
+            None => [0.0, 1.0],
+        };
+        let gained = gained.clamp(0.0, 1.0);
+        let kept = kept.clamp(gained, 1.0);
+        let (mut from, mut before) = (place(0.0), time(0.0));
+        for (begin, end, step) in [(0.0, gained, step), (gained, kept, f64::INFINITY), (kept, 1.0, step)] {
+            if begin == end {
+                continue;
+            }
+            let count = ((end - begin) * length / step).ceil().max(1.0);
+            for k in 1..=count as u32 {
+                let share = begin + (end - begin) * f64::from(k) / count;
+                let (to, now) = (place(share), time(share));
+                visit([from, to], beam.power * (now - before));
+                (from, before) = (to, now);
+            }
         }
         run_before += length;
     }
@@ -217,13 +231,15 @@ mod tests {
         let bent = points(&[[0, 0], [3_000_000, 0], [3_000_000, 0], [6_000_000, 200_000], [6_000_000, 5_000_000]]);
         for model in [beam(400.0).model, GalvoModel::AtSpeed] {
             let beam = Beam { model, ..beam(400.0) };
-            let (mut sum, mut densest) = (0.0, ([0.0; 2], 0.0));
-            deposits(&bent, beam, 0.05, |at, energy| {
-                sum += energy;
-                if energy > densest.1 {
-                    densest = (at, energy);
+            let (mut sum, mut way, mut densest) = (0.0, 0.0, ([0.0; 2], 0.0));
+            deposits(&bent, beam, 0.05, |[from, to], energy| {
+                let length = math::hypot(to[0] - from[0], to[1] - from[1]);
+                (sum, way) = (sum + energy, way + length);
+                if energy / length > densest.1 {
+                    densest = ([0, 1].map(|k| f64::midpoint(from[k], to[k])), energy / length);
                 }
             });
+            assert!((way - 3.0 - math::hypot(3.0, 0.2) - 4.8).abs() < 1e-9, "{way}");
             let time: f64 = runs(&bent).map(|run| model.run_s(run, 400.0)).sum();
             assert!((sum / (1.2 * time) - 1.0).abs() < 1e-12, "{sum}");
             let is_at_rest = [[0.0, 0.0], [6.0, 0.2], [6.0, 5.0]]

@@ -11,6 +11,7 @@ use terrace_core::math;
 use super::colour::{hex, of_height};
 use super::page::escape;
 use super::{Layout, OnTheFlyLayout, image, plain};
+use crate::raster::Cells;
 use terrace_core::geom::{NM_PER_MM, Turn};
 use terrace_core::motion::deposits;
 use terrace_core::parallel;
@@ -24,61 +25,22 @@ const COLOURS: i64 = 13;
 /// Lists of blocks that are summed beside each other: a fixed number, so that sums are the same on any computer.
 const LISTS: usize = 16;
 
-/// Square cells over the box of a texture.
-#[derive(Clone, Copy, Debug)]
-struct Cells {
-    /// Lower left corner, part frame, mm.
-    lo: [f64; 2],
-    /// Side of a cell, mm.
-    side: f64,
-    /// Columns and rows.
-    count: [usize; 2],
-    /// Of the box, mm.
-    size: [f64; 2],
+/// The cells of a map over a box of that size, marked on `mark_mm`: no smaller than the spot, and the mean distance of
+/// marks wide as long as there are enough cells, so that a hatch of that distance gives the same to all of them.
+fn cells_over(lo: [f64; 2], size: [f64; 2], spot: f64, mark_mm: f64) -> Cells {
+    let long = size[0].max(size[1]);
+    let lines = if mark_mm > 0.0 { size[0] * size[1] / mark_mm } else { 0.0 };
+    let side = (long / CELLS[0]).max(spot).max(lines.min(long / CELLS[1]));
+    Cells { lo, side, count: size.map(|v| ((v / side).round() as usize).max(1)) }
 }
 
-impl Cells {
-    /// Over a box of that size, marked on `mark_mm`: no smaller than the spot, and the mean distance of marks wide as long
-    /// as there are enough cells. With [`Cells::add`] a hatch of that distance then gives the same to all cells.
-    fn over(lo: [f64; 2], size: [f64; 2], spot: f64, mark_mm: f64) -> Self {
-        let long = size[0].max(size[1]);
-        let lines = if mark_mm > 0.0 { size[0] * size[1] / mark_mm } else { 0.0 };
-        let side = (long / CELLS[0]).max(spot).max(lines.min(long / CELLS[1]));
-        Self { lo, side, count: size.map(|v| ((v / side).round() as usize).max(1)), size }
-    }
-
-    fn len(&self) -> usize {
-        self.count[0] * self.count[1]
-    }
-
-    /// Shares an energy at a point, mm, among the four cells whose centres are around it, by their distance; beyond the
-    /// box it counts for the next cell.
-    fn add(&self, energy: &mut [f64], p: [f64; 2], joule: f64) {
-        let [u, v] = [0, 1].map(|k| (p[k] - self.lo[k]) / self.side - 0.5);
-        let [column, row] = [u.floor(), v.floor()];
-        let cell = |k: usize, at: f64| (at.max(0.0) as usize).min(self.count[k] - 1);
-        for (y, share_y) in [(row, row + 1.0 - v), (row + 1.0, v - row)] {
-            for (x, share_x) in [(column, column + 1.0 - u), (column + 1.0, u - column)] {
-                energy[cell(1, y) * self.count[0] + cell(0, x)] += joule * share_x * share_y;
-            }
-        }
-    }
-
-    /// The area of the box that a cell stands for, of the area of a cell: at the upper and right border it ends where the
-    /// box does, between half a cell and one and a half.
-    fn share_of_box(&self, cell: usize) -> f64 {
-        let place = [cell % self.count[0], cell / self.count[0]];
-        let side =
-            |k: usize| if place[k] + 1 < self.count[k] { 1.0 } else { self.size[k] / self.side - place[k] as f64 };
-        // A box narrower than a cell has one column of whole cells.
-        [side(0), side(1)].map(|side| if side >= 0.5 { side } else { 1.0 }).into_iter().product()
-    }
-
-    /// The centre of a cell, mm.
-    fn centre(&self, cell: usize) -> [f64; 2] {
-        let place = [cell % self.count[0], cell / self.count[0]];
-        [0, 1].map(|k| self.lo[k] + (place[k] as f64 + 0.5) * self.side)
-    }
+/// The area of a box of that size that a cell stands for, of the area of a cell: at the upper and right border it ends
+/// where the box does, between half a cell and one and a half.
+fn share_of_box(cells: &Cells, size: [f64; 2], cell: usize) -> f64 {
+    let place = [cell % cells.count[0], cell / cells.count[0]];
+    let side = |k: usize| if place[k] + 1 < cells.count[k] { 1.0 } else { size[k] / cells.side - place[k] as f64 };
+    // A box narrower than a cell has one column of whole cells.
+    [side(0), side(1)].map(|side| if side >= 0.5 { side } else { 1.0 }).into_iter().product()
 }
 
 /// Energy by area over the texture, that of all passes together.
@@ -109,7 +71,7 @@ impl EnergyMap {
     pub fn of(job: &Layout<'_>) -> Self {
         let size = job.texture_size().map(|v| v.mm());
         let mark_mm = job.summary.mark_mm / f64::from(job.summary.passes.max(1));
-        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm(), mark_mm);
+        let cells = cells_over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm(), mark_mm);
         let blocks = job.checked.program().blocks.len();
         let mut energy = vec![0.0; cells.len()];
         let energy_of_list = |k: usize, ()| {
@@ -120,22 +82,22 @@ impl EnergyMap {
         parallel::in_order(vec![(); LISTS], energy_of_list, |list: Vec<f64>| {
             energy.iter_mut().zip(list).for_each(|(sum, e)| *sum += e);
         });
-        Self::new("of surface", cells, energy)
+        Self::new("of surface", cells, size, energy)
     }
 
     /// Of the moves of an on-the-fly program, whose spot has the speed of each: by area as the lens sees it.
     pub(crate) fn of_moves(job: &OnTheFlyLayout<'_>) -> Self {
         let size = job.texture.size().map(|v| v.mm());
-        let cells = Cells::over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm(), job.summary.mark_mm);
+        let cells = cells_over(job.texture.lo.mm(), size, job.machine.lens.spot.as_mm(), job.summary.mark_mm);
         let mut energy = vec![0.0; cells.len()];
         for marked in job.program.marked(job.machine) {
             add_move(job, &marked, &cells, &mut energy);
         }
-        Self::new("seen along z", cells, energy)
+        Self::new("seen along z", cells, size, energy)
     }
 
-    fn new(area: &'static str, cells: Cells, mut energy: Vec<f64>) -> Self {
-        energy.iter_mut().enumerate().for_each(|(cell, e)| *e /= cells.share_of_box(cell));
+    fn new(area: &'static str, cells: Cells, size: [f64; 2], mut energy: Vec<f64>) -> Self {
+        energy.iter_mut().enumerate().for_each(|(cell, e)| *e /= share_of_box(&cells, size, cell));
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
@@ -175,17 +137,21 @@ fn add_block(job: &Layout<'_>, i: usize, cells: &Cells, energy: &mut [f64]) {
     let centre = Turn::drawn(block.stop.centre).mm();
     // J/mm² to J/cm².
     let share = 100.0 * job.figures[i].slope.cos()[0] / (cells.side * cells.side);
-    let mut add = |[x, y]: [f64; 2], joule: f64| cells.add(energy, [centre[0] + x, centre[1] + y], share * joule);
+    let in_part = |[x, y]: [f64; 2]| [centre[0] + x, centre[1] + y];
     for stroke in program.strokes_of(block) {
         let pen = &program.pens[stroke.pen.index()];
         let points = program.points_of(stroke);
         let beam = pen.beam(job.machine);
-        let passes = f64::from(pen.passes);
-        // Half a cell: what is shared among cells needs no finer steps.
-        deposits(points, beam, cells.side / 2.0, |p, joule| add(p, passes * joule));
+        let by_area = share * f64::from(pen.passes);
+        // While its speed changes, half a cell at a time.
+        deposits(points, beam, cells.side / 2.0, |[from, to], joule| {
+            let joule = by_area * joule;
+            cells.share_line(in_part(from), in_part(to), |cell, share| energy[cell] += joule * share);
+        });
         if let ([dot], Some(dwell)) = (points, pen.dwell) {
             let p = [dot.x, dot.y].map(|v| f64::from(v) / NM_PER_MM);
-            add(p, passes * beam.power * dwell.as_s());
+            let joule = by_area * beam.power * dwell.as_s();
+            cells.share_dot(in_part(p), |cell, share| energy[cell] += joule * share);
         }
     }
 }
@@ -197,14 +163,9 @@ fn add_move(job: &OnTheFlyLayout<'_>, marked: &Marked, cells: &Cells, energy: &m
     // Where the power follows the speed of the spot the energy is that of the way at full power and speed.
     let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
     let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
-    let way = math::hypot(to[0] - from[0], to[1] - from[1]);
-    let steps = (2.0 * way / cells.side).ceil().max(1.0);
-    for k in 0..steps as u32 {
-        let share = (f64::from(k) + 0.5) / steps;
-        let p = [0, 1].map(|k| from[k] + share * (to[k] - from[k]));
-        // J/mm² to J/cm².
-        cells.add(energy, p, 100.0 * joule / (steps * cells.side * cells.side));
-    }
+    // J/mm² to J/cm².
+    let by_area = 100.0 * joule / (cells.side * cells.side);
+    cells.share_line(from, to, |cell, share| energy[cell] += by_area * share);
 }
 
 /// The largest of 1, 2, 5, 10 ... that is not above a length.
@@ -286,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_cell_holds_several_lines_as_long_as_there_are_enough_cells() {
-        let side = |mark_mm| Cells::over([0.0; 2], [100.0, 50.0], 0.04, mark_mm).side;
+        let side = |mark_mm| cells_over([0.0; 2], [100.0, 50.0], 0.04, mark_mm).side;
         assert_eq!(side(100_000.0), 0.25);
         // A hatch of 0.5 mm.
         assert_eq!(side(10_000.0), 0.5);
@@ -294,24 +255,10 @@ mod tests {
     }
 
     #[test]
-    fn a_hatch_gives_the_same_to_all_cells_and_points_beyond_them_count_for_the_next() {
-        let cells = Cells::over([10.0, 20.0], [100.0, 50.0], 0.1, 2_000.0);
-        assert_eq!((cells.side, cells.count), (2.5, [40, 20]));
-        let mut energy = vec![0.0; cells.len()];
-        for k in 0..20 {
-            for x in 0..400 {
-                cells.add(&mut energy, [10.125 + 0.25 * f64::from(x), 20.3 + 2.5 * f64::from(k)], 1.0);
-            }
-        }
-        assert!((energy.iter().sum::<f64>() - 8_000.0).abs() < 1e-6);
-        let inner = (1..19).flat_map(|row| (1..39).map(move |column| row * 40 + column));
-        assert!(inner.clone().all(|cell| (energy[cell] - 10.0).abs() < 1e-6), "{:?}", energy[41]);
-        let mut far = vec![0.0; cells.len()];
-        cells.add(&mut far, [-5.0, 1e9], 1.0);
-        assert_eq!((far[19 * 40], far.iter().sum::<f64>()), (1.0, 1.0));
-        assert_eq!(cells.centre(41), [13.75, 23.75]);
-        let partial = Cells::over([0.0; 2], [10.0, 5.2], 1.0, 1e9);
-        assert_eq!((partial.share_of_box(0), partial.count), (1.0, [10, 5]));
-        assert!((partial.share_of_box(40) - 1.2).abs() < 1e-9);
+    fn cells_at_the_border_end_where_the_box_does() {
+        let size = [10.0, 5.2];
+        let cells = cells_over([0.0; 2], size, 1.0, 1e9);
+        assert_eq!((share_of_box(&cells, size, 0), cells.count), (1.0, [10, 5]));
+        assert!((share_of_box(&cells, size, 40) - 1.2).abs() < 1e-9);
     }
 }

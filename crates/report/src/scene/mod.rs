@@ -130,6 +130,12 @@ impl Frame {
         let p = at.map(|v| f64::from(v) / NM_PER_MM);
         [0, 1, 2].map(|i| self.origin[i] + (0..3).map(|k| self.axes[k][i] * p[k]).sum::<f64>())
     }
+
+    /// x and y of a point of the frame in the part, mm.
+    pub(crate) fn seen_along_z(&self, at: [i32; 3]) -> [f64; 2] {
+        let p = at.map(|v| f64::from(v) / NM_PER_MM);
+        [0, 1].map(|i| self.origin[i] + (0..3).map(|k| self.axes[k][i] * p[k]).sum::<f64>())
+    }
 }
 
 impl Scene {

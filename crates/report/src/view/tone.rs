@@ -9,13 +9,14 @@ use std::ops::Range;
 use serde::Serialize;
 
 use super::pack::Data;
+use crate::raster::Cells;
 use crate::scene::{Group, Mark, Scene};
 use terrace_core::geom::BoxMm;
 use terrace_core::math;
 use terrace_core::parallel;
 
-/// Cells of all maps: about the pixels of a window.
-const CELLS: f64 = 1_000_000.0;
+/// Cells of all maps: about the pixels that a job fills in a window.
+const CELLS: f64 = 600_000.0;
 /// What counts as dense: no more than the 50th part of the marked cells is denser. A crossing of lines is not the rule.
 const RARE: usize = 50;
 /// Greatest side of a map: what every graphics card takes.
@@ -62,10 +63,7 @@ pub(super) fn tones(scene: &Scene, passes: &[Range<usize>], pens: usize, spot: f
 
 /// Lengths of marks in the cells of a pass.
 struct Map {
-    origin: [f64; 2],
-    cell: f64,
-    columns: usize,
-    rows: usize,
+    cells: Cells,
     /// mm of marks.
     length: Vec<f32>,
     /// The pen of most of the length, and by how much, mm; empty where there is one pen.
@@ -75,18 +73,16 @@ struct Map {
 impl Map {
     /// `None` where nothing is marked.
     fn of(groups: &[Group], cells: f64, has_pens: bool, spot: f64) -> Option<Self> {
-        let places = groups.iter().flat_map(|g| g.points.iter().map(|p| g.frame.part_from_group(p.at)));
-        let bounds = BoxMm::of(places.map(|[x, y, _]| [x, y]));
+        let bounds = BoxMm::of(groups.iter().flat_map(|g| g.points.iter().map(|p| g.frame.seen_along_z(p.at))));
         if bounds.lo[0] > bounds.hi[0] {
             return None;
         }
         let [wide, high] = bounds.size();
         // Finer than half a spot there is nothing to see.
         let cell = math::hypot(0.5 * spot, (wide * high / cells).sqrt()).max(wide.max(high) / (MOST_CELLS - 1) as f64);
-        let count = |side: f64| (side / cell) as usize + 1;
-        let (columns, rows) = (count(wide), count(high));
-        let pens = if has_pens { vec![(0, 0.0); columns * rows] } else { Vec::new() };
-        let mut map = Self { origin: bounds.lo, cell, columns, rows, length: vec![0.0; columns * rows], pens };
+        let cells = Cells { lo: bounds.lo, side: cell, count: bounds.size().map(|v| (v / cell) as usize + 1) };
+        let pens = if has_pens { vec![(0, 0.0); cells.len()] } else { Vec::new() };
+        let mut map = Self { cells, length: vec![0.0; cells.len()], pens };
         for group in groups {
             group.marks.iter().for_each(|mark| map.add(group, mark, spot));
         }
@@ -94,37 +90,20 @@ impl Map {
     }
 
     fn add(&mut self, group: &Group, mark: &Mark, spot: f64) {
-        let place = |i: usize| group.frame.part_from_group(group.points_of(mark)[i].at);
+        let cells = self.cells;
         let pen = mark.pen.0 as u8;
-        let mut from = place(0);
-        if mark.len == 1 {
-            self.put(from[0], from[1], std::f64::consts::FRAC_PI_4 * spot, pen);
+        let points = group.points_of(mark);
+        let mut from = group.frame.seen_along_z(points[0].at);
+        if let [_] = points {
+            let length = std::f64::consts::FRAC_PI_4 * spot;
+            cells.share_dot(from, |cell, share| self.add_to(cell, length * share, pen));
         }
-        for i in 1..mark.len as usize {
-            let to = place(i);
+        for point in &points[1..] {
+            let to = group.frame.seen_along_z(point.at);
             let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
             let length = (dx * dx + dy * dy).sqrt();
-            // Pieces of a cell, each shared about its middle.
-            let pieces = (length / self.cell).ceil().max(1.0);
-            for k in 0..pieces as usize {
-                let share = (k as f64 + 0.5) / pieces;
-                self.put(from[0] + dx * share, from[1] + dy * share, length / pieces, pen);
-            }
+            cells.share_line(from, to, |cell, share| self.add_to(cell, length * share, pen));
             from = to;
-        }
-    }
-
-    /// Shares a length at a place among the four cells around it, by their distance: lines between the centres of cells
-    /// make no bands.
-    fn put(&mut self, x: f64, y: f64, length: f64, pen: u8) {
-        let [u, v] = [(x - self.origin[0]) / self.cell - 0.5, (y - self.origin[1]) / self.cell - 0.5];
-        let (column, row) = (u.floor(), v.floor());
-        let cell = |i: f64, count: usize| (i.max(0.0) as usize).min(count - 1);
-        for (j, share_y) in [(row, row + 1.0 - v), (row + 1.0, v - row)] {
-            for (i, share_x) in [(column, column + 1.0 - u), (column + 1.0, u - column)] {
-                let at = cell(j, self.rows) * self.columns + cell(i, self.columns);
-                self.add_to(at, length * share_x * share_y, pen);
-            }
         }
     }
 
@@ -140,22 +119,23 @@ impl Map {
     }
 
     fn layer(&self) -> Layer {
-        let area = (self.cell * self.cell) as f32;
-        Layer { columns: self.columns, rows: self.rows, density: self.length.iter().map(|l| l / area).collect() }
+        let Cells { side, count: [columns, rows], .. } = self.cells;
+        let area = (side * side) as f32;
+        Layer { columns, rows, density: self.length.iter().map(|l| l / area).collect() }
     }
 
     fn written(&self, pass: usize, most_per_mm: f64) -> (ToneHead, String) {
-        let byte = 255.0 / (most_per_mm * self.cell * self.cell);
+        let Cells { lo: origin, side: cell, count: [columns, rows] } = self.cells;
+        let byte = 255.0 / (most_per_mm * cell * cell);
         let mut data = Data::default();
         // No marked cell is lost.
         data.u8(self
             .length
             .iter()
-            .map(|&l| if l > 0.0 { (f64::from(l) * byte).round().clamp(1.0, 255.0) as u8 } else { 0 }));
+            .map(|&l| if l > 0.0 { (f64::from(l) * byte + 0.5).clamp(1.0, 255.0) as u8 } else { 0 }));
         data.u8(self.pens.iter().map(|&(pen, _)| pen));
         let name = format!("tone-{pass}");
         let element = data.element(&name);
-        let Self { origin, cell, columns, rows, .. } = *self;
         (ToneHead { name, pass, origin, cell, columns, rows, has_pens: !self.pens.is_empty() }, element)
     }
 }
@@ -187,17 +167,27 @@ impl Layer {
 fn dense_by_level(mut layers: Vec<Layer>) -> Vec<f64> {
     let mut levels = Vec::new();
     loop {
-        let mut all: Vec<f32> = layers.iter().flat_map(|l| &l.density).copied().filter(|&d| d > 0.0).collect();
-        if all.is_empty() {
-            return levels;
-        }
-        let at = all.len() - 1 - all.len() / RARE;
-        levels.push(f64::from(*all.select_nth_unstable_by(at, f32::total_cmp).1));
+        let Some(dense) = dense_of(layers.iter().flat_map(|l| &l.density)) else { return levels };
+        levels.push(dense);
         if layers.iter().all(|l| l.columns.max(l.rows) <= 2) {
             return levels;
         }
         layers = layers.iter().map(Layer::halved).collect();
     }
+}
+
+/// What counts as dense among densities; `None` where nothing is marked. To a part in 128: by the upper half of their
+/// bits, whose order is that of the numbers.
+fn dense_of<'a>(densities: impl Iterator<Item = &'a f32>) -> Option<f64> {
+    let mut counts = vec![0_u32; 1 << 15];
+    densities.filter(|d| **d > 0.0).for_each(|d| counts[(d.to_bits() >> 16) as usize] += 1);
+    let marked: usize = counts.iter().map(|&n| n as usize).sum();
+    let mut left = marked / RARE + 1;
+    let upper = (0..counts.len()).rev().find(|&upper| {
+        left = left.saturating_sub(counts[upper] as usize);
+        left == 0
+    })?;
+    (marked > 0).then(|| f64::from(f32::from_bits((upper as u32) << 16 | 0x8000)))
 }
 
 #[cfg(test)]
