@@ -35,8 +35,8 @@ pub struct BlockChoice {
     pub only: Vec<[BlockId; 2]>,
     /// Blocks that are marked already.
     pub done: BTreeSet<BlockId>,
-    /// Blocks that runs have marked: none of them may be left.
-    pub marked: Option<MarkedBlocks>,
+    /// Blocks that runs have marked, by journal: none of them may be left.
+    pub marked: Vec<MarkedBlocks>,
 }
 
 /// Blocks that runs have marked.
@@ -132,7 +132,7 @@ pub fn resume(folder: &Path, choice: &BlockChoice, target: &Path, durability: Du
     let name = folder.join("program.txt");
     let (program, origins) = text::parse(&name.display().to_string(), &diag::read_file(&name, u64::MAX)?)?;
     let chosen = whole.chosen(&program, choice)?;
-    if let Some(marked) = &choice.marked {
+    for marked in &choice.marked {
         refuse_marked(chosen.iter().map(|&i| program.id(i).to_string()), marked)?;
     }
     let count = program.blocks.len();
@@ -158,8 +158,7 @@ pub fn resume(folder: &Path, choice: &BlockChoice, target: &Path, durability: Du
 fn refuse_marked(left: impl Iterator<Item = String>, marked: &MarkedBlocks) -> Result<(), Error> {
     let again: Vec<String> = left.filter(|id| marked.blocks.contains(id)).collect();
     let (Some(first), Some(last)) = (again.first(), again.last()) else { return Ok(()) };
-    let text =
-        format!("{} of these blocks, {first} to {last}, are marked already by a run of this folder", again.len());
+    let text = format!("{} of these blocks, {first} to {last}, are marked already by a run of this job", again.len());
     let hint = "leave them out with --from, --only or --done; to mark them on another part add --again";
     Err(Diag::input("resume-marked", text).at(place(&marked.journal)).hint(hint).into())
 }

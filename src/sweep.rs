@@ -17,7 +17,7 @@ use terrace_input::job::{Job, KeyValue, Keys, Mode, Overrides, Setting, near_key
 use terrace_input::surface::Surface;
 use terrace_plan::manifest::Summary;
 use terrace_plan::plan::{self, Inputs};
-use terrace_report::report::plot::{Axis, LineChart, Panel, Plot, Series};
+use terrace_report::report::plot::{Axis, LineChart, Panel, Plot, Series, time_unit};
 use terrace_report::report::table::{Cell, Column, Table};
 
 /// Most combinations of one sweep.
@@ -276,7 +276,7 @@ pub fn chart(sweep: &Sweep) -> Option<Plot> {
             names.push(name);
         }
     }
-    let panel = |y: Axis, figure: fn(&Summary) -> f64| {
+    let panel = |y: Axis, figure: &dyn Fn(&Summary) -> f64| {
         let series = names.iter().map(|name| {
             let own = sweep.rows.iter().zip(&xs).filter(|(row, _)| other_values(row) == *name);
             let points = own.map(|(row, x)| [x.0, row.summary.as_ref().map_or(f64::NAN, figure)]);
@@ -284,11 +284,15 @@ pub fn chart(sweep: &Sweep) -> Option<Plot> {
         });
         Panel { y, series: series.collect(), limits: Vec::new() }
     };
-    let panels = vec![
-        panel(Axis::new("stops", ""), |s| s.stops as f64),
-        panel(Axis::new("machine time", "min"), |s| s.time_s.total / 60.0),
-        panel(Axis::new("with loading", "min"), |s| s.loading.total_s / 60.0),
+    let summaries = || sweep.rows.iter().filter_map(|row| row.summary.as_ref().ok());
+    let (unit_of_time, s_per_unit) = time_unit(summaries().map(|s| s.loading.total_s).fold(0.0, f64::max));
+    let mut panels = vec![
+        panel(Axis::new("stops", ""), &|s| s.stops as f64),
+        panel(Axis::new("machine time", unit_of_time), &|s| s.time_s.total / s_per_unit),
     ];
+    if summaries().any(|s| s.loading.total_s > s.time_s.total) {
+        panels.push(panel(Axis::new("with loading", unit_of_time), &|s| s.loading.total_s / s_per_unit));
+    }
     Some(LineChart { title: format!("Sweep of {key}"), x: Axis::new(key, &unit), panels, limits: Vec::new() }.draw())
 }
 

@@ -53,7 +53,10 @@ pub const EXAMPLES: &[(&str, &[Example])] = &[
     (
         "run",
         &[
-            ("terrace run job.job --with shop.toml", "Dry run: moves the stage, fires nothing"),
+            (
+                "terrace run job.job --with shop.toml",
+                "Dry run: moves the stage, marks nothing; the pilot laser shows each block",
+            ),
             ("terrace run job.job --with shop.toml --frames B0012", "Shows the frame of one block"),
             ("terrace run job.job --with shop.toml --arm", "Marks the part"),
             ("terrace run job.job --with shop.toml --arm --go-on", "Goes on after an interruption"),

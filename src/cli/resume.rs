@@ -13,7 +13,7 @@ use terrace_core::duration::duration;
 pub(super) fn run(args: &Args, folder: &Path, left: &Left, again: bool, target: &Path) -> Result<(), Error> {
     named::job_folder(folder)?;
     let done = left.done.as_deref().map(resume::listed).transpose()?.unwrap_or_default();
-    let marked = if again { None } else { marked(folder)? };
+    let marked = if again { Vec::new() } else { marked(folder)? };
     let choice = BlockChoice { from: left.from, only: left.only.clone(), done, marked };
     let steps = Steps::new(args.quiet);
     steps.begin("writing what is left");
@@ -42,12 +42,14 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, again: bool, target: 
 
 /// What runs of a folder have marked.
 #[cfg(feature = "run")]
-fn marked(folder: &Path) -> Result<Option<MarkedBlocks>, Error> {
+fn marked(folder: &Path) -> Result<Vec<MarkedBlocks>, Error> {
     let found = crate::run::marked(folder)?;
-    Ok(found.map(|(journal, blocks)| MarkedBlocks { journal, blocks: blocks.into_iter().collect() }))
+    let of_journal =
+        |(journal, blocks): (_, Vec<String>)| MarkedBlocks { journal, blocks: blocks.into_iter().collect() };
+    Ok(found.into_iter().map(of_journal).collect())
 }
 
 #[cfg(not(feature = "run"))]
-fn marked(_: &Path) -> Result<Option<MarkedBlocks>, Error> {
-    Ok(None)
+fn marked(_: &Path) -> Result<Vec<MarkedBlocks>, Error> {
+    Ok(Vec::new())
 }

@@ -2,12 +2,17 @@
 //!
 //! A journal is noted by the hash of its manifest in a folder of the user's, and looked for beside the job folder. One
 //! that was copied is not noted: it may be older than what it was copied from.
+//!
+//! What `terrace resume` leaves of a job has a manifest and a journal of its own and the program of the whole. Journals
+//! are noted by the hash of that too, so that no block of a part is marked from both folders.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use super::Order;
+use super::folder::Folder;
 use super::journal;
 use terrace_core::diag::{Diag, Place};
 
@@ -39,11 +44,72 @@ pub(super) fn choose(order: &Order<'_>, manifest: &str) -> Result<PathBuf, Diag>
 }
 
 /// The journal that has most blocks of a job as done, on its last part, with these blocks: whichever it was begun with.
-pub(super) fn done(folder: &Path, manifest: &str) -> Option<(PathBuf, Vec<String>)> {
+fn done(folder: &Path, manifest: &str) -> Option<(PathBuf, Vec<String>)> {
     let own = journal::beside(folder);
     let paths = std::iter::once(own).chain(noted(manifest)).chain(beside(folder));
     let records = paths.map(|path| (journal::done(&path, manifest), path)).filter(|(done, _)| !done.is_empty());
     records.max_by_key(|(done, _)| done.len()).map(|(done, path)| (path, done))
+}
+
+/// Blocks of a journal that was written from one folder.
+pub(super) struct Marks {
+    pub journal: PathBuf,
+    pub blocks: Vec<String>,
+}
+
+/// The blocks that are marked on the part that is at work, from this folder and from others with its program.
+pub(super) fn marked(folder: &Folder) -> Vec<Marks> {
+    let own = done(&folder.path, &folder.manifest);
+    let since_s = own.as_ref().and_then(|(path, _)| journal::record_of(path, &folder.manifest)).map(|r| r.since_s);
+    let others = of_other_folders(folder, since_s);
+    own.map(|(journal, blocks)| Marks { journal, blocks }).into_iter().chain(others).collect()
+}
+
+/// Refuses to mark blocks that are marked on the part that is at work from another folder with the same program: that of
+/// the whole job, or of what is left of it.
+///
+/// # Errors
+/// `run-marked` with the journal of the other folder.
+pub(super) fn refuse_marked(order: &Order<'_>, own: &Path, folder: &Folder) -> Result<(), Diag> {
+    if order.journal_choice.again {
+        return Ok(());
+    }
+    let record = journal::record_of(own, &folder.manifest);
+    let is_done = |id: &str| record.as_ref().is_some_and(|record| record.is_done(id));
+    let left: BTreeSet<&str> = folder.blocks.iter().map(|b| b.id.as_str()).filter(|id| !is_done(id)).collect();
+    for Marks { journal, blocks } in of_other_folders(folder, record.as_ref().map(|record| record.since_s)) {
+        let twice: Vec<&String> = blocks.iter().filter(|id| left.contains(id.as_str())).collect();
+        let (Some(first), Some(last)) = (twice.first(), twice.last()) else { continue };
+        let text = format!(
+            "{} of the blocks that are left, {first} to {last}, were marked from another folder of this job, or may have \
+             been",
+            twice.len()
+        );
+        let hint = format!(
+            "for what is left now write a folder with terrace resume, from the block after them; to mark another part: {}",
+            order.command("--arm --again")
+        );
+        return Err(Diag::input("run-marked", text).at(Place::file(journal.display().to_string())).hint(hint));
+    }
+    Ok(())
+}
+
+/// What other folders with the program of this one have marked, since its part was begun.
+fn of_other_folders(folder: &Folder, since_s: Option<f64>) -> Vec<Marks> {
+    let Some(program) = folder.program() else { return Vec::new() };
+    let mut paths: Vec<PathBuf> =
+        noted(program).into_iter().chain(beside(&folder.path)).map(|path| real(&path)).collect();
+    paths.sort();
+    paths.dedup();
+    let of = |path: PathBuf| {
+        let record = journal::record_of_program(&path, program)?;
+        if record.manifest.as_ref() == Some(&folder.manifest) {
+            return None;
+        }
+        let blocks: Vec<String> = record.marked_since(since_s.unwrap_or(0.0)).map(str::to_owned).collect();
+        (!blocks.is_empty()).then_some(Marks { journal: path, blocks })
+    };
+    paths.into_iter().filter_map(of).collect()
 }
 
 /// The other journals in which the job is begun, and how many blocks.
@@ -56,14 +122,14 @@ fn others(own: &Path, folder: &Path, manifest: &str) -> Vec<(PathBuf, usize)> {
     others.filter_map(|path| journal::begun(&path, manifest).map(|count| (path, count))).collect()
 }
 
-/// Notes a journal by its manifest; returns when that is on the disk.
+/// Notes a journal by the hash of its manifest or of its program; returns when that is on the disk.
 ///
 /// # Errors
 /// `run-journal-note` where it cannot be written.
-pub(super) fn note(own: &Path, manifest: &str) -> Result<(), Diag> {
-    let path = note_of(manifest);
+pub(super) fn note(own: &Path, hash: &str) -> Result<(), Diag> {
+    let path = note_of(hash);
     let own = real(own);
-    if noted(manifest).contains(&own) {
+    if noted(hash).contains(&own) {
         return Ok(());
     }
     append(&path, &own).map_err(|e| {
@@ -97,9 +163,9 @@ fn append(note: &Path, journal: &Path) -> std::io::Result<()> {
     file.sync_all()
 }
 
-/// Journals that were noted of a manifest.
-fn noted(manifest: &str) -> Vec<PathBuf> {
-    let text = fs::read_to_string(note_of(manifest)).unwrap_or_default();
+/// Journals that were noted of a hash.
+fn noted(hash: &str) -> Vec<PathBuf> {
+    let text = fs::read_to_string(note_of(hash)).unwrap_or_default();
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
@@ -115,9 +181,9 @@ fn real(path: &Path) -> PathBuf {
     dunce::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// The note of a manifest: lines with the paths of its journals, as JSON.
-fn note_of(manifest: &str) -> PathBuf {
-    notes().join(manifest)
+/// The note of a hash: lines with the paths of its journals, as JSON.
+fn note_of(hash: &str) -> PathBuf {
+    notes().join(hash)
 }
 
 /// The folder of the notes.

@@ -133,6 +133,11 @@ impl Folder {
         })
     }
 
+    /// BLAKE3 of program.txt, hex: that of the whole job, of what is left of one too.
+    pub fn program(&self) -> Option<&str> {
+        self.files.get("program.txt").map(|fact| fact.blake3.as_str())
+    }
+
     /// Refuses a folder that was made anew since it was read.
     pub fn is_unchanged(&self) -> Result<(), Error> {
         let bytes = diag::read_file(&self.path.join(MANIFEST), MAX_MANIFEST)?;

@@ -6,7 +6,7 @@
 //! line without its line feed was not written when its writer was killed, and nothing that follows it has happened: it
 //! is removed.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, TryLockError};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -41,8 +41,16 @@ pub struct JournalChoice<'a> {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "lowercase")]
 enum Event {
-    /// The first line: what the journal is of.
-    Run { terrace: String, manifest: String, machine: String, armed: bool },
+    /// The first line: what the journal is of; `program` is BLAKE3 of program.txt, which what is left of a job shares with
+    /// it (none in journals of 0.1.0).
+    Run {
+        terrace: String,
+        manifest: String,
+        #[serde(default)]
+        program: Option<String>,
+        machine: String,
+        armed: bool,
+    },
     /// Another part of the series begins; its number, from 2.
     Part { number: u32 },
     /// A block is about to be marked.
@@ -76,16 +84,22 @@ pub struct Journal {
 
 /// What the lines of a journal say together.
 #[derive(Debug, Default)]
-struct Record {
+pub(super) struct Record {
     /// The part of the series, from 1.
     part: u32,
+    /// When that part was begun, s since 1970.
+    pub since_s: f64,
     /// The manifest that the first line names; None without one.
-    manifest: Option<String>,
+    pub manifest: Option<String>,
+    /// The program that the first line names.
+    program: Option<String>,
     /// The blocks that are done, in the order of their ends.
     done: Vec<String>,
-    /// The blocks that are done, to look them up.
-    done_set: BTreeSet<String>,
+    /// When the blocks ended that are done.
+    ended_s: BTreeMap<String, f64>,
     in_doubt: Option<String>,
+    /// When the last line was written, s since 1970.
+    last_s: f64,
 }
 
 /// The usual place: beside the folder, `hood.run.jsonl` for `hood.job`.
@@ -109,7 +123,7 @@ impl Journal {
             Some(_) if order.journal_choice.again => {
                 let number = record.part + 1;
                 journal.write(Event::Part { number })?;
-                record.take(Event::Part { number });
+                record.take(now_s(), Event::Part { number });
             }
             Some(_) => {}
         }
@@ -159,6 +173,7 @@ impl Journal {
         self.write(Event::Run {
             terrace: env!("CARGO_PKG_VERSION").into(),
             manifest: folder.manifest.clone(),
+            program: folder.program().map(str::to_owned),
             machine: folder.machine.name.clone(),
             armed: true,
         })
@@ -217,9 +232,9 @@ impl Journal {
         }
         let mut record = Record::default();
         for (i, line) in bytes[..complete].split_inclusive(|&byte| byte == b'\n').enumerate() {
-            let Line { event, .. } = serde_json::from_slice(line).map_err(|_| self.line_fault(i + 1))?;
+            let Line { time_s, event } = serde_json::from_slice(line).map_err(|_| self.line_fault(i + 1))?;
             // The first line, and no other, is a `run`.
-            if record.manifest.is_none() != matches!(event, Event::Run { .. }) || !record.take(event) {
+            if record.manifest.is_none() != matches!(event, Event::Run { .. }) || !record.take(time_s, event) {
                 return Err(self.line_fault(i + 1));
             }
         }
@@ -296,38 +311,59 @@ pub(super) fn done(path: &Path, manifest: &str) -> Vec<String> {
 }
 
 /// What a journal says; None where it is not of this manifest.
-fn record_of(path: &Path, manifest: &str) -> Option<Record> {
+pub(super) fn record_of(path: &Path, manifest: &str) -> Option<Record> {
+    record_with(path, |record| record.manifest.as_deref() == Some(manifest))
+}
+
+/// What a journal says; None where it is not of this program.
+pub(super) fn record_of_program(path: &Path, program: &str) -> Option<Record> {
+    record_with(path, |record| record.program.as_deref() == Some(program))
+}
+
+/// What a journal says whose first line is wanted.
+fn record_with(path: &Path, is_wanted: impl Fn(&Record) -> bool) -> Option<Record> {
     path.metadata().ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
     let mut lines = BufReader::new(File::open(path).ok()?);
-    let event = |line: &[u8]| serde_json::from_slice(line).ok().map(|Line { event, .. }| event);
+    let parsed = |line: &[u8]| serde_json::from_slice(line).ok().map(|Line { time_s, event }| (time_s, event));
     let mut head = Vec::new();
     // Whatever else ends like a journal is not read whole.
     lines.by_ref().take(MAX_HEAD).read_until(b'\n', &mut head).ok()?;
     let mut record = Record::default();
-    record.take(event(&head)?);
-    if record.manifest.as_deref() != Some(manifest) {
+    let (time_s, event) = parsed(&head)?;
+    record.take(time_s, event);
+    if !is_wanted(&record) {
         return None;
     }
-    lines.split(b'\n').map_while(|line| event(&line.ok()?)).for_each(|event| {
-        record.take(event);
+    lines.split(b'\n').map_while(|line| parsed(&line.ok()?)).for_each(|(time_s, event)| {
+        record.take(time_s, event);
     });
     Some(record)
 }
 
 impl Record {
-    fn is_done(&self, block: &str) -> bool {
-        self.done_set.contains(block)
+    pub(super) fn is_done(&self, block: &str) -> bool {
+        self.ended_s.contains_key(block)
+    }
+
+    /// The blocks of the last part that were marked from a time on, or may have been.
+    pub(super) fn marked_since(&self, time_s: f64) -> impl Iterator<Item = &str> {
+        let done = self.done.iter().filter(move |block| self.ended_s.get(*block).is_some_and(|&s| s >= time_s));
+        done.chain(self.in_doubt.iter().filter(move |_| self.last_s >= time_s)).map(String::as_str)
     }
 
     /// Takes one more line; false where it cannot follow those before.
-    fn take(&mut self, event: Event) -> bool {
+    fn take(&mut self, time_s: f64, event: Event) -> bool {
+        self.last_s = time_s;
         match event {
-            Event::Run { manifest, .. } => (self.manifest, self.part) = (Some(manifest), 1),
+            Event::Run { manifest, program, .. } => {
+                *self = Self { part: 1, since_s: time_s, manifest: Some(manifest), program, ..Self::default() };
+            }
             Event::Part { number } => {
                 if number != self.part + 1 {
                     return false;
                 }
-                *self = Self { part: number, manifest: self.manifest.take(), ..Self::default() };
+                let (manifest, program) = (self.manifest.take(), self.program.take());
+                *self = Self { part: number, since_s: time_s, manifest, program, ..Self::default() };
             }
             Event::Begin { block } => {
                 if self.in_doubt.is_some() || self.is_done(&block) {
@@ -339,14 +375,14 @@ impl Record {
                 if self.in_doubt.take().as_ref() != Some(&block) {
                     return false;
                 }
-                self.done_set.insert(block.clone());
+                self.ended_s.insert(block.clone(), time_s);
                 self.done.push(block);
             }
             Event::Doubt { block } => {
                 if self.in_doubt.is_some() || self.done.pop_if(|last| *last == block).is_none() {
                     return false;
                 }
-                self.done_set.remove(&block);
+                self.ended_s.remove(&block);
                 self.in_doubt = Some(block);
             }
             Event::Redo { block } => return self.in_doubt.take() == Some(block),
@@ -371,8 +407,8 @@ mod tests {
                 Err(_) => format!(r#"{{"time_s":1,"event":"{event}","block":"{value}","why":"{value}"}}"#),
             }
         }));
-        let mut lines = all.map(|line| serde_json::from_str::<Line>(&line).expect("a line").event);
-        lines.all(|event| record.take(event)).then_some(record)
+        let mut lines = all.map(|line| serde_json::from_str::<Line>(&line).expect("a line"));
+        lines.all(|line| record.take(line.time_s, line.event)).then_some(record)
     }
 
     #[test]

@@ -37,18 +37,22 @@ use log::Log;
 use moves::Moves;
 use settings::RunFile;
 use stage::{Move, Stage};
-use terrace_core::diag::{self, Diag, Error, Message, Place};
+use terrace_core::diag::{Diag, Error, Message, Place};
 use terrace_core::program::BlockId;
-use terrace_plan::manifest::MANIFEST;
+use terrace_input::job::Mode;
+use terrace_plan::manifest::Head;
 
-/// The blocks of a job folder that runs have marked on the part that was last at work, and the journal that says so; None
-/// where there is none.
+/// The blocks of a job folder that runs have marked on the part that was last at work, from it or from another folder of
+/// the job, each with the journal that says so.
 ///
 /// # Errors
 /// `manifest` where the folder has none that can be read.
-pub fn marked(folder: &Path) -> Result<Option<(PathBuf, Vec<String>)>, Error> {
-    let manifest = diag::read_file(&folder.join(MANIFEST), folder::MAX_MANIFEST)?;
-    Ok(elsewhere::done(folder, &blake3::hash(&manifest).to_hex()))
+pub fn marked(folder: &Path) -> Result<Vec<(PathBuf, Vec<String>)>, Error> {
+    if Head::read(folder)?.mode != Mode::Stepped {
+        return Ok(Vec::new());
+    }
+    let marks = elsewhere::marked(&Folder::read(folder)?);
+    Ok(marks.into_iter().map(|marks| (marks.journal, marks.blocks)).collect())
 }
 
 /// The folder in which journals of runs are noted, where it can be written.
@@ -327,8 +331,10 @@ fn open_journal(order: &Order<'_>, folder: &Folder) -> Result<(Option<Journal>, 
         return Ok((None, (0..folder.blocks.len()).collect()));
     }
     let path = elsewhere::choose(order, &folder.manifest)?;
+    elsewhere::refuse_marked(order, &path, folder)?;
     let (journal, left) = Journal::open(path.clone(), order, folder)?;
     elsewhere::note(&path, &folder.manifest)?;
+    folder.program().map_or(Ok(()), |program| elsewhere::note(&path, program))?;
     Ok((Some(journal), left))
 }
 

@@ -165,11 +165,8 @@ impl Bench {
             more = match &in_work {
                 Some(block) => {
                     let out = self.run_when_free(&["--arm"]);
-                    assert_ended(
-                        &out,
-                        2,
-                        &["run-in-doubt", &format!("block {block} was begun"), &format!("{done} blocks are done")],
-                    );
+                    let count = if done == 1 { "1 block is done".into() } else { format!("{done} blocks are done") };
+                    assert_ended(&out, 2, &["run-in-doubt", &format!("block {block} was begun"), &count]);
                     named.push(block.clone());
                     ["--go-on", "--redo", block].map(str::to_owned).to_vec()
                 }
@@ -460,10 +457,10 @@ fn a_person_moves_marks_and_can_stop() {
     bench.run_file("driver = \"manual\"", "driver = \"manual\"");
     // Lift, x and y, z, mark; y, z where it changes, mark; lift.
     let out = with_answers(&bench, &[], &"\n".repeat(9));
-    let first = "[ready?] block B0001: move the stage to Z200.000000";
+    let first = "[ready?] block B0001: move the stage to Z200";
     assert_ended(&out, 0, &[first, "block B0002: move the stage to X0", "pilot laser: block B0001", "do not fire"]);
     // The last lift goes to no block.
-    assert_ended(&out, 0, &["[ready?] move the stage to Z200.000000"]);
+    assert_ended(&out, 0, &["[ready?] move the stage to Z200"]);
     let out = with_answers(&bench, &["--arm"], "\n\n\n\nstop\n");
     assert_ended(&out, 1, &["run-person", "1 of 2 blocks are done; no other block was begun"]);
     let out = with_answers(&bench, &["--arm", "--go-on"], "\n\n\n");
@@ -653,6 +650,37 @@ fn a_rest_never_holds_blocks_that_a_run_has_marked_unless_it_is_for_another_part
     assert_ended(&resumed(&[]), 2, &words);
     assert!(!rest.exists());
     assert_ended(&resumed(&["--again"]), 0, &["B0003 to B0004"]);
+}
+
+#[test]
+fn no_block_of_a_part_is_marked_from_both_the_whole_job_and_its_rest() {
+    let mut bench = Bench::new(2);
+    let whole = bench.job.clone();
+    let rest = bench.path("rest.job");
+    let args = [Path::new("resume"), &whole, Path::new("--from"), Path::new("B0003"), Path::new("-o"), &rest];
+    assert_ended(&bench.terrace().args(args).output().expect("the program starts"), 0, &[]);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    bench.job.clone_from(&rest);
+    assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    // The folder of the whole job has no journal yet.
+    bench.job.clone_from(&whole);
+    let words = ["run-marked", "2 of the blocks that are left, B0003 to B0004", "rest.run.jsonl", "--arm --again"];
+    assert_ended(&bench.run(&["--arm"]), 2, &words);
+    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &words);
+    assert_eq!(bench.marked(), blocks(4)[2..]);
+    // A rest of the rest of the part is what is left.
+    let first = bench.path("first.job");
+    let args = [Path::new("resume"), &whole, Path::new("--only"), Path::new("B0001-B0003"), Path::new("-o"), &first];
+    let words = ["resume-marked", "1 of these blocks, B0003 to B0003", "rest.run.jsonl"];
+    assert_ended(&bench.terrace().args(args).output().expect("the program starts"), 2, &words);
+    // The next part is marked with the whole, and has no part in what was marked before.
+    assert_ended(&bench.run(&["--arm", "--again"]), 0, &["4 of 4 done"]);
+    bench.job.clone_from(&rest);
+    let words = ["run-marked", "2 of the blocks that are left, B0003 to B0004", "part.run.jsonl"];
+    std::fs::remove_file(bench.path("rest.run.jsonl")).expect("a journal");
+    assert_ended(&bench.run(&["--arm"]), 2, &words);
+    assert_ended(&bench.run(&["--arm", "--again"]), 0, &["2 of 2 done"]);
 }
 
 #[test]

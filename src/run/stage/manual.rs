@@ -27,7 +27,7 @@ impl Stage for Manual {
 
     fn go(&mut self, to: &Move, interrupt: &Interrupt) -> Result<(), Diag> {
         let block = if self.block.is_empty() { String::new() } else { format!("block {}: ", self.block) };
-        self.console.ask(&format!("{block}move the stage to {to}"), interrupt)
+        self.console.ask(&format!("{block}move the stage to {}", to.for_people()), interrupt)
     }
 
     fn heads_for(&mut self, block: &str) {

@@ -15,6 +15,15 @@ use terrace_core::diag::Diag;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Move(pub Vec<(char, i64)>);
 
+impl Move {
+    /// The same with as many decimals as it needs: `X-1 Y2.5`.
+    fn for_people(&self) -> String {
+        let words = self.to_string();
+        let short = |word: &str| word.trim_end_matches('0').trim_end_matches('.').to_owned();
+        words.split(' ').map(short).collect::<Vec<_>>().join(" ")
+    }
+}
+
 impl fmt::Display for Move {
     /// The move as words of a program, with all six decimals: `X-1.000000 Y2.500000`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -20,11 +20,12 @@ pub(super) fn map_line(h: &mut String, map: &EnergyMap) {
     let Some(EnergyPeak { median, ratio, centre: [x, y], cell }) = map.peak() else { return };
     let _ = writeln!(
         h,
-        "<p><a href=\"energy.svg\">Map of the energy by area (energy.svg)</a>: median {} J/cm2 {} in cells of {} mm; at most \
+        "<p><a href=\"energy.svg\">Map of the energy by area (energy.svg)</a>: median {} J/cm2 {} in cells of {} x {} mm; at most \
          {} times that, at ({}, {}) mm.</p>",
         plain(median, 3),
         map.area(),
-        plain(cell, 3),
+        plain(cell[0], 3),
+        plain(cell[1], 3),
         plain(ratio, 2),
         plain(x, 2),
         plain(y, 2),

@@ -25,22 +25,17 @@ const COLOURS: i64 = 13;
 /// Lists of blocks that are summed beside each other: a fixed number, so that sums are the same on any computer.
 const LISTS: usize = 16;
 
-/// The cells of a map over a box of that size, marked on `mark_mm`: no smaller than the spot, and the mean distance of
-/// marks wide as long as there are enough cells, so that a hatch of that distance gives the same to all of them.
+/// The cells of a map over a box of that size, marked on `mark_mm`: about square, no smaller than the spot, and the mean
+/// distance of marks wide as long as there are enough cells, so that a hatch of that distance gives the same to all of
+/// them.
 fn cells_over(lo: [f64; 2], size: [f64; 2], spot: f64, mark_mm: f64) -> Cells {
     let long = size[0].max(size[1]);
     let lines = if mark_mm > 0.0 { size[0] * size[1] / mark_mm } else { 0.0 };
-    let side = (long / CELLS[0]).max(spot).max(lines.min(long / CELLS[1]));
-    Cells { lo, side, count: size.map(|v| ((v / side).round() as usize).max(1)) }
-}
-
-/// The area of a box of that size that a cell stands for, of the area of a cell: at the upper and right border it ends
-/// where the box does, between half a cell and one and a half.
-fn share_of_box(cells: &Cells, size: [f64; 2], cell: usize) -> f64 {
-    let place = [cell % cells.count[0], cell / cells.count[0]];
-    let side = |k: usize| if place[k] + 1 < cells.count[k] { 1.0 } else { size[k] / cells.side - place[k] as f64 };
-    // A box narrower than a cell has one column of whole cells.
-    [side(0), side(1)].map(|side| if side >= 0.5 { side } else { 1.0 }).into_iter().product()
+    let about = (long / CELLS[0]).max(spot).max(lines.min(long / CELLS[1]));
+    let count = size.map(|v| ((v / about).round() as usize).max(1));
+    // A box that is narrower than a cell has whole ones.
+    let side = [0, 1].map(|k| if size[k] < about { about } else { size[k] / count[k] as f64 });
+    Cells { lo, side, count }
 }
 
 /// Energy by area over the texture, that of all passes together.
@@ -62,8 +57,16 @@ pub(super) struct EnergyPeak {
     pub ratio: f64,
     /// Its centre, mm.
     pub centre: [f64; 2],
-    /// Side of a cell, mm.
-    pub cell: f64,
+    /// Sides of a cell, mm.
+    pub cell: [f64; 2],
+}
+
+impl EnergyPeak {
+    /// As the map says it, with what separates it from what follows.
+    fn shown(&self) -> String {
+        let [x, y] = self.centre.map(|v| plain(v, 2));
+        format!("most: {} times the median, at ({x}, {y}) mm; ", plain(self.ratio, 2))
+    }
 }
 
 impl EnergyMap {
@@ -82,7 +85,7 @@ impl EnergyMap {
         parallel::in_order(vec![(); LISTS], energy_of_list, |list: Vec<f64>| {
             energy.iter_mut().zip(list).for_each(|(sum, e)| *sum += e);
         });
-        Self::new("of surface", cells, size, energy)
+        Self::new("of surface", cells, energy)
     }
 
     /// Of the moves of an on-the-fly program, whose spot has the speed of each: by area as the lens sees it.
@@ -93,11 +96,10 @@ impl EnergyMap {
         for marked in job.program.marked(job.machine) {
             add_move(job, &marked, &cells, &mut energy);
         }
-        Self::new("seen along z", cells, size, energy)
+        Self::new("seen along z", cells, energy)
     }
 
-    fn new(area: &'static str, cells: Cells, size: [f64; 2], mut energy: Vec<f64>) -> Self {
-        energy.iter_mut().enumerate().for_each(|(cell, e)| *e /= share_of_box(&cells, size, cell));
+    fn new(area: &'static str, cells: Cells, energy: Vec<f64>) -> Self {
         let mut marked: Vec<f64> = energy.iter().copied().filter(|e| *e > 0.0).collect();
         marked.sort_by(f64::total_cmp);
         let median = marked.get(marked.len() / 2).copied().unwrap_or(0.0);
@@ -136,7 +138,7 @@ fn add_block(job: &Layout<'_>, i: usize, cells: &Cells, energy: &mut [f64]) {
     let block = &program.blocks[i];
     let centre = Turn::drawn(block.stop.centre).mm();
     // J/mm² to J/cm².
-    let share = 100.0 * job.figures[i].slope.cos()[0] / (cells.side * cells.side);
+    let share = 100.0 * job.figures[i].slope.cos()[0] / (cells.side[0] * cells.side[1]);
     let in_part = |[x, y]: [f64; 2]| [centre[0] + x, centre[1] + y];
     for stroke in program.strokes_of(block) {
         let pen = &program.pens[stroke.pen.index()];
@@ -144,7 +146,7 @@ fn add_block(job: &Layout<'_>, i: usize, cells: &Cells, energy: &mut [f64]) {
         let beam = pen.beam(job.machine);
         let by_area = share * f64::from(pen.passes);
         // While its speed changes, half a cell at a time.
-        deposits(points, beam, cells.side / 2.0, |[from, to], joule| {
+        deposits(points, beam, cells.side[0].min(cells.side[1]) / 2.0, |[from, to], joule| {
             let joule = by_area * joule;
             cells.share_line(in_part(from), in_part(to), |cell, share| energy[cell] += joule * share);
         });
@@ -164,7 +166,7 @@ fn add_move(job: &OnTheFlyLayout<'_>, marked: &Marked, cells: &Cells, energy: &m
     let full_s = if job.power_by_speed { way_mm / pen.speed.as_mm_s() } else { s };
     let joule = pen.power.as_w(job.machine.laser.max_power) * full_s;
     // J/mm² to J/cm².
-    let by_area = 100.0 * joule / (cells.side * cells.side);
+    let by_area = 100.0 * joule / (cells.side[0] * cells.side[1]);
     cells.share_line(from, to, |cell, share| energy[cell] += by_area * share);
 }
 
@@ -187,16 +189,17 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     let [columns, rows] = map.cells.count;
     let pixels: Vec<u8> =
         (0..rows).rev().flat_map(|y| map.energy[y * columns..][..columns].iter().map(|e| map.colour(*e))).collect();
-    let height = (WIDTH * rows as f64 / columns as f64).ceil();
+    let [wide, high] = [0, 1].map(|k| map.cells.side[k] * map.cells.count[k] as f64);
+    let height = (WIDTH * high / wide).ceil();
     let bottom = HEAD + height;
     let address = image::of_indices(map.cells.count, &palette, &pixels);
     let [x, y] = map.cells.lo;
-    let px_per_mm = WIDTH / (columns as f64 * map.cells.side);
+    let px_per_mm = WIDTH / wide;
     let scale = round_below(0.25 * WIDTH / px_per_mm);
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" \
-         viewBox=\"-{SIDE} 0 {wide} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
-         <title>{name}: energy by area</title>\n<rect x=\"-{SIDE}\" width=\"{wide}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
+         viewBox=\"-{SIDE} 0 {page} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
+         <title>{name}: energy by area</title>\n<rect x=\"-{SIDE}\" width=\"{page}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
          <text y=\"23\" font-size=\"18\">{name}: energy by area</text>\n\
          <image y=\"{HEAD}\" width=\"{WIDTH}\" height=\"{height}\" preserveAspectRatio=\"none\" \
          style=\"image-rendering:pixelated\" href=\"{address}\"/>\n\
@@ -207,7 +210,7 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
         bottom + 15.0,
         name = escape(job),
         bar = plain(scale * px_per_mm, 2),
-        wide = WIDTH + 2.0 * SIDE,
+        page = WIDTH + 2.0 * SIDE,
         total = bottom + KEY,
     );
     let ramp = bottom + 24.0;
@@ -229,12 +232,14 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     let _ = write!(
         out,
         "<text y=\"{}\">Energy by area as a multiple of the median, {} J/cm2 {}</text>\n\
-         <text y=\"{}\">cells of {} mm, the lower left at ({}, {}) mm</text>\n</svg>\n",
+         <text y=\"{}\">{}cells of {} x {} mm, the lower left at ({}, {}) mm</text>\n</svg>\n",
         ramp + 50.0,
         plain(map.median, 3),
         map.area,
         ramp + 68.0,
-        plain(map.cells.side, 3),
+        map.peak().map_or_else(String::new, |peak| peak.shown()),
+        plain(map.cells.side[0], 3),
+        plain(map.cells.side[1], 3),
         plain(x, 3),
         plain(y, 3),
     );
@@ -247,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_cell_holds_several_lines_as_long_as_there_are_enough_cells() {
-        let side = |mark_mm| cells_over([0.0; 2], [100.0, 50.0], 0.04, mark_mm).side;
+        let side = |mark_mm| cells_over([0.0; 2], [100.0, 50.0], 0.04, mark_mm).side[0];
         assert_eq!(side(100_000.0), 0.25);
         // A hatch of 0.5 mm.
         assert_eq!(side(10_000.0), 0.5);
@@ -255,10 +260,10 @@ mod tests {
     }
 
     #[test]
-    fn cells_at_the_border_end_where_the_box_does() {
-        let size = [10.0, 5.2];
-        let cells = cells_over([0.0; 2], size, 1.0, 1e9);
-        assert_eq!((share_of_box(&cells, size, 0), cells.count), (1.0, [10, 5]));
-        assert!((share_of_box(&cells, size, 40) - 1.2).abs() < 1e-9);
+    fn cells_fit_the_box() {
+        let cells = cells_over([0.0; 2], [10.0, 5.2], 1.0, 1e9);
+        assert_eq!((cells.side, cells.count), ([1.0, 1.04], [10, 5]));
+        let narrow = cells_over([0.0; 2], [10.0, 0.3], 1.0, 1e9);
+        assert_eq!((narrow.side, narrow.count), ([1.0, 1.0], [10, 1]));
     }
 }

@@ -55,14 +55,13 @@ pub fn report_html(job: &Layout<'_>, energy_map: &EnergyMap) -> String {
     h
 }
 
-/// What this page adds to the common style: on a narrow screen wide tables are moved sideways within their place.
+/// What this page adds to the common style.
 pub(super) const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.2em .8em;background:#eef4fb}\
 #unmarked .fault td:first-child{color:#c00000;font-weight:600}.verdict li{margin:.2em 0}.verdict ul{padding-left:1.2em}\
-.picture img{max-width:100%;max-height:32em;border:1px solid #ddd}.wide{overflow-x:auto}\
+.picture img{max-width:100%;max-height:32em;border:1px solid #ddd}\
 .wide svg{max-width:100%;height:auto}.row>div{max-width:100%}\
 @media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}\
-td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:static}}\
-@media print{.wide{overflow:visible}}";
+td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:static}}";
 
 /// What to know before anything else: what needs attention, what is not marked and why, and who attends and loads.
 fn verdict(h: &mut String, job: &Layout<'_>) {
@@ -220,7 +219,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
     let loading = &job.summary.loading;
     let _ = writeln!(
         h,
-        "<tr><td>with loading{}: {}</td><td>{}</td><td>{}</td><td></td></tr>\n</table></div>",
+        "<tr><td class=\"l\" style=\"max-width:24em\">with loading{}: {}</td><td>{}</td><td>{}</td><td></td></tr>\n</table></div>",
         if loading.is_least() { ", at least" } else { "" },
         escape(&loading.sentence(job.summary.blocks)),
         plain(loading.total_s, 2),

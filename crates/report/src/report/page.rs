@@ -11,17 +11,20 @@ use super::plot::Plot;
 use crate::report::table::Table;
 use terrace_core::diag::Message;
 
-/// The look of every page.
+/// The look of every page. A wide table or chart is moved sideways within its place; a shadow at a side of that says that
+/// there is more.
 const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:110em;padding:0 1em;color:#1a1a1a}\
 h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.15em;margin:1.8em 0 .5em}\
 table{border-collapse:collapse}th,td{padding:.15em .7em;text-align:right;border-bottom:1px solid #ddd;white-space:nowrap}\
 th{background:#f3f3f3;font-weight:600}td:first-child,th:first-child,.l{text-align:left}.l{white-space:normal}\
 td{font-variant-numeric:tabular-nums}#blocks th{position:sticky;top:0}.row{display:flex;flex-wrap:wrap;gap:0 3em}\
 .warn{border-left:4px solid #c2410c;padding:.2em .8em;margin:.5em 0;background:#fdf3ee}.warn small{color:#555}\
-@media print{body{max-width:none;font-size:10px}#blocks th{position:static}}";
+.wide{overflow-x:auto;background:linear-gradient(to right,#fff 50%,#fff0) 0 0/3em 100%,linear-gradient(to left,#fff 50%,#fff0) 100% 0/3em 100%,\
+linear-gradient(to right,#0005,#0000) 0 0/1em 100%,linear-gradient(to left,#0005,#0000) 100% 0/1em 100%;background-repeat:no-repeat;background-attachment:local,local,scroll,scroll}\
+@media print{body{max-width:none;font-size:10px}#blocks th{position:static}.wide{overflow:visible;background:none}}";
 
 /// What a page of tables and charts adds to it.
-const MORE: &str = "html{background:#fff;color-scheme:light}p{max-width:50em}.wide{overflow-x:auto;margin:.8em 0 1.2em}\
+const MORE: &str = "html{background:#fff;color-scheme:light}p{max-width:50em}.wide{margin:.8em 0 1.2em}\
 .wide svg{display:block;width:100%;max-width:960px;min-width:50em;height:auto}\
 caption{text-align:left;font-weight:600;padding:.3em 0}th{vertical-align:bottom;white-space:normal}th small{font-weight:400;color:#555}\
 td:not(:first-child).l{max-width:28em;min-width:10em}\
@@ -29,7 +32,7 @@ td:not(:first-child).l{max-width:28em;min-width:10em}\
 .aloud{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);white-space:nowrap}\
 ul{max-width:50em;margin:.3em 0 1em}summary{cursor:pointer;font-weight:600;padding:.5em 0}details{border-top:1px solid #ddd}\
 .wide td:first-child,.wide th:first-child{position:sticky;left:0;background:#fff;box-shadow:inset 0 -1px #ddd}.wide th:first-child{background:#f3f3f3}\
-@media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}ul{padding-left:1.2em}}@media print{details::details-content{content-visibility:visible;display:block}.wide{overflow:visible;break-inside:avoid}.wide svg{min-width:0}}";
+@media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}ul{padding-left:1.2em}}@media print{details::details-content{content-visibility:visible;display:block}.wide{break-inside:avoid}.wide svg{min-width:0}}";
 
 /// A piece of a page.
 #[derive(Clone, Copy, Debug)]

@@ -95,10 +95,17 @@ pub(super) fn words(row: &UnmarkedRow) -> [String; 3] {
     }
     let share = if row.share_percent < 0.05 { "under 0.1".into() } else { plain(row.share_percent, 1) };
     let ([x0, y0], [x1, y1]) = (row.area.lo.mm(), row.area.hi.mm());
-    // Tenths where they say something.
-    let tenths = |v: f64| plain(v, 1).trim_end_matches(".0").to_owned();
-    let whole = (x1 - x0).max(y1 - y0) >= 100.0;
-    let [x0, y0, x1, y1] = [x0, y0, x1, y1].map(|v| if whole { plain(v, 0) } else { tenths(v) });
+    // As many digits as tell the ends apart.
+    let digits = match (x1 - x0).max(y1 - y0) {
+        100.0.. => 0,
+        1.0.. => 1,
+        _ => 3,
+    };
+    let short = |v: f64| {
+        let text = plain(v, digits);
+        if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
+    };
+    let [x0, y0, x1, y1] = [x0, y0, x1, y1].map(short);
     [
         row.reason.text().into(),
         format!("texture {}: {}, {share} %", row.texture, much.join(", ")),

@@ -79,8 +79,10 @@ impl Map {
         }
         let [wide, high] = bounds.size();
         // Finer than half a spot there is nothing to see.
-        let cell = math::hypot(0.5 * spot, (wide * high / cells).sqrt()).max(wide.max(high) / (MOST_CELLS - 1) as f64);
-        let cells = Cells { lo: bounds.lo, side: cell, count: bounds.size().map(|v| (v / cell) as usize + 1) };
+        let cell = math::hypot(0.5 * spot, (wide * high / cells).sqrt()).max(wide.max(high) / (MOST_CELLS - 2) as f64);
+        // From centre to centre: marks on the border of all are not cut.
+        let lo = bounds.lo.map(|v| v - 0.5 * cell);
+        let cells = Cells { lo, side: [cell; 2], count: bounds.size().map(|v| (v / cell) as usize + 2) };
         let pens = if has_pens { vec![(0, 0.0); cells.len()] } else { Vec::new() };
         let mut map = Self { cells, length: vec![0.0; cells.len()], pens };
         for group in groups {
@@ -119,13 +121,13 @@ impl Map {
     }
 
     fn layer(&self) -> Layer {
-        let Cells { side, count: [columns, rows], .. } = self.cells;
+        let Cells { side: [side, _], count: [columns, rows], .. } = self.cells;
         let area = (side * side) as f32;
         Layer { columns, rows, density: self.length.iter().map(|l| l / area).collect() }
     }
 
     fn written(&self, pass: usize, most_per_mm: f64) -> (ToneHead, String) {
-        let Cells { lo: origin, side: cell, count: [columns, rows] } = self.cells;
+        let Cells { lo: origin, side: [cell, _], count: [columns, rows] } = self.cells;
         let byte = 255.0 / (most_per_mm * cell * cell);
         let mut data = Data::default();
         // No marked cell is lost.
@@ -217,7 +219,7 @@ mod tests {
             assert!((dense - 20.0).abs() < 1.2, "level {level}: {dense} mm/mm^2");
         }
         let map = &tones.maps[0];
-        assert_eq!(map.origin, [100.0, 200.0]);
+        assert_eq!(map.origin.map(|v| v + 0.5 * map.cell), [100.0, 200.0]);
         assert!(map.columns * map.rows <= CELLS as usize + 3000 && map.cell >= 0.02);
     }
 

@@ -334,12 +334,18 @@ fn is_position(found_mm: &[f64], nm: &[i64]) -> bool {
         && found_mm.iter().zip(nm).all(|(mm, &nm)| (mm * NM_PER_MM - nm as f64).abs() <= POSITION_NM)
 }
 
+/// Half a unit of the third decimal of a dwell in us, and rounding.
+const DWELL_US: f64 = 0.000_500_001;
+
 /// Whether the pens of a sheet are these, in their order.
 pub(crate) fn are_pens(sheet: &RunSheet, pens: &[Pen], machine: &Machine) -> bool {
-    let dwells = (1..).zip(pens).filter_map(|(i, pen)| Some((i, pen.dwell?.as_us())));
+    let dwells: Vec<(usize, f64)> = (1..).zip(pens).filter_map(|(i, pen)| Some((i, pen.dwell?.as_us()))).collect();
+    let is_dwell =
+        |(found, wanted): (&(usize, f64), &(usize, f64))| found.0 == wanted.0 && (found.1 - wanted.1).abs() <= DWELL_US;
     sheet.pens.len() == pens.len()
         && sheet.pens.iter().zip(pens).zip(1..).all(|((cells, pen), number)| is_pen(cells, pen, number, machine))
-        && sheet.dwells.iter().copied().eq(dwells)
+        && sheet.dwells.len() == dwells.len()
+        && sheet.dwells.iter().zip(&dwells).all(is_dwell)
 }
 
 /// Whether the cells of a row are those of a pen, numbered from 1.

@@ -97,12 +97,7 @@ impl Bars {
         if self.value.unit != "s" {
             return (Axis { is_log: false, ..self.value.clone() }, 1.0);
         }
-        let (unit, s) = match most {
-            ..180.0 => ("s", 1.0),
-            ..10_800.0 => ("min", 60.0),
-            ..400_000.0 => ("h", 3600.0),
-            _ => ("days", 86_400.0),
-        };
+        let (unit, s) = super::time_unit(most);
         (Axis::new(&self.value.name, unit), s)
     }
 }

@@ -24,6 +24,16 @@ use super::colour::hex;
 /// Width of every chart, in units of the drawing.
 pub const WIDTH: f64 = 960.0;
 
+/// The unit that suits times up to `most_s`, and how many seconds it has.
+pub fn time_unit(most_s: f64) -> (&'static str, f64) {
+    match most_s {
+        ..180.0 => ("s", 1.0),
+        ..10_800.0 => ("min", 60.0),
+        ..400_000.0 => ("h", 3600.0),
+        _ => ("days", 86_400.0),
+    }
+}
+
 /// A chart that is drawn.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Plot {
