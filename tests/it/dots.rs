@@ -94,6 +94,18 @@ fn lines_and_dots_share_blocks_and_repeat_with_their_pens() {
 }
 
 #[test]
+fn longer_dwells_on_slopes_are_verified_as_the_run_sheet_rounds_them() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(20, [-15.0, -15.0, 15.0, 15.0], |x, y| -(x * x + y * y) / 80.0));
+    let mut job = job(&stl, "pattern = \"dots\"\npitch = \"1.5 mm\"").method("z-range");
+    job.more += "[dose]\ncompensate = \"speed\"\n";
+    sound(&job, dir.path());
+    let sheet = std::fs::read_to_string(dir.path().join("out.job/runsheet.txt")).expect("a run sheet");
+    assert!(sheet.contains("dwell 222.222 us"), "{sheet}");
+}
+
+#[test]
 fn jobs_that_dots_cannot_be_marked_with_are_refused() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");
