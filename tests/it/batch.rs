@@ -573,6 +573,7 @@ fn killed_batch_leaves_whole_folders_and_reruns_to_the_same_bytes() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn two_concurrent_batches_give_valid_folders() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));

@@ -414,6 +414,7 @@ fn killed_runs_with_a_command_mark_every_block_once_in_500_schedules() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn killed_runs_with_grbl_mark_every_block_once() {
     grbl(0..3);
 }

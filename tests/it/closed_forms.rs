@@ -56,6 +56,7 @@ fn a_tilted_plane_gets_straight_bands_of_equal_width() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn heights_follow_plane_sphere_and_sine_to_the_chord_error() {
     type Form = (&'static str, fn(f64, f64) -> f64, f64);
     let forms: [Form; 3] = [

@@ -402,6 +402,7 @@ fn verdict_of_ten_jobs_agrees_with_the_tables_and_recommends_nothing_beyond_the_
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn marked_length_is_that_of_compile_with_every_pass_of_the_pens() {
     let dir = folder();
     let stl = dir.path().join("bulge.stl");
@@ -449,6 +450,7 @@ fn need(found: &Value, figure: &str) -> (f64, Option<f64>) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn tool_servo_turns_the_surface_within_its_drive_and_is_never_recommended() {
     let dir = folder();
     let found = turned(dir.path(), 50, |text| text);
@@ -485,6 +487,7 @@ fn tool_servo_turns_the_surface_within_its_drive_and_is_never_recommended() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn tool_servo_beyond_its_drive_is_named_with_the_figure_that_it_does_not_reach() {
     let dir = folder();
     let found = turned(dir.path(), 200, |text| text);
@@ -562,6 +565,7 @@ fn jerk_of_a_tool_servo_is_stated_once() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_key_of_the_job_that_makes_stepping_slower_is_named_with_the_time_without_it() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");

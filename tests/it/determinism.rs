@@ -19,6 +19,7 @@ fn job(dir: &Path, method: &'static str) -> std::path::PathBuf {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn bytes_do_not_depend_on_threads_or_repetition() {
     let dir = folder();
     let job = job(dir.path(), "auto");
@@ -70,6 +71,7 @@ fn round(v: f64) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn turning_the_part_by_a_quarter_keeps_every_length() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
@@ -92,6 +94,7 @@ fn turning_the_part_by_a_quarter_keeps_every_length() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn scaling_part_texture_machine_and_depth_together_keeps_the_counts() {
     let dir = folder();
     let run = |k: f64| {

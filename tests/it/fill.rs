@@ -256,6 +256,7 @@ fn directions(shape: impl Fn(f64, f64) -> f64, turn: u32) -> Vec<f64> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn lines_run_along_level_lines() {
     // Planes: level lines are straight, and turn with the part.
     for (slope, want) in [([0.0, 0.0], 0.0), ([0.05, 0.0], 90.0), ([0.0, 0.05], 0.0), ([0.03, 0.03], 135.0)] {

@@ -118,6 +118,7 @@ fn runs_of_the_curve_are_those_of_the_article() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn marks_take_the_same_time_in_every_upright_system() {
     let dir = folder();
     let machine = machine_file("xyzac-galvo-10");

@@ -92,6 +92,7 @@ fn a_panel_in_car_coordinates_upright_or_on_its_back_is_laid_with_its_outside_up
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_side_can_be_chosen_and_the_job_file_keeps_all_else() {
     let dir = folder();
     write_stl(&dir.path().join("part.stl"), &panel());
@@ -116,6 +117,7 @@ fn the_side_can_be_chosen_and_the_job_file_keeps_all_else() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_fixture_angle_is_written_for_the_part_before_it_is_turned() {
     let dir = folder();
     // It rises along x by a tenth, and along y by a twentieth.
@@ -160,6 +162,7 @@ fn a_closed_body_is_asked_for_its_side_where_two_are_alike() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn rotations_up_and_level_agree_and_what_says_nothing_is_refused() {
     let dir = folder();
     let facets: Vec<_> = panel().iter().map(|f| f.map(|p| moved(p, [90.0, 0.0, 0.0], [0.0; 3]))).collect();

@@ -130,6 +130,7 @@ fn the_job_file_states_the_mode_and_the_command_line_overrides_it() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn on_the_fly_jobs_of_any_formats_verify_and_formats_without_the_axes_are_refused() {
     let dir = folder();
     let path = dir.path().join("job.toml");

@@ -165,6 +165,7 @@ fn warm_starts_along_a_spiral_take_two_to_three_steps() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn weighted_grid_is_off_by_as_much_as_the_reference_and_by_what_its_kernel_smooths() {
     // Of the reference, with the better of its kernels: h, k over h, and the largest error in um, at random places.
     for (h, kernel, worst) in [(0.5, 0.85, 1.436), (0.25, 0.85, 0.392), (0.1, 1.0, 0.0778), (0.05, 1.0, 0.0201)] {

@@ -256,6 +256,7 @@ fn spiral(dir: &Path, turntable: &str) -> String {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn continuous_turntable_goes_round_as_often_as_a_stroke_does() {
     let dir = folder();
     let mut made = Vec::new();
@@ -284,6 +285,7 @@ fn continuous_turntable_goes_round_as_often_as_a_stroke_does() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn turns_beyond_the_travel_of_c_are_refused_with_what_they_need() {
     let dir = folder();
     let job = spiral(dir.path(), "travel = [\"-360 deg\", \"360 deg\"]");
@@ -333,6 +335,7 @@ fn five_axes_cut_their_marks_at_walls_and_mark_up_to_them() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn seven_axes_leave_out_what_their_height_field_cannot_follow_at_walls_and_say_so() {
     let dir = folder();
     write_stl(&dir.path().join("part.stl"), &block([12.0, 8.0], [4.3, 2.1, 8.7, 5.9], 1.0));
@@ -387,6 +390,7 @@ fn strokes_that_run_back_over_themselves_are_marked_as_often_as_they_are_drawn()
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn marks_at_the_scanners_own_speeds_and_short_moves_keep_their_limits() {
     let dir = folder();
     // Circles of short chords at the top speed of the scanner, with long jumps between them.
@@ -400,6 +404,7 @@ fn marks_at_the_scanners_own_speeds_and_short_moves_keep_their_limits() {
 
 /// The spot slows down at corners with the laser on: the figures say so, and verify finds them again.
 #[test]
+#[ignore = "slow: make test-all"]
 fn marks_that_slow_down_are_reported_with_their_energy_and_verify_holds_the_figures() {
     let dir = folder();
     write_stl(&dir.path().join("part.stl"), &mesh(4, [-6.0, -6.0, 6.0, 6.0], |_, _| 0.0));

@@ -247,6 +247,7 @@ fn a_built_in_machine_assumes_terrace_run_and_every_page_says_so() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn auto_counts_the_loading_of_blocks_by_the_way_that_is_stated() {
     let dir = folder();
     let mut methods = Vec::new();
@@ -269,6 +270,7 @@ fn auto_counts_the_loading_of_blocks_by_the_way_that_is_stated() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_way_that_formats_or_machine_do_not_serve_is_refused_at_its_line_before_planning() {
     let dir = folder();
     let cases = [

@@ -40,6 +40,7 @@ fn program(order: &str, machine: &str) -> (Program, f64, f64) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn focal_planes_rise_or_fall_where_that_is_asked() {
     let heights = |order: &str| {
         let (program, time, _) = program(order, "");

@@ -26,6 +26,7 @@ fn blocks(manifest: &Value, pass: u64) -> Vec<&Value> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn passes_with_rotation_lowering_and_shift_verify() {
     let dir = folder();
     for (method, direction) in [("contour", "90 deg"), ("window", "20 deg"), ("z-range", "contour")] {
@@ -57,6 +58,7 @@ fn passes_with_rotation_lowering_and_shift_verify() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn seams_of_passes_do_not_coincide() {
     let dir = folder();
     let out = dir.path().join("job.job");

@@ -45,6 +45,7 @@ fn assert_within(strokes: &[Vec<P2>], area: BoxMm<2>) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn any_pattern_at_any_turn_keeps_the_promises_of_strokes() {
     for seed in 0..600 {
         eprintln!("seed {seed}");
@@ -350,6 +351,7 @@ fn any_rings(noise: &mut Random) -> (BoxMm<2>, [f64; 2], f64, f64) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_spiral_runs_from_its_centre_to_the_corners() {
     for seed in 0..150 {
         eprintln!("seed {seed}");
@@ -384,6 +386,7 @@ fn the_spiral_runs_from_its_centre_to_the_corners() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn patterns_on_a_dome_compile_and_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

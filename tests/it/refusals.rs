@@ -194,6 +194,7 @@ fn drawings_and_curves_of_a_size_that_does_not_go_with_the_part_are_reported_onc
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn months_of_work_and_marks_on_marks_are_reported_with_their_texture() {
     let dir = folder();
     let lines = |step: f64| (0..1000).map(|i| format!("M{} 1v.2", 1.0 + f64::from(i) * step)).collect::<String>();

@@ -779,6 +779,7 @@ fn a_run_that_was_interrupted_goes_on_from_a_folder_of_another_name() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn parts_of_a_series_are_counted_and_each_is_marked_whole() {
     let bench = Bench::new(1);
     let shell = Shell::new();

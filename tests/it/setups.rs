@@ -127,6 +127,7 @@ fn a_turned_part_has_its_points_turned_too() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn passes_alternate_the_order_of_set_ups() {
     let dir = folder();
     let out = dir.path().join("job.job");
@@ -146,6 +147,7 @@ fn passes_alternate_the_order_of_set_ups() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn set_ups_give_the_same_bytes_on_any_number_of_threads() {
     let dir = folder();
     let file = job(dir.path(), "auto", &setups(""));

@@ -92,6 +92,7 @@ fn mean_following_errors_fall_as_mean_speeds_do() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn skywriting_marks_the_same_and_verifies_and_a_stepped_job_says_that_it_is_not_carried() {
     let dir = folder();
     let stl = dir.path().join("part.stl");

@@ -211,6 +211,7 @@ fn texture_occluded_by_a_boss_is_marked_untilted() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn figures_that_lie_across_shaded_blocks_are_marked_in_full() {
     let dir = folder();
     let stl = dir.path().join("boss.stl");

@@ -58,6 +58,7 @@ fn a_texture_that_reaches_the_border_is_marked_whole_at_any_turn() {
 const ALL_OFF: &str = "\n[limits]\nmax_off_part = \"100 %\"\n";
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn marks_beside_the_part_are_skipped() {
     let dir = folder();
     for turn in [0.0, 17.3, 200.02] {

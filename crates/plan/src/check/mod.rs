@@ -17,7 +17,7 @@ use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Block, BlockId, PassId, Pen, Program, SetupId};
 
 /// A program that may be emitted.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Checked {
     program: Program,
     origins: Vec<Origin>,

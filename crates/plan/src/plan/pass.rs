@@ -9,7 +9,7 @@ use terrace_core::program::Sections;
 use terrace_input::texture::{Directions, Texture};
 
 /// One pass over the texture.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Pass {
     /// The grid of sections.
     pub sections: Sections,

@@ -57,7 +57,7 @@ use terrace_input::job::{Job, Method};
 use terrace_input::texture::{Slip, Texture};
 
 /// A stepped job that was planned and checked, not yet written.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct SteppedPlan {
     /// The job.
     pub job: Job,

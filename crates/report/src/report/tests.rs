@@ -293,6 +293,7 @@ fn empty_program_and_random_map_are_drawn() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_drawing_too_large_is_simplified_until_it_fits() {
     let sample = Sample::of("dome", [180.0, 180.0], 0.07, Nm(250_000), |x, y| -(x * x + y * y) / 10_000.0);
     let whole = layout_svg(&sample.layout()).len();
@@ -312,6 +313,7 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
 
 /// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
 #[test]
+#[ignore = "slow: make test-all"]
 fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
     let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, Nm(250_000), |x, y| x * 0.04 + y * 0.03);
     let blocks = sample.checked.program().blocks.len() as u32;

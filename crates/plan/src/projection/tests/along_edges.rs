@@ -165,6 +165,7 @@ fn topmost(facets: &[Facet], [x, y]: [f64; 2]) -> Option<(f64, f64)> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn strokes_along_edges_are_marked_on_what_is_topmost_beside_them() {
     for (name, solid) in solids() {
         for turn in [0.0f64, 0.4] {

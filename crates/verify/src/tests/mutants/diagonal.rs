@@ -23,6 +23,7 @@ fn diagonal(text: &str) -> &str {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn diagonals_verify_in_every_format_and_passes_too() {
     for tables in ["", "passes = { count = 3, rotate = \"67 deg\", lower = \"8 um\" }"] {
         let files = [("machine.toml", machine(head("xyz-galvo-40", "150 mm", "110 mm")))];

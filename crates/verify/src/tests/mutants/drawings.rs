@@ -165,6 +165,7 @@ fn masked(keys: &str) -> Bench {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn damaged_strokes_in_a_mask_are_reported_by_their_rules() {
     for keys in ["", "soft = \"3 mm\""] {
         let proof = verified(&masked(keys).write());

@@ -134,8 +134,8 @@ fn assert_leaves_are_proved(step: usize) {
 }
 
 #[test]
-fn leaves_of_a_manifest_are_proved_one_in_five() {
-    assert_leaves_are_proved(5);
+fn leaves_of_a_manifest_are_proved_one_in_twenty() {
+    assert_leaves_are_proved(20);
 }
 
 #[test]
@@ -145,9 +145,9 @@ fn every_leaf_of_a_manifest_is_proved_or_listed_as_not_proved() {
 }
 
 #[test]
-fn words_of_files_are_proved_one_in_some_hundreds() {
+fn words_of_files_are_proved_one_in_two_thousand() {
     for (name, bench) in jobs() {
-        let passed = unproved_words(&bench.write(), 499);
+        let passed = unproved_words(&bench.write(), 1999);
         assert!(passed.is_empty(), "{name}: {passed:#?}");
     }
 }

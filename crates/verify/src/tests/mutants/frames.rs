@@ -32,6 +32,7 @@ fn assert_verifies(profile: &str, method: &str, formats: &str) -> Bench {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn frames_verify_in_every_format_tilted_and_in_set_ups() {
     let bench = assert_verifies("xyz-zoom-40", "z-range", ", \"lightburn\"");
     let outline = frames::outline(&bench.plan.checked, &bench.plan.machine);

@@ -60,6 +60,7 @@ fn blocks_under_a_tilted_head_verify_and_every_mutant_is_reported() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn poses_that_differ_from_the_commands_are_reported() {
     let sound = bench("");
     let text = String::from_utf8(std::fs::read(sound.write().join("poses.csv")).expect("poses")).expect("ASCII");
@@ -95,6 +96,7 @@ fn poses_that_differ_from_the_commands_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn blocks_under_a_tilted_head_in_passes_with_dose_verify() {
     let more = "passes = { count = 2, lower = \"8 um\", rotate = \"30 deg\" }\n            \
         dose = { compensate = \"speed\", step = 0.001 }";

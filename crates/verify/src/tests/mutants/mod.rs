@@ -17,7 +17,9 @@ mod tilted;
 mod zoom;
 
 use std::cell::OnceCell;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 use terrace_core::math;
 
 use super::{alter_manifest, assert_only, broken, renew_hash};
@@ -39,6 +41,12 @@ struct Bench {
     /// The folder of the plan as it is, written where a test needs it.
     sound: OnceCell<PathBuf>,
 }
+
+/// What a plan of a bench follows from: the text of the job, how steep its sheet is, and the other files.
+type BenchInput = (String, u64, Vec<(String, Vec<u8>)>);
+
+/// The plans of the benches so far: many tests damage the same one.
+static PLANS: LazyLock<Mutex<HashMap<BenchInput, Arc<OnceLock<SteppedPlan>>>>> = LazyLock::new(Mutex::default);
 
 impl Bench {
     fn new() -> Self {
@@ -158,12 +166,17 @@ impl Bench {
             passes = 2
         "#;
         let path = dir.path().join("job.toml");
-        std::fs::write(&path, edit(text)).expect("a writable folder");
-        let Plan::Stepped(plan) = plan::plan(load(&path), &|_, _| {}).unwrap_or_else(|e| panic!("{e}")) else {
-            panic!("a stepped job")
-        };
+        let text = edit(text);
+        std::fs::write(&path, &text).expect("a writable folder");
+        let job = load(&path);
+        let files = files.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.clone())).collect();
+        let plan = PLANS.lock().expect("no test holds it").entry((text, steep.to_bits(), files)).or_default().clone();
+        let plan = plan.get_or_init(|| match plan::plan(job.clone(), &|_, _| {}).unwrap_or_else(|e| panic!("{e}")) {
+            Plan::Stepped(plan) => *plan,
+            Plan::OnTheFly(_) => panic!("a stepped job"),
+        });
         assert!(plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
-        Self { dir, plan, sound: OnceCell::new() }
+        Self { dir, plan: Box::new(SteppedPlan { job, ..plan.clone() }), sound: OnceCell::new() }
     }
 
     /// The same with lines along x, and more tables.

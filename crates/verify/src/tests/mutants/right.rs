@@ -75,6 +75,7 @@ impl Right {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn nanometre_gaps_at_the_border_of_a_rotated_part_are_accepted() {
     let part = || sheet([0.0; 2], [30, 21], [2.0; 2], wavy);
     Right { turn: 5.0, ..Right::on(part()) }.proved();
@@ -82,6 +83,7 @@ fn nanometre_gaps_at_the_border_of_a_rotated_part_are_accepted() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn overlap_tolerance_of_tilted_marks_follows_their_end_points() {
     Right { partition: "overlap = \"0.1 mm\"", field: 12, ..Right::on(rough(80, 0.01, 0.0)) }.proved();
 }

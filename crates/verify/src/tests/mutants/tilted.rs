@@ -67,6 +67,7 @@ fn tilted_blocks_verify_and_every_mutant_is_reported() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn tilted_blocks_in_passes_with_dose_verify() {
     let more = "passes = { count = 2, lower = \"8 um\", rotate = \"30 deg\" }\n            \
         dose = { compensate = \"speed\", step = 0.001 }";
