@@ -262,8 +262,9 @@ pub fn table(sweep: &Sweep) -> Table {
     table
 }
 
-/// Stops and times over the first setting, a line for every combination of the others; None where it has no numbers.
-pub fn chart(sweep: &Sweep) -> Option<Plot> {
+/// Stops and times of the job of a name over the first setting, a line for every combination of the others; None where
+/// it has no numbers.
+pub fn chart(sweep: &Sweep, job: &str) -> Option<Plot> {
     let key = sweep.keys.first()?;
     let xs: Vec<(f64, String)> = sweep.rows.iter().map(|r| number_and_unit(&r.values[0])).collect::<Option<_>>()?;
     let unit = xs.first()?.1.clone();
@@ -293,7 +294,10 @@ pub fn chart(sweep: &Sweep) -> Option<Plot> {
     if summaries().any(|s| s.loading.total_s > s.time_s.total) {
         panels.push(panel(Axis::new("with loading", unit_of_time), &|s| s.loading.total_s / s_per_unit));
     }
-    Some(LineChart { title: format!("Sweep of {key}"), x: Axis::new(key, &unit), panels, limits: Vec::new() }.draw())
+    Some(
+        LineChart { title: format!("{job}: sweep of {key}"), x: Axis::new(key, &unit), panels, limits: Vec::new() }
+            .draw(),
+    )
 }
 
 /// The number with which a value begins, and what follows it; None where it begins with something else.

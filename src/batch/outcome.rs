@@ -27,6 +27,13 @@ pub struct Figures {
     pub warnings: usize,
 }
 
+impl Figures {
+    /// Whether the time with loading is a least one: what `terrace run` takes to load the blocks is not known.
+    pub(super) fn is_least(&self) -> bool {
+        self.way == Some(LoadingWay::Run) && self.total_s == self.time_s
+    }
+}
+
 impl From<&AnySummary> for Figures {
     fn from(summary: &AnySummary) -> Self {
         match summary {

@@ -40,7 +40,8 @@ pub(super) fn run(
         files.push((file, table.csv()));
     }
     if let Some(file) = plot {
-        let chart = sweep::chart(&sweep).ok_or_else(|| {
+        let name = job.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let chart = sweep::chart(&sweep, &name).ok_or_else(|| {
             let d = Diag::input("sweep-plot", "the values of the first setting are not numbers of one unit");
             d.at(Place::file(file.display().to_string())).hint("put a setting with numbers first")
         })?;

@@ -50,7 +50,7 @@ fn rows_of_a_sweep_are_the_figures_of_the_jobs_so_set() {
     }
     assert!(number(&rows[0], "stops") > number(&rows[4], "stops"), "a larger PDOF needs fewer stops");
     assert_eq!(std::fs::read_to_string(&csv).expect("a table").lines().count(), 7);
-    assert!(std::fs::read_to_string(&svg).expect("a chart").contains("Sweep of focus.pdof"));
+    assert!(std::fs::read_to_string(&svg).expect("a chart").contains("wave: sweep of focus.pdof"));
     // Any number of threads gives the same table.
     assert_eq!(swept(&job, &[&settings[..], &["-j", "1"]].concat()), rows);
 }

@@ -34,7 +34,7 @@ use terrace_input::job::{DepthRule, Job};
 
 /// Without a reserve, what errors may take beyond PDOF before a warning says so, as a share of half the range: PDOF is
 /// not measured more closely.
-const TOLERATED: f64 = 0.1;
+pub const TOLERATED: f64 = 0.1;
 
 /// What an error comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -94,7 +94,8 @@ impl Verdict {
         let compared = || times_the_recommended.map_or("within the limits".to_owned(), note_of_ratio);
         match standing {
             Standing::Recommended => "recommended".to_owned(),
-            Standing::Usable | Standing::OtherHardware => compared(),
+            Standing::Usable => compared(),
+            Standing::OtherHardware => format!("{}, other hardware", compared()),
             Standing::EstimateOnly => format!("{}, estimate only", compared()),
             Standing::OtherProcess => "another process: turns the surface, marks nothing".to_owned(),
             Standing::YoursToSet => format!("yours to set: {} by {WARN_KEY}", reasons.join("; ")),
@@ -181,26 +182,32 @@ impl<'a> Rows<'a> {
     /// What to use.
     fn recommendation(&self, best: TimedSystem<'_>) -> Vec<String> {
         let what = match best.kind {
-            Kind::Stepped => format!("Step by {}", best.system),
-            Kind::Zoom => "Step with the zoom optic".to_owned(),
-            Kind::Tilt => "Step with the part tilted at every stop".to_owned(),
-            Kind::HeadTilt => "Step with the head tilted at every stop".to_owned(),
-            Kind::OnTheFly => "Mark on the fly".to_owned(),
-            Kind::SevenAxes => "Mark on the fly with seven axes".to_owned(),
-            Kind::FiveAxes => "Mark with five axes".to_owned(),
+            Kind::Stepped => format!("step by {}", best.system),
+            Kind::Zoom => "step with the zoom optic".to_owned(),
+            Kind::Tilt => "step with the part tilted at every stop".to_owned(),
+            Kind::HeadTilt => "step with the head tilted at every stop".to_owned(),
+            Kind::OnTheFly => "mark on the fly".to_owned(),
+            Kind::SevenAxes => "mark on the fly with seven axes".to_owned(),
+            Kind::FiveAxes => "mark with five axes".to_owned(),
             Kind::ToolServo => unreachable!("no job key asks for it"),
         };
         let cost = self.0.cost_of(best.figures).zip(self.0.cost);
         let cost = cost.map_or(String::new(), |(v, cost)| format!(", {} {}", plain(v, 2), cost.currency()));
         let loaded = best.figures.load_s.map_or("", |_| match self.0.loading.way {
             LoadingWay::Person => " with blocks loaded by a person",
-            LoadingWay::Run if self.0.loading.is_least() => " and what terrace run takes to load the blocks",
+            LoadingWay::Run if self.0.loading.is_least() => " without loading the blocks",
             LoadingWay::Run => " with blocks loaded by terrace run",
             LoadingWay::Card => " with blocks stored on the scan card",
             LoadingWay::Ovf => " by a controller that reads job.ovf",
         });
-        let mut out = vec![format!("{what}: {}{loaded}{cost}, all in focus.", duration(best.time_s))];
-        out.extend(best.figures.job_key.as_ref().map(|key| format!("In the job file: {key}.")));
+        let time = duration(best.time_s);
+        let mut out = vec![format!("On {}, {what}: {time}{loaded}{cost}, all in focus.", self.0.machine)];
+        if best.figures.load_s.is_some() && self.0.loading.is_least() {
+            let unknown = "No time here includes what terrace run takes to load the blocks: state operator.load in the \
+                           machine file.";
+            out.push(unknown.to_owned());
+        }
+        out.extend(in_the_job_file(best));
         out.extend(self.key_costs(best));
         out
     }
@@ -235,8 +242,7 @@ impl<'a> Rows<'a> {
             t.system,
             duration(t.time_s)
         );
-        let key = t.figures.job_key.as_ref().map(|key| format!("In the job file: {key}."));
-        std::iter::once(answer).chain(key).chain(self.key_costs(t)).collect()
+        std::iter::once(answer).chain(in_the_job_file(t)).chain(self.key_costs(t)).collect()
     }
 
     /// Which systems are beyond nothing but a limit that the job sets as it likes.
@@ -292,6 +298,16 @@ fn kind(system: &str) -> Kind {
     SYSTEMS.iter().find(|s| s.name == system).map_or(Kind::Stepped, |s| s.kind)
 }
 
+/// The key of the job file that asks for a system. Without a method of the job file `compile` chooses one by itself.
+fn in_the_job_file(t: TimedSystem<'_>) -> Option<String> {
+    let key = t.figures.job_key.as_ref()?;
+    let without = match t.kind {
+        Kind::Stepped => "; without a method compile chooses one, and merges stops where that is quicker",
+        _ => "",
+    };
+    Some(format!("In the job file: {key}{without}."))
+}
+
 /// What a system would win or lose against the best, and why where the figures say so.
 fn comparison_with_best(other: TimedSystem<'_>, best: Option<TimedSystem<'_>>) -> String {
     let TimedSystem { figures, .. } = other;
@@ -342,20 +358,21 @@ fn subject(t: TimedSystem<'_>) -> (String, bool) {
 /// A multiple of the recommended time, for a table.
 fn note_of_ratio(ratio: f64) -> String {
     match ratio {
-        r if r > ALIKE => format!("{} times slower", factor(r)),
-        r if r < 1.0 / ALIKE => format!("{} times faster", factor(1.0 / r)),
+        r if r > ALIKE => format!("{} times as long", factor(r)),
+        r if r < 1.0 / ALIKE => format!("{} times as fast", factor(1.0 / r)),
         _ => "as fast".to_owned(),
     }
 }
 
 /// A multiple of the recommended time, as a verb with its object.
 fn verb_of_ratio(ratio: f64, is_many: bool) -> String {
-    let [be, take, halve] = if is_many { ["are", "take", "halve"] } else { ["is", "takes", "halves"] };
+    let [be, take] = if is_many { ["are", "take"] } else { ["is", "takes"] };
     let is_two = |factor: f64| (factor - 2.0).abs() <= ROUND;
     match ratio {
-        r if is_two(1.0 / r) => format!("{halve} it"),
+        r if is_two(1.0 / r) => format!("{take} half as long"),
         r if is_two(r) => format!("{take} twice as long"),
-        r if !(1.0 / ALIKE..=ALIKE).contains(&r) => format!("{be} {}", note_of_ratio(r)),
+        r if r > ALIKE => format!("{take} {}", note_of_ratio(r)),
+        r if r < 1.0 / ALIKE => format!("{be} {}", note_of_ratio(r)),
         _ => format!("{take} as long"),
     }
 }
@@ -500,12 +517,13 @@ mod tests {
         assert_eq!(
             verdict.sentences,
             [
-                "Step by z-range: 3 min 49 s, all in focus.",
-                "In the job file: partition.method = \"z-range\".",
-                "A zoom optic (that of xyz-zoom-40) halves it.",
-                "Marking on the fly (with a controller that moves scanner and stage together) is 10 times slower, because \
+                "On xyz-galvo-40, step by z-range: 3 min 49 s, all in focus.",
+                "In the job file: partition.method = \"z-range\"; without a method compile chooses one, and merges stops \
+                 where that is quicker.",
+                "A zoom optic (that of xyz-zoom-40) takes half as long.",
+                "Marking on the fly (with a controller that moves scanner and stage together) takes 10 times as long, because \
                  z must go with every line.",
-                "Seven axes (those of xyzac-galvo-10) are 3 times slower, with beams at up to 1.8 instead of 18.8 deg.",
+                "Seven axes (those of xyzac-galvo-10) take 3 times as long, with beams at up to 1.8 instead of 18.8 deg.",
                 "Beyond the limits: flat (4 mm out of focus, 0.035 mm allowed).",
             ]
         );
@@ -516,9 +534,9 @@ mod tests {
                 "not usable: 4 mm out of focus, 0.035 mm allowed",
                 "as fast",
                 "recommended",
-                "2 times faster",
-                "10 times slower",
-                "3 times slower"
+                "2 times as fast, other hardware",
+                "10 times as long, other hardware",
+                "3 times as long, other hardware"
             ]
         );
     }
@@ -568,7 +586,8 @@ mod tests {
             [
                 "Yours to set: z-range takes 3 min 49 s, all in focus, with beams at up to 24 deg; limits.warn_incidence \
                  of the job file is 20 deg, above which compile warns.",
-                "In the job file: partition.method = \"z-range\".",
+                "In the job file: partition.method = \"z-range\"; without a method compile chooses one, and merges stops \
+                 where that is quicker.",
                 "A zoom optic (that of xyz-zoom-40) takes 1 min 55 s, within all limits.",
             ]
         );
@@ -598,7 +617,10 @@ mod tests {
         let mut c = comparison(rows([800.0, 500.0]));
         c.loading.way = LoadingWay::Person;
         let verdict = Verdict::of(&c);
-        assert_eq!(verdict.sentences[0], "Step by window: 11 min 40 s with blocks loaded by a person, all in focus.");
+        assert_eq!(
+            verdict.sentences[0],
+            "On xyz-galvo-40, step by window: 11 min 40 s with blocks loaded by a person, all in focus."
+        );
         assert!((verdict.systems[0].times_the_recommended.expect("a ratio") - 9.0 / 7.0).abs() < 1e-12);
         // The machine waits while a person loads, and a person attends all of it by every way.
         let text = r#"{"machine": "60 EUR/h", "operator": "30 EUR/h"}"#;
@@ -607,8 +629,23 @@ mod tests {
         assert!(first(&c).contains("by a person, 17.50 EUR, all"), "{}", first(&c));
         c.rows = comparison(rows([0.0, 0.0])).rows;
         c.loading.way = LoadingWay::Ovf;
-        let wanted = "Step by z-range: 1 min 40 s by a controller that reads job.ovf, 2.50 EUR, all in focus.";
+        let wanted =
+            "On xyz-galvo-40, step by z-range: 1 min 40 s by a controller that reads job.ovf, 2.50 EUR, all in focus.";
         assert_eq!(first(&c), wanted);
+    }
+
+    #[test]
+    fn time_of_loading_that_is_not_known_is_said_to_be_left_out() {
+        let mut c = comparison(vec![("z-range", Ok(Figures { load_s: Some(0.0), ..made(100.0, 5.0) }))]);
+        c.loading.way = LoadingWay::Run;
+        let sentences = Verdict::of(&c).sentences;
+        let wanted = "On xyz-galvo-40, step by z-range: 1 min 40 s without loading the blocks, all in focus.";
+        assert_eq!(sentences[0], wanted);
+        assert!(sentences[1].starts_with("No time here includes what terrace run takes"), "{}", sentences[1]);
+        c.loading.load_s = 2.0;
+        let sentences = Verdict::of(&c).sentences;
+        assert!(sentences[0].contains("1 min 40 s with blocks loaded by terrace run,"), "{}", sentences[0]);
+        assert!(sentences[1].starts_with("In the job file:"), "{}", sentences[1]);
     }
 
     #[test]
@@ -651,24 +688,24 @@ mod tests {
     #[test]
     fn ratios_are_reported_in_words() {
         let cases = [
-            (0.05, "is 20 times faster"),
-            (0.42, "is 2.4 times faster"),
-            (0.5, "halves it"),
-            (0.71, "is 1.4 times faster"),
+            (0.05, "is 20 times as fast"),
+            (0.42, "is 2.4 times as fast"),
+            (0.5, "takes half as long"),
+            (0.71, "is 1.4 times as fast"),
             (0.96, "takes as long"),
             (1.04, "takes as long"),
-            (1.06, "is 1.1 times slower"),
+            (1.06, "takes 1.1 times as long"),
             (2.05, "takes twice as long"),
-            (2.96, "is 3 times slower"),
-            (9.94, "is 9.9 times slower"),
-            (9.96, "is 10 times slower"),
-            (104.4, "is 104 times slower"),
+            (2.96, "takes 3 times as long"),
+            (9.94, "takes 9.9 times as long"),
+            (9.96, "takes 10 times as long"),
+            (104.4, "takes 104 times as long"),
         ];
         for (ratio, said) in cases {
             assert_eq!(verb_of_ratio(ratio, false), said);
         }
-        assert_eq!(verb_of_ratio(0.5, true), "halve it");
-        assert_eq!(verb_of_ratio(3.0, true), "are 3 times slower");
+        assert_eq!(verb_of_ratio(0.5, true), "take half as long");
+        assert_eq!(verb_of_ratio(3.0, true), "take 3 times as long");
     }
 
     #[test]
@@ -685,8 +722,8 @@ mod tests {
         let html = page(&example());
         let at = |what: &str| html.find(what).unwrap_or_else(|| panic!("no {what} in {html}"));
         let order = [
-            "<p class=\"answer\">Step by z-range: 3 min 49 s, all in focus.</p>",
-            "<li>A zoom optic (that of xyz-zoom-40) halves it.</li>",
+            "<p class=\"answer\">On xyz-galvo-40, step by z-range: 3 min 49 s, all in focus.</p>",
+            "<li>A zoom optic (that of xyz-zoom-40) takes half as long.</li>",
             "flat (beyond limits)",
             "<span class=\"aloud\">not usable: </span><s>flat</s>",
             "<details>",

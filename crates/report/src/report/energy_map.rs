@@ -181,7 +181,7 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     const WIDTH: f64 = 900.0;
     /// Above the map, below it, and at its sides.
     const HEAD: f64 = 34.0;
-    const KEY: f64 = 104.0;
+    const KEY: f64 = 122.0;
     const SIDE: f64 = 10.0;
     let colours: Vec<_> = (0..COLOURS).map(|k| of_height(k, [0, COLOURS - 1])).collect();
     let palette: Vec<[u8; 4]> =
@@ -232,7 +232,9 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
     let _ = write!(
         out,
         "<text y=\"{}\">Energy by area as a multiple of the median, {} J/cm2 {}</text>\n\
-         <text y=\"{}\">{}cells of {} x {} mm, the lower left at ({}, {}) mm</text>\n</svg>\n",
+         <text y=\"{}\">{}cells of {} x {} mm, the lower left at ({}, {}) mm</text>\n\
+         <text y=\"{}\">white: no marks. The mean of a cell, lines and what lies between them: in a line it is \
+         more</text>\n</svg>\n",
         ramp + 50.0,
         plain(map.median, 3),
         map.area,
@@ -242,6 +244,7 @@ pub fn energy_svg(job: &str, map: &EnergyMap) -> String {
         plain(map.cells.side[1], 3),
         plain(x, 3),
         plain(y, 3),
+        ramp + 86.0,
     );
     out
 }

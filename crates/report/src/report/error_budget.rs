@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::page::escape;
 use super::plain;
-use terrace_plan::budget::{Budget, Cause, Terms};
+use terrace_plan::budget::{Budget, Cause, TOLERATED, Terms};
 
 /// A table for where marks are and one for how far from focus, each with its terms and what they come to.
 pub(super) fn section(h: &mut String, budget: &Budget) {
@@ -13,13 +13,27 @@ pub(super) fn section(h: &mut String, budget: &Budget) {
     let _ = writeln!(
         h,
         "<h2>Error and depth budget</h2>\n<p>PDOF {pdof} um, of which {reserve} um are kept for errors (focus.reserve). \
-         Each term is a bound. The sum is one too, and decides about warnings; the root of the sum of squares is what to \
-         expect where the terms are independent of each other.</p>\n<div class=\"row\" id=\"budget\" style=\"row-gap:1em\">"
+         Each term is a bound, and so is their sum; the root of the sum of squares is what to expect where the terms are \
+         independent of each other. What is not stated comes on top. {}</p>\n\
+         <div class=\"row\" id=\"budget\" style=\"row-gap:1em\">",
+        warned_of(*reserve_mm),
     );
     table(h, "Lateral, um", lateral, &[]);
     let left = [("left of PDOF", plain(*depth_left_um, 2))];
     table(h, "Depth, um", depth, &left);
     h.push_str("</div>\n");
+}
+
+/// From where on the sum of the depth terms is warned of.
+fn warned_of(reserve_mm: f64) -> String {
+    if reserve_mm > 0.0 {
+        return "A warning says so where the sum in depth is more than is left of PDOF.".to_owned();
+    }
+    format!(
+        "Without a reserve, a warning comes only where the sum in depth exceeds what is left of PDOF by {} % of half the \
+         depth range.",
+        plain(100.0 * TOLERATED, 0)
+    )
 }
 
 /// The terms of one side.

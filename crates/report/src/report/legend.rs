@@ -4,6 +4,8 @@
 //! wider than high it is below it alone. It never covers the part. Its texts are measured in the widest of the usual
 //! faces, so they fit in all.
 
+use std::collections::BTreeSet;
+
 use svg::Node;
 use svg::node::element::Element;
 use terrace_core::math;
@@ -372,6 +374,10 @@ fn stepped(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     c.pair(0.0, "method", &s.method);
     let bound = s.lower_bound_stops.filter(|&n| n > 0).map(|n| format!(" (at least {n})")).unwrap_or_default();
     c.pair(0.0, "stops", &format!("{}{bound}", job.blocks().len()));
+    let places: BTreeSet<[i64; 2]> = job.blocks().iter().map(|b| [b.stage.0[0], b.stage.0[1]]).collect();
+    if places.len() < job.blocks().len() {
+        c.pair(0.0, "places in x and y", &places.len().to_string());
+    }
     let size = |size: [Nm; 2]| size.map(|v| num(v.mm())).join(" x ");
     if sheet.gridded {
         let [columns, rows] = job.sections.count;
@@ -441,7 +447,7 @@ fn colours(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
 fn ramp(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     let u = c.u;
     let is_height = job.shade == Shade::Height;
-    c.title(if is_height { "focus height (LPFL), mm" } else { "mean incidence of the beam, deg" }, "");
+    c.title(if is_height { "focus height (LPFL), mm" } else { "mean incidence, deg" }, "");
     let range = job.shades();
     let flat = range[0] == range[1];
     const PIECES: i64 = 48;
@@ -583,7 +589,7 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, looks: &Looks) {
         );
     }
     if stepped.is_some() {
-        c.lines(0.0, "number n is block Bn, in order of work; a larger picture shows more numbers");
+        c.lines(0.0, "number n is block Bn, in order of work, and stands on each of its pieces; a larger picture shows more numbers");
         c.lines(0.0, "rest the pointer on a block for its data");
     }
 }

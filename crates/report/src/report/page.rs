@@ -25,7 +25,7 @@ linear-gradient(to right,#0005,#0000) 0 0/1em 100%,linear-gradient(to left,#0005
 
 /// What a page of tables and charts adds to it.
 const MORE: &str = "html{background:#fff;color-scheme:light}p{max-width:50em}.wide{margin:.8em 0 1.2em}\
-.wide svg{display:block;width:100%;max-width:960px;min-width:50em;height:auto}\
+.wide svg{display:block;width:100%;max-width:960px;min-width:50em;height:auto;mix-blend-mode:multiply}\
 caption{text-align:left;font-weight:600;padding:.3em 0}th{vertical-align:bottom;white-space:normal}th small{font-weight:400;color:#555}\
 td:not(:first-child).l{max-width:28em;min-width:10em}\
 .answer{font-size:1.35em;font-weight:600;margin:.6em 0 .3em}s{color:#666}\
