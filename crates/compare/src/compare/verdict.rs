@@ -301,8 +301,9 @@ fn kind(system: &str) -> Kind {
 /// The key of the job file that asks for a system. Without a method of the job file `compile` chooses one by itself.
 fn in_the_job_file(t: TimedSystem<'_>) -> Option<String> {
     let key = t.figures.job_key.as_ref()?;
-    let without = match t.kind {
-        Kind::Stepped => "; without a method compile chooses one, and merges stops where that is quicker",
+    let without = match (t.kind, t.system) {
+        (Kind::Stepped, "auto") => ", or no method",
+        (Kind::Stepped, _) => "; without a method compile chooses one, and merges stops where that is quicker",
         _ => "",
     };
     Some(format!("In the job file: {key}{without}."))
@@ -683,6 +684,13 @@ mod tests {
     fn of_systems_that_are_as_fast_the_first_is_recommended() {
         let c = comparison(vec![("contour", Ok(made(10.0, 5.0))), ("z-range", Ok(made(10.0, 5.0)))]);
         assert_eq!(Verdict::of(&c).recommended, Some("contour"));
+    }
+
+    #[test]
+    fn a_job_file_without_a_method_is_said_to_ask_for_auto() {
+        let key = Some("partition.method = \"auto\"".to_owned());
+        let c = comparison(vec![("auto", Ok(Figures { job_key: key, ..made(10.0, 5.0) }))]);
+        assert_eq!(Verdict::of(&c).sentences[1], "In the job file: partition.method = \"auto\", or no method.");
     }
 
     #[test]

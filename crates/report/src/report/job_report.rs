@@ -320,8 +320,8 @@ fn blocks(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
     let [first, second] = if is_gridded { ["section", "level"] } else { ["window x", "window y"] };
     let _ = write!(
         h,
-        "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded; mm, deg. mark and jump \
-         are the way of the spot, mm; time is that of the galvo without stage and settling, s.</p>\n\
+        "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded, mm; incidence in deg. \
+         Mark and jump: the way of the spot, mm. Time: that of the galvo, without stage and settling, s.</p>\n\
          <div class=\"wide\"><table id=\"blocks\">\n\
          <tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
          <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
