@@ -86,7 +86,7 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
         if outcome.verified { ", verified" } else { "" },
         figures.stops.map_or("-".into(), |n| n.to_string()),
         duration(figures.time_s),
-        duration(figures.total_s) + if figures.is_least() { ", at least" } else { "" },
+        duration(figures.total_s) + if figures.is_least { ", at least" } else { "" },
         figures.warnings,
         links.join(" &#183; ")
     );

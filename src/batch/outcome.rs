@@ -21,17 +21,12 @@ pub struct Figures {
     pub time_s: f64,
     /// Time of the machine with the loading of the blocks, s.
     pub total_s: f64,
+    /// Whether that leaves out a time that is not known.
+    pub is_least: bool,
     /// Who loads the blocks; None of on-the-fly jobs.
     pub way: Option<LoadingWay>,
     /// Number of warnings.
     pub warnings: usize,
-}
-
-impl Figures {
-    /// Whether the time with loading is a least one: what `terrace run` takes to load the blocks is not known.
-    pub(super) fn is_least(&self) -> bool {
-        self.way == Some(LoadingWay::Run) && self.total_s == self.time_s
-    }
 }
 
 impl From<&AnySummary> for Figures {
@@ -41,11 +36,13 @@ impl From<&AnySummary> for Figures {
                 stops: Some(s.stops),
                 time_s: s.time_s.total,
                 total_s: s.loading.total_s,
+                is_least: s.loading.is_least(),
                 way: Some(s.loading.way),
                 warnings: s.warnings.len(),
             },
             AnySummary::OnTheFly(s) => {
-                Self { stops: None, time_s: s.time_s, total_s: s.time_s, way: None, warnings: s.warnings.len() }
+                let warnings = s.warnings.len();
+                Self { stops: None, time_s: s.time_s, total_s: s.time_s, is_least: false, way: None, warnings }
             }
         }
     }

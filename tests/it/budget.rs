@@ -124,6 +124,9 @@ fn what_nobody_states_is_named_and_is_not_zero() {
     assert!(sheet.contains("PDOF       70.0 um, of which 0.0 um are kept for errors\n"), "{sheet}");
     let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
     assert_eq!(report.matches("<td>not stated</td>").count(), 5, "{report}");
+    let warned = "Without a reserve, a warning comes only where the sum in depth exceeds what is left of PDOF by 10 % of \
+                  half the depth range.";
+    assert!(report.contains(warned), "{report}");
     let said = said(&terrace([Path::new("check"), &job]));
     assert!(said.contains(&format!("not stated     {keys}\n")), "{said}");
 }

@@ -27,7 +27,9 @@ pub(super) fn section(h: &mut String, budget: &Budget) {
 /// From where on the sum of the depth terms is warned of.
 fn warned_of(reserve_mm: f64) -> String {
     if reserve_mm > 0.0 {
-        return "A warning says so where the sum in depth is more than is left of PDOF.".to_owned();
+        return "A warning says where the sum in depth exceeds what is left of PDOF by more than an increment of the \
+                stage."
+            .to_owned();
     }
     format!(
         "Without a reserve, a warning comes only where the sum in depth exceeds what is left of PDOF by {} % of half the \
