@@ -289,6 +289,8 @@ fn converters_that_crash_hang_lie_or_are_absent_are_clear_errors() {
         ),
         (format!("{HELLO} echo $$ >pid; exec sleep 100"), "cad-timeout", "after 1 s"),
         (format!("{HELLO} exec >&-; echo $$ >pid; exec sleep 100"), "cad-timeout", "after 1 s"),
+        // Its limit of processor time, as the operating system tells it.
+        (format!("{HELLO} echo $$ >pid; kill -XCPU $$"), "cad-timeout", "limit of processor time (1 s,"),
         ("cat >/dev/null; echo nonsense".into(), "cad-answer", "it begins with \"nonsense\""),
         ("head -c 3000000 /dev/zero".into(), "cad-answer", "it begins with"),
         (format!("{HELLO} echo '{{}}'"), "cad-answer", "header cannot be read"),

@@ -99,13 +99,13 @@ fn run_with(
     let heard = answer.1.recv_timeout(longest);
     if heard == Err(RecvTimeoutError::Timeout) {
         end(&mut child);
-        return Err(End::Fault(out_of_time(limits)));
+        return Err(End::Fault(out_of_time(Clock::Wall, limits)));
     }
     let status = wait(&mut child, longest.saturating_sub(begun.elapsed()));
     // Its messages end with it, unless something that it started keeps them open.
     let said = said.1.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
     match (heard, status) {
-        (_, None) => Err(End::Fault(out_of_time(limits))),
+        (_, None) => Err(End::Fault(out_of_time(Clock::Wall, limits))),
         (Ok(ConverterAnswer::Mesh(bytes)), Some(status)) if status.success() => Ok(bytes),
         (Ok(ConverterAnswer::Absent(why)), _) => Err(End::Absent(why)),
         (Ok(ConverterAnswer::Refused { error, text }), _) => Err(End::Fault(refused(path, &error, &text))),
@@ -227,8 +227,24 @@ fn quoted(said: &str) -> String {
     if said.is_empty() { String::new() } else { format!(", saying {said:?}") }
 }
 
-fn out_of_time(limits: &Limits) -> Diag {
-    let text = format!("the converter had not ended after {} s and was stopped", limits.seconds);
+/// Which time of the converter reached the limit. The operating system counts that of the processor, which comes first
+/// where it uses several.
+enum Clock {
+    Wall,
+    #[cfg(unix)]
+    Processor,
+}
+
+fn out_of_time(clock: Clock, limits: &Limits) -> Diag {
+    let text = match clock {
+        Clock::Wall => format!("the converter had not ended after {} s and was stopped", limits.seconds),
+        #[cfg(unix)]
+        Clock::Processor => format!(
+            "the converter reached its limit of processor time ({} s, or the system's own where that is lower) and was \
+             stopped",
+            limits.seconds
+        ),
+    };
     Diag::limit("cad-timeout", text)
         .hint("use a larger chord tolerance, or allow more with TERRACE_CONVERTER_SECONDS (default 300)")
 }
@@ -237,7 +253,7 @@ fn out_of_time(limits: &Limits) -> Diag {
 fn crashed(status: ExitStatus, limits: &Limits, said: &str) -> Diag {
     #[cfg(unix)]
     if std::os::unix::process::ExitStatusExt::signal(&status) == Some(SIGXCPU) {
-        return out_of_time(limits);
+        return out_of_time(Clock::Processor, limits);
     }
     let text = format!("the converter crashed on the file ({status}){}", quoted(said));
     let remedy = format!("{AGAIN}; if it needs more than {} MB, set TERRACE_CONVERTER_MB", limits.megabytes);
