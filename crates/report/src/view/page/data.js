@@ -246,6 +246,47 @@ async function readMesh() {
   return { positions, normals, corners: reader.u32Deltas(3 * triangles) };
 }
 
+/** Cells along the longest side of the part, at most one corner in each of a rough mesh. */
+const ROUGH_CELLS = 64;
+
+/** The mesh with the corners of each cell of a grid taken together: a few thousand triangles, as far off as a cell.
+ * @param {Mesh} mesh @param {Vec3} size of the box of the part, mm @returns {Mesh} */
+function roughMesh(mesh, size) {
+  const cell = Math.max(...size) / ROUGH_CELLS;
+  const cells = size.map((s) => Math.max(Math.ceil(s / cell), 1));
+  /** Sums of place and normal, and of how many. @type {Map<number, {rough: number, sums: number[]}>} */
+  const taken = new Map();
+  const roughOf = new Uint32Array(mesh.positions.length / 4);
+  for (let i = 0; i < roughOf.length; i++) {
+    const [x, y, z] = cells.map((n, k) => Math.min(Math.floor((mesh.positions[4 * i + k] / 65536) * n), n - 1));
+    const key = x + cells[0] * (y + cells[1] * z);
+    let one = taken.get(key);
+    if (!one) taken.set(key, (one = { rough: taken.size, sums: [0, 0, 0, 0, 0, 0, 0] }));
+    for (let k = 0; k < 3; k++) {
+      one.sums[k] += mesh.positions[4 * i + k];
+      one.sums[3 + k] += mesh.normals[4 * i + k];
+    }
+    one.sums[6] += 1;
+    roughOf[i] = one.rough;
+  }
+  const positions = new Uint16Array(4 * taken.size);
+  const normals = new Int8Array(4 * taken.size);
+  for (const { rough, sums } of taken.values()) {
+    const length = Math.hypot(sums[3], sums[4], sums[5]) || 1;
+    for (let k = 0; k < 3; k++) {
+      positions[4 * rough + k] = sums[k] / sums[6];
+      normals[4 * rough + k] = (127 * sums[3 + k]) / length;
+    }
+  }
+  /** @type {number[]} */
+  const corners = [];
+  for (let i = 0; i < mesh.corners.length; i += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => roughOf[mesh.corners[i + k]]);
+    if (a !== b && b !== c && c !== a) corners.push(a, b, c);
+  }
+  return { positions, normals, corners: new Uint32Array(corners) };
+}
+
 /**
  * Which block marks each cell: 0 for none, else its index plus 1.
  * @param {MapHead} map

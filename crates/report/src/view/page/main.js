@@ -45,8 +45,11 @@ class App {
     this.touching = [];
     /** Until when the picture counts as moving, ms. */
     this.movingUntil = 0;
-    /** Whether pictures are drawn with half the pixels while something moves: the graphics card is slow. */
-    this.isCoarse = false;
+    /** Whether the camera moved since the last frame, which on a slow computer is longer ago than that. */
+    this.hasMoved = false;
+    /** Whether pictures are drawn with half the pixels, and the part roughly, while something moves: the graphics card
+     * is slow. */
+    this.isCoarse = this.scene.isSoftware;
     this.wasMoving = false;
     this.isDue = false;
     this.isStale = true;
@@ -97,6 +100,7 @@ class App {
         (left === null || left.has(blocks.id[i])),
       theme: this.theme,
       moving,
+      rough: moving && this.isCoarse,
       size: this.size,
     };
   }
@@ -148,6 +152,7 @@ class App {
   /** The camera moved: pictures are drawn within the budget until it rests. */
   cameraMoved() {
     this.movingUntil = performance.now() + 160;
+    this.hasMoved = true;
     this.changed();
   }
 
@@ -157,7 +162,8 @@ class App {
     const past = now - this.lastFrame;
     this.lastFrame = now;
     if (this.playing) this.advance(past / 1000);
-    const moving = this.playing || now < this.movingUntil;
+    const moving = this.playing || this.hasMoved || now < this.movingUntil;
+    this.hasMoved = false;
     this.resize(moving && this.isCoarse ? 0.5 : 1);
     const moment = this.moment();
     if (this.follow && this.followField(moment)) this.isStale = true;

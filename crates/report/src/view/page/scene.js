@@ -25,6 +25,7 @@
  * @property {Theme} theme
  * @property {number} size of words and lines, 1 on a small screen
  * @property {boolean} moving
+ * @property {boolean} rough whether marks that are drawn as tone may lie on the rough mesh
  */
 /** @typedef {{ground: Colour, part: Colour, ink: Colour, accent: Colour}} Theme */
 /** @typedef {"part"|"blocks"|"borders"|"marks"|"skipped"|"path"|"field"|"lens"|"travel"|"seams"|"labels"} Layer */
@@ -51,6 +52,8 @@ class Scene {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true, alpha: false });
     if (!gl) throw new Error("this browser does not offer WebGL 2");
     this.gl = gl;
+    /** Whether there is no graphics card: the processor draws. */
+    this.isSoftware = /swiftshader|llvmpipe|software|basic render/i.test(rendererOf(gl));
     this.canvas = canvas;
     this.head = head;
     this.blocks = blocks;
@@ -73,6 +76,8 @@ class Scene {
     this.noLabels.set(1, 1, new Uint32Array(1));
     /** @type {{array: WebGLVertexArrayObject, corners: number}|null} */
     this.mesh = null;
+    /** What stands for it where the computer is slow. @type {{array: WebGLVertexArrayObject, corners: number}|null} */
+    this.rough = null;
     /** @type {({density: Means, pens: Values|null}|null)[]} */
     this.tones = head.tones.maps.map(() => null);
     this.noTone = new Means(gl, 1, 1, new Uint8Array(1));
@@ -85,7 +90,7 @@ class Scene {
     /** @type {(Promise<void>|null)[]} */
     this.loads = head.chunks.map(() => null);
     this.loading = 0;
-    this.budget = 100_000;
+    this.budget = this.isSoftware ? BUDGET[0] : 100_000;
     /** Chunks that are not drawn yet in the picture at rest. @type {number[]} */
     this.waiting = [];
     /** Chunks in sight that were not read when the picture was begun. @type {Set<number>} */
@@ -100,6 +105,8 @@ class Scene {
     this.drawsMarks = false;
     /** Whether marks are drawn as tone. */
     this.drawsTone = false;
+    /** Whether the part is drawn roughly. */
+    this.drawsRough = false;
     /** Lines of which one is drawn. */
     this.every = 1;
     const size = minus(...boxOfMarks(head)).map(Math.abs);
@@ -131,6 +138,12 @@ class Scene {
 
   /** @param {Mesh} mesh */
   setMesh(mesh) {
+    this.mesh = this.uploaded(mesh);
+    this.rough = this.uploaded(roughMesh(mesh, minus(this.head.part.box[1], this.head.part.box[0])));
+  }
+
+  /** @param {Mesh} mesh */
+  uploaded(mesh) {
     const gl = this.gl;
     const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
     gl.bindVertexArray(array);
@@ -142,7 +155,7 @@ class Scene {
     gl.vertexAttribPointer(1, 3, gl.BYTE, true, 4, 0);
     bufferOf(gl, gl.ELEMENT_ARRAY_BUFFER, mesh.corners);
     gl.bindVertexArray(null);
-    this.mesh = { array, corners: mesh.corners.length };
+    return { array, corners: mesh.corners.length };
   }
 
   /** @param {number} k of `head.maps` @param {Uint32Array<ArrayBuffer>} labels */
@@ -184,6 +197,7 @@ class Scene {
 
   /** What the picture does not show, in words; empty where it shows all. */
   said() {
+    if (this.drawsRough) return "Marks as tone on a rough part while it moves";
     if (this.drawsTone) return "Marks as tone: they lie denser than pixels";
     if (this.drawsMarks && this.every > 1) return `1 of ${this.every} marks while it moves`;
     return "";
@@ -260,6 +274,8 @@ class Scene {
     this.inSight = chunks.reduce((sum, k) => sum + head.chunks[k].points, 0);
     this.drawsTone = look.layers.marks && this.isTone(look);
     this.drawsMarks = look.layers.marks && !this.drawsTone;
+    // Lines would sink into a rough part.
+    this.drawsRough = look.rough && this.drawsTone;
     if (look.layers.part) this.drawMesh(look, projection, ratio, false);
     if (look.layers.skipped) this.drawSkipped(look, projection, ratio);
     this.waiting = this.drawsMarks ? chunks : [];
@@ -354,7 +370,8 @@ class Scene {
   /** @param {Look} look @param {Matrix} projection @param {number} ratio device pixels of a CSS pixel
    * @param {boolean} pick whether blocks are drawn as their numbers */
   drawMesh(look, projection, ratio, pick) {
-    if (!this.mesh) return;
+    const mesh = this.drawsRough && !pick ? this.rough : this.mesh;
+    if (!mesh) return;
     const { gl, head, meshProgram: p } = this;
     this.setBlending(false);
     p.use();
@@ -394,8 +411,8 @@ class Scene {
     });
     gl.uniform2i(p.at("uToneCells"), tone?.columns ?? 1, tone?.rows ?? 1);
     this.bindBlocks(p, look.pass);
-    gl.bindVertexArray(this.mesh.array);
-    gl.drawElements(gl.TRIANGLES, this.mesh.corners, gl.UNSIGNED_INT, 0);
+    gl.bindVertexArray(mesh.array);
+    gl.drawElements(gl.TRIANGLES, mesh.corners, gl.UNSIGNED_INT, 0);
     gl.bindVertexArray(null);
   }
 
@@ -431,9 +448,11 @@ class Scene {
     gl.bindVertexArray(null);
   }
 
-  /** How far marks are moved towards the eye, mm: the decimated part must not hide them. @param {Look} look */
+  /** How far lines are moved towards the eye, mm: the decimated part must not hide them. @param {Look} look */
   bias(look) {
-    return 1.3 * this.head.part.within_mm + 0.6 * look.camera.pixel_mm();
+    const [low, high] = this.head.part.box;
+    const rough = this.drawsRough ? Math.max(...minus(high, low)) / ROUGH_CELLS : 0;
+    return 1.3 * this.head.part.within_mm + rough + 0.6 * look.camera.pixel_mm();
   }
 
   /** @param {Look} look @param {Matrix} projection @param {[number, number]} viewport @param {number} ratio
@@ -532,6 +551,12 @@ class Scene {
     p.ints({ uFirst: first, uPoints: 4, uFrom: from, uEvery: every, uThin: isThin });
     gl.drawArrays(isThin ? gl.LINES : gl.TRIANGLES, 0, (isThin ? 2 : 6) * count);
   }
+}
+
+/** What draws, as the browser names it. @param {WebGL2RenderingContext} gl */
+function rendererOf(gl) {
+  const names = gl.getExtension("WEBGL_debug_renderer_info");
+  return String(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
 }
 
 /** The box of all marks; of the job where there are none. @param {Head} head @returns {Box} */
