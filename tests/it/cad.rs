@@ -594,6 +594,19 @@ const BAD: &[(&str, &str, &str)] = &[
 ];
 
 #[test]
+#[cfg(target_os = "linux")]
+#[ignore = "slow, needs ../shared: make test-all"]
+fn a_limit_of_processor_time_of_the_system_is_said() {
+    let dir = folder();
+    let mut command = Command::new("sh");
+    command.args(["-c", "ulimit -t 3; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_terrace")]);
+    command.env("TERRACE_PYTHON", python()).env("XDG_CACHE_HOME", dir.path());
+    command.args(["import", "--tolerance", "0.0001 mm"]).arg(shared().join("surfaces/propeller_and_shaft.iges"));
+    let text = said(&command.arg("-o").arg(dir.path().join("out.ply")).output().expect("starts"));
+    assert!(text.contains("error[cad-timeout]") && text.contains("the system's own"), "{text}");
+}
+
+#[test]
 #[ignore = "slow, needs ../shared: make test-all"]
 fn every_bad_file_is_refused_in_5_s_and_512_mb() {
     let (dir, data) = (folder(), shared().join("bad"));

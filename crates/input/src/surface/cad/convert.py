@@ -56,7 +56,9 @@ def limit(seconds, megabytes):
         return
     for what, most in ((resource.RLIMIT_AS, megabytes << 20), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
         hard = resource.getrlimit(what)[1]
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        # At the system's own limit of processor time the process is killed; a second before it is told.
+        own = hard - 1 if what == resource.RLIMIT_CPU and hard > 1 else hard
+        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, own), hard))
 
 
 try:
