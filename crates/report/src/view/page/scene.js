@@ -114,8 +114,12 @@ class Scene {
     this.block_mm = Math.sqrt((size[0] * size[1] * head.passes) / Math.max(head.blocks.count, 1));
     /** Mean width of a block between its borders, mm. */
     this.width_mm = this.block_mm;
-    /** Distance of dense marks, mm. */
+    /** Distance of dense lines, mm. */
     this.pitch_mm = 1 / (head.tones.dense_per_mm[0] ?? 1);
+    /** Distance of dense marks, mm. A dot counts as a line of a spot's width that covers as much. */
+    this.apart_mm = head.histograms.defocus_um.of_dots
+      ? Math.sqrt((Math.PI / 4) * head.spot_mm * this.pitch_mm)
+      : this.pitch_mm;
   }
 
   /** Four texels for each block. @param {number} rows */
@@ -300,7 +304,7 @@ class Scene {
     if (!tone || !look.layers.part || !this.mesh) return false;
     const px = look.camera.pixel_mm();
     const [resting, moving] = TONE_CELL_PX;
-    if (this.inSight > MANY && this.pitch_mm / px < MERGED_PX && tone.cell / px < resting) return true;
+    if (this.inSight > MANY && this.apart_mm / px < MERGED_PX && tone.cell / px < resting) return true;
     return look.moving && this.inSight > this.budget && tone.cell / px < moving;
   }
 
