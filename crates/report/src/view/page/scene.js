@@ -34,8 +34,9 @@
 const BUDGET = [20_000, 3_000_000];
 /** Lines that a frame adds at rest. */
 const PIECE = 100_000;
-/** Lines in sight from which on dense marks are tone, at rest: fewer are drawn at once, and sharper. */
-const MANY = 600_000;
+/** Lines in sight from which on dense marks are tone, at rest, where the processor draws and where a graphics card
+ * does: fewer are drawn at once, and sharper. */
+const MANY = [100_000, 600_000];
 /** Dense marks nearer to each other than this are tone, CSS pixels, */
 const MERGED_PX = 0.9;
 /** as long as cells of their map are not wider than this: at rest, and while something moves. */
@@ -54,6 +55,8 @@ class Scene {
     this.gl = gl;
     /** Whether there is no graphics card: the processor draws. */
     this.isSoftware = /swiftshader|llvmpipe|software|basic render/i.test(rendererOf(gl));
+    /** Lines in sight from which on dense marks are tone, at rest. */
+    this.many = MANY[this.isSoftware ? 0 : 1];
     this.canvas = canvas;
     this.head = head;
     this.blocks = blocks;
@@ -304,7 +307,7 @@ class Scene {
     if (!tone || !look.layers.part || !this.mesh) return false;
     const px = look.camera.pixel_mm();
     const [resting, moving] = TONE_CELL_PX;
-    if (this.inSight > MANY && this.apart_mm / px < MERGED_PX && tone.cell / px < resting) return true;
+    if (this.inSight > this.many && this.apart_mm / px < MERGED_PX && tone.cell / px < resting) return true;
     return look.moving && this.inSight > this.budget && tone.cell / px < moving;
   }
 
@@ -474,7 +477,7 @@ class Scene {
     const shown = Math.max(lineWidth(this.pitch_mm / px) * look.size, head.spot_mm / px);
     const width = (pick ? 2 : shown) * ratio;
     // Lines of the graphics card have no soft edges, but of very many nobody sees them.
-    this.isThin = width < 1.2 && !pick && this.inSight > MANY / 2;
+    this.isThin = width < 1.2 && !pick && this.inSight > this.many / 2;
     // So much ink that dense lines, all together, are as dark as their tone.
     const dense = this.dense(px);
     const covered = dense * px * Math.max(width / ratio, 1 / ratio);
