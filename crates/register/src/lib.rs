@@ -1,0 +1,22 @@
+//! Where a part lies on the stage, from measured points, and how surely.
+//!
+//! Consumes points in mm: pairs of a point of the part and its position on the stage, and touched points whose partner
+//! on the part is not known. Promises the rigid motion from part to stage that fits them best (weighted least squares;
+//! touches against the facets, robustly), its covariance, the residual of each point, and the motions that the points
+//! leave free. Nothing is invented: a free motion keeps what the start says, and a scale is reported, never applied.
+//!
+//! Frames: the part as the job turns it, and the table frame of the stage. Lengths are mm, angles rad.
+
+mod chi_squared;
+mod closed_form;
+mod facets;
+mod fit;
+mod motion;
+mod pairs;
+
+pub use chi_squared::quantile as chi_squared_quantile;
+pub use closed_form::Pair;
+pub use facets::{Contact, Facets};
+pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};
+pub use motion::Motion;
+pub use pairs::{PairsFault, fault as pairs_fault};
