@@ -332,7 +332,7 @@ fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
 fn no_run_begins_while_the_command_of_a_killed_one_still_marks() {
     let bench = Bench::new(1);
     let shell = Shell::new();
-    bench.run_file(&stage_of(&shell), &bench.command_laser("8"));
+    bench.run_file(&stage_of(&shell), &bench.command_laser("20"));
     let mut child = until_lines(&bench, &["--arm"], 2);
     child.kill().expect("killed");
     child.wait().expect("ended");
