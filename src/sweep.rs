@@ -219,7 +219,7 @@ fn plan_sharing(source: JobText<'_>, overrides: &Overrides, shared: &SharedSurfa
     let inputs = Inputs::load_beside(&job, shared.get().map(|(reader, surface)| (reader, surface)))?;
     if shared.get().is_none() {
         // Another may have been first: then its surface is the shared one.
-        drop(shared.set((job.clone(), Arc::clone(&inputs.surface))));
+        drop(shared.set((job.clone(), Arc::clone(inputs.designed()))));
     }
     Ok(plan::stepped(job, inputs)?.summary)
 }

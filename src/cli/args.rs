@@ -55,6 +55,26 @@ fn with_examples(command: clap::Command, name: &str) -> clap::Command {
     }
 }
 
+/// What is known of the probe whose log makes a table.
+#[derive(clap::Args, Debug)]
+pub struct ProbeArgs {
+    /// Radius of the probe's tip.
+    #[arg(long, value_name = "LENGTH", requires = "noise")]
+    pub radius: Option<Length>,
+    /// Standard deviation of a touch.
+    #[arg(long, value_name = "LENGTH", requires = "log")]
+    pub noise: Option<Length>,
+    /// How far the tip moves on after it has touched until the controller knows.
+    #[arg(long, value_name = "LENGTH", requires = "log")]
+    pub pretravel: Option<Length>,
+    /// Where the centre of the tip lies from the focus of the beam, in the directions of the table frame, mm.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, requires = "log")]
+    pub offset: Option<[f64; 3]>,
+    /// Replace the table that is there.
+    #[arg(long, requires = "log")]
+    pub force: bool,
+}
+
 impl Args {
     /// The program's arguments with the examples of every command.
     pub fn described() -> clap::Command {
@@ -260,6 +280,17 @@ pub enum Command {
         /// Write the rotations of the best single set-up into the job file (placement.rotate).
         #[arg(long)]
         apply: bool,
+    },
+    /// Fit the part to its measured points ([placement.measured]): where it lies, how surely, and how far each point is
+    /// off; with the log of a probe it makes the table of points first.
+    Register {
+        /// Job file, or - for standard input.
+        job: PathBuf,
+        /// Log of the controller: the file that LinuxCNC has written after (PROBEOPEN ...), or what GRBL has answered.
+        #[arg(requires = "radius")]
+        log: Option<PathBuf>,
+        #[command(flatten)]
+        probe: ProbeArgs,
     },
     /// Estimate the same job on several systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
     /// stage synchronised, five and seven axes, and a fast tool servo; times, deviations and seams side by side.

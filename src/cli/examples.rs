@@ -80,6 +80,17 @@ pub const EXAMPLES: &[(&str, &[Example])] = &[
             ("terrace orient job.toml --json", "For a program"),
         ],
     ),
+    (
+        "register",
+        &[
+            ("terrace register job.toml", "Where the part lies, how surely, and how far each point is off"),
+            (
+                "terrace register job.toml probe.log --radius \"1 mm\" --noise \"2 um\"",
+                "Makes the table of points of a probe's log first",
+            ),
+            ("terrace register job.toml --json", "For a program: with the covariance"),
+        ],
+    ),
     #[cfg(feature = "compare")]
     (
         "compare",

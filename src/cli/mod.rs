@@ -21,6 +21,7 @@ mod named;
 mod orient;
 mod preview;
 mod progress;
+mod register;
 mod resume;
 #[cfg(feature = "run")]
 mod run;
@@ -215,6 +216,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             };
             orient::orient(args, job, side, *apply)?;
         }
+        Command::Register { job, log, probe } => register::register(args, job, log.as_deref(), probe)?,
         #[cfg(feature = "compare")]
         Command::Compare { job, systems, protection, nurbs: exact, output } => {
             if let Some(folder) = output {

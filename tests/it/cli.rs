@@ -149,8 +149,10 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let proof = json(&done(dir.path(), &["verify", "a.job", "--json"]));
     assert_eq!(proof["ok"], true);
     for rule in proof["rules"].as_array().expect("a list") {
-        // Without a hatch along contours, a drawing or space curves there is nothing to hold their rules against.
-        let is_absent = ["fill", "drawing", "bitmap", "mask", "curves"].iter().any(|code| rule["code"] == *code);
+        // Without a hatch along contours, a drawing, space curves or a measured part there is nothing to hold their rules against.
+        let is_absent = ["fill", "drawing", "bitmap", "mask", "curves", "measured", "draped"]
+            .iter()
+            .any(|code| rule["code"] == *code);
         let checked = rule["checked"].as_u64() > Some(0) || is_absent;
         assert!(rule["code"].is_string() && checked && rule["violations"].is_array(), "{rule}");
     }

@@ -44,6 +44,7 @@ mod layers;
 mod layout;
 mod lengths;
 mod limits;
+mod measured;
 mod merge;
 mod messages;
 mod method;

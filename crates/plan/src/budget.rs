@@ -26,7 +26,10 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
 use terrace_core::math;
 
+use crate::measured::Lying;
+use crate::projection::HeightReserve;
 use terrace_core::diag::Diag;
+use terrace_core::geom::{Box2, NM_PER_MM, Nm, Turn};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Block, BlockFigures, Program};
 use terrace_core::units::{Angle, Length};
@@ -35,6 +38,9 @@ use terrace_input::job::{DepthRule, Job};
 /// Without a reserve, what errors may take beyond PDOF before a warning says so, as a share of half the range: PDOF is
 /// not measured more closely.
 pub const TOLERATED: f64 = 0.1;
+
+/// Deviations of a fit that count as a bound.
+const SIGMAS: f64 = 3.0;
 
 /// What an error comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -231,6 +237,8 @@ pub struct StatedErrors<'a> {
     machine: &'a Machine,
     spacing: Option<f64>,
     tessellation: Option<f64>,
+    /// Of a measured part.
+    lying: Option<(&'a Lying, &'a HeightReserve)>,
 }
 
 /// The smooth height field that rotary axes follow, at the marks of a job.
@@ -254,6 +262,8 @@ struct ErrorSources {
     relief: Option<f64>,
     /// How far from the optical axis marks lie at most, mm.
     off_axis: f64,
+    /// How far the part may lie aside, and in z, um.
+    registration: [Option<f64>; 2],
 }
 
 /// The errors of one block.
@@ -280,7 +290,36 @@ impl<'a> StatedErrors<'a> {
             machine,
             spacing: spacings.reduce(f64::max).map(|mm| mm * 1e3),
             tessellation: tessellation_mm.map(|mm| mm * 1e3).or(um(job.surface.tessellation)),
+            lying: None,
         }
+    }
+
+    /// The same for a part that was measured: where it lies is known as surely as its fit says.
+    #[must_use]
+    pub fn with_lying(self, lying: Option<(&'a Lying, &'a HeightReserve)>) -> Self {
+        Self { lying, ..self }
+    }
+
+    /// How far a block may lie beside its place on the part, and above or below it, um: what the job states, or of a
+    /// measured part [`SIGMAS`] deviations where the fit is least sure in its field; that of the height is on the slope,
+    /// and holds what lateral errors of the fit climb.
+    fn registration(&self, block: &Block) -> [Option<f64>; 2] {
+        let Some((lying, reserve)) = self.lying else { return self.job.placement.residual.map(um) };
+        let [half_x, half_y] = self.machine.half_usable_field_mm();
+        let stop = &block.stop;
+        let centre = stop.centre.mm();
+        let origin = lying.origin.mm();
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+        let sigmas = corners.map(|(x, y)| {
+            let at =
+                [centre[0] + x * half_x + origin[0], centre[1] + y * half_y + origin[1], stop.lpfl.mm() + origin[2]];
+            let [x, y, _] = lying.fit.uncertainty.place(at);
+            math::hypot(x, y)
+        });
+        let lateral = sigmas.into_iter().fold(0.0, f64::max) * SIGMAS * 1e3;
+        let [x, y] = [half_x, half_y].map(|half| Nm::round(half * NM_PER_MM));
+        let window = Box2::around(Turn::drawn(stop.centre), [x, y]);
+        [Some(lateral), Some(reserve.deviation(window) * SIGMAS / 1e3)]
     }
 
     /// The errors of a block.
@@ -296,6 +335,7 @@ impl<'a> StatedErrors<'a> {
             is_tilted,
             relief: None,
             off_axis: figures.off_axis_mm,
+            registration: self.registration(block),
         })
     }
 
@@ -326,6 +366,7 @@ impl<'a> StatedErrors<'a> {
             is_tilted: relief.is_some(),
             relief: relief.map(|r| r.off_um),
             off_axis: self.machine.farthest_in_field(),
+            registration: self.job.placement.residual.map(um),
         }))
     }
 
@@ -343,7 +384,7 @@ impl<'a> StatedErrors<'a> {
         let tan = (1.0 - cos * cos).max(0.0).sqrt() / cos;
         // Nothing bounds what goes with 1 / cos at a right angle.
         let term = |cause, um: Option<f64>| Term { cause, um: um.filter(|um| um.is_finite()) };
-        let [residual, residual_z] = job.placement.residual;
+        let [residual, residual_z] = sources.registration;
         let lens = &machine.lens;
         let lean = lens.telecentricity.as_ref().map(|e| Angle::deg(e.largest_within(sources.off_axis)));
         let field_residual = lens.field_residual.as_ref().map(|r| Length::mm(r.largest_within(sources.off_axis)));
@@ -352,10 +393,11 @@ impl<'a> StatedErrors<'a> {
             term(Cause::Stage, um(machine.stage.accuracy).map(|a| std::f64::consts::SQRT_2 * a)),
             term(Cause::Telecentricity, lean.map(|e| sources.defocus * math::tan(e.as_rad()))),
             term(Cause::FieldResidual, um(field_residual)),
-            term(Cause::Registration, um(residual)),
+            term(Cause::Registration, residual),
         ];
         // On a slope a mark that lies aside lies at another height.
-        let climbed = moved.iter().filter_map(|t| t.um).reduce(|a, b| a + b).map(|l| l * tan);
+        let climbing = moved.iter().filter(|t| self.lying.is_none() || t.cause != Cause::Registration);
+        let climbed = climbing.filter_map(|t| t.um).reduce(|a, b| a + b).map(|l| l * tan);
         let mut lateral = vec![term(Cause::Projection, self.spacing.map(|p| p * (1.0 / sources.cos_in_plan - 1.0)))];
         lateral.extend(moved);
         let mut depth = vec![
@@ -363,7 +405,7 @@ impl<'a> StatedErrors<'a> {
             term(Cause::StageZ, um(machine.stage.z_accuracy)),
         ];
         depth.extend(machine.zoom.as_ref().map(|zoom| term(Cause::Zoom, um(zoom.accuracy))));
-        depth.extend([term(Cause::RegistrationZ, um(residual_z)), term(Cause::Slope, climbed)]);
+        depth.extend([term(Cause::RegistrationZ, residual_z), term(Cause::Slope, climbed)]);
         if sources.is_tilted {
             lateral.push(term(Cause::Tilt, None));
             depth.push(term(Cause::Tilt, None));
@@ -409,8 +451,15 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let stated = StatedErrors::new(&job, &machine, Some(0.001));
         let at = |cos_in_plan| {
-            let sources =
-                ErrorSources { defocus: 20.0, cos: 0.5, cos_in_plan, is_tilted: true, relief: None, off_axis: 0.0 };
+            let sources = ErrorSources {
+                defocus: 20.0,
+                cos: 0.5,
+                cos_in_plan,
+                is_tilted: true,
+                relief: None,
+                off_axis: 0.0,
+                registration: [None; 2],
+            };
             stated.errors(&sources)
         };
         let projection = |errors: &Errors| errors.lateral.terms.iter().find(|t| t.cause == Cause::Projection).copied();

@@ -6,6 +6,7 @@ pub mod budget;
 pub mod check;
 pub mod emit;
 pub mod manifest;
+pub mod measured;
 pub mod on_the_fly;
 pub mod order;
 pub mod ordered_strokes;

@@ -132,7 +132,8 @@ impl JobFacts {
             weld_nm: job.surface.weld.f64(),
             turn_deg: job.placement.turn.as_deg(),
             laid_deg: job.placement.laid_deg(),
-            origin: job.placement.origin,
+            // Of a measured part it is a start alone.
+            origin: job.placement.origin.filter(|_| job.placement.measured.is_none()),
             pens: Some(job.pens.clone()),
             dose: job.dose,
             frames: Some(job.frames.map(|pen| job.pens[pen.index()].name.clone())),

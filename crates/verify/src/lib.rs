@@ -16,7 +16,9 @@ mod findings;
 mod geometry;
 mod inputs;
 mod job_facts;
+mod measured;
 mod on_the_fly;
+mod pose_fit;
 mod progress;
 mod proof;
 mod read;
@@ -137,13 +139,25 @@ pub fn verify_with_progress(
     );
     let (geometry, box_mm) = shaped?;
     rules::summary::part(manifest.summary.part_mm, box_mm, &geometry, &facts, &mut findings.rules[RuleCode::Summary]);
-    let Some(textures) = place_textures(&job, &manifest, &facts, &geometry, box_mm, &mut findings, drawn)? else {
+    let Some(lying) = measured::lying(&job, &manifest, &facts, &geometry, &mut findings)? else {
+        return Ok(findings.into_proof());
+    };
+    let part = Part { designed: &geometry, lying: &lying, box_mm };
+    let Some(textures) = place_textures(&job, &manifest, &facts, &part, &mut findings, drawn)? else {
         return Ok(findings.into_proof());
     };
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::from_texture).collect();
-    let job = LoadedJob { facts: &facts, geometry: &geometry, drawings: &drawings };
+    let job = LoadedJob { facts: &facts, geometry: lying.geometry().unwrap_or(&geometry), drawings: &drawings };
     check_folder(&stages, &manifest, &mut program, &job, &mut findings, progress);
     Ok(findings.into_proof())
+}
+
+/// The part as designed, turned as the job says, and as it lies where it was measured.
+struct Part<'a> {
+    designed: &'a Geometry,
+    lying: &'a measured::Lying,
+    /// Its box in plan before the turn.
+    box_mm: BoxMm<2>,
 }
 
 /// Places the textures of every pass again, and holds the rules that compare them with their own files. Returns None
@@ -152,11 +166,11 @@ fn place_textures(
     job: &Job,
     manifest: &Manifest,
     facts: &JobFacts,
-    geometry: &Geometry,
-    box_mm: BoxMm<2>,
+    part: &Part<'_>,
     findings: &mut Findings,
     task: Task<'_>,
 ) -> Result<Option<Vec<Texture>>, Error> {
+    let &Part { designed: geometry, lying, box_mm } = part;
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let spot_mm = facts.machine.lens.spot.as_mm();
     let mut files = rules::drawing_files::Files::default();
@@ -179,7 +193,7 @@ fn place_textures(
             let rules = findings.rules.several([RuleCode::Curves, RuleCode::Summary]);
             rules::curves::check(job, &texture, geometry, manifest.summary.curves.as_ref(), rules);
         }
-        textures.push(texture);
+        textures.push(lying.texture(texture, geometry, findings)?);
         task.step();
     }
     Ok(Some(textures))

@@ -29,6 +29,11 @@ impl Turn {
         Self { rotation, shift: pivot - rotation * pivot }
     }
 
+    /// A rotation of these rows about the origin, then a shift, nm.
+    pub fn rigid(rows: [[f64; 3]; 3], shift: [f64; 3]) -> Self {
+        Self { rotation: Matrix3::from_fn(|i, k| rows[i][k]), shift: Vector3::from(shift) }
+    }
+
     /// Where a point of the part comes to lie.
     #[inline]
     pub fn apply(&self, p: P3) -> P3<Turned> {

@@ -194,6 +194,26 @@ pub(crate) struct PlacementKeys {
     #[schemars(example = &"0.01 mm")]
     #[serde(default, deserialize_with = "non_negative_option")]
     pub residual_z: Option<Length>,
+    /// Points that were measured on the part: it is marked as it lies.
+    #[serde(default)]
+    pub measured: Option<MeasuredKeys>,
+}
+
+/// `[placement.measured]`: where the part lies, from measured points.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MeasuredKeys {
+    /// The table of points, see [measured.md](measured.md); relative to the job file.
+    #[schemars(example = &"measured.csv", extend("x-value" = "path"))]
+    pub file: PathBuf,
+    /// Standard deviations of the part's height that every stop keeps free above and below its marks, place by place.
+    #[schemars(extend("x-value" = "0 to 10"))]
+    #[serde(default = "default_sigmas")]
+    pub sigmas: f64,
+}
+
+fn default_sigmas() -> f64 {
+    3.0
 }
 
 /// Position of the focal plane of a block.

@@ -29,7 +29,8 @@ pub use passes::Passes;
 pub use read::{read_file, read_text};
 pub use resolve::MAX_SETUPS;
 pub use resolved::{
-    Attitude, Focus, Job, Limits, MachineInput, Order, Overrides, Placement, Setups, SurfaceInput, backslash,
+    Attitude, Focus, Job, Limits, MachineInput, MeasuredInput, Order, Overrides, Placement, Setups, SurfaceInput,
+    backslash,
 };
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};
 pub use setting::{KeyValue, Keys, KnownKey, Setting, known_keys, near_keys};

@@ -20,7 +20,7 @@ const KEYS: &str =
     "`terrace init` writes a commented job file; `terrace init --schema` lists every key with its values";
 
 /// The tables of a job file.
-const TABLES: [TableKey; 14] = {
+const TABLES: [TableKey; 15] = {
     const fn optional(name: &'static str) -> TableKey {
         TableKey { name, is_list: false, needed: None }
     }
@@ -34,6 +34,7 @@ const TABLES: [TableKey; 14] = {
         needed("surface", "add [surface] with the file of the part and its unit"),
         optional("surface.heightmap"),
         optional("placement"),
+        optional("placement.measured"),
         needed_list("texture", "add a [[texture]] with pattern, file or curves: what is marked"),
         needed("focus", "add [focus] with pdof = \"0.07 mm\", measured on your process"),
         optional("partition"),

@@ -12,7 +12,9 @@ use super::file::{
 };
 use super::partition::{self, Method};
 use super::passes::Passes;
-use super::resolved::{Attitude, Focus, Job, Limits, MachineInput, Order, Overrides, Placement, Setups, SurfaceInput};
+use super::resolved::{
+    Attitude, Focus, Job, Limits, MachineInput, MeasuredInput, Order, Overrides, Placement, Setups, SurfaceInput,
+};
 use super::texture::Texture;
 use super::texture::keys::TextureKeys;
 use super::unused;
@@ -91,6 +93,7 @@ pub(super) fn resolve(
     let passes = passes(&file.passes, focus.depth, f);
     let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
     dose(file, f);
+    measured(file, f);
     let formats = formats(file, mode, f);
     let frames = frames(file, f);
     match mode {
@@ -112,6 +115,11 @@ pub(super) fn resolve(
             laid,
             turn: file.placement.turn,
             residual: [file.placement.residual, file.placement.residual_z],
+            measured: file
+                .placement
+                .measured
+                .as_ref()
+                .map(|keys| MeasuredInput { file: keys.file.clone(), sigmas: keys.sigmas }),
         },
         textures,
         drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
@@ -504,6 +512,44 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
     Setups { count, registration }
 }
 
+/// What does not go with a part that was measured.
+fn measured(file: &JobFile, f: &mut Faults<'_>) {
+    let Some(keys) = &file.placement.measured else { return };
+    if keys.file.as_os_str().is_empty() {
+        f.push("placement.measured.file", Diag::input("measured-table", "placement.measured.file is empty"));
+    }
+    if !(0.0..=10.0).contains(&keys.sigmas) {
+        let text = format!("placement.measured.sigmas is {}, not between 0 and 10", keys.sigmas);
+        let hint = "3 keeps 99.7 % of all heights in focus; 0 keeps nothing free";
+        f.push("placement.measured.sigmas", Diag::input("measured-sigmas", text).hint(hint));
+    }
+    if file.setups.is_some() {
+        let fault = Diag::input("measured-setups", "the job has both [setups] and [placement.measured]");
+        f.push("placement.measured", fault.hint("measure each set-up in a job of its own, without [setups]"));
+    }
+    if file.partition.method == Method::Tilt {
+        let fault = Diag::input("measured-tilt", "a measured part cannot be tilted yet");
+        f.push("placement.measured", fault.hint("use another partition.method"));
+    }
+    // Where a mark is drawn out beyond a cut, what it must keep free there is not what it keeps.
+    if file.partition.overlap.as_mm() > 0.0 && keys.sigmas > 0.0 {
+        let fault = Diag::input("measured-overlap", "marks of a measured part cannot overlap at cuts yet");
+        let hint = "leave partition.overlap out, or set placement.measured.sigmas to 0";
+        f.push("partition.overlap", fault.hint(hint));
+    }
+    for (key, stated) in [("residual", file.placement.residual), ("residual_z", file.placement.residual_z)] {
+        if stated.is_some() {
+            let text = format!("placement.{key} has no effect beside placement.measured, whose fit says it");
+            f.warn(&format!("placement.{key}"), Diag::warning("key-unused", text).hint("leave it out"));
+        }
+    }
+    if let Some(i) = file.texture.iter().position(TextureKeys::runs_along_contours) {
+        let fault =
+            Diag::input("measured-contour", "areas filled along contours are not marked on a measured part yet");
+        f.push(&format!("texture.{i}.direction"), fault.hint("give the direction of the lines as an angle"));
+    }
+}
+
 /// Checks the keys of dose compensation.
 fn dose(file: &JobFile, f: &mut Faults<'_>) {
     let Some(dose) = &file.dose else { return };
@@ -609,6 +655,10 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
         ((file.passes.count > 1).then(|| "passes.count".to_owned()), "several passes (passes.count)"),
         (file.setups.is_some().then(|| "setups".to_owned()), "set-ups ([setups])"),
         (file.dose.is_some().then(|| "dose".to_owned()), "dose compensation ([dose])"),
+        (
+            file.placement.measured.is_some().then(|| "placement.measured".to_owned()),
+            "parts as they lie ([placement.measured])",
+        ),
         (file.emit.frames.is_some().then(|| "emit.frames".to_owned()), "frames of blocks (emit.frames)"),
         (repeated, "pens of several passes (pen.passes)"),
         (along_contours, "areas filled along contours (direction = \"contour\")"),

@@ -98,7 +98,7 @@ pub struct SurfaceInput {
 }
 
 /// How the part lies on the table.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Placement {
     /// Table-frame position of the turned part's origin, nm; None: the centre of the texture lies at the
     /// centre of travel.
@@ -109,6 +109,17 @@ pub struct Placement {
     pub turn: Angle,
     /// How far points of the registered part lie from where they should in x and y, and in z, where the job states it.
     pub residual: [Option<Length>; 2],
+    /// The points that were measured on the part.
+    pub measured: Option<MeasuredInput>,
+}
+
+/// Where the points that were measured on the part stand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredInput {
+    /// Their table, as named in the job file, relative to it.
+    pub file: PathBuf,
+    /// Standard deviations of the part's height that stops keep free.
+    pub sigmas: f64,
 }
 
 /// How the job says that a part is laid under the lens.
@@ -258,7 +269,12 @@ impl Job {
             MachineInput::File(file) => Some(("machine", file.as_path())),
             MachineInput::Profile(_) => None,
         };
-        std::iter::once(("surface", self.surface.file.as_path())).chain(drawings).chain(machine).collect()
+        let measured = self.placement.measured.as_ref().map(|measured| ("measured", measured.file.as_path()));
+        std::iter::once(("surface", self.surface.file.as_path()))
+            .chain(drawings)
+            .chain(machine)
+            .chain(measured)
+            .collect()
     }
 
     /// The job planned by this method, in one pass and one set-up, without dose compensation. For comparing ways
@@ -306,7 +322,9 @@ impl Job {
             MachineInput::Profile(_) => None,
         };
         let surface = Some(("surface.file".to_owned(), self.surface_path()));
-        let mut files: Vec<(String, PathBuf)> = surface.into_iter().chain(machine).collect();
+        let measured = self.placement.measured.as_ref();
+        let measured = measured.map(|m| ("placement.measured.file".to_owned(), self.relative(&m.file)));
+        let mut files: Vec<(String, PathBuf)> = surface.into_iter().chain(machine).chain(measured).collect();
         for (i, texture) in self.textures.iter().enumerate() {
             let masks = texture.masks.list().map(|(key, mask)| (key, &mask.drawing));
             for (key, kind) in std::iter::once(("file", &texture.kind)).chain(masks) {

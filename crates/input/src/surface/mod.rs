@@ -33,6 +33,7 @@ mod stl;
 mod threemf;
 mod topmost;
 mod topology;
+mod trail;
 mod vertex;
 mod walk;
 
@@ -51,10 +52,11 @@ use lines::Lines;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
 pub use topology::Joining;
+pub use trail::Trail;
 pub use walk::Cursor;
 
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2, Pose};
+use terrace_core::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2, P3, Pose, Turn};
 use terrace_core::progress::Task;
 
 /// How a surface file is to be read.
@@ -333,6 +335,19 @@ impl Surface {
         let facets = mesh.facets.len();
         let bins = Bins::new(&mesh);
         Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets, tessellation_mm: None })
+    }
+
+    /// The surface as a rigid motion takes it, with its box as it lies then. Walls that stood upright may lean.
+    ///
+    /// # Errors
+    /// Those of [`Surface::load`].
+    pub fn moved(&self, motion: &Turn, joining: Joining) -> Result<Self, Error> {
+        let mut welder = Welder::new([1.0, 0.0], joining);
+        self.each_facet(&mut |facet| {
+            welder.facet(facet.map(|at| motion.apply(P3::new(at)).at.map(|nm| nm / NM_PER_MM)));
+        });
+        let surface = Self::from_welder(welder, "the part as it lies", &mut Vec::new(), Task::silent())?;
+        Ok(Self { tessellation_mm: self.tessellation_mm, ..surface })
     }
 
     /// The box of the part as its file has it, mm, before any turn.

@@ -21,7 +21,9 @@ mod clip;
 pub mod contents;
 mod contour_areas;
 mod curves;
+mod cut_figure;
 pub mod direction;
+mod draped;
 mod drawing;
 mod dxf;
 mod foreign;
@@ -47,6 +49,7 @@ pub use artwork::{ContourPass, FillMode, Marking, Mirror, Paper, Resolution, Scr
 pub use bitmap::{Image, decode as decode_bitmap};
 pub use contour_areas::ContourAreas;
 pub use curves::{Curves, OnDistance, SpacePoint};
+pub use draped::{Draped, Draping, Lost, LostMarks};
 use drawing::Drawing;
 pub use kind::Kind;
 use mask::{Border, Masked};
@@ -229,7 +232,7 @@ impl Part {
     /// Cuts strokes that are known at the border.
     fn mask(&mut self, base: Arc<dyn Figure>) -> Result<(), Error> {
         if let Some(border) = &self.border {
-            self.masked = Some(Arc::new(Masked::new(base, Arc::clone(border))?));
+            self.masked = Some(Arc::new(Masked::new(base, Arc::clone(border))?.0));
         }
         Ok(())
     }

@@ -23,7 +23,7 @@ pub use on_the_fly::{
 };
 pub use overview::{AnySummary, ManifestOverview, read};
 pub use registration::{Registered, registered, registration};
-pub use stepped::{BlockEntry, Manifest, RegistrationEntry, SetupEntry, manifest};
+pub use stepped::{BlockEntry, Manifest, MeasuredPlacement, RegistrationEntry, SetupEntry, manifest};
 pub use warnings::warnings;
 
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use crate::budget::Budget;
 use crate::check::Checked;
 use crate::emit;
+use crate::measured::MeasuredPart;
 use terrace_core::diag::Message;
 use terrace_core::machine::Machine;
 use terrace_core::program::{BlockFigures, OffAxis, Sections};
@@ -230,6 +231,8 @@ pub struct Facts<'a> {
     pub depth_mm: f64,
     /// How far the facets lie from exact surfaces, where their reader knows that.
     pub tessellation_mm: Option<f64>,
+    /// The part as it lies, where it was measured.
+    pub measured: Option<&'a MeasuredPart>,
     /// The figures of every block.
     pub figures: &'a [BlockFigures],
     /// The figures.

@@ -240,7 +240,7 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
     let document = Document {
         head,
         machine: facts.machine,
-        placement: Placement::new(facts.program.origin, facts.job),
+        placement: Placement::new(facts.program.origin, facts.job, None),
         axes: facts.program.kind.letters(),
         limits: Limits {
             pdof_mm: facts.job.focus.pdof.mm(),

@@ -43,6 +43,7 @@ pub fn with_facts<R>(
         passes: vec![(&sections, None)],
         depth_mm: 0.07,
         tessellation_mm: None,
+        measured: None,
         figures: &figures,
         summary: &summary,
     })

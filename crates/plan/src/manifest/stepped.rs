@@ -11,6 +11,7 @@ use super::head::{bytes, parse, text};
 use super::{Facts, Frames, Head, Registered, Subset, Summary, lift_mm, registration};
 use crate::budget::StatedErrors;
 use crate::emit::Files;
+use crate::measured::MeasuredPart;
 use terrace_core::diag::Error;
 use terrace_core::geom::{Nm, P2, Turned};
 use terrace_core::machine::{Machine, Origin};
@@ -18,7 +19,7 @@ use terrace_core::motion::{LineEnergy, Rest};
 use terrace_core::program::{self, PassId, Pen, Program};
 use terrace_core::units::Time;
 use terrace_input::job::{DepthRule, Job, Level};
-use terrace_input::texture::Directions;
+use terrace_input::texture::{Directions, LostMarks};
 
 /// The manifest of a stepped job. `B` is its list of blocks: entries where it is read; made entry by entry while it is
 /// written, since there may be very many.
@@ -84,7 +85,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
     let manifest = Manifest {
         head: head.clone(),
         machine: facts.machine.clone(),
-        placement: Placement::new(facts.checked.origin(), facts.job),
+        placement: Placement::new(facts.checked.origin(), facts.job, facts.measured),
         focus: Focus {
             pdof_mm: facts.job.focus.pdof.mm(),
             reserve_mm: facts.job.focus.reserve.mm(),
@@ -115,12 +116,79 @@ pub struct Placement {
     pub laid_deg: Option<[f64; 3]>,
     /// Turn about z.
     pub turn_deg: f64,
+    /// How a measured part lies beside that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<MeasuredPlacement>,
 }
 
 impl Placement {
-    pub(super) fn new(origin: Origin, job: &Job) -> Self {
+    pub(super) fn new(origin: Origin, job: &Job, measured: Option<&MeasuredPart>) -> Self {
         let placement = &job.placement;
-        Self { origin_mm: origin.mm(), laid_deg: placement.laid_deg(), turn_deg: placement.turn.as_deg() }
+        Self {
+            origin_mm: origin.mm(),
+            laid_deg: placement.laid_deg(),
+            turn_deg: placement.turn.as_deg(),
+            measured: measured.map(MeasuredPlacement::new),
+        }
+    }
+}
+
+/// How a measured part lies, beside its placement: a point p of the turned part lies at R p + rest + origin.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct MeasuredPlacement {
+    /// Points that were measured.
+    pub points: usize,
+    /// Of them, touches that do not lie on the part and do not count.
+    pub off_part: usize,
+    /// The rows of the rotation R.
+    pub rows: [[f64; 3]; 3],
+    /// The rest, below an increment of the stage along each axis, nm.
+    pub rest_nm: [f64; 3],
+    /// Angle by which R leans the part's z axis.
+    pub lean_deg: f64,
+    /// Largest distance of a point that counts from where the fit has it.
+    pub worst_residual_um: f64,
+    /// Root of the mean square of residuals over the noise that the table states.
+    pub noise_factor: f64,
+    /// By how much more than its length the part is longer on the stage, and the standard deviation of that; the part
+    /// is not scaled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_excess: Option<[f64; 2]>,
+    /// Texture of the first pass that is not on the part as designed, and for that not among the lengths of the summary.
+    pub off_part_mm: f64,
+    /// Dots of that kind.
+    pub off_part_dots: u64,
+    /// Texture of the first pass that the part as it lies hides.
+    pub hidden_mm: f64,
+    /// Dots of that kind.
+    pub hidden_dots: u64,
+    /// Texture of the first pass that lies beside the part as it lies.
+    pub beside_mm: f64,
+    /// Dots of that kind.
+    pub beside_dots: u64,
+}
+
+impl MeasuredPlacement {
+    /// Of a part.
+    pub fn new(part: &MeasuredPart) -> Self {
+        let MeasuredPart { lying, lost, .. } = part;
+        let mm = |marks: LostMarks| Nm(marks.nm).mm();
+        Self {
+            points: lying.points.len(),
+            off_part: lying.points.iter().filter(|p| !p.counts()).count(),
+            rows: lying.rows,
+            rest_nm: lying.rest_nm,
+            lean_deg: lying.fit.motion.lean().to_degrees(),
+            worst_residual_um: lying.worst_residual_mm() * 1e3,
+            noise_factor: lying.fit.noise_factor,
+            scale_excess: lying.fit.scale.map(|scale| [scale.excess, scale.sigma]),
+            off_part_mm: mm(lost.off_part),
+            off_part_dots: lost.off_part.dots,
+            hidden_mm: mm(lost.hidden),
+            hidden_dots: lost.hidden.dots,
+            beside_mm: mm(lost.beside),
+            beside_dots: lost.beside.dots,
+        }
     }
 }
 
@@ -274,6 +342,7 @@ struct Blocks<'a>(&'a Facts<'a>);
 impl Serialize for Blocks<'_> {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         let stated = StatedErrors::new(self.0.job, self.0.machine, self.0.tessellation_mm);
+        let stated = stated.with_lying(self.0.measured.map(|part| (&part.lying, part.reserve.as_ref())));
         s.collect_seq((0..self.0.checked.program().blocks.len()).map(|i| block_entry(self.0, &stated, i)))
     }
 }

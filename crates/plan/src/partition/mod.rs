@@ -13,7 +13,7 @@ pub mod tilted_sections;
 pub mod window;
 mod zrange;
 
-use crate::projection::{Cells, Footprint, HeightRange, Slabs, join_ranges};
+use crate::projection::{Cells, Footprint, HeightRange, HeightReserve, Slabs, join_ranges};
 use terrace_core::geom::{Box2, Buckets, Grid, Nm, P2, P3, Turn, Turned};
 use terrace_core::machine::TiltAngles;
 use terrace_core::program::{SectionId, Sections, Stop, StopId};
@@ -45,6 +45,15 @@ impl Lattice {
         let most = self.depth / 4 / self.step;
         self.hysteresis = self.step * ((nm / self.step.f64()).round() as i64).min(most);
         self
+    }
+
+    /// The lattice of what is left of each level where so much is kept free above and below, nm; where nothing would be
+    /// left, two steps.
+    #[must_use]
+    fn core(self, reserve: f64) -> Self {
+        let kept = Nm::ceil(reserve / self.step.f64()) * self.step.0;
+        let depth = (self.depth - kept * 2).max(self.step * 2);
+        Self { depth, hysteresis: self.hysteresis.min(self.step * (depth / 4 / self.step)), ..self }
     }
 
     /// Whether one level on the lattice holds a range of heights.
@@ -202,26 +211,43 @@ fn footprint(stop: &Stop, turn: &Turn, half: [Nm; 2]) -> Box2 {
     area
 }
 
+/// How many depths of levels there may be in a job whose part was measured, from none kept free to all.
+const RESERVE_CLASSES: f64 = 32.0;
+
 /// Stops on a grid of sections at evenly spaced levels of the whole part (the PPGS article, step 3). `window` is at
 /// least the pitch of the sections.
 pub fn contour(footprint: &Footprint, sections: &Sections, window: [Nm; 2], lattice: &Lattice) -> Stops {
     let z0 = lattice.floor(footprint.range().map_or(0.0, |range| range.lo));
-    on_sections(footprint, sections, window, lattice, |i| {
+    // Neighbouring sections have the same levels, so that stops of both can become one: what they keep free is rounded
+    // up to one of a few.
+    let class = lattice.depth.f64() / (2.0 * RESERVE_CLASSES);
+    let kept = |i: usize| (footprint.reserve_of(i) / class).ceil() * class;
+    on_sections(footprint, sections, window, lattice, kept, |i, core| {
         // Levels that lie fast cut figures as they cut everything else.
         let heights = with_figures(footprint.of_section(i), footprint.figures_of(i));
-        contour::levels(&heights, z0, lattice)
+        contour::levels(&heights, z0, core)
     })
 }
 
 /// Stops on a grid of sections, in each the fewest levels that cover the texture's heights. `window` is at least the
 /// pitch of the sections.
 pub fn z_range(footprint: &Footprint, sections: &Sections, window: [Nm; 2], lattice: &Lattice) -> Stops {
-    on_sections(footprint, sections, window, lattice, |i| {
-        // What no level can hold is cut.
-        let (whole, deep): (Vec<_>, Vec<_>) =
-            footprint.figures_of(i).iter().partition(|&&figure| lattice.holds(figure));
-        zrange::levels(&with_figures(footprint.of_section(i), &deep), &whole, lattice)
-    })
+    on_sections(
+        footprint,
+        sections,
+        window,
+        lattice,
+        |i| footprint.reserve_of(i),
+        |i, core| {
+            // What no level can hold is cut. What is kept free around a figure counts in its own range.
+            let kept = ((lattice.depth - core.depth) / 2).f64();
+            let (whole, deep): (Vec<_>, Vec<_>) =
+                footprint.figures_of(i).iter().partition(|&&figure| lattice.holds(figure));
+            let within = |f: HeightRange| HeightRange { lo: f.lo + kept, hi: (f.hi - kept).max(f.lo + kept) };
+            let whole: Vec<HeightRange> = whole.into_iter().map(within).collect();
+            zrange::levels(&with_figures(footprint.of_section(i), &deep), &whole, core)
+        },
+    )
 }
 
 /// A level of one section.
@@ -232,25 +258,31 @@ struct SectionLevel {
     z_lo: Nm,
 }
 
-/// A stop at every level that `levels` gives for a section.
+/// A stop at every level that `levels` gives for a section, by the lattice of what may be used there of the depth.
 fn on_sections(
     footprint: &Footprint,
     sections: &Sections,
     window: [Nm; 2],
     lattice: &Lattice,
-    levels: impl Fn(usize) -> Vec<SectionLevel>,
+    kept: impl Fn(usize) -> f64,
+    levels: impl Fn(usize, &Lattice) -> Vec<SectionLevel>,
 ) -> Stops {
     let mut stops = Vec::new();
     for i in (0..sections.len()).filter(|&i| footprint.is_used(i)) {
         let centre = Turn::upright(sections.centre(i));
-        stops.extend(levels(i).into_iter().map(|SectionLevel { number: level, z_lo }| Stop {
-            section: SectionId(sections.cell(i)),
-            level,
-            tilt: TiltAngles::UPRIGHT,
-            centre,
-            lpfl: z_lo + lattice.depth / 2,
-            z_lo,
-            z_hi: z_lo + lattice.depth,
+        let core = lattice.core(kept(i));
+        let kept = (lattice.depth - core.depth) / 2;
+        stops.extend(levels(i, &core).into_iter().map(|SectionLevel { number: level, z_lo }| {
+            let z_lo = z_lo - kept;
+            Stop {
+                section: SectionId(sections.cell(i)),
+                level,
+                tilt: TiltAngles::UPRIGHT,
+                centre,
+                lpfl: z_lo + lattice.depth / 2,
+                z_lo,
+                z_hi: z_lo + lattice.depth,
+            }
         }));
     }
     Stops::new(stops, window, lattice.depth)
@@ -334,19 +366,31 @@ impl SearchFrame {
     }
 }
 
+/// What windows that are placed freely are searched by.
+#[derive(Clone, Copy)]
+pub struct FreeSearch<'a> {
+    /// Size of a window.
+    pub window: [Nm; 2],
+    /// A stop that holds a cell also admits what lies up to so far around it.
+    pub overlap: Nm,
+    /// Axes along which the search begins at the other end: the borders of windows lie elsewhere then.
+    pub flips: [bool; 3],
+    /// What is kept free for the height of a measured part.
+    pub reserve: Option<&'a HeightReserve>,
+}
+
 /// Windows and levels placed freely. A stop that holds a cell also admits what lies up to `overlap` nm around it. With
 /// other `flips` the search begins in another corner, and the borders of windows lie elsewhere.
-pub fn free(
-    mut cells: Cells,
-    fine: &Fine,
-    sections: &Sections,
-    window: [Nm; 2],
-    lattice: &Lattice,
-    overlap: Nm,
-    flips: [bool; 3],
-) -> Stops {
+pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, lattice: &Lattice, search: &FreeSearch<'_>) -> Stops {
     let Fine { grid, slabs } = fine;
-    let Nm(overlap) = overlap;
+    let &FreeSearch { window, overlap: Nm(overlap), flips, reserve } = search;
+    // What is kept free around the marks of a cell, in whole steps.
+    let kept = |[column, row]: [i64; 2]| {
+        let Some(reserve) = reserve else { return 0 };
+        let lo = P2::new(grid.origin.x + column * grid.pitch[0].0, grid.origin.y + row * grid.pitch[1].0);
+        let nm = reserve.kept(Box2 { lo, hi: P2::new(lo.x + grid.pitch[0].0, lo.y + grid.pitch[1].0) });
+        Nm::ceil(nm / lattice.step.f64()).0 * lattice.step.0
+    };
     let pitch = grid.pitch.map(|Nm(pitch)| pitch);
     let figures = cells.take_figures();
     let list = cells.list();
@@ -363,8 +407,12 @@ pub fn free(
     let items: Vec<box_index::Item> = list
         .map(|[column, row, slab]| {
             let [x, y] = [column * pitch[0], row * pitch[1]];
-            let hi = [x + pitch[0] + overlap, y + pitch[1] + overlap, border(slab + 1) + slabs.hysteresis.0];
-            frame.item([x - overlap, y - overlap, border(slab) - slabs.hysteresis.0], hi)
+            let beyond = slabs.hysteresis.0 + kept([column, row]);
+            let (from, to) = (border(slab) - beyond, border(slab + 1) + beyond);
+            // Where more is kept free than there is, the job is refused; until then no window is asked for more.
+            let to = to.min(from + lattice.depth.0);
+            let hi = [x + pitch[0] + overlap, y + pitch[1] + overlap, to];
+            frame.item([x - overlap, y - overlap, from], hi)
         })
         // Figures are not cut, so nothing around them is marked twice.
         .chain(figures.iter().map(|&[lo, hi]| frame.item(from_origin(lo), from_origin(hi))))

@@ -57,7 +57,7 @@ impl FocusedStop {
         let z = [Nm::round(h.lo), Nm::round(h.hi)];
         // Where commands of the head's tilt are rounded the stops lie on no lattice, and their planes need not.
         let lattice = if stage.rounds(stop) { Lattice { step: Nm(1), ..rule.lattice } } else { rule.lattice };
-        let (lpfl, mean) = focal_plane(rule.level, &lattice, z, h.mean());
+        let (lpfl, mean) = focal_plane(rule.level, &lattice, h.held_nm(), h.mean());
         let defocus_mean = (z[1] - mean).max(mean - z[0]);
         Self { id, stop: Stop { lpfl, ..stop.clone() }, z, defocus_mean }
     }

@@ -123,6 +123,8 @@ pub(super) struct LeftOutMark {
 pub(super) struct MarkHeights {
     pub(super) lo: f64,
     pub(super) hi: f64,
+    /// From the lowest to the highest with what is kept free around each mark: what a stop must hold.
+    held: [f64; 2],
     /// Integral of the height over the length.
     z_length: f64,
     length: f64,
@@ -133,7 +135,8 @@ pub(super) struct MarkHeights {
 
 impl Default for MarkHeights {
     fn default() -> Self {
-        Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0, z_dots: 0.0, dots: 0.0 }
+        let held = [f64::INFINITY, f64::NEG_INFINITY];
+        Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, held, z_length: 0.0, length: 0.0, z_dots: 0.0, dots: 0.0 }
     }
 }
 
@@ -143,6 +146,7 @@ impl MarkHeights {
         let [lo, hi] = measure.z.map(|z| z_lo + f64::from(z));
         self.lo = self.lo.min(lo);
         self.hi = self.hi.max(hi);
+        self.hold(measure.held(z_lo));
         let length = f64::from(measure.length);
         self.z_length += (z_lo + f64::from(measure.mean_z)) * length;
         self.length += length;
@@ -156,10 +160,20 @@ impl MarkHeights {
     fn join(&mut self, other: &Self) {
         self.lo = self.lo.min(other.lo);
         self.hi = self.hi.max(other.hi);
+        self.hold(other.held);
         self.z_length += other.z_length;
         self.length += other.length;
         self.z_dots += other.z_dots;
         self.dots += other.dots;
+    }
+
+    fn hold(&mut self, [lo, hi]: [f64; 2]) {
+        self.held = [self.held[0].min(lo), self.held[1].max(hi)];
+    }
+
+    /// The lowest and the highest place that a stop must hold, in whole nanometres.
+    pub(super) fn held_nm(&self) -> [Nm; 2] {
+        self.held.map(Nm::round)
     }
 
     /// Lowest, highest and mean height in whole nanometres.

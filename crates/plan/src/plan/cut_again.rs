@@ -9,7 +9,6 @@ use super::parts::Parts;
 use super::split::{CutRules, split};
 use super::stroke_chunks::Sweep;
 use crate::partition::Stops;
-use crate::projection::Tracer;
 use crate::split::{Fragments, Regroup, Splitter};
 use terrace_core::machine::Machine;
 use terrace_core::parallel;
@@ -50,7 +49,6 @@ impl Recut<'_> {
     /// The fragments given to the new stops; only strokes that the new stops change are cut again.
     fn regrouped(&self, mut old: Cut, merged: MergedStops, task: Task<'_>) -> Cut {
         let MergedStops { stops, ids, is_changed, may_cut } = merged;
-        let Sweep { surface, texture, max_slope } = self.sweep;
         let CutRules { least, keep, seam } = self.rules;
         let regroup = Regroup { old: &old.stops, new: &stops, ids: &ids, is_changed: &is_changed, may_cut };
         let (chunks, measures) = std::mem::take(&mut old.parts).apart();
@@ -59,9 +57,9 @@ impl Recut<'_> {
         parallel::in_order(
             chunks,
             |k, chunk| {
-                let splitter = Splitter::new(Tracer::new(surface, max_slope), &[&stops], least, keep, seam);
+                let splitter = Splitter::new(self.sweep.tracer(), &[&stops], least, keep, seam);
                 let chunk = regroup.apply(&chunk, measures.of(k), splitter, keep, &mut |source, points| {
-                    let pen = texture.stroke(source.0 as usize, points);
+                    let pen = self.sweep.texture.stroke(source.0 as usize, points);
                     (pen, self.pens[pen.index()].passes)
                 });
                 task.step();

@@ -13,11 +13,10 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// The box of the marks of a stop.
+    /// The box of the marks of a stop, with what is kept free above and below them.
     pub(super) fn of(marks: &StopMarks) -> Self {
         let area = &marks.area;
-        let heights = &marks.heights;
-        let [lo, hi] = [heights.lo, heights.hi].map(|z| Nm::round(z).0);
+        let [lo, hi] = marks.heights.held_nm().map(|Nm(z)| z);
         Self { lo: [area.lo.x, area.lo.y, lo], hi: [area.hi.x, area.hi.y, hi] }
     }
 

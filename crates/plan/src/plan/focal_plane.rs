@@ -13,13 +13,10 @@ pub(super) fn focal_plane(level: Level, lattice: &Lattice, z: [Nm; 2], mean: f64
         return (mean, mean);
     }
     // The middle, moved where rounding it to the lattice would cost more than half the depth range.
-    let mut mid = nearest((z[0] + z[1]).f64() / 2.0);
-    if z[1] - mid > lattice.depth / 2 {
-        mid += lattice.step;
-    } else if mid - z[0] > lattice.depth / 2 {
-        mid -= lattice.step;
-    }
-    (mid, mean)
+    let mid = nearest((z[0] + z[1]).f64() / 2.0);
+    let excess = |plane: Nm| ((z[1] - plane).max(plane - z[0]) - lattice.depth / 2).max(Nm(0));
+    let beside = if z[1] - mid > mid - z[0] { mid + lattice.step } else { mid - lattice.step };
+    (if excess(beside) < excess(mid) { beside } else { mid }, mean)
 }
 
 #[cfg(test)]

@@ -41,7 +41,8 @@ pub(super) struct PassGrid {
 }
 
 impl Layout {
-    /// The layout of a pass over a texture in `area`; `laid` is the part's origin as an earlier pass has laid it.
+    /// The layout of a pass over a texture in `area`; `stated` is the part's origin where the job
+    /// states it, or as an earlier pass has laid it.
     ///
     /// # Errors
     /// `section-large`, `section-small`, `zone-large`, `overlap-large`, `sections-many`.
@@ -50,7 +51,7 @@ impl Layout {
         machine: &Machine,
         area: Box2,
         pass: PassId,
-        laid: Option<Origin>,
+        stated: Option<Origin>,
     ) -> Result<Self, Error> {
         /// 2000 x 2000 fields: beyond any part, and lists by section take memory whether a section holds marks or not.
         const MAX_SECTIONS: usize = 4_000_000;
@@ -72,7 +73,6 @@ impl Layout {
         if keep.0 > Nm(0) && partition.section.is_none() {
             pitch = in_step(job, area, pitch, step);
         }
-        let stated = laid.or(job.placement.origin);
         let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |Origin([x, y, _])| [Nm(x), Nm(y)]);
         let [dx, dy] = job.passes.grid_shift(pass, pitch, job.figure_pitch().unwrap_or(Nm(1)));
         let over = Box2 { lo: P2::new(area.lo.x - dx.0, area.lo.y - dy.0), hi: area.hi };
@@ -107,6 +107,10 @@ impl Layout {
         let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {
             return Err(shallow(job).hint(SHALLOW).into());
         };
+        let kept = footprint.most_reserve();
+        if kept * 2.0 > lattice.depth.f64() - 2.0 * lattice.step.f64() {
+            return Err(unsure(job, kept).into());
+        }
         let Partition { overlap, hysteresis, .. } = job.partition;
         let hysteresis = hysteresis.map_or_else(|| footprint.roughness(), Nm::f64);
         // A stretch as long as the overlap, on the steepest slope that matters, lies in two levels.
@@ -138,6 +142,19 @@ impl PassGrid {
             .hint("check focus.pdof and its unit; or mark a smaller or flatter area")
             .into())
     }
+}
+
+/// What is said of a part that lies less surely than marks may be out of focus.
+fn unsure(job: &Job, kept: f64) -> Diag {
+    let text = format!(
+        "the height of the part is not known closely enough: to keep {} of its deviations free takes {:.1} um above and \
+         below every focal plane, of a depth range of {:.1} um",
+        job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas),
+        kept / 1e3,
+        job.focus.depth.f64() / 1e3
+    );
+    let hint = "measure more points, at the rim too, or more closely; a smaller placement.measured.sigmas risks focus";
+    Diag::limit("measured-unsure", text).at(job.place_of("placement.measured")).hint(hint)
 }
 
 /// What helps where blocks would be too shallow.

@@ -37,7 +37,7 @@ impl HatchSaving {
         Self::estimate(plan).unwrap_or_default()
     }
 
-    /// None where the job has no fragments or no hatched area, or where its areas cannot be filled along contours.
+    /// None where the job has no fragments or no hatched area, where its part was measured, or where its areas cannot be filled along contours.
     fn estimate(plan: &SteppedPlan) -> Option<Self> {
         let SteppedPlan { job, inputs, .. } = plan;
         let fragments = plan.summary.fragments;
@@ -45,7 +45,7 @@ impl HatchSaving {
         let sections = &plan.passes.first()?.sections;
         let turn = job.placement.turn.as_rad();
         let (requests, directions) = along_contours(job, turn);
-        if fragments == 0 || directions.iter().all(Option::is_none) {
+        if inputs.measured.is_some() || fragments == 0 || directions.iter().all(Option::is_none) {
             return None;
         }
         let texture = inputs.texture.of_pass(&requests, inputs.surface.part_box_mm(), turn).ok()?;

@@ -7,9 +7,11 @@ use super::operator_way;
 use super::plausible;
 use super::space_curves;
 use crate::manifest::SpaceCurves;
+use crate::measured::{self, Lying, MeasuredPart};
+use crate::projection::HeightReserve;
 use terrace_core::diag::{Diag, Error, Kind, stand_in};
 use terrace_core::geom::{Box2, BoxMm, P2, cos_sin};
-use terrace_core::machine::Machine;
+use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{PassId, PenId};
 use terrace_core::progress::Task;
 use terrace_input::job::{Job, Mode};
@@ -21,12 +23,14 @@ use terrace_input::texture::Texture;
 pub struct Inputs {
     /// The machine.
     pub machine: Machine,
-    /// The part's surface, turned as the job says.
+    /// The part's surface, turned as the job says; of a measured part as it lies.
     pub surface: Arc<Surface>,
     /// The texture of the first pass.
     pub texture: Texture,
     /// The space curves of the texture against the surface; None where it has none.
     pub curves: Option<SpaceCurves>,
+    /// Where the part lies, if it was measured; surface and texture are as it lies then.
+    pub measured: Option<MeasuredPart>,
     /// What the user should know of the files.
     pub warnings: Vec<Diag>,
 }
@@ -112,7 +116,9 @@ impl Inputs {
         }
         // Warnings before an error often show its cause.
         match Self::read(job, purpose, surface, &machine, &mut warnings, each, task) {
-            Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
+            Ok(ReadFiles { surface, texture, curves, measured }) => {
+                Ok(Self { machine, surface, texture, curves, measured, warnings })
+            }
             Err(e) => Err(job.at_keys(&stand_in::explained(e)).after(warnings)),
         }
     }
@@ -125,21 +131,12 @@ impl Inputs {
         warnings: &mut Vec<Diag>,
         each: &mut dyn FnMut([[f64; 3]; 3]),
         task: Task<'_>,
-    ) -> Result<(Arc<Surface>, Texture, Option<SpaceCurves>), Error> {
+    ) -> Result<ReadFiles, Error> {
         let [shape, drawings] = task.split([3, 1]);
         let turn = job.placement.turn.as_rad();
-        let joining = Joining {
-            weld_mm: job.surface.weld.mm(),
-            narrow_mm: machine.lens.spot.as_mm(),
-            non_manifold: job.surface.non_manifold,
-        };
         let surface = match surface {
             Some(surface) => Arc::clone(surface),
-            None => {
-                let path = job.surface_path();
-                let options = &job.surface.options;
-                Arc::new(Surface::load(&path, options, joining, turn, warnings, each, shape)?)
-            }
+            None => Arc::new(designed(job, machine, warnings, each, shape)?),
         };
         warnings.extend(plausible::odd_part(job, surface.size_mm(), machine));
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
@@ -151,12 +148,44 @@ impl Inputs {
             return Err(plausible::explained(&fault.into(), &texture));
         }
         let curves = space_curves::compare(job, &surface, &texture, warnings)?;
-        Ok((surface, texture, curves))
+        let Some(lying) = measured::lying(job, machine, &surface, warnings)? else {
+            return Ok(ReadFiles { surface, texture, curves, measured: None });
+        };
+        let (surface, texture, part) =
+            measured::draped(job, lying, &surface, texture, joining(job, machine), warnings)?;
+        Ok(ReadFiles { surface, texture, curves, measured: Some(part) })
+    }
+
+    /// The part as designed, turned as the job says.
+    pub fn designed(&self) -> &Arc<Surface> {
+        self.measured.as_ref().map_or(&self.surface, |part| part.draping.designed())
+    }
+
+    /// What is kept free of the depth for the height of a measured part.
+    pub fn reserve(&self) -> Option<&HeightReserve> {
+        self.measured.as_ref().map(|part| part.reserve.as_ref())
+    }
+
+    /// Where a measured part lies, and how surely its height is known.
+    pub fn lying(&self) -> Option<(&Lying, &HeightReserve)> {
+        self.measured.as_ref().map(|part| (&part.lying, part.reserve.as_ref()))
+    }
+
+    /// The texture of the first pass on the part as designed.
+    pub fn texture_as_designed(&self) -> &Texture {
+        self.measured.as_ref().map_or(&self.texture, |part| &part.texture)
+    }
+
+    /// Where the part's origin lies on the table: as it was measured, or as the job says; None where neither does.
+    pub fn origin(&self, job: &Job) -> Option<Origin> {
+        self.measured.as_ref().map(|part| part.lying.origin).or(job.placement.origin)
     }
 
     /// The box of the part as the job turns it, mm.
     pub(super) fn part_box(&self, job: &Job) -> BoxMm<2> {
-        turned(self.surface.part_box_mm(), job.placement.turn.as_rad())
+        // A part as it lies is turned already.
+        let turn = if self.measured.is_some() { 0.0 } else { job.placement.turn.as_rad() };
+        turned(self.surface.part_box_mm(), turn)
     }
 
     /// The box of the part as the job turns it, in whole nanometres.
@@ -175,8 +204,46 @@ impl Inputs {
             return Ok(self.texture.clone());
         }
         let turn = job.placement.turn.as_rad();
-        self.texture.of_pass(&job.textures_of_pass(pass), self.surface.part_box_mm(), turn)
+        let requests = job.textures_of_pass(pass);
+        let texture = self.texture_as_designed().of_pass(&requests, self.designed().part_box_mm(), turn)?;
+        match &self.measured {
+            None => Ok(texture),
+            Some(part) => Ok(texture.draped(&part.draping)?.texture),
+        }
     }
+}
+
+/// How the facets of a job's surface are joined.
+fn joining(job: &Job, machine: &Machine) -> Joining {
+    Joining {
+        weld_mm: job.surface.weld.mm(),
+        narrow_mm: machine.lens.spot.as_mm(),
+        non_manifold: job.surface.non_manifold,
+    }
+}
+
+/// The part of a job as designed, turned as the job says; `each` is called with each facet as the file has it.
+///
+/// # Errors
+/// Faults of the surface file.
+pub fn designed(
+    job: &Job,
+    machine: &Machine,
+    warnings: &mut Vec<Diag>,
+    each: &mut dyn FnMut([[f64; 3]; 3]),
+    task: Task<'_>,
+) -> Result<Surface, Error> {
+    let turn = job.placement.turn.as_rad();
+    let options = &job.surface.options;
+    Surface::load(&job.surface_path(), options, joining(job, machine), turn, warnings, each, task)
+}
+
+/// What the files of a job hold.
+struct ReadFiles {
+    surface: Arc<Surface>,
+    texture: Texture,
+    curves: Option<SpaceCurves>,
+    measured: Option<MeasuredPart>,
 }
 
 /// Whether two jobs read one surface file alike and turn it alike.

@@ -169,21 +169,21 @@ pub(super) fn merged(cut: &Cut, candidate: &Candidate, costs: &Costs<'_>) -> Opt
 struct JoinedStop<'a> {
     block: &'a Block,
     id: StopId,
-    /// The lowest and the highest of its marks and of those that have joined them.
+    /// The lowest and the highest of what must be held for its marks and those that have joined them.
     z: [Nm; 2],
 }
 
 impl JoinedStop<'_> {
-    /// The lowest and the highest mark if another block joins.
-    fn z_with(&self, block: &Block) -> [Nm; 2] {
+    /// The lowest and the highest if a block that must hold this joins.
+    fn z_with(&self, held: [Nm; 2]) -> [Nm; 2] {
         let [lo, hi] = self.z;
-        [block.z_lo.min(lo), block.z_hi.max(hi)]
+        [held[0].min(lo), held[1].max(hi)]
     }
 
     /// Whether a block stands at the same place and both fit one depth range.
-    fn admits(&self, block: &Block, depth: Nm) -> bool {
+    fn admits(&self, block: &Block, held: [Nm; 2], depth: Nm) -> bool {
         let place = |b: &Block| (b.setup, b.stage, b.focus_shift, b.stop.tilt);
-        let [lo, hi] = self.z_with(block);
+        let [lo, hi] = self.z_with(held);
         place(self.block) == place(block) && hi - lo + ROUNDING <= depth
     }
 }
@@ -206,15 +206,16 @@ pub(super) fn at_one_place(cut: &Cut, candidate: &Candidate) -> Option<MergedSto
     }
     let mut last: Option<JoinedStop<'_>> = None;
     for (block, &id) in candidate.program.blocks.iter().zip(&candidate.ids) {
+        let held = cut.marks[id.index()].heights.held_nm();
         let is_joined = |last: &JoinedStop<'_>| {
             let is_beside = is_beside_sliver[last.id.index()] || is_beside_sliver[id.index()];
-            !is_beside && last.admits(block, depth)
+            !is_beside && last.admits(block, held, depth)
         };
         let Some(stop) = last.as_mut().filter(|last| is_joined(last)) else {
-            last = Some(JoinedStop { block, id, z: [block.z_lo, block.z_hi] });
+            last = Some(JoinedStop { block, id, z: held });
             continue;
         };
-        stop.z = stop.z_with(block);
+        stop.z = stop.z_with(held);
         ids[id.index()] = stop.id;
         is_changed[stop.id.index()] = true;
         // The focal plane is in the middle, unless it stands at a mean height.

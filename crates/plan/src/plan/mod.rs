@@ -55,7 +55,7 @@ mod tilted_stops;
 mod warnings;
 
 pub use hatch_saving::HatchSaving;
-pub use inputs::Inputs;
+pub use inputs::{Inputs, designed};
 pub use job_time::{clock_of_program, of_program};
 pub use off_part::OffPart;
 pub use on_the_fly::OnTheFlyPlan;

@@ -74,7 +74,7 @@ pub fn orient(job: &Job, progress: Progress<'_>) -> Result<Vec<Orientation>, Err
     let inputs = Inputs::load_with_progress(job, Phase::Read.task(progress))?;
     let machine = &inputs.machine;
     let area = inputs.texture.bounds();
-    let layout = Layout::new(job, machine, area, PassId(0), None)?;
+    let layout = Layout::new(job, machine, area, PassId(0), inputs.origin(job))?;
     let max_slope = job.limits.max_slope();
     let [hatching, tracing, sampling] = Phase::Footprint.task(progress).split([1, 4, 4]);
     let texture = hatch_direction::along_contours(
@@ -85,7 +85,7 @@ pub fn orient(job: &Job, progress: Progress<'_>) -> Result<Vec<Orientation>, Err
         job.focus.depth,
         hatching,
     )?;
-    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope, reserve: None };
     let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None, tracing);
     let (grid, _) = layout.levels(job, machine, &inputs.surface, footprint, PassId(0))?;
     let pitch = grid.window.map(|w| (w / 20).max(Nm(2)));

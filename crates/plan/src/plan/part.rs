@@ -45,7 +45,7 @@ pub fn look_at(plan: &Plan, Facets { facets, are_too_many }: &Facets) -> Vec<Dia
         return Vec::new();
     }
     let (job, texture) = match plan {
-        Plan::Stepped(plan) => (&plan.job, &plan.inputs.texture),
+        Plan::Stepped(plan) => (&plan.job, plan.inputs.texture_as_designed()),
         Plan::OnTheFly(plan) => (&plan.job, &plan.texture),
     };
     let place = Place::file(job.surface_path().display().to_string());

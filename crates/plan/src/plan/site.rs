@@ -2,7 +2,7 @@
 
 use super::grid::PassGrid;
 use super::stroke_chunks::Sweep;
-use crate::partition::{self, Fine, Lattice, Stops};
+use crate::partition::{self, Fine, FreeSearch, Lattice, Stops};
 use crate::projection::Footprint;
 use terrace_core::geom::Nm;
 use terrace_core::machine::{Commanded, Machine};
@@ -40,7 +40,8 @@ impl Site<'_> {
         let flips = [1, 2, 1].map(|bit| self.pass.0 & bit != 0);
         let [trace, _search] = task.split([3, 1]);
         let cells = self.sweep.cells(&fine, *keep, trace);
-        let free = partition::free(cells, &fine, sections, *window, lattice, self.overlap, flips);
+        let search = FreeSearch { window: *window, overlap: self.overlap, flips, reserve: self.sweep.reserve };
+        let free = partition::free(cells, &fine, sections, lattice, &search);
         // Where fields fit the texture exactly, their grid can be the better choice of windows.
         let grid = self.on_sections(partition::z_range);
         Some(if keep.0 == Nm(0) && grid.stops.len() < free.stops.len() { grid } else { free })

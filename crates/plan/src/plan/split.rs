@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use super::parts::Parts;
 use super::stroke_chunks::{Sweep, chunks};
 use crate::partition::Stops;
-use crate::projection::{Keep, Tracer};
+use crate::projection::Keep;
 use crate::split::{Fragment, Fragments, Least, Measure, Seam, Splitter};
 use terrace_core::diag::{Diag, Error, memory};
 use terrace_core::geom::{NM_PER_MM, Nm, length_mm};
@@ -173,12 +173,10 @@ fn fragments_of_chunk(
     pens: &[Pen],
     rules: CutRules,
 ) -> Vec<Fragments> {
-    let Sweep { surface, texture, max_slope } = sweep;
-    let tracer = Tracer::new(surface, max_slope);
-    let mut splitter = Splitter::new(tracer, candidates, rules.least, rules.keep, rules.seam);
+    let mut splitter = Splitter::new(sweep.tracer(), candidates, rules.least, rules.keep, rules.seam);
     let mut points = Vec::new();
     for i in chunk {
-        let pen = texture.stroke(i, &mut points);
+        let pen = sweep.texture.stroke(i, &mut points);
         splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
     }
     splitter.finish().collect()

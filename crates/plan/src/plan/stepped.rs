@@ -119,7 +119,7 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<S
     let warnings = &inputs.warnings;
     let draft = Draft::new(&job, &inputs.machine, &inputs, progress);
     let plan = draft.and_then(|draft| draft.checked(warnings.clone()));
-    plan.map_err(|e| plausible::explained(&e, &inputs.texture).after(warnings.clone()))
+    plan.map_err(|e| plausible::explained(&e, inputs.texture_as_designed()).after(warnings.clone()))
 }
 
 impl<'a> Draft<'a> {
@@ -146,8 +146,9 @@ impl<'a> Draft<'a> {
         let MethodChoice { mut best, compared, mut warnings } = first.choose(&context, cuts, merging, ordering)?;
         warnings.extend(warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split));
         // What is told of the first pass alone is taken now: the other passes are appended to `best`.
-        let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
-        let off_part = if is_off { OffPart::of(job, first.sweep(&context)) } else { OffPart::default() };
+        let is_left_out = inputs.measured.as_ref().is_some_and(|part| !part.lost.off_part.is_none());
+        let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0 || is_left_out;
+        let off_part = if is_off { OffPart::of(job, first.as_designed(&context)) } else { OffPart::default() };
         let shares = first.shares(&context, &best);
         let slivers = best.split.slivers.clone();
         let grid = first.grid.clone();
@@ -170,7 +171,7 @@ impl<'a> Draft<'a> {
             clearance,
             curves: inputs.curves,
             shares,
-            slips: inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect(),
+            slips: inputs.texture_as_designed().slips().map(|(k, slip)| (k, slip.clone())).collect(),
             warnings,
         })
     }
@@ -204,10 +205,11 @@ impl<'a> Draft<'a> {
         let off_axis = OffAxis::of_blocks(checked.program());
         self.best.figures.iter_mut().zip(off_axis).for_each(|(figures, mm)| figures.off_axis_mm = mm);
         let stated = StatedErrors::new(job, machine, self.inputs.surface.tessellation_mm());
+        let stated = stated.with_lying(self.inputs.lying());
         let budget = stated.of_program(checked.program(), &self.best.figures);
         warnings.extend(budget.warning(job, machine));
         let figures = summary::PlanFigures {
-            part_mm: self.inputs.surface.size_mm(),
+            part_mm: self.inputs.designed().size_mm(),
             method: self.best.method,
             times: self.best.times,
             fragments: self.best.fragments,
@@ -387,7 +389,7 @@ impl TracedPass {
         task: Task<'_>,
     ) -> Result<Self, Error> {
         let [hatching, tracing] = task.split([1, 4]);
-        let origin = start.part.as_ref().map(|part| part.origin);
+        let origin = start.part.as_ref().map(|part| part.origin).or_else(|| inputs.origin(job));
         let layout = Layout::new(job, machine, texture.bounds(), start.pass, origin)?;
         let max_slope = job.limits.max_slope();
         let texture = hatch_direction::along_contours(
@@ -398,7 +400,7 @@ impl TracedPass {
             job.focus.depth,
             hatching,
         )?;
-        let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+        let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope, reserve: inputs.reserve() };
         let stop_size = bound::size(machine, &job.focus);
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
@@ -409,8 +411,21 @@ impl TracedPass {
     }
 
     fn sweep<'b>(&'b self, context: &JobContext<'b>) -> Sweep<'b> {
-        let max_slope = context.job.limits.max_slope();
-        Sweep { surface: &context.inputs.surface, texture: &self.texture, max_slope }
+        let &JobContext { job, inputs, .. } = context;
+        let max_slope = job.limits.max_slope();
+        Sweep { surface: &inputs.surface, texture: &self.texture, max_slope, reserve: inputs.reserve() }
+    }
+
+    /// The strokes over the part as designed: where a measured part leaves texture out, it does not show what is off it.
+    fn as_designed<'b>(&'b self, context: &JobContext<'b>) -> Sweep<'b> {
+        let &JobContext { job, inputs, .. } = context;
+        match &inputs.measured {
+            None => self.sweep(context),
+            Some(part) => {
+                let max_slope = job.limits.max_slope();
+                Sweep { surface: part.draping.designed(), texture: &part.texture, max_slope, reserve: None }
+            }
+        }
     }
 
     fn site<'b>(&'b self, context: &JobContext<'b>) -> Site<'b> {
@@ -623,7 +638,10 @@ impl TracedPass {
         let cut = self.recut(context).between(cut, merged, task)?;
         // Of the marks only their heights decide about focal planes, and so about the order: where cutting has not
         // changed them, the order that was found before holds.
-        let has_same_heights = marks.iter().zip(&cut.marks).all(|(a, b)| a.heights.nm() == b.heights.nm());
+        let has_same_heights = marks
+            .iter()
+            .zip(&cut.marks)
+            .all(|(a, b)| a.heights.nm() == b.heights.nm() && a.heights.held_nm() == b.heights.held_nm());
         let candidate = if has_same_heights {
             merged_in_order
         } else {
@@ -644,7 +662,7 @@ impl TracedPass {
         let &JobContext { job, machine, .. } = context;
         let PassGrid { window, sections, lattice, .. } = &self.grid;
         let is_upright = candidate.program.blocks.iter().all(|b| b.stop.tilt.is_upright());
-        let is_stated = job.placement.origin.is_some() || job.setups.is_some() || self.start.part.is_some();
+        let is_stated = context.inputs.origin(job).is_some() || job.setups.is_some() || self.start.part.is_some();
         let rules = places::PlaceRules {
             stage: &self.stage(context),
             level: job.focus.level,

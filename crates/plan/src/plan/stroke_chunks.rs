@@ -5,7 +5,7 @@
 
 use crate::partition::Fine;
 use crate::projection::{
-    Cells, Footprint, GridTracer, Keep, Marks, MarksByField, Samples, Sampling, TiltedFields, Tracer,
+    Cells, Footprint, GridTracer, HeightReserve, Keep, Marks, MarksByField, Samples, Sampling, TiltedFields, Tracer,
 };
 use terrace_core::geom::{Nm, P2};
 use terrace_core::parallel;
@@ -31,9 +31,16 @@ pub(super) struct Sweep<'a> {
     pub(super) texture: &'a Texture,
     /// Tangent of the steepest slope that is marked.
     pub(super) max_slope: f64,
+    /// What is kept free for the height of a measured part.
+    pub(super) reserve: Option<&'a HeightReserve>,
 }
 
-impl Sweep<'_> {
+impl<'a> Sweep<'a> {
+    /// Traces strokes over the surface.
+    pub(super) fn tracer(&self) -> Tracer<'a> {
+        Tracer::new(self.surface, self.max_slope).with_reserve(self.reserve)
+    }
+
     /// Traces all strokes over `grid`: `add` puts the stroke with that number to what a chunk found, which is
     /// `none` at first, and `merge` joins what two chunks found.
     pub(super) fn gather<T: Send>(
@@ -65,11 +72,10 @@ impl Sweep<'_> {
         grid: &Sections,
         mut visit: impl FnMut(usize, &[P2], &mut GridTracer<'_>),
     ) {
-        let Self { surface, texture, max_slope } = self;
-        let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
+        let mut tracer = GridTracer::new(self.tracer(), grid);
         let mut points = Vec::new();
         for i in chunk {
-            texture.stroke(i, &mut points);
+            self.texture.stroke(i, &mut points);
             visit(i, &points, &mut tracer);
         }
     }

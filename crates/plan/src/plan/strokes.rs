@@ -74,7 +74,7 @@ pub fn in_order(
     let [hatching, tracing] = Phase::Footprint.task(progress).split([1, 4]);
     let texture =
         hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth, hatching)?;
-    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope, reserve: None };
     let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None, tracing);
     let Some(heights) = footprint.range() else { return Err(nothing::marked(job, &inputs.surface).into()) };
     let origin = origin(job, machine, area, heights);

@@ -97,8 +97,10 @@ impl Heights {
 #[derive(Clone, Debug, Default)]
 struct InSection {
     heights: Heights,
-    /// That of every stroke that is to stay whole.
+    /// That of every stroke that is to stay whole, with what is kept free around it.
     figures: Vec<HeightRange>,
+    /// The most that is kept free above and below a mark that may be cut, nm.
+    reserve: f64,
 }
 
 /// How rough the surface is under the strokes: heights that rise and fall again by little.
@@ -224,6 +226,7 @@ struct SectionRun {
     cell: [i64; 2],
     lo: f64,
     hi: f64,
+    reserve: f64,
 }
 
 impl SectionRuns<'_> {
@@ -236,18 +239,21 @@ impl SectionRuns<'_> {
             Some(run) if run.cell == cell && p.z0 <= run.hi && p.z0 >= run.lo => {
                 run.lo = run.lo.min(p.z1);
                 run.hi = run.hi.max(p.z1);
+                run.reserve = run.reserve.max(p.reserve);
             }
             _ => {
                 self.close();
-                self.run = Some(SectionRun { cell, lo: p.z0.min(p.z1), hi: p.z0.max(p.z1) });
+                self.run = Some(SectionRun { cell, lo: p.z0.min(p.z1), hi: p.z0.max(p.z1), reserve: p.reserve });
             }
         }
     }
 
     /// Gives the heights of the run to its section.
     fn close(&mut self) {
-        if let Some(SectionRun { cell: [column, row], lo, hi }) = self.run.take() {
-            self.sections.entry((row * self.columns + column) as u32).or_default().heights.add(lo, hi);
+        if let Some(SectionRun { cell: [column, row], lo, hi, reserve }) = self.run.take() {
+            let section = self.sections.entry((row * self.columns + column) as u32).or_default();
+            section.heights.add(lo, hi);
+            section.reserve = section.reserve.max(reserve);
         }
     }
 
@@ -333,6 +339,7 @@ impl Footprint {
                     let mine = mine.into_mut();
                     mine.heights.append(&mut theirs.heights);
                     mine.figures.append(&mut theirs.figures);
+                    mine.reserve = mine.reserve.max(theirs.reserve);
                 }
             }
         }
@@ -383,6 +390,16 @@ impl Footprint {
     /// The heights of the strokes that are to stay whole in a section, by the lowest mark.
     pub(crate) fn figures_of(&self, section: usize) -> &[HeightRange] {
         self.sections.get(&(section as u32)).map_or(&[], |s| &s.figures)
+    }
+
+    /// The most that is kept free above and below the marks of a section that may be cut, nm.
+    pub(crate) fn reserve_of(&self, section: usize) -> f64 {
+        self.sections.get(&(section as u32)).map_or(0.0, |s| s.reserve)
+    }
+
+    /// The most that is kept free above and below any mark that may be cut, nm.
+    pub fn most_reserve(&self) -> f64 {
+        self.sections.values().map(|s| s.reserve).fold(0.0, f64::max)
     }
 
     /// Whether anything is marked in a section.

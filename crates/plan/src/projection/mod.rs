@@ -9,18 +9,20 @@
 mod cells;
 mod footprint;
 mod marks;
+mod reserve;
 mod samples;
 mod turned;
 
 pub use cells::{Cells, Figure, Slabs};
 pub use footprint::{Footprint, HeightRange, join_ranges};
 pub use marks::Marks;
+pub use reserve::HeightReserve;
 pub use samples::{Rows, Samples, Sampling};
 pub use turned::{FieldMarks, MarksByField, TiltedCell, TiltedField, TiltedFields};
 
 use terrace_core::geom::{Box2, Nm, P2};
 use terrace_core::program::Sections;
-use terrace_input::surface::{Cursor, Span, Surface};
+use terrace_input::surface::{Cursor, Span, Surface, Trail};
 
 /// The segments of a stroke; a dot has one without length.
 pub fn segments(points: &[P2]) -> impl Iterator<Item = (P2, P2)> + '_ {
@@ -52,11 +54,23 @@ pub struct Piece {
     pub skip: Option<Skip>,
     /// Squared slope of the facet under it; without meaning off the part.
     pub slope2: f64,
+    /// What is kept free above and below it for the height of a part that is not known exactly, nm.
+    pub reserve: f64,
     /// Facet under it; without meaning off the part.
     facet: u32,
 }
 
 impl Piece {
+    /// Its lowest place, and what is kept free below it.
+    fn lowest(&self) -> f64 {
+        self.z0.min(self.z1) - self.reserve
+    }
+
+    /// Its highest place, and what is kept free above it.
+    fn highest(&self) -> f64 {
+        self.z0.max(self.z1) + self.reserve
+    }
+
     /// Height at parameter `t` of the segment, never beyond those of the ends.
     #[inline]
     pub fn z(&self, t: f64) -> f64 {
@@ -84,13 +98,11 @@ impl Normals<'_> {
 /// Traces strokes; holds what can be reused from one to the next.
 pub struct Tracer<'a> {
     surface: &'a Surface,
-    max_slope2: f64,
-    cursor: Cursor,
-    /// Where the last beam was followed.
+    reserve: Option<&'a HeightReserve>,
+    trail: Trail,
+    /// Where the last beam was followed, and what it met.
     beam: Cursor,
-    spans: Vec<Span>,
-    /// Squared slopes of the facets of the spans.
-    slopes2: Vec<f64>,
+    beam_spans: Vec<Span>,
     /// Largest squared slope of what was marked so far.
     pub worst_slope2: f64,
 }
@@ -100,13 +112,18 @@ impl<'a> Tracer<'a> {
     pub fn new(surface: &'a Surface, max_slope: f64) -> Self {
         Self {
             surface,
-            max_slope2: max_slope * max_slope,
-            cursor: Cursor::new(max_slope * max_slope),
+            reserve: None,
+            trail: Trail::new(max_slope),
             beam: Cursor::default(),
-            spans: Vec::new(),
-            slopes2: Vec::new(),
+            beam_spans: Vec::new(),
             worst_slope2: 0.0,
         }
+    }
+
+    /// The same for a part whose height is known no better than this.
+    #[must_use]
+    pub fn with_reserve(self, reserve: Option<&'a HeightReserve>) -> Self {
+        Self { reserve, ..self }
     }
 
     /// The surface normals under its pieces.
@@ -117,15 +134,12 @@ impl<'a> Tracer<'a> {
     /// Hands the pieces of the segment from `a` to `b` to `sink`, in order. A segment of length 0 is one piece with one
     /// height.
     pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
-        if a == b {
-            self.trace_point(a);
-        } else {
-            self.walk(a, b);
-        }
-        for (span, &slope2) in self.spans.iter().zip(&self.slopes2) {
+        self.trail.follow(self.surface, a, b);
+        let max_slope2 = self.trail.max_slope2();
+        for (span, slope2) in self.trail.spans() {
             let skip = match span.facet() {
                 None => Some(Skip::OffPart),
-                Some(_) if slope2 > self.max_slope2 => Some(Skip::Steep),
+                Some(_) if slope2 > max_slope2 => Some(Skip::Steep),
                 Some(_) => None,
             };
             if skip.is_none() {
@@ -133,53 +147,29 @@ impl<'a> Tracer<'a> {
             }
             // Off the part it has no meaning.
             let facet = span.facet().unwrap_or_default();
-            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, facet });
-        }
-    }
-
-    /// Leaves the spans of a segment and their slopes. Where it runs along an edge, what lies beside it decides.
-    fn walk(&mut self, a: P2, b: P2) {
-        let is_compared = self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
-        self.update_slopes();
-        let is_along_edge = |(span, &slope2): (&Span, &f64)| {
-            let is_steep = slope2 > self.max_slope2;
-            (is_steep || is_compared) && self.surface.is_along_edge(a, b, span, is_steep)
-        };
-        if self.spans.iter().zip(&self.slopes2).any(is_along_edge) {
-            self.surface.walk_along_edges(a, b, &mut self.cursor, &mut self.spans);
-            self.update_slopes();
-        }
-    }
-
-    fn update_slopes(&mut self) {
-        let slope2 = |span: &Span| span.facet().map_or(0.0, |f| self.surface.slope2(f));
-        self.slopes2.clear();
-        self.slopes2.extend(self.spans.iter().map(slope2));
-    }
-
-    /// Leaves one span for the whole of a segment that is a point: what a walk away from it begins with. A point on the
-    /// rim of the part is on the part, and one on the edge of a place that may be marked is marked.
-    fn trace_point(&mut self, p: P2) {
-        /// Longer than the distance within which walks snap to rims, nm.
-        const STEP: i64 = 16;
-        let mut best: Option<(Span, f64)> = None;
-        for (x, y) in [(STEP, 0), (-STEP, 0), (0, STEP), (0, -STEP)] {
-            self.walk(p, P2::new(p.x + x, p.y + y));
-            let found = (self.spans[0], self.slopes2[0]);
-            let is_marked = found.0.facet().is_some() && found.1 <= self.max_slope2;
-            if is_marked || best.is_none_or(|(span, _)| span.facet().is_none()) {
-                best = Some(found);
-            }
-            if is_marked {
-                break;
+            let piece = Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, reserve: 0.0, facet };
+            match self.reserve {
+                Some(reserve) if skip.is_none() => reserved(reserve, a, b, &piece, &mut sink),
+                _ => sink(piece),
             }
         }
-        let (mut span, slope2) = best.expect("four directions");
-        (span.t0, span.t1, span.z1) = (0.0, 1.0, span.z0);
-        self.spans.clear();
-        self.spans.push(span);
-        self.slopes2.clear();
-        self.slopes2.push(slope2);
+    }
+}
+
+/// Hands on a piece of the segment from `a` to `b` with what is kept free for it: in parts no longer than the cells of
+/// the reserve, since it is the same for all of a part.
+fn reserved(reserve: &HeightReserve, a: P2, b: P2, piece: &Piece, sink: &mut impl FnMut(Piece)) {
+    let [side, _] = reserve.cell();
+    let count = ((piece.t1 - piece.t0) * a.distance(b) / side.f64()).ceil().max(1.0);
+    let t = |k: f64| if k >= count { piece.t1 } else { piece.t0 + (piece.t1 - piece.t0) * (k / count) };
+    let mut k = 0.0;
+    while k < count {
+        let (t0, t1) = (t(k), t(k + 1.0));
+        let mut area = Box2::EMPTY;
+        area.add(a.lerp(b, t0));
+        area.add(a.lerp(b, t1));
+        sink(Piece { t0, t1, z0: piece.z(t0), z1: piece.z(t1), reserve: reserve.kept(area), ..*piece });
+        k += 1.0;
     }
 }
 
@@ -251,8 +241,8 @@ impl<'a> GridTracer<'a> {
         });
     }
 
-    /// Traces a whole stroke; answers its lowest and highest mark, and whether nothing of it is skipped.
-    /// [`GridTracer::replay`] gives its pieces; `also` sees them with their segments.
+    /// Traces a whole stroke; answers its lowest and highest mark with what is kept free around them, and whether nothing
+    /// of it is skipped. [`GridTracer::replay`] gives its pieces; `also` sees them with their segments.
     fn small_stroke(&mut self, points: &[P2], mut also: impl FnMut(&Piece, P2, P2)) -> ([f64; 2], bool) {
         let mut list = std::mem::take(&mut self.small);
         list.clear();
@@ -260,7 +250,7 @@ impl<'a> GridTracer<'a> {
         let mut z = [f64::INFINITY, f64::NEG_INFINITY];
         for (a, b) in segments(points) {
             self.segment(a, b, |p, cell| {
-                z = [z[0].min(p.z0).min(p.z1), z[1].max(p.z0).max(p.z1)];
+                z = [z[0].min(p.lowest()), z[1].max(p.highest())];
                 also(&p, a, b);
                 list.push((p, cell));
             });

@@ -273,7 +273,7 @@ impl super::Tracer<'_> {
     /// Whether the part hides some of a piece of the segment `w` from the turned beam, or the beam meets it at
     /// too large an angle.
     fn hides(&mut self, p: &Piece, w: &[P2], field: &TiltedField) -> bool {
-        if field.turn.slope2(self.surface.normal(p.facet)) > self.max_slope2 {
+        if field.turn.slope2(self.surface.normal(p.facet)) > self.trail.max_slope2() {
             return true;
         }
         let [x, y, z] = field.turn.up();
@@ -315,8 +315,8 @@ impl super::Tracer<'_> {
             return false;
         }
         let rise = top - z + GRAZE;
-        self.surface.walk(from, to, &mut self.beam, &mut self.spans);
-        self.spans.iter().filter(|s| s.facet().is_some()).any(|s| {
+        self.surface.walk(from, to, &mut self.beam, &mut self.beam_spans);
+        self.beam_spans.iter().filter(|s| s.facet().is_some()).any(|s| {
             // The rounding of the start is worth as much as the surface rises over a nanometre.
             let is_above_beam = |height: f64, t: f64| height > z + t * rise + GRAZE;
             is_above_beam(s.z0, s.t0) || is_above_beam(s.z1, s.t1)

@@ -63,6 +63,8 @@ pub struct Fragment {
 pub struct Measure {
     /// Lowest and highest height over the lower end of what its stop admits, nm.
     pub z: [i32; 2],
+    /// The same with what is kept free above and below each place for the height of a measured part, nm.
+    pub held: [i32; 2],
     /// Mean of that height over the length, nm.
     pub mean_z: f32,
     /// Length of the mark in the field before its ends were rounded, nm; 0 of a dot. On a tilted part that is another
@@ -75,6 +77,11 @@ pub struct Measure {
 }
 
 impl Measure {
+    /// Lowest and highest height with what is kept free around them, where the stop admits from `z_lo` on, nm.
+    pub fn held(&self, z_lo: f64) -> [f64; 2] {
+        self.held.map(|z| z_lo + f64::from(z))
+    }
+
     /// Mean cosine of the slope over the length.
     pub fn cos(&self) -> f64 {
         1.0 - f64::from(self.versine)
@@ -89,6 +96,7 @@ impl Measure {
         };
         Self {
             z: [self.z[0].min(other.z[0]), self.z[1].max(other.z[1])],
+            held: [self.held[0].min(other.held[0]), self.held[1].max(other.held[1])],
             mean_z: mean(self.mean_z, other.mean_z),
             length: length as f32,
             versine: mean(self.versine, other.versine),
@@ -99,7 +107,8 @@ impl Measure {
     /// The same ground over another height, which is so much lower.
     fn over(self, lower: Nm) -> Self {
         let by = i32::try_from(lower.0).unwrap_or(0);
-        Self { z: self.z.map(|z| z.saturating_add(by)), mean_z: self.mean_z + by as f32, ..self }
+        let [z, held] = [self.z, self.held].map(|ends| ends.map(|z| z.saturating_add(by)));
+        Self { z, held, mean_z: self.mean_z + by as f32, ..self }
     }
 }
 

@@ -153,6 +153,7 @@ pub(super) fn stepped(
         passes: passes.iter().map(|p| (&p.sections, p.directions.as_ref())).collect(),
         depth_mm: plan.depth.mm(),
         tessellation_mm: plan.inputs.surface.tessellation_mm(),
+        measured: plan.inputs.measured.as_ref(),
         figures,
         summary,
     };

@@ -13,7 +13,7 @@ use terrace_core::units::{Angle, Length};
 use terrace_plan::budget::Budget;
 use terrace_plan::check::Checked;
 use terrace_plan::emit::{self, Files, Target};
-use terrace_plan::manifest::{Facts, Registered, Subset, Summary, lift_mm, portable, registration};
+use terrace_plan::manifest::{Facts, MeasuredPlacement, Registered, Subset, Summary, lift_mm, portable, registration};
 
 /// What run sheets are written from.
 pub struct Sheet<'a> {
@@ -27,6 +27,8 @@ pub struct Sheet<'a> {
     pub turn_deg: f64,
     /// Rotations of the surface file about x, y and z before that, if it is rotated.
     pub laid_deg: Option<[f64; 3]>,
+    /// How a measured part lies beside its zero and turn.
+    pub measured: Option<MeasuredPlacement>,
     /// By how much the focus is lowered, mm, and the texture turned, degrees, from pass to pass.
     pub per_pass: [f64; 2],
     /// The formats of the job.
@@ -58,6 +60,7 @@ impl<'a> Sheet<'a> {
             machine,
             laid_deg: job.placement.laid_deg(),
             turn_deg: job.placement.turn.as_deg(),
+            measured: facts.measured.map(MeasuredPlacement::new),
             per_pass: [job.passes.lower.mm(), job.passes.rotate.as_deg()],
             formats: job.formats.clone(),
             registration: job.setups.as_ref().map(|_| checked.origins().iter().map(points).collect()),
@@ -163,6 +166,10 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         writeln!(out, "part laid  rotated {x} deg about x, {y} deg about y, {z} deg about z of its file")?;
     }
     writeln!(out, "part turn  {} deg about z", sheet.turn_deg)?;
+    if let Some(measured) = &sheet.measured {
+        let MeasuredPlacement { points, worst_residual_um: worst, lean_deg: lean, .. } = measured;
+        writeln!(out, "measured   {points} points, worst residual {worst:.1} um, leaning {lean:.4} deg")?;
+    }
     if let Some(subset) = sheet.subset {
         let program = sheet.checked.program();
         let [first, last] = [0, program.blocks.len() - 1].map(|i| program.id(i));
@@ -316,10 +323,11 @@ fn check_scale(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
 
 /// How to place the part and to find the focus.
 fn place_part(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
-    writeln!(
-        out,
-        "  - Place the part so that its zero and turn are as this sheet says. Show the first and the last block"
-    )?;
+    let place = match sheet.measured {
+        None => "Place the part so that its zero and turn are as this sheet says.",
+        Some(_) => "The part was measured: it must lie as it lay then.",
+    };
+    writeln!(out, "  - {place} Show the first and the last block")?;
     writeln!(out, "    with the pilot laser and compare them with layout.svg.")?;
     if let Some(pen) = &sheet.frames {
         writeln!(

@@ -78,6 +78,11 @@ impl MeshBuilder {
         self.add(corners, None);
     }
 
+    /// Adds a facet with corners in nm, as they lie.
+    pub(super) fn push_nm(&mut self, corners: [[f64; 3]; 3]) {
+        self.add(corners, None);
+    }
+
     /// Adds a facet with corners in nm as a turned part shows it; `turn` turns it.
     pub(super) fn push_turned(&mut self, corners: [[f64; 3]; 3], turn: &Turn) {
         let [a, b, c] = corners;

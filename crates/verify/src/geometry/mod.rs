@@ -11,14 +11,18 @@
 
 mod box_nm;
 mod grid;
+mod height_doubt;
 mod height_map;
 mod mesh;
+mod pose;
 mod topmost;
 mod turn;
 
 pub(super) use box_nm::BoxNm;
+pub(super) use height_doubt::HeightDoubt;
 pub(super) use height_map::Map;
 pub(super) use mesh::{Mesh, MeshBuilder};
+pub(super) use pose::Pose;
 pub(super) use turn::{HeadPose, Turn};
 
 use terrace_core::geom::NM_PER_MM;
@@ -206,13 +210,15 @@ pub(super) struct Geometry {
     weld: f64,
     /// How far a mark may run off its line, nm: on a tilted part.
     beside: f64,
+    /// How surely a measured part is known.
+    doubt: Option<HeightDoubt>,
 }
 
 impl Geometry {
     /// The geometry of a job: `max_incidence_rad` is below a right angle, `weld_nm` is the distance
     /// below which the job lets vertices become one.
     pub(super) fn new(shape: Shape, max_incidence_rad: f64, weld_nm: f64) -> Self {
-        Self { shape, limit2: math::tan(max_incidence_rad).powi(2), weld: weld_nm.max(0.0), beside: 0.0 }
+        Self { shape, limit2: math::tan(max_incidence_rad).powi(2), weld: weld_nm.max(0.0), beside: 0.0, doubt: None }
     }
 
     /// The geometry as a turned part shows it, under and around an area of the part.
@@ -223,7 +229,31 @@ impl Geometry {
         let around = (highest - lowest) * turn.lean() / (1.0 - turn.lean().powi(2)).max(1e-6).sqrt() + 1e5;
         let mut builder = MeshBuilder::new(0.0, 2.0);
         self.shape.facets_in(area.grown(around), &mut |corners| builder.push_turned(corners, turn));
-        Self { shape: Shape::Mesh(builder.finish()), limit2: self.limit2, weld: self.weld, beside: CHORD_NM }
+        Self {
+            shape: Shape::Mesh(builder.finish()),
+            limit2: self.limit2,
+            weld: self.weld,
+            beside: CHORD_NM,
+            doubt: None,
+        }
+    }
+
+    /// The geometry as a measured part lies. Corners were rounded twice for the job, which counts as welding.
+    pub(super) fn moved(&self, pose: &Pose, doubt: HeightDoubt) -> Self {
+        let mut builder = MeshBuilder::new(0.0, 2.0);
+        self.shape.each_facet(&mut |corners| builder.push_nm(corners.map(|p| pose.apply(p))));
+        let shape = Shape::Mesh(builder.finish());
+        Self { shape, limit2: self.limit2, weld: self.weld + 1.0, beside: 0.0, doubt: Some(doubt) }
+    }
+
+    /// What a mark at a place keeps free above and below it, nm; 0 where the part was not measured.
+    pub(super) fn kept(&self, at: [f64; 3], grad: [f64; 2]) -> f64 {
+        self.doubt.as_ref().map_or(0.0, |doubt| doubt.kept(at, grad))
+    }
+
+    /// Whether marks keep anything free.
+    pub(super) fn keeps_free(&self) -> bool {
+        self.doubt.as_ref().is_some_and(|doubt| doubt.sigmas > 0.0)
     }
 
     /// Lowest and highest place, nm.

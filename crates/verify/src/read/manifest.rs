@@ -75,6 +75,19 @@ pub(crate) struct Placement {
     #[serde(default)]
     pub(crate) laid_deg: Option<[f64; 3]>,
     pub(crate) turn_deg: f64,
+    #[serde(default)]
+    pub(crate) measured: Option<MeasuredPlacement>,
+}
+
+/// How a measured part lies beside its placement.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct MeasuredPlacement {
+    pub(crate) points: usize,
+    pub(crate) off_part: usize,
+    pub(crate) rows: [[f64; 3]; 3],
+    pub(crate) rest_nm: [f64; 3],
+    pub(crate) lean_deg: f64,
+    pub(crate) worst_residual_um: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]

@@ -66,6 +66,8 @@ pub(crate) struct RunSheet {
     pub(crate) stage_zero: String,
     /// The turn of the part, degrees.
     pub(crate) turn: Option<f64>,
+    /// Of a measured part the number of points, the worst residual, um, and the lean, degrees.
+    pub(crate) measured: Option<[f64; 3]>,
     /// Who loads the blocks, in the words of the sheet, and the time of the job with it.
     pub(crate) loading: Option<String>,
     pub(crate) in_all: Option<String>,
@@ -214,7 +216,12 @@ impl<'a> SheetReader<'a> {
             ["loading", words @ ..] => set_once(&mut sheet.loading, Some(words.join(" "))),
             ["in", "all", time, ..] => set_once(&mut sheet.in_all, Some(time.trim_end_matches(';').to_owned())),
             // A line of the head that is read is known to the last word.
-            ["size" | "machine", ..] | ["part", "zero" | "laid" | "turn", ..] => Err("cannot be read".into()),
+            ["measured", points, "points,", "worst", "residual", worst, "um,", "leaning", lean, "deg"] => {
+                set_once(&mut sheet.measured, numbers([points, worst, lean]))
+            }
+            ["size" | "machine" | "measured", ..] | ["part", "zero" | "laid" | "turn", ..] => {
+                Err("cannot be read".into())
+            }
             _ => Ok(()),
         }
     }

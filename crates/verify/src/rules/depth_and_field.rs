@@ -4,7 +4,7 @@
 //! Depth: a mark lies within the block's stated interval of heights, within the largest deviation from
 //! its focal plane, and the marks of a block within the depth range. Where there is a zoom optic, the plane that the
 //! stage sets and the focus shift sum to the focal plane, and the optic reaches it. Heights carry the tolerance
-//! [`Geometry::z_tolerance`].
+//! [`Geometry::z_tolerance`]. On a measured part a mark and what it keeps free around it lie within that deviation.
 //!
 //! Units: nm, but for lengths in mm where the name says so.
 
@@ -208,6 +208,43 @@ struct DepthSearch<'a> {
     outside: Vec<Stretch>,
     /// Where it lies off the part or on too steep a slope.
     off_surface: Vec<Stretch>,
+    /// The mark of the block that leaves least free, where that is too little.
+    short: Option<Short>,
+}
+
+/// A mark that keeps too little free: its place, height and what must be kept free, nm.
+struct Short {
+    at: [f64; 2],
+    z: f64,
+    kept: f64,
+}
+
+impl Short {
+    /// The shorter of two; `lpfl` is the focal plane.
+    fn worse(self, other: Option<Self>, lpfl: f64) -> Option<Self> {
+        let size = |short: &Self| (short.z - lpfl).abs() + short.kept;
+        Some(match other {
+            Some(other) if size(&other) >= size(&self) => other,
+            _ => self,
+        })
+    }
+}
+
+/// What of a piece on a sheet keeps too little free; `limit` is the largest distance from the focal plane.
+fn short(p: &Piece, line: &Line, lpfl: f64, limit: f64, geometry: &Geometry) -> Option<Short> {
+    let sheet = p.sheet.as_ref().filter(|_| geometry.keeps_free())?;
+    // Rounding may put the end of a mark onto a facet beside its own, which may be steeper.
+    if line.len > 0.0 && p.len() <= geometry.grain() {
+        return None;
+    }
+    let ends = p.d.into_iter().zip(sheet.z).filter_map(|(d, z)| {
+        let at = line.at(d);
+        let kept = geometry.kept([at[0], at[1], z], sheet.grad);
+        // The deviation is found from differences, to a millionth.
+        let tolerance = geometry.z_tolerance(sheet.slope2) + 1.0 + 1e-4 * kept;
+        ((z - lpfl).abs() + kept > limit + tolerance).then_some(Short { at, z, kept })
+    });
+    ends.fold(None, |worst, end| end.worse(worst, lpfl))
 }
 
 /// The fault of the focus shift of a block, whose heights are those of the program.
@@ -246,7 +283,8 @@ impl<'a> DepthSearch<'a> {
         surface: &'a mut Rule,
     ) -> Self {
         let (lines, outside, off_surface) = (Vec::new(), Vec::new(), Vec::new());
-        Self { file, facts, geometry, depth, surface, scratch: Scratch::default(), lines, outside, off_surface }
+        let scratch = Scratch::default();
+        Self { file, facts, geometry, depth, surface, scratch, lines, outside, off_surface, short: None }
     }
 
     /// The same search on another geometry.
@@ -263,6 +301,7 @@ impl<'a> DepthSearch<'a> {
         let limit = self.facts.defocus_limit_nm();
         let allowed = [block.z_lo.f64().max(lpfl - limit), block.z_hi.f64().min(lpfl + limit)];
         self.check_intervals(id, block);
+        self.short = None;
         if let Some(fault) = zoom_fault {
             self.depth.broken(id, part_place(block.stop.centre), fault);
         }
@@ -270,6 +309,15 @@ impl<'a> DepthSearch<'a> {
         let mut slopes = BlockSlopes::NONE;
         for stroke in self.file.program.strokes_of(block) {
             self.stroke(id, block, stroke, allowed, &mut marks, &mut slopes);
+        }
+        if let Some(Short { at, z, kept }) = self.short.take() {
+            let text = format!(
+                "a mark lies {:.4} um from the focal plane, and {:.4} um must stay free beyond it: {:.4} um are allowed",
+                (z - lpfl).abs() / 1e3,
+                kept / 1e3,
+                limit / 1e3
+            );
+            self.depth.broken(id, part_place_nm(at), text);
         }
         marks.slopes = slopes.bounds().filter(|_| block.stop.tilt.is_upright());
         // Both ends have their tolerances already, see [`BlockMarks::add`].
@@ -307,6 +355,7 @@ impl<'a> DepthSearch<'a> {
         let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
         let points = self.file.program.points_of(stroke);
         let (lpfl, geometry) = (block.stop.lpfl.f64(), self.geometry);
+        let limit = self.facts.defocus_limit_nm();
         self.lines.clear();
         self.outside.clear();
         self.off_surface.clear();
@@ -314,7 +363,7 @@ impl<'a> DepthSearch<'a> {
         for w in points.windows(2).filter(|w| w[0] != w[1]) {
             let line = Line::new(part(w[0]), part(w[1]));
             let segment = self.lines.len();
-            let (outside, off_surface) = (&mut self.outside, &mut self.off_surface);
+            let (outside, off_surface, shortest) = (&mut self.outside, &mut self.off_surface, &mut self.short);
             // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether
             // it stays outside on either side of an edge is looked into below, for the few marks that need it.
             let crossings = geometry.along(&line, &mut self.scratch, |p| {
@@ -325,6 +374,9 @@ impl<'a> DepthSearch<'a> {
                         let is_within = parts.iter().all(|d| d[0] >= d[1]);
                         if is_within {
                             marks.add(s, lpfl, geometry);
+                            if let Some(found) = short(&p, &line, lpfl, limit, geometry) {
+                                *shortest = found.worse(shortest.take(), lpfl);
+                            }
                         }
                         for d in parts.into_iter().filter(|d| d[0] < d[1]) {
                             note(outside, segment, d, line.len);
@@ -365,7 +417,15 @@ impl<'a> DepthSearch<'a> {
             s.z.iter().any(|&z| allowed[0] - tolerance <= z && z <= allowed[1] + tolerance)
         };
         match (sheets().find(is_within), sheets().next()) {
-            (Some(sheet), _) => marks.add(&sheet, lpfl, geometry),
+            (Some(sheet), _) => {
+                marks.add(&sheet, lpfl, geometry);
+                let dot = Line { start: p_part, dir: [1.0, 0.0], len: 0.0 };
+                let piece = Piece { d: [0.0; 2], sheet: Some(sheet), is_along_edge: false };
+                let limit = self.facts.defocus_limit_nm();
+                if let Some(found) = short(&piece, &dot, lpfl, limit, geometry) {
+                    self.short = found.worse(self.short.take(), lpfl);
+                }
+            }
             (None, Some(sheet)) => {
                 let [z, lo, hi] = [sheet.z[0], allowed[0], allowed[1]].map(|z| z / 1e6);
                 let text = format!("a dot lies at z {z:.6} mm on the part; {lo:.6} to {hi:.6} mm is allowed");

@@ -247,6 +247,16 @@ impl SheetChecker<'_> {
             sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9),
             "its part turn differs from the manifest",
         );
+        let measured = self.manifest.placement.measured.as_ref();
+        let is_measured = match (sheet.measured, measured) {
+            (Some([points, worst, lean]), Some(stated)) => {
+                points == stated.points as f64
+                    && (worst - stated.worst_residual_um).abs() <= 0.051
+                    && (lean - stated.lean_deg).abs() <= 0.000_051
+            }
+            (found, stated) => found.is_none() && stated.is_none(),
+        };
+        rule.require(name, is_measured, "what it says of the measured part differs from the manifest");
         let laid = self.facts.laid_deg;
         let is_laid = match (&sheet.laid, laid) {
             (Some(found), Some(laid)) => found.iter().zip(laid).all(|(f, l)| (f - l).abs() <= 1e-9),

@@ -265,6 +265,8 @@ impl Made {
         findings.rules[RuleCode::Mask].ran = true;
         findings.rules[RuleCode::Bitmap].ran = true;
         findings.rules[RuleCode::Curves].ran = true;
+        findings.rules[RuleCode::Measured].ran = true;
+        findings.rules[RuleCode::Draped].ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);
         crate::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.rules[RuleCode::Hash]);
         let Some(mut program) = crate::readable(crate::read::program::read(&folder.join("program.txt")), &mut findings)

@@ -137,7 +137,8 @@ fn valid_folder_verifies_with_its_lengths() {
     assert!(proof.ok, "{}", proof.to_text());
     // Made strokes are neither filled areas nor drawings nor space curves.
     assert!(
-        proof.rules.iter().all(|r| r.checked > 0 || ["fill", "drawing", "bitmap", "mask", "curves"].contains(&r.code)),
+        proof.rules.iter().all(|r| r.checked > 0
+            || ["fill", "drawing", "bitmap", "mask", "curves", "measured", "draped"].contains(&r.code)),
         "{}",
         proof.to_text()
     );

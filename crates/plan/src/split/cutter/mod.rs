@@ -47,6 +47,8 @@ struct OpenFragment {
     segment: u32,
     first: usize,
     z: [f64; 2],
+    /// The same with what is kept free above and below each place, nm.
+    held: [f64; 2],
     z_length: f64,
     cos_length: f64,
     slope2: f64,
@@ -74,6 +76,7 @@ impl OpenFragment {
             segment,
             first,
             z: [f64::INFINITY, f64::NEG_INFINITY],
+            held: [f64::INFINITY, f64::NEG_INFINITY],
             z_length: 0.0,
             cos_length: 0.0,
             slope2: 0.0,
@@ -92,6 +95,7 @@ impl OpenFragment {
     fn restart(&mut self, segment: u32) {
         self.segment = segment;
         self.z = [f64::INFINITY, f64::NEG_INFINITY];
+        self.held = self.z;
         self.z_length = 0.0;
         self.cos_length = 0.0;
         self.slope2 = 0.0;
@@ -104,6 +108,8 @@ impl OpenFragment {
 struct UnderMark {
     /// Lowest and highest height, nm.
     z: [f64; 2],
+    /// The same with what is kept free above and below, nm.
+    held: [f64; 2],
     mean_z: f64,
     /// Length of the mark in the field, nm; 0 of a dot.
     length: f64,
@@ -259,7 +265,10 @@ impl<'a> Cutter<'a> {
         self.out.points.push(self.local(stop, s.a, p.z0));
         self.out.list.push(Fragment { stop, source: self.source, pen: self.pen, first, len: 1, ..Fragment::default() });
         let cos = 1.0 / (1.0 + slope2).sqrt();
-        let measure = self.measure(stop, UnderMark { z: [z; 2], mean_z: z, length: 0.0, cos, slope2 });
+        let measure = self.measure(
+            stop,
+            UnderMark { z: [z; 2], held: [z - p.reserve, z + p.reserve], mean_z: z, length: 0.0, cos, slope2 },
+        );
         self.out.measures.push(measure);
     }
 
@@ -361,9 +370,10 @@ impl<'a> Cutter<'a> {
             return self.turned_exit(stop, turn, s, p, t);
         }
         let stop = &self.stops.stops[stop.index()].stop;
-        let (lo, hi) = (stop.z_lo.f64(), stop.z_hi.f64());
-        // At the edge of a sheet the height jumps from one piece to the next.
-        if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
+        let (lo, hi) = (stop.z_lo.f64() + p.reserve, stop.z_hi.f64() - p.reserve);
+        // At the edge of a sheet the height jumps from one piece to the next; and of stops that reach the height of a
+        // place not all keep enough free there.
+        if (t == p.t0 || p.reserve > 0.0) && (p.z(t) > hi + EPS || p.z(t) < lo - EPS) {
             return t;
         }
         // The height is linear along the piece: the stop is left where it reaches the limit that its far end lies
@@ -570,6 +580,8 @@ impl<'a> Cutter<'a> {
         let drawn = (t[1] - t[0]) * s.a.distance(s.b);
         let length = ends.map_or(drawn, |[a, b]| math::hypot(b[0] - a[0], b[1] - a[1]));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        let kept = p.reserve;
+        open.held = [open.held[0].min(z[0].min(z[1]) - kept), open.held[1].max(z[0].max(z[1]) + kept)];
         open.cos_length += length / (1.0 + slope2).sqrt();
         // A piece no longer than the grid is only rounding of a cut: the mark touches that facet but does not lie on
         // it.
@@ -625,7 +637,7 @@ impl<'a> Cutter<'a> {
         // all of it would be marked twice.
         let is_shared = open.shared > 0.0 && length - open.shared < 1.0;
         if count < 2 || length < self.least.mark || is_sliver && adjoins || is_shared {
-            self.leave_out(open.stop, open.first, open.z, length - open.shared);
+            self.leave_out(open.stop, open.first, open.held, length - open.shared);
             self.last = Before::Skipped;
             return false;
         }
@@ -652,7 +664,7 @@ impl<'a> Cutter<'a> {
         } else {
             [self.z, 1.0 / (1.0 + open.slope2).sqrt()]
         };
-        let under = UnderMark { z: open.z, mean_z, length: open.length, cos, slope2: open.slope2 };
+        let under = UnderMark { z: open.z, held: open.held, mean_z, length: open.length, cos, slope2: open.slope2 };
         let measure = self.measure(open.stop, under);
         self.out.measures.push(measure);
         self.last = Before::Marked { spare: is_sliver.then_some(length) };
@@ -668,7 +680,7 @@ impl<'a> Cutter<'a> {
         let follows = self.out.points.split_off(first);
         let first = sliver.first as usize;
         let z_lo = self.stops.stops[sliver.stop.index()].stop.z_lo;
-        self.leave_out(sliver.stop, first, measure.z.map(|z| z_lo.f64() + f64::from(z)), length - shared);
+        self.leave_out(sliver.stop, first, measure.held(z_lo.f64()), length - shared);
         self.out.points.extend(follows);
         first
     }
@@ -677,8 +689,15 @@ impl<'a> Cutter<'a> {
     fn measure(&mut self, stop: StopId, under: UnderMark) -> Measure {
         self.worst_turned2 = self.worst_turned2.max(under.slope2);
         let z_lo = self.stops.stops[stop.index()].stop.z_lo.f64();
+        // Where something is kept free its ends are no whole numbers: a nanometre more than the stop admits would be too
+        // much.
+        let held = |z: f64, held: f64, inwards: fn(f64) -> f64| {
+            let over = held - z_lo;
+            (if held == z { over.round() } else { inwards(over) }) as i32
+        };
         Measure {
             z: under.z.map(|z| (z - z_lo).round() as i32),
+            held: [held(under.z[0], under.held[0], f64::ceil), held(under.z[1], under.held[1], f64::floor)],
             mean_z: (under.mean_z - z_lo) as f32,
             length: under.length as f32,
             versine: (1.0 - under.cos) as f32,

@@ -82,6 +82,12 @@ impl AcceptedBox {
 }
 
 impl PieceChecker<'_> {
+    /// Whether it is asked which block would have marked a run. What marks on a measured part keep free, and so which
+    /// block has the ends of their strokes, the program knows by cells of its own.
+    fn is_asked(&self, run: &StretchRun) -> bool {
+        self.depth_holds && run.len > SHORTEST && !self.geometry.keeps_free()
+    }
+
     /// Whether the block of the mark before a run would have continued it: for certain it accepts how the run begins,
     /// as far from its border as `zone` says, in plan and in height.
     pub(super) fn would_continue(
@@ -92,7 +98,7 @@ impl PieceChecker<'_> {
         scratch: &mut Scratch,
     ) -> bool {
         let Some(begin) = run.begin(BEGIN) else { return false };
-        if !self.depth_holds || run.len <= SHORTEST {
+        if !self.is_asked(run) {
             return false;
         }
         let reach = self.geometry.reach();
@@ -108,7 +114,7 @@ impl PieceChecker<'_> {
     /// four fifths, and no other block may accept all. Where another does, or more is in doubt, which stop had how the
     /// run begins lies in the last figure of a border or of a height.
     pub(super) fn would_have_begun(&mut self, mark: &MarkSpan, run: &StretchRun, scratch: &mut Scratch) -> bool {
-        if !self.depth_holds || run.len <= SHORTEST {
+        if !self.is_asked(run) {
             return false;
         }
         let reach = self.geometry.reach();

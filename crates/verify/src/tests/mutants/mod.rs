@@ -389,10 +389,8 @@ fn compiled_job_verifies() {
     assert!(proof.ok, "{}", proof.to_text());
     // No texture of it is a drawing.
     assert!(
-        proof
-            .rules
-            .iter()
-            .all(|r| r.ran && (r.checked > 0 || ["drawing", "bitmap", "mask", "curves"].contains(&r.code))),
+        proof.rules.iter().all(|r| r.ran
+            && (r.checked > 0 || ["drawing", "bitmap", "mask", "curves", "measured", "draped"].contains(&r.code))),
         "{}",
         proof.to_text()
     );

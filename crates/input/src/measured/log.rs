@@ -1,0 +1,104 @@
+//! Logs of probes, as controllers write them.
+//!
+//! LinuxCNC appends one row of nine positions to the file of `(PROBEOPEN ...)` for each probe move; GRBL answers each
+//! with `[PRB:x,y,z:1]`, or `:0` where nothing was touched, among whatever else it says. Both count in mm here: the
+//! programs that terrace writes set G21.
+
+use std::path::Path;
+
+use super::MAX_POINTS;
+use super::table::text_of;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::geom::SpacePoint;
+
+/// What a log holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MarkedLog {
+    /// Positions of the axes at which the probe has touched, mm, each with its line.
+    pub touched: Vec<(usize, SpacePoint)>,
+    /// Lines of probe moves that touched nothing.
+    pub missed: Vec<usize>,
+}
+
+/// Positions of a row of LinuxCNC: x y z a b c u v w.
+const LINUXCNC_NUMBERS: usize = 9;
+
+/// Reads the log of a probe.
+///
+/// # Errors
+/// `file-unreadable`; `probe-log` where a line is neither, or nothing was touched.
+pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
+    let shown = path.display().to_string();
+    let text = text_of(path)?;
+    let mut log = MarkedLog::default();
+    // A log of GRBL holds all else that it says; one of LinuxCNC holds positions alone.
+    let is_grbl = text.contains("[PRB:");
+    for (line, row) in (1..).zip(text.lines()) {
+        let row = row.trim();
+        let fault = || {
+            let start: String = row.chars().take(60).collect();
+            let d = Diag::input("probe-log", format!("{start:?} is not the position of a probe"));
+            Error::from(d.at(Place::line(&shown, line)).hint(HINT))
+        };
+        if is_grbl {
+            let Some(at) = row.find("[PRB:") else { continue };
+            let answer =
+                row[at + 5..].split_once(']').and_then(|(answer, _)| answer.split_once(':')).ok_or_else(fault)?;
+            let position = numbers(answer.0.split(',')).filter(|n| n.len() >= 3).ok_or_else(fault)?;
+            match answer.1 {
+                "1" => log.touched.push((line, [position[0], position[1], position[2]])),
+                "0" => log.missed.push(line),
+                _ => return Err(fault()),
+            }
+        } else if !row.is_empty() {
+            let position = numbers(row.split_whitespace()).filter(|n| n.len() == LINUXCNC_NUMBERS).ok_or_else(fault)?;
+            log.touched.push((line, [position[0], position[1], position[2]]));
+        }
+        if log.touched.len() > MAX_POINTS {
+            let d = Diag::limit("probe-log", format!("the log holds more than {MAX_POINTS} points"));
+            return Err(d.at(Place::line(&shown, line)).into());
+        }
+    }
+    if log.touched.is_empty() {
+        let text = if log.missed.is_empty() { "the log holds no point" } else { "the probe has touched nothing" };
+        return Err(Diag::input("probe-log", text).at(Place::file(shown)).hint(HINT).into());
+    }
+    Ok(log)
+}
+
+const HINT: &str = "give the file that LinuxCNC has written after (PROBEOPEN ...), or what GRBL has answered, with its \
+                    [PRB:...] lines";
+
+fn numbers<'a>(fields: impl Iterator<Item = &'a str>) -> Option<Vec<f64>> {
+    fields.map(|field| field.trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() < 1e5)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<MarkedLog, String> {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        read_log(file.path()).map_err(|e| e.diags()[0].message.clone())
+    }
+
+    #[test]
+    fn logs_of_both_controllers_are_read() {
+        let linuxcnc = "1.5 2.25 -3 0 0 0 0 0 0\n2.5 2.25 -3.125000 0 0 0 0 0 0\n";
+        assert_eq!(read(linuxcnc).expect("a log").touched, [(1, [1.5, 2.25, -3.0]), (2, [2.5, 2.25, -3.125])]);
+        let grbl = "Grbl 1.1h ['$' for help]\nok\n[PRB:1.5,2.25,-3.000:1]\nok\n[PRB:0.000,0.000,-9.000:0]\nALARM:5\n";
+        let log = read(grbl).expect("a log");
+        assert_eq!((log.touched, log.missed), (vec![(3, [1.5, 2.25, -3.0])], vec![5]));
+    }
+
+    #[test]
+    fn what_is_no_log_is_refused() {
+        assert_eq!(read(""), Err("the log holds no point".to_owned()));
+        assert_eq!(read("[PRB:0,0,0:0]\n"), Err("the probe has touched nothing".to_owned()));
+        assert_eq!(read("1 2 3\n"), Err("\"1 2 3\" is not the position of a probe".to_owned()));
+        assert!(
+            read("[PRB:1,2:1]\n").is_err() && read("[PRB:1,2,nan:1]\n").is_err() && read("[PRB:1,2,3:7]\n").is_err()
+        );
+    }
+}

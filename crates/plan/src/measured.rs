@@ -1,0 +1,347 @@
+//! Where a measured part lies, and what of it is planned on.
+//!
+//! Consumes the table of a job and the part as designed, turned as the job says. Promises the rigid motion onto the
+//! stage, as a placement of whole increments and a rotation with a rest below one, and the surface and texture as they
+//! lie: all that follows plans on these. Points that do not go together, or leave a motion free, are refused by name.
+
+use std::sync::Arc;
+
+use crate::projection::HeightReserve;
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::geom::{NM_PER_MM, Nm, SpacePoint, Turn, cos_sin};
+use terrace_core::machine::{Machine, Origin};
+use terrace_core::math;
+use terrace_input::job::{Job, MeasuredInput};
+use terrace_input::measured::{Measure, MeasuredPoint, read_table};
+use terrace_input::surface::{Joining, Surface};
+use terrace_input::texture::{Draped, Draping, Lost, LostMarks, Texture};
+use terrace_register::{Facets, Fit, FreeMotion, Motion, Pair, PairsFault, Points, Touch, fit, pairs_fault};
+
+/// A part as it lies, measured.
+#[derive(Clone, Debug)]
+pub struct Lying {
+    /// The fit, in mm; from the part as the job turns it to the table frame.
+    pub fit: Fit,
+    /// The points, in the order of the table.
+    pub points: Vec<PointResidual>,
+    /// The placement that the job is planned with: whole increments.
+    pub origin: Origin,
+    /// What moves the part beside its placement: the rows of a rotation, and a shift below an increment, nm.
+    pub rows: [SpacePoint; 3],
+    /// See `rows`.
+    pub rest_nm: SpacePoint,
+}
+
+/// A measured point, and what the fit leaves of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointResidual {
+    /// Its name.
+    pub name: String,
+    /// Where it lies in the table frame, mm.
+    pub at: SpacePoint,
+    /// Measured less fitted, mm: along x, y and z of a feature; of a touch its distance above the part, along the
+    /// normal.
+    pub residual: Residual,
+}
+
+/// What the fit leaves of a point, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Residual {
+    /// Of a feature.
+    Place(SpacePoint),
+    /// Above the part; and whether the point lies on it.
+    Above(f64, bool),
+}
+
+/// What a measured part changes of the inputs.
+#[derive(Clone, Debug)]
+pub struct MeasuredPart {
+    /// Where it lies.
+    pub lying: Lying,
+    /// The part as designed and as it lies.
+    pub draping: Arc<Draping>,
+    /// The texture of the first pass, as designed.
+    pub texture: Texture,
+    /// What of it is left out in the first pass.
+    pub lost: Lost,
+    /// How surely its height is known, and what is kept free for that.
+    pub reserve: Arc<HeightReserve>,
+}
+
+impl PointResidual {
+    /// How far the point lies from where the fit has it, mm.
+    pub fn distance_mm(&self) -> f64 {
+        match self.residual {
+            Residual::Place(r) => r.iter().map(|v| v * v).sum::<f64>().sqrt(),
+            Residual::Above(distance, _) => distance.abs(),
+        }
+    }
+
+    /// Whether it counts: no touch beside the part.
+    pub fn counts(&self) -> bool {
+        !matches!(self.residual, Residual::Above(_, false))
+    }
+}
+
+impl Lying {
+    /// Largest distance of a point that counts from where the fit has it, mm.
+    pub fn worst_residual_mm(&self) -> f64 {
+        self.points.iter().filter(|p| p.counts()).map(PointResidual::distance_mm).fold(0.0, f64::max)
+    }
+
+    /// The motion of the part beside its placement.
+    pub fn turn(&self) -> Turn {
+        Turn::rigid(self.rows, self.rest_nm)
+    }
+}
+
+/// A point of the stage's axes in the table frame, mm.
+pub fn table_from_stage(machine: &Machine, stage: SpacePoint) -> SpacePoint {
+    let signs = machine.axes().map(|(_, axis)| axis.sign() as f64);
+    [0, 1, 2].map(|k| signs[k] * stage[k])
+}
+
+/// Fits the part of a job to the points of its table; None where it was not measured.
+///
+/// # Errors
+/// Faults of the table; `measured-start`, `measured-apart`, `measured-free`, `measured-off`.
+pub fn lying(
+    job: &Job,
+    machine: &Machine,
+    designed: &Surface,
+    warnings: &mut Vec<Diag>,
+) -> Result<Option<Lying>, Error> {
+    let Some(MeasuredInput { file, .. }) = &job.placement.measured else { return Ok(None) };
+    let path = job.relative(file);
+    let points = read_table(&path)?;
+    fitted(job, machine, designed, &points, &path.display().to_string(), warnings).map(Some)
+}
+
+/// Fits the part of a job to measured points; `shown` names their file.
+///
+/// # Errors
+/// `measured-start`, `measured-apart`, `measured-free`, `measured-off`.
+pub fn fitted(
+    job: &Job,
+    machine: &Machine,
+    designed: &Surface,
+    points: &[MeasuredPoint],
+    shown: &str,
+    warnings: &mut Vec<Diag>,
+) -> Result<Lying, Error> {
+    let turn = cos_sin(job.placement.turn.as_rad());
+    let (mut pairs, mut touches) = (Vec::new(), Vec::new());
+    for point in points {
+        let stage = table_from_stage(machine, point.stage);
+        let [sigma, sigma_z] = point.sigma_mm;
+        match point.measure {
+            Measure::Optical { part } => {
+                pairs.push(Pair { part: turned(part, turn), stage, sigma: [sigma, sigma, sigma_z] });
+            }
+            Measure::Touch { tip_mm } => touches.push(Touch { stage, off: tip_mm, sigma, is_along_z: false }),
+            Measure::Distance => touches.push(Touch { stage, off: 0.0, sigma, is_along_z: true }),
+        }
+    }
+    let of_pairs: Vec<&MeasuredPoint> =
+        points.iter().filter(|p| matches!(p.measure, Measure::Optical { .. })).collect();
+    if let Some(fault) = pairs_fault(&pairs) {
+        return Err(apart(fault, &of_pairs, shown).into());
+    }
+    let start = match job.placement.origin {
+        Some(origin) => Motion::shift(origin.mm()),
+        None if pairs.len() >= 3 => Motion::shift([0.0; 3]),
+        None => {
+            let text = "points without partners on the part need a start: placement.origin, right to some millimetres";
+            let fault = Diag::input("measured-start", text).at(job.place_of("placement"));
+            return Err(fault.hint("state where the part's origin lies on the table, about").into());
+        }
+    };
+    let mut facets = Vec::new();
+    if !touches.is_empty() {
+        designed.each_facet(&mut |facet| facets.push(facet.map(|at| at.map(|nm| nm / NM_PER_MM))));
+    }
+    let part = Facets::new(facets);
+    let found = fit(&Points { pairs: &pairs, touches: &touches, part: &part }, &start);
+    if !found.free.is_empty() {
+        return Err(free(&found.free, shown).into());
+    }
+    let off = found.touches.iter().filter(|t| !t.is_on_part).count();
+    if off * MOST_OFF > touches.len() {
+        let text = format!("{off} of {} points do not lie on the part as it would lie", touches.len());
+        let hint = "check placement.origin, which is the start, the unit of the part, and the offset of the probe";
+        return Err(Diag::limit("measured-off", text).at(Place::file(shown)).hint(hint).into());
+    }
+    warnings.extend(noise(&found, shown));
+    warnings.extend(grown(&found, designed, shown));
+    let (origin, rest_nm) = placed(machine, &found.motion, shown)?;
+    let points = residuals(points, machine, &found);
+    Ok(Lying { points, rows: found.motion.rows(), fit: found, origin, rest_nm })
+}
+
+/// At most one in so many touches may lie off the part.
+const MOST_OFF: usize = 3;
+
+/// Residuals so many times larger than the stated noise are told.
+const NOISE_FACTOR: f64 = 2.0;
+
+/// The placement of a motion, and the rest below an increment, nm.
+fn placed(machine: &Machine, motion: &Motion, shown: &str) -> Result<(Origin, SpacePoint), Error> {
+    let step = machine.increment_nm();
+    let at = motion.origin().map(|mm| mm * NM_PER_MM);
+    if at.iter().any(|nm| nm.abs() > terrace_core::geom::MAX_NM.f64()) {
+        let fault = Diag::input("measured-apart", "the part would lie beyond 4 m of the table's origin");
+        return Err(fault.at(Place::file(shown)).hint("check the unit of the points").into());
+    }
+    let origin = at.map(|nm| (Nm::round(nm / step.f64()) * step.0).0);
+    let rest_nm = [0, 1, 2].map(|k| at[k] - origin[k] as f64);
+    Ok((Origin(origin), rest_nm))
+}
+
+/// What the fit leaves of each point.
+fn residuals(points: &[MeasuredPoint], machine: &Machine, fit: &Fit) -> Vec<PointResidual> {
+    let (mut pairs, mut touches) = (fit.pairs.iter(), fit.touches.iter());
+    let residual = |point: &MeasuredPoint| match point.measure {
+        Measure::Optical { .. } => Residual::Place(pairs.next().copied().unwrap_or_default()),
+        Measure::Touch { .. } | Measure::Distance => {
+            touches.next().map_or(Residual::Above(0.0, false), |t| Residual::Above(t.distance, t.is_on_part))
+        }
+    };
+    let residuals: Vec<Residual> = points.iter().map(residual).collect();
+    let named = points.iter().zip(residuals).map(|(point, residual)| PointResidual {
+        name: point.name.clone(),
+        at: table_from_stage(machine, point.stage),
+        residual,
+    });
+    named.collect()
+}
+
+/// A point of the part as the job turns it.
+fn turned([x, y, z]: SpacePoint, [c, s]: [f64; 2]) -> SpacePoint {
+    [c * x - s * y, s * x + c * y, z]
+}
+
+/// What is said of pairs that do not go together.
+fn apart(fault: PairsFault, points: &[&MeasuredPoint], shown: &str) -> Diag {
+    let name = |i: usize| format!("{} (line {})", points[i].name, points[i].line);
+    let (text, hint, line) = match fault {
+        PairsFault::Wrong(i) => (
+            format!("{} does not go with the other points, which go together", name(i)),
+            "measure it again, or leave it out",
+            points[i].line,
+        ),
+        PairsFault::Exchanged(i, k) => (
+            format!("{} and {} are exchanged: the points go together the other way round", name(i), name(k)),
+            "exchange their stage positions, and check that no other two are exchanged",
+            points[i].line,
+        ),
+        PairsFault::Mirrored => (
+            "the points go together in a mirror alone".to_owned(),
+            "check the signs of the axes: stage_x, stage_y and stage_z are what the controller shows, and the machine \
+             file says what each axis carries",
+            points[0].line,
+        ),
+        PairsFault::Apart(i) => (
+            format!("the points do not go together within their noise; {} is farthest off", name(i)),
+            "check the points, the unit of the part and sigma_um; a fourth point shows which one is wrong",
+            points[i].line,
+        ),
+    };
+    Diag::limit("measured-apart", text).at(Place::line(shown, line)).hint(hint)
+}
+
+/// What is said of motions that no point holds.
+fn free(free: &[FreeMotion], shown: &str) -> Diag {
+    let all: Vec<String> = free.iter().map(described).collect();
+    let text = format!("the points do not hold the part: {} stays free", all.join("; "));
+    let hint = "add points that hold it: features of which three do not lie on one line, or touches on faces that look \
+                other ways";
+    Diag::limit("measured-free", text).at(Place::file(shown)).hint(hint)
+}
+
+/// A free motion in words: a shift where the points move alike, a turn where they do not.
+fn described(motion: &FreeMotion) -> String {
+    let length = |v: &SpacePoint| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let (turn, shift) = (length(&motion.turn) * motion.extent, length(&motion.shift));
+    let direction = |v: &SpacePoint| {
+        let size = length(v);
+        let largest = (0..3).max_by(|&a, &b| v[a].abs().total_cmp(&v[b].abs())).unwrap_or(0);
+        let signed = v.map(|c| c / size * v[largest].signum());
+        let axis = ["x", "y", "z"][largest];
+        if signed[largest] > 0.999 {
+            axis.to_owned()
+        } else {
+            format!("({:.2}, {:.2}, {:.2})", signed[0], signed[1], signed[2])
+        }
+    };
+    if turn > 0.05 * shift {
+        let also = if shift > 0.05 * turn { ", with the shift that goes with it" } else { "" };
+        format!("a turn about {}{also}", direction(&motion.turn))
+    } else {
+        format!("a shift along {}", direction(&motion.shift))
+    }
+}
+
+/// Residuals that are larger than the noise that the table states.
+fn noise(fit: &Fit, shown: &str) -> Option<Diag> {
+    (fit.noise_factor > NOISE_FACTOR).then(|| {
+        let text = format!(
+            "the points miss the part by {:.1} times the noise that the table states: its uncertainty counts as much more",
+            fit.noise_factor
+        );
+        let hint = "the part may be warped, or sigma_um too small; `terrace register` shows each point";
+        Diag::warning("measured-noise", text).at(Place::file(shown)).hint(hint)
+    })
+}
+
+/// A part that is larger on the stage than by its file.
+fn grown(fit: &Fit, designed: &Surface, shown: &str) -> Option<Diag> {
+    let scale = fit.scale.filter(|scale| scale.excess.abs() > 3.0 * scale.sigma)?;
+    let size = designed.part_box_mm().size();
+    let um = scale.excess.abs() * math::hypot(size[0], size[1]) * 1e3;
+    let word = if scale.excess > 0.0 { "larger" } else { "smaller" };
+    let text = format!(
+        "the part is {:.4} % ({um:.1} um over its box) {word} on the stage than by its file; it is not scaled",
+        scale.excess.abs() * 100.0
+    );
+    Some(Diag::warning("measured-scale", text).at(Place::file(shown)).hint("check its temperature and its unit"))
+}
+
+/// The surface and the texture of a job as its measured part lies.
+///
+/// # Errors
+/// Those of the part as it lies; `texture-empty`.
+pub(crate) fn draped(
+    job: &Job,
+    lying: Lying,
+    designed: &Arc<Surface>,
+    texture: Texture,
+    joining: Joining,
+    warnings: &mut Vec<Diag>,
+) -> Result<(Arc<Surface>, Texture, MeasuredPart), Error> {
+    let turn = lying.turn();
+    let surface = Arc::new(designed.moved(&turn, joining)?);
+    let draping = Arc::new(Draping::new(Arc::clone(designed), Arc::clone(&surface), turn, job.limits.max_slope()));
+    let Draped { texture: moved, lost, .. } = texture.draped(&draping)?;
+    warnings.extend(left_out(&lost));
+    let sigmas = job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas);
+    let of = &lying.fit.uncertainty;
+    let reserve = Arc::new(HeightReserve::new(&surface, of, lying.origin, job.limits.max_slope(), sigmas));
+    Ok((surface, moved, MeasuredPart { lying, draping, texture, lost, reserve }))
+}
+
+/// What of the texture a measured part does not show.
+fn left_out(lost: &Lost) -> Vec<Diag> {
+    let hint = "it leans: clamp it straighter, or mark that part of it in another set-up";
+    let text = |marks: LostMarks, what: &str| {
+        let dots = if marks.dots > 0 { format!(" and {} dots", marks.dots) } else { String::new() };
+        format!("{:.3} mm{dots} of texture {what} the part as it lies, and is not marked", Nm(marks.nm).mm())
+    };
+    let mut warnings = Vec::new();
+    if !lost.hidden.is_none() {
+        warnings.push(Diag::warning("measured-hidden", text(lost.hidden, "is hidden by")).hint(hint));
+    }
+    if !lost.beside.is_none() {
+        warnings.push(Diag::warning("measured-beside", text(lost.beside, "lies beside")).hint(hint));
+    }
+    warnings
+}

@@ -1,0 +1,104 @@
+//! A measured part: its pose is proved first, then each pass of its texture.
+
+use std::sync::Arc;
+
+use super::findings::{Findings, RuleCode};
+use super::geometry::{Geometry, HeightDoubt, Pose};
+use super::job_facts::JobFacts;
+use super::read::manifest::Manifest;
+use super::rules::draped::{LyingPart, Strokes};
+use super::{Drawing, rules};
+use terrace_core::diag::Error;
+use terrace_core::geom::Turn;
+use terrace_input::job::Job;
+use terrace_input::measured::read_table;
+use terrace_input::surface::Joining;
+use terrace_input::texture::{Draping, Texture};
+
+/// Where the part of a job lies.
+pub(super) enum Lying {
+    /// It was not measured: as designed, where the job places it.
+    AsDesigned,
+    /// As it was measured.
+    Measured(Box<Measured>),
+}
+
+/// A measured part.
+pub(super) struct Measured {
+    geometry: Geometry,
+    pose: Pose,
+    draping: Arc<Draping>,
+}
+
+/// Where the part of a job lies; None where its manifest does not say that, which is noted.
+///
+/// # Errors
+/// Faults of the table, and of the surface file.
+pub(super) fn lying(
+    job: &Job,
+    manifest: &Manifest,
+    facts: &JobFacts,
+    designed: &Geometry,
+    findings: &mut Findings,
+) -> Result<Option<Lying>, Error> {
+    let [measured, draped] = findings.rules.several([RuleCode::Measured, RuleCode::Draped]);
+    let Some(input) = &job.placement.measured else {
+        (measured.ran, draped.ran) = (true, true);
+        let is_stated = manifest.placement.measured.is_some();
+        measured.require(
+            "manifest.json",
+            !is_stated,
+            "it says how a measured part lies, but the job has not measured one",
+        );
+        return Ok(Some(Lying::AsDesigned));
+    };
+    let points = read_table(&job.relative(&input.file))?;
+    let Some(proved) = rules::measured::check(manifest, &points, facts, designed, measured) else { return Ok(None) };
+    let joining = Joining {
+        weld_mm: job.surface.weld.mm(),
+        narrow_mm: facts.machine.lens.spot.as_mm(),
+        non_manifold: job.surface.non_manifold,
+    };
+    let rules::measured::ProvedPose { beside: pose, centre, covariance } = proved;
+    let doubt = HeightDoubt { centre, covariance, sigmas: input.sigmas };
+    let motion = Turn::rigid(pose.rows, pose.shift);
+    let turn = job.placement.turn.as_rad();
+    let draping =
+        Draping::load(&job.surface_path(), &job.surface.options, joining, turn, motion, job.limits.max_slope())?;
+    let measured = Measured { geometry: designed.moved(&pose, doubt), pose, draping: Arc::new(draping) };
+    Ok(Some(Lying::Measured(Box::new(measured))))
+}
+
+impl Lying {
+    /// The part as it lies; None where it was not measured.
+    pub(super) fn geometry(&self) -> Option<&Geometry> {
+        match self {
+            Self::AsDesigned => None,
+            Self::Measured(part) => Some(&part.geometry),
+        }
+    }
+
+    /// The texture of a pass on the part as it lies; of a measured one its strokes are proved.
+    ///
+    /// # Errors
+    /// Those of [`Texture::draped`].
+    pub(super) fn texture(
+        &self,
+        texture: Texture,
+        designed: &Geometry,
+        findings: &mut Findings,
+    ) -> Result<Texture, Error> {
+        let Self::Measured(part) = self else { return Ok(texture) };
+        let draped = texture.draped(&part.draping)?;
+        let lying = LyingPart { designed, lying: &part.geometry, pose: part.pose };
+        {
+            let strokes = Strokes {
+                designed: &Drawing::from_texture(&texture),
+                lying: &Drawing::from_texture(&draped.texture),
+                pieces: &|i| draped.pieces(i),
+            };
+            rules::draped::check(&lying, &strokes, &mut findings.rules[RuleCode::Draped]);
+        }
+        Ok(draped.texture)
+    }
+}

@@ -1,0 +1,126 @@
+//! Where a measured part lies: the pose of the manifest is the one that fits the points of the table best.
+
+use crate::geometry::{Geometry, Pose};
+use crate::job_facts::JobFacts;
+use crate::pose_fit::{JudgedPose, PosePair, PosePoints, PoseTouch, on_part};
+use crate::proof::Rule;
+use crate::read::manifest::{Manifest, MeasuredPlacement};
+use terrace_core::geom::{NM_PER_MM, SpacePoint, cos_sin};
+use terrace_core::math;
+use terrace_input::measured::{Measure, MeasuredPoint};
+
+/// Where the manifest states it.
+const PLACE: &str = "manifest.json placement.measured";
+
+/// How far a pose of pairs may take a point from where the verifier's own fit takes it, nm; and of touches the step that
+/// would make it fit better.
+const SAME_NM: f64 = 10.0;
+const UNREST_NM: f64 = 100.0;
+
+/// How far from 0 and 1 products of the rows of a rotation may be.
+const SKEW: f64 = 1e-12;
+
+/// How far a residual may be from its own, nm.
+const RESIDUAL_NM: f64 = 100.0;
+
+/// Holds the pose of the manifest against the points; returns it, beside the placement.
+pub(crate) fn check(
+    manifest: &Manifest,
+    points: &[MeasuredPoint],
+    facts: &JobFacts,
+    designed: &Geometry,
+    rule: &mut Rule,
+) -> Option<ProvedPose> {
+    rule.ran = true;
+    let Some(stated) = &manifest.placement.measured else {
+        rule.broken("", PLACE, "the manifest does not say how the measured part lies");
+        return None;
+    };
+    let beside = Pose { rows: stated.rows, shift: stated.rest_nm };
+    rule.require(PLACE, beside.skew() <= SKEW, "its rows are not those of a rotation");
+    let increment = facts.machine.increment_nm().f64();
+    let is_rest = stated.rest_nm.iter().all(|v| v.abs() <= increment / 2.0 + 1e-3);
+    rule.require(PLACE, is_rest, "its rest is more than half an increment of the stage");
+    let origin = manifest.placement.origin_mm.map(|mm| (mm * NM_PER_MM).round());
+    let pose = Pose { shift: [0, 1, 2].map(|k| origin[k] + stated.rest_nm[k]), ..beside };
+    let all = placed(points, facts, designed);
+    if all.touches.is_empty() {
+        let own = all.by_pairs();
+        let off = own.map_or(f64::INFINITY, |own| farthest(&pose, &own, designed, &all));
+        rule.require(PLACE, off <= SAME_NM, &format!("it takes the part {off:.1} nm from where the points have it"));
+    }
+    let Some(JudgedPose { unrest_nm: step, touches, covariance }) = all.judged(&pose) else {
+        rule.broken("", PLACE, "the points do not hold the part");
+        return None;
+    };
+    rule.require(PLACE, step <= UNREST_NM, &format!("the part fits its points better {step:.0} nm from there"));
+    let on_part = on_part(&touches);
+    let off = on_part.iter().filter(|on| !**on).count();
+    rule.require(PLACE, stated.off_part == off, "its number of points beside the part is another");
+    let of_touches = touches.iter().zip(on_part).filter(|(_, on)| *on).map(|(t, _)| t.distance.abs());
+    let of_pairs = all.pairs.iter().map(|pair| apart(pose.apply(pair.part), pair.table));
+    let worst = of_touches.chain(of_pairs).fold(0.0, f64::max);
+    let is_worst = (worst - stated.worst_residual_um * 1e3).abs() <= RESIDUAL_NM;
+    rule.require(PLACE, is_worst, "its worst residual is another");
+    figures(stated, points, rule);
+    rule.checked += points.len() as u64;
+    let centre = all.middle();
+    Some(ProvedPose { beside, centre: [0, 1, 2].map(|k| centre[k] - origin[k]), covariance })
+}
+
+/// The pose of a measured part beside its placement, and how surely it is known.
+pub(crate) struct ProvedPose {
+    pub(crate) beside: Pose,
+    /// What small motions turn about, nm, beside the placement.
+    pub(crate) centre: SpacePoint,
+    /// Of the rotation vector, rad, and the shift, nm.
+    pub(crate) covariance: [[f64; 6]; 6],
+}
+
+/// Holds what follows from the pose and the table.
+fn figures(stated: &MeasuredPlacement, points: &[MeasuredPoint], rule: &mut Rule) {
+    rule.require(PLACE, stated.points == points.len(), "its number of points is not that of the table");
+    let [_, _, [x, y, z]] = stated.rows;
+    let lean = math::atan2(math::hypot(x, y), z).to_degrees();
+    rule.require(PLACE, (lean - stated.lean_deg).abs() <= 1e-9, "its lean is not that of its rows");
+}
+
+/// The points in the table frame, nm.
+fn placed<'a>(points: &[MeasuredPoint], facts: &JobFacts, part: &'a Geometry) -> PosePoints<'a> {
+    let [cos, sin] = cos_sin(facts.turn_deg.to_radians());
+    let signs = facts.machine.axes().map(|(_, axis)| axis.sign() as f64);
+    let (mut pairs, mut touches) = (Vec::new(), Vec::new());
+    for point in points {
+        let table = [0, 1, 2].map(|k| signs[k] * point.stage[k] * NM_PER_MM);
+        let [sigma, sigma_z] = point.sigma_mm.map(|mm| mm * NM_PER_MM);
+        match point.measure {
+            Measure::Optical { part: [x, y, z] } => {
+                let part = [x * cos - y * sin, x * sin + y * cos, z].map(|mm| mm * NM_PER_MM);
+                pairs.push(PosePair { part, table, sigma: [sigma, sigma, sigma_z] });
+            }
+            Measure::Touch { tip_mm } => {
+                touches.push(PoseTouch { table, off: tip_mm * NM_PER_MM, sigma, is_along_z: false });
+            }
+            Measure::Distance => touches.push(PoseTouch { table, off: 0.0, sigma, is_along_z: true }),
+        }
+    }
+    PosePoints { pairs, touches, part }
+}
+
+fn apart(a: SpacePoint, b: SpacePoint) -> f64 {
+    math::hypot(math::hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2])
+}
+
+/// How far two poses take the corners of the part, and its points, from each other, nm.
+fn farthest(a: &Pose, b: &Pose, designed: &Geometry, points: &PosePoints<'_>) -> f64 {
+    let mut corners: Vec<SpacePoint> = points.pairs.iter().map(|p| p.part).collect();
+    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    designed.each_facet(&mut |facet| {
+        for p in facet {
+            lo = [0, 1, 2].map(|k| lo[k].min(p[k]));
+            hi = [0, 1, 2].map(|k| hi[k].max(p[k]));
+        }
+    });
+    corners.extend((0..8).map(|i| [0, 1, 2].map(|k| if i >> k & 1 == 0 { lo[k] } else { hi[k] })));
+    corners.iter().map(|&p| apart(a.apply(p), b.apply(p))).fold(0.0, f64::max)
+}

@@ -1,0 +1,169 @@
+//! `terrace register`: where a measured part lies, as text and as JSON; and the table of points of a probe's log.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::args::{Args, Choice, ProbeArgs};
+use super::{load, print, show, warn, write_file};
+use terrace_core::diag::{Diag, Error, Place};
+use terrace_core::geom::SpacePoint;
+use terrace_core::machine::Machine;
+use terrace_core::math;
+use terrace_core::progress::Task;
+use terrace_core::units::Length;
+use terrace_input::job::Job;
+use terrace_input::measured::{Measure, MeasuredPoint, read_log, read_table, written};
+use terrace_plan::measured::{Lying, PointResidual, Residual, fitted};
+use terrace_plan::plan;
+
+/// Points that are listed in the text, those of the largest residuals; JSON has all.
+const LISTED: usize = 40;
+
+/// Fits the part of a job to its measured points, and prints where it lies; a log becomes its table first.
+pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &ProbeArgs) -> Result<(), Error> {
+    let job = load(args, path, &Choice::default())?;
+    let machine = job.machine().map_err(|e| job.at_keys(&e))?;
+    let Some(measured) = &job.placement.measured else {
+        let fault = Diag::input("register-table", "the job does not name a table of measured points");
+        let hint = "add [placement.measured] with file = \"measured.csv\"";
+        return Err(fault.at(job.place_of("placement")).hint(hint).into());
+    };
+    let table = job.relative(&measured.file);
+    if let Some(log) = log {
+        if table.exists() && !probe.force {
+            let fault = Diag::input("register-exists", "the table of measured points is there already");
+            let hint = "give --force to replace it, or leave out the log to fit the part to it";
+            return Err(fault.at(Place::file(table.display().to_string())).hint(hint).into());
+        }
+        let points = of_log(args, &machine, log, probe)?;
+        write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
+    }
+    let points = read_table(&table).map_err(|e| job.at_keys(&e))?;
+    let mut warnings = Vec::new();
+    let surface =
+        plan::designed(&job, &machine, &mut warnings, &mut |_| {}, Task::silent()).map_err(|e| job.at_keys(&e))?;
+    let shown = table.display().to_string();
+    let lying =
+        fitted(&job, &machine, &surface, &points, &shown, &mut warnings).map_err(|e| e.after(warnings.clone()))?;
+    warn(args, &warnings);
+    let figures = Figures::new(&lying);
+    print(&if args.json { show::json(&figures.json(&lying)) } else { figures.text(&job, &lying) })
+}
+
+/// The points of a probe's log.
+fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Result<Vec<MeasuredPoint>, Error> {
+    let (Some(radius), Some(noise)) = (probe.radius, probe.noise) else {
+        return Err(Diag::input("usage", "a log needs --radius and --noise").into());
+    };
+    let found = read_log(log)?;
+    if let Some(line) = found.missed.first() {
+        let text = format!("{} probe moves touched nothing", found.missed.len());
+        let place = Place::line(log.display().to_string(), *line);
+        warn(args, &[Diag::warning("probe-missed", text).at(place).hint("they are left out")]);
+    }
+    let pretravel = probe.pretravel.map_or(0.0, Length::as_mm);
+    let offset = probe.offset.unwrap_or_default();
+    let signs = machine.axes().map(|(_, axis)| axis.sign() as f64);
+    let point = |(line, at): (usize, SpacePoint)| {
+        // The tip had touched before the controller knew: it stands that much too low.
+        let table = [0, 1, 2].map(|k| signs[k] * at[k] + offset[k] + if k == 2 { pretravel } else { 0.0 });
+        MeasuredPoint {
+            name: format!("touch {line}"),
+            line,
+            measure: Measure::Touch { tip_mm: radius.as_mm() },
+            stage: [0, 1, 2].map(|k| signs[k] * table[k]),
+            sigma_mm: [noise.as_mm(); 2],
+        }
+    };
+    Ok(found.touched.into_iter().map(point).collect())
+}
+
+/// What is told of a fit.
+struct Figures {
+    /// Turn about z, and lean, deg.
+    turn_deg: f64,
+    lean_deg: f64,
+    /// Standard deviations at the middle of the points, um.
+    place_um: SpacePoint,
+    /// Of the turns about x, y and z, mrad.
+    turns_mrad: SpacePoint,
+    on_part: usize,
+}
+
+impl Figures {
+    fn new(lying: &Lying) -> Self {
+        let [[xx, ..], [yx, ..], _] = lying.rows;
+        let uncertainty = &lying.fit.uncertainty;
+        Self {
+            turn_deg: math::atan2(yx, xx).to_degrees(),
+            lean_deg: lying.fit.motion.lean().to_degrees(),
+            place_um: uncertainty.place(uncertainty.centre).map(|mm| mm * 1e3),
+            turns_mrad: uncertainty.turns().map(|rad| rad * 1e3),
+            on_part: lying.points.iter().filter(|p| p.counts()).count(),
+        }
+    }
+
+    fn json(&self, lying: &Lying) -> Value {
+        let scale = lying.fit.scale.map(|scale| json!({"excess": scale.excess, "sigma": scale.sigma}));
+        json!({
+            "origin_mm": lying.fit.motion.origin(),
+            "rows": lying.rows,
+            "turn_deg": self.turn_deg,
+            "lean_deg": self.lean_deg,
+            "centre_mm": lying.fit.uncertainty.centre,
+            "sigma_um": self.place_um,
+            "sigma_turns_mrad": self.turns_mrad,
+            "covariance": lying.fit.uncertainty.covariance,
+            "noise_factor": lying.fit.noise_factor,
+            "scale": scale,
+            "worst_residual_um": lying.worst_residual_mm() * 1e3,
+            "points": lying.points.iter().map(point_json).collect::<Vec<_>>(),
+        })
+    }
+
+    fn text(&self, job: &Job, lying: &Lying) -> String {
+        let mut out = String::new();
+        let [x, y, z] = lying.fit.motion.origin();
+        let [sx, sy, sz] = self.place_um;
+        let [tx, ty, tz] = self.turns_mrad;
+        let count = lying.points.len();
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "points     {count}, of which {} lie on the part", self.on_part);
+        let _ = writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame");
+        let _ = writeln!(out, "turned     {:.4} deg about z, beside placement.turn", self.turn_deg);
+        let _ = writeln!(out, "leaning    {:.4} deg", self.lean_deg);
+        let _ = writeln!(out, "sigma      x {sx:.1} um, y {sy:.1} um, z {sz:.1} um at the middle of the points");
+        let _ = writeln!(out, "           turns about x {tx:.3} mrad, y {ty:.3} mrad, z {tz:.3} mrad");
+        if let Some(scale) = lying.fit.scale {
+            let [excess, sigma] = [scale.excess, scale.sigma].map(|share| share * 100.0);
+            let _ = writeln!(out, "scale      {excess:+.4} % +- {sigma:.4} % of the part's size; not applied");
+        }
+        let _ = writeln!(out, "noise      residuals are {:.2} times what the table states", lying.fit.noise_factor);
+        let mut points: Vec<&PointResidual> = lying.points.iter().collect();
+        points.sort_by(|a, b| b.distance_mm().total_cmp(&a.distance_mm()));
+        let most = if count > LISTED { format!(", the {LISTED} largest of {count}") } else { String::new() };
+        let _ = writeln!(out, "\nRESIDUALS (um{most})");
+        for point in points.into_iter().take(LISTED) {
+            let um = |mm: f64| mm * 1e3;
+            let what = match point.residual {
+                Residual::Place([x, y, z]) => format!("x {:.1}  y {:.1}  z {:.1}", um(x), um(y), um(z)),
+                Residual::Above(off, true) => format!("{:.1} above the part", um(off)),
+                Residual::Above(off, false) => format!("{:.1} above the part: not on it, does not count", um(off)),
+            };
+            let _ = writeln!(out, "  {:<20} {what}", point.name);
+        }
+        let _ = writeln!(out, "\nthen run       terrace compile {}", job.path.display());
+        out
+    }
+}
+
+fn point_json(point: &PointResidual) -> Value {
+    let mut json = json!({"name": point.name, "at_mm": point.at, "residual_um": point.distance_mm() * 1e3});
+    match point.residual {
+        Residual::Place(r) => json["residual_xyz_um"] = json!(r.map(|mm| mm * 1e3)),
+        Residual::Above(_, is_on_part) => json["on_part"] = is_on_part.into(),
+    }
+    json
+}

@@ -1,0 +1,308 @@
+//! Parts that are marked where they lie: points in, marks where they were designed on the part.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use terrace_core::geom::SpacePoint;
+use terrace_core::math;
+use terrace_core::random::Random;
+
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, compile, folder, manifest, number, said, terrace, verify};
+
+/// Where a part lies: rotated about x, y and z, rad, in this order, then shifted, mm.
+#[derive(Clone, Copy)]
+struct Lies {
+    turns: SpacePoint,
+    shift: SpacePoint,
+}
+
+impl Lies {
+    fn of(&self, p: SpacePoint) -> SpacePoint {
+        let [mut x, mut y, mut z] = p;
+        let (s, c) = math::sin_cos(self.turns[0]);
+        (y, z) = (c * y - s * z, s * y + c * z);
+        let (s, c) = math::sin_cos(self.turns[1]);
+        (z, x) = (c * z - s * x, s * z + c * x);
+        let (s, c) = math::sin_cos(self.turns[2]);
+        (x, y) = (c * x - s * y, s * x + c * y);
+        [x + self.shift[0], y + self.shift[1], z + self.shift[2]]
+    }
+}
+
+const LIES: Lies = Lies { turns: [0.004, -0.003, 0.002], shift: [-40.123_456, -30.765_432, -3.25] };
+
+fn form(x: f64, y: f64) -> f64 {
+    3.0 * math::sin(x / 15.0) + 2.0 * math::cos(y / 11.0)
+}
+
+/// A normal deviate.
+fn gauss(random: &mut Random) -> f64 {
+    (-2.0 * math::ln(1.0 - random.unit())).sqrt() * math::cos(std::f64::consts::TAU * random.unit())
+}
+
+/// Axis positions of the built-in machine over a place of the table frame: its stage carries the part, its z the head.
+fn stage([x, y, z]: SpacePoint) -> SpacePoint {
+    [-x, -y, z]
+}
+
+/// The row of a feature.
+fn optical(part: SpacePoint, lies: &Lies, sigma_um: f64) -> String {
+    let [x, y, z] = stage(lies.of(part));
+    let [px, py, pz] = part;
+    format!("optical,{x:.9},{y:.9},{z:.9},{sigma_um},{px},{py},{pz}\n")
+}
+
+const HEAD: &str = "kind,stage_x,stage_y,stage_z,sigma_um,part_x,part_y,part_z\n";
+
+const FEATURES: [SpacePoint; 5] =
+    [[2.0, 3.0, 1.0], [77.0, 4.0, -2.0], [75.0, 58.0, 3.0], [4.0, 55.0, 0.5], [41.0, 28.0, 2.0]];
+
+fn table(lies: &Lies) -> String {
+    FEATURES.iter().fold(HEAD.to_owned(), |text, &part| text + &optical(part, lies, 5.0))
+}
+
+/// A part of 80 x 60 mm with waves, and a job on it whose points say that it lies so.
+fn job(dir: &Path, table: &str, more: &str, texture: &str) -> PathBuf {
+    write_stl(&dir.join("part.stl"), &mesh(40, [0.0, 0.0, 80.0, 60.0], form));
+    std::fs::write(dir.join("m.csv"), table).expect("written");
+    let path = JobText::on(&dir.join("part.stl")).texture(texture).write(dir, "job.toml");
+    let text = std::fs::read_to_string(&path).expect("a job");
+    let text = format!("{text}\n[placement]\n{more}\n[placement.measured]\nfile = \"m.csv\"\nsigmas = 0\n");
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
+const HATCH: &str = "pattern = \"hatch\"\npitch = \"1 mm\"\ndirection = \"30 deg\"";
+
+fn measured(folder: &Path) -> Value {
+    manifest(folder)["placement"]["measured"].clone()
+}
+
+fn refused(job: &Path, code: &str) -> String {
+    let out = terrace([Path::new("check"), job]);
+    assert!(!out.status.success(), "{code}");
+    let text = said(&out);
+    assert!(text.contains(&format!("[{code}]")), "{code}: {text}");
+    text
+}
+
+#[test]
+fn exact_features_give_the_pose_and_marks_lie_where_they_were_designed() {
+    let dir = folder();
+    let job = job(dir.path(), &table(&LIES), "", HATCH);
+    let out = dir.path().join("a.job");
+    let summary = compile(&job, &out);
+    let found = measured(&out);
+    let rows: Vec<Vec<f64>> = serde_json::from_value(found["rows"].clone()).expect("rows");
+    let origin: Vec<f64> = serde_json::from_value(manifest(&out)["placement"]["origin_mm"].clone()).expect("origin");
+    let rest: Vec<f64> = serde_json::from_value(found["rest_nm"].clone()).expect("rest");
+    for p in FEATURES {
+        let wanted = LIES.of(p);
+        for k in 0..3 {
+            let lies = (0..3).map(|j| rows[k][j] * p[j]).sum::<f64>() + origin[k] + rest[k] / 1e6;
+            assert!((lies - wanted[k]).abs() < 2e-9, "{p:?} {k}: {lies} {}", wanted[k]);
+        }
+    }
+    let proof = verify(&out);
+    assert_eq!(proof["ok"], true, "{proof}");
+    // A hatch over all of the part: a leaning part shows a little less of its length.
+    let (texture, marked) = (number(&summary, "texture_mm"), number(&summary, "mark_mm"));
+    assert!(texture > 4780.0 && (texture - marked).abs() < 1.0, "{texture} {marked}");
+    // The part upright is another job.
+    let flat = dir.path().join("flat.toml");
+    let text = std::fs::read_to_string(&job)
+        .expect("a job")
+        .replace("[placement.measured]\nfile = \"m.csv\"\nsigmas = 0\n", "");
+    std::fs::write(&flat, text).expect("written");
+    let upright = compile(&flat, &dir.path().join("flat.job"));
+    assert!((number(&upright, "texture_mm") - texture).abs() > 1e-3);
+}
+
+#[test]
+fn a_part_that_lies_as_designed_is_marked_as_if_it_had_not_been_measured() {
+    let dir = folder();
+    let as_designed = Lies { turns: [0.0; 3], shift: [-40.0, -30.0, -2.0] };
+    let measured_job = job(dir.path(), &table(&as_designed), "", HATCH);
+    compile(&measured_job, &dir.path().join("a.job"));
+    let text = std::fs::read_to_string(&measured_job).expect("a job");
+    let stated = text.replace("[placement.measured]\nfile = \"m.csv\"\nsigmas = 0\n", "");
+    let stated = stated.replace("[placement]\n", "[placement]\norigin = [\"-40 mm\", \"-30 mm\", \"-2 mm\"]\n");
+    let path = dir.path().join("stated.toml");
+    std::fs::write(&path, stated).expect("written");
+    compile(&path, &dir.path().join("b.job"));
+    let stops = |name: &str| manifest(&dir.path().join(name))["summary"]["stops"].clone();
+    let marks = |name: &str| number(&manifest(&dir.path().join(name))["summary"], "mark_mm");
+    assert_eq!(stops("a.job"), stops("b.job"));
+    assert!((marks("a.job") - marks("b.job")).abs() < 1e-3, "{} {}", marks("a.job"), marks("b.job"));
+}
+
+#[test]
+fn what_is_known_less_surely_leaves_less_depth_and_the_proof_asks_for_it() {
+    let dir = folder();
+    let rows: String = FEATURES.iter().map(|&p| optical(p, &LIES, 2.0)).collect();
+    let table = HEAD.to_owned() + &rows;
+    let stops = |sigmas: &str| {
+        let job = job(dir.path(), &table, "", HATCH);
+        let text = std::fs::read_to_string(&job).expect("a job");
+        std::fs::write(&job, text.replace("sigmas = 0", &format!("sigmas = {sigmas}"))).expect("written");
+        let folder = dir.path().join(format!("{sigmas}.job"));
+        let summary = compile(&job, &folder);
+        assert_eq!(verify(&folder)["ok"], true);
+        (number(&summary, "stops"), folder)
+    };
+    let (none, folder) = stops("0");
+    let (one, _) = stops("1");
+    let (three, _) = stops("3");
+    assert!(none < one && one < three, "{none} {one} {three}");
+    // A program that keeps nothing free breaks the rule of depth alone, where the job asks for it.
+    let path = dir.path().join("job.toml");
+    let manifest = folder.join("manifest.json");
+    let mut json: Value = serde_json::from_slice(&std::fs::read(&manifest).expect("read")).expect("JSON");
+    let hash = blake3_of(&path);
+    json["job"]["blake3"] = hash.into();
+    std::fs::write(&manifest, serde_json::to_string_pretty(&json).expect("JSON")).expect("written");
+    let said = terrace([Path::new("verify"), &folder, Path::new("--json")]);
+    let proof: Value = serde_json::from_slice(&said.stdout).expect("JSON");
+    let rules = proof["rules"].as_array().expect("rules").clone();
+    let broken: Vec<&str> = rules.iter().filter(|r| r["violated"] != 0).filter_map(|r| r["code"].as_str()).collect();
+    assert_eq!(broken, ["depth"], "{proof}");
+}
+
+/// The hash of a file as a manifest has it.
+fn blake3_of(path: &Path) -> String {
+    let bytes = std::fs::read(path).expect("read");
+    blake3::hash(&bytes).to_hex().to_string()
+}
+
+#[test]
+fn a_wrong_feature_exchanged_ones_a_mirror_and_a_line_are_named() {
+    let dir = folder();
+    let of = |rows: &[String]| rows.iter().fold(HEAD.to_owned(), |text, row| text + row);
+    let rows: Vec<String> = FEATURES.iter().map(|&p| optical(p, &LIES, 5.0)).collect();
+    let mut wrong = rows.clone();
+    wrong[3] = optical([4.0, 55.6, 0.5], &LIES, 5.0).replace("55.6", "55");
+    let text = refused(&job(dir.path(), &of(&wrong), "", HATCH), "measured-apart");
+    assert!(text.contains("m.csv:5") && text.contains("does not go with the other points"), "{text}");
+    let mut exchanged = rows.clone();
+    let tail = |row: &str| row.split(',').skip(5).collect::<Vec<_>>().join(",");
+    let front = |row: &str| row.split(',').take(5).collect::<Vec<_>>().join(",");
+    exchanged[1] = format!("{},{}", front(&rows[2]), tail(&rows[1]));
+    exchanged[2] = format!("{},{}", front(&rows[1]), tail(&rows[2]));
+    let text = refused(&job(dir.path(), &of(&exchanged), "", HATCH), "measured-apart");
+    assert!(text.contains("are exchanged"), "{text}");
+    let mirrored: Vec<String> = FEATURES
+        .iter()
+        .map(|&[x, y, z]| {
+            let [a, b, c] = stage(LIES.of([x, y, z]));
+            format!("optical,{:.6},{b:.6},{c:.6},5,{x},{y},{z}\n", -a)
+        })
+        .collect();
+    let text = refused(&job(dir.path(), &of(&mirrored), "", HATCH), "measured-apart");
+    assert!(text.contains("mirror"), "{text}");
+    let on_line: Vec<String> = (0..4).map(|k| optical([20.0 * f64::from(k), 10.0, 1.0], &LIES, 5.0)).collect();
+    let text = refused(&job(dir.path(), &of(&on_line), "", HATCH), "measured-free");
+    assert!(text.contains("a turn about x"), "{text}");
+}
+
+/// Where the stage stands when a tip touches 200 facets of the part that lies so, with 2 um of noise; one touch in forty
+/// stands on a clamp.
+fn touches(lies: &Lies, radius: f64) -> Vec<SpacePoint> {
+    let mut random = Random::case(5);
+    let facets = mesh(40, [0.0, 0.0, 80.0, 60.0], form);
+    let mut touch = |k: usize| {
+        let [a, b, c] = facets[random.below(facets.len())];
+        let minus = |p: SpacePoint, q: SpacePoint| [0, 1, 2].map(|k| p[k] - q[k]);
+        let (u, v) = (minus(b, a), minus(c, a));
+        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let size = n.iter().map(|v| v * v).sum::<f64>().sqrt() * n[2].signum();
+        // Well inside of the facet.
+        let shares = [0; 3].map(|_| random.range(1.0, 2.0));
+        let all: f64 = shares.iter().sum();
+        let clamp = if k.is_multiple_of(40) { 4.0 } else { 0.0 };
+        let off = radius + 0.002 * gauss(&mut random) + clamp;
+        let on = |m: usize| (a[m] * shares[0] + b[m] * shares[1] + c[m] * shares[2]) / all;
+        stage(lies.of([0, 1, 2].map(|m| on(m) + n[m] / size * off)))
+    };
+    (0..200).map(&mut touch).collect()
+}
+
+#[test]
+fn the_log_of_a_probe_becomes_a_verified_job_in_three_commands() {
+    let radius = 1.0;
+    let lies = Lies { turns: [0.01, -0.008, 0.02], shift: [-41.0, -29.0, -3.0] };
+    for is_grbl in [false, true] {
+        let dir = folder();
+        let more = "origin = [\"-40 mm\", \"-30 mm\", \"-2 mm\"]";
+        let job = job(dir.path(), "", more, "pattern = \"squares\"\npitch = \"4 mm\"\ncell = \"2 mm\"");
+        std::fs::remove_file(dir.path().join("m.csv")).expect("no table yet");
+        let mut log = String::new();
+        for [x, y, z] in touches(&lies, radius) {
+            let _ = if is_grbl {
+                writeln!(log, "[PRB:{x:.6},{y:.6},{z:.6}:1]\nok")
+            } else {
+                writeln!(log, "{x:.6} {y:.6} {z:.6} 0 0 0 0 0 0")
+            };
+        }
+        let file = dir.path().join("probe.log");
+        std::fs::write(&file, log).expect("written");
+        let [job, file] = [&job, &file].map(|p| p.to_str().expect("text"));
+        let out = terrace(["register", job, file, "--radius", "1 mm", "--noise", "3 um"]);
+        assert!(out.status.success(), "{}", said(&out));
+        assert!(said(&out).contains("of which 195 lie on the part"), "{}", said(&out));
+        let again = terrace(["register", job, file, "--radius", "1 mm", "--noise", "3 um"]);
+        assert!(said(&again).contains("[register-exists]"), "{}", said(&again));
+        let folder = dir.path().join("a.job");
+        compile(Path::new(job), &folder);
+        let proof = verify(&folder);
+        assert_eq!(proof["ok"], true, "{proof}");
+        let out = terrace(["register", job, "--json"]);
+        let json: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+        let origin: Vec<f64> = serde_json::from_value(json["origin_mm"].clone()).expect("a pose");
+        let wanted = lies.of([0.0; 3]);
+        let off = (0..3).map(|k| (origin[k] - wanted[k]).abs()).fold(0.0, f64::max);
+        assert!(off < 0.01, "{origin:?} {wanted:?}");
+    }
+}
+
+#[test]
+fn damage_to_the_pose_breaks_one_rule() {
+    let dir = folder();
+    let job = job(dir.path(), &table(&LIES), "", HATCH);
+    let out = dir.path().join("a.job");
+    compile(&job, &out);
+    let path = out.join("manifest.json");
+    let text = std::fs::read_to_string(&path).expect("a manifest");
+    let broken = |change: &dyn Fn(&mut Value)| {
+        let mut json: Value = serde_json::from_str(&text).expect("JSON");
+        change(&mut json["placement"]["measured"]);
+        std::fs::write(&path, serde_json::to_string_pretty(&json).expect("JSON")).expect("written");
+        let said = terrace([Path::new("verify"), &out, Path::new("--json")]);
+        let proof: Value = serde_json::from_slice(&said.stdout).expect("JSON");
+        let rules = proof["rules"].as_array().expect("rules").clone();
+        let broken = rules.iter().filter(|r| r["violated"] != 0).map(|r| r["code"].as_str().expect("text").to_owned());
+        broken.collect::<Vec<_>>()
+    };
+    assert_eq!(broken(&|_| ()), Vec::<String>::new());
+    assert!(broken(&|m| m["points"] = 6.into()).contains(&"measured".to_owned()));
+    assert!(
+        broken(&|m| m["rest_nm"][2] = (m["rest_nm"][2].as_f64().expect("nm") + 20.0).into())
+            .contains(&"measured".to_owned())
+    );
+}
+
+#[test]
+fn what_does_not_go_with_a_measured_part_is_refused() {
+    let dir = folder();
+    let contour = HATCH.replace("30 deg", "contour");
+    refused(&job(dir.path(), &table(&LIES), "", &contour), "measured-contour");
+    let path = job(dir.path(), &table(&LIES), "", HATCH);
+    let text = std::fs::read_to_string(&path).expect("a job");
+    std::fs::write(&path, format!("mode = \"on-the-fly\"\n{text}")).expect("written");
+    refused(&path, "fly-job");
+    let touch = "kind,stage_x,stage_y,stage_z,sigma_um,tip_mm\ntouch,1,2,3,5,1\n";
+    refused(&job(dir.path(), touch, "", HATCH), "measured-start");
+    refused(&job(dir.path(), touch, "origin = [\"0 mm\", \"0 mm\", \"0 mm\"]", HATCH), "measured-free");
+    refused(&job(dir.path(), "kind\n", "", HATCH), "measured-table");
+}
