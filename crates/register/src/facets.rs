@@ -41,11 +41,6 @@ impl Facets {
         Self { tree: RTree::bulk_load(all) }
     }
 
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.tree.size() == 0
-    }
-
     /// Where the part is nearest to a point; None where it has no facet.
     pub fn nearest(&self, p: SpacePoint) -> Option<Contact> {
         let facet = self.tree.nearest_neighbor(&p)?;

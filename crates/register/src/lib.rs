@@ -14,7 +14,6 @@ mod fit;
 mod motion;
 mod pairs;
 
-pub use chi_squared::quantile as chi_squared_quantile;
 pub use closed_form::Pair;
 pub use facets::{Contact, Facets};
 pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};

@@ -22,11 +22,6 @@ impl Motion {
         Self { rotation, shift }
     }
 
-    /// The motion of the rows of a rotation, and a shift, mm.
-    pub fn from_rows(rows: [SpacePoint; 3], shift: SpacePoint) -> Self {
-        Self { rotation: Matrix3::from_fn(|i, k| rows[i][k]), shift: Vector3::from(shift) }
-    }
-
     /// The rows of its rotation.
     pub fn rows(&self) -> [SpacePoint; 3] {
         [0, 1, 2].map(|i| [0, 1, 2].map(|k| self.rotation[(i, k)]))

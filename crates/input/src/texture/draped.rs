@@ -147,11 +147,6 @@ impl Draping {
     pub fn designed(&self) -> &Arc<Surface> {
         &self.designed
     }
-
-    /// The part as it lies.
-    pub fn lying(&self) -> &Arc<Surface> {
-        &self.lying
-    }
 }
 
 impl Texture {
