@@ -46,6 +46,7 @@ fn codes(summary: &Value) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_terms_of_a_plane_are_those_of_their_formulae() {
     let dir = folder();
     let at = |reserve: &str| {

@@ -296,6 +296,7 @@ fn with_json_an_error_is_one_object_on_stdout() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
     let dir = folder();
     assert_eq!(done(dir.path(), &["init", "new/shop"]).lines().count(), 4);
@@ -356,6 +357,7 @@ fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn every_built_in_machine_is_listed_and_its_file_compiles() {
     let dir = job_folder_fixture();
     let list = done(dir.path(), &["machines"]);

@@ -254,6 +254,7 @@ fn collected(units: &Path) -> (Output, Value) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn units_are_worked_on_in_any_order_and_collected() {
     let dir = folder();
     let (units, out) = planned(dir.path(), 5, &[]);

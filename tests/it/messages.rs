@@ -329,6 +329,7 @@ fn help_is_wrapped_to_the_terminal() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn what_was_verified_is_said_and_not_asked_for_again() {
     let dir = sample();
     let text = |args: &[&str]| {

@@ -58,6 +58,7 @@ fn states(report: &Value) -> Vec<&str> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn commands_keep_folders_of_both_modes_apart_in_either_order() {
     for first in [0, 1] {
         let [a, b] = [MODES[first], MODES[1 - first]];

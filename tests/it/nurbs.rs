@@ -241,6 +241,7 @@ fn loaded(name: &str) -> Surface {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn heights_of_a_tessellated_surface_lie_within_its_chord_error_of_the_exact_ones() {
     let dir = folder();
     for exact in [loaded("dish.nurbs.json"), loaded("patch.nurbs.json"), surface(3, 0.5, None)] {
@@ -296,6 +297,7 @@ fn inspected(args: &[&str]) -> Value {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn inspect_shows_degrees_convergence_errors_and_operations_of_a_nurbs_surface() {
     let path = |name: &str| fixture("sources/brecher").join(name).display().to_string();
     let found = inspected(&[&path("patch.nurbs.json"), "--grid", "0.2 mm", "--kernel", "0.17 mm"]);

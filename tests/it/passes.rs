@@ -114,6 +114,7 @@ fn seams_of_passes_do_not_coincide() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn several_passes_give_the_same_bytes_on_any_number_of_threads() {
     let dir = folder();
     let file = job(dir.path(), "auto", "contour", PASSES);

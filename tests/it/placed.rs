@@ -184,6 +184,7 @@ fn kinds(dir: &Path) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn inside_and_outside_divide_every_kind_of_texture() {
     let dir = folder();
     std::fs::write(dir.path().join("shapes.svg"), SHAPES).expect("writable");
@@ -381,6 +382,7 @@ fn the_seed_decides_where_strokes_end_and_far_from_the_border_none_is_cut() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn jobs_with_masks_are_verified_and_name_their_files() {
     let dir = folder();
     let stl = dir.path().join("ridge.stl");

@@ -506,6 +506,7 @@ fn random_jobs_verify_or_are_refused_at_length() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn random_jobs_for_zoom_optics_verify_or_are_refused() {
     // Lines of a tile collapse to a point where it lies.
     trials((0..2).chain([957]), Machine::Zoom, Part::Sheets);
@@ -518,6 +519,7 @@ fn random_jobs_for_zoom_optics_verify_or_are_refused_at_length() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn random_jobs_for_tilt_tables_verify_or_are_refused() {
     // 512: a mark has less of its own than is known of its ends, next to what it shares. 5156: a mark along a rim, under
     // which another sheet lies beyond its block's heights.

@@ -138,6 +138,7 @@ fn printed(job: &Path) -> (Vec<String>, String) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn drawings_and_curves_of_a_size_that_does_not_go_with_the_part_are_reported_once_with_the_key_to_set() {
     let dir = folder();
     let square = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"40mm\" height=\"40mm\" viewBox=\"0 0 40 40\">\
@@ -353,6 +354,7 @@ fn strokes_error_suggests_a_section_that_compiles() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn part_longer_than_travel_gets_hints_about_unit_and_set_ups() {
     let dir = folder();
     let mut job = panel(dir.path());

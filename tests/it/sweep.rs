@@ -23,6 +23,7 @@ fn swept(job: &Path, args: &[&str]) -> Vec<Value> {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn rows_of_a_sweep_are_the_figures_of_the_jobs_so_set() {
     let dir = folder();
     let job = job(dir.path());

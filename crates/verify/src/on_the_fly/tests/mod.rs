@@ -168,6 +168,7 @@ fn chord_error_between_samples_is_found() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn focus_reports_a_stage_that_is_too_high() {
     for sort in [DOME, BOWL] {
         let bench = Bench::new(sort);
@@ -183,6 +184,7 @@ fn focus_reports_a_stage_that_is_too_high() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn limits_reports_travel_field_and_speed() {
     let bench = Bench::new(DOME);
     let jump = |p: &Program| mark(p, 4).end;

@@ -4,6 +4,7 @@ use super::*;
 use terrace_core::geom::Nm;
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn tilted_blocks_verify_and_every_mutant_is_reported() {
     let sound = Bench::tilted("");
     let proof = verified(&sound.write());
