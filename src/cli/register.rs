@@ -15,7 +15,7 @@ use terrace_core::progress::Task;
 use terrace_core::units::Length;
 use terrace_input::job::Job;
 use terrace_input::measured::{Measure, MeasuredPoint, read_log, read_table, written};
-use terrace_plan::measured::{Lying, PointResidual, Residual, fitted};
+use terrace_plan::measured::{Lying, PointResidual, Residual, Warp, fitted};
 use terrace_plan::plan;
 
 /// Points that are listed in the text, those of the largest residuals; JSON has all.
@@ -119,6 +119,7 @@ impl Figures {
             "noise_factor": lying.fit.noise_factor,
             "scale": scale,
             "worst_residual_um": lying.worst_residual_mm() * 1e3,
+            "warp": lying.warp.as_ref().map(warp_json),
             "points": lying.points.iter().map(point_json).collect::<Vec<_>>(),
         })
     }
@@ -141,6 +142,18 @@ impl Figures {
             let _ = writeln!(out, "scale      {excess:+.4} % +- {sigma:.4} % of the part's size; not applied");
         }
         let _ = writeln!(out, "noise      residuals are {:.2} times what the table states", lying.fit.noise_factor);
+        if let Some(warp) = &lying.warp {
+            let [[lowest, highest], [least, most]] = warp.ranges().map(|range| range.map(|mm| mm * 1e3));
+            let points = warp.points().len();
+            let _ = writeln!(
+                out,
+                "warp       heights are corrected by {lowest:+.1} to {highest:+.1} um, from {points} points"
+            );
+            let _ = writeln!(
+                out,
+                "           sigma of the height {least:.1} um at best, {most:.1} um at worst in the box of the points"
+            );
+        }
         let mut points: Vec<&PointResidual> = lying.points.iter().collect();
         points.sort_by(|a, b| b.distance_mm().total_cmp(&a.distance_mm()));
         let most = if count > LISTED { format!(", the {LISTED} largest of {count}") } else { String::new() };
@@ -152,15 +165,34 @@ impl Figures {
                 Residual::Above(off, true) => format!("{:.1} above the part", um(off)),
                 Residual::Above(off, false) => format!("{:.1} above the part: not on it, does not count", um(off)),
             };
-            let _ = writeln!(out, "  {:<20} {what}", point.name);
+            let left = point.left.map_or(String::new(), |left| format!(", {:+.1} in z once corrected", um(left)));
+            let _ = writeln!(out, "  {:<20} {what}{left}", point.name);
         }
         let _ = writeln!(out, "\nthen run       terrace compile {}", job.path.display());
         out
     }
 }
 
+fn warp_json(warp: &Warp) -> Value {
+    let [height, deviation] = warp.ranges().map(|range| range.map(|mm| mm * 1e3));
+    let candidates = warp
+        .candidates()
+        .into_iter()
+        .map(|c| json!({"length_mm": c.length, "amplitude_um": c.amplitude * 1e3, "weight": c.weight}));
+    json!({
+        "points": warp.points().len(),
+        "lengths": candidates.collect::<Vec<_>>(),
+        "factor": warp.factor(),
+        "height_um": height,
+        "sigma_um": deviation,
+    })
+}
+
 fn point_json(point: &PointResidual) -> Value {
     let mut json = json!({"name": point.name, "at_mm": point.at, "residual_um": point.distance_mm() * 1e3});
+    if let Some(left) = point.left {
+        json["left_um"] = (left * 1e3).into();
+    }
     match point.residual {
         Residual::Place(r) => json["residual_xyz_um"] = json!(r.map(|mm| mm * 1e3)),
         Residual::Above(_, is_on_part) => json["on_part"] = is_on_part.into(),

@@ -301,6 +301,156 @@ fn damage_to_the_pose_breaks_one_rule() {
     );
 }
 
+/// By how much a part is warped at a place of the table frame, mm.
+fn warp([x, y]: [f64; 2]) -> f64 {
+    0.12 * math::sin(x / 22.0) * math::cos(y / 26.0)
+}
+
+/// Features, and a sensor's points in a net over the part, warped by so many times [`warp`].
+fn warped_table(times: f64) -> String {
+    let mut random = Random::case(9);
+    let mut text = HEAD.to_owned();
+    for part in FEATURES {
+        let [x, y, z] = LIES.of(part);
+        let [sx, sy, sz] = stage([x, y, z + times * warp([x, y])]);
+        let [px, py, pz] = part;
+        let _ = writeln!(text, "optical,{sx:.6},{sy:.6},{sz:.6},5,{px},{py},{pz}");
+    }
+    // Corners of facets: between them the part lies below its waves.
+    let columns = [1, 6, 11, 15, 20, 25, 29, 34, 39].map(|i| 2.0 * f64::from(i));
+    let rows = [1, 7, 13, 20, 27, 33, 39].map(|k| 1.5 * f64::from(k));
+    for (x, y) in columns.into_iter().flat_map(|x| rows.map(|y| (x, y))) {
+        let [x, y, z] = LIES.of([x, y, form(x, y)]);
+        let [sx, sy, sz] = stage([x, y, z + times * warp([x, y]) + 0.002 * gauss(&mut random)]);
+        let _ = writeln!(text, "distance,{sx:.6},{sy:.6},{sz:.6},2,,,");
+    }
+    text
+}
+
+/// A job on a part that its points show to be warped.
+fn warped_job(dir: &Path, times: f64) -> PathBuf {
+    let more = "origin = [\"-40 mm\", \"-30 mm\", \"-3 mm\"]";
+    let path = job(dir, &warped_table(times), more, HATCH);
+    let text = std::fs::read_to_string(&path).expect("a job").replace("sigmas = 0", "warp = \"0.4 mm\"");
+    std::fs::write(&path, text.replace("pdof = \"0.07 mm\"", "pdof = \"0.1 mm\"")).expect("written");
+    path
+}
+
+#[test]
+fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
+    let dir = folder();
+    let job = warped_job(dir.path(), 1.0);
+    let folder = dir.path().join("a.job");
+    compile(&job, &folder);
+    assert_eq!(verify(&folder)["ok"], true);
+    let stated = manifest(&folder);
+    let pdof = number(&stated["focus"], "pdof_mm") * 1e6;
+    let heights = &stated["placement"]["measured"]["warp"]["height_um"];
+    assert!(heights[0].as_f64() < Some(-50.0) && heights[1].as_f64() > Some(50.0), "{heights}");
+    // The true part at the ends of every mark.
+    let program = std::fs::read_to_string(folder.join("program.txt")).expect("a program");
+    let (mut origin, mut stop, mut inside, mut all) = ([0.0; 3], [0.0; 3], 0, 0);
+    for line in program.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let numbers = |of: &[&str]| of.iter().map(|word| word.parse::<f64>().expect("a number")).collect::<Vec<_>>();
+        match words[0] {
+            "origin" => origin = numbers(&words[1..4]).try_into().expect("three"),
+            "block" => stop = numbers(&words[7..10]).try_into().expect("three"),
+            _ if words.len() > 5 && matches!(words[3], "+" | "-") => {
+                for end in numbers(&words[4..]).chunks(2) {
+                    let at = [0, 1].map(|k| (stop[k] + end[k] + origin[k]) / 1e6);
+                    // At a rim the pose may be some um beside the part.
+                    let Some(height) = true_height(at) else { continue };
+                    let height = height * 1e6 - origin[2];
+                    all += 1;
+                    inside += usize::from((height - stop[2]).abs() <= pdof / 2.0);
+                }
+            }
+            _ => {}
+        }
+    }
+    assert!(all > 300 && inside * 1000 >= all * 995, "{inside} of {all}");
+    assert!(std::fs::read_to_string(folder.join("measured.svg")).expect("a map").contains("Correction of the height"));
+}
+
+/// The height of the warped part over a place of the table frame, mm; None beside it.
+fn true_height(at: [f64; 2]) -> Option<f64> {
+    let facets = mesh(40, [0.0, 0.0, 80.0, 60.0], form);
+    let lying = facets.iter().map(|facet| facet.map(|p| LIES.of(p)));
+    let found = lying.into_iter().find_map(|[a, b, c]| {
+        let area =
+            |p: SpacePoint, q: SpacePoint, r: SpacePoint| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        let p = [at[0], at[1], 0.0];
+        let shares = [area(p, b, c), area(a, p, c), area(a, b, p)].map(|share| share / area(a, b, c));
+        let height = shares[0] * a[2] + shares[1] * b[2] + shares[2] * c[2];
+        shares.iter().all(|share| *share >= -1e-6).then_some(height)
+    });
+    Some(found? + warp(at))
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn a_correction_applied_twice_or_upside_down_breaks_the_depth() {
+    let dir = folder();
+    let right = dir.path().join("right.job");
+    compile(&warped_job(dir.path(), 1.0), &right);
+    let table = std::fs::read_to_string(dir.path().join("m.csv")).expect("a table");
+    let right = manifest(&right);
+    for times in [2.0, -1.0, 0.0] {
+        let folder = dir.path().join(format!("{times}.job"));
+        compile(&warped_job(dir.path(), times), &folder);
+        // The table and what the manifest says of it are those of the right correction; the program is not.
+        std::fs::write(dir.path().join("m.csv"), &table).expect("written");
+        let mut stated = manifest(&folder);
+        stated["placement"] = right["placement"].clone();
+        stated["inputs"] = right["inputs"].clone();
+        std::fs::write(folder.join("manifest.json"), serde_json::to_string_pretty(&stated).expect("JSON"))
+            .expect("written");
+        let said = terrace([Path::new("verify"), &folder, Path::new("--json")]);
+        let proof: Value = serde_json::from_slice(&said.stdout).expect("JSON");
+        let rules = proof["rules"].as_array().expect("rules").clone();
+        let broken: Vec<&str> =
+            rules.iter().filter(|r| r["violated"] != 0).filter_map(|r| r["code"].as_str()).collect();
+        assert!(broken.contains(&"depth"), "{times}: {broken:?} {proof}");
+        println!("{times}: {broken:?}");
+    }
+}
+
+#[test]
+fn damage_to_the_warp_breaks_its_rule() {
+    let dir = folder();
+    let out = dir.path().join("a.job");
+    compile(&warped_job(dir.path(), 1.0), &out);
+    let path = out.join("manifest.json");
+    let text = std::fs::read_to_string(&path).expect("a manifest");
+    let change = |key: &str, to: Value| {
+        let mut json: Value = serde_json::from_str(&text).expect("JSON");
+        json["placement"]["measured"]["warp"][key] = to;
+        std::fs::write(&path, serde_json::to_string_pretty(&json).expect("JSON")).expect("written");
+        let said = terrace([Path::new("verify"), &out, Path::new("--json")]);
+        let proof: Value = serde_json::from_slice(&said.stdout).expect("JSON");
+        let rule = proof["rules"].as_array().expect("rules").iter().find(|r| r["code"] == "measured").cloned();
+        assert!(rule.expect("a rule")["violated"] != 0, "{key}: {proof}");
+    };
+    let warp: Value = serde_json::from_str::<Value>(&text).expect("JSON")["placement"]["measured"]["warp"].clone();
+    let scaled = |key: &str, by: f64| {
+        Value::from(
+            warp[key]
+                .as_array()
+                .expect("numbers")
+                .iter()
+                .map(|v| v.as_f64().expect("a number") * by)
+                .collect::<Vec<_>>(),
+        )
+    };
+    change("factor", (warp["factor"].as_f64().expect("a number") * 1.1).into());
+    change("amplitudes_um", scaled("amplitudes_um", 2f64.sqrt()));
+    change("lengths_mm", scaled("lengths_mm", 1.01));
+    change("height_um", scaled("height_um", -1.0));
+    change("points", 5.into());
+    change("grid_pitch_nm", (20 * warp["grid_pitch_nm"].as_i64().expect("a number")).into());
+}
+
 #[test]
 fn what_does_not_go_with_a_measured_part_is_refused() {
     let dir = folder();

@@ -3,19 +3,24 @@
 //! Consumes the table of a job and the part as designed, turned as the job says. Promises the rigid motion onto the
 //! stage, as a placement of whole increments and a rotation with a rest below one, and the surface and texture as they
 //! lie: all that follows plans on these. Points that do not go together, or leave a motion free, are refused by name.
+//! Where the job says that the part may be warped, its heights are corrected by what the rigid fit leaves.
 
 use std::sync::Arc;
 
-use crate::projection::HeightReserve;
+use crate::projection::{HeightDoubt, HeightReserve};
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::{NM_PER_MM, Nm, SpacePoint, Turn, cos_sin};
+use terrace_core::geom::{Box2, BoxMm, Correction, Grid, NM_PER_MM, Nm, P2, SpacePoint, Turn, cos_sin};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::math;
 use terrace_input::job::{Job, MeasuredInput};
 use terrace_input::measured::{Measure, MeasuredPoint, read_table};
 use terrace_input::surface::{Joining, Surface};
 use terrace_input::texture::{Draped, Draping, Lost, LostMarks, Texture};
-use terrace_register::{Facets, Fit, FreeMotion, Motion, Pair, PairsFault, Points, Touch, fit, pairs_fault};
+pub use terrace_register::Warp;
+use terrace_register::{
+    Facets, Fit, FreeMotion, Motion, Observation, Pair, PairsFault, Points, Touch, TouchResidual, fit, pairs_fault,
+    warp,
+};
 
 /// A part as it lies, measured.
 #[derive(Clone, Debug)]
@@ -30,6 +35,8 @@ pub struct Lying {
     pub rows: [SpacePoint; 3],
     /// See `rows`.
     pub rest_nm: SpacePoint,
+    /// How it is warped; None where the job says that it is rigid.
+    pub warp: Option<Warp>,
 }
 
 /// A measured point, and what the fit leaves of it.
@@ -42,6 +49,9 @@ pub struct PointResidual {
     /// Measured less fitted, mm: along x, y and z of a feature; of a touch its distance above the part, along the
     /// normal.
     pub residual: Residual,
+    /// What a correction of the height leaves of it along z, mm; None of a rigid part, or where the point says nothing
+    /// of the height.
+    pub left: Option<f64>,
 }
 
 /// What the fit leaves of a point, mm.
@@ -64,6 +74,8 @@ pub struct MeasuredPart {
     pub texture: Texture,
     /// What of it is left out in the first pass.
     pub lost: Lost,
+    /// What its warp adds to it, beside its placement, and how surely.
+    pub correction: Option<Arc<Correction>>,
     /// How surely its height is known, and what is kept free for that.
     pub reserve: Arc<HeightReserve>,
 }
@@ -157,13 +169,17 @@ pub fn fitted(
         }
     };
     let mut facets = Vec::new();
-    if !touches.is_empty() {
+    let limit = job.placement.measured.as_ref().and_then(|measured| measured.warp).map(|limit| limit.as_mm());
+    if !touches.is_empty() || limit.is_some() {
         designed.each_facet(&mut |facet| facets.push(facet.map(|at| at.map(|nm| nm / NM_PER_MM))));
     }
     let part = Facets::new(facets);
-    let found = fit(&Points { pairs: &pairs, touches: &touches, part: &part }, &start);
+    let mut found = fit(&Points { pairs: &pairs, touches: &touches, part: &part, is_warped: limit.is_some() }, &start);
     if !found.free.is_empty() {
         return Err(free(&found.free, shown).into());
+    }
+    if let Some(limit) = limit {
+        found.touches.iter_mut().for_each(|t| t.is_on_part = t.distance.abs() <= limit);
     }
     let off = found.touches.iter().filter(|t| !t.is_on_part).count();
     if off * MOST_OFF > touches.len() {
@@ -171,12 +187,115 @@ pub fn fitted(
         let hint = "check placement.origin, which is the start, the unit of the part, and the offset of the probe";
         return Err(Diag::limit("measured-off", text).at(Place::file(shown)).hint(hint).into());
     }
-    warnings.extend(noise(&found, shown));
+    if limit.is_none() {
+        warnings.extend(noise(&found, shown));
+    }
     warnings.extend(grown(&found, designed, shown));
     let (origin, rest_nm) = placed(machine, &found.motion, shown)?;
-    let points = residuals(points, machine, &found);
-    Ok(Lying { points, rows: found.motion.rows(), fit: found, origin, rest_nm })
+    let shown_of = observations(points, &pairs, &found, &part);
+    let mut points = residuals(points, machine, &found);
+    let mut lying = Lying { points: Vec::new(), rows: found.motion.rows(), fit: found, origin, rest_nm, warp: None };
+    if limit.is_some() {
+        let known: Vec<Observation> = shown_of.iter().flatten().copied().collect();
+        let Some(warp) = warp(&known) else {
+            let fault = Diag::input("measured-warp", "fewer than four points say how the part is warped");
+            let hint =
+                "touch it in more places that are not steeper than 45 degrees, or leave placement.measured.warp out";
+            return Err(fault.at(Place::file(shown)).hint(hint).into());
+        };
+        warnings.extend(odd(&warp, &known, &points, &shown_of, shown));
+        for (point, observation) in points.iter_mut().zip(&shown_of) {
+            point.left = observation.map(|o| o.height - warp.at(o.at)[0]);
+        }
+        lying.warp = Some(warp);
+    }
+    Ok(Lying { points, ..lying })
 }
+
+/// Touches on steeper faces say nothing of the height: cosine of 45 degrees.
+const LEAST_UP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// What each point says of the height of the part over the rigid fit, in the order of the table.
+fn observations(points: &[MeasuredPoint], pairs: &[Pair], fit: &Fit, part: &Facets) -> Vec<Option<Observation>> {
+    let of_pair = |(pair, residual): (&Pair, &SpacePoint)| {
+        let contact = part.nearest(pair.part)?;
+        let [nx, ny, nz] = fit.motion.turned(contact.normal);
+        // A feature that lies aside of its place on a slope is higher or lower for that.
+        let slope = [-nx / nz, -ny / nz];
+        let height = residual[2] - slope[0] * residual[0] - slope[1] * residual[1];
+        let [sx, sy, sz] = pair.sigma;
+        let sigma = (sz * sz + (slope[0] * sx).powi(2) + (slope[1] * sy).powi(2)).sqrt();
+        let [x, y, _] = fit.motion.apply(pair.part);
+        (nz >= LEAST_UP).then_some(Observation { at: [x, y], height, sigma })
+    };
+    let of_touch = |touch: &TouchResidual| {
+        let [.., up] = touch.normal;
+        let [x, y, _] = touch.at;
+        let observation = Observation { at: [x, y], height: touch.distance / up, sigma: touch.sigma / up };
+        (touch.is_on_part && up >= LEAST_UP).then_some(observation)
+    };
+    let mut of_pairs = pairs.iter().zip(&fit.pairs).map(of_pair);
+    let mut of_touches = fit.touches.iter().map(of_touch);
+    let each = points.iter().map(|point| match point.measure {
+        Measure::Optical { .. } => of_pairs.next().flatten(),
+        Measure::Touch { .. } | Measure::Distance => of_touches.next().flatten(),
+    });
+    each.collect()
+}
+
+/// The correction over an area of the part as it lies, beside its placement, on a grid fine enough for what is warped in
+/// the shortest length.
+fn correction(warp: &Warp, lying: &Lying, area: Box2) -> Correction {
+    let extent = [area.hi.x - area.lo.x, area.hi.y - area.lo.y].map(|length| length.max(1) as f64);
+    let shortest = warp.candidates().iter().map(|c| c.length).fold(f64::INFINITY, f64::min) * NM_PER_MM;
+    let pitch = (shortest / NODES_IN_LENGTH).max(extent[0].max(extent[1]) / MOST_CELLS).ceil();
+    let count = extent.map(|length| (length / pitch).ceil() as u32);
+    let grid = Grid { origin: area.lo, pitch: [Nm(pitch as i64); 2], count };
+    let shift = lying.origin.mm();
+    Correction::new(grid, |[x, y]| {
+        warp.at([x / NM_PER_MM + shift[0], y / NM_PER_MM + shift[1]]).map(|mm| mm * NM_PER_MM)
+    })
+}
+
+/// The box of a part as it lies.
+fn box_of(part: &Surface) -> Box2 {
+    let BoxMm { lo, hi } = part.part_box_mm();
+    let nm = |mm: f64| Nm::round(mm * NM_PER_MM).0;
+    Box2 { lo: P2::new(nm(lo[0]), nm(lo[1])), hi: P2::new(nm(hi[0]), nm(hi[1])) }
+}
+
+/// A correction reaches so far beyond the texture: farther than a cell in which depth is kept free.
+const AROUND: i64 = 5_000_000;
+
+/// Nodes of a correction in the shortest length that counts, and its most cells along x or y.
+const NODES_IN_LENGTH: f64 = 8.0;
+const MOST_CELLS: f64 = 150.0;
+
+/// A point that the others contradict.
+fn odd(
+    warp: &Warp,
+    known: &[Observation],
+    points: &[PointResidual],
+    of_points: &[Option<Observation>],
+    shown: &str,
+) -> Option<Diag> {
+    // Where points were put together in cells, none can be named.
+    if warp.points().len() != known.len() {
+        return None;
+    }
+    let sizes = warp.left_out().into_iter().map(|[error, deviation]| error.abs() * warp.factor() / deviation);
+    let (worst, size) = sizes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (point, _) = points.iter().zip(of_points).filter(|(_, o)| o.is_some()).nth(worst)?;
+    (size > ODD).then(|| {
+        let off = warp.left_out()[worst][0] * 1e3;
+        let text = format!("{} lies {off:+.1} um off what the other points say, {size:.1} deviations", point.name);
+        let hint = "measure there again, and beside it: it may be a clamp or dirt, or a dent that no other point saw";
+        Diag::warning("measured-odd", text).at(Place::file(shown)).hint(hint)
+    })
+}
+
+/// Deviations beyond which a point is told that the others contradict.
+const ODD: f64 = 4.0;
 
 /// At most one in so many touches may lie off the part.
 const MOST_OFF: usize = 3;
@@ -211,6 +330,7 @@ fn residuals(points: &[MeasuredPoint], machine: &Machine, fit: &Fit) -> Vec<Poin
         name: point.name.clone(),
         at: table_from_stage(machine, point.stage),
         residual,
+        left: None,
     });
     named.collect()
 }
@@ -288,7 +408,8 @@ fn noise(fit: &Fit, shown: &str) -> Option<Diag> {
             "the points miss the part by {:.1} times the noise that the table states: its uncertainty counts as much more",
             fit.noise_factor
         );
-        let hint = "the part may be warped, or sigma_um too small; `terrace register` shows each point";
+        let hint = "the part may be warped (placement.measured.warp), or sigma_um too small; `terrace register` shows each \
+                    point";
         Diag::warning("measured-noise", text).at(Place::file(shown)).hint(hint)
     })
 }
@@ -319,14 +440,28 @@ pub(crate) fn draped(
     warnings: &mut Vec<Diag>,
 ) -> Result<(Arc<Surface>, Texture, MeasuredPart), Error> {
     let turn = lying.turn();
-    let surface = Arc::new(designed.moved(&turn, joining)?);
-    let draping = Arc::new(Draping::new(Arc::clone(designed), Arc::clone(&surface), turn, job.limits.max_slope()));
+    let rigid = Arc::new(designed.moved(&turn, None, joining)?);
+    let draping = Arc::new(Draping::new(Arc::clone(designed), Arc::clone(&rigid), turn, job.limits.max_slope()));
     let Draped { texture: moved, lost, .. } = texture.draped(&draping)?;
+    let correction = lying.warp.as_ref().map(|warp| {
+        // Where textures of later passes lie is not known yet.
+        let area = if job.passes.count > 1 { box_of(&rigid) } else { moved.bounds() };
+        let [lo, hi] = [(area.lo, -AROUND), (area.hi, AROUND)].map(|(p, by)| P2::new(p.x + by, p.y + by));
+        Arc::new(correction(warp, &lying, Box2 { lo, hi }))
+    });
+    let surface = match &correction {
+        None => Arc::clone(&rigid),
+        Some(correction) => Arc::new(designed.moved(&turn, Some(correction), joining)?),
+    };
     warnings.extend(left_out(&lost));
     let sigmas = job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas);
-    let of = &lying.fit.uncertainty;
-    let reserve = Arc::new(HeightReserve::new(&surface, of, lying.origin, job.limits.max_slope(), sigmas));
-    Ok((surface, moved, MeasuredPart { lying, draping, texture, lost, reserve }))
+    // Of a warped part the correction holds what the pose is off by in height; only the noise of the points is left.
+    let Fit { uncertainty, spread, noise_factor, .. } = &lying.fit;
+    let uncertainty =
+        if correction.is_some() { uncertainty.as_stated(spread * noise_factor.max(1.0)) } else { *uncertainty };
+    let doubt = HeightDoubt { uncertainty: &uncertainty, origin: lying.origin, correction: correction.as_deref() };
+    let reserve = Arc::new(HeightReserve::new(&surface, &doubt, job.limits.max_slope(), sigmas));
+    Ok((surface, moved, MeasuredPart { lying, draping, texture, lost, correction, reserve }))
 }
 
 /// What of the texture a measured part does not show.

@@ -35,6 +35,16 @@ pub struct Points<'a> {
     pub touches: &'a [Touch],
     /// The part; used where there are touches.
     pub part: &'a Facets,
+    /// Whether the part may be warped: touches then count by how far they spread, not by their noise alone, since what
+    /// they are off by is the warp, which must not shift the part aside against features.
+    pub is_warped: bool,
+}
+
+impl Points<'_> {
+    /// How many times its noise a touch counts as being off, where touches spread so.
+    fn counted(&self, spread: f64) -> f64 {
+        if self.is_warped { spread } else { 1.0 }
+    }
 }
 
 /// How surely a part lies where it does: the covariance of a small motion.
@@ -44,6 +54,15 @@ pub struct Uncertainty {
     pub centre: SpacePoint,
     /// Covariance of the rotation vector about the centre, rad, and the shift, mm.
     pub covariance: [[f64; 6]; 6],
+}
+
+impl Uncertainty {
+    /// The same where the noise is as the table states, of residuals that are `factor` times as large.
+    #[must_use]
+    pub fn as_stated(&self, factor: f64) -> Self {
+        let grown = factor.max(1.0).powi(2);
+        Self { covariance: self.covariance.map(|row| row.map(|v| v / grown)), ..*self }
+    }
 }
 
 /// A motion that the points do not hold.
@@ -74,6 +93,12 @@ pub struct TouchResidual {
     pub distance: f64,
     /// Whether it lies on the part: no clamp, no dirt, no missed touch.
     pub is_on_part: bool,
+    /// Where the part would be touched, table frame, mm.
+    pub at: SpacePoint,
+    /// Normal of the part there, or the direction from its edge.
+    pub normal: SpacePoint,
+    /// Standard deviation of the distance, mm.
+    pub sigma: f64,
 }
 
 /// Where the part lies.
@@ -94,6 +119,8 @@ pub struct Fit {
     /// Root of the mean square of residuals over their stated noise: about 1 where the noise is as stated. The
     /// covariance holds the larger of that and 1.
     pub noise_factor: f64,
+    /// Standard deviation of the touches by their median, in units of their noise, at least 1; 1 of a rigid part.
+    pub spread: f64,
 }
 
 /// Beyond this many deviations a touch does not count (Tukey; 95 % efficient under normal noise).
@@ -270,7 +297,7 @@ pub fn fit(points: &Points<'_>, start: &Motion) -> Fit {
 
 /// The motion that fits pairs best by their weights.
 pub(crate) fn refined(pairs: &[Pair]) -> Motion {
-    let points = Points { pairs, touches: &[], part: &Facets::new([]) };
+    let points = Points { pairs, touches: &[], part: &Facets::new([]), is_warped: false };
     Solver { points: &points, every: usize::MAX }.stepped(closed_form(pairs), STEPS)
 }
 
@@ -327,8 +354,9 @@ impl Solver<'_> {
         }
         let met = self.met(motion);
         let spread = spread(&met).max(least);
+        let counted = self.points.counted(spread);
         for touch in &met {
-            let weight = biweight(touch.distance / touch.sigma / spread) / touch.sigma.powi(2);
+            let weight = biweight(touch.distance / touch.sigma / spread) / (touch.sigma * counted).powi(2);
             // The part goes up where the point lies above it.
             normal.add(&(touch.arm_end - centre), &touch.normal, touch.distance, weight);
             normal.bend += weight * touch.bend2;
@@ -389,11 +417,18 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
     let met = solver.met(&motion);
     let touches: Vec<TouchResidual> = met
         .iter()
-        .map(|t| TouchResidual { distance: t.distance, is_on_part: (t.distance / t.sigma / spread).abs() < TUKEY })
+        .map(|t| TouchResidual {
+            distance: t.distance,
+            is_on_part: (t.distance / t.sigma / spread).abs() < TUKEY,
+            at: t.arm_end.into(),
+            normal: t.normal.into(),
+            sigma: t.sigma,
+        })
         .collect();
     let of_pairs = pairs.iter().zip(points.pairs).flat_map(|(r, p)| (0..3).map(|k| (r[k] / p.sigma[k]).powi(2)));
-    let of_touches =
-        met.iter().zip(&touches).filter(|(_, t)| t.is_on_part).map(|(m, _)| (m.distance / m.sigma).powi(2));
+    let counted = points.counted(spread);
+    let on_part = met.iter().zip(&touches).filter(|(_, t)| t.is_on_part);
+    let of_touches = on_part.map(|(m, _)| (m.distance / m.sigma / counted).powi(2));
     let squares: Vec<f64> = of_pairs.chain(of_touches).collect();
     let dof = squares.len().saturating_sub(6 - solved.free.len());
     let noise_factor = if dof > 0 { (squares.iter().sum::<f64>() / dof as f64).sqrt() } else { 0.0 };
@@ -415,6 +450,7 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
         pairs,
         touches,
         noise_factor,
+        spread: counted,
     }
 }
 
@@ -511,7 +547,7 @@ pub(crate) mod tests {
                     Pair { part, stage: truth.apply(part), sigma }
                 })
                 .collect();
-            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]) };
+            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), is_warped: false };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             let (turn, off) = apart(&found.motion, &truth, [0.0; 3]);
             assert!(turn < 1e-12 && off < 1e-9, "seed {seed}, {count} pairs: {turn} {off}");
@@ -525,7 +561,7 @@ pub(crate) mod tests {
         let on_line = |k: i32| [f64::from(k) * 40.0, f64::from(k) * 30.0, 0.0];
         let pair = |part: SpacePoint| Pair { part, stage: truth.apply(part), sigma: [0.01; 3] };
         let pairs: Vec<Pair> = (0..4).map(|k| pair(on_line(k))).collect();
-        let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]) };
+        let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), is_warped: false };
         let found = fit(&points, &truth);
         assert_eq!(found.free.len(), 1);
         let [x, y, z] = found.free[0].turn;
@@ -547,7 +583,7 @@ pub(crate) mod tests {
                     Pair { part, stage, sigma: [0.01; 3] }
                 })
                 .collect();
-            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]) };
+            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), is_warped: false };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             let scale = found.scale.expect("a scale");
             inside += usize::from((scale.excess - 2e-4).abs() < 3.0 * scale.sigma);
@@ -604,7 +640,7 @@ pub(crate) mod tests {
                     }
                 })
                 .collect();
-            let points = Points { pairs: &[], touches: &touches, part: &part };
+            let points = Points { pairs: &[], touches: &touches, part: &part, is_warped: false };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             assert!(found.free.is_empty(), "seed {seed}: {:?}", found.free);
             // 99.73 % of an ellipsoid in six dimensions.
@@ -631,7 +667,8 @@ pub(crate) mod tests {
                     }
                 })
                 .collect();
-            fit(&Points { pairs: &[], touches: &touches, part }, &Motion::shift([0.3, -0.2, 0.1])).free
+            fit(&Points { pairs: &[], touches: &touches, part, is_warped: false }, &Motion::shift([0.3, -0.2, 0.1]))
+                .free
         };
         let dome = |x: f64, y: f64| (250.0_f64.powi(2) - x * x - y * y).sqrt();
         let found = free(&field(200.0, 5.0, dome), &dome);

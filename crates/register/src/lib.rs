@@ -13,9 +13,11 @@ mod facets;
 mod fit;
 mod motion;
 mod pairs;
+mod warp;
 
 pub use closed_form::Pair;
 pub use facets::{Contact, Facets};
 pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};
 pub use motion::Motion;
 pub use pairs::{PairsFault, fault as pairs_fault};
+pub use warp::{Candidate, Observation, Warp, warp};

@@ -42,11 +42,16 @@ impl Motion {
         self.rotation.tr_mul(&(Vector3::from(p) - self.shift)).into()
     }
 
+    /// Where a direction comes to point.
+    pub fn turned(&self, v: SpacePoint) -> SpacePoint {
+        self.turn(&Vector3::from(v)).into()
+    }
+
     pub(crate) fn move_point(&self, p: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * p + self.shift
     }
 
-    /// Where a direction comes to point.
+    /// See [`Motion::turned`].
     pub(crate) fn turn(&self, v: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * v
     }

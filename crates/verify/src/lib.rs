@@ -27,6 +27,7 @@ mod rotation;
 mod rules;
 #[cfg(test)]
 mod tests;
+mod warp_fit;
 
 use std::path::Path;
 

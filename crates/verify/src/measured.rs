@@ -26,6 +26,8 @@ pub(super) enum Lying {
 /// A measured part.
 pub(super) struct Measured {
     geometry: Geometry,
+    /// Without its correction; None where it has none.
+    rigid: Option<Geometry>,
     pose: Pose,
     draping: Arc<Draping>,
 }
@@ -44,28 +46,30 @@ pub(super) fn lying(
     let [measured, draped] = findings.rules.several([RuleCode::Measured, RuleCode::Draped]);
     let Some(input) = &job.placement.measured else {
         (measured.ran, draped.ran) = (true, true);
-        let is_stated = manifest.placement.measured.is_some();
-        measured.require(
-            "manifest.json",
-            !is_stated,
-            "it says how a measured part lies, but the job has not measured one",
-        );
+        if manifest.placement.measured.is_some() {
+            let text = "it says how a measured part lies, but the job has not measured one";
+            measured.broken("", "manifest.json", text);
+        }
         return Ok(Some(Lying::AsDesigned));
     };
     let points = read_table(&job.relative(&input.file))?;
-    let Some(proved) = rules::measured::check(manifest, &points, facts, designed, measured) else { return Ok(None) };
+    let Some(proved) = rules::measured::check(manifest, &points, input, facts, designed, measured) else {
+        return Ok(None);
+    };
     let joining = Joining {
         weld_mm: job.surface.weld.mm(),
         narrow_mm: facts.machine.lens.spot.as_mm(),
         non_manifold: job.surface.non_manifold,
     };
-    let rules::measured::ProvedPose { beside: pose, centre, covariance } = proved;
-    let doubt = HeightDoubt { centre, covariance, sigmas: input.sigmas };
+    let rules::measured::ProvedPose { beside: pose, centre, covariance, correction } = proved;
+    // Strokes are moved by the rigid motion alone: a correction raises all that lies over a place alike.
+    let rigid = correction.is_some().then(|| designed.moved(&pose));
+    let doubt = HeightDoubt { centre, covariance, sigmas: input.sigmas, correction };
     let motion = Turn::rigid(pose.rows, pose.shift);
     let turn = job.placement.turn.as_rad();
     let draping =
         Draping::load(&job.surface_path(), &job.surface.options, joining, turn, motion, job.limits.max_slope())?;
-    let measured = Measured { geometry: designed.moved(&pose, doubt), pose, draping: Arc::new(draping) };
+    let measured = Measured { geometry: designed.measured(&pose, doubt), rigid, pose, draping: Arc::new(draping) };
     Ok(Some(Lying::Measured(Box::new(measured))))
 }
 
@@ -90,7 +94,7 @@ impl Lying {
     ) -> Result<Texture, Error> {
         let Self::Measured(part) = self else { return Ok(texture) };
         let draped = texture.draped(&part.draping)?;
-        let lying = LyingPart { designed, lying: &part.geometry, pose: part.pose };
+        let lying = LyingPart { designed, lying: part.rigid.as_ref().unwrap_or(&part.geometry), pose: part.pose };
         {
             let strokes = Strokes {
                 designed: &Drawing::from_texture(&texture),

@@ -5,6 +5,7 @@
 //! there, by one step of least squares from it. All slopes are differences; normal equations are solved by elimination.
 
 use crate::geometry::{BoxNm, Geometry, Pose};
+use crate::warp_fit::WarpPoint;
 use terrace_core::geom::{NM_PER_MM, SpacePoint};
 use terrace_core::math;
 
@@ -30,6 +31,8 @@ pub(super) struct PosePoints<'a> {
     pub(super) pairs: Vec<PosePair>,
     pub(super) touches: Vec<PoseTouch>,
     pub(super) part: &'a Geometry,
+    /// Whether touches count by how far they spread: the part is warped.
+    pub(super) is_warped: bool,
 }
 
 /// A pose against the points.
@@ -39,6 +42,8 @@ pub(super) struct JudgedPose {
     pub(super) touches: Vec<TouchFound>,
     /// Of the rotation vector, rad, about the middle of the points, and the shift, nm.
     pub(super) covariance: [[f64; 6]; 6],
+    /// How many times smaller that is where the noise is as the table states.
+    pub(super) grown: f64,
 }
 
 /// A touch against the part.
@@ -47,6 +52,9 @@ pub(super) struct TouchFound {
     /// Above the part, less what it stands off, nm.
     pub(super) distance: f64,
     sigma: f64,
+    /// The nearest point of the part, and the direction from it, table frame.
+    foot: SpacePoint,
+    direction: SpacePoint,
 }
 
 /// The number of deviations from which a touch does not count.
@@ -69,24 +77,56 @@ impl PosePoints<'_> {
     /// What a pose is against the points; None where they do not hold the part.
     pub(super) fn judged(&self, pose: &Pose) -> Option<JudgedPose> {
         let touches = self.met(pose);
-        let weights = weights(&touches);
+        let counted = if self.is_warped { spread(&touches) } else { 1.0 };
+        let weights: Vec<f64> = weights(&touches).into_iter().map(|weight| weight / counted).collect();
         let equations = self.equations(pose, &weights);
         let step = equations.step()?;
-        let squares = self.squares(pose, &touches);
+        let squares = self.squares(pose, &touches, counted);
         let noise2 = match squares.len().saturating_sub(6) {
             0 => 1.0,
             dof => (squares.iter().sum::<f64>() / dof as f64).max(1.0),
         };
         let covariance = equations.inverse()?.map(|row| row.map(|v| v * noise2));
-        Some(JudgedPose { unrest_nm: self.size(&step), touches, covariance })
+        Some(JudgedPose { unrest_nm: self.size(&step), touches, covariance, grown: noise2 * counted * counted })
+    }
+
+    /// What the points say of the height of the part over the pose, mm: touches and features on what is no steeper than
+    /// 45 degrees, touches no farther off than `limit`, nm.
+    pub(super) fn of_height(&self, pose: &Pose, touches: &[TouchFound], limit: f64) -> Vec<WarpPoint> {
+        let mm = |nm: f64| nm / NM_PER_MM;
+        let of_pairs = self.pairs.iter().filter_map(|pair| {
+            let [x, y, z] = pose.apply(pair.part);
+            // The facet nearest to the feature says how steep the part is there.
+            let nearest = PoseTouch { table: [x, y, z], off: 0.0, sigma: 1.0, is_along_z: false };
+            let [nx, ny, nz] = facing(self.part, pose, &nearest)?;
+            if nz < std::f64::consts::FRAC_1_SQRT_2 {
+                return None;
+            }
+            let off = [pair.table[0] - x, pair.table[1] - y, pair.table[2] - z];
+            let height = off[2] + (nx * off[0] + ny * off[1]) / nz;
+            let [sx, sy, sz] = pair.sigma;
+            let sigma = math::hypot(math::hypot(nx / nz * sx, ny / nz * sy), sz);
+            Some(WarpPoint { at: [mm(x), mm(y)], height: mm(height), sigma: mm(sigma) })
+        });
+        let of_touches = touches.iter().filter_map(|touch| {
+            let up = touch.direction[2];
+            let counts = touch.distance.abs() <= limit && up >= std::f64::consts::FRAC_1_SQRT_2;
+            let [x, y, _] = touch.foot;
+            counts.then(|| WarpPoint {
+                at: [mm(x), mm(y)],
+                height: mm(touch.distance / up),
+                sigma: mm(touch.sigma / up),
+            })
+        });
+        of_pairs.chain(of_touches).collect()
     }
 
     /// Squares of the residuals of all points that count, over their noise.
-    fn squares(&self, pose: &Pose, touches: &[TouchFound]) -> Vec<f64> {
+    fn squares(&self, pose: &Pose, touches: &[TouchFound], counted: f64) -> Vec<f64> {
         let none = vec![0.0; touches.len()];
         let of_pairs = self.residuals(pose, &none).into_iter().take(3 * self.pairs.len());
-        let counted = touches.iter().zip(on_part(touches)).filter(|(_, on)| *on);
-        of_pairs.chain(counted.map(|(t, _)| t.distance / t.sigma)).map(|v| v * v).collect()
+        let on_part = touches.iter().zip(on_part(touches)).filter(|(_, on)| *on);
+        of_pairs.chain(on_part.map(|(t, _)| t.distance / t.sigma / counted)).map(|v| v * v).collect()
     }
 
     /// The middle of the points, table frame, nm: what small motions turn about.
@@ -132,7 +172,7 @@ impl PosePoints<'_> {
             [0, 1, 2].map(|k| (pair.table[k] - at[k]) / pair.sigma[k])
         });
         let of_touches = self.touches.iter().zip(weights).map(|(touch, weight)| {
-            let TouchFound { distance, sigma } = found(self.part, pose, touch);
+            let TouchFound { distance, sigma, .. } = found(self.part, pose, touch);
             weight * distance / sigma
         });
         of_pairs.chain(of_touches).collect()
@@ -244,15 +284,41 @@ fn found(part: &Geometry, pose: &Pose, touch: &PoseTouch) -> TouchFound {
             let along = dot(to, normal);
             let is_beside = distance > 1e-3 * NM_PER_MM && (along / distance).abs() > 0.7;
             let direction = if is_beside { to.map(|v| v / distance * along.signum()) } else { normal };
-            let height = pose.rows[2].iter().zip(direction).map(|(r, d)| r * d).sum::<f64>();
-            let sigma = if touch.is_along_z { touch.sigma * height.abs().max(0.1) } else { touch.sigma };
-            return TouchFound { distance: dot(direction, to) - touch.off, sigma };
+            let in_table = pose.rows.map(|row| dot(row, direction));
+            let sigma = if touch.is_along_z { touch.sigma * in_table[2].abs().max(0.1) } else { touch.sigma };
+            let distance = dot(direction, to) - touch.off;
+            return TouchFound { distance, sigma, foot: pose.apply(foot), direction: in_table };
         }
         if reach > farthest {
-            return TouchFound { distance: f64::INFINITY, sigma: touch.sigma };
+            let nowhere = [0.0, 0.0, 1.0];
+            return TouchFound { distance: f64::INFINITY, sigma: touch.sigma, foot: touch.table, direction: nowhere };
         }
         reach *= 2.0;
     }
+}
+
+/// The normal of the facet that is nearest to a point, table frame.
+fn facing(part: &Geometry, pose: &Pose, point: &PoseTouch) -> Option<SpacePoint> {
+    let p = pose.back(point.table);
+    let mut reach = 1.0 * NM_PER_MM;
+    while reach < 8e9 {
+        let mut best: Option<(f64, SpacePoint)> = None;
+        let mut around = BoxNm::EMPTY;
+        around.add([p[0] - reach, p[1] - reach]);
+        around.add([p[0] + reach, p[1] + reach]);
+        part.facets_in(around, &mut |facet| {
+            let Some((foot, normal)) = foot(facet, p) else { return };
+            let distance = length([0, 1, 2].map(|k| p[k] - foot[k]));
+            if best.is_none_or(|(known, _)| distance < known) {
+                best = Some((distance, normal));
+            }
+        });
+        if let Some((_, normal)) = best.filter(|(distance, _)| *distance <= reach) {
+            return Some(pose.rows.map(|row| dot(row, normal)));
+        }
+        reach *= 2.0;
+    }
+    None
 }
 
 /// The point of a facet that is nearest to `p`, and its normal upwards; None where it has no area.

@@ -6,6 +6,7 @@
 
 mod box_mm;
 mod buckets;
+mod correction;
 mod field;
 mod frame;
 mod grid;
@@ -16,6 +17,7 @@ mod turn;
 
 pub use box_mm::BoxMm;
 pub use buckets::{Buckets, counting_sort};
+pub use correction::{Correction, Linear};
 pub use field::{ControllerPoint, FieldPoint};
 pub use frame::{Controller, P3, P3Mm, Part, Turned, UnitVector};
 pub use grid::Grid;

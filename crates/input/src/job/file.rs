@@ -210,6 +210,11 @@ pub(crate) struct MeasuredKeys {
     #[schemars(extend("x-value" = "0 to 10"))]
     #[serde(default = "default_sigmas")]
     pub sigmas: f64,
+    /// The part may be warped by up to this much: its height is corrected by what the rigid fit leaves of the points.
+    /// Points farther off than that do not lie on the part. Rigid without it.
+    #[schemars(example = &"0.5 mm")]
+    #[serde(default)]
+    pub warp: Option<Length>,
 }
 
 fn default_sigmas() -> f64 {

@@ -115,11 +115,11 @@ pub(super) fn resolve(
             laid,
             turn: file.placement.turn,
             residual: [file.placement.residual, file.placement.residual_z],
-            measured: file
-                .placement
-                .measured
-                .as_ref()
-                .map(|keys| MeasuredInput { file: keys.file.clone(), sigmas: keys.sigmas }),
+            measured: file.placement.measured.as_ref().map(|keys| MeasuredInput {
+                file: keys.file.clone(),
+                sigmas: keys.sigmas,
+                warp: keys.warp,
+            }),
         },
         textures,
         drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
@@ -522,6 +522,10 @@ fn measured(file: &JobFile, f: &mut Faults<'_>) {
         let text = format!("placement.measured.sigmas is {}, not between 0 and 10", keys.sigmas);
         let hint = "3 keeps 99.7 % of all heights in focus; 0 keeps nothing free";
         f.push("placement.measured.sigmas", Diag::input("measured-sigmas", text).hint(hint));
+    }
+    if keys.warp.is_some_and(|warp| !(0.001..=20.0).contains(&warp.as_mm())) {
+        let fault = Diag::input("measured-warp", "placement.measured.warp is not between 1 um and 20 mm");
+        f.push("placement.measured.warp", fault.hint("state by how much the part may be warped, or leave it out"));
     }
     if file.setups.is_some() {
         let fault = Diag::input("measured-setups", "the job has both [setups] and [placement.measured]");

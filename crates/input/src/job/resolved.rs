@@ -120,6 +120,8 @@ pub struct MeasuredInput {
     pub file: PathBuf,
     /// Standard deviations of the part's height that stops keep free.
     pub sigmas: f64,
+    /// The part may be warped by up to this much; None: it is rigid.
+    pub warp: Option<Length>,
 }
 
 /// How the job says that a part is laid under the lens.

@@ -11,6 +11,7 @@ pub mod bodies;
 #[cfg(test)]
 mod brute;
 mod cad;
+mod corrected;
 mod decimate;
 mod facets;
 mod facing;
@@ -56,7 +57,7 @@ pub use trail::Trail;
 pub use walk::Cursor;
 
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2, P3, Pose, Turn};
+use terrace_core::geom::{Box2, BoxMm, Correction, MAX_NM, NM_PER_MM, Nm, P2, P3, Pose, SpacePoint, Turn};
 use terrace_core::progress::Task;
 
 /// How a surface file is to be read.
@@ -337,14 +338,20 @@ impl Surface {
         Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets, tessellation_mm: None })
     }
 
-    /// The surface as a rigid motion takes it, with its box as it lies then. Walls that stood upright may lean.
+    /// The surface as a rigid motion takes it, raised by a correction, with its box as it lies then. Walls that stood
+    /// upright may lean.
     ///
     /// # Errors
     /// Those of [`Surface::load`].
-    pub fn moved(&self, motion: &Turn, joining: Joining) -> Result<Self, Error> {
+    pub fn moved(&self, motion: &Turn, correction: Option<&Correction>, joining: Joining) -> Result<Self, Error> {
         let mut welder = Welder::new([1.0, 0.0], joining);
+        let mut add = |facet: [SpacePoint; 3]| welder.facet(facet.map(|at| at.map(|nm| nm / NM_PER_MM)));
         self.each_facet(&mut |facet| {
-            welder.facet(facet.map(|at| motion.apply(P3::new(at)).at.map(|nm| nm / NM_PER_MM)));
+            let facet = facet.map(|at| motion.apply(P3::new(at)).at);
+            match correction {
+                Some(correction) => corrected::each_piece(facet, correction, &mut add),
+                None => add(facet),
+            }
         });
         let surface = Self::from_welder(welder, "the part as it lies", &mut Vec::new(), Task::silent())?;
         Ok(Self { tessellation_mm: self.tessellation_mm, ..surface })

@@ -33,7 +33,8 @@ const SHORTEST_NM: f64 = 1_000.0;
 /// that the slope counts, over the distance by which a stroke is off.
 const OTHER_SHEET_NM: f64 = 5_000.0;
 
-/// A part as designed, as it lies, and the motion between the two.
+/// A part as designed, as it lies, and the rigid motion between the two. A correction of its heights changes neither
+/// where strokes lie nor what hides them, since all that lies over a place is raised alike.
 #[derive(Debug)]
 pub struct Draping {
     designed: Arc<Surface>,
@@ -139,7 +140,7 @@ impl Draping {
     ) -> Result<Self, Error> {
         let mut notes = Vec::new();
         let designed = Surface::load(path, options, joining, turn_rad, &mut notes, &mut |_| {}, Task::silent())?;
-        let lying = designed.moved(&motion, joining)?;
+        let lying = designed.moved(&motion, None, joining)?;
         Ok(Self::new(Arc::new(designed), Arc::new(lying), motion, max_slope))
     }
 

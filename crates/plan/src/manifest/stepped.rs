@@ -11,9 +11,9 @@ use super::head::{bytes, parse, text};
 use super::{Facts, Frames, Head, Registered, Subset, Summary, lift_mm, registration};
 use crate::budget::StatedErrors;
 use crate::emit::Files;
-use crate::measured::MeasuredPart;
+use crate::measured::{MeasuredPart, Warp};
 use terrace_core::diag::Error;
-use terrace_core::geom::{Nm, P2, Turned};
+use terrace_core::geom::{Correction, Nm, P2, Turned};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::motion::{LineEnergy, Rest};
 use terrace_core::program::{self, PassId, Pen, Program};
@@ -166,6 +166,54 @@ pub struct MeasuredPlacement {
     pub beside_mm: f64,
     /// Dots of that kind.
     pub beside_dots: u64,
+    /// How it is warped; absent where the job says that it is rigid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warp: Option<WarpPlacement>,
+}
+
+/// How a measured part is warped: docs/reference/measured.md states how it follows from the points.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WarpPlacement {
+    /// Points that say how, those of a cell together.
+    pub points: usize,
+    /// Lengths of the covariance that count.
+    pub lengths_mm: Vec<f64>,
+    /// The amplitude of each.
+    pub amplitudes_um: Vec<f64>,
+    /// How much each counts; the sum is 1.
+    pub weights: Vec<f64>,
+    /// How many times the deviation is larger than the covariances say.
+    pub factor: f64,
+    /// First node of the grid of the correction, beside the placement.
+    pub grid_origin_nm: [i64; 2],
+    /// Distance between its nodes.
+    pub grid_pitch_nm: i64,
+    /// Columns and rows of its cells.
+    pub grid_cells: [u32; 2],
+    /// Lowest and highest correction at a node.
+    pub height_um: [f64; 2],
+    /// Least and largest standard deviation at a node.
+    pub deviation_um: [f64; 2],
+}
+
+impl WarpPlacement {
+    fn new(warp: &Warp, correction: &Correction) -> Self {
+        let candidates = warp.candidates();
+        let grid = correction.grid();
+        let [height_um, deviation_um] = correction.ranges().map(|range| range.map(|nm| nm / 1e3));
+        Self {
+            points: warp.points().len(),
+            lengths_mm: candidates.iter().map(|c| c.length).collect(),
+            amplitudes_um: candidates.iter().map(|c| c.amplitude * 1e3).collect(),
+            weights: candidates.iter().map(|c| c.weight).collect(),
+            factor: warp.factor(),
+            grid_origin_nm: [grid.origin.x, grid.origin.y],
+            grid_pitch_nm: grid.pitch[0].0,
+            grid_cells: grid.count,
+            height_um,
+            deviation_um,
+        }
+    }
 }
 
 impl MeasuredPlacement {
@@ -188,6 +236,7 @@ impl MeasuredPlacement {
             hidden_dots: lost.hidden.dots,
             beside_mm: mm(lost.beside),
             beside_dots: lost.beside.dots,
+            warp: lying.warp.as_ref().zip(part.correction.as_deref()).map(|(warp, c)| WarpPlacement::new(warp, c)),
         }
     }
 }

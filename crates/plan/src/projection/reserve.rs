@@ -3,10 +3,12 @@
 //! Consumes the part as it lies and how surely it lies there; promises for any box of the plane a bound of the standard
 //! deviation of the part's height in it, nm. The deviation over a facet is a norm of what is linear in the place, so it
 //! is largest in a corner: cells of a few millimetres hold the largest of what facets have in their corners, and no
-//! place is underestimated. Facets that are too steep to be marked do not count.
+//! place is underestimated. The deviation of a correction is linear on each of its triangles, and each facet of a
+//! corrected part lies in one. Facets that are too steep to be marked do not count.
 
-use terrace_core::geom::{Box2, Grid, NM_PER_MM, Nm, P2};
+use terrace_core::geom::{Box2, Correction, Grid, NM_PER_MM, Nm, P2};
 use terrace_core::machine::Origin;
+use terrace_core::math;
 use terrace_input::surface::Surface;
 use terrace_register::Uncertainty;
 
@@ -26,10 +28,21 @@ pub struct HeightReserve {
     sigmas: f64,
 }
 
+/// Why the height of a part is not known exactly.
+#[derive(Clone, Copy, Debug)]
+pub struct HeightDoubt<'a> {
+    /// How surely it lies where it does.
+    pub uncertainty: &'a Uncertainty,
+    /// Its placement.
+    pub origin: Origin,
+    /// How it is warped.
+    pub correction: Option<&'a Correction>,
+}
+
 impl HeightReserve {
-    /// The deviations over a part that lies at `origin`, of which `sigmas` are kept free; `max_slope` is the tangent of
-    /// the steepest slope that is marked.
-    pub fn new(part: &Surface, uncertainty: &Uncertainty, origin: Origin, max_slope: f64, sigmas: f64) -> Self {
+    /// The deviations over a part as it lies, of which `sigmas` are kept free; `max_slope` is the tangent of the steepest
+    /// slope that is marked.
+    pub fn new(part: &Surface, doubt: &HeightDoubt<'_>, max_slope: f64, sigmas: f64) -> Self {
         let box_mm = part.part_box_mm();
         let corner = |at: [f64; 2]| P2::new((at[0] * NM_PER_MM).floor() as i64, (at[1] * NM_PER_MM).floor() as i64);
         let (lo, hi): (P2, P2) = (corner(box_mm.lo), corner(box_mm.hi));
@@ -38,13 +51,12 @@ impl HeightReserve {
         let count = [hi.x - lo.x, hi.y - lo.y].map(|extent| (extent / side + 1) as u32);
         let grid = Grid { origin: P2::new(lo.x, lo.y), pitch: [Nm(side); 2], count };
         let mut reserve = Self { cells: vec![0.0; grid.len()], grid, sigmas };
-        let shift = origin.mm();
-        part.each_facet(&mut |facet| reserve.add(facet, uncertainty, shift, max_slope));
+        part.each_facet(&mut |facet| reserve.add(facet, doubt, max_slope));
         reserve
     }
 
     /// Adds a facet, corners in nm.
-    fn add(&mut self, facet: [[f64; 3]; 3], uncertainty: &Uncertainty, shift: [f64; 3], max_slope: f64) {
+    fn add(&mut self, facet: [[f64; 3]; 3], doubt: &HeightDoubt<'_>, max_slope: f64) {
         let [a, b, c] = facet;
         let [u, v] = [b, c].map(|p| [0, 1, 2].map(|k| p[k] - a[k]));
         let det = u[0] * v[1] - u[1] * v[0];
@@ -59,6 +71,9 @@ impl HeightReserve {
             lo = [0, 1].map(|k| lo[k].min(p[k]));
             hi = [0, 1].map(|k| hi[k].max(p[k]));
         }
+        let shift = doubt.origin.mm();
+        let middle = [0, 1].map(|k| (facet[0][k] + facet[1][k] + facet[2][k]) / 3.0);
+        let of_correction = doubt.correction.map(|correction| correction.linear(middle)[1]);
         let [columns, rows] = self.touched(lo, hi);
         for row in rows {
             for column in columns.clone() {
@@ -71,7 +86,8 @@ impl HeightReserve {
                 let deviation = |x: f64, y: f64| {
                     let z = a[2] + slope[0] * (x - a[0]) + slope[1] * (y - a[1]);
                     let at = [0, 1, 2].map(|k| [x, y, z][k] / NM_PER_MM + shift[k]);
-                    uncertainty.height(at, slope)
+                    let rigid = doubt.uncertainty.height(at, slope);
+                    of_correction.map_or(rigid, |l| math::hypot(rigid, l.of([x, y]) / NM_PER_MM))
                 };
                 let [xs, ys] = ends;
                 let most = xs.iter().flat_map(|&x| ys.map(|y| deviation(x, y))).fold(0.0, f64::max);
@@ -135,7 +151,8 @@ mod tests {
         let covariance = [0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|k| if i == k { diagonal[i] } else { 0.0 }));
         let uncertainty = Uncertainty { centre: [100.0, -50.0, 20.0], covariance };
         let origin = Origin([90_000_000, -60_000_000, 1_000_000]);
-        let reserve = HeightReserve::new(&part, &uncertainty, origin, 10.0, 1.0);
+        let doubt = HeightDoubt { uncertainty: &uncertainty, origin, correction: None };
+        let reserve = HeightReserve::new(&part, &doubt, 10.0, 1.0);
         let mut random = Random::case(1);
         for _ in 0..2000 {
             let [a, b, c] = all[random.below(all.len())];

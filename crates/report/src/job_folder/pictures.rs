@@ -76,7 +76,7 @@ impl<'a> Pictures<'a> {
     /// How many files [`Pictures::write`] writes.
     pub(super) fn count(&self) -> usize {
         match self.plan {
-            PlanRef::Stepped(plan) => plan.passes.len() + 4,
+            PlanRef::Stepped(plan) => plan.passes.len() + 4 + usize::from(plan.inputs.measured.is_some()),
             PlanRef::OnTheFly(_) => 4,
         }
     }
@@ -105,6 +105,10 @@ impl<'a> Pictures<'a> {
         out.write("slope.svg", &by_slope)?;
         out.write("energy.svg", &energy)?;
         out.write("report.html", &report)?;
+        if let Some(part) = &plan.inputs.measured {
+            let sigmas = plan.job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas);
+            out.write("measured.svg", &report::measured_svg(&self.name, part, pass.texture, sigmas))?;
+        }
         for (k, pass) in (0..).zip(&plan.passes).skip(1) {
             let marks = Marks::of(&self.scene, pass.blocks.clone());
             out.write(&report::pass_file(k), &report::layout_svg(&self.stepped(plan, pass, &marks)))?;
@@ -163,6 +167,7 @@ impl<'a> Pictures<'a> {
             figures: &plan.figures,
             drawn: report::drawn(&plan.checked, &plan.machine),
             shade: report::Shade::Height,
+            measured: plan.inputs.measured.as_ref(),
             summary: &plan.summary,
         }
     }

@@ -10,7 +10,7 @@ use super::energy_map::EnergyMap;
 use super::legend::seconds;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{Layout, energy, error_budget, length_text, mm, pass_file, plain, record};
+use super::{Layout, energy, error_budget, length_text, measured_map, mm, pass_file, plain, record};
 use terrace_core::diag::Message;
 use terrace_core::duration::duration;
 use terrace_core::geom::Nm;
@@ -43,6 +43,9 @@ pub fn report_html(job: &Layout<'_>, energy_map: &EnergyMap) -> String {
     times(&mut h, job);
     h.push_str("</div>\n</div>\n");
     candidates(&mut h, job);
+    if let Some(part) = job.measured {
+        measured_map::section(&mut h, part);
+    }
     record::unmarked(&mut h, &job.scene.unmarked);
     record::histograms(&mut h, job.scene, &job.checked.program().pens);
     error_budget::section(&mut h, &job.summary.budget);

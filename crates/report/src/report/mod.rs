@@ -24,6 +24,7 @@ mod label;
 mod layout;
 mod legend;
 mod marks;
+mod measured_map;
 mod outline;
 pub mod page;
 mod part;
@@ -48,6 +49,7 @@ pub use fly_sheet::on_the_fly_txt;
 pub use job_report::{NOT_VERIFIED, of_rest, report_html};
 pub use layout::{layout_svg, layout_svgs, on_the_fly_svg};
 pub use marks::Marks;
+pub use measured_map::measured_svg;
 pub use part::{RELIEF_CELLS, relief_area};
 pub use pdf::pdf;
 pub use raster::png;
@@ -62,6 +64,7 @@ use terrace_core::program::{Block, BlockFigures, BlockId, Pen, Sections};
 use terrace_plan::block_map::BlockMap;
 use terrace_plan::check::Checked;
 use terrace_plan::manifest::{OnTheFlySummary, Summary};
+use terrace_plan::measured::MeasuredPart;
 use terrace_plan::on_the_fly::program::Program as OnTheFlyProgram;
 
 /// Everything the pictures of a stepped job are made of.
@@ -99,6 +102,8 @@ pub struct Layout<'a> {
     pub drawn: Vec<Block>,
     /// What the colours of blocks stand for.
     pub shade: Shade,
+    /// Where the part lies, if it was measured.
+    pub measured: Option<&'a MeasuredPart>,
     /// The figures of the job.
     pub summary: &'a Summary,
 }

@@ -51,6 +51,7 @@ impl Sample {
             figures: &self.figures,
             drawn: self.checked.program().blocks.clone(),
             shade: super::Shade::Height,
+            measured: None,
             summary: &self.summary,
         }
     }

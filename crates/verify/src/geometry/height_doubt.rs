@@ -1,5 +1,6 @@
 //! How surely the height of a measured part is known, place by place.
 
+use super::Correction;
 use terrace_core::geom::SpacePoint;
 
 /// The covariance of a small motion of the part, and how much of it marks keep free.
@@ -11,6 +12,8 @@ pub(crate) struct HeightDoubt {
     pub(crate) covariance: [[f64; 6]; 6],
     /// Deviations that are kept free.
     pub(crate) sigmas: f64,
+    /// How it is warped.
+    pub(crate) correction: Option<Correction>,
 }
 
 impl HeightDoubt {
@@ -20,7 +23,8 @@ impl HeightDoubt {
         // A motion by w x r + s raises the part over a place by its part along (-p, -q, 1).
         let row = [y + q * z, -x - p * z, -q * x + p * y, -p, -q, 1.0];
         let variance: f64 = (0..6).map(|i| (0..6).map(|k| row[i] * self.covariance[i][k] * row[k]).sum::<f64>()).sum();
-        self.sigmas * variance.max(0.0).sqrt()
+        let of_correction = self.correction.as_ref().map_or(0.0, |correction| correction.at([at[0], at[1]])[1]);
+        self.sigmas * (variance.max(0.0) + of_correction.powi(2)).sqrt()
     }
 }
 
@@ -39,7 +43,7 @@ mod tests {
         let raised = moved[2] - p * moved[0] - q * moved[1];
         let motion = [w[0], w[1], w[2], s[0], s[1], s[2]];
         let covariance = [0, 1, 2, 3, 4, 5].map(|i: usize| [0, 1, 2, 3, 4, 5].map(|k: usize| motion[i] * motion[k]));
-        let doubt = HeightDoubt { centre: [0.0; 3], covariance, sigmas: 1.0 };
+        let doubt = HeightDoubt { centre: [0.0; 3], covariance, sigmas: 1.0, correction: None };
         assert!((doubt.kept([x, y, z], [p, q]) - f64::abs(raised)).abs() < 1e-12);
     }
 }

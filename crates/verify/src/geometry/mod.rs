@@ -10,6 +10,7 @@
 //! and are left out; the gap that they leave is narrower than the grain.
 
 mod box_nm;
+mod correction;
 mod grid;
 mod height_doubt;
 mod height_map;
@@ -19,6 +20,7 @@ mod topmost;
 mod turn;
 
 pub(super) use box_nm::BoxNm;
+pub(super) use correction::Correction;
 pub(super) use height_doubt::HeightDoubt;
 pub(super) use height_map::Map;
 pub(super) use mesh::{Mesh, MeshBuilder};
@@ -238,12 +240,23 @@ impl Geometry {
         }
     }
 
-    /// The geometry as a measured part lies. Corners were rounded twice for the job, which counts as welding.
-    pub(super) fn moved(&self, pose: &Pose, doubt: HeightDoubt) -> Self {
+    /// The geometry as a rigid motion takes it. Corners were rounded twice for the job, which counts as welding.
+    pub(super) fn moved(&self, pose: &Pose) -> Self {
         let mut builder = MeshBuilder::new(0.0, 2.0);
         self.shape.each_facet(&mut |corners| builder.push_nm(corners.map(|p| pose.apply(p))));
         let shape = Shape::Mesh(builder.finish());
-        Self { shape, limit2: self.limit2, weld: self.weld + 1.0, beside: 0.0, doubt: Some(doubt) }
+        Self { shape, limit2: self.limit2, weld: self.weld + 1.0, beside: 0.0, doubt: None }
+    }
+
+    /// The geometry as a measured part lies: moved, and raised by its correction.
+    pub(super) fn measured(&self, pose: &Pose, doubt: HeightDoubt) -> Self {
+        let moved = self.moved(pose);
+        let Some(correction) = &doubt.correction else { return Self { doubt: Some(doubt), ..moved } };
+        let mut builder = MeshBuilder::new(0.0, 2.0);
+        let mut add = |corners: [[f64; 3]; 3]| builder.push_nm(corners);
+        moved.each_facet(&mut |corners| correction.raised(corners, &mut add));
+        let weld = moved.weld + correction::CUT_NM;
+        Self { shape: Shape::Mesh(builder.finish()), weld, doubt: Some(doubt), ..moved }
     }
 
     /// What a mark at a place keeps free above and below it, nm; 0 where the part was not measured.

@@ -59,6 +59,7 @@ pub(crate) const STEPPED: Leaves = Leaves {
         "placement.measured.rest_nm[]",
         "placement.measured.lean_deg",
         "placement.measured.worst_residual_um",
+        "placement.measured.warp.**",
         "setups[].origin_mm[]",
         "setups[].registration[].point_mm[]",
         "setups[].registration[].stage[]",

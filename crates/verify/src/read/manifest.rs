@@ -88,6 +88,22 @@ pub(crate) struct MeasuredPlacement {
     pub(crate) rest_nm: [f64; 3],
     pub(crate) lean_deg: f64,
     pub(crate) worst_residual_um: f64,
+    pub(crate) warp: Option<WarpPlacement>,
+}
+
+/// How it is warped.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct WarpPlacement {
+    pub(crate) points: usize,
+    pub(crate) lengths_mm: Vec<f64>,
+    pub(crate) amplitudes_um: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
+    pub(crate) factor: f64,
+    pub(crate) grid_origin_nm: [i64; 2],
+    pub(crate) grid_pitch_nm: i64,
+    pub(crate) grid_cells: [u32; 2],
+    pub(crate) height_um: [f64; 2],
+    pub(crate) deviation_um: [f64; 2],
 }
 
 #[derive(Clone, Debug, Deserialize)]

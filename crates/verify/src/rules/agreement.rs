@@ -121,6 +121,9 @@ const OF_EVERY_JOB: [&str; 8] = [
 /// Holds that every listed file is one of the job's: whoever loads another marks what nobody has compared.
 pub(crate) fn all_are_known(manifest: &Manifest, chosen: &[usize], facts: &JobFacts, rule: &mut Rule) {
     let mut known: BTreeSet<String> = OF_EVERY_JOB.map(str::to_owned).into();
+    if manifest.placement.measured.is_some() {
+        known.insert("measured.svg".to_owned());
+    }
     known.extend((2..=manifest.passes.len()).map(|pass| format!("layout-pass{pass}.svg")));
     let has_frames = manifest.frames.is_some();
     // Where the job file cannot be had, those that are there count.

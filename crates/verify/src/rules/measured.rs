@@ -1,16 +1,19 @@
 //! Where a measured part lies: the pose of the manifest is the one that fits the points of the table best.
 
-use crate::geometry::{Geometry, Pose};
+use crate::geometry::{Correction, Geometry, Pose};
 use crate::job_facts::JobFacts;
 use crate::pose_fit::{JudgedPose, PosePair, PosePoints, PoseTouch, on_part};
 use crate::proof::Rule;
-use crate::read::manifest::{Manifest, MeasuredPlacement};
+use crate::read::manifest::{Manifest, MeasuredPlacement, WarpPlacement};
+use crate::warp_fit::{Covariance, WarpPoints};
 use terrace_core::geom::{NM_PER_MM, SpacePoint, cos_sin};
 use terrace_core::math;
+use terrace_input::job::MeasuredInput;
 use terrace_input::measured::{Measure, MeasuredPoint};
 
 /// Where the manifest states it.
 const PLACE: &str = "manifest.json placement.measured";
+const WARP: &str = "manifest.json placement.measured.warp";
 
 /// How far a pose of pairs may take a point from where the verifier's own fit takes it, nm; and of touches the step that
 /// would make it fit better.
@@ -27,10 +30,12 @@ const RESIDUAL_NM: f64 = 100.0;
 pub(crate) fn check(
     manifest: &Manifest,
     points: &[MeasuredPoint],
+    input: &MeasuredInput,
     facts: &JobFacts,
     designed: &Geometry,
     rule: &mut Rule,
 ) -> Option<ProvedPose> {
+    let limit = input.warp.map(|warp| warp.as_mm() * NM_PER_MM);
     rule.ran = true;
     let Some(stated) = &manifest.placement.measured else {
         rule.broken("", PLACE, "the manifest does not say how the measured part lies");
@@ -43,18 +48,21 @@ pub(crate) fn check(
     rule.require(PLACE, is_rest, "its rest is more than half an increment of the stage");
     let origin = manifest.placement.origin_mm.map(|mm| (mm * NM_PER_MM).round());
     let pose = Pose { shift: [0, 1, 2].map(|k| origin[k] + stated.rest_nm[k]), ..beside };
-    let all = placed(points, facts, designed);
+    let all = PosePoints { is_warped: limit.is_some(), ..placed(points, facts, designed) };
     if all.touches.is_empty() {
         let own = all.by_pairs();
         let off = own.map_or(f64::INFINITY, |own| farthest(&pose, &own, designed, &all));
         rule.require(PLACE, off <= SAME_NM, &format!("it takes the part {off:.1} nm from where the points have it"));
     }
-    let Some(JudgedPose { unrest_nm: step, touches, covariance }) = all.judged(&pose) else {
+    let Some(JudgedPose { unrest_nm: step, touches, covariance, grown }) = all.judged(&pose) else {
         rule.broken("", PLACE, "the points do not hold the part");
         return None;
     };
     rule.require(PLACE, step <= UNREST_NM, &format!("the part fits its points better {step:.0} nm from there"));
-    let on_part = on_part(&touches);
+    let on_part = match limit {
+        Some(limit) => touches.iter().map(|t| t.distance.abs() <= limit).collect(),
+        None => on_part(&touches),
+    };
     let off = on_part.iter().filter(|on| !**on).count();
     rule.require(PLACE, stated.off_part == off, "its number of points beside the part is another");
     let of_touches = touches.iter().zip(on_part).filter(|(_, on)| *on).map(|(t, _)| t.distance.abs());
@@ -65,7 +73,53 @@ pub(crate) fn check(
     figures(stated, points, rule);
     rule.checked += points.len() as u64;
     let centre = all.middle();
-    Some(ProvedPose { beside, centre: [0, 1, 2].map(|k| centre[k] - origin[k]), covariance })
+    let centre = [0, 1, 2].map(|k| centre[k] - origin[k]);
+    let Some(limit) = limit else {
+        rule.require(PLACE, stated.warp.is_none(), "it says how the part is warped, but the job says that it is rigid");
+        return Some(ProvedPose { beside, centre, covariance, correction: None });
+    };
+    let Some(stated) = &stated.warp else {
+        rule.broken("", PLACE, "it does not say how the part is warped");
+        return None;
+    };
+    let points = WarpPoints::new(all.of_height(&pose, &touches, limit));
+    let correction = warped(stated, &points, [origin[0], origin[1]], rule)?;
+    // What the rigid fit leaves is the warp, which the correction holds, not noise of the height.
+    let covariance = covariance.map(|row| row.map(|v| v / grown));
+    Some(ProvedPose { beside, centre, covariance, correction: Some(correction) })
+}
+
+/// Holds the warp of the manifest against the points; returns what it adds to the part beside its placement `origin`, nm.
+fn warped(stated: &WarpPlacement, points: &WarpPoints, origin: [f64; 2], rule: &mut Rule) -> Option<Correction> {
+    rule.require(WARP, stated.points == points.len(), "its number of points is not that of the table");
+    let figures = stated.lengths_mm.iter().zip(&stated.amplitudes_um).zip(&stated.weights);
+    let all: Vec<Covariance> = figures
+        .map(|((&length, &amplitude), &weight)| Covariance { length, amplitude: amplitude / 1e3, weight })
+        .collect();
+    let is_whole = [stated.lengths_mm.len(), stated.amplitudes_um.len(), stated.weights.len()] == [all.len(); 3];
+    rule.require(WARP, is_whole, "its lengths, amplitudes and weights are not as many");
+    if let Some(fault) = points.fault(&all, stated.factor) {
+        rule.broken("", WARP, &fault);
+        return None;
+    }
+    let pitch = stated.grid_pitch_nm as f64;
+    let [columns, rows] = stated.grid_cells.map(|count| count as usize);
+    let shortest = all.iter().map(|c| c.length * NM_PER_MM).fold(f64::INFINITY, f64::min);
+    let longest = columns.max(rows) as f64;
+    let is_fine = pitch >= 1.0 && (pitch <= shortest / 8.0 + 1.0 || longest >= 149.0);
+    if !is_fine || columns == 0 || rows == 0 || longest > 151.0 {
+        rule.broken("", WARP, "its grid is not as fine as its lengths ask for");
+        return None;
+    }
+    let warp = points.warped(&all, stated.factor)?;
+    let at = |p: [f64; 2]| warp.at([0, 1].map(|k| (p[k] + origin[k]) / NM_PER_MM)).map(|mm| mm * NM_PER_MM);
+    let correction = Correction::new(stated.grid_origin_nm.map(|nm| nm as f64), pitch, [columns, rows], at);
+    for (of, stated) in [stated.height_um, stated.deviation_um].into_iter().enumerate() {
+        let own = correction.range(of);
+        let is_same = (0..2).all(|k| (own[k] - stated[k] * 1e3).abs() <= RESIDUAL_NM);
+        rule.require(WARP, is_same, "its range of heights or deviations is another");
+    }
+    Some(correction)
 }
 
 /// The pose of a measured part beside its placement, and how surely it is known.
@@ -75,6 +129,8 @@ pub(crate) struct ProvedPose {
     pub(crate) centre: SpacePoint,
     /// Of the rotation vector, rad, and the shift, nm.
     pub(crate) covariance: [[f64; 6]; 6],
+    /// How it is warped.
+    pub(crate) correction: Option<Correction>,
 }
 
 /// Holds what follows from the pose and the table.
@@ -104,7 +160,7 @@ fn placed<'a>(points: &[MeasuredPoint], facts: &JobFacts, part: &'a Geometry) ->
             Measure::Distance => touches.push(PoseTouch { table, off: 0.0, sigma, is_along_z: true }),
         }
     }
-    PosePoints { pairs, touches, part }
+    PosePoints { pairs, touches, part, is_warped: false }
 }
 
 fn apart(a: SpacePoint, b: SpacePoint) -> f64 {

@@ -1,0 +1,283 @@
+//! `measured.svg`: a measured part before and after its correction, and the section of the report that shows it.
+//!
+//! Consumes a [`MeasuredPart`]; promises two maps over the texture and the points. The first has the correction of the
+//! height, and on it each point with what the rigid fit leaves of it, in the same colours: where a point differs from
+//! what surrounds it, the others contradict it. The second has the depth that marks keep free, and each point with what
+//! the correction leaves of it. Without a correction the first shows points alone. Units: um; places in mm.
+
+use std::fmt::Write;
+
+use super::colour::{Colour, hex, of_height};
+use super::page::escape;
+use super::{image, plain};
+use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, P2};
+use terrace_plan::measured::{MeasuredPart, PointResidual, Residual};
+
+/// Cells along the longer side of a map.
+const CELLS: usize = 220;
+
+/// Width of a map, and what lies beside and above it.
+const WIDTH: f64 = 560.0;
+const SIDE: f64 = 12.0;
+const HEAD: f64 = 62.0;
+const KEY: f64 = 92.0;
+
+/// Steps of a scale of colours.
+const STEPS: usize = 21;
+
+/// Below zero, at zero and above it.
+const BELOW: Colour = [26, 82, 164];
+const ZERO: Colour = [250, 250, 247];
+const ABOVE: Colour = [176, 32, 40];
+
+/// A scale of colours over a range of um.
+struct Scale {
+    range: [f64; 2],
+    colours: Vec<Colour>,
+}
+
+impl Scale {
+    /// Of both signs, as far as the largest of some values.
+    fn signed(most: f64) -> Self {
+        let most = if most > 0.0 { most } else { 1.0 };
+        let colour = |k: usize| {
+            let share = 2.0 * k as f64 / (STEPS - 1) as f64 - 1.0;
+            let end = if share < 0.0 { BELOW } else { ABOVE };
+            [0, 1, 2]
+                .map(|c| (f64::from(ZERO[c]) + (f64::from(end[c]) - f64::from(ZERO[c])) * share.abs()).round() as u8)
+        };
+        Self { range: [-most, most], colours: (0..STEPS).map(colour).collect() }
+    }
+
+    /// Light for little, dark for much.
+    fn amount(range: [f64; 2]) -> Self {
+        let last = STEPS as i64 - 1;
+        Self { range, colours: (0..=last).map(|k| of_height(last - k, [0, last])).collect() }
+    }
+
+    fn step(&self, value: f64) -> usize {
+        let [lo, hi] = self.range;
+        let share = if hi > lo { (value - lo) / (hi - lo) } else { 0.5 };
+        (share.clamp(0.0, 1.0) * (STEPS - 1) as f64).round() as usize
+    }
+
+    fn colour(&self, value: f64) -> String {
+        hex(self.colours[self.step(value)])
+    }
+}
+
+/// A point on a map.
+struct Dot<'a> {
+    point: &'a PointResidual,
+    at: [f64; 2],
+}
+
+/// The area of both maps, mm beside the placement.
+struct Area {
+    lo: [f64; 2],
+    size: [f64; 2],
+}
+
+impl Area {
+    fn height(&self) -> f64 {
+        (WIDTH * self.size[1] / self.size[0]).clamp(WIDTH / 6.0, 2.5 * WIDTH).ceil()
+    }
+
+    fn cells(&self) -> [usize; 2] {
+        let longest = self.size[0].max(self.size[1]);
+        self.size.map(|side| ((side / longest * CELLS as f64).round() as usize).max(1))
+    }
+
+    /// Places of cells from the upper left, row by row.
+    fn places(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let [columns, rows] = self.cells();
+        (0..rows * columns).map(move |i| {
+            let [column, row] = [i % columns, rows - 1 - i / columns];
+            [
+                self.lo[0] + self.size[0] * (column as f64 + 0.5) / columns as f64,
+                self.lo[1] + self.size[1] * (row as f64 + 0.5) / rows as f64,
+            ]
+        })
+    }
+
+    fn on_map(&self, at: [f64; 2]) -> [f64; 2] {
+        let [u, v] = [0, 1].map(|k| (at[k] - self.lo[k]) / self.size[k]);
+        [u * WIDTH, HEAD + (1.0 - v) * self.height()]
+    }
+}
+
+/// What the rigid fit leaves of a point along z, or along the normal, um; None where it does not count.
+fn left_by_fit(point: &PointResidual) -> Option<f64> {
+    match point.residual {
+        Residual::Place([_, _, z]) => Some(z * 1e3),
+        Residual::Above(distance, true) => Some(distance * 1e3),
+        Residual::Above(_, false) => None,
+    }
+}
+
+/// The text of the file; `texture` is the box of the texture, `sigmas` what the job keeps free.
+pub fn measured_svg(job: &str, part: &MeasuredPart, texture: Box2, sigmas: f64) -> String {
+    let origin = part.lying.origin.mm();
+    let dots: Vec<Dot<'_>> = part
+        .lying
+        .points
+        .iter()
+        .map(|point| Dot { point, at: [point.at[0] - origin[0], point.at[1] - origin[1]] })
+        .collect();
+    let area = area(&dots, texture);
+    let correction = |[x, y]: [f64; 2]| {
+        let at = [x * NM_PER_MM, y * NM_PER_MM];
+        let [height, deviation] = part.correction.as_ref()?.linear(at).map(|l| l.of(at));
+        deviation.is_finite().then_some(height / 1e3)
+    };
+    let kept = |[x, y]: [f64; 2]| {
+        let p = P2::from_mm(x, y)?;
+        let kept = part.reserve.kept(Box2 { lo: p, hi: p }) / 1e3;
+        (kept > 0.0 && kept.is_finite()).then_some(kept)
+    };
+    let [heights, keeps] = [area.places().map(correction).collect::<Vec<_>>(), area.places().map(kept).collect()];
+    let most = |values: &[Option<f64>]| values.iter().flatten().fold(0.0, |most: f64, v| most.max(v.abs()));
+    let by_fit = dots.iter().filter_map(|dot| left_by_fit(dot.point)).fold(0.0, |most: f64, v| most.max(v.abs()));
+    let signed = Scale::signed(most(&heights).max(by_fit));
+    let least = keeps.iter().flatten().fold(f64::INFINITY, |least: f64, v| least.min(*v));
+    let amount = Scale::amount(if least.is_finite() { [least, most(&keeps)] } else { [0.0, 1.0] });
+    let total = HEAD + area.height() + KEY;
+    let page = 2.0 * WIDTH + 3.0 * SIDE;
+    let name = escape(job);
+    let mut out = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" \
+         viewBox=\"0 0 {page} {total}\" font-family=\"sans-serif\" font-size=\"14\">\n\
+         <title>{name}: the part as measured</title>\n<rect width=\"{page}\" height=\"{total}\" fill=\"#ffffff\"/>\n\
+         <text x=\"{SIDE}\" y=\"24\" font-size=\"18\">{name}: the part as measured, {} points</text>\n",
+        dots.len(),
+    );
+    let before = Map { area: &area, values: &heights, scale: &signed, dots: &dots, of_dot: &left_by_fit };
+    let head = if part.correction.is_some() { "Correction of the height, um" } else { "Not corrected: rigid" };
+    before.draw(&mut out, SIDE, head, &signed, "points: what the rigid fit leaves of them");
+    let left = |point: &PointResidual| match part.correction {
+        Some(_) => point.left.map(|mm| mm * 1e3),
+        None => left_by_fit(point),
+    };
+    let after = Map { area: &area, values: &keeps, scale: &signed, dots: &dots, of_dot: &left };
+    let head = format!("Kept free above and below marks, um ({sigmas} sigma)");
+    let words = match part.correction {
+        Some(_) => "points: what the correction leaves of them, in the colours of the left",
+        None => "points: what the rigid fit leaves of them, in the colours of the left",
+    };
+    after.draw(&mut out, 2.0 * SIDE + WIDTH, &head, &amount, words);
+    out.push_str("</svg>\n");
+    out
+}
+
+/// The box of the texture and of the points.
+fn area(dots: &[Dot<'_>], texture: Box2) -> Area {
+    let mut around = BoxMm::EMPTY;
+    dots.iter().for_each(|dot| around.add(dot.at));
+    if !texture.is_empty() {
+        around.add(texture.lo.mm());
+        around.add(texture.hi.mm());
+    }
+    let size = around.size().map(|side| side.max(1e-3));
+    let rim = 0.02 * size[0].max(size[1]);
+    Area { lo: around.lo.map(|v| v - rim), size: size.map(|v| v + 2.0 * rim) }
+}
+
+/// One of the maps.
+struct Map<'a> {
+    area: &'a Area,
+    values: &'a [Option<f64>],
+    /// Of the points.
+    scale: &'a Scale,
+    dots: &'a [Dot<'a>],
+    of_dot: &'a dyn Fn(&PointResidual) -> Option<f64>,
+}
+
+impl Map<'_> {
+    /// Draws it with its left side at `x`, the ground in the colours of `ground`.
+    fn draw(&self, out: &mut String, x: f64, head: &str, ground: &Scale, words: &str) {
+        let height = self.area.height();
+        let palette: Vec<[u8; 4]> = std::iter::once([255, 255, 255, 0])
+            .chain(ground.colours.iter().map(|[r, g, b]| [*r, *g, *b, 255]))
+            .collect();
+        let pixels: Vec<u8> = self.values.iter().map(|v| v.map_or(0, |v| 1 + ground.step(v) as u8)).collect();
+        let address = image::of_indices(self.area.cells(), &palette, &pixels);
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "<g transform=\"translate({x})\">\n<text y=\"{}\">{head}</text>\n\
+             <image y=\"{HEAD}\" width=\"{WIDTH}\" height=\"{height}\" preserveAspectRatio=\"none\" href=\"{address}\"/>\n\
+             <rect y=\"{HEAD}\" width=\"{WIDTH}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
+            HEAD - 10.0,
+        );
+        let radius = if self.dots.len() > 400 { 2.0 } else { 5.0 };
+        for dot in self.dots {
+            let [u, v] = self.area.on_map(dot.at).map(|v| plain(v, 1));
+            let name = escape(&dot.point.name);
+            match (self.of_dot)(dot.point) {
+                Some(value) => {
+                    let _ = writeln!(
+                        out,
+                        "<circle cx=\"{u}\" cy=\"{v}\" r=\"{radius}\" fill=\"{}\" stroke=\"#222\" stroke-width=\".8\">\
+                         <title>{name}: {} um</title></circle>",
+                        self.scale.colour(value),
+                        plain(value, 1)
+                    );
+                }
+                None => {
+                    let _ = writeln!(
+                        out,
+                        "<path d=\"M{u} {v}m-5 -5l10 10m0 -10l-10 10\" fill=\"none\" stroke=\"#222\" stroke-width=\"1.5\">\
+                         <title>{name}: does not count</title></path>"
+                    );
+                }
+            }
+        }
+        let below = HEAD + height;
+        let step = WIDTH / STEPS as f64;
+        for (k, colour) in ground.colours.iter().enumerate() {
+            let _ = writeln!(
+                out,
+                "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"16\" fill=\"{}\"/>",
+                plain(k as f64 * step, 2),
+                below + 10.0,
+                plain(step + 0.2, 2),
+                hex(*colour)
+            );
+        }
+        let [lo, hi] = ground.range.map(|v| plain(v, 1));
+        let middle = plain(f64::midpoint(ground.range[0], ground.range[1]), 1);
+        let _ = writeln!(
+            out,
+            "<text y=\"{0}\">{lo}</text><text x=\"{1}\" y=\"{0}\" text-anchor=\"middle\">{middle}</text>\
+             <text x=\"{WIDTH}\" y=\"{0}\" text-anchor=\"end\">{hi} um</text>\n<text y=\"{2}\">{words}</text>\n</g>",
+            below + 42.0,
+            WIDTH / 2.0,
+            below + 64.0,
+        );
+    }
+}
+
+/// Writes the section of the report.
+pub(super) fn section(h: &mut String, part: &MeasuredPart) {
+    let lying = &part.lying;
+    let off = lying.points.iter().filter(|point| !point.counts()).count();
+    let _ = writeln!(
+        h,
+        "<h2>Measured part</h2>\n<p id=\"measured\">{} points, {off} of them not on the part; the farthest lies {} um from \
+         where the rigid fit has it. The part leans by {} deg.",
+        lying.points.len(),
+        plain(lying.worst_residual_mm() * 1e3, 1),
+        plain(lying.fit.motion.lean().to_degrees(), 4),
+    );
+    if let Some(correction) = &part.correction {
+        let [[lowest, highest], [least, most]] = correction.ranges().map(|range| range.map(|nm| plain(nm / 1e3, 1)));
+        let _ = writeln!(
+            h,
+            " Its height is corrected by {lowest} to {highest} um, known to {least} um (one sigma) at best and {most} um at worst."
+        );
+    }
+    h.push_str(
+        "</p>\n<p class=\"picture\"><a href=\"measured.svg\"><img src=\"measured.svg\" alt=\"The correction of the height, \
+         the depth that is kept free, and the measured points\"/></a></p>\n",
+    );
+}
