@@ -124,17 +124,17 @@ def start(*words):
 
 def call(*words):
     done = subprocess.run(command(list(words)), cwd=USR, env=environment(), stdin=subprocess.DEVNULL,
-                          capture_output=True, text=True, timeout=20)
+                          capture_output=True, text=True, timeout=60)
     if done.returncode != 0:
         sys.exit(f"{' '.join(words)}: {done.stdout}{done.stderr}")
     return done.stdout
 
 
 def wait_for(what, is_there):
-    end = time.monotonic() + 10
+    end = time.monotonic() + 60
     while not is_there():
         if time.monotonic() > end:
-            sys.exit(f"{what} is not there after 10 s: see {FOLDER}")
+            sys.exit(f"{what} is not there after 60 s: see {FOLDER}")
         time.sleep(0.02)
 
 
@@ -182,6 +182,7 @@ def up():
                    ["motmod", "servo_period_nsec=1000000", "num_joints=3", "num_dio=1"],
                    ["timedelay", "count=2"], ["oneshot", "count=2"], ["lut5", "count=1"], ["sampler", "depth=8000", "cfg=fffbb"]):
         call("rtapi_app", "load", *module)
+    wait_for("io", lambda: "iocontrol.0.user-enable-out" in call("halcmd", "-s", "show", "pin", "iocontrol.0"))
     call("halcmd", "-f", f"{FOLDER}/sim.hal")
     call("halcmd", "start")
     start("halsampler", "-t", f"{FOLDER}/samples.txt")
