@@ -156,7 +156,9 @@ pub fn fitted(
     }
     let of_pairs: Vec<&MeasuredPoint> =
         points.iter().filter(|p| matches!(p.measure, Measure::Optical { .. })).collect();
-    if let Some(fault) = pairs_fault(&pairs) {
+    let limit = job.placement.measured.as_ref().and_then(|measured| measured.warp).map(|limit| limit.as_mm());
+    let held: Vec<Pair> = pairs.iter().map(|pair| loosened(pair, limit)).collect();
+    if let Some(fault) = pairs_fault(&held) {
         return Err(apart(fault, &of_pairs, shown).into());
     }
     let start = match job.placement.origin {
@@ -169,12 +171,11 @@ pub fn fitted(
         }
     };
     let mut facets = Vec::new();
-    let limit = job.placement.measured.as_ref().and_then(|measured| measured.warp).map(|limit| limit.as_mm());
     if !touches.is_empty() || limit.is_some() {
         designed.each_facet(&mut |facet| facets.push(facet.map(|at| at.map(|nm| nm / NM_PER_MM))));
     }
     let part = Facets::new(facets);
-    let mut found = fit(&Points { pairs: &pairs, touches: &touches, part: &part, is_warped: limit.is_some() }, &start);
+    let mut found = fit(&Points { pairs: &held, touches: &touches, part: &part, is_warped: limit.is_some() }, &start);
     if !found.free.is_empty() {
         return Err(free(&found.free, shown).into());
     }
@@ -211,6 +212,15 @@ pub fn fitted(
     }
     Ok(Lying { points, ..lying })
 }
+
+/// A feature of a part that may be warped by up to `limit`, mm: so much surer it is of its place aside than of its height.
+fn loosened(pair: &Pair, limit: Option<f64>) -> Pair {
+    let [x, y, z] = pair.sigma;
+    Pair { sigma: [x, y, math::hypot(z, limit.unwrap_or(0.0) * WARP_SIGMA)], ..*pair }
+}
+
+/// The deviation of a height, in units of what a part may be warped by at most.
+const WARP_SIGMA: f64 = 1.0 / 3.0;
 
 /// Touches on steeper faces say nothing of the height: cosine of 45 degrees.
 const LEAST_UP: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -455,11 +465,8 @@ pub(crate) fn draped(
     };
     warnings.extend(left_out(&lost));
     let sigmas = job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas);
-    // Of a warped part the correction holds what the pose is off by in height; only the noise of the points is left.
-    let Fit { uncertainty, spread, noise_factor, .. } = &lying.fit;
-    let uncertainty =
-        if correction.is_some() { uncertainty.as_stated(spread * noise_factor.max(1.0)) } else { *uncertainty };
-    let doubt = HeightDoubt { uncertainty: &uncertainty, origin: lying.origin, correction: correction.as_deref() };
+    let doubt =
+        HeightDoubt { uncertainty: &lying.fit.uncertainty, origin: lying.origin, correction: correction.as_deref() };
     let reserve = Arc::new(HeightReserve::new(&surface, &doubt, job.limits.max_slope(), sigmas));
     Ok((surface, moved, MeasuredPart { lying, draping, texture, lost, correction, reserve }))
 }

@@ -56,15 +56,6 @@ pub struct Uncertainty {
     pub covariance: [[f64; 6]; 6],
 }
 
-impl Uncertainty {
-    /// The same where the noise is as the table states, of residuals that are `factor` times as large.
-    #[must_use]
-    pub fn as_stated(&self, factor: f64) -> Self {
-        let grown = factor.max(1.0).powi(2);
-        Self { covariance: self.covariance.map(|row| row.map(|v| v / grown)), ..*self }
-    }
-}
-
 /// A motion that the points do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeMotion {
@@ -119,8 +110,6 @@ pub struct Fit {
     /// Root of the mean square of residuals over their stated noise: about 1 where the noise is as stated. The
     /// covariance holds the larger of that and 1.
     pub noise_factor: f64,
-    /// Standard deviation of the touches by their median, in units of their noise, at least 1; 1 of a rigid part.
-    pub spread: f64,
 }
 
 /// Beyond this many deviations a touch does not count (Tukey; 95 % efficient under normal noise).
@@ -450,7 +439,6 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
         pairs,
         touches,
         noise_factor,
-        spread: counted,
     }
 }
 

@@ -14,7 +14,10 @@ use terrace_core::math;
 pub(super) struct PosePair {
     pub(super) part: SpacePoint,
     pub(super) table: SpacePoint,
+    /// As it counts in the pose.
     pub(super) sigma: SpacePoint,
+    /// That of its height as the table has it.
+    pub(super) sigma_z: f64,
 }
 
 /// A point on the part, nm, table frame, that stands off it.
@@ -42,8 +45,6 @@ pub(super) struct JudgedPose {
     pub(super) touches: Vec<TouchFound>,
     /// Of the rotation vector, rad, about the middle of the points, and the shift, nm.
     pub(super) covariance: [[f64; 6]; 6],
-    /// How many times smaller that is where the noise is as the table states.
-    pub(super) grown: f64,
 }
 
 /// A touch against the part.
@@ -87,7 +88,7 @@ impl PosePoints<'_> {
             dof => (squares.iter().sum::<f64>() / dof as f64).max(1.0),
         };
         let covariance = equations.inverse()?.map(|row| row.map(|v| v * noise2));
-        Some(JudgedPose { unrest_nm: self.size(&step), touches, covariance, grown: noise2 * counted * counted })
+        Some(JudgedPose { unrest_nm: self.size(&step), touches, covariance })
     }
 
     /// What the points say of the height of the part over the pose, mm: touches and features on what is no steeper than
@@ -104,8 +105,8 @@ impl PosePoints<'_> {
             }
             let off = [pair.table[0] - x, pair.table[1] - y, pair.table[2] - z];
             let height = off[2] + (nx * off[0] + ny * off[1]) / nz;
-            let [sx, sy, sz] = pair.sigma;
-            let sigma = math::hypot(math::hypot(nx / nz * sx, ny / nz * sy), sz);
+            let [sx, sy, _] = pair.sigma;
+            let sigma = math::hypot(math::hypot(nx / nz * sx, ny / nz * sy), pair.sigma_z);
             Some(WarpPoint { at: [mm(x), mm(y)], height: mm(height), sigma: mm(sigma) })
         });
         let of_touches = touches.iter().filter_map(|touch| {

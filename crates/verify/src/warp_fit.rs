@@ -27,8 +27,12 @@ pub(super) struct Covariance {
 /// Points of one table, and the least of them that are taken together.
 pub(super) struct WarpPoints(Vec<WarpPoint>);
 
-/// Relative difference of figures that are the same.
-const SAME: f64 = 1e-5;
+/// Relative difference of lengths and amplitudes that are the same: places of points are known to some nm.
+const SAME: f64 = 1e-4;
+
+/// How far weights, scores and the factor may be from their own: they follow from heights that are known to some nm, over
+/// deviations that may be as small as 200 nm.
+const CLOSE: f64 = 0.01;
 
 impl WarpPoints {
     /// The points, in cells where there are more than 300.
@@ -93,16 +97,19 @@ impl WarpPoints {
             }
             let score = scores.iter().find(|(amplitude, _)| is_same(*amplitude, covariance.amplitude)).map(|s| s.1);
             let top = most_of(scores);
-            if score.is_none_or(|score| score < top - SAME * (1.0 + top.abs())) {
+            if score.is_none_or(|score| score < top - CLOSE * (1.0 + top.abs())) {
                 return Some("an amplitude of it is not the best one".to_owned());
             }
-            if (raw(top) / of_counted - covariance.weight).abs() > SAME {
+            if (raw(top) / of_counted - covariance.weight).abs() > CLOSE {
                 return Some("a weight of it is not what the points say".to_owned());
             }
         }
         let plain = Warped::new(&self.0, stated, 1.0)?;
         let worst = plain.left_out().into_iter().map(|[error, sigma]| (error / sigma).abs()).fold(0.0, f64::max);
-        (!is_same((worst / 2.5).max(1.0), factor)).then(|| "its factor is not what the worst point asks for".to_owned())
+        ((worst / 2.5).max(1.0) / factor - 1.0)
+            .abs()
+            .gt(&CLOSE)
+            .then(|| "its factor is not what the worst point asks for".to_owned())
     }
 
     /// The warp by covariances and a factor.

@@ -8,7 +8,6 @@
 
 use terrace_core::geom::{Box2, Correction, Grid, NM_PER_MM, Nm, P2};
 use terrace_core::machine::Origin;
-use terrace_core::math;
 use terrace_input::surface::Surface;
 use terrace_register::Uncertainty;
 
@@ -35,7 +34,7 @@ pub struct HeightDoubt<'a> {
     pub uncertainty: &'a Uncertainty,
     /// Its placement.
     pub origin: Origin,
-    /// How it is warped.
+    /// How it is warped: that holds what the pose is off by in height.
     pub correction: Option<&'a Correction>,
 }
 
@@ -86,8 +85,10 @@ impl HeightReserve {
                 let deviation = |x: f64, y: f64| {
                     let z = a[2] + slope[0] * (x - a[0]) + slope[1] * (y - a[1]);
                     let at = [0, 1, 2].map(|k| [x, y, z][k] / NM_PER_MM + shift[k]);
-                    let rigid = doubt.uncertainty.height(at, slope);
-                    of_correction.map_or(rigid, |l| math::hypot(rigid, l.of([x, y]) / NM_PER_MM))
+                    match of_correction {
+                        Some(linear) => linear.of([x, y]) / NM_PER_MM,
+                        None => doubt.uncertainty.height(at, slope),
+                    }
                 };
                 let [xs, ys] = ends;
                 let most = xs.iter().flat_map(|&x| ys.map(|y| deviation(x, y))).fold(0.0, f64::max);

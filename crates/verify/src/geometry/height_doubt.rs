@@ -12,19 +12,21 @@ pub(crate) struct HeightDoubt {
     pub(crate) covariance: [[f64; 6]; 6],
     /// Deviations that are kept free.
     pub(crate) sigmas: f64,
-    /// How it is warped.
+    /// How it is warped: that holds what the pose is off by in height.
     pub(crate) correction: Option<Correction>,
 }
 
 impl HeightDoubt {
     /// What is kept free above and below a place of the part with this slope (dz/dx, dz/dy), nm.
     pub(crate) fn kept(&self, at: SpacePoint, [p, q]: [f64; 2]) -> f64 {
+        if let Some(correction) = &self.correction {
+            return self.sigmas * correction.at([at[0], at[1]])[1];
+        }
         let [x, y, z] = [0, 1, 2].map(|k| at[k] - self.centre[k]);
         // A motion by w x r + s raises the part over a place by its part along (-p, -q, 1).
         let row = [y + q * z, -x - p * z, -q * x + p * y, -p, -q, 1.0];
         let variance: f64 = (0..6).map(|i| (0..6).map(|k| row[i] * self.covariance[i][k] * row[k]).sum::<f64>()).sum();
-        let of_correction = self.correction.as_ref().map_or(0.0, |correction| correction.at([at[0], at[1]])[1]);
-        self.sigmas * (variance.max(0.0) + of_correction.powi(2)).sqrt()
+        self.sigmas * variance.max(0.0).sqrt()
     }
 }
 
