@@ -98,8 +98,8 @@ impl PosePoints<'_> {
         let of_pairs = self.pairs.iter().filter_map(|pair| {
             let [x, y, z] = pose.apply(pair.part);
             // The facet nearest to the feature says how steep the part is there.
-            let nearest = PoseTouch { table: [x, y, z], off: 0.0, sigma: 1.0, is_along_z: false };
-            let [nx, ny, nz] = facing(self.part, pose, &nearest)?;
+            let facing = nearest(self.part, pair.part)?.normal;
+            let [nx, ny, nz] = pose.rows.map(|row| dot(row, facing));
             if nz < std::f64::consts::FRAC_1_SQRT_2 {
                 return None;
             }
@@ -263,63 +263,51 @@ fn dot(a: SpacePoint, b: SpacePoint) -> f64 {
 /// A touch against the nearest of the file's own facets.
 fn found(part: &Geometry, pose: &Pose, touch: &PoseTouch) -> TouchFound {
     let p = pose.back(touch.table);
+    let Some(Nearest { distance, foot, normal }) = nearest(part, p) else {
+        let nowhere = [0.0, 0.0, 1.0];
+        return TouchFound { distance: f64::INFINITY, sigma: touch.sigma, foot: touch.table, direction: nowhere };
+    };
+    let to = [0, 1, 2].map(|k| p[k] - foot[k]);
+    let along = dot(to, normal);
+    let is_beside = distance > 1e-3 * NM_PER_MM && (along / distance).abs() > 0.7;
+    let direction = if is_beside { to.map(|v| v / distance * along.signum()) } else { normal };
+    let in_table = pose.rows.map(|row| dot(row, direction));
+    let sigma = if touch.is_along_z { touch.sigma * in_table[2].abs().max(0.1) } else { touch.sigma };
+    TouchFound { distance: dot(direction, to) - touch.off, sigma, foot: pose.apply(foot), direction: in_table }
+}
+
+/// The point of a part that is nearest to another.
+struct Nearest {
+    distance: f64,
+    foot: SpacePoint,
+    /// Normal of its facet, upwards.
+    normal: SpacePoint,
+}
+
+/// The point of the file's own facets that is nearest to `p`; None of a part without facets.
+fn nearest(part: &Geometry, p: SpacePoint) -> Option<Nearest> {
     let mut reach = 1.0 * NM_PER_MM;
     let [lowest, highest] = part.heights();
     // As far as anything of the part may be from a point that a stage reaches.
     let farthest = 8e9 + (highest - lowest);
     loop {
-        let mut best: Option<(f64, SpacePoint, SpacePoint)> = None;
+        let mut best: Option<Nearest> = None;
         let mut around = BoxNm::EMPTY;
         around.add([p[0] - reach, p[1] - reach]);
         around.add([p[0] + reach, p[1] + reach]);
         part.facets_in(around, &mut |facet| {
             let Some((foot, normal)) = foot(facet, p) else { return };
             let distance = length([0, 1, 2].map(|k| p[k] - foot[k]));
-            // Of facets that are as near the one whose normal points most to the point.
-            if best.is_none_or(|(known, ..)| distance < known) {
-                best = Some((distance, foot, normal));
+            if best.as_ref().is_none_or(|known| distance < known.distance) {
+                best = Some(Nearest { distance, foot, normal });
             }
         });
-        if let Some((distance, foot, normal)) = best.filter(|(distance, ..)| *distance <= reach || reach > farthest) {
-            let to = [0, 1, 2].map(|k| p[k] - foot[k]);
-            let along = dot(to, normal);
-            let is_beside = distance > 1e-3 * NM_PER_MM && (along / distance).abs() > 0.7;
-            let direction = if is_beside { to.map(|v| v / distance * along.signum()) } else { normal };
-            let in_table = pose.rows.map(|row| dot(row, direction));
-            let sigma = if touch.is_along_z { touch.sigma * in_table[2].abs().max(0.1) } else { touch.sigma };
-            let distance = dot(direction, to) - touch.off;
-            return TouchFound { distance, sigma, foot: pose.apply(foot), direction: in_table };
-        }
-        if reach > farthest {
-            let nowhere = [0.0, 0.0, 1.0];
-            return TouchFound { distance: f64::INFINITY, sigma: touch.sigma, foot: touch.table, direction: nowhere };
+        // A nearer facet than that would reach into the box.
+        if reach > farthest || best.as_ref().is_some_and(|known| known.distance <= reach) {
+            return best;
         }
         reach *= 2.0;
     }
-}
-
-/// The normal of the facet that is nearest to a point, table frame.
-fn facing(part: &Geometry, pose: &Pose, point: &PoseTouch) -> Option<SpacePoint> {
-    let p = pose.back(point.table);
-    let mut reach = 1.0 * NM_PER_MM;
-    while reach < 8e9 {
-        let mut best: Option<(f64, SpacePoint)> = None;
-        let mut around = BoxNm::EMPTY;
-        around.add([p[0] - reach, p[1] - reach]);
-        around.add([p[0] + reach, p[1] + reach]);
-        part.facets_in(around, &mut |facet| {
-            let Some((foot, normal)) = foot(facet, p) else { return };
-            let distance = length([0, 1, 2].map(|k| p[k] - foot[k]));
-            if best.is_none_or(|(known, _)| distance < known) {
-                best = Some((distance, normal));
-            }
-        });
-        if let Some((_, normal)) = best.filter(|(distance, _)| *distance <= reach) {
-            return Some(pose.rows.map(|row| dot(row, normal)));
-        }
-        reach *= 2.0;
-    }
-    None
 }
 
 /// The point of a facet that is nearest to `p`, and its normal upwards; None where it has no area.
