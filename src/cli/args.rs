@@ -20,6 +20,7 @@ use terrace_core::units::{Angle, Length};
 use terrace_input::job::{FileUnit, KnownKey, Mode, Objective, Setting, known_keys};
 #[cfg(feature = "compare")]
 use terrace_plan::on_the_fly::axes::following_error::Protection;
+use terrace_plan::probe::MOST as MOST_POINTS;
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
 #[derive(Debug, Parser)]
@@ -55,11 +56,43 @@ fn with_examples(command: clap::Command, name: &str) -> clap::Command {
     }
 }
 
-/// What is known of the probe whose log makes a table.
+/// How many points, and what measures them.
+#[derive(clap::Args, Debug)]
+pub struct PointsArgs {
+    /// How many points; default: as many as save stops worth their time.
+    #[arg(long, value_name = "N", value_parser = point_count)]
+    pub points: Option<usize>,
+    /// As many points as it takes for the height to have this standard deviation at worst where something is marked.
+    #[arg(long, value_name = "LENGTH", value_parser = positive_length, conflicts_with = "points")]
+    pub sigma: Option<Length>,
+    /// How far the part may lie from where placement.origin says, in any direction; default: 2 mm.
+    #[arg(long, value_name = "LENGTH", value_parser = positive_length)]
+    pub search: Option<Length>,
+    /// Standard deviation of a distance sensor along the beam, which measures in place of the touch probe.
+    #[arg(long, value_name = "LENGTH", value_parser = positive_length)]
+    pub sensor: Option<Length>,
+}
+
+/// A number of points that a probe can touch in a shift.
+fn point_count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ 3..=MOST_POINTS) => Ok(count),
+        _ => Err(format!("give a number from 3 to {MOST_POINTS}")),
+    }
+}
+
+/// A length above zero, up to 50 mm.
+fn positive_length(text: &str) -> Result<Length, String> {
+    let length: Length = text.parse()?;
+    let is_usable = length.as_mm() >= 1e-6 && length.as_mm() <= 50.0;
+    if is_usable { Ok(length) } else { Err("give a length between 1 nm and 50 mm".to_owned()) }
+}
+
+/// What is known of the probe whose log makes a table: each, unless it is given, is as the machine file says.
 #[derive(clap::Args, Debug)]
 pub struct ProbeArgs {
     /// Radius of the probe's tip.
-    #[arg(long, value_name = "LENGTH", requires = "noise")]
+    #[arg(long, value_name = "LENGTH", requires = "log")]
     pub radius: Option<Length>,
     /// Standard deviation of a touch.
     #[arg(long, value_name = "LENGTH", requires = "log")]
@@ -70,9 +103,15 @@ pub struct ProbeArgs {
     /// Where the centre of the tip lies from the focus of the beam, in the directions of the table frame, mm.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, requires = "log")]
     pub offset: Option<[f64; 3]>,
+    /// Where the zero of G54 lies in the positions of the log, mm, where the log of GRBL does not say it.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, requires = "log")]
+    pub zero: Option<[f64; 3]>,
     /// Replace the table that is there.
     #[arg(long, requires = "log")]
     pub force: bool,
+    /// Add the touches to the table that is there.
+    #[arg(long, requires = "log", conflicts_with = "force")]
+    pub add: bool,
 }
 
 impl Args {
@@ -281,13 +320,23 @@ pub enum Command {
         #[arg(long)]
         apply: bool,
     },
+    /// Choose where to measure the part: the points that save most stops, or make the height as sure as is asked; writes a
+    /// folder with the program of the touch probe of the machine file, a list, a map and what to do.
+    Probe {
+        /// Job file, or - for standard input.
+        job: PathBuf,
+        /// Folder to write; default: the job file's name with .probe.
+        #[arg(short, long, value_name = "FOLDER")]
+        output: Option<PathBuf>,
+        #[command(flatten)]
+        points: PointsArgs,
+    },
     /// Fit the part to its measured points ([placement.measured]): where it lies, how surely, and how far each point is
     /// off; with the log of a probe it makes the table of points first.
     Register {
         /// Job file, or - for standard input.
         job: PathBuf,
         /// Log of the controller: the file that LinuxCNC has written after (PROBEOPEN ...), or what GRBL has answered.
-        #[arg(requires = "radius")]
         log: Option<PathBuf>,
         #[command(flatten)]
         probe: ProbeArgs,

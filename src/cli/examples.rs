@@ -81,12 +81,27 @@ pub const EXAMPLES: &[(&str, &[Example])] = &[
         ],
     ),
     (
+        "probe",
+        &[
+            ("terrace probe job.toml", "The points that save most stops, and the program of the touch probe"),
+            (
+                "terrace probe job.toml --sigma \"5 um\"",
+                "So many that the height is known to 5 um wherever something is marked",
+            ),
+            ("terrace probe job.toml --sensor \"3 um\" --points 60", "A list for a distance sensor along the beam"),
+        ],
+    ),
+    (
         "register",
         &[
             ("terrace register job.toml", "Where the part lies, how surely, and how far each point is off"),
             (
-                "terrace register job.toml probe.log --radius \"1 mm\" --noise \"2 um\"",
-                "Makes the table of points of a probe's log first",
+                "terrace register job.toml probe.log",
+                "Makes the table of points of the log of the machine's probe first",
+            ),
+            (
+                "terrace register job.toml probe.log --radius \"1 mm\" --noise \"2 um\" --add",
+                "Of another probe, added to the table that is there",
             ),
             ("terrace register job.toml --json", "For a program: with the covariance"),
         ],

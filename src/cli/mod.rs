@@ -20,6 +20,7 @@ mod manual;
 mod named;
 mod orient;
 mod preview;
+mod probe;
 mod progress;
 mod register;
 mod resume;
@@ -216,6 +217,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             };
             orient::orient(args, job, side, *apply)?;
         }
+        Command::Probe { job, output, points } => probe::probe(args, job, output.as_deref(), points)?,
         Command::Register { job, log, probe } => register::register(args, job, log.as_deref(), probe)?,
         #[cfg(feature = "compare")]
         Command::Compare { job, systems, protection, nurbs: exact, output } => {

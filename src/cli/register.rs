@@ -32,12 +32,13 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
     };
     let table = job.relative(&measured.file);
     if let Some(log) = log {
-        if table.exists() && !probe.force {
+        if table.exists() && !probe.force && !probe.add {
             let fault = Diag::input("register-exists", "the table of measured points is there already");
-            let hint = "give --force to replace it, or leave out the log to fit the part to it";
+            let hint = "give --force to replace it, --add to add to it, or leave out the log to fit the part to it";
             return Err(fault.at(Place::file(table.display().to_string())).hint(hint).into());
         }
-        let points = of_log(args, &machine, log, probe)?;
+        let mut points = if probe.add { read_table(&table).map_err(|e| job.at_keys(&e))? } else { Vec::new() };
+        points.extend(of_log(args, &machine, log, probe)?);
         write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
     }
     let points = read_table(&table).map_err(|e| job.at_keys(&e))?;
@@ -54,8 +55,12 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
 
 /// The points of a probe's log.
 fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Result<Vec<MeasuredPoint>, Error> {
-    let (Some(radius), Some(noise)) = (probe.radius, probe.noise) else {
-        return Err(Diag::input("usage", "a log needs --radius and --noise").into());
+    let stated = machine.probe;
+    let [radius, noise] = [(probe.radius, stated.map(|p| p.radius)), (probe.noise, stated.map(|p| p.noise))]
+        .map(|(given, stated)| given.or(stated));
+    let (Some(radius), Some(noise)) = (radius, noise) else {
+        let fault = Diag::input("probe-none-stated", "the machine file has no [probe]");
+        return Err(fault.hint("state the probe there, or give --radius and --noise").into());
     };
     let found = read_log(log)?;
     if let Some(line) = found.missed.first() {
@@ -63,12 +68,18 @@ fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Resu
         let place = Place::line(log.display().to_string(), *line);
         warn(args, &[Diag::warning("probe-missed", text).at(place).hint("they are left out")]);
     }
-    let pretravel = probe.pretravel.map_or(0.0, Length::as_mm);
-    let offset = probe.offset.unwrap_or_default();
+    let Some(zero) = probe.zero.or(found.zero) else {
+        let text = "the log does not say where the zero of G54 lies, and GRBL counts touches from that of the machine";
+        let hint = "send $# in the same run and keep its answer in the log, or give --zero X,Y,Z: 0,0,0 where both are \
+                    one";
+        return Err(Diag::input("probe-zero", text).at(Place::file(log.display().to_string())).hint(hint).into());
+    };
+    let pretravel = probe.pretravel.or(stated.map(|p| p.pretravel)).map_or(0.0, Length::as_mm);
+    let offset = probe.offset.or(stated.map(|p| p.offset_mm())).unwrap_or_default();
     let signs = machine.axes().map(|(_, axis)| axis.sign() as f64);
     let point = |(line, at): (usize, SpacePoint)| {
         // The tip had touched before the controller knew: it stands that much too low.
-        let table = [0, 1, 2].map(|k| signs[k] * at[k] + offset[k] + if k == 2 { pretravel } else { 0.0 });
+        let table = [0, 1, 2].map(|k| signs[k] * (at[k] - zero[k]) + offset[k] + if k == 2 { pretravel } else { 0.0 });
         MeasuredPoint {
             name: format!("touch {line}"),
             line,

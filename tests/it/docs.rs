@@ -281,10 +281,14 @@ fn property<'a>(schema: &'a Value, at: &'a Value, key: &str) -> &'a Value {
 fn parts_of_files_in_the_documents_have_keys_that_exist() {
     let how_to = documents().into_iter().filter(|file| file.starts_with("docs/how-to/"));
     let jobs = how_to.chain(["docs/reference/job-file.md".to_owned()]).map(|file| (file, job::json_schema()));
-    for (file, schema) in jobs.chain([("docs/reference/machine-file.md".to_owned(), machine::json_schema())]) {
+    let machines = [("docs/reference/machine-file.md".to_owned(), machine::json_schema(), "toml")];
+    let of_how_to = documents().into_iter().filter(|file| file.starts_with("docs/how-to/"));
+    let in_how_to = of_how_to.map(|file| (file, machine::json_schema(), "toml machine-keys"));
+    let jobs = jobs.map(|(file, schema)| (file, schema, "toml"));
+    for (file, schema, language) in jobs.chain(machines).chain(in_how_to) {
         let schema: Value = serde_json::from_str(&schema).expect("a schema is JSON");
         let text = text_of(&file);
-        let parts = blocks(&text, "toml");
+        let parts = blocks(&text, language);
         assert!(!parts.is_empty() || file.contains("/how-to/"), "{file}");
         for part in parts {
             let example: toml::Table = part.parse().unwrap_or_else(|e| panic!("{file}: {e}\n{part}"));

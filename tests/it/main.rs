@@ -63,6 +63,7 @@ mod passes;
 mod patterns;
 mod placed;
 mod places;
+mod probe;
 mod random_jobs;
 mod reads;
 mod refusals;

@@ -465,3 +465,30 @@ fn what_does_not_go_with_a_measured_part_is_refused() {
     refused(&job(dir.path(), touch, "origin = [\"0 mm\", \"0 mm\", \"0 mm\"]", HATCH), "measured-free");
     refused(&job(dir.path(), "kind\n", "", HATCH), "measured-table");
 }
+
+#[test]
+fn what_is_not_known_closely_enough_is_refused_or_marked_with_a_warning_as_the_job_says() {
+    let dir = folder();
+    // Features in one corner say little of the other one.
+    let near: Vec<SpacePoint> = FEATURES.iter().map(|p| p.map(|v| v / 8.0)).collect();
+    let table = near.iter().fold(HEAD.to_owned(), |text, &part| text + &optical(part, &LIES, 2.0));
+    let path = job(dir.path(), &table, "", HATCH);
+    let text = std::fs::read_to_string(&path).expect("a job").replace("sigmas = 0\n", "");
+    std::fs::write(&path, &text).expect("written");
+    assert!(refused(&path, "measured-unsure").contains("unsure = \"warn\""));
+    std::fs::write(&path, text + "unsure = \"warn\"\n").expect("written");
+    let target = dir.path().join("a.job");
+    let out = terrace([Path::new("compile"), &path, Path::new("-o"), &target]);
+    let said = said(&out);
+    assert!(out.status.success() && said.contains("warning[measured-unsure]"), "{said}");
+    let share: f64 =
+        said.split("on ").nth(1).and_then(|t| t.split(' ').next()).and_then(|t| t.parse().ok()).expect("%");
+    assert!(share > 20.0 && share < 100.0, "{said}");
+    let proof = verify(&target);
+    assert_eq!(proof["ok"], true, "{proof}");
+    let not_proved = proof["not_proved"].as_array().expect("a list");
+    assert!(not_proved.iter().any(|n| n["what"].as_str().is_some_and(|t| t.contains("a quarter of the depth range"))));
+    // Near the features nothing is left out of what is kept: a job that is sure of its height needs fewer stops there.
+    let map = std::fs::read_to_string(target.join("measured.svg")).expect("a picture");
+    assert!(map.contains("red: less than that"));
+}

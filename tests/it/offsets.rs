@@ -38,7 +38,7 @@ impl Active {
 
 /// Runs the interpreter once. It is killed (SIGBUS) at times where another one begins: all share the file of their
 /// tools.
-fn run_interpreter(before: &str, program: &str) -> Output {
+pub fn run_interpreter(before: &str, program: &str) -> Output {
     let (venv, dir) = (readers(), folder());
     let path = dir.path().join("program.ngc");
     std::fs::write(&path, format!("{before}\n{program}")).expect("written");
@@ -130,8 +130,9 @@ fn stage_program_with_stops_moves_in_g54_without_other_offsets() {
     }
 }
 
-/// Sends lines to a control one by one, each after the answer to the one before.
-fn send<'a>(port: &Path, lines: impl Iterator<Item = &'a str>) {
+/// Sends lines to a control one by one, each after the answer to the one before; answers with all that it said.
+pub fn send<'a>(port: &Path, lines: impl Iterator<Item = &'a str>) -> String {
+    let mut all = String::new();
     let mut port = std::fs::File::options().read(true).write(true).open(port).expect("a terminal");
     let mut answers = BufReader::new(port.try_clone().expect("a handle"));
     for line in lines {
@@ -139,12 +140,14 @@ fn send<'a>(port: &Path, lines: impl Iterator<Item = &'a str>) {
         loop {
             let mut answer = String::new();
             answers.read_line(&mut answer).expect("an answer");
-            assert!(!answer.starts_with("error"), "{line}: {answer}");
+            assert!(!answer.starts_with("error") && !answer.starts_with("ALARM"), "{line}: {answer}");
+            all += &answer;
             if answer.trim() == "ok" {
                 break;
             }
         }
     }
+    all
 }
 
 #[test]

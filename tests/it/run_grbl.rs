@@ -23,6 +23,11 @@ impl Simulator {
 
     /// One that logs into this file.
     pub fn at(log: &Path) -> Self {
+        Self::with(log, &[])
+    }
+
+    /// One with options of its own.
+    pub fn with(log: &Path, options: &[&str]) -> Self {
         // It is there before the simulator has opened it.
         std::fs::File::options().create(true).append(true).open(log).expect("a log");
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/grbl_simulator.py");
@@ -32,6 +37,7 @@ impl Simulator {
             .args(["--wco=-300,-300,-300", "--name", "stage 7", "--log"])
             .arg(log)
             .args(rates)
+            .args(options)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()

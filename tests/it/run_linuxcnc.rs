@@ -17,12 +17,12 @@ use crate::support::{folder, said};
 static ONE: Mutex<()> = Mutex::new(());
 
 /// A controller that runs, its stage homed.
-struct Simulation {
+pub struct Simulation {
     child: Child,
     stdin: Option<ChildStdin>,
     stdout: BufReader<ChildStdout>,
     port: u16,
-    dir: TempDir,
+    pub dir: TempDir,
     shell: Option<BufReader<TcpStream>>,
     _one: MutexGuard<'static, ()>,
 }
@@ -31,7 +31,7 @@ struct Simulation {
 type Sample = ([f64; 3], bool, bool);
 
 impl Simulation {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let unpacked = root.join(".venv/linuxcnc");
@@ -128,7 +128,7 @@ impl Simulation {
         self.tell(&format!("card {delay} {width} {kind}"))
     }
 
-    fn tell(&mut self, line: &str) -> String {
+    pub fn tell(&mut self, line: &str) -> String {
         writeln!(self.stdin.as_mut().expect("open"), "{line}").expect("taken");
         self.line()
     }
@@ -143,7 +143,7 @@ impl Simulation {
     }
 
     /// Starts a stage program.
-    fn start(&mut self, program: &Path) {
+    pub fn start(&mut self, program: &Path) {
         let copy = self.dir.path().join("stage.ngc");
         std::fs::copy(program, &copy).expect("copied");
         self.set("mode auto");
@@ -152,7 +152,7 @@ impl Simulation {
     }
 
     /// Waits for the end of the program; answers with what it shows the operator.
-    fn until_idle(&mut self) -> String {
+    pub fn until_idle(&mut self) -> String {
         let begun = Instant::now();
         std::thread::sleep(Duration::from_millis(500));
         while self.get("program_status") != "IDLE" {

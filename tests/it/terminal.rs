@@ -27,7 +27,7 @@ fn done(dir: &Path, args: &[&str]) -> String {
     String::from_utf8(o.stdout).expect("text")
 }
 
-const COMMANDS: [&str; 20] = [
+const COMMANDS: [&str; 21] = [
     "init",
     "check",
     "compile",
@@ -35,6 +35,7 @@ const COMMANDS: [&str; 20] = [
     "run",
     "preview",
     "orient",
+    "probe",
     "register",
     "compare",
     "sweep",

@@ -3,8 +3,8 @@
 Prints the path of the terminal and runs until its standard input ends. Modelled after the firmware's documentation and
 sources: one `ok` or `error:N` for each line, the receive buffer of 128 bytes and lines of 79 characters, the planner,
 real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos and with WCO in every tenth, the work
-offsets G54 and G55, G92, a tool length, alarms that lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled:
-acceleration, arcs, probing, jogging, tools, parking.
+offsets G54 and G55, G92, a tool length, touches (G38.2) of what `--trips` names, alarms that lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled:
+acceleration, arcs, jogging, tools, parking.
 
 Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1; given several
 times, each fault has its own terminal and its own log, FILE.0 and so on:
@@ -19,6 +19,7 @@ times, each fault has its own terminal and its own log, FILE.0 and so on:
 
 import argparse
 import errno
+import math
 import os
 import re
 import select
@@ -244,6 +245,8 @@ class Grbl:
             return True
         if b"\n" not in self.received or len(self.blocks) >= PLANNER_BLOCKS:
             return False
+        if self.received.startswith(b"G38") and (self.blocks or self.now_moving):
+            return False
         raw, self.received = self.received.split(b"\n", 1)
         text = re.sub(r"\([^)]*\)|;.*|[\s/]", "", raw.decode("ascii", "replace")).upper()
         self.log("line " + text)
@@ -302,7 +305,7 @@ class Grbl:
         if any(not any(c.isdigit() for c in value) for _, value in words):
             raise Refused(2)
         axes, seen, others, given = {}, set(), [], {}
-        groups = {"G0": "motion", "G1": "motion", "G80": "motion", "G20": "units", "G21": "units", "G90": "distance",
+        groups = {"G0": "motion", "G38.2": "motion", "G1": "motion", "G80": "motion", "G20": "units", "G21": "units", "G90": "distance",
                   "G91": "distance", "M3": "spindle", "M4": "spindle", "M5": "spindle"}
         for letter, value in words:
             number = float(value)
@@ -328,7 +331,9 @@ class Grbl:
         # Of these one stands in a line with axes or without, and is no move.
         if self.set_zero(others, axes, given):
             return
-        if axes:
+        if axes and self.modes["motion"] == "G38.2":
+            self.touch(axes, given)
+        elif axes:
             if self.modes["motion"] == "G80":
                 raise Refused(31)
             self.move(axes)
@@ -363,6 +368,25 @@ class Grbl:
                 self.active = name
             self.shift()
         return bool(takes)
+
+    def touch(self, axes, given):
+        """Down until the tip touches what lies there; at once, since only where it ends matters."""
+        if not given.get("F") or list(axes) != [2]:
+            raise Refused(22)
+        scale = self.settings[102]
+        x, y, z = (s / self.settings[100 + k] - self.offset[k] for k, s in enumerate(self.steps))
+        trips = [t[2] for t in self.options.trips if abs(t[0] - x) < 0.02 and abs(t[1] - y) < 0.02]
+        trip = max(trips, default=float("-inf"))
+        if trip >= z:
+            self.alarm(4, False)
+            return
+        is_met = trip >= axes[2]
+        self.steps[2] = math.floor(((trip if is_met else axes[2]) + self.offset[2]) * scale)
+        self.log("touch " + " ".join(f"{s / self.settings[100 + k]:.4f}" for k, s in enumerate(self.steps)))
+        machine = ",".join(f"{s / self.settings[100 + k]:.3f}" for k, s in enumerate(self.steps))
+        self.say(f"[PRB:{machine}:{int(is_met)}]")
+        if not is_met:
+            self.alarm(5, False)
 
     def move(self, axes):
         self.moves += 1
@@ -417,6 +441,10 @@ def fault(text):
     return kind, int(number)
 
 
+def trips(path):
+    return [[float(v) for v in row.split()] for row in open(path)]
+
+
 def setting(text):
     key, value = text.split("=")
     return int(key), int(value) if int(key) in WHOLE else float(value)
@@ -432,6 +460,8 @@ def main():
                         help="offset of G92 until a reset, mm")
     parser.add_argument("--set", type=setting, action="append", default=[], metavar="N=VALUE", help="a setting of $$")
     parser.add_argument("--fault", type=fault, action="append", default=[], metavar="KIND@N")
+    parser.add_argument("--trips", type=trips, default=[], metavar="FILE",
+                        help="where a touch meets something, row by row: x, y and z of the axes from the zero of G54, mm")
     parser.add_argument("--log", help="appends the lines, moves and resets to this file, each with its time in s since 1970")
     options = parser.parse_args()
     faults = options.fault or [("", 0)]

@@ -8,7 +8,8 @@ display, no realtime kernel and no installation; LinuxCNC refuses to run as root
 Prints `ready` when linuxcncrsh answers. Then takes lines on standard input: `card DELAY WIDTH [KIND]` sets, in s, how
 long after START the laser is on and for how long it stays, and what BUSY is then: high with it, `inverted`, or
 `bouncing` (low once more for 5 ms, 5 ms after it has risen). `pins` asks for START and the laser; the answer to both is
-those two. Samples of every ms go to FOLDER/samples.txt: number, x, y, z (commanded, mm), START, laser. Ends with its
+those two. `trips FILE` says where a touch probe trips: rows of x, y and z of the axes, mm; it trips where the axes stand
+over one of them and z is not above it. Samples of every ms go to FOLDER/samples.txt: number, x, y, z (commanded, mm), START, laser. Ends with its
 standard input.
 """
 
@@ -17,6 +18,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 ROOT, FOLDER, PORT = sys.argv[1], sys.argv[2], sys.argv[3]
@@ -70,7 +72,11 @@ HOME_SEARCH_VEL = 0
 HOME_LATCH_VEL = 0
 HOME_SEQUENCE = 0
 """
-HAL = """addf motion-command-handler servo-thread
+HAL = """addf comp.0 servo-thread
+addf near.0 servo-thread
+addf near.1 servo-thread
+addf lut5.1 servo-thread
+addf motion-command-handler servo-thread
 addf motion-controller servo-thread
 addf timedelay.0 servo-thread
 addf oneshot.0 servo-thread
@@ -80,7 +86,17 @@ addf lut5.0 servo-thread
 addf sampler.0 servo-thread
 net x joint.0.motor-pos-cmd => joint.0.motor-pos-fb sampler.0.pin.0
 net y joint.1.motor-pos-cmd => joint.1.motor-pos-fb sampler.0.pin.1
-net z joint.2.motor-pos-cmd => joint.2.motor-pos-fb sampler.0.pin.2
+net z joint.2.motor-pos-cmd => joint.2.motor-pos-fb sampler.0.pin.2 comp.0.in0
+net x => near.0.in1
+net y => near.1.in1
+net below comp.0.out => lut5.1.in-0
+net over-x near.0.out => lut5.1.in-1
+net over-y near.1.out => lut5.1.in-2
+net touches lut5.1.out => motion.probe-input
+setp lut5.1.function 0x80
+setp near.0.difference 0.02
+setp near.1.difference 0.02
+setp comp.0.in1 -1e9
 net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in
 net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
 net change iocontrol.0.tool-change => iocontrol.0.tool-changed
@@ -113,10 +129,10 @@ def environment():
     return {**os.environ, **own, "INI_FILE_NAME": f"{FOLDER}/sim.ini", "PATH": f"{USR}/bin:{os.environ['PATH']}"}
 
 
-def start(*words):
+def start(*words, cwd=USR):
     """Starts a program that stays; its output goes to a file of its name."""
     out = open(f"{FOLDER}/{words[0]}.log", "ab")
-    child = subprocess.Popen(command(list(words)), cwd=USR, env=environment(), stdin=subprocess.DEVNULL, stdout=out,
+    child = subprocess.Popen(command(list(words)), cwd=cwd, env=environment(), stdin=subprocess.DEVNULL, stdout=out,
                              stderr=out, start_new_session=True)
     children.append(child)
     return child
@@ -158,7 +174,7 @@ def free_memory():
         if int(words[0]) & 0xFFFFFFFF in KEYS:
             if int(words[6]) > 0:
                 sys.exit("another LinuxCNC runs on this computer")
-            subprocess.run(["ipcrm", "-m", words[1]], check=True)
+            subprocess.run(["ipcrm", "-m", words[1]], check=False, stderr=subprocess.DEVNULL)
 
 
 def up():
@@ -180,13 +196,14 @@ def up():
     start("io", "-ini", f"{FOLDER}/sim.ini")
     for module in (["homemod"], ["trivkins", "coordinates=XYZ"],
                    ["motmod", "servo_period_nsec=1000000", "num_joints=3", "num_dio=1"],
-                   ["timedelay", "count=2"], ["oneshot", "count=2"], ["lut5", "count=1"], ["sampler", "depth=8000", "cfg=fffbb"]):
+                   ["timedelay", "count=2"], ["comp", "count=1"], ["oneshot", "count=2"], ["lut5", "count=2"], ["near", "count=2"], ["sampler", "depth=8000", "cfg=fffbb"]):
         call("rtapi_app", "load", *module)
     wait_for("io", lambda: "iocontrol.0.user-enable-out" in call("halcmd", "-s", "show", "pin", "iocontrol.0"))
     call("halcmd", "-f", f"{FOLDER}/sim.hal")
     call("halcmd", "start")
     start("halsampler", "-t", f"{FOLDER}/samples.txt")
-    start("milltask", "-ini", f"{FOLDER}/sim.ini")
+    # Logs of probes are written where it was started.
+    start("milltask", "-ini", f"{FOLDER}/sim.ini", cwd=FOLDER)
     time.sleep(0.5)
     start("linuxcncrsh", "--port", PORT, "--name", "terrace-test", "--", "-ini", f"{FOLDER}/sim.ini")
     wait_for("linuxcncrsh", answers)
@@ -210,12 +227,31 @@ def down():
     free_memory()
 
 
+def follow(trips):
+    """Sets where the probe trips while the axes go from place to place: they come down slowly."""
+    last = None
+    while True:
+        at = [float(call("halcmd", "-s", "gets", axis)) for axis in "xy"]
+        found = max((z for x, y, z in trips if abs(x - at[0]) < 0.02 and abs(y - at[1]) < 0.02), default=-1e9)
+        if found != last and found > -1e9:
+            # Nothing trips until the probe is known to stand over this place.
+            call("halcmd", "setp", "comp.0.in1", "-1e9")
+            for k in range(2):
+                call("halcmd", "setp", f"near.{k}.in2", f"{at[k]:.7f}")
+            call("halcmd", "setp", "comp.0.in1", f"{found:.7f}")
+            last = found
+        time.sleep(0.02)
+
+
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
 try:
     up()
     print("ready", flush=True)
     for line in sys.stdin:
         words = line.split()
+        if words[0] == "trips":
+            rows = [[float(v) for v in row.split()] for row in open(words[1])]
+            threading.Thread(target=follow, args=(rows,), daemon=True).start()
         if words[0] == "card":
             call("halcmd", "setp", "timedelay.0.on-delay", words[1])
             call("halcmd", "setp", "oneshot.0.width", words[2])

@@ -12,5 +12,6 @@ pub mod order;
 pub mod ordered_strokes;
 pub mod partition;
 pub mod plan;
+pub mod probe;
 pub mod projection;
 pub mod split;

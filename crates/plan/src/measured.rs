@@ -7,12 +7,12 @@
 
 use std::sync::Arc;
 
-use crate::projection::{HeightDoubt, HeightReserve};
+use crate::projection::{HeightDoubt, HeightReserve, KeptFree, Short};
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::{Box2, BoxMm, Correction, Grid, NM_PER_MM, Nm, P2, SpacePoint, Turn, cos_sin};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::math;
-use terrace_input::job::{Job, MeasuredInput};
+use terrace_input::job::{Job, MeasuredInput, Unsure};
 use terrace_input::measured::{Measure, MeasuredPoint, read_table};
 use terrace_input::surface::{Joining, Surface};
 use terrace_input::texture::{Draped, Draping, Lost, LostMarks, Texture};
@@ -464,11 +464,39 @@ pub(crate) fn draped(
         Some(correction) => Arc::new(designed.moved(&turn, Some(correction), joining)?),
     };
     warnings.extend(left_out(&lost));
-    let sigmas = job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas);
+    let keep = kept(job);
     let doubt =
         HeightDoubt { uncertainty: &lying.fit.uncertainty, origin: lying.origin, correction: correction.as_deref() };
-    let reserve = Arc::new(HeightReserve::new(&surface, &doubt, job.limits.max_slope(), sigmas));
+    let reserve = Arc::new(HeightReserve::new(&surface, &doubt, job.limits.max_slope(), keep));
+    warnings.extend(reserve.short(moved.bounds()).map(|short| unsure(job, keep, short)));
     Ok((surface, moved, MeasuredPart { lying, draping, texture, lost, correction, reserve }))
+}
+
+/// What stays free for the height of a job's part.
+fn kept(job: &Job) -> KeptFree {
+    let Some(measured) = &job.placement.measured else { return KeptFree { sigmas: 0.0, most: f64::INFINITY } };
+    let most = match measured.unsure {
+        Unsure::Refuse => f64::INFINITY,
+        Unsure::Warn => MOST_KEPT * job.focus.depth.f64(),
+    };
+    KeptFree { sigmas: measured.sigmas, most }
+}
+
+/// The most of the depth range that stays free above and below marks where the job asks for a warning alone.
+const MOST_KEPT: f64 = 0.25;
+
+/// What is said where less stays free than deviations ask for.
+fn unsure(job: &Job, keep: KeptFree, short: Short) -> Diag {
+    let text = format!(
+        "on {:.1} % of the texture marks keep {:.1} um free above and below, not {} deviations of the height, which are \
+         up to {:.1} um: they may be out of focus there",
+        100.0 * short.share,
+        keep.most / 1e3,
+        keep.sigmas,
+        short.wanted / 1e3
+    );
+    let hint = "measure more points there: red in measured.svg";
+    Diag::warning("measured-unsure", text).at(job.place_of("placement.measured")).hint(hint)
 }
 
 /// What of the texture a measured part does not show.

@@ -8,6 +8,7 @@
 //! Frames: the part as the job turns it, and the table frame of the stage. Lengths are mm, angles rad.
 
 mod chi_squared;
+mod choose;
 mod closed_form;
 mod facets;
 mod fit;
@@ -15,9 +16,10 @@ mod motion;
 mod pairs;
 mod warp;
 
+pub use choose::{Cost, Known, Prior, Site, Unknown, even_net};
 pub use closed_form::Pair;
 pub use facets::{Contact, Facets};
 pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};
 pub use motion::Motion;
 pub use pairs::{PairsFault, fault as pairs_fault};
-pub use warp::{Candidate, Observation, Warp, warp};
+pub use warp::{Candidate, Observation, Warp, lengths, warp};

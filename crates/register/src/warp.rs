@@ -75,12 +75,12 @@ const LEAST_WEIGHT: f64 = 1e-3;
 const LARGEST_LEFT_OUT: f64 = 2.5;
 
 /// Matern's covariance of order 3/2, for heights of unit deviation.
-fn matern(distance: f64, length: f64) -> f64 {
+pub(crate) fn matern(distance: f64, length: f64) -> f64 {
     let u = 3f64.sqrt() * distance / length;
     (1.0 + u) * math::exp(-u)
 }
 
-fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(crate) fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
@@ -126,6 +126,11 @@ impl LeftOut {
         let of = |(e, v): (&f64, &f64)| -0.5 * (math::ln(*v) + e * e / v);
         self.errors.iter().zip(&self.variances).map(of).sum()
     }
+}
+
+/// The lengths that are tried of points that lie as far apart as this at most, mm.
+pub fn lengths(longest: f64) -> impl Iterator<Item = f64> {
+    (0..LENGTHS).map(move |k| longest / FINEST * f64::from(1 << k))
 }
 
 fn solved(points: &[Observation], length: f64, amplitude: f64) -> Option<Cholesky<f64, Dyn>> {
@@ -184,8 +189,9 @@ pub fn warp(points: &[Observation]) -> Option<Warp> {
         });
         tried.max_by(|a, b| a.0.total_cmp(&b.0))
     };
-    let tried = parallel::map(LENGTHS as usize, |k| {
-        let length = longest / FINEST * f64::from(1 << k);
+    let of_lengths: Vec<f64> = lengths(longest).collect();
+    let tried = parallel::map(of_lengths.len(), |k| {
+        let length = of_lengths[k];
         best(length).map(|(score, amplitude)| (score, length, amplitude))
     });
     let tried: Vec<(f64, f64, f64)> = tried.into_iter().flatten().collect();

@@ -19,6 +19,7 @@ mod job_facts;
 mod measured;
 mod on_the_fly;
 mod pose_fit;
+mod probe;
 mod progress;
 mod proof;
 mod read;
@@ -31,6 +32,7 @@ mod warp_fit;
 
 use std::path::Path;
 
+pub use probe::{ProbeProof, probe};
 pub use progress::{Phase, Progress};
 pub use proof::{Input, Lengths, NotProved, Proof, Rule, Violation};
 

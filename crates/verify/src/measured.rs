@@ -5,12 +5,13 @@ use std::sync::Arc;
 use super::findings::{Findings, RuleCode};
 use super::geometry::{Geometry, HeightDoubt, Pose};
 use super::job_facts::JobFacts;
+use super::proof::NotProved;
 use super::read::manifest::Manifest;
 use super::rules::draped::{LyingPart, Strokes};
 use super::{Drawing, rules};
 use terrace_core::diag::Error;
 use terrace_core::geom::Turn;
-use terrace_input::job::Job;
+use terrace_input::job::{Job, Unsure};
 use terrace_input::measured::read_table;
 use terrace_input::surface::Joining;
 use terrace_input::texture::{Draping, Texture};
@@ -64,7 +65,16 @@ pub(super) fn lying(
     let rules::measured::ProvedPose { beside: pose, centre, covariance, correction } = proved;
     // Strokes are moved by the rigid motion alone: a correction raises all that lies over a place alike.
     let rigid = correction.is_some().then(|| designed.moved(&pose));
-    let doubt = HeightDoubt { centre, covariance, sigmas: input.sigmas, correction };
+    let most = match input.unsure {
+        Unsure::Refuse => f64::INFINITY,
+        Unsure::Warn => facts.depth_range_nm() / 4.0,
+    };
+    if input.unsure == Unsure::Warn {
+        let what =
+            "focus where deviations of the height are more than a quarter of the depth range: no more is kept free";
+        findings.not_proved.push(NotProved { file: "program.txt".to_owned(), what: what.to_owned() });
+    }
+    let doubt = HeightDoubt { centre, covariance, sigmas: input.sigmas, most, correction };
     let motion = Turn::rigid(pose.rows, pose.shift);
     let turn = job.placement.turn.as_rad();
     let draping =

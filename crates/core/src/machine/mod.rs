@@ -14,6 +14,7 @@ mod cost;
 mod head_tilt;
 mod lift;
 mod over_field;
+mod probe;
 mod range;
 mod read;
 mod settling;
@@ -25,6 +26,7 @@ pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
 pub use head_tilt::Stand;
 pub use over_field::OverField;
+pub use probe::Probe;
 pub use read::{PROFILES, json_schema};
 pub use settling::{AxisSettling, Settling};
 pub use tilt_axes::{AngleCommands, AxisTravel, Letter, RotaryAxis, Tilt};
@@ -84,6 +86,9 @@ pub struct Machine {
     /// A SCANLAB RTC board, where lists are written for one.
     #[serde(default)]
     pub rtc: Option<Rtc>,
+    /// A touch probe beside the lens, where there is one.
+    #[serde(default)]
+    pub probe: Option<Probe>,
 }
 
 /// Shape of the scan field.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{Cost, Dialect, Fault, LoadingWay, Machine, Tilt, ToolServo, range};
+use super::{Cost, Dialect, Fault, LoadingWay, Machine, Probe, Tilt, ToolServo, range};
 use crate::diag::{self, Diag, Error, Place, TableKey};
 use crate::geom::Nm;
 
@@ -22,7 +22,7 @@ const KEYS: &str =
     "`terrace machines NAME` prints a built-in machine to start from; `terrace machines --schema` lists every key";
 
 /// The tables of a machine file.
-const TABLES: [TableKey; 19] = {
+const TABLES: [TableKey; 20] = {
     const fn one(name: &'static str) -> TableKey {
         TableKey { name, is_list: false, needed: None }
     }
@@ -49,6 +49,7 @@ const TABLES: [TableKey; 19] = {
         TableKey { name: "tool_servo.oscillations", is_list: true, needed: None },
         one("lmc"),
         one("rtc"),
+        one("probe"),
     ]
 };
 
@@ -120,6 +121,7 @@ impl Machine {
         faults.extend(self.card_faults());
         faults.extend(self.dialect_faults());
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
+        faults.extend(self.probe.iter().flat_map(Probe::faults));
         faults.extend(self.cost.iter().flat_map(Cost::faults));
         faults.extend(self.tool_servo.iter().flat_map(ToolServo::faults));
         faults

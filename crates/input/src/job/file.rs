@@ -215,6 +215,20 @@ pub(crate) struct MeasuredKeys {
     #[schemars(example = &"0.5 mm")]
     #[serde(default)]
     pub warp: Option<Length>,
+    /// What is done where so many deviations do not fit into the depth range.
+    #[serde(default)]
+    pub unsure: Unsure,
+}
+
+/// What is done where the height of a measured part is not known closely enough.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Unsure {
+    /// The job is refused.
+    #[default]
+    Refuse,
+    /// No more than a quarter of the depth range stays free above and below, with a warning.
+    Warn,
 }
 
 fn default_sigmas() -> f64 {

@@ -21,7 +21,8 @@ mod texture;
 mod unused;
 
 pub use file::{
-    Compensate, DepthRule, Dose, Implausible, Level, MarkPower, Mode, Steep, StopOrder, StrokeOrder, json_schema,
+    Compensate, DepthRule, Dose, Implausible, Level, MarkPower, Mode, Steep, StopOrder, StrokeOrder, Unsure,
+    json_schema,
 };
 pub use file_unit::FileUnit;
 pub use partition::{Method, Objective, Partition};

@@ -119,6 +119,7 @@ pub(super) fn resolve(
                 file: keys.file.clone(),
                 sigmas: keys.sigmas,
                 warp: keys.warp,
+                unsure: keys.unsure,
             }),
         },
         textures,

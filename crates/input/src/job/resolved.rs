@@ -122,6 +122,8 @@ pub struct MeasuredInput {
     pub sigmas: f64,
     /// The part may be warped by up to this much; None: it is rigid.
     pub warp: Option<Length>,
+    /// What is done where so many deviations do not fit into the depth range.
+    pub unsure: super::Unsure,
 }
 
 /// How the job says that a part is laid under the lens.

@@ -2,7 +2,8 @@
 //!
 //! LinuxCNC appends one row of nine positions to the file of `(PROBEOPEN ...)` for each probe move; GRBL answers each
 //! with `[PRB:x,y,z:1]`, or `:0` where nothing was touched, among whatever else it says. Both count in mm here: the
-//! programs that terrace writes set G21.
+//! programs that terrace writes set G21. LinuxCNC counts from the zero of the program, GRBL from that of the machine,
+//! whatever G54 says; where the zero of G54 lies stands in what `$#` answers, and in status reports (WCO).
 
 use std::path::Path;
 
@@ -18,6 +19,8 @@ pub struct MarkedLog {
     pub touched: Vec<(usize, SpacePoint)>,
     /// Lines of probe moves that touched nothing.
     pub missed: Vec<usize>,
+    /// Where the zero of programs lies in these positions, mm; None where the log does not say.
+    pub zero: Option<SpacePoint>,
 }
 
 /// Positions of a row of LinuxCNC: x y z a b c u v w.
@@ -33,6 +36,10 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
     let mut log = MarkedLog::default();
     // A log of GRBL holds all else that it says; one of LinuxCNC holds positions alone.
     let is_grbl = text.contains("[PRB:");
+    if !is_grbl {
+        log.zero = Some([0.0; 3]);
+    }
+    let mut zeros = Zeros::default();
     for (line, row) in (1..).zip(text.lines()) {
         let row = row.trim();
         let fault = || {
@@ -41,6 +48,7 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
             Error::from(d.at(Place::line(&shown, line)).hint(HINT))
         };
         if is_grbl {
+            zeros.take(row);
             let Some(at) = row.find("[PRB:") else { continue };
             let answer =
                 row[at + 5..].split_once(']').and_then(|(answer, _)| answer.split_once(':')).ok_or_else(fault)?;
@@ -59,11 +67,61 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
             return Err(d.at(Place::line(&shown, line)).into());
         }
     }
+    if is_grbl {
+        log.zero = zeros.found().map_err(|text| {
+            let d = Diag::input("probe-zero", text).at(Place::file(&shown));
+            Error::from(d.hint("keep the answers of one run alone, during which no offset changes"))
+        })?;
+    }
     if log.touched.is_empty() {
         let text = if log.missed.is_empty() { "the log holds no point" } else { "the probe has touched nothing" };
         return Err(Diag::input("probe-log", text).at(Place::file(shown)).hint(HINT).into());
     }
     Ok(log)
+}
+
+/// What GRBL has said of the zero of programs.
+#[derive(Default)]
+struct Zeros {
+    /// Whole offsets, of status reports.
+    whole: Vec<SpacePoint>,
+    /// Of G54, of G92 and of the tool, in what `$#` has answered.
+    parts: [Vec<SpacePoint>; 3],
+}
+
+impl Zeros {
+    fn take(&mut self, row: &str) {
+        let after = |key: &str, end: [char; 2]| {
+            let rest = &row[row.find(key)? + key.len()..];
+            numbers(rest[..rest.find(end)?].split(','))
+        };
+        let point = |n: Vec<f64>| (n.len() >= 3).then(|| [n[0], n[1], n[2]]);
+        self.whole.extend(after("|WCO:", ['|', '>']).and_then(point));
+        self.parts[0].extend(after("[G54:", [']', ']']).and_then(point));
+        self.parts[1].extend(after("[G92:", [']', ']']).and_then(point));
+        self.parts[2].extend(after("[TLO:", [']', ']']).map(|n| match n[..] {
+            [x, y, z, ..] => [x, y, z],
+            _ => [0.0, 0.0, n[0]],
+        }));
+    }
+
+    /// The one zero that it has said; None where it has said none.
+    fn found(&self) -> Result<Option<SpacePoint>, String> {
+        let [g54, g92, tool] = &self.parts;
+        // A log of several runs, or of one in which an offset was changed.
+        let is_one = |all: &[SpacePoint]| all.windows(2).all(|w| w[0] == w[1]);
+        let mut all = self.whole.clone();
+        let last = |all: &[SpacePoint]| all.last().copied().unwrap_or_default();
+        if let Some(zero) = g54.last() {
+            let (other, tool) = (last(g92), last(tool));
+            all.push([0, 1, 2].map(|k| zero[k] + other[k] + tool[k]));
+        }
+        let near = |a: &SpacePoint, b: &SpacePoint| (0..3).all(|k| (a[k] - b[k]).abs() < 1.5e-3);
+        if !is_one(g54) || !is_one(g92) || !is_one(tool) || all.windows(2).any(|w| !near(&w[0], &w[1])) {
+            return Err("the zero of G54 changes in the log".to_owned());
+        }
+        Ok(all.last().copied())
+    }
 }
 
 const HINT: &str = "give the file that LinuxCNC has written after (PROBEOPEN ...), or what GRBL has answered, with its \
@@ -89,7 +147,23 @@ mod tests {
         assert_eq!(read(linuxcnc).expect("a log").touched, [(1, [1.5, 2.25, -3.0]), (2, [2.5, 2.25, -3.125])]);
         let grbl = "Grbl 1.1h ['$' for help]\nok\n[PRB:1.5,2.25,-3.000:1]\nok\n[PRB:0.000,0.000,-9.000:0]\nALARM:5\n";
         let log = read(grbl).expect("a log");
-        assert_eq!((log.touched, log.missed), (vec![(3, [1.5, 2.25, -3.0])], vec![5]));
+        assert_eq!((log.touched, log.missed, log.zero), (vec![(3, [1.5, 2.25, -3.0])], vec![5], None));
+    }
+
+    #[test]
+    fn the_zero_of_programs_is_read_from_what_grbl_says_of_it() {
+        let touch = "[PRB:1.5,2.25,-3.000:1]\n";
+        let zero = |text: &str| read(&format!("{text}{touch}")).map(|log| log.zero);
+        assert_eq!(
+            zero("[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,1.000]\n[TLO:2.000]\nok\n"),
+            Ok(Some([-10.0, 5.0, 3.0]))
+        );
+        assert_eq!(zero("<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:-10.000,5.000,3.000>\n"), Ok(Some([-10.0, 5.0, 3.0])));
+        assert_eq!(zero("[TLO:0.000,0.000,2.000]\n[G54:1.000,2.000,3.000]\n"), Ok(Some([1.0, 2.0, 5.0])));
+        let changed = Err("the zero of G54 changes in the log".to_owned());
+        assert_eq!(zero("[G54:1.000,2.000,3.000]\n[G54:1.000,2.000,3.500]\n"), changed);
+        assert_eq!(zero("[G54:1.000,2.000,3.000]\n<Run|WCO:0.000,2.000,3.000>\n"), changed);
+        assert_eq!(read("1.5 2.25 -3 0 0 0 0 0 0\n").expect("a log").zero, Some([0.0; 3]));
     }
 
     #[test]

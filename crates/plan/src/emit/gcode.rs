@@ -20,6 +20,7 @@
 //! there: the lift, where the block's own moves do not lift, and the axes that they do not move.
 
 use super::Stepped;
+use super::lines::{LINUXCNC_ZERO, Lines, M0_ZERO, MOST_OF_GRBL, Word, letters};
 use terrace_core::geom::Nm;
 use terrace_core::machine::{Commanded, Dialect, TiltAngles};
 use terrace_core::program::{Block, PassId};
@@ -62,14 +63,13 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     }
     p.end();
     p.line("M2");
-    p.out
+    p.lines.out
 }
 
 /// The program that stops at every block for the operator (M0), in the dialect of the machine's control.
 pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     let Stepped { checked, machine, .. } = *job;
-    // GRBL's line buffer holds 80 characters at most, 70 on small boards.
-    let mut p = Writer::new(job, machine.controller.max_line.min(70), "M5");
+    let mut p = Writer::new(job, machine.controller.max_line.min(MOST_OF_GRBL), "M5");
     if job.frames.is_some() {
         return p.all_frames(M0_ZERO, Writer::m0_preamble);
     }
@@ -86,34 +86,13 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     }
     p.end();
     p.line("M2");
-    p.out
+    p.lines.out
 }
-
-/// The zero of positions, in the heads of the two dialects.
-const LINUXCNC_ZERO: &str = "positions are machine positions: any offset of G54, G92 or rotation ends the program";
-const M0_ZERO: &str = "positions are from the zero of G54, which must be the zero of the table frame";
-
-/// Parameters of LinuxCNC that are 0 where no offset is active, and what it is: G92; G54 by axis; its rotation.
-const OFFSETS: [(u32, &str); 5] = [
-    (5210, "G92 is active"),
-    (5221, "G54 has an offset in X"),
-    (5222, "G54 has an offset in Y"),
-    (5223, "G54 has an offset in Z"),
-    (5230, "G54 is rotated"),
-];
-
-/// The parameter of the first rotary axis, A; those of B and C follow.
-const FIRST_ROTARY: u32 = 5224;
-
-/// An axis, and where it is sent to, nm or millionths of a degree.
-type Word = (char, i64);
 
 /// A stage program as it grows.
 struct Writer<'a> {
     job: &'a Stepped<'a>,
-    out: Vec<u8>,
-    /// Longest line, in characters.
-    longest: usize,
+    lines: Lines,
     /// The line that switches the laser off at once.
     off: &'static str,
     /// z of a lift, as commanded, nm.
@@ -137,13 +116,12 @@ impl<'a> Writer<'a> {
         let machine = job.machine;
         Self {
             job,
-            out: Vec::new(),
-            longest,
+            lines: Lines::new(longest),
             off,
             retract_z: machine.retract_z().0,
             sent: [false; 2],
             at: None,
-            letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),
+            letters: letters(machine),
             tilt: None,
             has_zoom: machine.zoom.is_some(),
             operator_may_move: false,
@@ -172,25 +150,13 @@ impl<'a> Writer<'a> {
         self.stop_on_timeout(number + 4, &busy);
     }
 
-    /// Modes, output off, and the tests that end the program where an offset is active. G54 takes the place of other
-    /// work offsets and G49 switches a tool length off, so that only G54 itself and G92 are left to test.
+    /// Modes, output off, and the tests that end the program where an offset is active.
     fn linuxcnc_preamble(&mut self) {
         self.line("G21 G90 G94 G17 G40 G49 G80 G61.1 G54");
         self.line(self.off);
-        // A, B and C follow each other in the alphabet and in the parameters.
-        let rotary = self.letters.into_iter().flatten().map(|letter| {
-            let parameter = FIRST_ROTARY + (u32::from(letter) - u32::from('A'));
-            (parameter, format!("G54 has an offset in {letter}"))
-        });
-        let offsets = OFFSETS.iter().map(|&(parameter, what)| (parameter, what.to_owned())).chain(rotary);
-        // o-numbers are unique in a program: the tests of the blocks have those up to here.
+        // The tests of the blocks have the numbers up to here.
         let first = LABELS * self.job.checked.program().blocks.len() + 1;
-        for (number, (parameter, what)) in (first..).zip(offsets) {
-            self.line(&format!("o{number} if [#{parameter} NE 0]"));
-            self.line(&format!("(MSG, {what})"));
-            self.line("M2");
-            self.line(&format!("o{number} endif"));
-        }
+        self.lines.offsets_end(self.job.machine, first);
     }
 
     /// Modes with G54; then tool length and G92 off, each on a line of its own, as GRBL reads them; output off.
@@ -206,23 +172,11 @@ impl<'a> Writer<'a> {
     }
 
     fn line(&mut self, text: &str) {
-        debug_assert!(text.len() <= self.longest, "{text:?} is longer than {}", self.longest);
-        self.out.extend_from_slice(text.as_bytes());
-        self.out.push(b'\n');
+        self.lines.line(text);
     }
 
-    /// A comment, on as many lines as it needs; each begins with a word of ours.
     fn comment(&mut self, text: &str) {
-        let clean = super::plain(text);
-        let mut rest = clean.trim();
-        let mut begin = "";
-        while !rest.is_empty() {
-            let room = self.longest - "()".len() - begin.len();
-            let cut = if rest.len() <= room { rest.len() } else { rest[..room].rfind(' ').unwrap_or(room) };
-            let (now, later) = rest.split_at(cut);
-            self.line(&format!("({begin}{})", now.trim_end()));
-            (rest, begin) = (later.trim_start(), super::FURTHER);
-        }
+        self.lines.comment(text);
     }
 
     /// The program of frames.
@@ -242,7 +196,7 @@ impl<'a> Writer<'a> {
         }
         self.end();
         self.line("M2");
-        self.out
+        self.lines.out
     }
 
     /// Title, moves and dwell of block `i`; the stage then stands still with the output off.
@@ -332,9 +286,7 @@ impl<'a> Writer<'a> {
     }
 
     fn entry_line(&mut self, what: &str, words: &[Word]) {
-        self.out.extend_from_slice(format!("(ENTRY {what}").as_bytes());
-        self.words(words);
-        self.out.extend_from_slice(b")\n");
+        self.lines.go(&format!("(ENTRY {what}"), words, ")");
     }
 
     /// The dwell in which the axes that were sent settle.
@@ -372,9 +324,9 @@ impl<'a> Writer<'a> {
 
     /// What the zoom optic has to be set to; the stage program cannot do it.
     fn focus_shift(&mut self, nm: i64) {
-        self.out.extend_from_slice(b"(FOCUS SHIFT ");
-        super::push_mm(&mut self.out, nm);
-        self.out.extend_from_slice(b")\n");
+        self.lines.out.extend_from_slice(b"(FOCUS SHIFT ");
+        super::push_mm(&mut self.lines.out, nm);
+        self.lines.out.extend_from_slice(b")\n");
     }
 
     fn is_lifted(&self) -> bool {
@@ -391,19 +343,10 @@ impl<'a> Writer<'a> {
     }
 
     fn travel(&mut self, words: &[Word]) {
-        self.out.extend_from_slice(b"G0");
-        self.words(words);
-        self.out.push(b'\n');
+        self.lines.go("G0", words, "");
         let moves_z = words.iter().any(|word| word.0 == 'Z');
         self.sent[1] |= moves_z;
         self.sent[0] |= words.len() > usize::from(moves_z);
-    }
-
-    fn words(&mut self, words: &[Word]) {
-        for &(axis, nm) in words {
-            self.out.extend_from_slice(&[b' ', axis as u8]);
-            super::push_mm(&mut self.out, nm);
-        }
     }
 
     /// Ends the program if the wait before timed out; `number` is unique among such tests.
@@ -432,6 +375,7 @@ fn is_moved_apart_from_z(moves: &[Vec<Word>], axis: char) -> bool {
 mod tests {
     use super::*;
     use crate::check::Checked;
+    use crate::emit::lines::OFFSETS;
     use terrace_core::machine::{AxisSettling, Machine, Settling};
     use terrace_core::program::{BlockFigures, SetupId, sample};
     use terrace_core::units::Time;

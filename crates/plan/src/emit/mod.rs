@@ -15,6 +15,7 @@ pub mod frames;
 pub mod gcode;
 mod known;
 pub mod lightburn;
+pub(crate) mod lines;
 pub mod lmc;
 pub mod on_the_fly;
 pub mod ovf;
@@ -253,7 +254,7 @@ const QUOTED: usize = 40;
 const FURTHER: &str = "... ";
 
 /// A text from a file as a comment may hold it: in quotes, cut, on one line.
-fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     let cut: String = text.chars().take(QUOTED).collect();
     let more = if cut.len() < text.len() { "..." } else { "" };
     format!("\"{}{more}\"", plain(&cut).replace('"', "'"))

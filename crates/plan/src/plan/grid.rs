@@ -153,7 +153,8 @@ fn unsure(job: &Job, kept: f64) -> Diag {
         kept / 1e3,
         job.focus.depth.f64() / 1e3
     );
-    let hint = "measure more points, at the rim too, or more closely; a smaller placement.measured.sigmas risks focus";
+    let hint = "measure more points, at the rim too, or more closely (`terrace probe` says where); \
+                placement.measured.unsure = \"warn\" marks it as it is";
     Diag::limit("measured-unsure", text).at(job.place_of("placement.measured")).hint(hint)
 }
 

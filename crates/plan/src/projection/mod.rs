@@ -16,7 +16,7 @@ mod turned;
 pub use cells::{Cells, Figure, Slabs};
 pub use footprint::{Footprint, HeightRange, join_ranges};
 pub use marks::Marks;
-pub use reserve::{HeightDoubt, HeightReserve};
+pub use reserve::{HeightDoubt, HeightReserve, KeptFree, Short};
 pub use samples::{Rows, Samples, Sampling};
 pub use turned::{FieldMarks, MarksByField, TiltedCell, TiltedField, TiltedFields};
 

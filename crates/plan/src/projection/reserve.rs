@@ -23,8 +23,25 @@ pub struct HeightReserve {
     grid: Grid,
     /// By cell, nm.
     cells: Vec<f32>,
-    /// Deviations that are kept free.
-    sigmas: f64,
+    keep: KeptFree,
+}
+
+/// How much is kept free.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeptFree {
+    /// Deviations.
+    pub sigmas: f64,
+    /// At most this much, nm.
+    pub most: f64,
+}
+
+/// Where less is kept free than deviations ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Short {
+    /// The share of the cells with a part, 0 to 1.
+    pub share: f64,
+    /// What the least sure of them asks for, nm.
+    pub wanted: f64,
 }
 
 /// Why the height of a part is not known exactly.
@@ -39,9 +56,9 @@ pub struct HeightDoubt<'a> {
 }
 
 impl HeightReserve {
-    /// The deviations over a part as it lies, of which `sigmas` are kept free; `max_slope` is the tangent of the steepest
+    /// The deviations over a part as it lies, of which some are kept free; `max_slope` is the tangent of the steepest
     /// slope that is marked.
-    pub fn new(part: &Surface, doubt: &HeightDoubt<'_>, max_slope: f64, sigmas: f64) -> Self {
+    pub fn new(part: &Surface, doubt: &HeightDoubt<'_>, max_slope: f64, keep: KeptFree) -> Self {
         let box_mm = part.part_box_mm();
         let corner = |at: [f64; 2]| P2::new((at[0] * NM_PER_MM).floor() as i64, (at[1] * NM_PER_MM).floor() as i64);
         let (lo, hi): (P2, P2) = (corner(box_mm.lo), corner(box_mm.hi));
@@ -49,7 +66,7 @@ impl HeightReserve {
         let side = CELL_NM.max(longest / MOST_CELLS + 1);
         let count = [hi.x - lo.x, hi.y - lo.y].map(|extent| (extent / side + 1) as u32);
         let grid = Grid { origin: P2::new(lo.x, lo.y), pitch: [Nm(side); 2], count };
-        let mut reserve = Self { cells: vec![0.0; grid.len()], grid, sigmas };
+        let mut reserve = Self { cells: vec![0.0; grid.len()], grid, keep };
         part.each_facet(&mut |facet| reserve.add(facet, doubt, max_slope));
         reserve
     }
@@ -120,7 +137,28 @@ impl HeightReserve {
 
     /// What is kept free above and below marks in a box, nm.
     pub fn kept(&self, area: Box2) -> f64 {
-        self.sigmas * self.deviation(area)
+        self.wanted(area).min(self.keep.most)
+    }
+
+    /// What deviations ask for in a box, nm.
+    fn wanted(&self, area: Box2) -> f64 {
+        self.keep.sigmas * self.deviation(area)
+    }
+
+    /// Whether less is kept free in a box than deviations ask for.
+    pub fn is_short(&self, area: Box2) -> bool {
+        self.wanted(area) > self.keep.most
+    }
+
+    /// What of an area that is so of.
+    pub fn short(&self, area: Box2) -> Option<Short> {
+        let [columns, rows] = self.touched([area.lo.x as f64, area.lo.y as f64], [area.hi.x as f64, area.hi.y as f64]);
+        let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.grid.columns() + column));
+        let wanted: Vec<f64> =
+            cells.map(|i| self.keep.sigmas * f64::from(self.cells[i])).filter(|wanted| *wanted > 0.0).collect();
+        let short = wanted.iter().filter(|wanted| **wanted > self.keep.most).count();
+        let most = wanted.iter().fold(0.0, |most: f64, w| most.max(*w));
+        (short > 0).then(|| Short { share: short as f64 / wanted.len() as f64, wanted: most })
     }
 
     /// Side of a cell along x and y.
@@ -153,7 +191,7 @@ mod tests {
         let uncertainty = Uncertainty { centre: [100.0, -50.0, 20.0], covariance };
         let origin = Origin([90_000_000, -60_000_000, 1_000_000]);
         let doubt = HeightDoubt { uncertainty: &uncertainty, origin, correction: None };
-        let reserve = HeightReserve::new(&part, &doubt, 10.0, 1.0);
+        let reserve = HeightReserve::new(&part, &doubt, 10.0, KeptFree { sigmas: 1.0, most: f64::INFINITY });
         let mut random = Random::case(1);
         for _ in 0..2000 {
             let [a, b, c] = all[random.below(all.len())];

@@ -17,10 +17,10 @@ use terrace_plan::measured::{MeasuredPart, PointResidual, Residual};
 const CELLS: usize = 220;
 
 /// Width of a map, and what lies beside and above it.
-const WIDTH: f64 = 560.0;
-const SIDE: f64 = 12.0;
-const HEAD: f64 = 62.0;
-const KEY: f64 = 92.0;
+pub(super) const WIDTH: f64 = 560.0;
+pub(super) const SIDE: f64 = 12.0;
+pub(super) const HEAD: f64 = 62.0;
+pub(super) const KEY: f64 = 92.0;
 
 /// Steps of a scale of colours.
 const STEPS: usize = 21;
@@ -31,7 +31,7 @@ const ZERO: Colour = [250, 250, 247];
 const ABOVE: Colour = [176, 32, 40];
 
 /// A scale of colours over a range of um.
-struct Scale {
+pub(super) struct Scale {
     range: [f64; 2],
     colours: Vec<Colour>,
 }
@@ -50,7 +50,7 @@ impl Scale {
     }
 
     /// Light for little, dark for much.
-    fn amount(range: [f64; 2]) -> Self {
+    pub(super) fn amount(range: [f64; 2]) -> Self {
         let last = STEPS as i64 - 1;
         Self { range, colours: (0..=last).map(|k| of_height(last - k, [0, last])).collect() }
     }
@@ -73,13 +73,27 @@ struct Dot<'a> {
 }
 
 /// The area of both maps, mm beside the placement.
-struct Area {
+pub(super) struct Area {
     lo: [f64; 2],
     size: [f64; 2],
 }
 
 impl Area {
-    fn height(&self) -> f64 {
+    /// Around some places, mm, and a rim.
+    pub(super) fn around(places: impl Iterator<Item = [f64; 2]>) -> Self {
+        let mut around = BoxMm::EMPTY;
+        places.for_each(|at| around.add(at));
+        let size = around.size().map(|side| side.max(1e-3));
+        let rim = 0.02 * size[0].max(size[1]);
+        Self { lo: around.lo.map(|v| v - rim), size: size.map(|v| v + 2.0 * rim) }
+    }
+
+    /// The root of its size, mm.
+    pub(super) fn extent(&self) -> f64 {
+        (self.size[0] * self.size[1]).sqrt()
+    }
+
+    pub(super) fn height(&self) -> f64 {
         (WIDTH * self.size[1] / self.size[0]).clamp(WIDTH / 6.0, 2.5 * WIDTH).ceil()
     }
 
@@ -89,7 +103,7 @@ impl Area {
     }
 
     /// Places of cells from the upper left, row by row.
-    fn places(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+    pub(super) fn places(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         let [columns, rows] = self.cells();
         (0..rows * columns).map(move |i| {
             let [column, row] = [i % columns, rows - 1 - i / columns];
@@ -100,7 +114,7 @@ impl Area {
         })
     }
 
-    fn on_map(&self, at: [f64; 2]) -> [f64; 2] {
+    pub(super) fn on_map(&self, at: [f64; 2]) -> [f64; 2] {
         let [u, v] = [0, 1].map(|k| (at[k] - self.lo[k]) / self.size[k]);
         [u * WIDTH, HEAD + (1.0 - v) * self.height()]
     }
@@ -133,10 +147,13 @@ pub fn measured_svg(job: &str, part: &MeasuredPart, texture: Box2, sigmas: f64) 
     let kept = |[x, y]: [f64; 2]| {
         let p = P2::from_mm(x, y)?;
         let kept = part.reserve.kept(Box2 { lo: p, hi: p }) / 1e3;
-        (kept > 0.0 && kept.is_finite()).then_some(kept)
+        let kept = if part.reserve.is_short(Box2 { lo: p, hi: p }) { f64::INFINITY } else { kept };
+        (kept > 0.0).then_some(kept)
     };
     let [heights, keeps] = [area.places().map(correction).collect::<Vec<_>>(), area.places().map(kept).collect()];
-    let most = |values: &[Option<f64>]| values.iter().flatten().fold(0.0, |most: f64, v| most.max(v.abs()));
+    let most = |values: &[Option<f64>]| {
+        values.iter().flatten().filter(|v| v.is_finite()).fold(0.0, |most: f64, v| most.max(v.abs()))
+    };
     let by_fit = dots.iter().filter_map(|dot| left_by_fit(dot.point)).fold(0.0, |most: f64, v| most.max(v.abs()));
     let signed = Scale::signed(most(&heights).max(by_fit));
     let least = keeps.iter().flatten().fold(f64::INFINITY, |least: f64, v| least.min(*v));
@@ -151,55 +168,54 @@ pub fn measured_svg(job: &str, part: &MeasuredPart, texture: Box2, sigmas: f64) 
          <text x=\"{SIDE}\" y=\"24\" font-size=\"18\">{name}: the part as measured, {} points</text>\n",
         dots.len(),
     );
-    let before = Map { area: &area, values: &heights, scale: &signed, dots: &dots, of_dot: &left_by_fit };
+    let ground = Ground { area: &area, values: &heights, scale: &signed };
+    let before = Map { ground, scale: &signed, dots: &dots, of_dot: &left_by_fit };
     let head = if part.correction.is_some() { "Correction of the height, um" } else { "Not corrected: rigid" };
-    before.draw(&mut out, SIDE, head, &signed, "points: what the rigid fit leaves of them");
+    before.draw(&mut out, SIDE, head, "points: what the rigid fit leaves of them");
     let left = |point: &PointResidual| match part.correction {
         Some(_) => point.left.map(|mm| mm * 1e3),
         None => left_by_fit(point),
     };
-    let after = Map { area: &area, values: &keeps, scale: &signed, dots: &dots, of_dot: &left };
-    let head = format!("Kept free above and below marks, um ({sigmas} sigma)");
+    let ground = Ground { area: &area, values: &keeps, scale: &amount };
+    let after = Map { ground, scale: &signed, dots: &dots, of_dot: &left };
+    let is_short = keeps.iter().flatten().any(|v: &f64| v.is_infinite());
+    let red = if is_short { "; red: less than that" } else { "" };
+    let head = format!("Kept free above and below marks, um ({sigmas} sigma{red})");
     let words = match part.correction {
         Some(_) => "points: what the correction leaves of them, in the colours of the left",
         None => "points: what the rigid fit leaves of them, in the colours of the left",
     };
-    after.draw(&mut out, 2.0 * SIDE + WIDTH, &head, &amount, words);
+    after.draw(&mut out, 2.0 * SIDE + WIDTH, &head, words);
     out.push_str("</svg>\n");
     out
 }
 
 /// The box of the texture and of the points.
 fn area(dots: &[Dot<'_>], texture: Box2) -> Area {
-    let mut around = BoxMm::EMPTY;
-    dots.iter().for_each(|dot| around.add(dot.at));
-    if !texture.is_empty() {
-        around.add(texture.lo.mm());
-        around.add(texture.hi.mm());
-    }
-    let size = around.size().map(|side| side.max(1e-3));
-    let rim = 0.02 * size[0].max(size[1]);
-    Area { lo: around.lo.map(|v| v - rim), size: size.map(|v| v + 2.0 * rim) }
+    let corners = if texture.is_empty() { vec![] } else { vec![texture.lo.mm(), texture.hi.mm()] };
+    Area::around(dots.iter().map(|dot| dot.at).chain(corners))
 }
 
-/// One of the maps.
-struct Map<'a> {
-    area: &'a Area,
-    values: &'a [Option<f64>],
-    /// Of the points.
-    scale: &'a Scale,
-    dots: &'a [Dot<'a>],
-    of_dot: &'a dyn Fn(&PointResidual) -> Option<f64>,
+/// The ground of a map: a value for each cell of an area.
+pub(super) struct Ground<'a> {
+    /// The area.
+    pub(super) area: &'a Area,
+    /// By cell, from the upper left, row by row; None where there is none. What is not finite is red.
+    pub(super) values: &'a [Option<f64>],
+    /// Its colours.
+    pub(super) scale: &'a Scale,
 }
 
-impl Map<'_> {
-    /// Draws it with its left side at `x`, the ground in the colours of `ground`.
-    fn draw(&self, out: &mut String, x: f64, head: &str, ground: &Scale, words: &str) {
+impl Ground<'_> {
+    /// Draws it with its left side at `x`, and opens a group that [`Ground::close`] ends.
+    pub(super) fn open(&self, out: &mut String, x: f64, head: &str) {
         let height = self.area.height();
         let palette: Vec<[u8; 4]> = std::iter::once([255, 255, 255, 0])
-            .chain(ground.colours.iter().map(|[r, g, b]| [*r, *g, *b, 255]))
+            .chain(self.scale.colours.iter().map(|[r, g, b]| [*r, *g, *b, 255]))
+            .chain([[ABOVE[0], ABOVE[1], ABOVE[2], 255]])
             .collect();
-        let pixels: Vec<u8> = self.values.iter().map(|v| v.map_or(0, |v| 1 + ground.step(v) as u8)).collect();
+        let pixel = |v: f64| if v.is_finite() { 1 + self.scale.step(v) as u8 } else { 1 + STEPS as u8 };
+        let pixels: Vec<u8> = self.values.iter().map(|v| v.map_or(0, pixel)).collect();
         let address = image::of_indices(self.area.cells(), &palette, &pixels);
         // Writing to a String cannot fail.
         let _ = writeln!(
@@ -209,9 +225,51 @@ impl Map<'_> {
              <rect y=\"{HEAD}\" width=\"{WIDTH}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
             HEAD - 10.0,
         );
+    }
+
+    /// Draws the scale of its colours and words below it, and ends the group.
+    pub(super) fn close(&self, out: &mut String, words: &str) {
+        let below = HEAD + self.area.height();
+        let step = WIDTH / STEPS as f64;
+        for (k, colour) in self.scale.colours.iter().enumerate() {
+            let _ = writeln!(
+                out,
+                "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"16\" fill=\"{}\"/>",
+                plain(k as f64 * step, 2),
+                below + 10.0,
+                plain(step + 0.2, 2),
+                hex(*colour)
+            );
+        }
+        let [lo, hi] = self.scale.range.map(|v| plain(v, 1));
+        let middle = plain(f64::midpoint(self.scale.range[0], self.scale.range[1]), 1);
+        let _ = writeln!(
+            out,
+            "<text y=\"{0}\">{lo}</text><text x=\"{1}\" y=\"{0}\" text-anchor=\"middle\">{middle}</text>\
+             <text x=\"{WIDTH}\" y=\"{0}\" text-anchor=\"end\">{hi} um</text>\n<text y=\"{2}\">{words}</text>\n</g>",
+            below + 42.0,
+            WIDTH / 2.0,
+            below + 64.0,
+        );
+    }
+}
+
+/// One of the maps.
+struct Map<'a> {
+    ground: Ground<'a>,
+    /// Of the points.
+    scale: &'a Scale,
+    dots: &'a [Dot<'a>],
+    of_dot: &'a dyn Fn(&PointResidual) -> Option<f64>,
+}
+
+impl Map<'_> {
+    /// Draws it with its left side at `x`.
+    fn draw(&self, out: &mut String, x: f64, head: &str, words: &str) {
+        self.ground.open(out, x, head);
         let radius = if self.dots.len() > 400 { 2.0 } else { 5.0 };
         for dot in self.dots {
-            let [u, v] = self.area.on_map(dot.at).map(|v| plain(v, 1));
+            let [u, v] = self.ground.area.on_map(dot.at).map(|v| plain(v, 1));
             let name = escape(&dot.point.name);
             match (self.of_dot)(dot.point) {
                 Some(value) => {
@@ -232,28 +290,7 @@ impl Map<'_> {
                 }
             }
         }
-        let below = HEAD + height;
-        let step = WIDTH / STEPS as f64;
-        for (k, colour) in ground.colours.iter().enumerate() {
-            let _ = writeln!(
-                out,
-                "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"16\" fill=\"{}\"/>",
-                plain(k as f64 * step, 2),
-                below + 10.0,
-                plain(step + 0.2, 2),
-                hex(*colour)
-            );
-        }
-        let [lo, hi] = ground.range.map(|v| plain(v, 1));
-        let middle = plain(f64::midpoint(ground.range[0], ground.range[1]), 1);
-        let _ = writeln!(
-            out,
-            "<text y=\"{0}\">{lo}</text><text x=\"{1}\" y=\"{0}\" text-anchor=\"middle\">{middle}</text>\
-             <text x=\"{WIDTH}\" y=\"{0}\" text-anchor=\"end\">{hi} um</text>\n<text y=\"{2}\">{words}</text>\n</g>",
-            below + 42.0,
-            WIDTH / 2.0,
-            below + 64.0,
-        );
+        self.ground.close(out, words);
     }
 }
 

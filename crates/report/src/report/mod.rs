@@ -30,6 +30,7 @@ pub mod page;
 mod part;
 mod pdf;
 pub mod plot;
+mod probe_map;
 mod raster;
 mod record;
 pub mod runsheet;
@@ -52,6 +53,7 @@ pub use marks::Marks;
 pub use measured_map::measured_svg;
 pub use part::{RELIEF_CELLS, relief_area};
 pub use pdf::pdf;
+pub use probe_map::points_svg;
 pub use raster::png;
 
 use std::ops::Range;

@@ -12,6 +12,8 @@ pub(crate) struct HeightDoubt {
     pub(crate) covariance: [[f64; 6]; 6],
     /// Deviations that are kept free.
     pub(crate) sigmas: f64,
+    /// No more than this is kept free, nm.
+    pub(crate) most: f64,
     /// How it is warped: that holds what the pose is off by in height.
     pub(crate) correction: Option<Correction>,
 }
@@ -19,6 +21,11 @@ pub(crate) struct HeightDoubt {
 impl HeightDoubt {
     /// What is kept free above and below a place of the part with this slope (dz/dx, dz/dy), nm.
     pub(crate) fn kept(&self, at: SpacePoint, [p, q]: [f64; 2]) -> f64 {
+        self.wanted(at, [p, q]).min(self.most)
+    }
+
+    /// What deviations ask for there, nm.
+    fn wanted(&self, at: SpacePoint, [p, q]: [f64; 2]) -> f64 {
         if let Some(correction) = &self.correction {
             return self.sigmas * correction.at([at[0], at[1]])[1];
         }
@@ -45,7 +52,7 @@ mod tests {
         let raised = moved[2] - p * moved[0] - q * moved[1];
         let motion = [w[0], w[1], w[2], s[0], s[1], s[2]];
         let covariance = [0, 1, 2, 3, 4, 5].map(|i: usize| [0, 1, 2, 3, 4, 5].map(|k: usize| motion[i] * motion[k]));
-        let doubt = HeightDoubt { centre: [0.0; 3], covariance, sigmas: 1.0, correction: None };
+        let doubt = HeightDoubt { centre: [0.0; 3], covariance, sigmas: 1.0, most: f64::INFINITY, correction: None };
         assert!((doubt.kept([x, y, z], [p, q]) - f64::abs(raised)).abs() < 1e-12);
     }
 }

@@ -270,7 +270,7 @@ fn step(code: &str) -> Option<StageStep> {
     let rest: &[(char, &str)] = rest;
     match (letter, number, rest) {
         ('G', "4" | "04", [('P', seconds)]) => Some(StageStep::Dwell(positive(seconds)?)),
-        ('G', "0" | "00", [_, ..]) => moved(rest),
+        ('G', "0" | "00", [_, ..]) => moved_to(rest).map(StageStep::Move),
         ('G', ..) if words.iter().all(|w| w.0 == 'G') => {
             Some(StageStep::Modal(words.iter().map(|w| tenths(w.1)).collect::<Option<_>>()?))
         }
@@ -286,7 +286,8 @@ fn step(code: &str) -> Option<StageStep> {
     }
 }
 
-fn moved(words: &[(char, &str)]) -> Option<StageStep> {
+/// The axis values of words, each axis at most once.
+pub(super) fn moved_to(words: &[(char, &str)]) -> Option<AxisWords> {
     let mut to = [None; 6];
     for (letter, number) in words {
         let axis = "XYZABC".find(*letter)?;
@@ -295,11 +296,11 @@ fn moved(words: &[(char, &str)]) -> Option<StageStep> {
         }
         to[axis] = Some(nm_from_decimal(number.as_bytes())?);
     }
-    Some(StageStep::Move(to))
+    Some(to)
 }
 
 /// `o101 if [#5399 LT 0]`, `o101 if [#5210 NE 0]` or `o101 endif`; other conditions are unknown.
-fn o_word(code: &str) -> Option<StageStep> {
+pub(super) fn o_word(code: &str) -> Option<StageStep> {
     let code = code[1..].trim_start();
     let digits = code.find(|c: char| !c.is_ascii_digit())?;
     let label: u32 = code[..digits].parse().ok()?;

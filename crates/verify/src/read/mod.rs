@@ -20,6 +20,7 @@ pub(super) mod outline;
 pub(super) mod ovf;
 pub(super) mod picture;
 pub(super) mod poses;
+pub(super) mod probe;
 pub(super) mod program;
 mod rtc;
 pub(super) mod runsheet;

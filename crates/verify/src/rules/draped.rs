@@ -95,16 +95,7 @@ impl Checker<'_> {
         let mut covered: Option<[f64; 2]> = None;
         for ends in points.windows(2) {
             let line = Line::new(xy(ends[0]), xy(ends[1]));
-            let mut places = Vec::new();
-            self.part.lying.along(&line, &mut self.lying_scratch, |piece| {
-                if let Some(sheet) = piece.sheet {
-                    for (d, z) in piece.d.into_iter().zip(sheet.z) {
-                        let [x, y] = line.at(d);
-                        places.push([x, y, z]);
-                    }
-                }
-            });
-            for place in places {
+            for place in self.places(&line) {
                 let back = self.part.pose.back(place);
                 let at = [back[0], back[1]];
                 // Beside a step the sheet that is met first may be another: what lies beside it decides.
@@ -121,6 +112,29 @@ impl Checker<'_> {
             let [x, y] = points[0].mm();
             format!("a piece of it at x {x:.4}, y {y:.4} mm lies off the part")
         })
+    }
+
+    /// The places of the part as it lies under a line: at the ends of what lies on one facet. Of a line along a rim, which
+    /// may lie beside it by as much as strokes are simplified, those next to it.
+    fn places(&mut self, line: &Line) -> Vec<[f64; 3]> {
+        let aside = [-line.dir[1], line.dir[0]];
+        let mut places = Vec::new();
+        for off in [0.0, OFF_NM / 2.0, -OFF_NM / 2.0] {
+            let start = [0, 1].map(|k| line.start[k] + off * aside[k]);
+            let beside = Line { start, ..*line };
+            self.part.lying.along(&beside, &mut self.lying_scratch, |piece| {
+                if let Some(sheet) = piece.sheet {
+                    for (d, z) in piece.d.into_iter().zip(sheet.z) {
+                        let [x, y] = line.at(d);
+                        places.push([x, y, z]);
+                    }
+                }
+            });
+            if !places.is_empty() {
+                break;
+            }
+        }
+        places
     }
 
     /// The sheet under a point of the part as it lies.

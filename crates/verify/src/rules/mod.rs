@@ -29,7 +29,7 @@ pub(super) mod stated;
 mod stretch;
 mod subset;
 pub(super) mod summary;
-mod sweep;
+pub(super) mod sweep;
 mod texture_stroke;
 mod times;
 pub(super) mod travel;

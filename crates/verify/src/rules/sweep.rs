@@ -14,24 +14,24 @@ const SECTIONS: usize = 50;
 const HALVINGS: usize = 42;
 
 /// The way of a head.
-pub(super) struct Sweep {
+pub(crate) struct Sweep {
     /// Places of the lower end on the optical axis where the way begins and ends, nm.
     ends: [[f64; 3]; 2],
     /// Radius of the head, nm.
     reach: f64,
     /// The box around it all.
-    pub(super) bounds: BoxNm,
+    pub(crate) bounds: BoxNm,
 }
 
 impl Sweep {
-    pub(super) fn new(ends: [[f64; 3]; 2], reach: f64) -> Self {
+    pub(crate) fn new(ends: [[f64; 3]; 2], reach: f64) -> Self {
         let mut bounds = BoxNm::EMPTY;
         ends.iter().for_each(|&[x, y, _]| bounds.add([x, y]));
         Self { ends, reach, bounds: bounds.grown(reach) }
     }
 
     /// By how much a facet rises into the head; None where by no more than `least`.
-    pub(super) fn rise(&self, corners: &[[f64; 3]; 3], least: f64) -> Option<f64> {
+    pub(crate) fn rise(&self, corners: &[[f64; 3]; 3], least: f64) -> Option<f64> {
         if !self.rises(corners, least) {
             return None;
         }
@@ -57,7 +57,7 @@ impl Sweep {
     }
 
     /// Whether anything in a box whose highest place is `top` can rise into the head.
-    pub(super) fn may_meet(&self, around: &BoxNm, top: f64) -> bool {
+    pub(crate) fn may_meet(&self, around: &BoxNm, top: f64) -> bool {
         self.over(around, top).is_some()
     }
 

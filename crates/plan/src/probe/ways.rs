@@ -1,0 +1,197 @@
+//! The shape of the probe and its head, and the moves that keep them off the part.
+//!
+//! Everything is upright cylinders that reach up without end: the tip, the body of the probe, the lens. Each is taken
+//! wider and lower by how far the part may lie from where the job says, so that it keeps clear wherever within that it
+//! lies. The tip touches on the way down alone. Between points the stage rises just as far as it has to.
+
+use super::place::Place;
+use super::plan::{Move, Tool};
+use terrace_core::clearance::{Facets, Intrusion, Way};
+use terrace_core::diag::{Diag, Error};
+use terrace_core::geom::{NM_PER_MM, Nm, SpacePoint, Turn};
+use terrace_core::machine::{Commanded, Machine, Origin};
+use terrace_input::surface::Surface;
+
+/// An upright cylinder that reaches up without end, from the centre of the tip, nm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cylinder {
+    axis: [f64; 2],
+    radius: f64,
+    /// Its lower end.
+    lower: f64,
+}
+
+/// What could touch the part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Shape {
+    /// The tip; None of a sensor.
+    tip: Option<Cylinder>,
+    body: Option<Cylinder>,
+    head: Cylinder,
+    /// Radius of the tip, and how far the part may lie from where the job says, nm.
+    radius: f64,
+    search: f64,
+    /// The centre of the tip, or the point that a sensor sees, from the focus, nm.
+    offset: SpacePoint,
+}
+
+impl Shape {
+    /// The shape of what measures on a machine; the part may lie `search_mm` from where the job says.
+    pub(super) fn new(machine: &Machine, tool: &Tool, search_mm: f64) -> Self {
+        let search = search_mm * NM_PER_MM;
+        let nm = |length: terrace_core::units::Length| length.as_mm() * NM_PER_MM;
+        let grown =
+            |axis: [f64; 2], radius: f64, lower: f64| Cylinder { axis, radius: radius + search, lower: lower - search };
+        let offset = match tool {
+            Tool::Touch(probe) => probe.offset_nm(),
+            Tool::Sensor(_) => [0.0; 3],
+        };
+        let gap = nm(machine.lens.working_distance) - nm(machine.stage.clearance);
+        let head = grown([-offset[0], -offset[1]], nm(machine.lens.diameter) / 2.0, gap - offset[2]);
+        let (tip, body, radius) = match tool {
+            Tool::Touch(probe) => {
+                let radius = nm(probe.radius);
+                let tip = grown([0.0; 2], radius, -radius);
+                (Some(tip), Some(grown([0.0; 2], nm(probe.body) / 2.0, nm(probe.stylus))), radius)
+            }
+            Tool::Sensor(_) => (None, None, 0.0),
+        };
+        Self { tip, body, head, radius, search, offset }
+    }
+}
+
+/// Finds the ways of a probe over a part.
+pub(super) struct Ways<'a> {
+    facets: Facets,
+    machine: &'a Machine,
+    origin: Origin,
+    shape: Shape,
+}
+
+impl<'a> Ways<'a> {
+    pub(super) fn new(surface: &Surface, machine: &'a Machine, origin: Origin, shape: Shape) -> Self {
+        let facets = Facets::above(f64::NEG_INFINITY, &|sink| surface.each_facet(sink));
+        Self { facets, machine, origin, shape }
+    }
+
+    /// How far from a place its surroundings have to be even, nm: as near as the tip touches, and as far as it may touch.
+    pub(super) fn around(&self) -> [f64; 2] {
+        let near = self.shape.radius.max(0.5 * NM_PER_MM);
+        [near, near + self.shape.search]
+    }
+
+    /// The centre of the tip as it touches a place that is as steep as this.
+    fn tip_at(&self, [x, y, z]: SpacePoint, slope: [f64; 2]) -> SpacePoint {
+        // A tip that comes down over a slope touches beside the place.
+        [x, y, z + self.shape.radius * (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt()]
+    }
+
+    /// Where the axes stand with the tip's centre at a point of the part.
+    fn commanded(&self, tip: SpacePoint) -> Commanded {
+        let step = self.machine.increment_nm().0;
+        let mut out = Commanded::default();
+        for (k, (_, axis)) in self.machine.axes().into_iter().enumerate() {
+            let at = (tip[k] - self.shape.offset[k]) / step as f64;
+            // z up, towards the lens.
+            let steps = if k == 2 { at.ceil() } else { at.round() };
+            out[k] = axis.sign() * (steps as i64 * step + self.origin[k]);
+        }
+        out
+    }
+
+    /// The centre of the tip in the part frame, the axes commanded so.
+    fn tip_of(&self, at: Commanded) -> SpacePoint {
+        let axes = self.machine.axes();
+        [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - self.origin[k]) as f64 + self.shape.offset[k])
+    }
+
+    /// Where the axes stand as a place is touched.
+    pub(super) fn touching(&self, at: SpacePoint, slope: [f64; 2]) -> Commanded {
+        self.commanded(self.tip_at(at, slope))
+    }
+
+    /// What of the part enters some cylinders on the way of the tip.
+    fn entered(&self, cylinders: &[Option<Cylinder>], ends: [SpacePoint; 2]) -> f64 {
+        let of = |cylinder: &Cylinder| {
+            let ends = ends.map(|[x, y, z]| [x + cylinder.axis[0], y + cylinder.axis[1], z + cylinder.lower]);
+            let way = Way { turn: Turn::none(), ends, radius: cylinder.radius };
+            self.facets.entered(&way).map_or(0.0, |Intrusion { by, .. }| by)
+        };
+        cylinders.iter().flatten().map(of).fold(0.0, f64::max)
+    }
+
+    /// From where the tip goes down to a place: nothing touches there yet.
+    fn above(&self, place: &Place) -> Commanded {
+        let all = [self.shape.tip, self.shape.body, Some(self.shape.head)];
+        let [x, y, z] = self.tip_of(place.stage);
+        let low = [x, y, z];
+        self.commanded([x, y, z + self.entered(&all, [low; 2])])
+    }
+
+    /// To where the tip goes down.
+    fn below(&self, place: &Place) -> Commanded {
+        let [x, y, z] = self.tip_of(place.stage);
+        self.commanded([x, y, z - self.shape.search])
+    }
+
+    fn is_in_travel(&self, at: Commanded) -> bool {
+        let axes = self.machine.axes().into_iter().enumerate();
+        axes.into_iter().all(|(k, (_, axis))| (axis.travel_nm()[0].0..=axis.travel_nm()[1].0).contains(&at[k]))
+    }
+
+    /// Whether the axes get there, and body and head keep off the part as low as the tip goes.
+    pub(super) fn reaches(&self, place: &Place) -> bool {
+        if self.shape.tip.is_none() {
+            let low = self.tip_of(place.stage);
+            return self.is_in_travel(place.stage) && self.entered(&[Some(self.shape.head)], [low; 2]) <= 0.0;
+        }
+        let below = self.below(place);
+        let low = self.tip_of(below);
+        self.is_in_travel(self.above(place))
+            && self.is_in_travel(below)
+            && self.entered(&[self.shape.body, Some(self.shape.head)], [low; 2]) <= 0.0
+    }
+
+    /// The moves to all places in their order, from and to the end of travel.
+    ///
+    /// # Errors
+    /// `probe-reach` where the stage cannot rise far enough between two of them.
+    pub(super) fn moves(&self, places: &[&Place]) -> Result<Vec<Move>, Error> {
+        let Nm(top) = self.machine.retract_z();
+        let sign = self.machine.stage.z.sign();
+        let all = [self.shape.tip, self.shape.body, Some(self.shape.head)];
+        let at_z = |at: Commanded, z: i64| Commanded([at[0], at[1], z]);
+        let mut moves = Vec::new();
+        let mut before: Option<Commanded> = None;
+        for place in places {
+            let [above, below] = [self.above(place), self.below(place)];
+            let level = match before {
+                None => top,
+                Some(from) => {
+                    // The higher one of both, then as much as the way between them needs.
+                    let z = if sign * from[2] > sign * above[2] { from[2] } else { above[2] };
+                    let ends = [self.tip_of(at_z(from, z)), self.tip_of(at_z(above, z))];
+                    let [x, y, tip] = ends[0];
+                    self.commanded([x, y, tip + self.entered(&all, ends)])[2]
+                }
+            };
+            if sign * level > sign * top {
+                let hint = "give the z axis more travel upwards, a shorter stylus, or a smaller --search";
+                let text = "the stage cannot rise far enough to keep the probe off the part between two points";
+                return Err(Diag::limit("probe-reach", text).hint(hint).into());
+            }
+            if let Some(from) = before {
+                moves.push(Move::Rapid(at_z(from, level)));
+            }
+            moves.extend([Move::Rapid(at_z(above, level)), Move::Rapid(above), Move::Touch(below)]);
+            // Back to where nothing touches.
+            moves.push(Move::Rapid(above));
+            before = Some(above);
+        }
+        if let Some(from) = before {
+            moves.push(Move::Rapid(at_z(from, top)));
+        }
+        moves.dedup();
+        Ok(moves)
+    }
+}

@@ -1,0 +1,362 @@
+//! Where to measure a part: places chosen one after another, each where a point lowers the cost of what is not known
+//! most.
+//!
+//! Consumes places that can be measured, places whose height counts, and what is believed of the part before: a small
+//! motion with a covariance, and a warp. Promises the places in the order of their use, and after each how surely the
+//! height would be known. How surely it is known does not depend on what the points will show, so all of it is known
+//! beforehand.
+//!
+//! The height is linear in the small motion, and the warp a Gaussian process with the covariance that [`warp`](super::warp()) is
+//! fitted with, of each of several lengths in turn; all count alike. A point lowers the covariance of all heights by a
+//! matrix of rank one (Rasmussen and Williams 2006, eq. 2.24, for one point more), which is what makes trying every place
+//! cheap. Choosing the best next place each time loses at most 1/e of what the best set would lower, where what is
+//! lowered is submodular (Krause, Singh and Guestrin, Journal of Machine Learning Research 9, 2008); the cost here is so
+//! only nearly, so it is measured against an even net.
+//!
+//! Lengths are mm, angles rad, in the table frame.
+
+use super::warp::{Candidate, Observation, apart, matern};
+use terrace_core::geom::SpacePoint;
+use terrace_core::parallel;
+
+/// A place on the part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Site {
+    /// Where it lies, table frame, mm.
+    pub at: SpacePoint,
+    /// dz/dx and dz/dy of the part there.
+    pub slope: [f64; 2],
+}
+
+/// What is believed of a part before it is measured.
+#[derive(Clone, Debug)]
+pub struct Prior {
+    /// The point about which it turns, mm.
+    pub centre: SpacePoint,
+    /// Covariance of the turns about it, rad, and the shifts, mm.
+    pub covariance: [[f64; 6]; 6],
+    /// How it may be warped: lengths, each with its amplitude and how likely it is; none of a rigid part.
+    pub warp: Vec<Candidate>,
+}
+
+impl Prior {
+    /// Turns and shifts with these standard deviations, which do not depend on each other.
+    pub fn independent(sigmas: [f64; 6]) -> [[f64; 6]; 6] {
+        std::array::from_fn(|i| std::array::from_fn(|k| if i == k { sigmas[i] * sigmas[i] } else { 0.0 }))
+    }
+}
+
+/// How surely the heights would be known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Known {
+    /// What that costs, in the unit of the caller.
+    pub cost: f64,
+    /// The largest standard deviation of a height, mm.
+    pub worst: f64,
+    /// Standard deviations of the turns, rad, and the shifts, mm.
+    pub motion: [f64; 6],
+}
+
+/// What a target costs whose height has a variance, mm²; the first argument is its index. It grows with the variance.
+pub type Cost<'a> = &'a (dyn Fn(usize, f64) -> f64 + Sync);
+
+/// The small motion comes first among what is not known.
+const MOTION: usize = 6;
+
+/// What is not known, and the covariance of it.
+pub struct Unknown {
+    /// By length of the warp: rows of the covariance of motion, sites and targets, and how likely it is.
+    models: Vec<(Vec<f64>, f64)>,
+    /// Places that can be measured, and those whose height counts.
+    sites: usize,
+    targets: usize,
+    /// Of a row.
+    size: usize,
+    /// Variance of what a measurement shows of the height, by site, mm².
+    noise: Vec<f64>,
+}
+
+impl Unknown {
+    /// What is not known once some points have shown the height, at `sites` and `targets`. `sigma` is the standard
+    /// deviation of a measurement along the normal, mm.
+    pub fn new(prior: &Prior, shown: &[Observation], sites: &[Site], targets: &[Site], sigma: f64) -> Self {
+        let level = |o: &Observation| Site { at: [o.at[0], o.at[1], prior.centre[2]], slope: [0.0; 2] };
+        let shown_at: Vec<Site> = shown.iter().map(level).collect();
+        let places: Vec<&Site> = sites.iter().chain(targets).chain(&shown_at).collect();
+        let rows: Vec<[f64; MOTION]> = places.iter().map(|site| row(site, prior.centre)).collect();
+        let size = MOTION + places.len();
+        // What a place shares with each unknown of the motion.
+        let times = |row: &[f64; MOTION], k: usize| (0..MOTION).map(|m| row[m] * prior.covariance[m][k]).sum::<f64>();
+        let shared: Vec<[f64; MOTION]> = rows.iter().map(|row| std::array::from_fn(|k| times(row, k))).collect();
+        let covariance = |warp: &Candidate, i: usize, k: usize| match (i.checked_sub(MOTION), k.checked_sub(MOTION)) {
+            (None, None) => prior.covariance[i][k],
+            (Some(p), None) => shared[p][k],
+            (None, Some(q)) => shared[q][i],
+            (Some(p), Some(q)) => {
+                let moved: f64 = (0..MOTION).map(|m| shared[p][m] * rows[q][m]).sum();
+                let [a, b] = [places[p], places[q]].map(|site| [site.at[0], site.at[1]]);
+                moved + warp.amplitude * warp.amplitude * matern(apart(a, b), warp.length)
+            }
+        };
+        let rigid = [Candidate { length: 1.0, amplitude: 0.0, weight: 1.0 }];
+        let of = |warp: &Candidate| {
+            let rows = parallel::map(size, |i| (0..size).map(|k| covariance(warp, i, k)).collect::<Vec<f64>>());
+            (rows.concat(), warp.weight)
+        };
+        // A tip that touches a slope shows the height less surely than along the normal.
+        let steepness = |site: &Site| 1.0 + site.slope[0].powi(2) + site.slope[1].powi(2);
+        let mut unknown = Self {
+            models: if prior.warp.is_empty() { &rigid } else { prior.warp.as_slice() }.iter().map(of).collect(),
+            sites: sites.len(),
+            targets: targets.len(),
+            size,
+            noise: sites.iter().map(|site| sigma * sigma * steepness(site)).collect(),
+        };
+        for (i, observation) in shown.iter().enumerate() {
+            unknown.show(MOTION + sites.len() + targets.len() + i, observation.sigma * observation.sigma);
+        }
+        unknown
+    }
+
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    /// The mean of an entry over the lengths.
+    fn mean(&self, i: usize, k: usize) -> f64 {
+        let at = i * self.size() + k;
+        self.models.iter().map(|(model, weight)| weight * model[at]).sum()
+    }
+
+    fn variances(&self) -> Vec<f64> {
+        let first = MOTION + self.sites;
+        (first..first + self.targets).map(|i| self.mean(i, i).max(0.0)).collect()
+    }
+
+    /// The standard deviation of the height of each target, mm.
+    pub fn deviations(&self) -> Vec<f64> {
+        self.variances().into_iter().map(f64::sqrt).collect()
+    }
+
+    /// How surely all is known now.
+    pub fn known(&self, cost: Cost<'_>) -> Known {
+        let variances = self.variances();
+        Known {
+            cost: variances.iter().enumerate().map(|(t, &v)| cost(t, v)).sum(),
+            worst: variances.iter().fold(0.0, |most: f64, &v| most.max(v)).sqrt(),
+            motion: std::array::from_fn(|i| self.mean(i, i).max(0.0).sqrt()),
+        }
+    }
+
+    /// Measures at a site.
+    pub fn measure(&mut self, site: usize) {
+        self.show(MOTION + site, self.noise[site]);
+    }
+
+    /// Takes what a measurement of entry `at` would show, whose variance is `noise`.
+    fn show(&mut self, at: usize, noise: f64) {
+        let size = self.size();
+        for (model, _) in &mut self.models {
+            let shown: Vec<f64> = model[at * size..(at + 1) * size].to_vec();
+            let variance = shown[at] + noise;
+            parallel::map_items(model.chunks_mut(size).collect(), |i, row: &mut [f64]| {
+                let share = shown[i] / variance;
+                row.iter_mut().zip(&shown).for_each(|(entry, s)| *entry -= share * s);
+            });
+        }
+    }
+
+    /// The site of those that are free whose measurement lowers the cost most; the first of several.
+    fn best(&self, is_free: &[bool], cost: Cost<'_>) -> Option<usize> {
+        let (size, first) = (self.size(), MOTION + self.sites);
+        let before = self.variances();
+        let now: Vec<f64> = before.iter().enumerate().map(|(t, &v)| cost(t, v)).collect();
+        let lowered = |site: usize| {
+            if !is_free[site] {
+                return f64::NEG_INFINITY;
+            }
+            let at = MOTION + site;
+            let mut after = before.clone();
+            for (model, weight) in &self.models {
+                let shown = &model[at * size + first..at * size + first + self.targets];
+                let factor = weight / (model[at * size + at] + self.noise[site]);
+                after.iter_mut().zip(shown).for_each(|(v, s)| *v -= factor * s * s);
+            }
+            now.iter().zip(after).enumerate().map(|(t, (now, v))| now - cost(t, v.max(0.0))).sum::<f64>()
+        };
+        let gains = parallel::map(self.sites, lowered);
+        let best =
+            (0..self.sites).filter(|&i| is_free[i]).reduce(|best, i| if gains[i] > gains[best] { i } else { best });
+        best.filter(|&i| gains[i] > 0.0)
+    }
+
+    /// Chooses and measures site after site until `is_enough`, given how many there are and how surely all is known, or
+    /// no site lowers the cost. Returns the sites in their order.
+    pub fn choose(&mut self, cost: Cost<'_>, is_enough: &dyn Fn(usize, &Known) -> bool) -> Vec<usize> {
+        let mut is_free = vec![true; self.sites];
+        let mut chosen = Vec::new();
+        while !is_enough(chosen.len(), &self.known(cost)) {
+            let Some(site) = self.best(&is_free, cost) else { break };
+            is_free[site] = false;
+            self.measure(site);
+            chosen.push(site);
+        }
+        chosen
+    }
+}
+
+/// What the turns and shifts of a small motion change of the height at a site.
+fn row(site: &Site, centre: SpacePoint) -> [f64; MOTION] {
+    let [x, y, z] = [0, 1, 2].map(|k| site.at[k] - centre[k]);
+    let [u, v] = site.slope.map(|s| -s);
+    // The arm times (u, v, 1).
+    [y - z * v, z * u - x, x * v - y * u, u, v, 1.0]
+}
+
+/// As even a net of `count` sites as there is, those at the rim among them: each next one is the farthest from all
+/// before it, the first the farthest from the middle.
+pub fn even_net(sites: &[Site], count: usize) -> Vec<usize> {
+    let plane = |site: &Site| [site.at[0], site.at[1]];
+    let n = sites.len().max(1) as f64;
+    let middle = [0, 1].map(|k| sites.iter().map(|site| site.at[k]).sum::<f64>() / n);
+    let farthest = |distances: &[f64]| {
+        (0..distances.len()).reduce(|best, i| if distances[i] > distances[best] { i } else { best })
+    };
+    let mut distances: Vec<f64> = sites.iter().map(|site| apart(plane(site), middle)).collect();
+    let mut net = Vec::new();
+    while net.len() < count.min(sites.len()) {
+        let Some(next) = farthest(&distances) else { break };
+        if net.is_empty() {
+            distances.fill(f64::INFINITY);
+        }
+        net.push(next);
+        for (distance, site) in distances.iter_mut().zip(sites) {
+            *distance = distance.min(apart(plane(site), plane(&sites[next])));
+        }
+    }
+    net
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Uncertainty;
+    use nalgebra::DMatrix;
+    use terrace_core::math;
+    use terrace_core::random::Random;
+
+    fn prior(amplitude: f64) -> Prior {
+        Prior {
+            centre: [10.0, 20.0, 5.0],
+            covariance: Prior::independent([0.01, 0.02, 0.005, 0.5, 0.7, 1.0]),
+            warp: [(30.0, 0.25), (120.0, 0.75)]
+                .map(|(length, weight)| Candidate { length, amplitude, weight })
+                .to_vec(),
+        }
+    }
+
+    fn sites(count: usize) -> Vec<Site> {
+        let mut random = Random::case(3);
+        let site = |_| {
+            let [x, y] = [0; 2].map(|_| random.range(-100.0, 100.0));
+            Site { at: [x, y, 1e-3 * x * y], slope: [1e-3 * y, 1e-3 * x] }
+        };
+        (0..count).map(site).collect()
+    }
+
+    #[test]
+    fn a_small_motion_changes_heights_as_the_fit_counts_them() {
+        let site = Site { at: [40.0, -30.0, 12.0], slope: [0.2, -0.4] };
+        for k in 0..6 {
+            let mut covariance = [[0.0; 6]; 6];
+            covariance[k][k] = 0.01;
+            let uncertainty = Uncertainty { centre: prior(0.0).centre, covariance };
+            let expected = uncertainty.height(site.at, site.slope);
+            assert!((row(&site, prior(0.0).centre)[k].abs() * 0.1 - expected).abs() < 1e-12, "{k}");
+        }
+    }
+
+    #[test]
+    fn measuring_site_after_site_leaves_what_conditioning_on_all_at_once_does() {
+        let all = sites(12);
+        let (measured, targets) = all.split_at(7);
+        for amplitude in [0.0, 0.1] {
+            let prior = prior(amplitude);
+            let mut unknown = Unknown::new(&prior, &[], measured, targets, 0.003);
+            let before = unknown.models.clone();
+            let noise = unknown.noise.clone();
+            (0..measured.len()).for_each(|i| unknown.measure(i));
+            let size = unknown.size();
+            for ((before, _), (after, _)) in before.iter().zip(&unknown.models) {
+                let whole = DMatrix::from_row_slice(size, size, before);
+                let seen: Vec<usize> = (MOTION..MOTION + measured.len()).collect();
+                let mut shown = whole.select_rows(&seen).select_columns(&seen);
+                (0..seen.len()).for_each(|i| shown[(i, i)] += noise[i]);
+                let cross = whole.select_columns(&seen);
+                let left = &whole - &cross * shown.try_inverse().expect("regular") * cross.transpose();
+                for i in 0..size {
+                    let [exact, found] = [left[(i, i)], after[i * size + i]];
+                    assert!((exact - found).abs() < 1e-9, "{amplitude} {i}: {exact} {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn points_that_have_shown_a_level_part_count_as_measured_sites_do() {
+        let level = |site: Site| Site { at: [site.at[0], site.at[1], 5.0], slope: [0.0; 2] };
+        let all: Vec<Site> = sites(12).into_iter().map(level).collect();
+        let (measured, targets) = all.split_at(7);
+        let mut step_by_step = Unknown::new(&prior(0.1), &[], measured, targets, 0.003);
+        (0..measured.len()).for_each(|i| step_by_step.measure(i));
+        let shown: Vec<Observation> =
+            measured.iter().map(|s| Observation { at: [s.at[0], s.at[1]], height: 7.0, sigma: 0.003 }).collect();
+        let before = Unknown::new(&prior(0.1), &shown, &measured[..1], targets, 0.003);
+        let cost = |_: usize, variance: f64| variance;
+        let [a, b] = [step_by_step.known(&cost), before.known(&cost)];
+        assert!((a.cost - b.cost).abs() < 1e-9 && (a.worst - b.worst).abs() < 1e-9, "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn places_that_are_chosen_cost_less_than_an_even_net_of_as_many() {
+        let (measured, targets) = (sites(150), sites(150));
+        // Only what lies to the right counts.
+        let counts = |t: usize| if targets[t].at[0] > 20.0 { 1.0 } else { 0.01 };
+        let cost = |t: usize, variance: f64| counts(t) * variance;
+        let mut unknown = Unknown::new(&prior(0.1), &[], &measured, &targets, 0.003);
+        let none = unknown.known(&cost);
+        let chosen = unknown.choose(&cost, &|count, _| count == 15);
+        let known = unknown.known(&cost);
+        let mut net = Unknown::new(&prior(0.1), &[], &measured, &targets, 0.003);
+        even_net(&measured, 15).into_iter().for_each(|site| net.measure(site));
+        let of_net = net.known(&cost);
+        assert_eq!(chosen.len(), 15);
+        assert!(known.cost < 0.8 * of_net.cost && of_net.cost < 0.2 * none.cost, "{known:?} {of_net:?} {none:?}");
+        let right = chosen.iter().filter(|&&i| measured[i].at[0] > 0.0).count();
+        assert!(right >= 11, "{right}");
+    }
+
+    #[test]
+    fn a_wanted_deviation_decides_how_many_there_are() {
+        let (measured, targets) = (sites(80), sites(80));
+        let cost = |_: usize, variance: f64| variance * variance;
+        let mut unknown = Unknown::new(&prior(0.0), &[], &measured, &targets, 0.003);
+        let chosen = unknown.choose(&cost, &|_, known| known.worst <= 0.004);
+        assert!((4..40).contains(&chosen.len()), "{}", chosen.len());
+        assert!(unknown.known(&cost).worst <= 0.004);
+    }
+
+    #[test]
+    fn an_even_net_begins_at_the_rim_and_leaves_no_hole() {
+        let all = sites(300);
+        let net = even_net(&all, 30);
+        let first = all[net[0]].at;
+        assert!(math::hypot(first[0], first[1]) > 110.0, "{first:?}");
+        let gap = |site: &Site| {
+            let to = net.iter().map(|&i| math::hypot(all[i].at[0] - site.at[0], all[i].at[1] - site.at[1]));
+            to.fold(f64::INFINITY, f64::min)
+        };
+        assert!(all.iter().map(gap).fold(0.0, f64::max) < 45.0);
+        assert_eq!(even_net(&[], 3), Vec::<usize>::new());
+    }
+}
