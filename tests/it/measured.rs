@@ -349,6 +349,8 @@ fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
     assert!(heights[0].as_f64() < Some(-50.0) && heights[1].as_f64() > Some(50.0), "{heights}");
     // The true part at the ends of every mark.
     let program = std::fs::read_to_string(folder.join("program.txt")).expect("a program");
+    let facets = mesh(40, [0.0, 0.0, 80.0, 60.0], form);
+    let lying: Vec<[SpacePoint; 3]> = facets.into_iter().map(|facet| facet.map(|p| LIES.of(p))).collect();
     let (mut origin, mut stop, mut inside, mut all) = ([0.0; 3], [0.0; 3], 0, 0);
     for line in program.lines() {
         let words: Vec<&str> = line.split(' ').collect();
@@ -360,7 +362,7 @@ fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
                 for end in numbers(&words[4..]).chunks(2) {
                     let at = [0, 1].map(|k| (stop[k] + end[k] + origin[k]) / 1e6);
                     // At a rim the pose may be some um beside the part.
-                    let Some(height) = true_height(at) else { continue };
+                    let Some(height) = true_height(&lying, at) else { continue };
                     let height = height * 1e6 - origin[2];
                     all += 1;
                     inside += usize::from((height - stop[2]).abs() <= pdof / 2.0);
@@ -374,10 +376,8 @@ fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
 }
 
 /// The height of the warped part over a place of the table frame, mm; None beside it.
-fn true_height(at: [f64; 2]) -> Option<f64> {
-    let facets = mesh(40, [0.0, 0.0, 80.0, 60.0], form);
-    let lying = facets.iter().map(|facet| facet.map(|p| LIES.of(p)));
-    let found = lying.into_iter().find_map(|[a, b, c]| {
+fn true_height(lying: &[[SpacePoint; 3]], at: [f64; 2]) -> Option<f64> {
+    let found = lying.iter().find_map(|&[a, b, c]| {
         let area =
             |p: SpacePoint, q: SpacePoint, r: SpacePoint| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         let p = [at[0], at[1], 0.0];
