@@ -67,6 +67,7 @@ mod probe;
 mod random_jobs;
 mod reads;
 mod refusals;
+mod registration;
 mod repair;
 mod resume;
 mod resvg_suite;

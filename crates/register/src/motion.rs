@@ -58,7 +58,7 @@ impl Motion {
 
     /// This motion, then a small one: the rotation vector of the first three numbers, rad, about `centre`, and the shift
     /// of the last three.
-    pub(crate) fn then_small(&self, centre: &Vector3<f64>, step: &Vector6<f64>) -> Self {
+    pub fn then_small(&self, centre: &Vector3<f64>, step: &Vector6<f64>) -> Self {
         let turn = rotation(&step.fixed_rows::<3>(0).into_owned());
         let shift = step.fixed_rows::<3>(3).into_owned();
         let rotation = turn * self.rotation;
