@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use terrace_core::geom::SpacePoint;
+use terrace_core::math;
 use terrace_core::parallel;
 use terrace_core::random::Random;
 use terrace_input::surface::Surface;
@@ -19,7 +20,7 @@ const NOISE: f64 = 0.02;
 /// Facets, mm, turned about x and then about y by angles, deg.
 fn facets(path: &Path, lean: [f64; 2]) -> Vec<[SpacePoint; 3]> {
     let part = Surface::load_mm(path).expect("a surface");
-    let [(s, c), (t, d)] = lean.map(|deg| deg.to_radians().sin_cos());
+    let [(s, c), (t, d)] = lean.map(|deg: f64| math::sin_cos(deg.to_radians()));
     let mut all = Vec::new();
     part.each_facet(&mut |facet| {
         let about_x = facet.map(|[x, y, z]| [x, c * y - s * z, s * y + c * z]);
@@ -29,7 +30,7 @@ fn facets(path: &Path, lean: [f64; 2]) -> Vec<[SpacePoint; 3]> {
 }
 
 fn gauss(random: &mut Random) -> f64 {
-    (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (std::f64::consts::TAU * random.unit()).cos()
+    (-2.0 * math::ln(1.0 - random.unit())).sqrt() * math::cos(std::f64::consts::TAU * random.unit())
 }
 
 /// The middle of all corners.
