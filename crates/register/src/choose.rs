@@ -15,6 +15,7 @@
 //!
 //! Lengths are mm, angles rad, in the table frame.
 
+use super::fit::height_row;
 use super::warp::{Candidate, Observation, apart, matern};
 use terrace_core::geom::SpacePoint;
 use terrace_core::parallel;
@@ -83,7 +84,8 @@ impl Unknown {
         let level = |o: &Observation| Site { at: [o.at[0], o.at[1], prior.centre[2]], slope: [0.0; 2] };
         let shown_at: Vec<Site> = shown.iter().map(level).collect();
         let places: Vec<&Site> = sites.iter().chain(targets).chain(&shown_at).collect();
-        let rows: Vec<[f64; MOTION]> = places.iter().map(|site| row(site, prior.centre)).collect();
+        let rows: Vec<[f64; MOTION]> =
+            places.iter().map(|site| height_row(site.at, site.slope, prior.centre)).collect();
         let size = MOTION + places.len();
         // What a place shares with each unknown of the motion.
         let times = |row: &[f64; MOTION], k: usize| (0..MOTION).map(|m| row[m] * prior.covariance[m][k]).sum::<f64>();
@@ -205,14 +207,6 @@ impl Unknown {
     }
 }
 
-/// What the turns and shifts of a small motion change of the height at a site.
-fn row(site: &Site, centre: SpacePoint) -> [f64; MOTION] {
-    let [x, y, z] = [0, 1, 2].map(|k| site.at[k] - centre[k]);
-    let [u, v] = site.slope.map(|s| -s);
-    // The arm times (u, v, 1).
-    [y - z * v, z * u - x, x * v - y * u, u, v, 1.0]
-}
-
 /// As even a net of `count` sites as there is, those at the rim among them: each next one is the farthest from all
 /// before it, the first the farthest from the middle.
 pub fn even_net(sites: &[Site], count: usize) -> Vec<usize> {
@@ -240,7 +234,6 @@ pub fn even_net(sites: &[Site], count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::Uncertainty;
     use nalgebra::DMatrix;
     use terrace_core::math;
     use terrace_core::random::Random;
@@ -262,18 +255,6 @@ mod tests {
             Site { at: [x, y, 1e-3 * x * y], slope: [1e-3 * y, 1e-3 * x] }
         };
         (0..count).map(site).collect()
-    }
-
-    #[test]
-    fn a_small_motion_changes_heights_as_the_fit_counts_them() {
-        let site = Site { at: [40.0, -30.0, 12.0], slope: [0.2, -0.4] };
-        for k in 0..6 {
-            let mut covariance = [[0.0; 6]; 6];
-            covariance[k][k] = 0.01;
-            let uncertainty = Uncertainty { centre: prior(0.0).centre, covariance };
-            let expected = uncertainty.height(site.at, site.slope);
-            assert!((row(&site, prior(0.0).centre)[k].abs() * 0.1 - expected).abs() < 1e-12, "{k}");
-        }
     }
 
     #[test]

@@ -442,14 +442,19 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
     }
 }
 
+/// What turns about a centre and shifts change of the height over a point of the stage, where the part has this slope.
+pub(crate) fn height_row(at: SpacePoint, slope: [f64; 2], centre: SpacePoint) -> [f64; 6] {
+    let arm = Vector3::from(at) - Vector3::from(centre);
+    let up = Vector3::new(-slope[0], -slope[1], 1.0);
+    let turn = arm.cross(&up);
+    [turn.x, turn.y, turn.z, up.x, up.y, up.z]
+}
+
 impl Uncertainty {
     /// Standard deviation of the part's height over a point of the stage, mm, where the part has this slope there
     /// (dz/dx, dz/dy): what the focus is off by, since a part that moves sideways on a slope changes its height too.
     pub fn height(&self, at: SpacePoint, slope: [f64; 2]) -> f64 {
-        let arm = Vector3::from(at) - Vector3::from(self.centre);
-        let up = Vector3::new(-slope[0], -slope[1], 1.0);
-        let turn = arm.cross(&up);
-        self.along([turn.x, turn.y, turn.z, up.x, up.y, up.z])
+        self.along(height_row(at, slope, self.centre))
     }
 
     /// Standard deviations of the place of a point along x, y and z, mm.
