@@ -38,7 +38,16 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
             return Err(fault.at(Place::file(table.display().to_string())).hint(hint).into());
         }
         let mut points = if probe.add { read_table(&table).map_err(|e| job.at_keys(&e))? } else { Vec::new() };
-        points.extend(of_log(args, &machine, log, probe)?);
+        let touches = of_log(args, &machine, log, probe)?;
+        let is_there =
+            |touch: &MeasuredPoint| points.iter().any(|p| (p.measure, p.stage) == (touch.measure, touch.stage));
+        // Counted twice they would seem surer than they are.
+        if touches.iter().all(is_there) {
+            let fault = Diag::input("register-exists", "the table has all touches of this log already");
+            let place = Place::file(table.display().to_string());
+            return Err(fault.at(place).hint("leave out the log to fit the part to the table").into());
+        }
+        points.extend(touches);
         write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
     }
     let points = read_table(&table).map_err(|e| job.at_keys(&e))?;
