@@ -322,6 +322,7 @@ impl RemainingJob<'_> {
             turn_deg: manifest.placement.turn_deg,
             laid_deg: manifest.placement.laid_deg,
             measured: manifest.placement.measured.clone(),
+            fixtures: manifest.fixtures.clone(),
             per_pass: second,
             formats: self.whole.formats.iter().map(|t| t.format).collect(),
             registration: has_setups.then(|| manifest.setups.iter().map(registered).collect()),

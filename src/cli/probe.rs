@@ -163,7 +163,10 @@ impl Sheet<'_> {
                  {} mm of its place it lies",
                 proof.moves, self.found.search_mm
             );
-            let _ = writeln!(out, "           not looked at: fixtures, the table, cables; what the probe itself does");
+            let _ = writeln!(
+                out,
+                "           not looked at: what the job does not name, cables; what the probe itself does"
+            );
         }
         out + &self.what_to_do()
     }

@@ -29,6 +29,7 @@ mod dots;
 mod drawings;
 mod early;
 mod fill;
+mod fixtures;
 mod fleet;
 mod foreign;
 mod frames;

@@ -395,6 +395,56 @@ fn a_damaged_program_of_a_probe_or_a_clamp_in_its_way_breaks_its_proof() {
 }
 
 #[test]
+fn a_probe_keeps_off_fixtures_and_the_table() {
+    let (dir, other) = (folder(), folder());
+    chosen(&job(other.path(), "linuxcnc", "", 50), &["--points", "12"]);
+    let program = std::fs::read_to_string(other.path().join("job.probe/probe.ngc")).expect("a program");
+    // Over the corner of the part that every choice of points takes, and far higher than the part.
+    let clamp = "\n[[fixture]]\nname = \"clamp\"\nbox = [[\"-10 mm\", \"-10 mm\", \"0 mm\"], [\"20 mm\", \"15 mm\", \"40 mm\"]]\n";
+    let clamped = job(dir.path(), "linuxcnc", clamp, 50);
+    let found = proved(&clamped, &program).broken;
+    assert!(found.iter().any(|message| message.contains("the tip may meet fixture \"clamp\"")), "{found:?}");
+    // With the clamp points lie beside it, farther than tip and search, and the program is proved.
+    let told = chosen(&clamped, &["--points", "12"]);
+    let program = std::fs::read_to_string(dir.path().join("job.probe/probe.ngc")).expect("a program");
+    assert_eq!(proved(&clamped, &program).broken, Vec::<String>::new());
+    let list = std::fs::read_to_string(dir.path().join("job.probe/points.csv")).expect("a list");
+    let column = |row: &str, name: &str| {
+        let names: Vec<&str> = list.lines().find(|line| line.contains("stage_x")).expect("names").split(',').collect();
+        let k = names.iter().position(|own| *own == name).expect("a column");
+        row.split(',').nth(k).expect("a cell").parse::<f64>().expect("a number")
+    };
+    let rows: Vec<&str> = list.lines().skip_while(|line| !line.contains("stage_x")).skip(1).collect();
+    assert_eq!(rows.len(), 12, "{told}");
+    for row in rows {
+        let at = [("stage_x", 0), ("stage_y", 1)].map(|(name, k)| SIGNS[k] * column(row, name) - ORIGIN[k] + OFFSET[k]);
+        assert!(at[0] > 20.0 + RADIUS + 2.0 || at[1] > 15.0 + RADIUS + 2.0, "{row}: {at:?}");
+    }
+    // The body of the probe reaches 50 mm above the tip: no lower than a table that is as high as that.
+    let machine = std::fs::read_to_string(dir.path().join("m.toml")).expect("a machine");
+    let table = |mm: f64| {
+        let text = machine.replacen("clearance =", &format!("table = \"{mm} mm\"\nclearance ="), 1);
+        std::fs::write(dir.path().join("m.toml"), text).expect("written");
+        terrace([
+            "probe",
+            clamped.to_str().expect("UTF-8"),
+            "--points",
+            "12",
+            "--json",
+            "-o",
+            dir.path().join("t.probe").to_str().expect("UTF-8"),
+        ])
+    };
+    let high = table(ORIGIN[2] + 60.0);
+    assert!(!high.status.success() && said(&high).contains("probe-none"), "{}", said(&high));
+    let found = proved(&clamped, &program).broken;
+    assert!(found.iter().any(|message| message.contains("the body of the probe may meet the table")), "{found:?}");
+    let low = table(ORIGIN[2] - 5.0);
+    assert!(low.status.success(), "{}", said(&low));
+    assert_eq!(proved(&clamped, &program).broken, Vec::<String>::new());
+}
+
+#[test]
 fn what_a_probe_needs_is_asked_for() {
     let dir = folder();
     let job = job(dir.path(), "linuxcnc", "", 40);

@@ -41,6 +41,11 @@ impl Clearance {
         }
     }
 
+    /// How far above the focal plane the part may reach under the head.
+    pub fn gap(&self) -> Nm {
+        self.gap
+    }
+
     /// The way of a head whose field's centre goes straight from one place of the part as turned to another, nm.
     pub fn way(&self, turn: Turn, ends: [[f64; 3]; 2]) -> Way {
         Way { turn, ends: ends.map(|[x, y, z]| [x, y, z + self.gap.f64()]), radius: self.radius.f64() }

@@ -5,6 +5,7 @@ pub mod block_map;
 pub mod budget;
 pub mod check;
 pub mod emit;
+pub mod fixtures;
 pub mod manifest;
 pub mod measured;
 pub mod on_the_fly;

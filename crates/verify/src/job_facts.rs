@@ -17,7 +17,7 @@ use terrace_input::texture::Texture;
 
 /// Facets up to this width in plan view, nm, have no height of their own: rounding to the nanometre
 /// may have closed them.
-const THINNEST: f64 = 2.0;
+pub(super) const THINNEST: f64 = 2.0;
 
 /// The numbers that the rules are checked against.
 #[derive(Clone, Debug)]

@@ -13,6 +13,7 @@
 //! Units: nm, integer in files and f64 in `geometry`; mm and um only in the proof.
 
 mod findings;
+mod fixtures;
 mod geometry;
 mod inputs;
 mod job_facts;
@@ -37,6 +38,7 @@ pub use progress::{Phase, Progress};
 pub use proof::{Input, Lengths, NotProved, Proof, Rule, Violation};
 
 use findings::{Findings, RuleCode};
+use fixtures::Fixture;
 use geometry::Geometry;
 use inputs::Inputs;
 use job_facts::JobFacts;
@@ -77,6 +79,8 @@ pub(crate) struct LoadedJob<'a> {
     facts: &'a JobFacts,
     /// The facets of its surface file.
     geometry: &'a Geometry,
+    /// What holds the part.
+    fixtures: &'a [Fixture],
     /// The strokes of its texture, pass by pass.
     drawings: &'a [Drawing<'a>],
 }
@@ -150,7 +154,12 @@ pub fn verify_with_progress(
         return Ok(findings.into_proof());
     };
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::from_texture).collect();
-    let job = LoadedJob { facts: &facts, geometry: lying.geometry().unwrap_or(&geometry), drawings: &drawings };
+    // Where the folder's own positions have the part: of the fixtures on the table that is where the stage goes.
+    let origin = program.origins.first().copied().unwrap_or_default();
+    let fixtures = fixtures::load(&job, origin, lying.pose())?;
+    fixtures::check(&manifest, &fixtures, &mut findings.rules[RuleCode::Agreement]);
+    let geometry = lying.geometry().unwrap_or(&geometry);
+    let job = LoadedJob { facts: &facts, geometry, fixtures: &fixtures, drawings: &drawings };
     check_folder(&stages, &manifest, &mut program, &job, &mut findings, progress);
     Ok(findings.into_proof())
 }
@@ -211,13 +220,15 @@ fn check_folder(
     findings: &mut Findings,
     progress: Progress<'_>,
 ) {
-    let LoadedJob { facts, geometry, .. } = *job;
+    let LoadedJob { facts, geometry, fixtures, .. } = *job;
     let moves = Phase::Files.task(progress);
-    rules::moves(stages, manifest, program, facts, geometry, findings);
+    let around = rules::Around { part: geometry, fixtures };
+    rules::moves(stages, manifest, program, facts, &around, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.rules[RuleCode::Agreement]);
     drop(moves);
     let [depth, dose] = Phase::Marks.task(progress).split([4, 1]);
     let marks = rules::depth_and_field::check(program, facts, geometry, findings, depth);
+    rules::shadow::check(program, facts, fixtures, findings);
     rules::dose::check(program, facts, geometry, findings);
     drop(dose);
     let [pieces, sums] = Phase::Coverage.task(progress).split([9, 1]);

@@ -92,6 +92,14 @@ impl Lying {
         }
     }
 
+    /// The motion of a measured part beside its placement.
+    pub(super) fn pose(&self) -> Option<&Pose> {
+        match self {
+            Self::AsDesigned => None,
+            Self::Measured(part) => Some(&part.pose),
+        }
+    }
+
     /// The texture of a pass on the part as it lies; of a measured one its strokes are proved.
     ///
     /// # Errors

@@ -3,16 +3,19 @@
 //!
 //! Probe and head are upright cylinders that reach up without end, each wider and lower by how far the part may lie from
 //! where the job says. On a rapid move none of them may meet the part; on a touch the tip alone may. So wherever within
-//! that distance the part lies, nothing but a touch of the tip meets it. Shared with what wrote the program are the
-//! readers of job, machine and surface; fixtures, the table and whatever else stands around are not known.
+//! that distance the part lies, nothing but a touch of the tip meets it; fixtures nothing meets at all, and the table
+//! nothing but the tip. Shared with what wrote the program are the readers of job, machine and files; what the job does
+//! not name is not known.
 
-use super::geometry::{BoxNm, Geometry};
+use super::fixtures::{self, Fixture};
+use super::geometry::Geometry;
 use super::job_facts;
 use super::read::probe::{ProbeStep, read};
 use super::rules::sweep::Sweep;
 use terrace_core::diag::Error;
 use terrace_core::geom::{NM_PER_MM, SpacePoint};
 use terrace_core::machine::{Machine, Origin, Probe};
+use terrace_core::program::SetupId;
 use terrace_input::job::Job;
 
 /// What was found of a probe program.
@@ -46,8 +49,11 @@ pub fn probe(
 ) -> Result<ProbeProof, Error> {
     let (shape, _) = job_facts::shape(job)?;
     let geometry = Geometry::new(shape, job.limits.max_incidence.as_rad(), job.surface.weld.f64());
+    let mut fixtures = fixtures::load(job, origin, None)?;
+    fixtures.retain(|fixture| fixture.is_in(SetupId(0)));
     let mut follower = Follower {
         geometry: &geometry,
+        fixtures: &fixtures,
         machine,
         probe,
         origin,
@@ -68,6 +74,7 @@ type Cylinder = ([f64; 2], f64, f64);
 
 struct Follower<'a> {
     geometry: &'a Geometry,
+    fixtures: &'a [Fixture],
     machine: &'a Machine,
     probe: &'a Probe,
     origin: Origin,
@@ -149,6 +156,7 @@ impl Follower<'_> {
         let (tip, [body, head]) = (self.tip_cylinder(), self.others());
         for (what, cylinder) in [("the tip", tip), ("the body of the probe", body), ("the head", head)] {
             self.clear(line, what, cylinder, ends);
+            self.clear_of_fixtures(line, what, cylinder, ends);
         }
     }
 
@@ -169,7 +177,10 @@ impl Follower<'_> {
         let ends = [self.tip([x, y, from]), self.tip([x, y, z])];
         for (what, cylinder) in ["the body of the probe", "the head"].into_iter().zip(self.others()) {
             self.clear(line, what, cylinder, ends);
+            self.clear_of_fixtures(line, what, cylinder, ends);
+            self.clear_of_table(line, what, cylinder, ends[1]);
         }
+        self.clear_of_fixtures(line, "the tip", self.tip_cylinder(), ends);
         self.touched_from = Some(from);
     }
 
@@ -204,21 +215,46 @@ impl Follower<'_> {
     }
 
     /// Holds that the part does not rise into a cylinder on a move.
-    fn clear(&mut self, line: usize, what: &str, (axis, radius, lower): Cylinder, ends: [SpacePoint; 2]) {
-        let weld = self.geometry.weld();
-        let lower = lower + ROUNDING + 2.0 * weld;
-        let ends = ends.map(|[x, y, z]| [x + axis[0], y + axis[1], z + lower]);
-        let [_, highest] = self.geometry.heights();
-        if ends.iter().all(|end| end[2] >= highest) {
-            return;
-        }
-        let sweep = Sweep::new(ends, radius - ROUNDING - weld);
-        let mut worst = 0.0f64;
-        let area: BoxNm = sweep.bounds;
-        self.geometry.facets_in(area, &mut |corners| worst = sweep.rise(&corners, worst).unwrap_or(worst));
+    fn clear(&mut self, line: usize, what: &str, cylinder: Cylinder, ends: [SpacePoint; 2]) {
+        let worst = risen(self.geometry, cylinder, ends);
         if worst > 0.0 {
             let by = worst / NM_PER_MM;
             self.broken(line, &format!("{what} may meet the part: it is {by:.4} mm too low"));
         }
     }
+
+    /// Holds that no fixture rises into a cylinder on a move.
+    fn clear_of_fixtures(&mut self, line: usize, what: &str, cylinder: Cylinder, ends: [SpacePoint; 2]) {
+        for fixture in self.fixtures {
+            let worst = risen(&fixture.geometry, cylinder, ends);
+            if worst > 0.0 {
+                let by = worst / NM_PER_MM;
+                self.broken(line, &format!("{what} may meet fixture {:?}: it is {by:.4} mm too low", fixture.name));
+            }
+        }
+    }
+
+    /// Holds that a cylinder as low as a touch goes keeps off the table, which lies where it lies.
+    fn clear_of_table(&mut self, line: usize, what: &str, (_, _, lower): Cylinder, end: SpacePoint) {
+        let Some(table) = self.machine.stage.table else { return };
+        let height = end[2] + lower + self.search + self.origin[2] as f64;
+        if height + ROUNDING < table.as_mm() * NM_PER_MM {
+            self.broken(line, &format!("{what} may meet the table"));
+        }
+    }
+}
+
+/// By how much a shape may rise into a cylinder on a move, nm.
+fn risen(geometry: &Geometry, (axis, radius, lower): Cylinder, ends: [SpacePoint; 2]) -> f64 {
+    let weld = geometry.weld();
+    let lower = lower + ROUNDING + 2.0 * weld;
+    let ends = ends.map(|[x, y, z]| [x + axis[0], y + axis[1], z + lower]);
+    let [_, highest] = geometry.heights();
+    if ends.iter().all(|end| end[2] >= highest) {
+        return 0.0;
+    }
+    let sweep = Sweep::new(ends, radius - ROUNDING - weld);
+    let mut worst = 0.0f64;
+    geometry.facets_in(sweep.bounds, &mut |corners| worst = sweep.rise(&corners, worst).unwrap_or(worst));
+    worst
 }

@@ -299,9 +299,14 @@ pub struct Stage {
     #[schemars(extend("x-value" = "{ frequency = \"20 Hz\", damping = 0.7 }"))]
     #[serde(default)]
     pub servo: Option<Servo>,
-    /// Smallest gap between lens and part in any move.
+    /// Smallest gap between lens and part in any move; between lens and fixtures or table too.
     #[serde(deserialize_with = "positive")]
     pub clearance: Length,
+    /// Height of the table's surface in the table frame: a part whose height the job does not state rests on it, and
+    /// the head keeps clear of it. Not on a machine with `[tilt]`.
+    #[schemars(example = &"-180 mm", extend("x-value" = "length within 4 m"))]
+    #[serde(default)]
+    pub table: Option<Length>,
     /// Measured times of a move, see below.
     #[schemars(extend("x-value" = "{ xy = time, z = time }"))]
     #[serde(default, rename = "move")]
@@ -535,6 +540,11 @@ impl Machine {
     /// The three linear axes with their names.
     pub fn axes(&self) -> [(&'static str, &Axis); 3] {
         [("x", &self.stage.x), ("y", &self.stage.y), ("z", &self.stage.z)]
+    }
+
+    /// Height of the table's surface in the table frame, where it is stated.
+    pub fn table(&self) -> Option<Nm> {
+        self.stage.table.map(|height| height.as_nm().expect("a table beyond 4 m is refused when the machine is read"))
     }
 
     /// What the stage has at the middle of its travel over the table frame's origin.

@@ -103,6 +103,7 @@ impl Machine {
     fn faults(&self) -> Vec<Fault> {
         let mut faults: Vec<Fault> = range::faults(self).collect();
         faults.extend(self.travel_faults());
+        faults.extend(self.table_fault());
         faults.extend(self.lens_faults());
         if !(1..=1_000_000).contains(&self.increment_nm().0) {
             let text = "stage.increment is not between 1 nm and 1 mm";
@@ -141,6 +142,23 @@ impl Machine {
             }
         }
         faults
+    }
+
+    /// A table that no stage reaches, or that tilts.
+    fn table_fault(&self) -> Option<Fault> {
+        let table = self.stage.table?;
+        if table.as_nm().is_none() {
+            let text = format!("stage.table {table} is beyond 4 m");
+            return Some(fault("machine-table", "stage.table", text, "check the unit"));
+        }
+        self.tilt.as_ref()?;
+        let text = "stage.table is the height of a level table, but the machine has [tilt]";
+        Some(fault(
+            "machine-table",
+            "stage.table",
+            text,
+            "leave it out, and give the table as a [[fixture]] of the job",
+        ))
     }
 
     /// Fields that no lens has, and figures over the field that do not reach its corners.

@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::file_unit::FileUnit;
+use super::fixtures::FixtureKeys;
 use super::partition::PartitionKeys;
 use super::texture::keys::TextureKeys;
 use terrace_core::format::Format;
@@ -29,6 +30,9 @@ pub(crate) struct JobFile {
     /// Where the part lies on the stage.
     #[serde(default)]
     pub placement: PlacementKeys,
+    /// What holds the part; never marked, and the head keeps clear of it.
+    #[serde(default)]
+    pub fixture: Vec<FixtureKeys>,
     /// What to mark; one or more.
     pub texture: Vec<TextureKeys>,
     /// Depth of focus.

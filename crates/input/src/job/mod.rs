@@ -8,6 +8,7 @@
 mod faults;
 pub mod file;
 mod file_unit;
+mod fixtures;
 mod not_a_job;
 mod partition;
 mod passes;
@@ -25,6 +26,7 @@ pub use file::{
     json_schema,
 };
 pub use file_unit::FileUnit;
+pub use fixtures::{FixtureFrame, FixtureInput, FixtureShape};
 pub use partition::{Method, Objective, Partition};
 pub use passes::Passes;
 pub use read::{read_file, read_text};

@@ -20,9 +20,12 @@ const KEYS: &str =
     "`terrace init` writes a commented job file; `terrace init --schema` lists every key with its values";
 
 /// The tables of a job file.
-const TABLES: [TableKey; 15] = {
+const TABLES: [TableKey; 16] = {
     const fn optional(name: &'static str) -> TableKey {
         TableKey { name, is_list: false, needed: None }
+    }
+    const fn optional_list(name: &'static str) -> TableKey {
+        TableKey { name, is_list: true, needed: None }
     }
     const fn needed(name: &'static str, hint: &'static str) -> TableKey {
         TableKey { name, is_list: false, needed: Some(hint) }
@@ -35,6 +38,7 @@ const TABLES: [TableKey; 15] = {
         optional("surface.heightmap"),
         optional("placement"),
         optional("placement.measured"),
+        optional_list("fixture"),
         needed_list("texture", "add a [[texture]] with pattern, file or curves: what is marked"),
         needed("focus", "add [focus] with pdof = \"0.07 mm\", measured on your process"),
         optional("partition"),

@@ -10,6 +10,7 @@ use super::file::{
     FocusKeys, HeightmapKeys, JobFile, Level, LimitsKeys, MachineKeys, MarkPower, Mode, NonManifold, Parts, PassesKeys,
     PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
+use super::fixtures;
 use super::partition::{self, Method};
 use super::passes::Passes;
 use super::resolved::{
@@ -92,6 +93,11 @@ pub(super) fn resolve(
     let limits = limits(&file.limits, f);
     let passes = passes(&file.passes, focus.depth, f);
     let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
+    let beside = fixtures::Beside {
+        has_setups: file.setups.is_some(),
+        is_placed: file.placement.origin.is_some() || file.placement.measured.is_some(),
+    };
+    let fixtures = fixtures::resolve(&file.fixture, beside, f);
     dose(file, f);
     measured(file, f);
     let formats = formats(file, mode, f);
@@ -122,6 +128,7 @@ pub(super) fn resolve(
                 unsure: keys.unsure,
             }),
         },
+        fixtures,
         textures,
         drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
         focus,
@@ -664,6 +671,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
             file.placement.measured.is_some().then(|| "placement.measured".to_owned()),
             "parts as they lie ([placement.measured])",
         ),
+        ((!file.fixture.is_empty()).then(|| "fixture".to_owned()), "fixtures ([[fixture]])"),
         (file.emit.frames.is_some().then(|| "emit.frames".to_owned()), "frames of blocks (emit.frames)"),
         (repeated, "pens of several passes (pen.passes)"),
         (along_contours, "areas filled along contours (direction = \"contour\")"),

@@ -7,6 +7,7 @@ use terrace_core::math;
 use serde::{Deserialize, Serialize};
 
 use super::file::{Dose, Implausible, Level, Mode, Steep, StopOrder, StrokeOrder};
+use super::fixtures::FixtureInput;
 use super::partition::{Method, Objective, Partition};
 use super::passes::Passes;
 use crate::surface;
@@ -46,6 +47,8 @@ pub struct Job {
     pub surface: SurfaceInput,
     /// Where the part lies on the stage.
     pub placement: Placement,
+    /// What holds the part.
+    pub fixtures: Vec<FixtureInput>,
     /// What is marked in the first pass, at least one.
     pub textures: Vec<texture::Request>,
     /// The drawings and space curves among them as named in the job file, relative to it.
@@ -278,6 +281,7 @@ impl Job {
             .chain(drawings)
             .chain(machine)
             .chain(measured)
+            .chain(self.fixtures.iter().filter_map(|fixture| Some(("fixture", fixture.file()?.as_path()))))
             .collect()
     }
 
@@ -329,6 +333,9 @@ impl Job {
         let measured = self.placement.measured.as_ref();
         let measured = measured.map(|m| ("placement.measured.file".to_owned(), self.relative(&m.file)));
         let mut files: Vec<(String, PathBuf)> = surface.into_iter().chain(machine).chain(measured).collect();
+        for (i, fixture) in self.fixtures.iter().enumerate() {
+            files.extend(fixture.file().map(|file| (format!("fixture.{i}.file"), self.relative(file))));
+        }
         for (i, texture) in self.textures.iter().enumerate() {
             let masks = texture.masks.list().map(|(key, mask)| (key, &mask.drawing));
             for (key, kind) in std::iter::once(("file", &texture.kind)).chain(masks) {

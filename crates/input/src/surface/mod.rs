@@ -177,6 +177,17 @@ pub fn is_cad(path: &Path) -> bool {
     format::of(path).is_some_and(|format| format.holds == SurfaceKind::ExactSurfaces)
 }
 
+/// Whether a path names a file of facets or exact surfaces, by its extension.
+pub fn holds_facets(path: &Path) -> bool {
+    let kinds = [SurfaceKind::Facets, SurfaceKind::ExactSurfaces];
+    format::of(path).is_some_and(|format| kinds.contains(&format.holds))
+}
+
+/// Whether the job has to state the unit of a file of facets or exact surfaces.
+pub fn needs_unit(path: &Path) -> bool {
+    !is_cad(path) && !format::of(path).is_some_and(|format| format.extensions.contains(&"3mf"))
+}
+
 /// Reads a surface file; points alone are laid as the options say.
 fn read_file(
     path: &Path,

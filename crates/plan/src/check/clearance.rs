@@ -5,6 +5,7 @@
 //! head turns about its tilt axes a bound decides.
 
 use super::Limits;
+use crate::fixtures::Fixture;
 use terrace_core::clearance::{Facets, Head, Intrusion, Way};
 use terrace_core::diag::{Diag, Place};
 use terrace_core::geom::{NM_PER_MM, Nm, P3, Turn};
@@ -13,6 +14,9 @@ use terrace_core::program::{Block, BlockId, Program};
 
 /// Blocks that a message names.
 const NAMED: usize = 3;
+
+/// What helps where a place of the part is too high.
+const OTHER_ANGLE: &str = "`terrace orient JOB` suggests a fixture angle";
 
 /// When the head takes a way.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -30,20 +34,44 @@ struct Doubt {
     way: Way,
 }
 
-/// Where a block's head enters the part.
+/// Where a block's head enters the part, or a fixture.
 struct Hit {
     block: usize,
     when: When,
     entered: Intrusion,
 }
 
-/// The faults of a program: at most one at stops, one on the way to them, and one of tilting.
+/// The faults of a program: at most one at stops and one on the way to them, of the part and of each fixture, and one of
+/// tilting.
 pub(super) fn broken(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
-    let hits = hits(&doubts(program, limits), limits);
+    let doubts = doubts(program, limits);
+    let mut faults = Vec::new();
+    if !doubts.is_empty() {
+        faults.extend(entered(&doubts, None, program, limits));
+        faults.extend(limits.fixtures.iter().flat_map(|fixture| entered(&doubts, Some(fixture), program, limits)));
+    }
+    faults.extend(tilting(program, limits));
+    faults
+}
+
+/// The faults of what enters the head: of a fixture, or of the part.
+fn entered(
+    doubts: &[Doubt],
+    fixture: Option<&Fixture>,
+    program: &Program,
+    limits: &Limits<'_>,
+) -> impl Iterator<Item = Diag> {
+    let hits = hits(doubts, fixture, program, limits);
     let hits_when = |when: When| hits.iter().filter(|hit| hit.when == when).collect::<Vec<_>>();
-    let at_stops = at_stops(&hits_when(When::AtStop), program, limits);
-    let on_ways = on_ways(&hits_when(When::OnTheWay), program, limits);
-    [at_stops, on_ways, tilting(program, limits)].into_iter().flatten().collect()
+    let what = match fixture {
+        None => "a higher place of the part".to_owned(),
+        Some(fixture) => format!("fixture {:?}", fixture.name),
+    };
+    let way_out = if fixture.is_none() { OTHER_ANGLE } else { "or move the fixture" };
+    let at_stops = at_stops(&hits_when(When::AtStop), &what, program);
+    let on_ways = on_ways(&hits_when(When::OnTheWay), &what, program);
+    let faults = [at_stops, on_ways].map(|fault| fault.map(|(text, hit)| refused(text, hit, way_out, limits)));
+    faults.into_iter().flatten()
 }
 
 /// What the boxes do not let pass.
@@ -60,21 +88,22 @@ fn doubts(program: &Program, limits: &Limits<'_>) -> Vec<Doubt> {
     stops.chain(moves).collect()
 }
 
-/// The doubtful moves in which a facet enters the head.
-fn hits(doubts: &[Doubt], limits: &Limits<'_>) -> Vec<Hit> {
-    if doubts.is_empty() {
-        return Vec::new();
-    }
+/// The doubtful moves in which a facet enters the head: of a fixture, or of the part.
+fn hits(doubts: &[Doubt], fixture: Option<&Fixture>, program: &Program, limits: &Limits<'_>) -> Vec<Hit> {
     // Facets below all ways enter no head; where the part is turned their heights are no guide.
     let is_level = doubts.iter().all(|d| d.way.turn.rows() == Turn::none().rows());
     let ends = doubts.iter().flat_map(|d| d.way.ends);
     let lowest = ends.filter(|_| is_level).map(|end| end[2]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
-    let facets = Facets::above(lowest, limits.facets);
+    let facets = match fixture {
+        None => Facets::above(lowest, limits.facets),
+        Some(fixture) => Facets::above(lowest, &|sink| fixture.facets.iter().for_each(|facet| sink(*facet))),
+    };
+    let is_there = |d: &&Doubt| fixture.is_none_or(|fixture| fixture.is_in(program.blocks[d.block].setup));
     let hit = |d: &Doubt| {
         let entered = facets.entered(&d.way).filter(|e| Nm::round(e.by) > Nm(0))?;
         Some(Hit { block: d.block, when: d.when, entered })
     };
-    doubts.iter().filter_map(hit).collect()
+    doubts.iter().filter(is_there).filter_map(hit).collect()
 }
 
 /// The way of the head at a stop, if the boxes do not let it pass: it stands there; a head that leans comes down along z
@@ -145,27 +174,27 @@ fn way(limits: &Limits<'_>, block: &Block, ends: [Commanded; 2]) -> Way {
 }
 
 /// Stops at which the head would enter the part.
-fn at_stops(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag> {
-    let Intrusion { by, at } = worst(hits)?;
+fn at_stops(hits: &[&Hit], what: &str, program: &Program) -> Option<(String, Intrusion)> {
+    let worst = worst(hits)?;
     let text = format!(
-        "at {} the head would come too near to a higher place of the part: {}{}",
+        "at {} the head would come too near to {what}: {}{}",
         share(hits, program),
-        too_high(by, at),
+        too_high(worst),
         names(hits)
     );
-    Some(refused(text, by, at, limits))
+    Some((text, worst))
 }
 
 /// Stops on the way to which it would.
-fn on_ways(hits: &[&Hit], program: &Program, limits: &Limits<'_>) -> Option<Diag> {
-    let Intrusion { by, at } = worst(hits)?;
+fn on_ways(hits: &[&Hit], what: &str, program: &Program) -> Option<(String, Intrusion)> {
+    let worst = worst(hits)?;
     let text = format!(
-        "on the way to {} the head would come too near to a higher place of the part, even at the end of travel: {}{}",
+        "on the way to {} the head would come too near to {what}, even at the end of travel: {}{}",
         share(hits, program),
-        too_high(by, at),
+        too_high(worst),
         names(hits)
     );
-    Some(refused(text, by, at, limits))
+    Some((text, worst))
 }
 
 /// A head that would turn too near to the part: no facet is looked at, the highest place of the part counts wherever it
@@ -176,15 +205,16 @@ fn tilting(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     let (block, by) = *too_near.iter().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let at = highest(limits);
     let text = format!(
-        "while the head tilts on its way to {} of {} stops its lower end could come too near to the part, by up to {} mm \
-         on the way to {}: its highest place, at z = {:.3} mm, counts wherever it lies (a bound)",
+        "while the head tilts on its way to {} of {} stops its lower end could come too near to the part{}, by up to {} \
+         mm on the way to {}: the highest place, at z = {:.3} mm, counts wherever it lies (a bound)",
         too_near.len(),
         program.blocks.len(),
+        if limits.fixtures.is_empty() { "" } else { " or a fixture" },
         by.mm(),
         BlockId::new(block),
         at[2] / NM_PER_MM
     );
-    Some(refused(text, by.f64(), at, limits))
+    Some(refused(text, Intrusion { by: by.f64(), at }, OTHER_ANGLE, limits))
 }
 
 /// How much too near to the highest place of the part a head could come while its tilt changes on its way to block `i`;
@@ -213,10 +243,13 @@ fn swing(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
     }
 }
 
-/// The highest place of the part.
+/// The highest place of the part and its fixtures.
 fn highest(limits: &Limits<'_>) -> P3 {
     let mut top = [0.0, 0.0, f64::NEG_INFINITY];
-    (limits.facets)(&mut |corners| top = corners.into_iter().fold(top, |top, p| if p[2] > top[2] { p } else { top }));
+    let mut add =
+        |corners: [[f64; 3]; 3]| top = corners.into_iter().fold(top, |top, p| if p[2] > top[2] { p } else { top });
+    (limits.facets)(&mut add);
+    limits.fixtures.iter().flat_map(|fixture| &fixture.facets).for_each(|facet| add(*facet));
     P3::new(top)
 }
 
@@ -231,7 +264,7 @@ fn share(hits: &[&Hit], program: &Program) -> String {
 }
 
 /// "at x = 140.000 mm, y = 140.000 mm it rises to z = 760.000 mm, 39.1 mm too high".
-fn too_high(by: f64, at: P3) -> String {
+fn too_high(Intrusion { by, at }: Intrusion) -> String {
     let [x, y, z] = at.at.map(|v| v / NM_PER_MM);
     format!("at x = {x:.3} mm, y = {y:.3} mm it rises to z = {z:.3} mm, {} mm too high", Nm::round(by).mm())
 }
@@ -248,15 +281,13 @@ fn names(hits: &[&Hit]) -> String {
 }
 
 /// The error, with what would be enough.
-fn refused(text: String, by: f64, at: P3, limits: &Limits<'_>) -> Diag {
+fn refused(text: String, Intrusion { by, at }: Intrusion, way_out: &str, limits: &Limits<'_>) -> Diag {
     let by = Nm::round(by).mm();
     let [distance, least] = [limits.machine.lens.working_distance, limits.machine.stage.clearance].map(|l| l.as_mm());
     let less =
         if least >= by { format!(", or a stage.clearance of {:.3} mm", floor_um(least - by)) } else { String::new() };
-    let hint = format!(
-        "a lens.working_distance of {:.3} mm{less} would be enough; `terrace orient JOB` suggests a fixture angle",
-        -floor_um(-distance - by)
-    );
+    let enough = -floor_um(-distance - by);
+    let hint = format!("a lens.working_distance of {enough:.3} mm{less} would be enough; {way_out}");
     let [x_mm, y_mm] = [at[0], at[1]].map(|v| v / NM_PER_MM);
     Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint)
 }
@@ -286,6 +317,7 @@ mod tests {
             max_slope: 2.0,
             clearance,
             facets: &|_| (),
+            fixtures: &[],
         }
     }
 

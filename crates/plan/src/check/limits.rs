@@ -1,7 +1,7 @@
 //! The limits of the machine over all stops of a program. Each that is broken is reported once: how many stops break
 //! it, by how much the worst does, and a value that works where there is one.
 
-use super::{Limits, clearance};
+use super::{Limits, clearance, shadow, table};
 use terrace_core::diag::{Diag, Place};
 use terrace_core::geom::{Box2, Nm, P2, Turned, mm_from_nm};
 use terrace_core::program::{Block, BlockId, Program};
@@ -9,7 +9,8 @@ use terrace_core::program::{Block, BlockId, Program};
 /// The limits that a program breaks.
 pub(super) fn broken(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
     let travel = (0..3).filter_map(|k| travel(program, limits, k));
-    travel.chain(clearance::broken(program, limits)).chain(strokes(program, limits)).collect()
+    let around = clearance::broken(program, limits).into_iter().chain(table::broken(program, limits));
+    travel.chain(around).chain(shadow::broken(program, limits)).chain(strokes(program, limits)).collect()
 }
 
 /// How many blocks exceed a limit, and the worst of them with its excess.

@@ -7,9 +7,12 @@
 
 mod clearance;
 mod limits;
+mod shadow;
+mod table;
 
 pub(crate) use limits::{Reach, fits};
 
+use crate::fixtures::Fixture;
 use terrace_core::clearance::{Clearance, EachFacet};
 use terrace_core::diag::{Diag, Error, Place};
 use terrace_core::geom::Nm;
@@ -39,6 +42,8 @@ pub struct Limits<'a> {
     pub clearance: &'a Clearance,
     /// The part's facets.
     pub facets: EachFacet<'a>,
+    /// What holds the part.
+    pub fixtures: &'a [Fixture],
 }
 
 /// Faults of one kind that are reported one by one; the rest is counted.
@@ -308,6 +313,7 @@ mod tests {
             max_slope: 2.0,
             clearance: &clearance,
             facets: &facets,
+            fixtures: &[],
         };
         Checked::new(program, &limits)
     }

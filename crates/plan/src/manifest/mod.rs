@@ -4,6 +4,7 @@
 //! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
 //! depends on the clock, the computer or where the folder lies.
 
+mod fixtures;
 mod head;
 mod load_time;
 mod on_the_fly;
@@ -14,6 +15,7 @@ pub mod sample;
 mod stepped;
 mod warnings;
 
+pub use fixtures::FixtureEntry;
 pub use head::{FileFact, Head, InputFact, JobRef, MANIFEST, with_file};
 pub use head::{MAX_FILE, portable};
 pub use load_time::Loading;
@@ -31,6 +33,7 @@ use serde::{Deserialize, Serialize};
 use crate::budget::Budget;
 use crate::check::Checked;
 use crate::emit;
+use crate::fixtures::Fixture;
 use crate::measured::MeasuredPart;
 use terrace_core::diag::Message;
 use terrace_core::machine::Machine;
@@ -233,6 +236,8 @@ pub struct Facts<'a> {
     pub tessellation_mm: Option<f64>,
     /// The part as it lies, where it was measured.
     pub measured: Option<&'a MeasuredPart>,
+    /// What holds the part.
+    pub fixtures: &'a [Fixture],
     /// The figures of every block.
     pub figures: &'a [BlockFigures],
     /// The figures.

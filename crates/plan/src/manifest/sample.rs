@@ -44,6 +44,7 @@ pub fn with_facts<R>(
         depth_mm: 0.07,
         tessellation_mm: None,
         measured: None,
+        fixtures: &[],
         figures: &figures,
         summary: &summary,
     })

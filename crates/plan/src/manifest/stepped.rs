@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::{Map, Value};
 
+use super::FixtureEntry;
 use super::head::{bytes, parse, text};
 use super::{Facts, Frames, Head, Registered, Subset, Summary, lift_mm, registration};
 use crate::budget::StatedErrors;
@@ -32,6 +33,9 @@ pub struct Manifest<B = Vec<BlockEntry>> {
     pub machine: Machine,
     /// Where the part lies in the first set-up.
     pub placement: Placement,
+    /// What holds the part.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fixtures: Vec<FixtureEntry>,
     /// The depth of the blocks.
     pub focus: Focus,
     /// How blocks meet.
@@ -86,6 +90,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         head: head.clone(),
         machine: facts.machine.clone(),
         placement: Placement::new(facts.checked.origin(), facts.job, facts.measured),
+        fixtures: facts.fixtures.iter().map(FixtureEntry::new).collect(),
         focus: Focus {
             pdof_mm: facts.job.focus.pdof.mm(),
             reserve_mm: facts.job.focus.reserve.mm(),

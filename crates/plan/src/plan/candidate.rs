@@ -68,6 +68,7 @@ impl Candidate {
             max_slope: self.split.worst_slope2.sqrt(),
             clearance,
             facets: &|_| (),
+            fixtures: &[],
         };
         check::first_broken(&self.program, &limits)
     }

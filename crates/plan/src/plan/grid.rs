@@ -102,7 +102,10 @@ impl Layout {
     ) -> Result<(PassGrid, Footprint), Error> {
         let Self { sections, window, keep, origin: [x, y], height } = self;
         let Some(heights) = footprint.range() else { return Err(nothing::marked(job, surface).into()) };
-        let height = height.unwrap_or_else(|| default_height(machine, heights));
+        let height = height.unwrap_or_else(|| match machine.table() {
+            Some(table) => on_table(machine, surface, table, heights),
+            None => default_height(machine, heights),
+        });
         let origin = Origin([x.0, y.0, height.0]);
         let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {
             return Err(shallow(job).hint(SHALLOW).into());
@@ -227,6 +230,15 @@ pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [Nm; 2]) -> [
 pub(super) fn default_height(machine: &Machine, HeightRange { lo, hi }: HeightRange) -> Nm {
     let z = machine.centre_of_travel()[2] - Nm(((lo + hi) / 2.0) as i64);
     z - (Nm::floor(lo) + z).rem_euclid(machine.increment_nm())
+}
+
+/// The height at which a part rests on a table, or less than an increment above it, so that the lowest of some heights,
+/// nm, lies where the stage can stand.
+fn on_table(machine: &Machine, surface: &Surface, table: Nm, HeightRange { lo, .. }: HeightRange) -> Nm {
+    let mut lowest = f64::INFINITY;
+    surface.each_facet(&mut |corners| lowest = corners.iter().map(|p| p[2]).fold(lowest, f64::min));
+    let z = table - Nm::floor(lowest.min(lo));
+    z + (-(Nm::floor(lo) + z)).rem_euclid(machine.increment_nm())
 }
 
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies

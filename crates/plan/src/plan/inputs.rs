@@ -6,6 +6,7 @@ use super::early;
 use super::operator_way;
 use super::plausible;
 use super::space_curves;
+use crate::fixtures::{self, Fixture};
 use crate::manifest::SpaceCurves;
 use crate::measured::{self, Lying, MeasuredPart};
 use crate::projection::HeightReserve;
@@ -31,6 +32,8 @@ pub struct Inputs {
     pub curves: Option<SpaceCurves>,
     /// Where the part lies, if it was measured; surface and texture are as it lies then.
     pub measured: Option<MeasuredPart>,
+    /// What holds the part, as it lies.
+    pub fixtures: Vec<Fixture>,
     /// What the user should know of the files.
     pub warnings: Vec<Diag>,
 }
@@ -116,8 +119,8 @@ impl Inputs {
         }
         // Warnings before an error often show its cause.
         match Self::read(job, purpose, surface, &machine, &mut warnings, each, task) {
-            Ok(ReadFiles { surface, texture, curves, measured }) => {
-                Ok(Self { machine, surface, texture, curves, measured, warnings })
+            Ok(ReadFiles { surface, texture, curves, measured, fixtures }) => {
+                Ok(Self { machine, surface, texture, curves, measured, fixtures, warnings })
             }
             Err(e) => Err(job.at_keys(&stand_in::explained(e)).after(warnings)),
         }
@@ -149,11 +152,13 @@ impl Inputs {
         }
         let curves = space_curves::compare(job, &surface, &texture, warnings)?;
         let Some(lying) = measured::lying(job, machine, &surface, warnings)? else {
-            return Ok(ReadFiles { surface, texture, curves, measured: None });
+            let fixtures = fixtures::load(job, None, warnings)?;
+            return Ok(ReadFiles { surface, texture, curves, measured: None, fixtures });
         };
+        let fixtures = fixtures::load(job, Some(&lying), warnings)?;
         let (surface, texture, part) =
             measured::draped(job, lying, &surface, texture, joining(job, machine), warnings)?;
-        Ok(ReadFiles { surface, texture, curves, measured: Some(part) })
+        Ok(ReadFiles { surface, texture, curves, measured: Some(part), fixtures })
     }
 
     /// The part as designed, turned as the job says.
@@ -244,6 +249,7 @@ struct ReadFiles {
     texture: Texture,
     curves: Option<SpaceCurves>,
     measured: Option<MeasuredPart>,
+    fixtures: Vec<Fixture>,
 }
 
 /// Whether two jobs read one surface file alike and turn it alike.

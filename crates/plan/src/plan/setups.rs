@@ -223,5 +223,23 @@ pub(super) fn registered(job: &Job, machine: &Machine, origins: &[Origin]) -> Re
     Err(Diag::limit("registration", text).hint(hint).into())
 }
 
+/// Holds every fixture to the set-ups that there are.
+///
+/// # Errors
+/// `fixture-setups`.
+pub(super) fn hold_fixtures(job: &Job, origins: &[Origin]) -> Result<(), Error> {
+    for (i, fixture) in job.fixtures.iter().enumerate() {
+        let Some(last) = fixture.setups.as_ref().and_then(|setups| setups.last()) else { continue };
+        if last.index() >= origins.len() {
+            let text =
+                format!("fixture {:?} is in set-up {}, but there are {}", fixture.name, last.number(), origins.len());
+            let hint = "correct the number; the layout and the run sheet show which set-up is where";
+            let fault = Diag::input("fixture-setups", text).at(job.place_of(&format!("fixture.{i}.setups")));
+            return Err(fault.hint(hint).into());
+        }
+    }
+    Ok(())
+}
+
 /// Set-ups that a message names one by one.
 const NAMED: usize = 8;

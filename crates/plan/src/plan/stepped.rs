@@ -42,13 +42,14 @@ use crate::block_map::BlockMap;
 use crate::budget::StatedErrors;
 use crate::check::{Checked, Limits};
 use crate::emit;
+use crate::fixtures::Fixture;
 use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
 use crate::projection::{Footprint, Samples};
 use crate::split::{Fragments, Sliver};
 use terrace_core::clearance::Clearance;
 use terrace_core::diag::{Diag, Error};
-use terrace_core::geom::{Nm, P2, Turned};
+use terrace_core::geom::{Box2, Nm, P2, Turned};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::parallel;
 use terrace_core::program::{Block, BlockFigures, OffAxis, PassId, Program, StopId, Stroke, stroke_mm};
@@ -136,7 +137,7 @@ impl<'a> Draft<'a> {
         let [tracing, dividing] = Phase::Footprint.task(progress).split([2, 1]);
         let start = Start::first(machine);
         let (clearance, first) = parallel::both(
-            || Clearance::new(&inputs.surface.tiles(), machine),
+            || Clearance::new(&tiles(inputs), machine),
             || TracedPass::new(job, machine, inputs, inputs.texture.clone(), start, tracing),
         );
         let first = first?;
@@ -244,6 +245,7 @@ impl<'a> Draft<'a> {
         let job = self.job;
         let machine = self.machine;
         let program = std::mem::take(&mut self.best.program);
+        setups::hold_fixtures(job, &self.origins)?;
         let limits = Limits {
             machine,
             origins: &self.origins,
@@ -252,6 +254,7 @@ impl<'a> Draft<'a> {
             max_slope: self.best.split.worst_slope2.sqrt(),
             clearance: &self.clearance,
             facets: &|sink| self.inputs.surface.each_facet(sink),
+            fixtures: &self.inputs.fixtures,
         };
         let checked = Checked::new(program, &limits)?;
         setups::registered(job, machine, &self.origins)?;
@@ -283,6 +286,13 @@ impl<'a> Draft<'a> {
         warnings.extend(warnings::short_overlaps(split));
         Ok(())
     }
+}
+
+/// Boxes over the part and its fixtures, each with the highest place in it. Fixtures of all set-ups are among them:
+/// they may cost a lift where they are not.
+fn tiles(inputs: &Inputs) -> Vec<(Box2, Nm)> {
+    let fixtures = inputs.fixtures.iter().flat_map(Fixture::tiles);
+    inputs.surface.tiles().into_iter().chain(fixtures).collect()
 }
 
 /// Plans the passes after the first, and appends them to its program.

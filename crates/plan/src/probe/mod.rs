@@ -2,8 +2,8 @@
 //!
 //! Consumes a job whose part lies about where `placement.origin` says, and how far it may lie from there. Promises
 //! points that can be measured, in an order in which the stage goes little, what would be known after them, and the
-//! moves of a touch probe: nothing of the probe or the head comes nearer to the part than that distance, except the tip
-//! where it touches. What is believed before is a motion of that size, and a warp as large as the job says; once the
+//! moves of a touch probe: nothing of the probe or the head comes nearer to the part or a fixture than that distance,
+//! except the tip where it touches. What is believed before is a motion of that size, and a warp as large as the job says; once the
 //! job's table is there, what its points have shown.
 //!
 //! Frame: part as the job turns it, nm, and the table frame, mm.
@@ -91,7 +91,7 @@ pub fn probing(job: &Job, asked: &Asked, warnings: &mut Vec<Diag>) -> Result<Pro
             .into());
     };
     let shape = ways::Shape::new(&machine, &asked.tool, asked.search_mm);
-    let ways = ways::Ways::new(&inputs.surface, &machine, origin, shape);
+    let ways = ways::Ways::new(&inputs, origin, shape);
     let marked = sites::marked(&inputs.texture, &inputs.surface, job.limits.max_slope());
     let places = sites::places(&inputs.surface, inputs.texture.bounds(), &ways);
     if places.len() < 3 || marked.is_empty() {

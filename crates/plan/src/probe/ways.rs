@@ -6,11 +6,12 @@
 
 use super::place::Place;
 use super::plan::{Move, Tool};
+use crate::plan::Inputs;
 use terrace_core::clearance::{Facets, Intrusion, Way};
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{NM_PER_MM, Nm, SpacePoint, Turn};
 use terrace_core::machine::{Commanded, Machine, Origin};
-use terrace_input::surface::Surface;
+use terrace_core::program::SetupId;
 
 /// An upright cylinder that reaches up without end, from the centre of the tip, nm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,18 +61,41 @@ impl Shape {
     }
 }
 
-/// Finds the ways of a probe over a part.
+/// By how much facets enter some cylinders on the way of the tip, nm.
+fn entered(facets: &Facets, cylinders: &[Option<Cylinder>], ends: [SpacePoint; 2]) -> f64 {
+    let of = |cylinder: &Cylinder| {
+        let ends = ends.map(|[x, y, z]| [x + cylinder.axis[0], y + cylinder.axis[1], z + cylinder.lower]);
+        let way = Way { turn: Turn::none(), ends, radius: cylinder.radius };
+        facets.entered(&way).map_or(0.0, |Intrusion { by, .. }| by)
+    };
+    cylinders.iter().flatten().map(of).fold(0.0, f64::max)
+}
+
+/// Finds the ways of a probe over a part and between its fixtures.
 pub(super) struct Ways<'a> {
+    /// Of the part and the fixtures.
     facets: Facets,
+    /// Of the fixtures, which nothing touches.
+    fixtures: Facets,
     machine: &'a Machine,
     origin: Origin,
     shape: Shape,
 }
 
 impl<'a> Ways<'a> {
-    pub(super) fn new(surface: &Surface, machine: &'a Machine, origin: Origin, shape: Shape) -> Self {
-        let facets = Facets::above(f64::NEG_INFINITY, &|sink| surface.each_facet(sink));
-        Self { facets, machine, origin, shape }
+    /// Over the part of a job as designed, in its first set-up.
+    pub(super) fn new(inputs: &'a Inputs, origin: Origin, shape: Shape) -> Self {
+        let first = inputs.fixtures.iter().filter(|fixture| fixture.is_in(SetupId(0)));
+        let of_fixtures = |sink: &mut dyn FnMut([SpacePoint; 3])| {
+            first.clone().flat_map(|fixture| &fixture.facets).for_each(|facet| sink(*facet));
+        };
+        let of_all = |sink: &mut dyn FnMut([SpacePoint; 3])| {
+            inputs.surface.each_facet(sink);
+            of_fixtures(sink);
+        };
+        let [facets, fixtures] =
+            [Facets::above(f64::NEG_INFINITY, &of_all), Facets::above(f64::NEG_INFINITY, &of_fixtures)];
+        Self { facets, fixtures, machine: &inputs.machine, origin, shape }
     }
 
     /// How far from a place its surroundings have to be even, nm: as near as the tip touches, and as far as it may touch.
@@ -110,14 +134,18 @@ impl<'a> Ways<'a> {
         self.commanded(self.tip_at(at, slope))
     }
 
-    /// What of the part enters some cylinders on the way of the tip.
+    /// What of the part or a fixture enters some cylinders on the way of the tip.
     fn entered(&self, cylinders: &[Option<Cylinder>], ends: [SpacePoint; 2]) -> f64 {
-        let of = |cylinder: &Cylinder| {
-            let ends = ends.map(|[x, y, z]| [x + cylinder.axis[0], y + cylinder.axis[1], z + cylinder.lower]);
-            let way = Way { turn: Turn::none(), ends, radius: cylinder.radius };
-            self.facets.entered(&way).map_or(0.0, |Intrusion { by, .. }| by)
+        entered(&self.facets, cylinders, ends)
+    }
+
+    /// Whether body and head keep off the table with the tip at a point of the part.
+    fn is_over_table(&self, tip: SpacePoint) -> bool {
+        let over = |cylinder: &Cylinder| {
+            let end = Nm::floor(tip[2] + cylinder.lower + self.shape.search) + Nm(self.origin[2]);
+            self.machine.table().is_none_or(|table| end >= table)
         };
-        cylinders.iter().flatten().map(of).fold(0.0, f64::max)
+        [self.shape.body, Some(self.shape.head)].iter().flatten().all(over)
     }
 
     /// From where the tip goes down to a place: nothing touches there yet.
@@ -139,17 +167,21 @@ impl<'a> Ways<'a> {
         axes.into_iter().all(|(k, (_, axis))| (axis.travel_nm()[0].0..=axis.travel_nm()[1].0).contains(&at[k]))
     }
 
-    /// Whether the axes get there, and body and head keep off the part as low as the tip goes.
+    /// Whether the axes get there, body and head keep off the part and the table as low as the tip goes, and no fixture
+    /// is under the tip.
     pub(super) fn reaches(&self, place: &Place) -> bool {
         if self.shape.tip.is_none() {
             let low = self.tip_of(place.stage);
-            return self.is_in_travel(place.stage) && self.entered(&[Some(self.shape.head)], [low; 2]) <= 0.0;
+            let is_clear = self.entered(&[Some(self.shape.head)], [low; 2]) <= 0.0 && self.is_over_table(low);
+            return self.is_in_travel(place.stage) && is_clear;
         }
         let below = self.below(place);
         let low = self.tip_of(below);
         self.is_in_travel(self.above(place))
             && self.is_in_travel(below)
             && self.entered(&[self.shape.body, Some(self.shape.head)], [low; 2]) <= 0.0
+            && entered(&self.fixtures, &[self.shape.tip], [low; 2]) <= 0.0
+            && self.is_over_table(low)
     }
 
     /// The moves to all places in their order, from and to the end of travel.

@@ -154,6 +154,7 @@ pub(super) fn stepped(
         depth_mm: plan.depth.mm(),
         tessellation_mm: plan.inputs.surface.tessellation_mm(),
         measured: plan.inputs.measured.as_ref(),
+        fixtures: &plan.inputs.fixtures,
         figures,
         summary,
     };

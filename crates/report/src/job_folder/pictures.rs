@@ -168,6 +168,7 @@ impl<'a> Pictures<'a> {
             drawn: report::drawn(&plan.checked, &plan.machine),
             shade: report::Shade::Height,
             measured: plan.inputs.measured.as_ref(),
+            fixtures: &plan.inputs.fixtures,
             summary: &plan.summary,
         }
     }

@@ -26,6 +26,9 @@ pub(super) const BORDER: &str = "#7b8794";
 pub(super) const PART: &str = "#e9e9e7";
 pub(super) const OUTLINE: &str = "#3f3f3f";
 
+/// Colour of fixtures.
+pub(super) const FIXTURE: &str = "#4a4a4a";
+
 /// Colour of the limits of travel.
 pub(super) const TRAVEL: &str = "#5b2a86";
 

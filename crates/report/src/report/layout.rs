@@ -2,8 +2,8 @@
 //!
 //! Consumes a [`Layout`] or an [`OnTheFlyLayout`], promises the properties of [`super`]. Layers, bottom to top, each a
 //! group with an id and a name that Inkscape shows: part, blocks, relief, sections, texture, texture that is not
-//! marked, outline of the part, texture box, windows (where stops do not stand on the grid of sections), machine
-//! travel, stage path, field of the first stop, axes and scale, numbers, legend. On the fly those of blocks are absent.
+//! marked, outline of the part, texture box, windows (where stops do not stand on the grid of sections),
+//! fixtures, machine travel, stage path, field of the first stop, axes and scale, numbers, legend. On the fly those of blocks are absent.
 //!
 //! The sheet has no size of its own: it fills the window that shows it. All text on it is at least 7 px high where it
 //! is 480 px wide; smaller numbers are in classes that a browser shows only where they are as high
@@ -18,6 +18,7 @@ use std::fmt::Write;
 use svg::Node;
 use svg::node::element::Element;
 
+use super::fixtures;
 use super::legend;
 use super::outline::{self, Outlines, PaddedMap};
 use super::part::{self, Looks};
@@ -121,6 +122,7 @@ fn draw(drawing: &Drawing<'_>, detail: Detail) -> String {
     layers.push(part::rim(job, sheet, &looks.silhouette));
     layers.push(texture_box(sheet));
     layers.extend(blocks.filter(|_| !sheet.gridded).map(|b| blocks::windows(b.layout, sheet, detail)));
+    layers.extend(fixtures::draw(job, sheet));
     layers.push(travel::draw(job, sheet));
     layers.push(stage::path(job, sheet, detail));
     layers.push(stage::first_field(job, sheet));

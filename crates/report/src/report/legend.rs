@@ -10,7 +10,7 @@ use svg::Node;
 use svg::node::element::Element;
 use terrace_core::math;
 
-use super::colour::{self, BEYOND, BORDER, Colour, FAULT, FIELD, FILLS, OUTLINE, PART, PATH, TRAVEL, hex};
+use super::colour::{self, BEYOND, BORDER, Colour, FAULT, FIELD, FILLS, FIXTURE, OUTLINE, PART, PATH, TRAVEL, hex};
 use super::marks::{self, grouped};
 use super::part::Looks;
 use super::sheet::{BESIDE, FONT, FOOT, GAP, LEAST_FONT, LEFT, RIM, Sheet, TOP, el, num, rectangle, text};
@@ -582,6 +582,12 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, looks: &Looks) {
         Visibility::None => ", beyond the picture",
     };
     c.row(|u, y| vec![line(u, y, TRAVEL, 0.2, &dash(1.1, 0.7))], &format!("machine travel, {w} x {h} mm{limit}"));
+    if job.stepped().is_some_and(|layout| !layout.fixtures.is_empty()) {
+        let square = |u: f64, y: f64| {
+            rectangle([0.0, y - 0.8 * u, 4.0 * u, y + 0.6 * u], &[("fill", FIXTURE), ("fill-opacity", "0.55")])
+        };
+        c.row(|u, y| vec![square(u, y)], "fixture, never marked");
+    }
     if has_origin(sheet) {
         c.row(
             |u, y| vec![el("path", &[("stroke", "#111"), ("stroke-width", &num(0.14 * u)), ("d", &plus(u, y))])],

@@ -16,6 +16,7 @@ mod colour;
 mod energy;
 mod energy_map;
 mod error_budget;
+mod fixtures;
 mod fly_report;
 mod fly_sheet;
 mod image;
@@ -65,6 +66,7 @@ use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Block, BlockFigures, BlockId, Pen, Sections};
 use terrace_plan::block_map::BlockMap;
 use terrace_plan::check::Checked;
+use terrace_plan::fixtures::Fixture;
 use terrace_plan::manifest::{OnTheFlySummary, Summary};
 use terrace_plan::measured::MeasuredPart;
 use terrace_plan::on_the_fly::program::Program as OnTheFlyProgram;
@@ -106,6 +108,8 @@ pub struct Layout<'a> {
     pub shade: Shade,
     /// Where the part lies, if it was measured.
     pub measured: Option<&'a MeasuredPart>,
+    /// What holds the part.
+    pub fixtures: &'a [Fixture],
     /// The figures of the job.
     pub summary: &'a Summary,
 }

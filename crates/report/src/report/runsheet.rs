@@ -7,13 +7,15 @@ use crate::report::table::csv_cell;
 use terrace_core::diag;
 use terrace_core::format::Format;
 use terrace_core::geom::Nm;
-use terrace_core::machine::{FieldShape, Machine};
+use terrace_core::machine::{FieldShape, Machine, Origin};
 use terrace_core::program::{Block, BlockFigures, PassId, Pen, Program, SetupId};
 use terrace_core::units::{Angle, Length};
 use terrace_plan::budget::Budget;
 use terrace_plan::check::Checked;
 use terrace_plan::emit::{self, Files, Target};
-use terrace_plan::manifest::{Facts, MeasuredPlacement, Registered, Subset, Summary, lift_mm, portable, registration};
+use terrace_plan::manifest::{
+    Facts, FixtureEntry, MeasuredPlacement, Registered, Subset, Summary, lift_mm, portable, registration,
+};
 
 /// What run sheets are written from.
 pub struct Sheet<'a> {
@@ -29,6 +31,8 @@ pub struct Sheet<'a> {
     pub laid_deg: Option<[f64; 3]>,
     /// How a measured part lies beside its zero and turn.
     pub measured: Option<MeasuredPlacement>,
+    /// What holds the part.
+    pub fixtures: Vec<FixtureEntry>,
     /// By how much the focus is lowered, mm, and the texture turned, degrees, from pass to pass.
     pub per_pass: [f64; 2],
     /// The formats of the job.
@@ -61,6 +65,7 @@ impl<'a> Sheet<'a> {
             laid_deg: job.placement.laid_deg(),
             turn_deg: job.placement.turn.as_deg(),
             measured: facts.measured.map(MeasuredPlacement::new),
+            fixtures: facts.fixtures.iter().map(FixtureEntry::new).collect(),
             per_pass: [job.passes.lower.mm(), job.passes.rotate.as_deg()],
             formats: job.formats.clone(),
             registration: job.setups.as_ref().map(|_| checked.origins().iter().map(points).collect()),
@@ -169,6 +174,12 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     if let Some(measured) = &sheet.measured {
         let MeasuredPlacement { points, worst_residual_um: worst, lean_deg: lean, .. } = measured;
         writeln!(out, "measured   {points} points, worst residual {worst:.1} um, leaning {lean:.4} deg")?;
+    }
+    if let Some(table) = sheet.machine.table() {
+        writeln!(out, "table      Z{:.4} mm in the table frame", table.mm())?;
+    }
+    if let [origin] = sheet.checked.origins() {
+        fixtures(out, sheet, (SetupId(0), *origin), "fixture    ")?;
     }
     if let Some(subset) = sheet.subset {
         let program = sheet.checked.program();
@@ -441,6 +452,19 @@ fn setups(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
             let ([px, py], [x, y]) = (found.point_mm, found.at.map(Nm::mm));
             writeln!(out, "    point {px:>9.4} {py:>9.4} of the part: stage X{x:.4} Y{y:.4}")?;
         }
+        if origins.len() > 1 {
+            fixtures(out, sheet, (SetupId(i as u32), origin), "    fixture ")?;
+        }
+    }
+    Ok(())
+}
+
+/// Where the fixtures of a set-up stand on the table, one line each.
+fn fixtures(out: &mut String, sheet: &Sheet<'_>, (setup, origin): (SetupId, Origin), begin: &str) -> std::fmt::Result {
+    for fixture in sheet.fixtures.iter().filter(|fixture| fixture.is_in(setup)) {
+        let [lo, hi] = fixture.box_mm.map(|p| [0, 1, 2].map(|k| p[k] + origin.mm()[k]));
+        let along = |k: usize| format!("{}{:.2} to {:.2}", ["X", "Y", "Z"][k], lo[k], hi[k]);
+        writeln!(out, "{begin}{}: {} {} {} mm in the table frame", fixture.name, along(0), along(1), along(2))?;
     }
     Ok(())
 }

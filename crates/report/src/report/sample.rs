@@ -52,6 +52,7 @@ impl Sample {
             drawn: self.checked.program().blocks.clone(),
             shade: super::Shade::Height,
             measured: None,
+            fixtures: &[],
             summary: &self.summary,
         }
     }

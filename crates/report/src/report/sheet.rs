@@ -7,6 +7,7 @@ use svg::node::element::Element;
 use super::{Layout, Picture, clean, plain};
 use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, P2, cos_sin};
 use terrace_core::machine::Machine;
+use terrace_plan::fixtures::Fixture;
 
 /// Faces of all text, the most usual first.
 pub(super) const FONTS: &str = "Arial,\"Liberation Sans\",\"DejaVu Sans\",sans-serif";
@@ -111,6 +112,7 @@ impl Sheet {
         if let Some(&first) = job.places().first() {
             all = all.union(field_box(job.machine, first));
         }
+        all = with_fixtures(all, job.stepped().map_or(&[][..], |layout| layout.fixtures));
         let [w, h] = all.size().map(|v| v.mm().max(1e-3));
         let below = w > WIDE * h;
         let beside = if below { 0.0 } else { GAP + BESIDE };
@@ -130,6 +132,22 @@ impl Sheet {
     pub fn step_mm(&self, mm: f64) -> i64 {
         self.step(mm * NM_PER_MM)
     }
+}
+
+/// A box that shows what of the fixtures lies beside it, as far as an eighth of its larger side.
+fn with_fixtures(all: Box2, fixtures: &[Fixture]) -> Box2 {
+    let [w, h] = all.size();
+    let most = w.max(h).0 / 8;
+    let at = |p: [f64; 3]| -> P2 { P2::new(p[0] as i64, p[1] as i64) };
+    let within = fixtures.iter().map(|fixture| {
+        let [lo, hi] = fixture.ends().map(at);
+        Box2 { lo, hi }
+    });
+    within.fold(all, |shown, fixture| {
+        let lo = [(fixture.lo.x, all.lo.x), (fixture.lo.y, all.lo.y)].map(|(own, end)| own.clamp(end - most, end));
+        let hi = [(fixture.hi.x, all.hi.x), (fixture.hi.y, all.hi.y)].map(|(own, end)| own.clamp(end, end + most));
+        shown.union(Box2 { lo: P2::new(lo[0], lo[1]), hi: P2::new(hi[0], hi[1]) })
+    })
 }
 
 /// The grid of sections as a box.

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::fixtures::FixtureHead;
 use super::marks::ChunkHead;
 use super::tone::Tones;
 use crate::scene::{Histogram, Scene, UnmarkedRow};
@@ -46,6 +47,8 @@ pub(super) struct Head<'a> {
     pub defocus_um_per_step: f64,
     pub skipped: Vec<SkippedHead>,
     pub skipped_lines: Option<LinesHead>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fixtures: Vec<FixtureHead<'a>>,
     pub motion: Option<MotionHead>,
     pub ranges: Ranges,
     pub histograms: Histograms,

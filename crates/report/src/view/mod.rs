@@ -9,6 +9,7 @@
 //! Size: some 8 bytes a mark, and 1 MB for part, maps and page.
 
 mod blocks;
+mod fixtures;
 mod head;
 mod marks;
 mod pack;
@@ -24,13 +25,14 @@ use blocks::Columns;
 use head::{Head, LinesHead, ListHead, MapHead, MotionHead, PartHead, Ranges};
 use pack::Data;
 use terrace_core::duration::duration;
-use terrace_core::geom::BoxMm;
+use terrace_core::geom::{BoxMm, NM_PER_MM};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::parallel;
 use terrace_core::program::{Pen, Slope};
 use terrace_input::job::Mode;
 use terrace_input::surface::{Decimated, Surface};
 use terrace_plan::block_map::BlockMap;
+use terrace_plan::fixtures::Fixture;
 use terrace_plan::manifest::{OnTheFlySummary, Summary};
 use terrace_plan::plan::{OnTheFlyPlan, SteppedPlan};
 
@@ -79,6 +81,7 @@ pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
         mode: Mode::Stepped,
         machine: &plan.machine,
         surface: &plan.inputs.surface,
+        fixtures: &plan.inputs.fixtures,
         pens: &program.pens,
         origins: plan.checked.origins(),
         time_s: s.time_s.total,
@@ -105,6 +108,7 @@ pub fn of_on_the_fly(plan: &OnTheFlyPlan, scene: &Scene, job: &str) -> String {
         mode: Mode::OnTheFly,
         machine: &plan.machine,
         surface: &plan.inputs.surface,
+        fixtures: &[],
         pens: &program.pens,
         origins: &[program.origin],
         time_s: s.time_s,
@@ -173,6 +177,7 @@ struct Subject<'a> {
     mode: Mode,
     machine: &'a Machine,
     surface: &'a Surface,
+    fixtures: &'a [Fixture],
     pens: &'a [Pen],
     /// Positions of the part's origin, by set-up.
     origins: &'a [Origin],
@@ -224,12 +229,16 @@ impl Subject<'_> {
         let mut bounds = part_box;
         chunks.iter().filter(|c| c.bounds[0][0] <= c.bounds[1][0]).flat_map(|c| c.bounds).for_each(|p| bounds.add(p));
         scene.unmarked.lines.iter().flat_map(|l| &l.points).for_each(|&p| bounds.add(p));
+        let corners = self.fixtures.iter().flat_map(|fixture| &fixture.facets).flatten();
+        corners.for_each(|p| bounds.add(p.map(|nm| nm / NM_PER_MM)));
         let mut data = vec![Data::text(&self.blocks).element("blocks"), mesh(&part, &part_box)];
         data.extend(elements);
         data.extend(tone_elements);
         let (maps, more): (Vec<_>, Vec<_>) =
             parallel::map(self.maps.len(), |k| map(k, &self.maps[k])).into_iter().unzip();
         data.extend(more);
+        let (fixtures, corners) = fixtures::packed(self.fixtures);
+        data.extend(corners);
         let skipped_lines = (!scene.unmarked.lines.is_empty()).then(|| {
             let (head, element) = skipped(scene);
             data.push(element);
@@ -268,6 +277,7 @@ impl Subject<'_> {
             defocus_um_per_step: defocus_step,
             skipped: head::skipped(scene),
             skipped_lines,
+            fixtures,
             motion,
             ranges: Ranges {
                 height_mm: self.heights,

@@ -30,6 +30,8 @@ pub(crate) struct Manifest {
     pub(crate) inputs: Vec<InputEntry>,
     pub(crate) machine: Machine,
     pub(crate) placement: Placement,
+    #[serde(default)]
+    pub(crate) fixtures: Vec<FixtureEntry>,
     pub(crate) focus: Focus,
     pub(crate) seams: Seams,
     pub(crate) passes: Vec<PassEntry>,
@@ -77,6 +79,15 @@ pub(crate) struct Placement {
     pub(crate) turn_deg: f64,
     #[serde(default)]
     pub(crate) measured: Option<MeasuredPlacement>,
+}
+
+/// A fixture.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct FixtureEntry {
+    pub(crate) name: String,
+    pub(crate) box_mm: [[f64; 3]; 2],
+    #[serde(default)]
+    pub(crate) setups: Vec<u32>,
 }
 
 /// How a measured part lies beside its placement.

@@ -4,7 +4,7 @@
 //! `lens.working_distance` above the focal plane. Nothing of the surface file under what it sweeps along a move may
 //! rise above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are cut at that height, and
 //! what is left of them must lie outside of the sweep: exact, not bounded. Each pass is checked against the surface
-//! before it was lowered. Fixtures are not known.
+//! before it was lowered. Fixtures are held like the part, each by its own facets, and a table by its height.
 //!
 //! Moves are those of the stage programs, and those of `program.txt` as run sheets, OVF and `terrace run` give them: a
 //! lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position (at the
@@ -18,9 +18,11 @@
 //! A head that is turned itself moves through the part as it sees it, in any direction. While its axes turn it must
 //! stay above the highest place of the part.
 
+use super::Around;
 use super::stage::{Moves, StageFile};
 use super::sweep::Sweep;
 use crate::findings::{Findings, RuleCode};
+use crate::fixtures::Fixture;
 use crate::geometry::{BoxNm, Geometry, HeadPose, Turn};
 use crate::job_facts::JobFacts;
 use crate::proof::Rule;
@@ -45,15 +47,46 @@ pub(crate) fn check(
     stages: &[StageFile],
     file: &ProgramFile,
     facts: &JobFacts,
-    geometry: &Geometry,
+    around: &Around<'_>,
     findings: &mut Findings,
 ) {
     let rule = &mut findings.rules[RuleCode::Clearance];
     rule.ran = true;
-    let tiles = Tiles::new(geometry, &facts.machine);
-    let mut checker = HeadChecker { geometry, tiles, machine: &facts.machine, file, rule };
-    checker.program();
-    stages.iter().for_each(|stage| checker.stage_program(stage));
+    let part = std::iter::once((around.part, None));
+    for (geometry, fixture) in part.chain(around.fixtures.iter().map(|fixture| (&fixture.geometry, Some(fixture)))) {
+        let tiles = Tiles::new(geometry, &facts.machine);
+        let mut checker = HeadChecker { geometry, fixture, tiles, machine: &facts.machine, file, rule };
+        checker.program();
+        stages.iter().for_each(|stage| checker.stage_program(stage));
+    }
+    if let Some(table) = facts.machine.stage.table {
+        let mut lowest = f64::INFINITY;
+        around.part.each_facet(&mut |corners| lowest = corners.iter().map(|p| p[2]).fold(lowest, f64::min));
+        let depth = facts.depth_range_nm();
+        on_table(table.as_mm() * NM_PER_MM, file, &facts.machine, lowest + depth, rule);
+    }
+}
+
+/// Holds the part above the table, which is level, but for a depth range; and the head, which is nowhere lower than at
+/// the stops.
+fn on_table(table: f64, file: &ProgramFile, machine: &Machine, lowest: f64, rule: &mut Rule) {
+    for (i, origin) in file.origins.iter().enumerate() {
+        rule.checked += 1;
+        if (origin[2] as f64) + lowest + ROUNDING < table {
+            rule.broken("", format!("set-up {}", i + 1), "the part lies in the table".to_owned());
+        }
+    }
+    let gap = (machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm()) * NM_PER_MM;
+    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
+        rule.checked += 1;
+        let end = machine.stage.z.sign() as f64 * block.stage[2] as f64 + gap;
+        if end + ROUNDING < table {
+            let near = (table - end) / NM_PER_MM;
+            let text =
+                format!("at this block the head comes {near:.6} mm nearer to the table than stage.clearance allows");
+            rule.broken(id, "program.txt", text);
+        }
+    }
 }
 
 /// Commands of x, y, z in nm and of the tilt axes in millionths of a degree.
@@ -78,6 +111,8 @@ struct LeaningHead<'a> {
 /// Follows the head through the moves of a job.
 struct HeadChecker<'a> {
     geometry: &'a Geometry,
+    /// The fixture that it keeps clear of; None: the part.
+    fixture: Option<&'a Fixture>,
     tiles: Tiles,
     machine: &'a Machine,
     file: &'a ProgramFile,
@@ -152,6 +187,9 @@ impl HeadChecker<'_> {
     fn check_move(&mut self, i: usize, from: CommandedPose, to: CommandedPose, place: &str) {
         self.rule.checked += 1;
         let Some(block) = self.file.program.blocks.get(i) else { return };
+        if self.fixture.is_some_and(|fixture| !fixture.is_in(block.setup)) {
+            return;
+        }
         let origin = self.file.origin(block);
         let axes = self.machine.axes();
         let part = |at: Commanded| [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - origin[k]) as f64);
@@ -191,8 +229,9 @@ impl HeadChecker<'_> {
     /// Reports that the head comes `near` nm too near to the part on the way to block `i`.
     fn too_near(&mut self, i: usize, place: &str, near: f64) {
         let near = near / NM_PER_MM;
+        let what = self.fixture.map_or_else(|| "the part".to_owned(), |f| format!("fixture {:?}", f.name));
         let text = format!(
-            "on the way to this block the head comes {near:.6} mm nearer to the part than stage.clearance allows"
+            "on the way to this block the head comes {near:.6} mm nearer to {what} than stage.clearance allows"
         );
         self.rule.broken(&self.file.ids[i], place, text);
     }

@@ -80,7 +80,7 @@ pub(crate) fn check(
     findings: &mut Findings,
     task: Task<'_>,
 ) -> PieceFigures {
-    let LoadedJob { facts, geometry, drawings } = *job;
+    let LoadedJob { facts, geometry, drawings, .. } = *job;
     let depth_holds = findings.rules[RuleCode::Depth].violated == 0;
     let windows = (0..drawings.len()).map(|pass| window_of_pass(manifest, facts, pass)).collect();
     let [source, once, coverage] = findings.rules.several([RuleCode::Source, RuleCode::Once, RuleCode::Coverage]);

@@ -23,6 +23,7 @@ mod planes;
 mod poses;
 pub(super) mod runsheets;
 mod setups;
+pub(super) mod shadow;
 mod slopes;
 mod stage;
 pub(super) mod stated;
@@ -38,6 +39,7 @@ mod turned;
 use std::path::Path;
 
 use super::findings::{Findings, RuleCode};
+use super::fixtures::Fixture;
 use super::geometry::Geometry;
 use super::job_facts::JobFacts;
 use super::proof::Rule;
@@ -92,18 +94,24 @@ pub(super) fn moves(
     manifest: &Manifest,
     program: &mut ProgramFile,
     facts: &JobFacts,
-    geometry: &Geometry,
+    around: &Around<'_>,
     findings: &mut Findings,
 ) {
     // A list that cannot be was reported with the files.
     let chosen = subset::chosen(manifest, program, &mut Rule::new("", ""));
     subset::on_chosen(program, &chosen, |program| {
-        clearance::check(&stages.blocks, program, facts, geometry, findings);
+        clearance::check(&stages.blocks, program, facts, around, findings);
         subset::figures(manifest, program, facts, &mut findings.rules[RuleCode::Summary]);
     });
     if let Some(frames) = &stages.frames {
-        clearance::check(&frames.stages, &frames.outline, facts, geometry, findings);
+        clearance::check(&frames.stages, &frames.outline, facts, around, findings);
     }
+}
+
+/// What the head keeps clear of.
+pub(super) struct Around<'a> {
+    pub(super) part: &'a Geometry,
+    pub(super) fixtures: &'a [Fixture],
 }
 
 /// Standstills of the stage: a block is one, unless the zoom optic alone changes on the way to it.

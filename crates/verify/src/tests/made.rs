@@ -10,6 +10,7 @@ use terrace_core::math;
 use serde_json::{Value, json};
 
 use crate::findings::{Findings, RuleCode, STEPPED};
+use crate::fixtures::Fixture;
 use crate::geometry::{Geometry, MeshBuilder, Shape};
 use crate::job_facts::JobFacts;
 use crate::read::manifest::Manifest;
@@ -56,6 +57,8 @@ pub(super) struct Made {
     pub(super) figures_whole: usize,
     /// Facets, corners in mm.
     pub(super) facets: Vec<[[f64; 3]; 3]>,
+    /// Opposite corners of boxes that hold the part, mm.
+    pub(super) fixtures: Vec<[[f64; 3]; 2]>,
     /// Mean and least cosine of the incidence under the marks of a block.
     pub(super) cosines: fn(&MadeBlock) -> [f64; 2],
 }
@@ -116,6 +119,7 @@ impl Made {
             blocks,
             summary: json!({}),
             facets: ramp(),
+            fixtures: Vec::new(),
             // The ramp rises by 1 in 50 under every mark.
             cosines: |_| [1.0 / math::hypot(0.02f64, 1.0); 2],
         };
@@ -284,7 +288,8 @@ impl Made {
         };
         let stages = rules::without_inputs(folder, &manifest, &mut program, &self.facts, &mut findings);
         let (geometry, drawings) = (self.geometry(), [drawing]);
-        let job = LoadedJob { facts: &self.facts, geometry: &geometry, drawings: &drawings };
+        let fixtures: Vec<Fixture> = self.fixtures.iter().map(Fixture::of_box).collect();
+        let job = LoadedJob { facts: &self.facts, geometry: &geometry, fixtures: &fixtures, drawings: &drawings };
         check_folder(&stages, &manifest, &mut program, &job, &mut findings, &|_, _| {});
         findings.into_proof()
     }

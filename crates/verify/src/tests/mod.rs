@@ -1,6 +1,7 @@
 //! Rules on folders made by hand: a sound one, and one mutant or more for each rule, changed in all
 //! files alike with lengths and hashes renewed, that this rule and no other reports.
 
+mod fixtures;
 pub(super) mod made;
 mod mutants;
 pub(super) mod places;

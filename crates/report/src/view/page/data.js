@@ -26,6 +26,7 @@
  *   z_mm: number}} ChunkHead */
 /** @typedef {{reason: string, text?: string, texture: number, length_mm: number, share_percent: number, dots: number,
  *   box: [number, number, number, number]}} Skipped */
+/** @typedef {{name: string, setups: number[], triangles: number}} FixtureHead set-ups by number, none: all */
 /** @typedef {{edges: number[], length_mm: number[], of_dots: boolean}} Histogram */
 /**
  * @typedef {object} Head
@@ -56,6 +57,7 @@
  * @property {number} defocus_um_per_step
  * @property {Skipped[]} skipped
  * @property {{name: string, lines: number, points: number, left_out?: number}|null} skipped_lines
+ * @property {FixtureHead[]} [fixtures] what holds the part
  * @property {{name: string, samples: number}|null} motion
  * @property {{height_mm: [number, number], defocus_um: [number, number], incidence_deg: [number, number],
  *   dose: [number, number]}} ranges
@@ -406,6 +408,26 @@ async function readSkipped(skipped, kinds) {
     }
   }
   return { words, points: skipped.points };
+}
+
+/**
+ * The triangles of all fixtures: place and direction of each corner, as the shader reads them.
+ * @param {FixtureHead[]} fixtures
+ * @returns {Promise<Float32Array<ArrayBuffer>>}
+ */
+async function readFixtures(fixtures) {
+  const reader = new Reader(await inflate("fixtures"));
+  const n = 3 * fixtures.reduce((sum, fixture) => sum + fixture.triangles, 0);
+  const axes = [reader.f32s(n), reader.f32s(n), reader.f32s(n)];
+  const values = new Float32Array(6 * n);
+  for (let i = 0; i < n; i += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => /** @type {Vec3} */ ([axes[0][i + k], axes[1][i + k], axes[2][i + k]]));
+    const [u, v] = [minus(b, a), minus(c, a)];
+    const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    const length = Math.hypot(...normal) || 1;
+    [a, b, c].forEach((p, k) => values.set([...p, ...normal.map((x) => x / length)], 6 * (i + k)));
+  }
+  return values;
 }
 
 /**

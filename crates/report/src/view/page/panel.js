@@ -24,6 +24,7 @@ const COLOURS = [
 /** @type {[Layer, string, boolean][]} */
 const LAYERS = [
   ["part", "part", true],
+  ["fixtures", "fixtures", true],
   ["blocks", "blocks", true],
   ["borders", "borders", true],
   ["marks", "marks", true],
@@ -166,6 +167,7 @@ function fillPage(head) {
   if (head.time_s < 60) choice("speed").value = "1";
   const absent = new Set(isFly ? ["blocks", "borders", "seams", "labels"] : []);
   if (!head.skipped_lines) absent.add("skipped");
+  if (!head.fixtures) absent.add("fixtures");
   place("layers").replaceChildren(
     ...LAYERS.filter(([layer]) => !absent.has(layer)).map(([layer, words, isOn]) => {
       const label = document.createElement("label");

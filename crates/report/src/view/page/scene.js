@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * What WebGL draws: the part with the blocks draped on it, the marks, and the texture that is not marked.
+ * What WebGL draws: the part with the blocks draped on it, its fixtures, the marks, and the texture that is not marked.
  *
  * Consumes decoded data and, for each picture, a `Look`. Where marks lie denser than pixels the map of their density is
  * drawn as tone; elsewhere lines, so opaque that where several lie in a pixel they make the same tone. Promises that a
@@ -28,7 +28,7 @@
  * @property {boolean} rough whether marks that are drawn as tone may lie on the rough mesh
  */
 /** @typedef {{ground: Colour, part: Colour, ink: Colour, accent: Colour}} Theme */
-/** @typedef {"part"|"blocks"|"borders"|"marks"|"skipped"|"path"|"field"|"lens"|"travel"|"seams"|"labels"} Layer */
+/** @typedef {"part"|"fixtures"|"blocks"|"borders"|"marks"|"skipped"|"path"|"field"|"lens"|"travel"|"seams"|"labels"} Layer */
 
 /** Fewest and most lines drawn in a frame while something moves. */
 const BUDGET = [20_000, 3_000_000];
@@ -63,6 +63,7 @@ class Scene {
     this.changed = changed;
     this.meshProgram = new Program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.markProgram = new Program(gl, MARK_VERTEX, MARK_FRAGMENT);
+    this.fixtureProgram = new Program(gl, FIXTURE_VERTEX, FIXTURE_FRAGMENT);
     this.skippedProgram = new Program(gl, SKIPPED_VERTEX, SKIPPED_FRAGMENT);
     this.blockValues = new Values(gl, gl.RGBA32F, gl.RGBA, gl.FLOAT);
     this.palette = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
@@ -86,6 +87,8 @@ class Scene {
     this.noTone = new Means(gl, 1, 1, new Uint8Array(1));
     this.noPens = new Values(gl, gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE);
     this.noPens.set(1, 1, new Uint8Array(1));
+    /** @type {WebGLVertexArrayObject|null} */
+    this.fixtures = null;
     /** @type {{array: WebGLVertexArrayObject, points: number}|null} */
     this.skipped = null;
     /** @type {({data: Chunk, points: Values}|null)[]} */
@@ -210,6 +213,19 @@ class Scene {
     return "";
   }
 
+  /** @param {Float32Array<ArrayBuffer>} values place and direction of each corner */
+  setFixtures(values) {
+    const gl = this.gl;
+    this.fixtures = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
+    gl.bindVertexArray(this.fixtures);
+    bufferOf(gl, gl.ARRAY_BUFFER, values);
+    for (const k of [0, 1]) {
+      gl.enableVertexAttribArray(k);
+      gl.vertexAttribPointer(k, 3, gl.FLOAT, false, 24, 12 * k);
+    }
+    gl.bindVertexArray(null);
+  }
+
   /** @param {{words: Uint32Array<ArrayBuffer>, points: number}} skipped */
   setSkipped(skipped) {
     const gl = this.gl;
@@ -284,6 +300,7 @@ class Scene {
     // Lines would sink into a rough part.
     this.drawsRough = look.rough && this.drawsTone;
     if (look.layers.part) this.drawMesh(look, projection, ratio, false);
+    if (look.layers.fixtures) this.drawFixtures(look, projection);
     if (look.layers.skipped) this.drawSkipped(look, projection, ratio);
     this.waiting = this.drawsMarks ? chunks : [];
     this.waitingAt = 0;
@@ -420,6 +437,28 @@ class Scene {
     this.bindBlocks(p, look.pass);
     gl.bindVertexArray(mesh.array);
     gl.drawElements(gl.TRIANGLES, mesh.corners, gl.UNSIGNED_INT, 0);
+    gl.bindVertexArray(null);
+  }
+
+  /** Draws the fixtures of the set-up of the present block; of all set-ups where there is none.
+   * @param {Look} look @param {Matrix} projection */
+  drawFixtures(look, projection) {
+    const { gl, fixtureProgram: p } = this;
+    if (!this.fixtures) return;
+    this.setBlending(false);
+    p.use();
+    p.floats({
+      uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
+      uProjection: projection,
+      uGrey: [0.42, 0.42, 0.42],
+    });
+    gl.bindVertexArray(this.fixtures);
+    const setup = look.present < 0 ? 0 : this.blocks.setup[look.present];
+    let first = 0;
+    for (const { setups, triangles } of this.head.fixtures ?? []) {
+      if (setup === 0 || setups.length === 0 || setups.includes(setup)) gl.drawArrays(gl.TRIANGLES, first, 3 * triangles);
+      first += 3 * triangles;
+    }
     gl.bindVertexArray(null);
   }
 

@@ -345,6 +345,25 @@ void main() {
   gl_Position.xy += offset / uViewport * gl_Position.w;
 }`;
 
+const FIXTURE_VERTEX = `
+layout(location = 0) in vec3 aPlace;
+layout(location = 1) in vec3 aNormal;
+uniform mat4 uView;
+uniform mat4 uProjection;
+out float vLight;
+void main() {
+  vLight = abs((mat3(uView) * aNormal).z);
+  gl_Position = uProjection * (uView * vec4(aPlace, 1.0));
+}`;
+
+const FIXTURE_FRAGMENT = `
+in float vLight;
+uniform vec3 uGrey;
+out vec4 colour;
+void main() {
+  colour = vec4(uGrey * (0.55 + 0.45 * vLight), 1.0);
+}`;
+
 const SKIPPED_FRAGMENT = `
 flat in int vIsBeyond;
 uniform vec3 uRed;
