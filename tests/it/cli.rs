@@ -149,8 +149,8 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let proof = json(&done(dir.path(), &["verify", "a.job", "--json"]));
     assert_eq!(proof["ok"], true);
     for rule in proof["rules"].as_array().expect("a list") {
-        // Without a hatch along contours, a drawing, space curves or a measured part there is nothing to hold their rules against.
-        let is_absent = ["fill", "drawing", "bitmap", "mask", "curves", "measured", "draped"]
+        // Without a hatch along contours, a drawing, space curves, a job before or a measured part there is nothing to hold their rules against.
+        let is_absent = ["fill", "drawing", "bitmap", "mask", "curves", "marked", "measured", "draped"]
             .iter()
             .any(|code| rule["code"] == *code);
         let checked = rule["checked"].as_u64() > Some(0) || is_absent;
@@ -344,8 +344,10 @@ fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
             "passes",
             "limits",
             "machine",
+            "marked",
             "pen",
-            "emit"
+            "emit",
+            "fixture"
         ]
         .into()
     );

@@ -45,6 +45,7 @@ mod layers;
 mod layout;
 mod lengths;
 mod limits;
+mod marked;
 mod measured;
 mod merge;
 mod messages;

@@ -7,6 +7,7 @@ pub mod check;
 pub mod emit;
 pub mod fixtures;
 pub mod manifest;
+pub mod marked;
 pub mod measured;
 pub mod on_the_fly;
 pub mod order;

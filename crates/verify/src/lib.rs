@@ -17,6 +17,7 @@ mod fixtures;
 mod geometry;
 mod inputs;
 mod job_facts;
+mod marked;
 mod measured;
 mod on_the_fly;
 mod pose_fit;
@@ -42,10 +43,11 @@ use fixtures::Fixture;
 use geometry::Geometry;
 use inputs::Inputs;
 use job_facts::JobFacts;
+use marked::MarkedBefore;
 use read::manifest::Manifest;
 use read::program::ProgramFile;
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::{BoxMm, P2};
+use terrace_core::geom::{BoxMm, NM_PER_MM, P2};
 use terrace_core::parallel;
 use terrace_core::program::{PassId, PenId};
 use terrace_core::progress::Task;
@@ -186,6 +188,8 @@ fn place_textures(
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let spot_mm = facts.machine.lens.spot.as_mm();
     let mut files = rules::drawing_files::Files::default();
+    let before = MarkedBefore::read(job, spot_mm, geometry)?;
+    findings.rules[RuleCode::Marked].ran = true;
     let mut textures = Vec::new();
     let task = task.of_steps(facts.passes.count as usize);
     for pass in (0..facts.passes.count).map(PassId) {
@@ -205,10 +209,28 @@ fn place_textures(
             let rules = findings.rules.several([RuleCode::Curves, RuleCode::Summary]);
             rules::curves::check(job, &texture, geometry, manifest.summary.curves.as_ref(), rules);
         }
+        let texture = without_marked(texture, &before, spot_mm, &mut findings.rules[RuleCode::Marked])?;
         textures.push(lying.texture(texture, geometry, findings)?);
         task.step();
     }
     Ok(Some(textures))
+}
+
+/// The texture without what jobs before have marked of it, held to their marks.
+fn without_marked(texture: Texture, before: &MarkedBefore, spot_mm: f64, rule: &mut Rule) -> Result<Texture, Error> {
+    if before.marks.is_empty() {
+        return Ok(texture);
+    }
+    let left = texture.without(&before.left_out(spot_mm))?;
+    {
+        let strokes = rules::marked::Strokes {
+            whole: &Drawing::from_texture(&texture),
+            left: &Drawing::from_texture(&left.texture),
+            pieces: &|i| left.pieces(i),
+        };
+        rules::marked::check(&strokes, &before.marks, spot_mm * NM_PER_MM / 2.0, rule);
+    }
+    Ok(left.texture)
 }
 
 /// Holds the rules that need the job and its inputs.

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file_unit::FileUnit;
 use super::fixtures::FixtureKeys;
+use super::marked::MarkedKeys;
 use super::partition::PartitionKeys;
 use super::texture::keys::TextureKeys;
 use terrace_core::format::Format;
@@ -33,6 +34,9 @@ pub(crate) struct JobFile {
     /// What holds the part; never marked, and the head keeps clear of it.
     #[serde(default)]
     pub fixture: Vec<FixtureKeys>,
+    /// Jobs that have marked some of the texture before, on the same part; that is left out.
+    #[serde(default)]
+    pub marked: Vec<MarkedKeys>,
     /// What to mark; one or more.
     pub texture: Vec<TextureKeys>,
     /// Depth of focus.

@@ -9,6 +9,7 @@ mod faults;
 pub mod file;
 mod file_unit;
 mod fixtures;
+mod marked;
 mod not_a_job;
 mod partition;
 mod passes;
@@ -27,6 +28,7 @@ pub use file::{
 };
 pub use file_unit::FileUnit;
 pub use fixtures::{FixtureFrame, FixtureInput, FixtureShape};
+pub use marked::MarkedInput;
 pub use partition::{Method, Objective, Partition};
 pub use passes::Passes;
 pub use read::{read_file, read_text};

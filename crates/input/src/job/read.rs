@@ -20,7 +20,7 @@ const KEYS: &str =
     "`terrace init` writes a commented job file; `terrace init --schema` lists every key with its values";
 
 /// The tables of a job file.
-const TABLES: [TableKey; 16] = {
+const TABLES: [TableKey; 17] = {
     const fn optional(name: &'static str) -> TableKey {
         TableKey { name, is_list: false, needed: None }
     }
@@ -39,6 +39,7 @@ const TABLES: [TableKey; 16] = {
         optional("placement"),
         optional("placement.measured"),
         optional_list("fixture"),
+        optional_list("marked"),
         needed_list("texture", "add a [[texture]] with pattern, file or curves: what is marked"),
         needed("focus", "add [focus] with pdof = \"0.07 mm\", measured on your process"),
         optional("partition"),

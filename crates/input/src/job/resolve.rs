@@ -11,6 +11,7 @@ use super::file::{
     PenKeys, PlacementKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::fixtures;
+use super::marked;
 use super::partition::{self, Method};
 use super::passes::Passes;
 use super::resolved::{
@@ -93,6 +94,7 @@ pub(super) fn resolve(
     let limits = limits(&file.limits, f);
     let passes = passes(&file.passes, focus.depth, f);
     let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
+    let marked = marked::resolve(&file.marked, file.passes.count, f);
     let beside = fixtures::Beside {
         has_setups: file.setups.is_some(),
         is_placed: file.placement.origin.is_some() || file.placement.measured.is_some(),
@@ -129,6 +131,7 @@ pub(super) fn resolve(
             }),
         },
         fixtures,
+        marked,
         textures,
         drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
         focus,
@@ -537,7 +540,10 @@ fn measured(file: &JobFile, f: &mut Faults<'_>) {
     }
     if file.setups.is_some() {
         let fault = Diag::input("measured-setups", "the job has both [setups] and [placement.measured]");
-        f.push("placement.measured", fault.hint("measure each set-up in a job of its own, without [setups]"));
+        f.push(
+            "placement.measured",
+            fault.hint("measure each set-up in a job of its own, and leave out what others have marked: [[marked]]"),
+        );
     }
     if file.partition.method == Method::Tilt {
         let fault = Diag::input("measured-tilt", "a measured part cannot be tilted yet");
@@ -672,6 +678,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
             "parts as they lie ([placement.measured])",
         ),
         ((!file.fixture.is_empty()).then(|| "fixture".to_owned()), "fixtures ([[fixture]])"),
+        ((!file.marked.is_empty()).then(|| "marked".to_owned()), "what is left of other jobs ([[marked]])"),
         (file.emit.frames.is_some().then(|| "emit.frames".to_owned()), "frames of blocks (emit.frames)"),
         (repeated, "pens of several passes (pen.passes)"),
         (along_contours, "areas filled along contours (direction = \"contour\")"),

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file::{Dose, Implausible, Level, Mode, Steep, StopOrder, StrokeOrder};
 use super::fixtures::FixtureInput;
+use super::marked::MarkedInput;
 use super::partition::{Method, Objective, Partition};
 use super::passes::Passes;
 use crate::surface;
@@ -49,6 +50,8 @@ pub struct Job {
     pub placement: Placement,
     /// What holds the part.
     pub fixtures: Vec<FixtureInput>,
+    /// Jobs that have marked some of the texture before.
+    pub marked: Vec<MarkedInput>,
     /// What is marked in the first pass, at least one.
     pub textures: Vec<texture::Request>,
     /// The drawings and space curves among them as named in the job file, relative to it.
@@ -281,6 +284,7 @@ impl Job {
             .chain(drawings)
             .chain(machine)
             .chain(measured)
+            .chain(self.marked.iter().flat_map(|marked| marked.files()).map(|file| ("marked", file.as_path())))
             .chain(self.fixtures.iter().filter_map(|fixture| Some(("fixture", fixture.file()?.as_path()))))
             .collect()
     }
@@ -333,6 +337,13 @@ impl Job {
         let measured = self.placement.measured.as_ref();
         let measured = measured.map(|m| ("placement.measured.file".to_owned(), self.relative(&m.file)));
         let mut files: Vec<(String, PathBuf)> = surface.into_iter().chain(machine).chain(measured).collect();
+        for (i, marked) in self.marked.iter().enumerate() {
+            let key = |file: &PathBuf| {
+                let is_left = marked.left.as_ref().is_some_and(|left| file.starts_with(left));
+                if is_left { format!("marked.{i}.left") } else { format!("marked.{i}.folder") }
+            };
+            files.extend(marked.files().iter().map(|file| (key(file), self.relative(file))));
+        }
         for (i, fixture) in self.fixtures.iter().enumerate() {
             files.extend(fixture.file().map(|file| (format!("fixture.{i}.file"), self.relative(file))));
         }

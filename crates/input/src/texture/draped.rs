@@ -160,20 +160,20 @@ impl Texture {
         let mut lost = Lost::default();
         let mut parts = Vec::new();
         for (k, part) in self.parts.iter().enumerate() {
-            let base: Arc<dyn Figure> = match (&part.masked, &part.placed) {
-                (Some(masked), _) => Arc::clone(masked) as Arc<dyn Figure>,
-                (None, PlacedStrokes::Figure(figure)) => Arc::clone(figure),
-                (None, PlacedStrokes::Curves(curves)) => Arc::clone(curves) as Arc<dyn Figure>,
-                (None, PlacedStrokes::Contour(contour)) => Arc::new(contour.clone()),
-                (None, PlacedStrokes::Areas(areas)) => Arc::new(areas.as_ref().clone()),
-            };
+            let base = part.base();
+            // All of it may have been marked before.
+            let is_empty = base.is_empty();
             let (figure, left_out) = CutFigure::new(base, Arc::clone(draping)).map_err(|e| numbered(&e, k))?;
             lost += left_out;
             let figure = Arc::new(figure);
             texture.bounds = texture.bounds.union(figure.bounds());
             let placed = PlacedStrokes::Figure(Arc::clone(&figure) as Arc<dyn Figure>);
             texture.parts.push(Part { placed, masked: None, border: None, slip: None, artwork: None, ..part.clone() });
-            texture.count(k)?;
+            if is_empty {
+                texture.count_any(k)?
+            } else {
+                texture.count(k)?
+            };
             parts.push(DrapedPart { figure, before: part.start, after: texture.parts[k].start });
         }
         Ok(Draped { texture, lost, parts })

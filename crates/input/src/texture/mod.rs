@@ -29,6 +29,7 @@ mod dxf;
 mod foreign;
 mod hpgl;
 pub mod kind;
+pub mod marked;
 mod mask;
 mod page;
 pub mod pattern;
@@ -204,6 +205,17 @@ struct Part {
 }
 
 impl Part {
+    /// What its strokes are cut from.
+    fn base(&self) -> Arc<dyn Figure> {
+        match (&self.masked, &self.placed) {
+            (Some(masked), _) => Arc::clone(masked) as Arc<dyn Figure>,
+            (None, PlacedStrokes::Figure(figure)) => Arc::clone(figure),
+            (None, PlacedStrokes::Curves(curves)) => Arc::clone(curves) as Arc<dyn Figure>,
+            (None, PlacedStrokes::Contour(contour)) => Arc::new(contour.clone()),
+            (None, PlacedStrokes::Areas(areas)) => Arc::new(areas.as_ref().clone()),
+        }
+    }
+
     /// The strokes of a request, cut at its border as far as they are known.
     fn new(request: &Request, files: RequestFiles, site: &place::Site) -> Result<Self, Error> {
         let RequestFiles { file, border } = files;
@@ -386,15 +398,22 @@ impl Texture {
 
     /// Puts the strokes of part `k` after those of the parts before it.
     fn count(&mut self, k: usize) -> Result<(), Error> {
-        let part = &mut self.parts[k];
+        self.count_any(k)?;
+        let part = &self.parts[k];
         let is_unfilled =
             matches!(part.placed, PlacedStrokes::Contour(_) | PlacedStrokes::Areas(_)) && self.directions.is_none();
-        part.start = self.len;
-        self.len += part.figure().len();
-        self.points += part.figure().points();
         if self.len == part.start && !is_unfilled {
             return Err(numbered(&empty().into(), k));
         }
+        Ok(())
+    }
+
+    /// The same where a request may have no strokes.
+    fn count_any(&mut self, k: usize) -> Result<(), Error> {
+        let part = &mut self.parts[k];
+        part.start = self.len;
+        self.len += part.figure().len();
+        self.points += part.figure().points();
         if self.len > MAX_STROKES || self.points > MAX_POINTS {
             return Err(too_large(self.len, self.points).into());
         }

@@ -8,6 +8,7 @@ use super::plausible;
 use super::space_curves;
 use crate::fixtures::{self, Fixture};
 use crate::manifest::SpaceCurves;
+use crate::marked;
 use crate::measured::{self, Lying, MeasuredPart};
 use crate::projection::HeightReserve;
 use terrace_core::diag::{Diag, Error, Kind, stand_in};
@@ -151,6 +152,7 @@ impl Inputs {
             return Err(plausible::explained(&fault.into(), &texture));
         }
         let curves = space_curves::compare(job, &surface, &texture, warnings)?;
+        let texture = marked::left(job, joining(job, machine), &surface, texture, warnings)?;
         let Some(lying) = measured::lying(job, machine, &surface, warnings)? else {
             let fixtures = fixtures::load(job, None, warnings)?;
             return Ok(ReadFiles { surface, texture, curves, measured: None, fixtures });

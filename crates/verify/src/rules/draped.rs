@@ -222,7 +222,7 @@ fn missing([x, y]: [f64; 2]) -> String {
 }
 
 /// What stretches leave of a range.
-fn gaps(covered: &[[f64; 2]], [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
+pub(super) fn gaps(covered: &[[f64; 2]], [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
     let mut stretches: Vec<[f64; 2]> = covered.iter().copied().filter(|s| s[1] > from && s[0] < to).collect();
     stretches.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let (mut out, mut at) = (Vec::new(), from);
@@ -239,7 +239,7 @@ fn gaps(covered: &[[f64; 2]], [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
 }
 
 /// A stroke that is followed from its start.
-struct Along<'a> {
+pub(super) struct Along<'a> {
     points: &'a [P2],
     /// The segment at hand, where it begins along the stroke, and where the last place lies along it.
     segment: usize,
@@ -248,12 +248,12 @@ struct Along<'a> {
 }
 
 impl<'a> Along<'a> {
-    fn new(points: &'a [P2]) -> Self {
+    pub(super) fn new(points: &'a [P2]) -> Self {
         Self { points, segment: 0, start: 0.0, last: 0.0 }
     }
 
     /// How far along the stroke a place lies, no nearer to its start than the last one; None where it lies off it.
-    fn follow(&mut self, at: [f64; 2]) -> Option<f64> {
+    pub(super) fn follow(&mut self, at: [f64; 2]) -> Option<f64> {
         if self.points.len() == 1 {
             return (distance(at, xy(self.points[0])) <= OFF_NM).then_some(0.0);
         }

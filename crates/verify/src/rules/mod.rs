@@ -14,6 +14,7 @@ pub(super) mod fill;
 mod frames;
 pub(super) mod hash;
 pub(super) mod laser;
+pub(super) mod marked;
 pub(super) mod mask;
 pub(super) mod measured;
 mod off_axis;

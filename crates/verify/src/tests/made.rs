@@ -269,6 +269,7 @@ impl Made {
         findings.rules[RuleCode::Mask].ran = true;
         findings.rules[RuleCode::Bitmap].ran = true;
         findings.rules[RuleCode::Curves].ran = true;
+        findings.rules[RuleCode::Marked].ran = true;
         findings.rules[RuleCode::Measured].ran = true;
         findings.rules[RuleCode::Draped].ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);

@@ -139,7 +139,7 @@ fn valid_folder_verifies_with_its_lengths() {
     // Made strokes are neither filled areas nor drawings nor space curves.
     assert!(
         proof.rules.iter().all(|r| r.checked > 0
-            || ["fill", "drawing", "bitmap", "mask", "curves", "measured", "draped"].contains(&r.code)),
+            || ["fill", "drawing", "bitmap", "mask", "curves", "marked", "measured", "draped"].contains(&r.code)),
         "{}",
         proof.to_text()
     );

@@ -390,7 +390,8 @@ fn compiled_job_verifies() {
     // No texture of it is a drawing.
     assert!(
         proof.rules.iter().all(|r| r.ran
-            && (r.checked > 0 || ["drawing", "bitmap", "mask", "curves", "measured", "draped"].contains(&r.code))),
+            && (r.checked > 0
+                || ["drawing", "bitmap", "mask", "curves", "marked", "measured", "draped"].contains(&r.code))),
         "{}",
         proof.to_text()
     );
