@@ -145,37 +145,46 @@ fn pieces(points: &[[f64; 2]]) -> usize {
 }
 
 #[test]
+fn what_is_left_of_a_part_as_designed_is_marked_once() {
+    assert_left_is_marked_once(None);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
 fn what_is_left_is_marked_once_wherever_the_part_was_clamped_before_and_is_now() {
-    for clamped in [None, Some([FIRST, AGAIN])] {
-        let dir = folder();
-        let tables = |name: &str, k: usize| clamped.map_or_else(String::new, |c| measured(dir.path(), name, c[k]));
-        let first = job(dir.path(), "first.toml", &tables("first.csv", 0));
-        let whole = compile(&first, &dir.path().join("first.job"));
-        let rest = resumed(dir.path(), "B0008");
-        let left = manifest(&rest)["subset"]["mark_mm"].as_f64().expect("mm");
-        let marked_before = "[[marked]]\nfolder = \"first.job\"\nleft = \"rest.job\"\n";
-        let again = job(dir.path(), "again.toml", &(tables("again.csv", 1) + marked_before));
-        let target = dir.path().join("again.job");
-        let summary = compile(&again, &target);
-        let proof = verify(&target);
-        let marked_rule =
-            proof["rules"].as_array().expect("rules").iter().find(|r| r["code"] == "marked").expect("a rule").clone();
-        assert!(marked_rule["checked"].as_u64().is_some_and(|n| n > 70), "{marked_rule}");
-        // As much as was left, but for what other marks of the pen lie on, where lines touch at a small angle.
-        let now = number(&summary, "mark_mm");
-        assert!((now - left).abs() < 2e-4 * left, "{now} {left} of {}", number(&whole, "mark_mm"));
-        // Where they lie on the part by the true pose: all of the hatch, each place once.
-        let plans = [planned(&first), planned(&again)];
-        let before = marked(&plans[0], clamped.map(|c| c[0]), |i| i < 7);
-        let after = marked(&plans[1], clamped.map(|c| c[1]), |_| true);
-        let of_whole = pieces(&marked(&plans[0], clamped.map(|c| c[0]), |_| true));
-        let [a, b] = [pieces(&before), pieces(&after)];
-        let both = pieces(&[before, after].concat());
-        // The true part is smooth and its mesh is not: by where both differ, a place at an end of a line is missed.
-        assert!(both.abs_diff(of_whole) * 500 <= of_whole, "all of it: {both} of {of_whole}");
-        // A place is in both where a cut lies in it.
-        assert!(a + b - both <= 80, "{a} + {b} - {both}");
-    }
+    assert_left_is_marked_once(Some([FIRST, AGAIN]));
+}
+
+/// Marks a job up to its eighth block, and the rest of it, on a part that was clamped again in between, if it was.
+fn assert_left_is_marked_once(clamped: Option<[Clamped; 2]>) {
+    let dir = folder();
+    let tables = |name: &str, k: usize| clamped.map_or_else(String::new, |c| measured(dir.path(), name, c[k]));
+    let first = job(dir.path(), "first.toml", &tables("first.csv", 0));
+    let whole = compile(&first, &dir.path().join("first.job"));
+    let rest = resumed(dir.path(), "B0008");
+    let left = manifest(&rest)["subset"]["mark_mm"].as_f64().expect("mm");
+    let marked_before = "[[marked]]\nfolder = \"first.job\"\nleft = \"rest.job\"\n";
+    let again = job(dir.path(), "again.toml", &(tables("again.csv", 1) + marked_before));
+    let target = dir.path().join("again.job");
+    let summary = compile(&again, &target);
+    let proof = verify(&target);
+    let marked_rule =
+        proof["rules"].as_array().expect("rules").iter().find(|r| r["code"] == "marked").expect("a rule").clone();
+    assert!(marked_rule["checked"].as_u64().is_some_and(|n| n > 70), "{marked_rule}");
+    // As much as was left, but for what other marks of the pen lie on, where lines touch at a small angle.
+    let now = number(&summary, "mark_mm");
+    assert!((now - left).abs() < 2e-4 * left, "{now} {left} of {}", number(&whole, "mark_mm"));
+    // Where they lie on the part by the true pose: all of the hatch, each place once.
+    let plans = [planned(&first), planned(&again)];
+    let before = marked(&plans[0], clamped.map(|c| c[0]), |i| i < 7);
+    let after = marked(&plans[1], clamped.map(|c| c[1]), |_| true);
+    let of_whole = pieces(&marked(&plans[0], clamped.map(|c| c[0]), |_| true));
+    let [a, b] = [pieces(&before), pieces(&after)];
+    let both = pieces(&[before, after].concat());
+    // The true part is smooth and its mesh is not: by where both differ, a place at an end of a line is missed.
+    assert!(both.abs_diff(of_whole) * 500 <= of_whole, "all of it: {both} of {of_whole}");
+    // A place is in both where a cut lies in it.
+    assert!(a + b - both <= 80, "{a} + {b} - {both}");
 }
 
 #[test]

@@ -417,6 +417,7 @@ fn a_correction_applied_twice_or_upside_down_breaks_the_depth() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn damage_to_the_warp_breaks_its_rule() {
     let dir = folder();
     let out = dir.path().join("a.job");

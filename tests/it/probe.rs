@@ -195,6 +195,7 @@ fn interpreted(program: &Path) -> (Vec<SpacePoint>, usize) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn touches_of_a_part_that_lies_elsewhere_say_where_and_the_next_points_follow_from_them() {
     // Facets as long as this lie so far beside the waves.
     touches_say_where(60, 8e-3);
