@@ -289,13 +289,14 @@ impl Job {
             .collect()
     }
 
-    /// The job planned by this method, in one pass and one set-up, without dose compensation. For comparing ways
-    /// of marking.
+    /// The job planned by this method, in one pass and one set-up, without dose compensation and fixtures, which are there
+    /// in some set-ups. For comparing ways of marking.
     pub fn plain(&self, method: Method) -> Self {
         let mut job = self.clone();
         job.partition.method = method;
         job.passes = Passes::default();
         job.setups = None;
+        job.fixtures.clear();
         job.dose = None;
         // Nothing is written, so nothing has to be carried by the formats of the job.
         job.formats.clear();
