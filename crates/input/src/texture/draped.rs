@@ -12,11 +12,12 @@ use std::ops::{AddAssign, Range};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::cut_figure::{CutFigure, Cutter, Pieces};
-use super::{Figure, Part, PlacedStrokes, Texture, numbered};
+use super::Texture;
+use super::cut_figure::{Cutter, Pieces};
+use super::cut_texture::CutParts;
 use crate::surface::{Joining, Options, Surface, Trail};
 use terrace_core::diag::Error;
-use terrace_core::geom::{Box2, P2, P3, Turn};
+use terrace_core::geom::{P2, P3, Turn};
 use terrace_core::math;
 use terrace_core::progress::Task;
 
@@ -91,31 +92,19 @@ impl AddAssign for Lost {
 }
 
 /// A texture on a part as it lies.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Draped {
     /// Its strokes.
     pub texture: Texture,
     /// What is left out.
     pub lost: Lost,
-    /// What is left of each stroke of each request, and where each request's strokes begin, before and after.
-    parts: Vec<DrapedPart>,
-}
-
-#[derive(Clone, Debug)]
-struct DrapedPart {
-    figure: Arc<CutFigure<Draping>>,
-    before: u64,
-    after: u64,
+    parts: CutParts<Draping>,
 }
 
 impl Draped {
     /// The strokes that are left of stroke `i` of the texture as designed.
     pub fn pieces(&self, i: usize) -> Range<usize> {
-        let i = i as u64;
-        let k = self.parts.partition_point(|part| part.before <= i) - 1;
-        let DrapedPart { figure, before, after } = &self.parts[k];
-        let Range { start, end } = figure.pieces_of(i - before);
-        (after + start) as usize..(after + end) as usize
+        self.parts.pieces(i)
     }
 }
 
@@ -156,26 +145,7 @@ impl Texture {
     /// # Errors
     /// `texture-large`; `texture-empty` where nothing of a request is left.
     pub fn draped(&self, draping: &Arc<Draping>) -> Result<Draped, Error> {
-        let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, ..*self };
-        let mut lost = Lost::default();
-        let mut parts = Vec::new();
-        for (k, part) in self.parts.iter().enumerate() {
-            let base = part.base();
-            // All of it may have been marked before.
-            let is_empty = base.is_empty();
-            let (figure, left_out) = CutFigure::new(base, Arc::clone(draping)).map_err(|e| numbered(&e, k))?;
-            lost += left_out;
-            let figure = Arc::new(figure);
-            texture.bounds = texture.bounds.union(figure.bounds());
-            let placed = PlacedStrokes::Figure(Arc::clone(&figure) as Arc<dyn Figure>);
-            texture.parts.push(Part { placed, masked: None, border: None, slip: None, artwork: None, ..part.clone() });
-            if is_empty {
-                texture.count_any(k)?
-            } else {
-                texture.count(k)?
-            };
-            parts.push(DrapedPart { figure, before: part.start, after: texture.parts[k].start });
-        }
+        let (texture, lost, parts) = self.cut_by(|_, _| Arc::clone(draping), false)?;
         Ok(Draped { texture, lost, parts })
     }
 }

@@ -8,11 +8,12 @@ use std::ops::{AddAssign, Range};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::cut_figure::{CutFigure, Cutter, Pieces};
-use super::{Figure, Part, PlacedStrokes, Texture, numbered};
+use super::cut_figure::{Cutter, Pieces};
+use super::cut_texture::CutParts;
+use super::{Figure, Texture};
 use crate::surface::{Joining, Options, Surface, Trail};
 use terrace_core::diag::Error;
-use terrace_core::geom::{Box2, Buckets, P2, P3, Turn};
+use terrace_core::geom::{Buckets, P2, P3, Turn};
 use terrace_core::math;
 use terrace_core::program::PenId;
 use terrace_core::progress::Task;
@@ -334,23 +335,19 @@ fn between(points: &[P2], from: f64, to: f64) -> Vec<P2> {
 }
 
 /// A texture without what was marked before.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Unmarked {
     /// Its strokes.
     pub texture: Texture,
     /// What is left out.
     pub left_out: LeftOut,
-    parts: Vec<(Arc<CutFigure<LeavesOut>>, u64, u64)>,
+    parts: CutParts<LeavesOut>,
 }
 
 impl Unmarked {
     /// The strokes that are left of stroke `i` of the texture.
     pub fn pieces(&self, i: usize) -> Range<usize> {
-        let i = i as u64;
-        let k = self.parts.partition_point(|(_, before, _)| *before <= i) - 1;
-        let (figure, before, after) = &self.parts[k];
-        let Range { start, end } = figure.pieces_of(i - before);
-        (after + start) as usize..(after + end) as usize
+        self.parts.pieces(i)
     }
 }
 
@@ -360,22 +357,10 @@ impl Texture {
     /// # Errors
     /// `texture-large`.
     pub fn without(&self, marked: &Arc<Marked>) -> Result<Unmarked, Error> {
-        let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, ..*self };
-        let mut left_out = LeftOut::default();
-        let mut parts = Vec::new();
-        for (k, part) in self.parts.iter().enumerate() {
-            let base = part.base();
-            let cutter = LeavesOut { marked: Arc::clone(marked), base: Arc::clone(&base), own: part.pen };
-            let (figure, out) = CutFigure::new(base, Arc::new(cutter)).map_err(|e| numbered(&e, k))?;
-            left_out += out;
-            let figure = Arc::new(figure);
-            texture.bounds = texture.bounds.union(figure.bounds());
-            let placed = PlacedStrokes::Figure(Arc::clone(&figure) as Arc<dyn Figure>);
-            texture.parts.push(Part { placed, masked: None, border: None, slip: None, artwork: None, ..part.clone() });
-            let before = texture.len;
-            texture.count_any(k)?;
-            parts.push((figure, part.start, before));
-        }
+        let cutter = |base: &Arc<dyn Figure>, own| {
+            Arc::new(LeavesOut { marked: Arc::clone(marked), base: Arc::clone(base), own })
+        };
+        let (texture, left_out, parts) = self.cut_by(cutter, true)?;
         Ok(Unmarked { texture, left_out, parts })
     }
 }

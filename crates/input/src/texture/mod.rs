@@ -22,6 +22,7 @@ pub mod contents;
 mod contour_areas;
 mod curves;
 mod cut_figure;
+mod cut_texture;
 pub mod direction;
 mod draped;
 mod drawing;
