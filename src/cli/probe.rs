@@ -139,11 +139,11 @@ impl Sheet<'_> {
         } else {
             let _ = writeln!(out, "           taking {} earlier points into account", self.found.earlier);
         }
-        if let Some([limit, length]) = self.found.believed {
+        if let Some(limit) = self.found.believed {
             let _ = writeln!(
                 out,
-                "           if the part is warped by up to {limit} mm over {length:.0} mm or more; once it is measured, run \
-                 this again for points where they are missing"
+                "           if the part is warped by up to {limit} mm over half its extent; once it is measured, run this \
+                 again for points where they are missing"
             );
         }
         let _ = writeln!(

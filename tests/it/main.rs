@@ -87,6 +87,7 @@ mod sweep;
 mod terminal;
 mod textures;
 mod tilt;
+mod true_surfaces;
 mod turned;
 mod view;
 mod wide;

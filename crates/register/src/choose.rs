@@ -11,7 +11,8 @@
 //! matrix of rank one (Rasmussen and Williams 2006, eq. 2.24, for one point more), which is what makes trying every place
 //! cheap. Choosing the best next place each time loses at most 1/e of what the best set would lower, where what is
 //! lowered is submodular (Krause, Singh and Guestrin, Journal of Machine Learning Research 9, 2008); the cost here is so
-//! only nearly, so it is measured against an even net.
+//! only nearly. So every place is then moved to where it is best while the others stay, some rounds long, as exchange
+//! algorithms of optimal design do (Fedorov 1972).
 //!
 //! Lengths are mm, angles rad, in the table frame.
 
@@ -58,13 +59,18 @@ pub struct Known {
     pub motion: [f64; 6],
 }
 
-/// What a target costs whose height has a variance, mm²; the first argument is its index. It grows with the variance.
-pub type Cost<'a> = &'a (dyn Fn(usize, f64) -> f64 + Sync);
+/// What all targets cost whose heights have these variances, mm². It grows with each of them.
+pub type Cost<'a> = &'a (dyn Fn(&[f64]) -> f64 + Sync);
+
+/// Rounds in which chosen sites are exchanged, at most, and what a round has to gain to be followed by another.
+const MOST_ROUNDS: usize = 4;
+const LEAST_GAIN: f64 = 2e-3;
 
 /// The small motion comes first among what is not known.
 const MOTION: usize = 6;
 
 /// What is not known, and the covariance of it.
+#[derive(Clone)]
 pub struct Unknown {
     /// By length of the warp: rows of the covariance of motion, sites and targets, and how likely it is.
     models: Vec<(Vec<f64>, f64)>,
@@ -144,7 +150,7 @@ impl Unknown {
     pub fn known(&self, cost: Cost<'_>) -> Known {
         let variances = self.variances();
         Known {
-            cost: variances.iter().enumerate().map(|(t, &v)| cost(t, v)).sum(),
+            cost: cost(&variances),
             worst: variances.iter().fold(0.0, |most: f64, &v| most.max(v)).sqrt(),
             motion: std::array::from_fn(|i| self.mean(i, i).max(0.0).sqrt()),
         }
@@ -157,10 +163,22 @@ impl Unknown {
 
     /// Takes what a measurement of entry `at` would show, whose variance is `noise`.
     fn show(&mut self, at: usize, noise: f64) {
+        self.update(at, |variance| variance + noise);
+    }
+
+    /// Takes a measurement at a site back.
+    fn forget(&mut self, site: usize) {
+        let noise = self.noise[site];
+        // Of a site that was measured the variance is below that of its noise.
+        self.update(MOTION + site, |variance| (variance - noise).min(-1e-9 * noise));
+    }
+
+    /// Lowers all covariances by what each shares with entry `at`, over a variance that follows from that of the entry.
+    fn update(&mut self, at: usize, over: impl Fn(f64) -> f64) {
         let size = self.size();
         for (model, _) in &mut self.models {
             let shown: Vec<f64> = model[at * size..(at + 1) * size].to_vec();
-            let variance = shown[at] + noise;
+            let variance = over(shown[at]);
             parallel::map_items(model.chunks_mut(size).collect(), |i, row: &mut [f64]| {
                 let share = shown[i] / variance;
                 row.iter_mut().zip(&shown).for_each(|(entry, s)| *entry -= share * s);
@@ -172,7 +190,7 @@ impl Unknown {
     fn best(&self, is_free: &[bool], cost: Cost<'_>) -> Option<usize> {
         let (size, first) = (self.size(), MOTION + self.sites);
         let before = self.variances();
-        let now: Vec<f64> = before.iter().enumerate().map(|(t, &v)| cost(t, v)).collect();
+        let now = cost(&before);
         let lowered = |site: usize| {
             if !is_free[site] {
                 return f64::NEG_INFINITY;
@@ -184,7 +202,8 @@ impl Unknown {
                 let factor = weight / (model[at * size + at] + self.noise[site]);
                 after.iter_mut().zip(shown).for_each(|(v, s)| *v -= factor * s * s);
             }
-            now.iter().zip(after).enumerate().map(|(t, (now, v))| now - cost(t, v.max(0.0))).sum::<f64>()
+            after.iter_mut().for_each(|v| *v = v.max(0.0));
+            now - cost(&after)
         };
         let gains = parallel::map(self.sites, lowered);
         let best =
@@ -192,11 +211,17 @@ impl Unknown {
         best.filter(|&i| gains[i] > 0.0)
     }
 
-    /// Chooses and measures site after site until `is_enough`, given how many there are and how surely all is known, or
-    /// no site lowers the cost. Returns the sites in their order.
-    pub fn choose(&mut self, cost: Cost<'_>, is_enough: &dyn Fn(usize, &Known) -> bool) -> Vec<usize> {
+    /// Measures some sites, and site after site that lowers the cost most until `is_enough`, given how many there are
+    /// and how surely all is known, or no site lowers the cost. Returns all of them.
+    pub fn choose(
+        &mut self,
+        mut chosen: Vec<usize>,
+        cost: Cost<'_>,
+        is_enough: &dyn Fn(usize, &Known) -> bool,
+    ) -> Vec<usize> {
+        chosen.iter().for_each(|&site| self.measure(site));
         let mut is_free = vec![true; self.sites];
-        let mut chosen = Vec::new();
+        chosen.iter().for_each(|&site| is_free[site] = false);
         while !is_enough(chosen.len(), &self.known(cost)) {
             let Some(site) = self.best(&is_free, cost) else { break };
             is_free[site] = false;
@@ -205,30 +230,78 @@ impl Unknown {
         }
         chosen
     }
-}
 
-/// As even a net of `count` sites as there is, those at the rim among them: each next one is the farthest from all
-/// before it, the first the farthest from the middle.
-pub fn even_net(sites: &[Site], count: usize) -> Vec<usize> {
-    let plane = |site: &Site| [site.at[0], site.at[1]];
-    let n = sites.len().max(1) as f64;
-    let middle = [0, 1].map(|k| sites.iter().map(|site| site.at[k]).sum::<f64>() / n);
-    let farthest = |distances: &[f64]| {
-        (0..distances.len()).reduce(|best, i| if distances[i] > distances[best] { i } else { best })
-    };
-    let mut distances: Vec<f64> = sites.iter().map(|site| apart(plane(site), middle)).collect();
-    let mut net = Vec::new();
-    while net.len() < count.min(sites.len()) {
-        let Some(next) = farthest(&distances) else { break };
-        if net.is_empty() {
-            distances.fill(f64::INFINITY);
-        }
-        net.push(next);
-        for (distance, site) in distances.iter_mut().zip(sites) {
-            *distance = distance.min(apart(plane(site), plane(&sites[next])));
+    /// Moves chosen sites, each in turn, to where they lower the cost most while all others stay; until a round gains
+    /// little.
+    pub fn exchange(&mut self, chosen: &mut [usize], cost: Cost<'_>) {
+        let mut is_free = vec![true; self.sites];
+        chosen.iter().for_each(|&site| is_free[site] = false);
+        let mut before = self.known(cost).cost;
+        for _ in 0..MOST_ROUNDS {
+            for site in chosen.iter_mut() {
+                self.forget(*site);
+                is_free[*site] = true;
+                *site = self.best(&is_free, cost).unwrap_or(*site);
+                is_free[*site] = false;
+                self.measure(*site);
+            }
+            let now = self.known(cost).cost;
+            if now > before * (1.0 - LEAST_GAIN) {
+                break;
+            }
+            before = now;
         }
     }
+}
+
+/// As even a net of `count` sites as there is, those at the rim among them: the sites that it begins with, then each the
+/// farthest from all before it; the first of all the farthest from the middle.
+pub fn even_net(sites: &[Site], begun: Vec<usize>, count: usize) -> Vec<usize> {
+    let plane: Vec<[f64; 2]> = sites.iter().map(|site| [site.at[0], site.at[1]]).collect();
+    let n = sites.len().max(1) as f64;
+    let middle = [0, 1].map(|k| plane.iter().map(|at| at[k]).sum::<f64>() / n);
+    let nearer = |distances: &mut [f64], to: [f64; 2]| {
+        distances.iter_mut().zip(&plane).for_each(|(distance, &at)| *distance = distance.min(apart(at, to)));
+    };
+    let mut distances = vec![f64::INFINITY; sites.len()];
+    let mut net = begun;
+    net.iter().for_each(|&site| nearer(&mut distances, plane[site]));
+    while net.len() < count.min(sites.len()) {
+        let distance = |i: usize| if net.is_empty() { apart(plane[i], middle) } else { distances[i] };
+        let next = (0..sites.len()).reduce(|best, i| if distance(i) > distance(best) { i } else { best });
+        let Some(next) = next else { break };
+        net.push(next);
+        nearer(&mut distances, plane[next]);
+    }
     net
+}
+
+/// A net of rows and columns over the box of some places, as fine as `count` allows: the place nearest to each node, if
+/// one is nearer than the next node.
+pub fn regular_net(sites: &[Site], count: usize) -> Vec<usize> {
+    let places: Vec<[f64; 2]> = sites.iter().map(|site| [site.at[0], site.at[1]]).collect();
+    let bound = |k: usize, start: f64, more: fn(f64, f64) -> f64| places.iter().map(|p| p[k]).fold(start, more);
+    let lo = [0, 1].map(|k| bound(k, f64::INFINITY, f64::min));
+    let size = [0, 1].map(|k| (bound(k, f64::NEG_INFINITY, f64::max) - lo[k]).max(1e-3));
+    let nearest = |at: [f64; 2]| {
+        (0..places.len()).reduce(|best, i| if apart(places[i], at) < apart(places[best], at) { i } else { best })
+    };
+    let net = |pitch: f64| {
+        let gaps = size.map(|s| (s / pitch).floor().max(1.0) as usize);
+        let node = |i: usize, k: usize| lo[k] + size[k] * i as f64 / gaps[k] as f64;
+        let nodes = (0..=gaps[1]).flat_map(|row| (0..=gaps[0]).map(move |column| [node(column, 0), node(row, 1)]));
+        let reach = pitch / 2.0;
+        let mut net: Vec<usize> =
+            nodes.filter_map(|at| nearest(at).filter(|&i| apart(places[i], at) <= reach)).collect();
+        net.sort_unstable();
+        net.dedup();
+        net
+    };
+    // Of a whole box this pitch would be too fine by half.
+    let finest = (size[0] * size[1] / count.max(1) as f64).sqrt() / 2.0;
+    let coarser = std::iter::successors(Some(finest), |pitch| Some(pitch * 1.01));
+    let coarser = coarser.take_while(|pitch| *pitch <= 2.0 * size[0].max(size[1]));
+    coarser.map(net).find(|net| net.len() <= count).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -293,7 +366,7 @@ mod tests {
         let shown: Vec<Observation> =
             measured.iter().map(|s| Observation { at: [s.at[0], s.at[1]], height: 7.0, sigma: 0.003 }).collect();
         let before = Unknown::new(&prior(0.1), &shown, &measured[..1], targets, 0.003);
-        let cost = |_: usize, variance: f64| variance;
+        let cost = |variances: &[f64]| variances.iter().sum();
         let [a, b] = [step_by_step.known(&cost), before.known(&cost)];
         assert!((a.cost - b.cost).abs() < 1e-9 && (a.worst - b.worst).abs() < 1e-9, "{a:?} {b:?}");
     }
@@ -303,13 +376,13 @@ mod tests {
         let (measured, targets) = (sites(150), sites(150));
         // Only what lies to the right counts.
         let counts = |t: usize| if targets[t].at[0] > 20.0 { 1.0 } else { 0.01 };
-        let cost = |t: usize, variance: f64| counts(t) * variance;
+        let cost = |variances: &[f64]| variances.iter().enumerate().map(|(t, v)| counts(t) * v).sum();
         let mut unknown = Unknown::new(&prior(0.1), &[], &measured, &targets, 0.003);
         let none = unknown.known(&cost);
-        let chosen = unknown.choose(&cost, &|count, _| count == 15);
+        let chosen = unknown.choose(Vec::new(), &cost, &|count, _| count == 15);
         let known = unknown.known(&cost);
         let mut net = Unknown::new(&prior(0.1), &[], &measured, &targets, 0.003);
-        even_net(&measured, 15).into_iter().for_each(|site| net.measure(site));
+        even_net(&measured, Vec::new(), 15).into_iter().for_each(|site| net.measure(site));
         let of_net = net.known(&cost);
         assert_eq!(chosen.len(), 15);
         assert!(known.cost < 0.8 * of_net.cost && of_net.cost < 0.2 * none.cost, "{known:?} {of_net:?} {none:?}");
@@ -318,11 +391,53 @@ mod tests {
     }
 
     #[test]
+    fn exchanged_places_cost_less_and_are_those_that_were_measured() {
+        let (measured, targets) = (sites(80), sites(80));
+        let cost = |variances: &[f64]| variances.iter().map(|v| v * v).sum();
+        let nothing = Unknown::new(&prior(0.1), &[], &measured, &targets, 0.003);
+        let mut unknown = nothing.clone();
+        // The first twelve lie anywhere.
+        let mut chosen = unknown.choose((0..12).collect(), &cost, &|count, _| count >= 12);
+        let before = unknown.known(&cost).cost;
+        unknown.exchange(&mut chosen, &cost);
+        let mut again = nothing;
+        chosen.iter().for_each(|&site| again.measure(site));
+        let [found, exact] = [unknown.known(&cost).cost, again.known(&cost).cost];
+        assert!(found < 0.5 * before && (found / exact - 1.0).abs() < 1e-5, "{before} {found} {exact}");
+        let mut each = chosen.clone();
+        each.sort_unstable();
+        each.dedup();
+        assert_eq!(each.len(), 12, "{chosen:?}");
+    }
+
+    #[test]
+    fn a_regular_net_has_the_corners_and_no_place_beside_the_part() {
+        let node = |i: i32| [f64::from(i % 41) * 5.0, f64::from(i / 41) * 5.0];
+        let site = |[x, y]: [f64; 2]| Site { at: [x, y, 0.0], slope: [0.0; 2] };
+        let whole: Vec<Site> = (0..41 * 21).map(|i| site(node(i))).collect();
+        let net = regular_net(&whole, 50);
+        let at = |net: &[usize], sites: &[Site]| net.iter().map(|&i| sites[i].at).collect::<Vec<_>>();
+        let places = at(&net, &whole);
+        assert!((36..=50).contains(&net.len()), "{}", net.len());
+        for corner in [[0.0, 0.0], [200.0, 0.0], [0.0, 100.0], [200.0, 100.0]] {
+            assert!(places.iter().any(|p| p[..2] == corner), "{places:?}");
+        }
+        // A part with a window, and one that is a line.
+        let is_part = |[x, y]: [f64; 2]| !(30.0..170.0).contains(&x) || !(30.0..70.0).contains(&y);
+        let frame: Vec<Site> = (0..41 * 21).map(node).filter(|p| is_part(*p)).map(site).collect();
+        let net = regular_net(&frame, 50);
+        assert!((36..=50).contains(&net.len()), "{}", net.len());
+        let line: Vec<Site> = (0..41).map(|i| site([f64::from(i) * 5.0, 7.0])).collect();
+        assert!((5..=6).contains(&regular_net(&line, 6).len()), "{:?}", regular_net(&line, 6));
+        assert!(regular_net(&[], 9).is_empty() && regular_net(&line, 0).is_empty());
+    }
+
+    #[test]
     fn a_wanted_deviation_decides_how_many_there_are() {
         let (measured, targets) = (sites(80), sites(80));
-        let cost = |_: usize, variance: f64| variance * variance;
+        let cost = |variances: &[f64]| variances.iter().map(|v| v * v).sum();
         let mut unknown = Unknown::new(&prior(0.0), &[], &measured, &targets, 0.003);
-        let chosen = unknown.choose(&cost, &|_, known| known.worst <= 0.004);
+        let chosen = unknown.choose(Vec::new(), &cost, &|_, known| known.worst <= 0.004);
         assert!((4..40).contains(&chosen.len()), "{}", chosen.len());
         assert!(unknown.known(&cost).worst <= 0.004);
     }
@@ -330,7 +445,7 @@ mod tests {
     #[test]
     fn an_even_net_begins_at_the_rim_and_leaves_no_hole() {
         let all = sites(300);
-        let net = even_net(&all, 30);
+        let net = even_net(&all, Vec::new(), 30);
         let first = all[net[0]].at;
         assert!(math::hypot(first[0], first[1]) > 110.0, "{first:?}");
         let gap = |site: &Site| {
@@ -338,6 +453,6 @@ mod tests {
             to.fold(f64::INFINITY, f64::min)
         };
         assert!(all.iter().map(gap).fold(0.0, f64::max) < 45.0);
-        assert_eq!(even_net(&[], 3), Vec::<usize>::new());
+        assert_eq!(even_net(&[], Vec::new(), 3), Vec::<usize>::new());
     }
 }

@@ -16,7 +16,7 @@ mod motion;
 mod pairs;
 mod warp;
 
-pub use choose::{Cost, Known, Prior, Site, Unknown, even_net};
+pub use choose::{Cost, Known, Prior, Site, Unknown, even_net, regular_net};
 pub use closed_form::Pair;
 pub use facets::{Contact, Facets};
 pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};

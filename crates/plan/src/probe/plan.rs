@@ -57,9 +57,8 @@ pub struct Probing {
     pub of_net: Known,
     /// Deviations that stops keep free.
     pub sigmas: f64,
-    /// What was believed before: how far a part may be warped, over which length at least, mm; None of a rigid part, and
-    /// where earlier points have shown it.
-    pub believed: Option<[f64; 2]>,
+    /// How far the part was believed to be warped, mm; None of a rigid part, and where earlier points have shown it.
+    pub believed: Option<f64>,
     /// How many earlier points were taken into account.
     pub earlier: usize,
     /// The job's texture, and its standard deviation after these points: place, mm beside the placement, and mm.

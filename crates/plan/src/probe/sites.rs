@@ -28,8 +28,10 @@ const STEEPEST_BESIDE: f64 = 0.75;
 /// Directions in which a place is looked at for edges.
 const DIRECTIONS: u32 = 12;
 
-/// What a place that is level counts beside one of unit slope: it needs no stop for its height, but is marked too.
-const LEVEL: f64 = 0.01;
+/// What a place that is level counts beside one of the mean slope: it needs no stop for its own height, but what is kept
+/// free there reaches into the levels of others. And the least, of a part that is level everywhere.
+const LEVEL: f64 = 1.0;
+const LEAST_WEIGHT: f64 = 0.01;
 
 /// A place where something is marked.
 pub(super) struct MarkedPlace {
@@ -100,11 +102,11 @@ fn evenly(places: Vec<Place>, count: usize) -> Vec<Place> {
     }
     let site = |place: &Place| Site { at: place.at.map(|nm| nm / NM_PER_MM), slope: place.slope };
     let sites: Vec<Site> = places.iter().map(site).collect();
-    even_net(&sites, count).into_iter().map(|i| places[i].clone()).collect()
+    even_net(&sites, Vec::new(), count).into_iter().map(|i| places[i].clone()).collect()
 }
 
-/// Places in an area that can be measured.
-pub(super) fn places(surface: &Surface, area: Box2, ways: &Ways<'_>) -> Vec<Place> {
+/// Places in an area that are even enough to be measured, in a fine net.
+pub(super) fn even_places(surface: &Surface, area: Box2, ways: &Ways<'_>) -> Vec<Place> {
     let grid = net(area);
     let [near, far] = ways.around();
     let place = |i: usize| {
@@ -126,10 +128,13 @@ pub(super) fn places(surface: &Surface, area: Box2, ways: &Ways<'_>) -> Vec<Plac
         let at = [p.x as f64, p.y as f64, z];
         Some(Place { at, slope, stage: ways.touching(at, slope) })
     };
-    let found: Vec<Place> = parallel::map(grid.len(), place).into_iter().flatten().collect();
-    let reached = |place: &&Place| ways.reaches(place);
+    parallel::map(grid.len(), place).into_iter().flatten().collect()
+}
+
+/// Some of them that the probe reaches, evenly apart.
+pub(super) fn reached(even: &[Place], ways: &Ways<'_>) -> Vec<Place> {
     // Twice as many as are kept, since what the probe cannot reach is left out of them.
-    let found: Vec<Place> = evenly(found, 2 * MOST_PLACES).iter().filter(reached).cloned().collect();
+    let found = evenly(even.to_vec(), 2 * MOST_PLACES).into_iter().filter(|place| ways.reaches(place)).collect();
     evenly(found, MOST_PLACES)
 }
 
@@ -166,9 +171,9 @@ pub(super) fn marked(texture: &Texture, surface: &Surface, max_slope: f64) -> Ve
         let slope = heights.slope(p, over).filter(|s| math::hypot(s[0], s[1]) <= max_slope)?;
         Some(Place { at: [p.x as f64, p.y as f64, z], slope, stage: Commanded::default() })
     });
-    let weighed = |place: Place| {
-        let weight = math::hypot(place.slope[0], place.slope[1]) + LEVEL;
-        MarkedPlace { place, weight }
-    };
-    evenly(found.collect(), MOST_MARKED).into_iter().map(weighed).collect()
+    let places = evenly(found.collect(), MOST_MARKED);
+    let slope = |place: &Place| math::hypot(place.slope[0], place.slope[1]);
+    let level = LEVEL * places.iter().map(slope).sum::<f64>() / places.len().max(1) as f64 + LEAST_WEIGHT;
+    let weighed = |place: Place| MarkedPlace { weight: slope(&place) + level, place };
+    places.into_iter().map(weighed).collect()
 }

@@ -1,0 +1,343 @@
+//! Warped parts that terrace has never seen, measured with noise: what it makes of the points, against the truth.
+//!
+//! The true part is the car hood of the fixtures, turned, leaning, shifted, and dented by six bumps of one width, up and
+//! down, or not dented. A sensor measures it in a net, or where `terrace probe` says.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use terrace_core::geom::{Box2, NM_PER_MM, P2, SpacePoint};
+use terrace_core::math;
+use terrace_core::random::Random;
+use terrace_input::surface::{self, Options, Trail};
+use terrace_plan::plan::SteppedPlan;
+
+use crate::support::{JobText, fixture, folder, planned, said, seeds, terrace};
+
+/// Noise of the sensor, mm.
+const NOISE: f64 = 0.005;
+
+/// The part of the hood that is marked, mm.
+const AREA: [f64; 4] = [500.0, -125.0, 750.0, 125.0];
+
+/// A normal deviate.
+fn gauss(random: &mut Random) -> f64 {
+    (-2.0 * math::ln(1.0 - random.unit())).sqrt() * math::cos(std::f64::consts::TAU * random.unit())
+}
+
+/// The true part as it lies on the table.
+struct TruePart {
+    /// Facets of the hood as they are clamped, undented, by cells of 5 mm of the table.
+    cells: std::collections::HashMap<(i64, i64), Vec<[SpacePoint; 3]>>,
+    /// Facets of the file.
+    designed: Vec<[SpacePoint; 3]>,
+    /// Middle and height of the bumps, and their width, mm.
+    bumps: Vec<[f64; 3]>,
+    width: f64,
+}
+
+/// How far the part is turned about x, y and z, rad, and where its origin lies, mm.
+const TURNS: [f64; 3] = [0.004, -0.003, 0.002];
+const SHIFT: SpacePoint = [-625.123_456_7, 0.765_432_1, -126.5];
+
+fn clamped(p: SpacePoint) -> SpacePoint {
+    let turned = (0..3).fold(p, |p, axis| {
+        let (s, c) = math::sin_cos(TURNS[axis]);
+        let [i, k] = [(axis + 1) % 3, (axis + 2) % 3];
+        let mut out = p;
+        (out[i], out[k]) = (c * p[i] - s * p[k], s * p[i] + c * p[k]);
+        out
+    });
+    [0, 1, 2].map(|k| turned[k] + SHIFT[k])
+}
+
+/// The height of the facet over a place, if one of them is there.
+fn over<'a>(facets: impl IntoIterator<Item = &'a [SpacePoint; 3]>, [x, y]: [f64; 2]) -> Option<f64> {
+    facets.into_iter().find_map(|[a, b, c]| {
+        let d = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / d;
+        let v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / d;
+        let is_in = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;
+        is_in.then(|| a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]))
+    })
+}
+
+impl TruePart {
+    /// Bumps of this width, highest less lowest `depth` over the area, mm.
+    fn new(seed: u64, width: f64, depth: f64) -> Self {
+        let options = Options { unit_mm: Some(1.0), ..Options::default() };
+        let mut designed = Vec::new();
+        surface::read(&fixture("hood.stl"), &options, &mut Vec::new(), &mut |facet| designed.push(facet))
+            .expect("a hood");
+        let mut cells = std::collections::HashMap::<_, Vec<_>>::new();
+        for facet in &designed {
+            let lies = facet.map(clamped);
+            let range = |k: usize| {
+                let v = lies.map(|p| (p[k] / 5.0).floor() as i64);
+                v[0].min(v[1]).min(v[2])..=v[0].max(v[1]).max(v[2])
+            };
+            for i in range(0) {
+                range(1).for_each(|k| cells.entry((i, k)).or_default().push(lies));
+            }
+        }
+        let mut random = Random::case(seed);
+        let bumps = (0..6).map(|_| [random.range(-130.0, 130.0), random.range(-130.0, 130.0), random.range(-1.0, 1.0)]);
+        let mut part = Self { cells, designed, bumps: bumps.collect(), width };
+        let places =
+            (0..26).flat_map(|i| (0..26).map(move |k| [f64::from(i) * 10.0 - 125.0, f64::from(k) * 10.0 - 125.0]));
+        let heights: Vec<f64> = places.map(|at| part.dent(at)).collect();
+        let [lo, hi] = [
+            heights.iter().copied().fold(f64::INFINITY, f64::min),
+            heights.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        ];
+        part.bumps.iter_mut().for_each(|bump| bump[2] *= depth / (hi - lo));
+        part
+    }
+
+    /// By how much it is dented at a place of the table, mm.
+    fn dent(&self, [x, y]: [f64; 2]) -> f64 {
+        let of = |[a, b, h]: &[f64; 3]| {
+            h * math::exp(-((x - a).powi(2) + (y - b).powi(2)) / (2.0 * self.width * self.width))
+        };
+        self.bumps.iter().map(of).sum()
+    }
+
+    /// Its height over a place of the table, mm; None beside it.
+    fn height(&self, at: [f64; 2]) -> Option<f64> {
+        let facets = self.cells.get(&((at[0] / 5.0).floor() as i64, (at[1] / 5.0).floor() as i64))?;
+        Some(over(facets, at)? + self.dent(at))
+    }
+
+    /// Five features found with the pilot laser.
+    fn features(&self, random: &mut Random) -> String {
+        let mut text = "kind,stage_x,stage_y,stage_z,sigma_um,part_x,part_y,part_z\n".to_owned();
+        for [x, y] in [[510.0, -118.0], [740.0, -118.0], [740.0, 118.0], [505.0, 118.0], [620.0, 5.0]] {
+            let p = [x, y, over(&self.designed, [x, y]).expect("on the hood")];
+            let [a, b, c] = clamped(p);
+            let mut found = [a, b, c + self.dent([a, b])];
+            found.iter_mut().for_each(|v| *v += 0.01 * gauss(random));
+            let _ = writeln!(text, "optical,{:.7},{:.7},{:.7},10,{x},{y},{:.6}", -found[0], -found[1], found[2], p[2]);
+        }
+        text
+    }
+
+    /// The row of the sensor over a place of the table; None beside the part.
+    fn row(&self, at: [f64; 2], random: &mut Random) -> Option<String> {
+        let z = self.height(at)? + NOISE * gauss(random);
+        Some(format!("distance,{:.7},{:.7},{z:.7},{},,,\n", -at[0], -at[1], NOISE * 1e3))
+    }
+
+    /// Features, and about as many points in a net with its rim.
+    fn net(&self, count: usize, random: &mut Random) -> String {
+        let side = (count as f64).sqrt().ceil() as usize;
+        let mut text = self.features(random);
+        for k in 0..count {
+            let share = |n: usize| n as f64 / (side - 1) as f64;
+            let [x, y] = [AREA[0] + 2.0 + 246.0 * share(k % side), AREA[1] + 2.0 + 246.0 * share(k / side)];
+            let [x, y, _] = clamped([x, y, over(&self.designed, [x, y]).expect("on the hood")]);
+            text.extend(self.row([x, y], random));
+        }
+        text
+    }
+}
+
+/// A job on the hood; `focus` and `measured` are lines of their tables.
+fn job(dir: &Path, name: &str, focus: &str, measured: &str) -> PathBuf {
+    let [x0, y0, x1, y1] = AREA;
+    let mut job = JobText::on(&fixture("hood.stl")).texture(&format!(
+        "pattern = \"hatch\"\npitch = \"2.5 mm\"\narea = [\"{x0} mm\", \"{y0} mm\", \"{x1} mm\", \"{y1} mm\"]"
+    ));
+    job.focus = focus.into();
+    job.more = format!(
+        "[placement]\norigin = [\"-625 mm\", \"1 mm\", \"-126 mm\"]\n[placement.measured]\nfile = \"points.csv\"\n{measured}\n"
+    );
+    job.write(dir, name)
+}
+
+/// What a plan made of the points of a part, against it.
+struct Judged {
+    /// Shares of places inside three deviations of the height, of marks in focus, and of places that would be in focus
+    /// without the correction.
+    inside: f64,
+    in_focus: f64,
+    in_focus_rigid: f64,
+    /// Root mean square and largest error of the height, mm.
+    rms: f64,
+    worst: f64,
+    stops: usize,
+    /// The most that is kept free anywhere, mm.
+    kept: f64,
+    /// Largest deviation of the height under the texture, mm.
+    sigma: f64,
+}
+
+impl Judged {
+    fn told(&self) -> String {
+        let [rms, worst, sigma, kept] = [self.rms, self.worst, self.sigma, self.kept].map(|mm| mm * 1e3);
+        let [inside, focus, rigid] = [self.inside, self.in_focus, self.in_focus_rigid].map(|share| share * 100.0);
+        format!(
+            "error {rms:.1} um rms, {worst:.1} at worst, sigma up to {sigma:.1} um, kept up to {kept:.1} um; {inside:.2} % of \
+             places inside three sigmas, {focus:.2} % of marks in focus, {rigid:.1} % without correction; {} stops",
+            self.stops
+        )
+    }
+}
+
+fn judged(plan: &SteppedPlan, part: &TruePart) -> Judged {
+    let inputs = &plan.inputs;
+    let (surface, reserve) = (&inputs.surface, inputs.reserve().expect("a measured part"));
+    let origin = plan.checked.origin().mm();
+    let correction = inputs.measured.as_ref().and_then(|m| m.correction.clone());
+    let mut trail = Trail::new(2.0);
+    let (mut places, mut inside, mut rigid, mut square, mut worst, mut sigma) = (0.0, 0.0, 0.0, 0.0, 0.0f64, 0.0f64);
+    let bounds = inputs.texture.bounds();
+    let step = 3_000_000;
+    let half = plan.job.focus.half_depth_mm();
+    for x in (bounds.lo.x..bounds.hi.x).step_by(step) {
+        for y in (bounds.lo.y..bounds.hi.y).step_by(step) {
+            let p = P2::new(x, y);
+            trail.follow(surface, p, p);
+            let Some((span, _)) = trail.spans().next().filter(|(span, _)| span.facet().is_some()) else { continue };
+            let at = [x as f64 / NM_PER_MM, y as f64 / NM_PER_MM];
+            let Some(height) = part.height([at[0] + origin[0], at[1] + origin[1]]) else { continue };
+            let found = span.z0 / NM_PER_MM + origin[2];
+            let error = height - found;
+            let deviation = reserve.deviation(Box2 { lo: p, hi: p }) / NM_PER_MM;
+            let added = correction.as_ref().map_or(0.0, |c| c.height([x as f64, y as f64]) / NM_PER_MM);
+            places += 1.0;
+            inside += f64::from(u8::from(error.abs() <= 3.0 * deviation));
+            rigid += f64::from(u8::from((error + added).abs() <= half / 2.0));
+            square += error * error;
+            (worst, sigma) = (worst.max(error.abs()), sigma.max(deviation));
+        }
+    }
+    let program = plan.checked.program();
+    let (mut marks, mut focused) = (0.0, 0.0);
+    for block in &program.blocks {
+        let [cx, cy] = block.stop.centre.mm();
+        for stroke in program.strokes_of(block) {
+            for p in program.points_of(stroke) {
+                let at = [f64::from(p.x) / NM_PER_MM + cx + origin[0], f64::from(p.y) / NM_PER_MM + cy + origin[1]];
+                let Some(height) = part.height(at) else { continue };
+                marks += 1.0;
+                let off = height - block.stop.lpfl.mm() - origin[2];
+                focused += f64::from(u8::from(off.abs() <= half));
+            }
+        }
+    }
+    assert!(places > 5000.0 && marks > 2000.0, "{places} places, {marks} ends of marks");
+    Judged {
+        inside: inside / places,
+        in_focus: focused / marks,
+        in_focus_rigid: rigid / places,
+        rms: (square / places).sqrt(),
+        worst,
+        stops: program.stops(),
+        kept: reserve.kept(bounds) / NM_PER_MM,
+        sigma,
+    }
+}
+
+/// The depth of focus of the jobs, and how far parts may be warped.
+const FOCUS: &str = "pdof = \"0.12 mm\"";
+const WARP: &str = "warp = \"0.5 mm\"";
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn places_are_known_as_closely_as_is_said_and_stops_keep_free_no_more_than_they_need() {
+    let dir = folder();
+    let mut inside = 0.0;
+    let cases = [(1, 60, 40.0), (2, 120, 40.0), (3, 120, 20.0), (4, 240, 20.0), (5, 60, 80.0), (6, 240, 80.0)];
+    for (seed, count, width) in cases {
+        let part = TruePart::new(seed, width, 0.2);
+        std::fs::write(dir.path().join("points.csv"), part.net(count, &mut Random::case(100 + seed)))
+            .expect("writable");
+        // Points farther apart than bumps are wide leave more in doubt than a fine focus has.
+        let pdof = if width < 30.0 { "pdof = \"0.3 mm\"" } else { FOCUS };
+        let own = judged(&planned(&job(dir.path(), "own.toml", pdof, WARP)), &part);
+        // One reserve for the whole job that is as safe where the part is known least.
+        let focus = format!("{pdof}\nreserve = \"{:.4} mm\"", (2.0 * own.kept * 1e4).ceil() / 1e4);
+        let single = planned(&job(dir.path(), "single.toml", &focus, &format!("{WARP}\nsigmas = 0")));
+        let single = single.checked.program().stops();
+        let fewer = 1.0 - own.stops as f64 / single as f64;
+        let text = format!(
+            "{seed}: {count} points, bumps of {width} mm: {}; {:.1} % fewer than {single} with one reserve",
+            own.told(),
+            100.0 * fewer
+        );
+        println!("{text}");
+        inside += own.inside;
+        assert!(own.inside >= 0.97 && own.in_focus >= 0.99 && (own.in_focus_rigid < 0.75 || pdof != FOCUS), "{text}");
+        assert!(fewer >= 0.25, "{text}");
+    }
+    assert!(inside / cases.len() as f64 >= 0.99, "share of places inside three deviations: {inside} of {cases:?}");
+}
+
+/// Where to measure, as `terrace probe` says: positions of the table, mm.
+fn chosen(job: &Path, count: usize, to: &Path) -> Vec<[f64; 2]> {
+    let count = count.to_string();
+    let args = ["--sensor", "5 um", "--points", &count, "--json", "-o"].map(Path::new);
+    let out = terrace([Path::new("probe"), job].into_iter().chain(args).chain([to]));
+    assert!(out.status.success(), "{}", said(&out));
+    let told: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    let points = told["points"].as_array().expect("points").iter();
+    let stage = points.map(|p| serde_json::from_value::<SpacePoint>(p["stage_mm"].clone()).expect("mm"));
+    stage.map(|[x, y, _]| [-x, -y]).collect()
+}
+
+/// What plans make of a regular net of points, and of as many chosen ones, on the same part.
+fn net_and_chosen(seed: u64, count: usize, width: f64, depth: f64, measured: &str) -> [Judged; 2] {
+    let dir = folder();
+    let part = TruePart::new(seed, width, depth);
+    let mut random = Random::case(200 + seed);
+    let points = dir.path().join("points.csv");
+    let file = job(dir.path(), "job.toml", FOCUS, measured);
+    let at = chosen(&file, count, &dir.path().join("probe"));
+    let mut table = part.features(&mut random);
+    at.into_iter().for_each(|at| table.extend(part.row(at, &mut random)));
+    [part.net(count, &mut random), table].map(|table| {
+        std::fs::write(&points, table).expect("writable");
+        judged(&planned(&file), &part)
+    })
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn chosen_points_of_a_rigid_part_cost_fewer_stops_than_a_net_of_as_many() {
+    let dir = folder();
+    let exact = job(dir.path(), "exact.toml", FOCUS, "sigmas = 0");
+    let (mut net, mut chosen) = (0.0, 0.0);
+    for seed in seeds(1..4) {
+        let part = TruePart::new(seed, 40.0, 0.0);
+        std::fs::write(dir.path().join("points.csv"), part.net(25, &mut Random::case(seed))).expect("writable");
+        let least = planned(&exact).checked.program().stops();
+        let both = net_and_chosen(seed, 25, 40.0, 0.0, "");
+        let text = format!("{seed}: {least} stops at least\n   net {}\n   chosen {}", both[0].told(), both[1].told());
+        println!("{text}");
+        assert!(both.iter().all(|j| j.in_focus >= 0.99 && j.inside >= 0.99), "{text}");
+        net += (both[0].stops - least) as f64;
+        chosen += (both[1].stops - least) as f64;
+    }
+    assert!(chosen < 0.95 * net, "stops over those of a part that is known exactly: chosen {chosen}, net {net}");
+}
+
+/// Lines lie over a whole rectangle, so a regular net is nearly the best there is, and how the warp is fitted to other
+/// points decides as much.
+#[test]
+#[ignore = "slow: make test-all"]
+fn chosen_points_of_a_warped_part_cost_about_the_stops_of_a_regular_net() {
+    let (mut net, mut chosen) = ([0.0; 2], [0.0; 2]);
+    for seed in seeds(11..17) {
+        let width = 25.0 + 5.0 * (seed % 8) as f64;
+        let both = net_and_chosen(seed, 100, width, 0.2, WARP);
+        let text = format!("{seed}: bumps of {width} mm\n   net {}\n   chosen {}", both[0].told(), both[1].told());
+        println!("{text}");
+        assert!(both.iter().all(|j| j.in_focus >= 0.99), "{text}");
+        for (sum, judged) in [&mut net, &mut chosen].into_iter().zip(&both) {
+            *sum = [sum[0] + judged.stops as f64, sum[1] + judged.worst];
+        }
+    }
+    let text = format!("stops and largest errors, mm: chosen {chosen:?}, net {net:?}");
+    println!("{text}");
+    assert!(chosen[0] < 1.06 * net[0] && chosen[1] < 1.1 * net[1], "{text}");
+}
