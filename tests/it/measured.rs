@@ -374,6 +374,21 @@ fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
     }
     assert!(all > 300 && inside * 1000 >= all * 995, "{inside} of {all}");
     assert!(std::fs::read_to_string(folder.join("measured.svg")).expect("a map").contains("Correction of the height"));
+    let shown = measured_in_view(&folder);
+    let points = shown["points"].as_array().expect("points");
+    let left = |key: &str| points.iter().filter_map(|p| p[key].as_f64()).fold(0.0, |most: f64, v| most.max(v.abs()));
+    let [before, after] = ["before_um", "after_um"].map(left);
+    assert!(shown["is_warped"] == true && shown["most_um"].as_f64() >= Some(before), "{shown}");
+    assert!(points.len() > 20 && before > 20.0 && after < before / 2.0, "{before} {after}");
+}
+
+/// What the head of the view says of the measured part.
+fn measured_in_view(folder: &Path) -> Value {
+    let page = std::fs::read_to_string(folder.join("view.html")).expect("a page");
+    let head = page.split("<script id=\"head\" type=\"application/json\">").nth(1).expect("a head");
+    let head: Value = serde_json::from_str(head.split("</script>").next().expect("its end")).expect("JSON");
+    assert!(page.contains("data-measured"));
+    head["measured"].clone()
 }
 
 /// The height of the warped part over a place of the table frame, mm; None beside it.
@@ -493,4 +508,9 @@ fn what_is_not_known_closely_enough_is_refused_or_marked_with_a_warning_as_the_j
     // Near the features nothing is left out of what is kept: a job that is sure of its height needs fewer stops there.
     let map = std::fs::read_to_string(target.join("measured.svg")).expect("a picture");
     assert!(map.contains("red: less than that"));
+    let shown = measured_in_view(&target);
+    assert!(
+        shown["is_warped"] == false && shown["points"].as_array().is_some_and(|p| p.len() == near.len()),
+        "{shown}"
+    );
 }

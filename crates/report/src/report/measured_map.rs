@@ -10,11 +10,9 @@ use std::fmt::Write;
 use super::colour::{Colour, hex, of_height};
 use super::page::escape;
 use super::{image, plain};
-use terrace_core::geom::{Box2, BoxMm, NM_PER_MM, P2};
-use terrace_plan::measured::{MeasuredPart, PointResidual, Residual};
-
-/// Cells along the longer side of a map.
-const CELLS: usize = 220;
+use crate::measured::{self, Area};
+use terrace_core::geom::Box2;
+use terrace_plan::measured::{MeasuredPart, PointResidual};
 
 /// Width of a map, and what lies beside and above it.
 pub(super) const WIDTH: f64 = 560.0;
@@ -72,92 +70,29 @@ struct Dot<'a> {
     at: [f64; 2],
 }
 
-/// The area of both maps, mm beside the placement.
-pub(super) struct Area {
-    lo: [f64; 2],
-    size: [f64; 2],
-}
-
 impl Area {
-    /// Around some places, mm, and a rim.
-    pub(super) fn around(places: impl Iterator<Item = [f64; 2]>) -> Self {
-        let mut around = BoxMm::EMPTY;
-        places.for_each(|at| around.add(at));
-        let size = around.size().map(|side| side.max(1e-3));
-        let rim = 0.02 * size[0].max(size[1]);
-        Self { lo: around.lo.map(|v| v - rim), size: size.map(|v| v + 2.0 * rim) }
-    }
-
-    /// The root of its size, mm.
-    pub(super) fn extent(&self) -> f64 {
-        (self.size[0] * self.size[1]).sqrt()
-    }
-
+    /// Its height in the picture.
     pub(super) fn height(&self) -> f64 {
-        (WIDTH * self.size[1] / self.size[0]).clamp(WIDTH / 6.0, 2.5 * WIDTH).ceil()
+        let [wide, high] = self.size();
+        (WIDTH * high / wide).clamp(WIDTH / 6.0, 2.5 * WIDTH).ceil()
     }
 
-    fn cells(&self) -> [usize; 2] {
-        let longest = self.size[0].max(self.size[1]);
-        self.size.map(|side| ((side / longest * CELLS as f64).round() as usize).max(1))
-    }
-
-    /// Places of cells from the upper left, row by row.
-    pub(super) fn places(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
-        let [columns, rows] = self.cells();
-        (0..rows * columns).map(move |i| {
-            let [column, row] = [i % columns, rows - 1 - i / columns];
-            [
-                self.lo[0] + self.size[0] * (column as f64 + 0.5) / columns as f64,
-                self.lo[1] + self.size[1] * (row as f64 + 0.5) / rows as f64,
-            ]
-        })
-    }
-
+    /// A place in the picture.
     pub(super) fn on_map(&self, at: [f64; 2]) -> [f64; 2] {
-        let [u, v] = [0, 1].map(|k| (at[k] - self.lo[k]) / self.size[k]);
+        let [u, v] = [0, 1].map(|k| (at[k] - self.lo()[k]) / self.size()[k]);
         [u * WIDTH, HEAD + (1.0 - v) * self.height()]
-    }
-}
-
-/// What the rigid fit leaves of a point along z, or along the normal, um; None where it does not count.
-fn left_by_fit(point: &PointResidual) -> Option<f64> {
-    match point.residual {
-        Residual::Place([_, _, z]) => Some(z * 1e3),
-        Residual::Above(distance, true) => Some(distance * 1e3),
-        Residual::Above(_, false) => None,
     }
 }
 
 /// The text of the file; `texture` is the box of the texture, `sigmas` what the job keeps free.
 pub fn measured_svg(job: &str, part: &MeasuredPart, texture: Box2, sigmas: f64) -> String {
-    let origin = part.lying.origin.mm();
-    let dots: Vec<Dot<'_>> = part
-        .lying
-        .points
-        .iter()
-        .map(|point| Dot { point, at: [point.at[0] - origin[0], point.at[1] - origin[1]] })
-        .collect();
-    let area = area(&dots, texture);
-    let correction = |[x, y]: [f64; 2]| {
-        let at = [x * NM_PER_MM, y * NM_PER_MM];
-        let [height, deviation] = part.correction.as_ref()?.linear(at).map(|l| l.of(at));
-        deviation.is_finite().then_some(height / 1e3)
-    };
-    let kept = |[x, y]: [f64; 2]| {
-        let p = P2::from_mm(x, y)?;
-        let kept = part.reserve.kept(Box2 { lo: p, hi: p }) / 1e3;
-        let kept = if part.reserve.is_short(Box2 { lo: p, hi: p }) { f64::INFINITY } else { kept };
-        (kept > 0.0).then_some(kept)
-    };
-    let [heights, keeps] = [area.places().map(correction).collect::<Vec<_>>(), area.places().map(kept).collect()];
-    let most = |values: &[Option<f64>]| {
-        values.iter().flatten().filter(|v| v.is_finite()).fold(0.0, |most: f64, v| most.max(v.abs()))
-    };
-    let by_fit = dots.iter().filter_map(|dot| left_by_fit(dot.point)).fold(0.0, |most: f64, v| most.max(v.abs()));
-    let signed = Scale::signed(most(&heights).max(by_fit));
-    let least = keeps.iter().flatten().fold(f64::INFINITY, |least: f64, v| least.min(*v));
-    let amount = Scale::amount(if least.is_finite() { [least, most(&keeps)] } else { [0.0, 1.0] });
+    let dots: Vec<Dot<'_>> =
+        part.lying.points.iter().map(|point| Dot { point, at: measured::beside(part, point) }).collect();
+    let area = Area::of(part, texture);
+    let heights: Vec<Option<f64>> = area.places().map(|at| measured::correction(part, at)).collect();
+    let keeps: Vec<Option<f64>> = area.places().map(|at| measured::kept(part, at)).collect();
+    let signed = Scale::signed(measured::most_signed(part, &heights));
+    let amount = Scale::amount(measured::range(&keeps));
     let total = HEAD + area.height() + KEY;
     let page = 2.0 * WIDTH + 3.0 * SIDE;
     let name = escape(job);
@@ -169,13 +104,10 @@ pub fn measured_svg(job: &str, part: &MeasuredPart, texture: Box2, sigmas: f64) 
         dots.len(),
     );
     let ground = Ground { area: &area, values: &heights, scale: &signed };
-    let before = Map { ground, scale: &signed, dots: &dots, of_dot: &left_by_fit };
+    let before = Map { ground, scale: &signed, dots: &dots, of_dot: &measured::left_by_fit };
     let head = if part.correction.is_some() { "Correction of the height, um" } else { "Not corrected: rigid" };
     before.draw(&mut out, SIDE, head, "points: what the rigid fit leaves of them");
-    let left = |point: &PointResidual| match part.correction {
-        Some(_) => point.left.map(|mm| mm * 1e3),
-        None => left_by_fit(point),
-    };
+    let left = |point: &PointResidual| measured::left(part, point);
     let ground = Ground { area: &area, values: &keeps, scale: &amount };
     let after = Map { ground, scale: &signed, dots: &dots, of_dot: &left };
     let is_short = keeps.iter().flatten().any(|v: &f64| v.is_infinite());
@@ -188,12 +120,6 @@ pub fn measured_svg(job: &str, part: &MeasuredPart, texture: Box2, sigmas: f64) 
     after.draw(&mut out, 2.0 * SIDE + WIDTH, &head, words);
     out.push_str("</svg>\n");
     out
-}
-
-/// The box of the texture and of the points.
-fn area(dots: &[Dot<'_>], texture: Box2) -> Area {
-    let corners = if texture.is_empty() { vec![] } else { vec![texture.lo.mm(), texture.hi.mm()] };
-    Area::around(dots.iter().map(|dot| dot.at).chain(corners))
 }
 
 /// The ground of a map: a value for each cell of an area.

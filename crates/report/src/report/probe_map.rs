@@ -5,9 +5,10 @@
 
 use std::fmt::Write;
 
-use super::measured_map::{Area, Ground, HEAD, KEY, SIDE, Scale, WIDTH};
+use super::measured_map::{Ground, HEAD, KEY, SIDE, Scale, WIDTH};
 use super::page::escape;
 use super::plain;
+use crate::measured::Area;
 use terrace_plan::probe::Probing;
 
 /// Points beyond these have no names on the map.

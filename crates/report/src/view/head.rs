@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::fixtures::FixtureHead;
 use super::marks::ChunkHead;
+use super::measured::MeasuredHead;
 use super::tone::Tones;
 use crate::scene::{Histogram, Scene, UnmarkedRow};
 use terrace_core::diag::Message;
@@ -49,6 +50,8 @@ pub(super) struct Head<'a> {
     pub skipped_lines: Option<LinesHead>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fixtures: Vec<FixtureHead<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured: Option<MeasuredHead<'a>>,
     pub motion: Option<MotionHead>,
     pub ranges: Ranges,
     pub histograms: Histograms,

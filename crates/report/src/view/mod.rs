@@ -12,6 +12,7 @@ mod blocks;
 mod fixtures;
 mod head;
 mod marks;
+mod measured;
 mod pack;
 #[cfg(test)]
 mod tests;
@@ -25,7 +26,7 @@ use blocks::Columns;
 use head::{Head, LinesHead, ListHead, MapHead, MotionHead, PartHead, Ranges};
 use pack::Data;
 use terrace_core::duration::duration;
-use terrace_core::geom::{BoxMm, NM_PER_MM};
+use terrace_core::geom::{Box2, BoxMm, NM_PER_MM};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::parallel;
 use terrace_core::program::{Pen, Slope};
@@ -34,6 +35,7 @@ use terrace_input::surface::{Decimated, Surface};
 use terrace_plan::block_map::BlockMap;
 use terrace_plan::fixtures::Fixture;
 use terrace_plan::manifest::{OnTheFlySummary, Summary};
+use terrace_plan::measured::MeasuredPart;
 use terrace_plan::plan::{OnTheFlyPlan, SteppedPlan};
 
 /// The page, its style and its scripts in the order in which they are read.
@@ -82,6 +84,7 @@ pub fn of_stepped(plan: &SteppedPlan, scene: &Scene, job: &str) -> String {
         machine: &plan.machine,
         surface: &plan.inputs.surface,
         fixtures: &plan.inputs.fixtures,
+        measured: plan.inputs.measured.as_ref().map(|part| (part, plan.passes[0].texture)),
         pens: &program.pens,
         origins: plan.checked.origins(),
         time_s: s.time_s.total,
@@ -109,6 +112,7 @@ pub fn of_on_the_fly(plan: &OnTheFlyPlan, scene: &Scene, job: &str) -> String {
         machine: &plan.machine,
         surface: &plan.inputs.surface,
         fixtures: &[],
+        measured: None,
         pens: &program.pens,
         origins: &[program.origin],
         time_s: s.time_s,
@@ -178,6 +182,8 @@ struct Subject<'a> {
     machine: &'a Machine,
     surface: &'a Surface,
     fixtures: &'a [Fixture],
+    /// Where it lies, if it was measured, and the box of its texture.
+    measured: Option<(&'a MeasuredPart, Box2)>,
     pens: &'a [Pen],
     /// Positions of the part's origin, by set-up.
     origins: &'a [Origin],
@@ -239,6 +245,11 @@ impl Subject<'_> {
         data.extend(more);
         let (fixtures, corners) = fixtures::packed(self.fixtures);
         data.extend(corners);
+        let measured = self.measured.map(|(part, texture)| {
+            let (head, element) = measured::packed(part, texture);
+            data.push(element);
+            head
+        });
         let skipped_lines = (!scene.unmarked.lines.is_empty()).then(|| {
             let (head, element) = skipped(scene);
             data.push(element);
@@ -278,6 +289,7 @@ impl Subject<'_> {
             skipped: head::skipped(scene),
             skipped_lines,
             fixtures,
+            measured,
             motion,
             ranges: Ranges {
                 height_mm: self.heights,

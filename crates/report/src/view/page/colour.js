@@ -7,7 +7,8 @@
  */
 
 /** @typedef {[number, number, number]} Colour */
-/** @typedef {"height"|"defocus"|"incidence"|"dose"|"pen"|"pass"|"time"|"seam"} ColourBy */
+/** @typedef {"height"|"defocus"|"incidence"|"dose"|"pen"|"pass"|"time"|"seam"|
+ *   "correction"|"kept"} ColourBy */
 
 /** @type {Colour[]} */
 const RAMP = [
@@ -145,6 +146,8 @@ function ofBlock(by, head, blocks, i) {
     case "time":
       return ofValue(RAMP, blocks.start[i], [0, head.time_s]);
     case "seam":
+    case "correction":
+    case "kept":
       return BEYOND;
   }
 }

@@ -27,6 +27,11 @@
 /** @typedef {{reason: string, text?: string, texture: number, length_mm: number, share_percent: number, dots: number,
  *   box: [number, number, number, number]}} Skipped */
 /** @typedef {{name: string, setups: number[], triangles: number}} FixtureHead set-ups by number, none: all */
+/** A point that was measured: what the rigid fit leaves of it, and what the correction does.
+ * @typedef {{name: string, at: Vec3, before_um: number|null, after_um: number|null}} MeasuredPoint */
+/** Maps of a measured part; `most_um` is the end of what is added to its height, and of what is left of points.
+ * @typedef {{name: string, origin: [number, number], size: [number, number], columns: number, rows: number,
+ *   kept_um: [number, number], most_um: number, is_warped: boolean, points: MeasuredPoint[]}} MeasuredHead */
 /** @typedef {{edges: number[], length_mm: number[], of_dots: boolean}} Histogram */
 /**
  * @typedef {object} Head
@@ -58,6 +63,7 @@
  * @property {Skipped[]} skipped
  * @property {{name: string, lines: number, points: number, left_out?: number}|null} skipped_lines
  * @property {FixtureHead[]} [fixtures] what holds the part
+ * @property {MeasuredHead} [measured] of a part that was measured
  * @property {{name: string, samples: number}|null} motion
  * @property {{height_mm: [number, number], defocus_um: [number, number], incidence_deg: [number, number],
  *   dose: [number, number]}} ranges
@@ -428,6 +434,16 @@ async function readFixtures(fixtures) {
     [a, b, c].forEach((p, k) => values.set([...p, ...normal.map((x) => x / length)], 6 * (i + k)));
   }
   return values;
+}
+
+/**
+ * What marks of a measured part keep free, and what is added to its height, null of a rigid part: bytes of cells.
+ * @param {MeasuredHead} measured
+ */
+async function readMeasured({ name, columns, rows, is_warped }) {
+  const reader = new Reader(await inflate(name));
+  const n = columns * rows;
+  return { kept: reader.take(n), correction: is_warped ? reader.take(n) : null };
 }
 
 /**

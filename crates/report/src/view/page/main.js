@@ -393,6 +393,7 @@ async function readRest(app) {
     app.changed();
   }
   if (head.motion) app.timeline.motion = await readMotion(head.motion);
+  if (head.measured) scene.setMeasured(await readMeasured(head.measured));
   if (head.fixtures) scene.setFixtures(await readFixtures(head.fixtures));
   if (head.skipped_lines) scene.setSkipped(await readSkipped(head.skipped_lines, head.skipped));
   app.shownBlock = -1;

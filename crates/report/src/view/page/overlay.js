@@ -46,6 +46,7 @@ class Overlay {
     if (look.layers.lens) this.lens(moment, colours);
     if (look.layers.field) this.field(moment, colours);
     if (moment.beam && look.layers.field) this.beam(moment.beam);
+    if (look.by === "correction" || look.by === "kept") this.points(look, moment, colours);
     if (look.layers.labels) this.labels(look, moment, colours);
     measure.drawLine(this, moment, colours);
     this.scale(look, colours);
@@ -219,6 +220,33 @@ class Overlay {
         this.c.arc(at[0], at[1], 2.6 * this.size, 0, 2 * Math.PI);
         this.c.fill();
       }
+  }
+
+  /** Measured points by what is left of them; a cross where one does not count. @param {Look} look
+   * @param {Moment} moment @param {Strokes} colours */
+  points(look, moment, colours) {
+    const { c, head, size } = this;
+    if (!head.measured) return;
+    const { points, most_um } = head.measured;
+    const r = (points.length > 400 ? 2 : 4.5) * size;
+    for (const point of points) {
+      const at = this.camera.project(this.both, turned(moment.turn, point.at));
+      if (!at) continue;
+      const value = look.by === "correction" ? point.before_um : point.after_um;
+      c.beginPath();
+      if (value === null) {
+        for (const side of [-r, r]) {
+          c.moveTo(at[0] - r, at[1] - side);
+          c.lineTo(at[0] + r, at[1] + side);
+        }
+        this.stroke(colours.ink, 1.5);
+        continue;
+      }
+      c.arc(at[0], at[1], r, 0, 2 * Math.PI);
+      c.fillStyle = css(ofValue(DIVERGING, value, [-most_um, most_um]));
+      c.fill();
+      this.stroke(colours.ink, 1);
+    }
   }
 
   /** Names of blocks on their marks, where there is room. @param {Look} look @param {Moment} moment

@@ -19,6 +19,13 @@ const COLOURS = [
   ["pass", "pass", "Pass over the texture."],
   ["time", "time", "When it is marked, from the start of the job to its end."],
   ["seam", "seam", "Borders between blocks, and the marks next to them, by what changes there."],
+  ["correction", "correction of the height", "What the warp adds to the part; points: what the rigid fit leaves of them."],
+  [
+    "kept",
+    "depth kept free",
+    "Kept free above and below marks for what is not known, red where it is less than that; points: what is left of " +
+      "them, below blue, above orange.",
+  ],
 ];
 
 /** @type {[Layer, string, boolean][]} */
@@ -45,6 +52,13 @@ const REASONS = {
   small: "too short",
   focus: "out of focus",
 };
+
+/** Whether a job has what a colour shows. @param {Head} head @param {ColourBy} by */
+function isOffered(head, by) {
+  if (by === "correction") return head.measured?.is_warped === true;
+  if (by === "kept") return head.measured !== undefined;
+  return head.mode === "stepped" || !["seam", "dose", "pass"].includes(by);
+}
 
 /** What a colour stands for. @param {Head} head @param {ColourBy} by */
 function noteOf(head, by) {
@@ -141,7 +155,7 @@ function fillPage(head) {
   );
   fillChoice(
     choice("by"),
-    COLOURS.filter(([by]) => !isFly || !["seam", "dose", "pass"].includes(by)).map(([by, words]) => [by, words]),
+    COLOURS.filter(([by]) => isOffered(head, by)).map(([by, words]) => [by, words]),
   );
   const numbers = (/** @type {number} */ n) =>
     /** @type {[string, string][]} */ ([
@@ -296,6 +310,10 @@ function fillLegend(head, by) {
       RAMP,
       ends(ranges.dose, 3, "").map((e) => e.trim()),
     );
+  else if (by === "correction") {
+    const most = head.measured?.most_um ?? 0;
+    ramp(DIVERGING, [`${fixed(-most, 0)} (lower)`, "0", `${fixed(most, 0)} µm (higher)`]);
+  } else if (by === "kept") ramp(RAMP, ends(head.measured?.kept_um ?? [0, 0], 1, "µm"));
   else if (by === "time") ramp(RAMP, ["start", duration(head.time_s / 2), duration(head.time_s)]);
   else if (by === "pen") list(head.pens.map((p) => p.name));
   else if (by === "pass") list(Array.from({ length: head.passes }, (_, k) => `pass ${k + 1}`));

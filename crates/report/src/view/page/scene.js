@@ -87,6 +87,8 @@ class Scene {
     this.noTone = new Means(gl, 1, 1, new Uint8Array(1));
     this.noPens = new Values(gl, gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE);
     this.noPens.set(1, 1, new Uint8Array(1));
+    /** What was measured, by colour. @type {{kept: Means, correction: Means|null}|null} */
+    this.measured = null;
     /** @type {WebGLVertexArrayObject|null} */
     this.fixtures = null;
     /** @type {{array: WebGLVertexArrayObject, points: number}|null} */
@@ -184,6 +186,13 @@ class Scene {
     const pens = tone.pens && new Values(gl, gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE);
     if (tone.pens) pens?.set(columns, rows, tone.pens);
     this.tones[k] = { density: new Means(gl, columns, rows, tone.density), pens };
+  }
+
+  /** @param {{kept: Uint8Array<ArrayBuffer>, correction: Uint8Array<ArrayBuffer>|null}} maps */
+  setMeasured({ kept, correction }) {
+    const { columns, rows } = /** @type {MeasuredHead} */ (this.head.measured);
+    const texture = (/** @type {Uint8Array<ArrayBuffer>} */ bytes) => new Means(this.gl, columns, rows, bytes);
+    this.measured = { kept: texture(kept), correction: correction && texture(correction) };
   }
 
   /** Density of dense marks over a square, mm/mm². @param {number} side mm */
@@ -414,7 +423,7 @@ class Scene {
       uPart: unitColour(look.theme.part),
       uInk: unitColour(look.theme.ink),
       uAccent: unitColour(look.theme.accent),
-      uTint: !look.layers.blocks ? 0 : !look.layers.marks ? 1 : this.markMode(look.by) === MARK_MODES.palette ? 0.22 : 0,
+      uTint: this.tintOf(look),
       uToneMap: tone ? [...tone.origin, tone.cell] : [0, 0, 1],
       uDarkness: (DARKNESS * head.tones.most_per_mm) / this.dense(px),
       uRange: this.rangeOf(look.by),
@@ -434,7 +443,7 @@ class Scene {
       uMode: this.markMode(look.by),
     });
     gl.uniform2i(p.at("uToneCells"), tone?.columns ?? 1, tone?.rows ?? 1);
-    this.bindBlocks(p, look.pass);
+    this.bindBlocks(p, look);
     gl.bindVertexArray(mesh.array);
     gl.drawElements(gl.TRIANGLES, mesh.corners, gl.UNSIGNED_INT, 0);
     gl.bindVertexArray(null);
@@ -462,15 +471,18 @@ class Scene {
     gl.bindVertexArray(null);
   }
 
-  /** @param {Program} p @param {number} pass */
-  bindBlocks(p, pass) {
+  /** @param {Program} p @param {Look} look */
+  bindBlocks(p, { pass, by }) {
     const k = this.head.maps.findIndex((m, i) => m.pass === pass && this.labels[i]);
     const map = this.head.maps[k];
     this.blockValues.bind(0);
     this.palette.bind(1);
     (this.labels[k] ?? this.noLabels).bind(2);
     this.ramps.bind(3);
-    p.ints({ uBlocks: 0, uPalette: 1, uLabels: 2, uRamps: 3 });
+    const measured = by === "correction" ? this.measured?.correction : this.measured?.kept;
+    (measured ?? this.noTone).bind(7);
+    p.ints({ uBlocks: 0, uPalette: 1, uLabels: 2, uRamps: 3, uMeasured: 7, uMeasuredRamp: by === "correction" ? 1 : 0 });
+    p.floats({ uMeasuredMap: [...(this.head.measured?.origin ?? [0, 0]), ...(this.head.measured?.size ?? [1, 1])] });
     p.floats({ uMap: map ? [...map.origin, map.cell] : [0, 0, 1] });
     this.gl.uniform2i(p.at("uMapCells"), map?.columns ?? 0, map?.rows ?? 0);
   }
@@ -557,7 +569,14 @@ class Scene {
       uPick: pick,
       uAsDot: false,
     });
-    this.bindBlocks(p, look.pass);
+    this.bindBlocks(p, look);
+  }
+
+  /** How much of the colours of blocks is laid over the part. @param {Look} look */
+  tintOf(look) {
+    const mode = this.markMode(look.by);
+    if (!look.layers.blocks || mode === MARK_MODES.measured) return 0;
+    return !look.layers.marks ? 1 : mode === MARK_MODES.palette ? 0.22 : 0;
   }
 
   /** The range of the values that colour marks. @param {ColourBy} by @returns {[number, number]} */
@@ -579,6 +598,7 @@ class Scene {
   markMode(by) {
     // On the fly the focal plane moves while a run is marked.
     if (by === "height" && this.head.mode === "on-the-fly") return MARK_MODES.plane;
+    if (by === "correction" || by === "kept") return MARK_MODES.measured;
     return MARK_MODES[/** @type {"pen"} */ (by)] ?? MARK_MODES.palette;
   }
 

@@ -13,7 +13,7 @@ const POINTS_PER_ROW = 2048;
 const BLOCKS_PER_ROW = 256;
 
 /** How marks are coloured: from the palette, or by a value of their own. */
-const MARK_MODES = { palette: 0, defocus: 1, incidence: 2, pen: 3, time: 4, seam: 5, plane: 6 };
+const MARK_MODES = { palette: 0, defocus: 1, incidence: 2, pen: 3, time: 4, seam: 5, plane: 6, measured: 7 };
 
 const COMMON = `
 uniform highp sampler2D uBlocks;
@@ -21,6 +21,27 @@ uniform highp sampler2D uPalette;
 uniform highp usampler2D uLabels;
 uniform vec3 uMap; // lowest corner, side of a cell
 uniform ivec2 uMapCells;
+uniform highp sampler2D uRamps;
+uniform vec2 uRange;                // of the value that colours, in its unit
+uniform highp sampler2D uMeasured;  // bytes of cells: 0 none, 1 least, 254 most, 255 less than is asked for
+uniform vec4 uMeasuredMap;          // lowest corner, size
+uniform int uMeasuredRamp;
+
+vec3 ramp(float value, int row) {
+  float span = uRange.y - uRange.x;
+  float share = span > 0.0 ? clamp((value - uRange.x) / span, 0.0, 1.0) : 0.5;
+  return texelFetch(uRamps, ivec2(floor(share * ${RAMP_TEXELS - 1}.0 + 0.5), row), 0).rgb;
+}
+
+// The colour of what was measured at a place; alpha 0 where there is nothing.
+vec4 measuredColour(vec2 p) {
+  vec2 place = (p - uMeasuredMap.xy) / uMeasuredMap.zw;
+  float byte = 255.0 * texture(uMeasured, place).r;
+  bool isIn = all(greaterThanEqual(place, vec2(0.0))) && all(lessThanEqual(place, vec2(1.0)));
+  if (!isIn || byte < 0.5) return vec4(0.5, 0.5, 0.5, 0.0);
+  if (byte > 254.5) return vec4(${SKIPPED.map((v) => (v / 255).toFixed(3)).join(", ")}, 1.0);
+  return vec4(ramp((byte - 1.0) / 253.0, uMeasuredRamp), 1.0);
+}
 
 vec4 blockTexel(int block, int k) {
   return texelFetch(uBlocks, ivec2(4 * (block % ${BLOCKS_PER_ROW}) + k, block / ${BLOCKS_PER_ROW}), 0);
@@ -77,7 +98,6 @@ const MESH_FRAGMENT = `${COMMON}
 in vec3 vPart;
 in vec3 vNormal;
 in vec3 vLit;
-uniform highp sampler2D uRamps;
 uniform vec3 uPart;    // colour of the part
 uniform vec3 uInk;     // of borders
 uniform vec3 uAccent;  // of the present block
@@ -96,18 +116,12 @@ uniform vec3 uToneMap;     // lowest corner, side of a cell
 uniform ivec2 uToneCells;
 uniform float uDarkness;   // of a density of 1
 uniform int uMode;
-uniform vec2 uRange;       // of the value that colours, in its unit
 out vec4 colour;
-
-vec3 ramp(float value, int row) {
-  float span = uRange.y - uRange.x;
-  float share = span > 0.0 ? clamp((value - uRange.x) / span, 0.0, 1.0) : 0.5;
-  return texelFetch(uRamps, ivec2(floor(share * ${RAMP_TEXELS - 1}.0 + 0.5), row), 0).rgb;
-}
 
 // The colour that marks of a block have here.
 vec3 markColour(int here) {
   if (uMode == ${MARK_MODES.plane}) return ramp(vPart.z, 0);
+  if (uMode == ${MARK_MODES.measured}) return measuredColour(vPart.xy).rgb;
   if (uMode == ${MARK_MODES.pen} && uHasPens) {
     ivec2 cell = clamp(ivec2(floor((vPart.xy - uToneMap.xy) / uToneMap.z)), ivec2(0), uToneCells - 1);
     return texelFetch(uRamps, ivec2(int(texelFetch(uPens, cell, 0).r), 2), 0).rgb;
@@ -141,6 +155,11 @@ void main() {
     vec4 block = blockColour(here - 1);
     c = mix(c, block.rgb, uTint * block.a);
     light = mix(light, 0.72 + 0.34 * (light - 0.2), uTint * block.a);
+  }
+  if (uMode == ${MARK_MODES.measured} && isUp) {
+    vec4 measured = measuredColour(vPart.xy);
+    c = mix(c, measured.rgb, measured.a);
+    light = mix(light, 0.72 + 0.34 * (light - 0.2), measured.a);
   }
   c *= light;
   bool isShown = here > 0 ? blockColour(here - 1).a > 0.0 : !uHasBlocks;
@@ -266,7 +285,6 @@ in vec2 vAside;
 flat in int vIsDot;
 flat in int vPen;
 flat in int vBlock;
-uniform highp sampler2D uRamps;
 uniform int uMode;
 uniform vec2 uShownDefocus;   // um
 uniform vec2 uShownIncidence; // deg
@@ -274,18 +292,11 @@ uniform vec4 uShownHalf;      // 1 where the upper limit of defocus, incidence i
 uniform int uShownPen;        // -1 for all
 uniform int uPresentBlock;    // -1 for none
 uniform vec3 uAccent;
-uniform vec2 uRange;          // of the value that colours, in its unit
 uniform float uSeamReach;     // mm
 uniform vec2 uOpacity;        // of lines, of dots
 uniform vec2 uSize;           // width of lines, diameter of dots, device pixels
 uniform bool uPick;
 out vec4 colour;
-
-vec3 ramp(float value, int row) {
-  float span = uRange.y - uRange.x;
-  float share = span > 0.0 ? clamp((value - uRange.x) / span, 0.0, 1.0) : 0.5;
-  return texelFetch(uRamps, ivec2(floor(share * ${RAMP_TEXELS - 1}.0 + 0.5), row), 0).rgb;
-}
 
 void main() {
   float covered = clamp(0.5 + 0.5 * (vIsDot == 1 ? uSize.y : uSize.x) - length(vAside), 0.0, 1.0);
@@ -305,6 +316,7 @@ void main() {
   if (uMode == ${MARK_MODES.pen}) c = texelFetch(uRamps, ivec2(vPen, 2), 0).rgb;
   if (uMode == ${MARK_MODES.time}) c = ramp(vTime, 0);
   if (uMode == ${MARK_MODES.plane}) c = ramp(vHeight, 0);
+  if (uMode == ${MARK_MODES.measured}) c = measuredColour(vPart).rgb;
   if (uMode == ${MARK_MODES.seam}) {
     int kind = seamNear(vPart, vec2(uSeamReach, 0.0), vec2(0.0, uSeamReach));
     if (kind > 0) c = texelFetch(uRamps, ivec2(kind - 1, 2), 0).rgb;
