@@ -57,8 +57,15 @@ impl Question<'_> {
         let count = one_by_one.len();
         let fine: Vec<Site> = self.fine.iter().map(|place| belief.site(place)).collect();
         let nodes = regular_net(&fine, count).into_iter().map(|i| &self.fine[i]).filter(|place| (self.reaches)(place));
-        let places: Vec<Place> = spread.iter().chain(nodes).cloned().collect();
-        let nodes: Vec<usize> = (spread.len()..places.len()).collect();
+        let mut places = spread.clone();
+        let at = |places: &mut Vec<Place>, node: &Place| {
+            // No place stands there twice: what is measured twice at one place says little more.
+            places.iter().position(|place| place.at == node.at).unwrap_or_else(|| {
+                places.push(node.clone());
+                places.len() - 1
+            })
+        };
+        let nodes: Vec<usize> = nodes.map(|node| at(&mut places, node)).collect();
 
         let nothing = self.unknown(&places);
         let sites: Vec<Site> = places.iter().map(|place| belief.site(place)).collect();
