@@ -161,6 +161,30 @@ impl Unknown {
         self.show(MOTION + site, self.noise[site]);
     }
 
+    /// Measures at several sites: what each lowers follows from its own row and from those before it, and all of it is
+    /// taken from every row at once.
+    pub fn measure_all(&mut self, sites: &[usize]) {
+        let size = self.size();
+        for (model, _) in &mut self.models {
+            let mut lowered: Vec<Vec<f64>> = Vec::with_capacity(sites.len());
+            for &site in sites {
+                let at = MOTION + site;
+                let mut row = model[at * size..(at + 1) * size].to_vec();
+                for before in &lowered {
+                    row.iter_mut().zip(before).for_each(|(entry, b)| *entry -= before[at] * b);
+                }
+                let root = (row[at] + self.noise[site]).sqrt();
+                row.iter_mut().for_each(|entry| *entry /= root);
+                lowered.push(row);
+            }
+            parallel::map_items(model.chunks_mut(size).collect(), |i, row: &mut [f64]| {
+                for shown in &lowered {
+                    row.iter_mut().zip(shown).for_each(|(entry, s)| *entry -= shown[i] * s);
+                }
+            });
+        }
+    }
+
     /// Takes what a measurement of entry `at` would show, whose variance is `noise`.
     fn show(&mut self, at: usize, noise: f64) {
         self.update(at, |variance| variance + noise);
@@ -169,8 +193,7 @@ impl Unknown {
     /// Takes a measurement at a site back.
     fn forget(&mut self, site: usize) {
         let noise = self.noise[site];
-        // Of a site that was measured the variance is below that of its noise.
-        self.update(MOTION + site, |variance| (variance - noise).min(-1e-9 * noise));
+        self.update(MOTION + site, |variance| taken_back(variance, noise));
     }
 
     /// Lowers all covariances by what each shares with entry `at`, over a variance that follows from that of the entry.
@@ -186,10 +209,21 @@ impl Unknown {
         }
     }
 
-    /// The site of those that are free whose measurement lowers the cost most; the first of several.
-    fn best(&self, is_free: &[bool], cost: Cost<'_>) -> Option<usize> {
+    /// The site of those that are free whose measurement lowers the cost most, once that at another site is taken back;
+    /// the first of several.
+    fn best(&self, is_free: &[bool], without: Option<usize>, cost: Cost<'_>) -> Option<usize> {
         let (size, first) = (self.size(), MOTION + self.sites);
-        let before = self.variances();
+        let row = |site: usize| (MOTION + site) * size..(MOTION + site + 1) * size;
+        let mut before = self.variances();
+        // What the measurement that is taken back has lowered by, and over which variance.
+        let back = |model: &[f64], site: usize| taken_back(model[row(site)][MOTION + site], self.noise[site]);
+        if let Some(site) = without {
+            for (model, weight) in &self.models {
+                let factor = weight / back(model, site);
+                let shown = &model[row(site)][first..];
+                before.iter_mut().zip(shown).for_each(|(v, s)| *v -= factor * s * s);
+            }
+        }
         let now = cost(&before);
         let lowered = |site: usize| {
             if !is_free[site] {
@@ -198,9 +232,14 @@ impl Unknown {
             let at = MOTION + site;
             let mut after = before.clone();
             for (model, weight) in &self.models {
-                let shown = &model[at * size + first..at * size + first + self.targets];
-                let factor = weight / (model[at * size + at] + self.noise[site]);
-                after.iter_mut().zip(shown).for_each(|(v, s)| *v -= factor * s * s);
+                let shown = &model[row(site)];
+                let (other, share) = match without {
+                    Some(other) => (&model[row(other)], shown[MOTION + other] / back(model, other)),
+                    None => (shown, 0.0),
+                };
+                let factor = weight / (shown[at] - share * other[at] + self.noise[site]);
+                let entries = shown[first..].iter().zip(&other[first..]).map(|(s, o)| s - share * o);
+                after.iter_mut().zip(entries).for_each(|(v, s)| *v -= factor * s * s);
             }
             after.iter_mut().for_each(|v| *v = v.max(0.0));
             now - cost(&after)
@@ -219,11 +258,11 @@ impl Unknown {
         cost: Cost<'_>,
         is_enough: &dyn Fn(usize, &Known) -> bool,
     ) -> Vec<usize> {
-        chosen.iter().for_each(|&site| self.measure(site));
+        self.measure_all(&chosen);
         let mut is_free = vec![true; self.sites];
         chosen.iter().for_each(|&site| is_free[site] = false);
         while !is_enough(chosen.len(), &self.known(cost)) {
-            let Some(site) = self.best(&is_free, cost) else { break };
+            let Some(site) = self.best(&is_free, None, cost) else { break };
             is_free[site] = false;
             self.measure(site);
             chosen.push(site);
@@ -239,11 +278,14 @@ impl Unknown {
         let mut before = self.known(cost).cost;
         for _ in 0..MOST_ROUNDS {
             for site in chosen.iter_mut() {
-                self.forget(*site);
                 is_free[*site] = true;
-                *site = self.best(&is_free, cost).unwrap_or(*site);
-                is_free[*site] = false;
-                self.measure(*site);
+                let best = self.best(&is_free, Some(*site), cost).unwrap_or(*site);
+                is_free[best] = false;
+                if best != *site {
+                    self.forget(*site);
+                    self.measure(best);
+                    *site = best;
+                }
             }
             let now = self.known(cost).cost;
             if now > before * (1.0 - LEAST_GAIN) {
@@ -252,6 +294,12 @@ impl Unknown {
             before = now;
         }
     }
+}
+
+/// Over which variance covariances grow again where a measurement is taken back that left `variance`, which is below
+/// that of its noise.
+fn taken_back(variance: f64, noise: f64) -> f64 {
+    (variance - noise).min(-1e-9 * noise)
 }
 
 /// As even a net of `count` sites as there is, those at the rim among them: the sites that it begins with, then each the
@@ -276,28 +324,29 @@ pub fn even_net(sites: &[Site], begun: Vec<usize>, count: usize) -> Vec<usize> {
     net
 }
 
-/// A net of rows and columns over the box of some places, as fine as `count` allows: the place nearest to each node, if
-/// one is nearer than the next node.
+/// A net of rows and columns over the box of some sites, as fine as `count` allows: the site nearest to each node, if
+/// there is one within half the pitch.
 pub fn regular_net(sites: &[Site], count: usize) -> Vec<usize> {
     let places: Vec<[f64; 2]> = sites.iter().map(|site| [site.at[0], site.at[1]]).collect();
     let bound = |k: usize, start: f64, more: fn(f64, f64) -> f64| places.iter().map(|p| p[k]).fold(start, more);
     let lo = [0, 1].map(|k| bound(k, f64::INFINITY, f64::min));
     let size = [0, 1].map(|k| (bound(k, f64::NEG_INFINITY, f64::max) - lo[k]).max(1e-3));
+    let square = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
     let nearest = |at: [f64; 2]| {
-        (0..places.len()).reduce(|best, i| if apart(places[i], at) < apart(places[best], at) { i } else { best })
+        let distances = places.iter().map(|&place| square(place, at)).enumerate();
+        distances.reduce(|best, next| if next.1 < best.1 { next } else { best })
     };
     let net = |pitch: f64| {
         let gaps = size.map(|s| (s / pitch).floor().max(1.0) as usize);
         let node = |i: usize, k: usize| lo[k] + size[k] * i as f64 / gaps[k] as f64;
         let nodes = (0..=gaps[1]).flat_map(|row| (0..=gaps[0]).map(move |column| [node(column, 0), node(row, 1)]));
-        let reach = pitch / 2.0;
-        let mut net: Vec<usize> =
-            nodes.filter_map(|at| nearest(at).filter(|&i| apart(places[i], at) <= reach)).collect();
+        let near = |at: [f64; 2]| nearest(at).filter(|(_, distance)| *distance <= pitch * pitch / 4.0);
+        let mut net: Vec<usize> = nodes.filter_map(near).map(|(site, _)| site).collect();
         net.sort_unstable();
         net.dedup();
         net
     };
-    // Of a whole box this pitch would be too fine by half.
+    // Half the pitch at which as many fill the whole box.
     let finest = (size[0] * size[1] / count.max(1) as f64).sqrt() / 2.0;
     let coarser = std::iter::successors(Some(finest), |pitch| Some(pitch * 1.01));
     let coarser = coarser.take_while(|pitch| *pitch <= 2.0 * size[0].max(size[1]));
@@ -399,11 +448,20 @@ mod tests {
         // The first twelve lie anywhere.
         let mut chosen = unknown.choose((0..12).collect(), &cost, &|count, _| count >= 12);
         let before = unknown.known(&cost).cost;
+        for &site in &chosen {
+            let is_free: Vec<bool> = (0..80).map(|i| i == site || !chosen.contains(&i)).collect();
+            let mut without = unknown.clone();
+            without.forget(site);
+            assert_eq!(unknown.best(&is_free, Some(site), &cost), without.best(&is_free, None, &cost), "{site}");
+        }
         unknown.exchange(&mut chosen, &cost);
         let mut again = nothing;
         chosen.iter().for_each(|&site| again.measure(site));
-        let [found, exact] = [unknown.known(&cost).cost, again.known(&cost).cost];
+        let mut at_once = Unknown::new(&prior(0.1), &[], &measured, &targets, 0.003);
+        at_once.measure_all(&chosen);
+        let [found, exact, all] = [unknown, again, at_once].map(|unknown| unknown.known(&cost).cost);
         assert!(found < 0.5 * before && (found / exact - 1.0).abs() < 1e-5, "{before} {found} {exact}");
+        assert!((all / exact - 1.0).abs() < 1e-9, "{all} {exact}");
         let mut each = chosen.clone();
         each.sort_unstable();
         each.dedup();

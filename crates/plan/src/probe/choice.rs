@@ -59,7 +59,7 @@ impl Question<'_> {
         let nodes = regular_net(&fine, count).into_iter().map(|i| &self.fine[i]).filter(|place| (self.reaches)(place));
         let mut places = spread.clone();
         let at = |places: &mut Vec<Place>, node: &Place| {
-            // No place stands there twice: what is measured twice at one place says little more.
+            // A node may be one of the spread places. No place is offered twice: touching it again says little more.
             places.iter().position(|place| place.at == node.at).unwrap_or_else(|| {
                 places.push(node.clone());
                 places.len() - 1
@@ -71,7 +71,7 @@ impl Question<'_> {
         let sites: Vec<Site> = places.iter().map(|place| belief.site(place)).collect();
         let of_net = [Vec::new(), nodes.clone()].map(|begun| {
             let mut of_net = nothing.clone();
-            even_net(&sites, begun, count).into_iter().for_each(|site| of_net.measure(site));
+            of_net.measure_all(&even_net(&sites, begun, count));
             of_net.known(&by_stops)
         });
         let mut best: Option<(f64, Vec<usize>, Unknown)> = None;
