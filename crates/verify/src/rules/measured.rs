@@ -24,6 +24,9 @@ const UNREST_NM: f64 = 100.0;
 /// by in height.
 const UNREST_WARPED_NM: f64 = 5_000.0;
 
+/// By how much another pose may fit the points better, in squares of their deviations.
+const SAME_LOSS: f64 = 5.0;
+
 /// How far from 0 and 1 products of the rows of a rotation may be.
 const SKEW: f64 = 1e-12;
 
@@ -64,6 +67,10 @@ pub(crate) fn check(
     };
     let most = if limit.is_some() { UNREST_WARPED_NM } else { UNREST_NM };
     rule.require(PLACE, step <= most, &format!("the part fits its points better {step:.0} nm from there"));
+    if let Some(fall) = all.falls_elsewhere(&pose) {
+        let elsewhere = "another pose, by which touches beside the part lie on it, fits the points better";
+        rule.require(PLACE, fall <= SAME_LOSS, elsewhere);
+    }
     let on_part = match limit {
         Some(limit) => touches.iter().map(|t| t.distance.abs() <= limit).collect(),
         None => on_part(&touches),

@@ -2,7 +2,9 @@
 //!
 //! Pairs are fitted by Horn's quaternion (Closed-form solution of absolute orientation using unit quaternions, 1987),
 //! then by least squares with their own noise. Touches have no closed form: whether a stated pose fits them best is asked
-//! there, by one step of least squares from it. All slopes are differences; normal equations are solved by elimination.
+//! there, by one step of least squares from it, and whether another fits them better ([`other`]). All slopes are differences; normal equations are solved by elimination.
+
+mod other;
 
 use crate::geometry::{BoxNm, Geometry, Pose};
 use crate::warp_fit::WarpPoint;
