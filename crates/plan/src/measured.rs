@@ -18,8 +18,8 @@ use terrace_input::surface::{Joining, Surface};
 use terrace_input::texture::{Draped, Draping, Lost, LostMarks, Texture};
 pub use terrace_register::Warp;
 use terrace_register::{
-    Facets, Fit, FreeMotion, Motion, Observation, Pair, PairsFault, Points, Touch, TouchResidual, fit, pairs_fault,
-    warp,
+    DEVIATION_OF_LIMIT, Facets, Fit, FreeMotion, Motion, Observation, Pair, PairsFault, Points, Touch, TouchResidual,
+    fit, pairs_fault, warp,
 };
 
 /// A part as it lies, measured.
@@ -196,9 +196,9 @@ pub fn fitted(
     let shown_of = observations(points, &pairs, &found, &part);
     let mut points = residuals(points, machine, &found);
     let mut lying = Lying { points: Vec::new(), rows: found.motion.rows(), fit: found, origin, rest_nm, warp: None };
-    if limit.is_some() {
+    if let Some(limit) = limit {
         let known: Vec<Observation> = shown_of.iter().flatten().copied().collect();
-        let Some(warp) = warp(&known) else {
+        let Some(warp) = warp(&known, limit) else {
             let fault = Diag::input("measured-warp", "fewer than four points say how the part is warped");
             let hint =
                 "touch it in more places that are not steeper than 45 degrees, or leave placement.measured.warp out";
@@ -216,11 +216,8 @@ pub fn fitted(
 /// A feature of a part that may be warped by up to `limit`, mm: so much surer it is of its place aside than of its height.
 fn loosened(pair: &Pair, limit: Option<f64>) -> Pair {
     let [x, y, z] = pair.sigma;
-    Pair { sigma: [x, y, math::hypot(z, limit.unwrap_or(0.0) * WARP_SIGMA)], ..*pair }
+    Pair { sigma: [x, y, math::hypot(z, limit.unwrap_or(0.0) * DEVIATION_OF_LIMIT)], ..*pair }
 }
-
-/// The deviation of a height, in units of what a part may be warped by at most.
-const WARP_SIGMA: f64 = 1.0 / 3.0;
 
 /// Touches on steeper faces say nothing of the height: cosine of 45 degrees.
 const LEAST_UP: f64 = std::f64::consts::FRAC_1_SQRT_2;

@@ -22,4 +22,4 @@ pub use facets::{Contact, Facets};
 pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};
 pub use motion::Motion;
 pub use pairs::{PairsFault, fault as pairs_fault};
-pub use warp::{Candidate, Observation, Warp, lengths, warp};
+pub use warp::{Candidate, DEVIATION_OF_LIMIT, Observation, Warp, lengths, warp};

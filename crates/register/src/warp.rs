@@ -5,7 +5,10 @@
 //! are tried; each takes the amplitude for which the points predict one another best, left out one by one (eq. 5.11),
 //! and counts by a tempered share of that: what several lengths explain about as well stays in doubt, and the doubt is
 //! part of the deviation. Where points left out lie farther off than the deviation says, it grows until they do not.
-//! Far from all points the correction goes to zero, and the deviation to the amplitude.
+//! Far from all points the correction goes to zero, and the deviation to the amplitude. But that was found over the gaps
+//! between points alone: a dent where none lies, or a bend between two patches that the pose has taken up, may be many
+//! times larger. So farther from all points than a few of their gaps the deviation is that of what the part may be warped
+//! by at most.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -40,6 +43,10 @@ pub struct Warp {
     points: Vec<Observation>,
     models: Vec<Model>,
     factor: f64,
+    /// What the part may be warped by at most, mm.
+    limit: f64,
+    /// How far points reach, mm.
+    reach: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -70,6 +77,13 @@ const TEMPER: f64 = 0.12;
 
 /// Lengths that weigh less are left out.
 const LEAST_WEIGHT: f64 = 1e-3;
+
+/// The deviation of a height, in units of what a part may be warped by at most.
+pub const DEVIATION_OF_LIMIT: f64 = 1.0 / 3.0;
+
+/// Points reach so many times as far as half of them have their nearest neighbours: as far as the largest gap of some
+/// hundred points that lie at random.
+const REACH: f64 = 3.0;
 
 /// The largest deviation, in its own units, by which a point that is left out may lie off.
 const LARGEST_LEFT_OUT: f64 = 2.5;
@@ -171,8 +185,20 @@ fn left_out(cholesky: &Cholesky<f64, Dyn>, heights: &DVector<f64>) -> LeftOut {
     }
 }
 
-/// Fits the warp to what points show; None of fewer than four.
-pub fn warp(points: &[Observation]) -> Option<Warp> {
+/// How far points reach, mm.
+fn reach(points: &[Observation]) -> f64 {
+    let mut nearest: Vec<f64> = (0..points.len())
+        .map(|i| {
+            let others = (0..points.len()).filter(|&k| k != i);
+            others.map(|k| apart(points[i].at, points[k].at)).fold(f64::INFINITY, f64::min)
+        })
+        .collect();
+    let half = nearest.len() / 2;
+    REACH * *nearest.select_nth_unstable_by(half, f64::total_cmp).1
+}
+
+/// Fits the warp of a part that is warped by `limit`, mm, at most to what points show; None of fewer than four.
+pub fn warp(points: &[Observation], limit: f64) -> Option<Warp> {
     let points = thinned(points);
     if points.len() < 4 {
         return None;
@@ -205,7 +231,7 @@ pub fn warp(points: &[Observation]) -> Option<Warp> {
         let weights = cholesky.solve(&heights);
         Some(Model { candidate: Candidate { length, amplitude, weight: weight(score) / all }, cholesky, weights })
     });
-    let mut warp = Warp { models: models.collect(), points, factor: 1.0 };
+    let mut warp = Warp { models: models.collect(), reach: reach(&points), points, factor: 1.0, limit };
     let largest = warp.left_out().into_iter().map(|[error, deviation]| (error / deviation).abs()).fold(0.0, f64::max);
     warp.factor = (largest / LARGEST_LEFT_OUT).max(1.0);
     Some(warp)
@@ -224,7 +250,13 @@ impl Warp {
             [weight, mean, (scale - half.norm_squared()).max(0.0)]
         });
         let [mean, variance] = mixed(&found.collect::<Vec<_>>());
-        [mean, self.factor * variance.sqrt()]
+        let least = if self.reaches(at) { 0.0 } else { self.limit * DEVIATION_OF_LIMIT };
+        [mean, (self.factor * variance.sqrt()).max(least)]
+    }
+
+    /// Whether a place lies as near to a point as points say something of it.
+    pub fn reaches(&self, at: [f64; 2]) -> bool {
+        self.points.iter().any(|p| apart(p.at, at) <= self.reach)
     }
 
     /// What each point is off where the others predict it, and the deviation of that, mm.
@@ -328,14 +360,43 @@ mod tests {
         let truth = |[x, y]: [f64; 2]| 0.4 * x * y / (450.0 * 450.0);
         let mut random = Random::case(1);
         let points = measured(&mut random, truth, 64);
-        let warp = warp(&points).expect("a warp");
+        let warp = warp(&points, 0.5).expect("a warp");
         let (inside, worst) = coverage(&warp, truth);
         assert!(inside > 0.995 && worst < 0.03, "{inside} {worst}");
         let middle = warp.at([3.0, 5.0]);
         assert!(middle[1] < 0.005, "{middle:?}");
         // Far away nothing is known, and nothing is corrected.
         let far = warp.at([20_000.0, 0.0]);
-        assert!(far[0].abs() < 0.01 && far[1] > 0.05, "{far:?}");
+        assert!(far[0].abs() < 0.01 && far[1] >= 0.5 / 3.0, "{far:?}");
+    }
+
+    #[test]
+    fn between_two_patches_that_were_measured_the_deviation_holds_the_bend_that_no_point_shows() {
+        for seed in 0..3 {
+            let mut random = Random::case(seed);
+            let depth = random.range(0.05, 0.4);
+            // Bent by so much over 400 mm; what lies in the patches looks flat.
+            let truth = |[x, _]: [f64; 2]| depth * (1.0 - (x / 200.0).powi(2));
+            let points: Vec<Observation> = (0..60)
+                .map(|k| {
+                    let x = if k % 2 == 0 { -170.0 } else { 170.0 } + random.range(-30.0, 30.0);
+                    let at = [x, random.range(-30.0, 30.0)];
+                    Observation {
+                        at,
+                        height: truth(at) - truth([170.0, 0.0]) + 0.005 * gauss(&mut random),
+                        sigma: 0.005,
+                    }
+                })
+                .collect();
+            let warp = warp(&points, 0.5).expect("a warp");
+            for x in -200..=200 {
+                let at = [f64::from(x), 0.0];
+                let [height, deviation] = warp.at(at);
+                let error = height - (truth(at) - truth([170.0, 0.0]));
+                assert!(error.abs() <= 3.0 * deviation, "seed {seed}, {x}: {error} {deviation} {depth}");
+            }
+            assert!(warp.at([170.0, 5.0])[1] < 0.01 && !warp.reaches([0.0, 0.0]));
+        }
     }
 
     #[test]
@@ -344,14 +405,14 @@ mod tests {
         let mut random = Random::case(2);
         let mut points = measured(&mut random, truth, 2500);
         assert!(thinned(&points).len() <= 2 * MOST_POINTS);
-        let many = warp(&points).expect("a warp");
+        let many = warp(&points, 0.5).expect("a warp");
         assert!(coverage(&many, truth).0 > 0.99);
         points.truncate(100);
-        let few = warp(&points).expect("a warp").factor();
+        let few = warp(&points, 0.5).expect("a warp").factor();
         points[50].height += 0.3;
-        let wrong = warp(&points).expect("a warp");
+        let wrong = warp(&points, 0.5).expect("a warp");
         assert!(wrong.factor() > few + 0.2, "{} {few}", wrong.factor());
-        assert!(warp(&points[..3]).is_none());
+        assert!(warp(&points[..3], 0.5).is_none());
     }
 
     #[test]
@@ -362,7 +423,7 @@ mod tests {
                 let mut random = Random::case(1000 * count as u64 + i as u64);
                 let truth = dents(&mut random, width);
                 let points = measured(&mut random, &truth, count);
-                coverage(&warp(&points).expect("a warp"), &truth)
+                coverage(&warp(&points, 0.5).expect("a warp"), &truth)
             });
             let mean = found.iter().map(|f| f.0).sum::<f64>() / found.len() as f64;
             let worst = found.iter().map(|f| f.1).fold(0.0, f64::max);

@@ -104,7 +104,7 @@ impl WarpPoints {
                 return Some("a weight of it is not what the points say".to_owned());
             }
         }
-        let plain = Warped::new(&self.0, stated, 1.0)?;
+        let plain = Warped::new(&self.0, stated, (1.0, f64::INFINITY))?;
         let worst = plain.left_out().into_iter().map(|[error, sigma]| (error / sigma).abs()).fold(0.0, f64::max);
         ((worst / 2.5).max(1.0) / factor - 1.0)
             .abs()
@@ -112,9 +112,9 @@ impl WarpPoints {
             .then(|| "its factor is not what the worst point asks for".to_owned())
     }
 
-    /// The warp by covariances and a factor.
-    pub(super) fn warped(&self, stated: &[Covariance], factor: f64) -> Option<Warped<'_>> {
-        Warped::new(&self.0, stated, factor)
+    /// The warp by covariances and a factor, of a part that may be warped by `limit`.
+    pub(super) fn warped(&self, stated: &[Covariance], factor: f64, limit: f64) -> Option<Warped<'_>> {
+        Warped::new(&self.0, stated, (factor, limit))
     }
 
     /// Logarithm of the density of the points, each by the others.
@@ -137,6 +137,21 @@ fn span(points: &[WarpPoint]) -> [f64; 4] {
     let least = |k: usize| points.iter().map(|p| p.at[k]).fold(f64::INFINITY, f64::min);
     let most = |k: usize| points.iter().map(|p| p.at[k]).fold(f64::NEG_INFINITY, f64::max);
     [least(0), most(0), least(1), most(1)]
+}
+
+fn square_apart(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
+}
+
+/// Square of the distance that half of the points have to the nearest other at most.
+fn typical_gap2(points: &[WarpPoint]) -> f64 {
+    let gap2 = |(i, p): (usize, &WarpPoint)| {
+        let others = points.iter().enumerate().filter(|&(k, _)| k != i);
+        others.map(|(_, q)| square_apart(p.at, q.at)).fold(f64::INFINITY, f64::min)
+    };
+    let mut all: Vec<f64> = points.iter().enumerate().map(gap2).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn heights(points: &[WarpPoint]) -> Vec<f64> {
@@ -229,16 +244,20 @@ pub(super) struct Warped<'a> {
     points: &'a [WarpPoint],
     parts: Vec<(Covariance, System, Vec<f64>)>,
     factor: f64,
+    /// What the part may be warped by at most, and the square of how far points reach.
+    limit: f64,
+    reach2: f64,
 }
 
 impl<'a> Warped<'a> {
-    fn new(points: &'a [WarpPoint], stated: &[Covariance], factor: f64) -> Option<Self> {
+    fn new(points: &'a [WarpPoint], stated: &[Covariance], (factor, limit): (f64, f64)) -> Option<Self> {
         let part = |c: &Covariance| {
             let system = System::new(points, c.length, c.amplitude)?;
             let solution = system.solved(heights(points));
             Some((*c, system, solution))
         };
-        Some(Self { points, parts: stated.iter().map(part).collect::<Option<_>>()?, factor })
+        let parts = stated.iter().map(part).collect::<Option<_>>()?;
+        Some(Self { points, parts, factor, limit, reach2: 9.0 * typical_gap2(points) })
     }
 
     /// Height and deviation at a place.
@@ -248,7 +267,10 @@ impl<'a> Warped<'a> {
             let mean: f64 = row.iter().zip(solution).map(|(a, b)| a * b).sum();
             [c.weight, mean, system.variance(c.amplitude * c.amplitude, row)]
         });
-        self.together(&each.collect::<Vec<_>>())
+        let [height, deviation] = self.together(&each.collect::<Vec<_>>());
+        // Where no point is near, only the limit is known.
+        let is_far = self.points.iter().all(|p| square_apart(p.at, at) > self.reach2);
+        [height, if is_far { deviation.max(self.limit / 3.0) } else { deviation }]
     }
 
     /// Of each point what it is off by the others, and the deviation of that.

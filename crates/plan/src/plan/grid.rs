@@ -110,9 +110,10 @@ impl Layout {
         let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {
             return Err(shallow(job).hint(SHALLOW).into());
         };
-        let kept = footprint.most_reserve();
-        if kept * 2.0 > lattice.depth.f64() - 2.0 * lattice.step.f64() {
-            return Err(unsure(job, kept).into());
+        if let Some((kept, section)) = footprint.most_reserve()
+            && kept * 2.0 > lattice.depth.f64() - 2.0 * lattice.step.f64()
+        {
+            return Err(unsure(job, kept, sections.centre(section)).into());
         }
         let Partition { overlap, hysteresis, .. } = job.partition;
         let hysteresis = hysteresis.map_or_else(|| footprint.roughness(), Nm::f64);
@@ -148,13 +149,16 @@ impl PassGrid {
 }
 
 /// What is said of a part that lies less surely than marks may be out of focus.
-fn unsure(job: &Job, kept: f64) -> Diag {
+fn unsure(job: &Job, kept: f64, section: P2) -> Diag {
+    let [x, y] = section.mm();
     let text = format!(
         "the height of the part is not known closely enough: to keep {} of its deviations free takes {:.1} um above and \
-         below every focal plane, of a depth range of {:.1} um",
+         below every focal plane, of a depth range of {:.1} um, in the section around x {:.1}, y {:.1} mm",
         job.placement.measured.as_ref().map_or(0.0, |measured| measured.sigmas),
         kept / 1e3,
-        job.focus.depth.f64() / 1e3
+        job.focus.depth.f64() / 1e3,
+        x,
+        y
     );
     let hint = "measure more points, at the rim too, or more closely (`terrace probe` says where); \
                 placement.measured.unsure = \"warn\" marks it as it is";

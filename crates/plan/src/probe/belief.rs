@@ -51,11 +51,11 @@ impl Belief {
         let [wide, high, _] = bounds.size();
         let extent = math::hypot(wide, high).max(1.0);
         let measured = job.placement.measured.as_ref();
+        let limit = measured.and_then(|m| m.warp).map(|limit| limit.as_mm());
+        let limits = of_limits(middle, extent, asked.search_mm, limit);
         let prior = match known {
-            Some(lying) => of_fit(lying),
-            None => {
-                of_limits(middle, extent, asked.search_mm, measured.and_then(|m| m.warp).map(|limit| limit.as_mm()))
-            }
+            Some(lying) => of_fit(lying, marked, origin_mm, &limits.warp),
+            None => limits,
         };
         let key = |m: &MarkedPlace| [0, 1].map(|k| ((m.place.at[k] / NM_PER_MM - bounds.lo[k]) / field[k].mm()) as u32);
         let mut keys: Vec<[u32; 2]> = marked.iter().map(key).collect();
@@ -118,11 +118,17 @@ fn of_limits(centre: SpacePoint, extent: f64, search: f64, warp: Option<f64>) ->
     }
 }
 
-/// What a fit leaves unknown. Of a warped part its correction holds what the pose is off by in height.
-fn of_fit(lying: &Lying) -> Prior {
+/// What a fit leaves unknown. Of a warped part its correction holds what the pose is off by in height; where its points
+/// do not reach all that is marked, the warp is believed to be what it was before.
+fn of_fit(lying: &Lying, marked: &[MarkedPlace], origin_mm: SpacePoint, before: &[Candidate]) -> Prior {
     let uncertainty = &lying.fit.uncertainty;
     let (covariance, warp) = match &lying.warp {
         None => (uncertainty.covariance, Vec::new()),
+        Some(warp)
+            if !marked.iter().all(|m| warp.reaches([0, 1].map(|k| m.place.at[k] / NM_PER_MM + origin_mm[k]))) =>
+        {
+            ([[0.0; 6]; 6], before.to_vec())
+        }
         Some(warp) => {
             let grown = |c: Candidate| Candidate { amplitude: c.amplitude * warp.factor(), ..c };
             ([[0.0; 6]; 6], warp.candidates().into_iter().map(grown).collect())

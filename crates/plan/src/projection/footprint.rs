@@ -397,9 +397,11 @@ impl Footprint {
         self.sections.get(&(section as u32)).map_or(0.0, |s| s.reserve)
     }
 
-    /// The most that is kept free above and below any mark that may be cut, nm.
-    pub fn most_reserve(&self) -> f64 {
-        self.sections.values().map(|s| s.reserve).fold(0.0, f64::max)
+    /// The most that is kept free above and below any mark that may be cut, nm, and the first section with that; None
+    /// where nothing is.
+    pub fn most_reserve(&self) -> Option<(f64, usize)> {
+        let kept = self.sections.iter().map(|(&section, s)| (s.reserve, section as usize));
+        kept.filter(|(kept, _)| *kept > 0.0).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
     }
 
     /// Whether anything is marked in a section.
