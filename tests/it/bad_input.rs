@@ -227,6 +227,7 @@ fn check(job: &Path, file: &str, want: &Outcome) {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn malformed_surfaces_give_the_expected_messages() {
     let dir = folder();
     for (name, want) in SURFACES {

@@ -338,6 +338,7 @@ fn warped_job(dir: &Path, times: f64) -> PathBuf {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
     let dir = folder();
     let job = warped_job(dir.path(), 1.0);

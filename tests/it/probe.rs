@@ -396,6 +396,7 @@ fn a_damaged_program_of_a_probe_or_a_clamp_in_its_way_breaks_its_proof() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_probe_keeps_off_fixtures_and_the_table() {
     let (dir, other) = (folder(), folder());
     chosen(&job(other.path(), "linuxcnc", "", 50), &["--points", "12"]);

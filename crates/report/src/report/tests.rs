@@ -173,6 +173,7 @@ fn path_area(d: &str) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_dome_of_3500_blocks_fits_the_budget_and_shows_every_block() {
     let sample = Sample::dome().with_sliver();
     let blocks = sample.checked.program().blocks.len();
