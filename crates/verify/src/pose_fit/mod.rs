@@ -10,6 +10,7 @@ use crate::geometry::{BoxNm, Geometry, Pose};
 use crate::warp_fit::WarpPoint;
 use terrace_core::geom::{NM_PER_MM, SpacePoint};
 use terrace_core::math;
+use terrace_core::parallel;
 
 /// A point with a partner on the part: both nm, the second in the table frame, with its noise.
 #[derive(Clone, Copy, Debug)]
@@ -165,7 +166,7 @@ impl PosePoints<'_> {
     }
 
     fn met(&self, pose: &Pose) -> Vec<TouchFound> {
-        self.touches.iter().map(|touch| found(self.part, pose, touch)).collect()
+        parallel::map(self.touches.len(), |i| found(self.part, pose, &self.touches[i]))
     }
 
     /// The residuals over their noise, weighted: three of each pair, one of each touch.
@@ -174,10 +175,8 @@ impl PosePoints<'_> {
             let at = pose.apply(pair.part);
             [0, 1, 2].map(|k| (pair.table[k] - at[k]) / pair.sigma[k])
         });
-        let of_touches = self.touches.iter().zip(weights).map(|(touch, weight)| {
-            let TouchFound { distance, sigma, .. } = found(self.part, pose, touch);
-            weight * distance / sigma
-        });
+        let of_touches =
+            self.met(pose).into_iter().zip(weights).map(|(touch, weight)| weight * touch.distance / touch.sigma);
         of_pairs.chain(of_touches).collect()
     }
 
@@ -288,10 +287,9 @@ struct Nearest {
 
 /// The point of the file's own facets that is nearest to `p`; None of a part without facets.
 fn nearest(part: &Geometry, p: SpacePoint) -> Option<Nearest> {
+    // Parts and the ways of stages lie within 4 m of the origin, so nothing is farther from a point.
+    const FARTHEST: f64 = 16e9;
     let mut reach = 1.0 * NM_PER_MM;
-    let [lowest, highest] = part.heights();
-    // As far as anything of the part may be from a point that a stage reaches.
-    let farthest = 8e9 + (highest - lowest);
     loop {
         let mut best: Option<Nearest> = None;
         let mut around = BoxNm::EMPTY;
@@ -305,7 +303,7 @@ fn nearest(part: &Geometry, p: SpacePoint) -> Option<Nearest> {
             }
         });
         // A nearer facet than that would reach into the box.
-        if reach > farthest || best.as_ref().is_some_and(|known| known.distance <= reach) {
+        if reach > FARTHEST || best.as_ref().is_some_and(|known| known.distance <= reach) {
             return best;
         }
         reach *= 2.0;
