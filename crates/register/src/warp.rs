@@ -81,9 +81,9 @@ const LEAST_WEIGHT: f64 = 1e-3;
 /// The deviation of a height, in units of what a part may be warped by at most.
 pub const DEVIATION_OF_LIMIT: f64 = 1.0 / 3.0;
 
-/// Points reach so many times as far as half of them have their nearest neighbours: as far as the largest gap of some
-/// hundred points that lie at random.
-const REACH: f64 = 3.0;
+/// Points reach so many times as far as half of them have their nearest neighbours: some farther than the largest gap of
+/// some hundred points that lie at random, which is three times as far.
+const REACH: f64 = 4.0;
 
 /// The largest deviation, in its own units, by which a point that is left out may lie off.
 const LARGEST_LEFT_OUT: f64 = 2.5;

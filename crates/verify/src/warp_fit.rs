@@ -257,7 +257,7 @@ impl<'a> Warped<'a> {
             Some((*c, system, solution))
         };
         let parts = stated.iter().map(part).collect::<Option<_>>()?;
-        Some(Self { points, parts, factor, limit, reach2: 9.0 * typical_gap2(points) })
+        Some(Self { points, parts, factor, limit, reach2: 16.0 * typical_gap2(points) })
     }
 
     /// Height and deviation at a place.
