@@ -16,7 +16,7 @@
 //!
 //! Lengths are mm, angles rad, in the table frame.
 
-use super::fit::height_row;
+use super::uncertainty::height_row;
 use super::warp::{Candidate, Observation, apart, matern};
 use terrace_core::geom::SpacePoint;
 use terrace_core::parallel;

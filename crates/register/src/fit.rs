@@ -1,62 +1,22 @@
-//! The fit: Gauss-Newton steps over pairs and touches together.
+//! The fit of the part to what was measured.
 //!
 //! The unknowns are a small motion of the part on the stage: a rotation vector about the middle of the points and a
-//! shift. A pair gives three equations; a touch one, its distance to the part along the normal (Chen and Medioni 1992).
-//! Touches are weighted by Tukey's biweight, with the median of their distances as scale, so clamps and dirt do not
-//! count. Where some do not, the fit is tried again from weights that count them all and narrow down by halves (graduated
-//! non-convexity: Blake and Zisserman, Visual Reconstruction, 1987), and the better of both is taken: a start that was
-//! off must not make an outlier of the few touches that hold a motion. Motions to which all distances are blind, by more than what the facets' own normals could hold, are left as
-//! they are and named.
+//! shift. A pair gives three equations; a touch one, its distance to the part along the normal (Chen and Medioni 1992),
+//! robustly weighted. Where some touches do not count, the fit is tried again from weights that count them all and narrow
+//! down by halves (graduated non-convexity: Blake and Zisserman, Visual Reconstruction, 1987), and the better of both is
+//! taken: a start that was off must not make an outlier of the few touches that hold a motion. Motions to which all
+//! distances are blind, by more than what the facets' own normals could hold, are left as they are and named.
 
-use nalgebra::{Matrix6, SMatrix, SVector, SymmetricEigen, Vector3, Vector6};
+use nalgebra::Vector6;
 
 use super::closed_form::{Pair, closed_form};
-use super::facets::{Contact, Facets};
+use super::equations::Scale;
+use super::facets::Facets;
 use super::motion::Motion;
+use super::points::Points;
+use super::solver::{Solver, TUKEY, middle};
+use super::uncertainty::Uncertainty;
 use terrace_core::geom::SpacePoint;
-
-/// A point of the stage that lies on the part, at a place that is not known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch {
-    /// The centre of the tip, or the point that a sensor saw; table frame, mm.
-    pub stage: SpacePoint,
-    /// How far it stands off the part: the radius of the tip, mm.
-    pub off: f64,
-    /// Standard deviation, mm: along the normal of a touch, along z of a sensor.
-    pub sigma: f64,
-    /// Whether the noise is along z, as a sensor's.
-    pub is_along_z: bool,
-}
-
-/// What was measured.
-#[derive(Clone, Copy, Debug)]
-pub struct Points<'a> {
-    /// Points with partners.
-    pub pairs: &'a [Pair],
-    /// Points without.
-    pub touches: &'a [Touch],
-    /// The part; used where there are touches.
-    pub part: &'a Facets,
-    /// Whether the part may be warped: touches then count by how far they spread, not by their noise alone, since what
-    /// they are off by is the warp, which must not shift the part aside against features.
-    pub is_warped: bool,
-}
-
-impl Points<'_> {
-    /// How many times its noise a touch counts as being off, where touches spread so.
-    fn counted(&self, spread: f64) -> f64 {
-        if self.is_warped { spread } else { 1.0 }
-    }
-}
-
-/// How surely a part lies where it does: the covariance of a small motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Uncertainty {
-    /// The point that it turns about, table frame, mm.
-    pub centre: SpacePoint,
-    /// Covariance of the rotation vector about the centre, rad, and the shift, mm.
-    pub covariance: [[f64; 6]; 6],
-}
 
 /// A motion that the points do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,15 +28,6 @@ pub struct FreeMotion {
     pub shift: SpacePoint,
     /// Mean distance of the points from their middle, mm.
     pub extent: f64,
-}
-
-/// How much larger the part is on the stage than by its file; reported, never applied.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
-    /// Part per part: 1e-5 is 10 um over a metre.
-    pub excess: f64,
-    /// Its standard deviation.
-    pub sigma: f64,
 }
 
 /// What is left of a touch.
@@ -114,15 +65,8 @@ pub struct Fit {
     pub noise_factor: f64,
 }
 
-/// Beyond this many deviations a touch does not count (Tukey; 95 % efficient under normal noise).
-const TUKEY: f64 = 4.685;
-
-/// A median of absolute normal deviates, as a standard deviation.
-const MEDIAN: f64 = 1.4826;
-
-/// Steps at most, and the step that ends them: mm, and mm at the extent of the points.
+/// Steps at most.
 const STEPS: usize = 60;
-const LEAST_STEP: f64 = 1e-11;
 
 /// Scales from which the weights narrow down, in units of the noise, widest first, the steps at each, and the touches
 /// that are used there at most.
@@ -136,140 +80,6 @@ const TRIED_STEPS: usize = 10;
 
 /// Turns that are tried about each axis, rad: 4 degrees to either side.
 const TRIED_TURN: f64 = 0.07;
-
-/// A motion is free where the mean square of what it changes is below so many times what facets could hold of it by the
-/// angles between them, or below this.
-const OF_FACETS: f64 = 4.0;
-const BLIND: f64 = 1e-8;
-
-/// Sums of equations.
-struct Normal {
-    matrix: Matrix6<f64>,
-    right: Vector6<f64>,
-    /// The same with the scale as seventh unknown.
-    with_scale: SMatrix<f64, 7, 7>,
-    right_scale: SVector<f64, 7>,
-    /// Sum of weights, and of weights times the bend of the facets.
-    weight: f64,
-    bend: f64,
-    /// Weights times the square of the distance from the middle.
-    spread: f64,
-}
-
-impl Normal {
-    fn new() -> Self {
-        Self {
-            matrix: Matrix6::zeros(),
-            right: Vector6::zeros(),
-            with_scale: SMatrix::zeros(),
-            right_scale: SVector::zeros(),
-            weight: 0.0,
-            bend: 0.0,
-            spread: 0.0,
-        }
-    }
-
-    /// Adds the equation that moving the part at `arm` from the middle along `direction` closes `residual`.
-    fn add(&mut self, arm: &Vector3<f64>, direction: &Vector3<f64>, residual: f64, weight: f64) {
-        let turn = arm.cross(direction);
-        let row = Vector6::new(turn.x, turn.y, turn.z, direction.x, direction.y, direction.z);
-        self.matrix += row * row.transpose() * weight;
-        self.right += row * (residual * weight);
-        let grown = arm.dot(direction);
-        let row = SVector::<f64, 7>::from([turn.x, turn.y, turn.z, direction.x, direction.y, direction.z, grown]);
-        self.with_scale += row * row.transpose() * weight;
-        self.right_scale += row * (residual * weight);
-        self.weight += weight;
-        self.spread += weight * arm.norm_squared();
-    }
-
-    /// Mean distance of the points from their middle, mm.
-    fn extent(&self) -> f64 {
-        (self.spread / self.weight.max(f64::MIN_POSITIVE)).sqrt().max(1e-6)
-    }
-
-    /// The unknowns in units that weigh alike: turns by the extent.
-    fn units(&self) -> Vector6<f64> {
-        let turn = 1.0 / self.extent();
-        Vector6::new(turn, turn, turn, 1.0, 1.0, 1.0)
-    }
-
-    /// What the equations hold, and what they leave free.
-    fn solved(&self) -> Solved {
-        let units = self.units();
-        let scaled = Matrix6::from_diagonal(&units) * self.matrix * Matrix6::from_diagonal(&units);
-        let eigen = SymmetricEigen::new(scaled);
-        let floor = self.weight * BLIND + OF_FACETS * self.bend;
-        let mut inverse = Matrix6::zeros();
-        let mut free = Vec::new();
-        for k in 0..6 {
-            let v = eigen.eigenvectors.column(k).component_mul(&units);
-            if eigen.eigenvalues[k] > floor {
-                inverse += v * v.transpose() / eigen.eigenvalues[k];
-            } else {
-                free.push(v);
-            }
-        }
-        Solved { step: inverse * self.right, inverse, free }
-    }
-
-    /// The scale, as a seventh unknown; None where it is not held.
-    fn scale(&self, solved: &Solved) -> Option<Scale> {
-        if !solved.free.is_empty() {
-            return None;
-        }
-        let units = self.units();
-        let units = SVector::<f64, 7>::from_fn(|k, _| if k < 6 { units[k] } else { 1.0 / self.extent() });
-        let units = SMatrix::<f64, 7, 7>::from_diagonal(&units);
-        let eigen = SymmetricEigen::new(units * self.with_scale * units);
-        let floor = self.weight * BLIND + OF_FACETS * self.bend;
-        let mut inverse = SMatrix::<f64, 7, 7>::zeros();
-        for k in 0..7 {
-            if eigen.eigenvalues[k] <= floor {
-                return None;
-            }
-            let v = units * eigen.eigenvectors.column(k);
-            inverse += v * v.transpose() / eigen.eigenvalues[k];
-        }
-        let solution = inverse * self.right_scale;
-        Some(Scale { excess: solution[6], sigma: inverse[(6, 6)].sqrt() })
-    }
-}
-
-/// What equations come to.
-struct Solved {
-    step: Vector6<f64>,
-    inverse: Matrix6<f64>,
-    free: Vec<Vector6<f64>>,
-}
-
-/// A touch against the part as it lies by some motion.
-struct Met {
-    arm_end: Vector3<f64>,
-    /// Normal in the table frame.
-    normal: Vector3<f64>,
-    /// Above the part, less what it should stand off.
-    distance: f64,
-    /// Along the normal.
-    sigma: f64,
-    bend2: f64,
-}
-
-impl Touch {
-    fn met(&self, part: &Facets, motion: &Motion) -> Option<Met> {
-        let centre = motion.back(self.stage);
-        let Contact { at, normal, bend2 } = part.nearest(centre)?;
-        let (at, n) = (Vector3::from(at), Vector3::from(normal));
-        let to = Vector3::from(centre) - at;
-        let length = to.norm();
-        // At an edge the tip stands off along the line to it.
-        let is_beside = length > 1e-3 && (to.dot(&n) / length).abs() > 0.7;
-        let along = if is_beside { to * (to.dot(&n).signum() / length) } else { n };
-        let normal = motion.turn(&along);
-        let sigma = if self.is_along_z { self.sigma * normal.z.abs().max(0.1) } else { self.sigma };
-        Some(Met { arm_end: motion.move_point(&at), normal, distance: along.dot(&to) - self.off, sigma, bend2 })
-    }
-}
 
 /// Fits the part to what was measured, from the motion `start` that is right to some millimetres and degrees; pairs that
 /// hold the part by themselves are their own start.
@@ -323,125 +133,6 @@ fn best_start(points: &Points<'_>, around: &Motion) -> Motion {
     costs.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(*around, |(_, motion)| motion)
 }
 
-fn middle(points: impl Iterator<Item = SpacePoint>) -> Vector3<f64> {
-    let (sum, count) = points.fold((Vector3::zeros(), 0.0), |(sum, n), p| (sum + Vector3::from(p), n + 1.0));
-    sum / f64::max(count, 1.0)
-}
-
-/// Fits all pairs and every nth touch.
-struct Solver<'a> {
-    points: &'a Points<'a>,
-    every: usize,
-}
-
-impl Solver<'_> {
-    fn touches(&self) -> impl Iterator<Item = &Touch> {
-        let take = if self.every == usize::MAX { 0 } else { self.points.touches.len() };
-        self.points.touches.iter().take(take).step_by(self.every)
-    }
-
-    /// The middle of all points on the stage.
-    fn centre(&self) -> Vector3<f64> {
-        middle(self.points.pairs.iter().map(|p| p.stage).chain(self.touches().map(|t| t.stage)))
-    }
-
-    fn met(&self, motion: &Motion) -> Vec<Met> {
-        self.touches().filter_map(|touch| touch.met(self.points.part, motion)).collect()
-    }
-
-    /// The equations at a motion, and the standard deviation of touches, in units of their noise, at least `least`.
-    fn normal(&self, motion: &Motion, least: f64) -> (Normal, f64) {
-        let centre = self.centre();
-        let mut normal = Normal::new();
-        for pair in self.points.pairs {
-            let found = motion.move_point(&Vector3::from(pair.part));
-            for k in 0..3 {
-                let direction = Vector3::ith(k, 1.0);
-                let weight = pair.sigma[k].powi(-2);
-                normal.add(&(found - centre), &direction, pair.stage[k] - found[k], weight);
-            }
-        }
-        let met = self.met(motion);
-        let spread = spread(&met).max(least);
-        let counted = self.points.counted(spread);
-        for touch in &met {
-            let weight = biweight(touch.distance / touch.sigma / spread) / (touch.sigma * counted).powi(2);
-            // The part goes up where the point lies above it.
-            normal.add(&(touch.arm_end - centre), &touch.normal, touch.distance, weight);
-            normal.bend += weight * touch.bend2;
-        }
-        (normal, spread)
-    }
-
-    /// Steps until nothing changes.
-    fn stepped(&self, start: Motion, most: usize) -> Motion {
-        self.stepped_with(start, most, 1.0)
-    }
-
-    /// Steps with weights of at least this scale.
-    fn stepped_with(&self, start: Motion, most: usize, least: f64) -> Motion {
-        let centre = self.centre();
-        let mut motion = start;
-        for _ in 0..most {
-            let (normal, _) = self.normal(&motion, least);
-            let step = normal.solved().step;
-            motion = motion.then_small(&centre, &step);
-            if step.component_div(&normal.units()).amax() < LEAST_STEP {
-                break;
-            }
-        }
-        motion
-    }
-
-    /// Whether all touches lie on the part by this motion.
-    fn counts_every_touch(&self, motion: &Motion) -> bool {
-        let scale = self.scale(motion);
-        self.met(motion).iter().all(|t| (t.distance / t.sigma / scale).abs() < TUKEY)
-    }
-
-    /// The standard deviation of touches, in units of their noise, at least 1.
-    fn scale(&self, motion: &Motion) -> f64 {
-        spread(&self.met(motion)).max(1.0)
-    }
-
-    /// What the fit makes small: squares of the residuals of pairs, and Tukey's loss of the touches at a scale.
-    fn robust_cost(&self, motion: &Motion, scale: f64) -> f64 {
-        let of_pairs = self.points.pairs.iter().map(|pair| {
-            let found = motion.apply(pair.part);
-            (0..3).map(|k| ((pair.stage[k] - found[k]) / pair.sigma[k]).powi(2)).sum::<f64>()
-        });
-        let loss = |deviations: f64| {
-            let inside = 1.0 - (deviations / scale / TUKEY).powi(2).min(1.0);
-            TUKEY.powi(2) / 3.0 * (1.0 - inside.powi(3)) * (scale / self.points.counted(scale)).powi(2)
-        };
-        of_pairs.chain(self.met(motion).iter().map(|t| loss(t.distance / t.sigma))).sum()
-    }
-
-    /// How badly touches fit: mean of the squares, none beyond that of a tenth of the points' extent.
-    fn cost(&self, motion: &Motion) -> f64 {
-        let met = self.met(motion);
-        let spread = spread(&met).max(1.0);
-        let costs = met.iter().map(|t| (t.distance / t.sigma).powi(2).min((3.0 * spread).powi(2)));
-        costs.sum::<f64>() / met.len().max(1) as f64
-    }
-}
-
-/// Standard deviation of touches by the median of their absolute values, in units of their noise.
-fn spread(met: &[Met]) -> f64 {
-    let mut sizes: Vec<f64> = met.iter().map(|t| (t.distance / t.sigma).abs()).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let half = sizes.len() / 2;
-    MEDIAN * *sizes.select_nth_unstable_by(half, f64::total_cmp).1
-}
-
-/// Tukey's weight.
-fn biweight(deviations: f64) -> f64 {
-    let u = deviations / TUKEY;
-    if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 }
-}
-
 /// What a fit comes to.
 fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
     let points = solver.points;
@@ -491,47 +182,11 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
     }
 }
 
-/// What turns about a centre and shifts change of the height over a point of the stage, where the part has this slope.
-pub(crate) fn height_row(at: SpacePoint, slope: [f64; 2], centre: SpacePoint) -> [f64; 6] {
-    let arm = Vector3::from(at) - Vector3::from(centre);
-    let up = Vector3::new(-slope[0], -slope[1], 1.0);
-    let turn = arm.cross(&up);
-    [turn.x, turn.y, turn.z, up.x, up.y, up.z]
-}
-
-impl Uncertainty {
-    /// Standard deviation of the part's height over a point of the stage, mm, where the part has this slope there
-    /// (dz/dx, dz/dy): what the focus is off by, since a part that moves sideways on a slope changes its height too.
-    pub fn height(&self, at: SpacePoint, slope: [f64; 2]) -> f64 {
-        self.along(height_row(at, slope, self.centre))
-    }
-
-    /// Standard deviations of the place of a point along x, y and z, mm.
-    pub fn place(&self, at: SpacePoint) -> SpacePoint {
-        let arm = Vector3::from(at) - Vector3::from(self.centre);
-        [0, 1, 2].map(|k| {
-            let direction = Vector3::ith(k, 1.0);
-            let turn = arm.cross(&direction);
-            self.along([turn.x, turn.y, turn.z, direction.x, direction.y, direction.z])
-        })
-    }
-
-    /// Standard deviation of a sum of the unknowns.
-    fn along(&self, row: [f64; 6]) -> f64 {
-        let sum = |i: usize| (0..6).map(|k| self.covariance[i][k] * row[k]).sum::<f64>();
-        (0..6).map(|i| row[i] * sum(i)).sum::<f64>().max(0.0).sqrt()
-    }
-
-    /// Standard deviations of the turns about x, y and z, rad.
-    pub fn turns(&self) -> SpacePoint {
-        [0, 1, 2].map(|k| self.covariance[k][k].max(0.0).sqrt())
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use nalgebra::Matrix3;
+    use crate::points::Touch;
+    use nalgebra::{Matrix3, Matrix6, Vector3};
     use terrace_core::math;
     use terrace_core::random::Random;
 

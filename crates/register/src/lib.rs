@@ -10,16 +10,23 @@
 mod chi_squared;
 mod choose;
 mod closed_form;
+mod equations;
 mod facets;
 mod fit;
 mod motion;
 mod pairs;
+mod points;
+mod solver;
+mod uncertainty;
 mod warp;
 
 pub use choose::{Cost, Known, Prior, Site, Unknown, even_net, regular_net};
 pub use closed_form::Pair;
+pub use equations::Scale;
 pub use facets::{Contact, Facets};
-pub use fit::{Fit, FreeMotion, Points, Scale, Touch, TouchResidual, Uncertainty, fit};
+pub use fit::{Fit, FreeMotion, TouchResidual, fit};
 pub use motion::Motion;
 pub use pairs::{PairsFault, fault as pairs_fault};
+pub use points::{Points, Touch};
+pub use uncertainty::Uncertainty;
 pub use warp::{Candidate, DEVIATION_OF_LIMIT, Observation, Warp, lengths, warp};
