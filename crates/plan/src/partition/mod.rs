@@ -384,11 +384,15 @@ pub struct FreeSearch<'a> {
 pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, lattice: &Lattice, search: &FreeSearch<'_>) -> Stops {
     let Fine { grid, slabs } = fine;
     let &FreeSearch { window, overlap: Nm(overlap), flips, reserve } = search;
-    // What is kept free around the marks of a cell, in whole steps.
+    // What is kept free around the marks of a cell, in whole steps: of a piece that begins or ends in it, which is as long
+    // as a cell of the reserve, the most on all of it counts.
     let kept = |[column, row]: [i64; 2]| {
         let Some(reserve) = reserve else { return 0 };
-        let lo = P2::new(grid.origin.x + column * grid.pitch[0].0, grid.origin.y + row * grid.pitch[1].0);
-        let nm = reserve.kept(Box2 { lo, hi: P2::new(lo.x + grid.pitch[0].0, lo.y + grid.pitch[1].0) });
+        let [Nm(beyond), _] = reserve.cell();
+        let [x, y] = [grid.origin.x + column * grid.pitch[0].0, grid.origin.y + row * grid.pitch[1].0];
+        let lo = P2::new(x - beyond, y - beyond);
+        let hi = P2::new(x + grid.pitch[0].0 + beyond, y + grid.pitch[1].0 + beyond);
+        let nm = reserve.kept(Box2 { lo, hi });
         Nm::ceil(nm / lattice.step.f64()).0 * lattice.step.0
     };
     let pitch = grid.pitch.map(|Nm(pitch)| pitch);
