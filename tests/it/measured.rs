@@ -229,6 +229,94 @@ fn touches(lies: &Lies, radius: f64) -> Vec<SpacePoint> {
     (0..200).map(&mut touch).collect()
 }
 
+/// A job of the touches of a tip, each changed.
+fn touched_job(dir: &Path, more: &str, change: impl Fn(usize, SpacePoint) -> SpacePoint) -> PathBuf {
+    let all = touches(&LIES, 1.0).into_iter().enumerate();
+    // None stands on a clamp.
+    let free = all.filter(|(k, _)| !k.is_multiple_of(40));
+    let rows = free.map(|(k, at)| {
+        let [x, y, z] = change(k, at);
+        format!("touch,{x:.6},{y:.6},{z:.6},3,1,,,\n")
+    });
+    let table =
+        rows.fold("kind,stage_x,stage_y,stage_z,sigma_um,tip_mm,part_x,part_y,part_z\n".to_owned(), |a, b| a + &b);
+    job(dir, &table, more, HATCH)
+}
+
+const START: &str = "origin = [\"-40 mm\", \"-30 mm\", \"-3 mm\"]";
+
+#[test]
+fn touches_that_do_not_lie_on_the_part_are_named_and_neighbours_that_do_not_are_refused() {
+    let dir = folder();
+    let lift = |by: f64| move |[x, y, z]: SpacePoint| [x, y, z + by];
+    let path = touched_job(dir.path(), START, |k, at| if k == 7 { lift(0.5)(at) } else { at });
+    let out = terrace([Path::new("check"), &path]);
+    assert!(out.status.success(), "{}", said(&out));
+    assert!(
+        said(&out).contains("[measured-left-out]") && said(&out).contains("does not lie on the part"),
+        "{}",
+        said(&out)
+    );
+    // A corner that is another than the drawing's.
+    let corner = |at: SpacePoint| {
+        let [x, y, _] = stage(at);
+        x > LIES.shift[0] + 62.0 && y > LIES.shift[1] + 44.0
+    };
+    let path = touched_job(dir.path(), START, |_, at| if corner(at) { lift(0.3)(at) } else { at });
+    assert!(refused(&path, "measured-off").contains("lie off it together"));
+    // Where it may be warped by less, too.
+    let text = std::fs::read_to_string(&path).expect("a job").replace("sigmas = 0", "warp = \"0.2 mm\"");
+    std::fs::write(&path, text).expect("written");
+    assert!(refused(&path, "measured-off").contains("lie off it together"));
+    // The same place twice, the second time without the dirt.
+    let path = touched_job(dir.path(), START, |_, at| at);
+    let table = std::fs::read_to_string(dir.path().join("m.csv")).expect("a table");
+    let row: Vec<&str> = table.lines().nth(5).expect("a row").split(',').collect();
+    let higher = format!("touch,{},{},{},3,1,,,\n", row[1], row[2], row[3].parse::<f64>().expect("a number") + 0.4);
+    std::fs::write(dir.path().join("m.csv"), format!("{table}{higher}")).expect("written");
+    refused(&path, "measured-twice");
+}
+
+#[test]
+fn a_part_that_is_found_far_from_where_it_was_placed_is_refused_or_told() {
+    let dir = folder();
+    let path = touched_job(dir.path(), &START.replace("-40 mm", "-28.5 mm"), |_, at| at);
+    assert!(refused(&path, "measured-far").contains("-11.6"), "{}", refused(&path, "measured-far"));
+    let turned = Lies { turns: [0.0, 0.0, 0.3], ..LIES };
+    let out = terrace([Path::new("check"), &job(dir.path(), &table(&turned), "", HATCH)]);
+    assert!(out.status.success() && said(&out).contains("[measured-turned]"), "{}", said(&out));
+}
+
+#[test]
+fn features_that_all_lie_above_or_below_the_touches_are_told() {
+    let dir = folder();
+    let path = touched_job(dir.path(), START, |_, [x, y, z]| [x, y, z + 0.4]);
+    let told = |sigma_z_um: f64| {
+        let file = dir.path().join("m.csv");
+        let rows = FEATURES.map(|[px, py, _]| {
+            let part = [px, py, form(px, py)];
+            let [x, y, z] = stage(LIES.of(part));
+            format!("optical,{x:.6},{y:.6},{z:.6},5,,{px},{py},{}\n", part[2])
+        });
+        let touched = std::fs::read_to_string(&file).expect("a table");
+        let touched: Vec<&str> = touched.lines().filter(|line| !line.starts_with("optical")).collect();
+        let all = touched.join("\n") + "\n" + &rows.concat();
+        let with_z = all.lines().enumerate().map(|(i, line)| match (i, line.starts_with("optical")) {
+            (0, _) if !line.contains("sigma_z_um") => format!("{line},sigma_z_um\n"),
+            (_, true) => format!("{line},{sigma_z_um}\n"),
+            _ if line.matches(',').count() < 9 => format!("{line},\n"),
+            _ => format!("{line}\n"),
+        });
+        let all: String = with_z.collect();
+        std::fs::write(&file, all).expect("written");
+        said(&terrace([Path::new("check"), &path]))
+    };
+    let close = told(100.0);
+    assert!(close.contains("[measured-heights]"), "{close}");
+    let loose = told(1000.0);
+    assert!(!loose.contains("[measured-heights]"), "{loose}");
+}
+
 #[test]
 fn the_log_of_linuxcnc_becomes_a_verified_job_in_three_commands() {
     assert_log_becomes_a_job(false);
@@ -381,6 +469,36 @@ fn a_warped_part_is_marked_in_focus_where_its_points_show_it() {
     let [before, after] = ["before_um", "after_um"].map(left);
     assert!(shown["is_warped"] == true && shown["most_um"].as_f64() >= Some(before), "{shown}");
     assert!(points.len() > 20 && before > 20.0 && after < before / 2.0, "{before} {after}");
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn every_method_holds_a_warped_part_of_which_places_are_known_unlike_closely() {
+    let dir = folder();
+    let path = warped_job(dir.path(), 1.0);
+    let text = std::fs::read_to_string(&path).expect("a job");
+    // Fewer points on one half: what stays free is not the same everywhere.
+    let table = std::fs::read_to_string(dir.path().join("m.csv")).expect("a table");
+    let is_there = |(i, line): &(usize, &str)| {
+        let x = line.split(',').nth(1).and_then(|x| x.parse::<f64>().ok());
+        !line.starts_with("distance") || x > Some(0.0) || i % 2 == 0
+    };
+    let fewer: Vec<&str> = table.lines().enumerate().filter(is_there).map(|(_, line)| line).collect();
+    std::fs::write(dir.path().join("m.csv"), fewer.join("\n") + "\n").expect("written");
+    for (method, direction, pdof) in
+        ["window", "z-range", "contour"].into_iter().flat_map(|m| [(m, 0, "0.1"), (m, 30, "0.11"), (m, 75, "0.13")])
+    {
+        let text = text
+            .replace("30 deg", &format!("{direction} deg"))
+            .replace("pdof = \"0.1 mm\"", &format!("pdof = \"{pdof} mm\""));
+        let with = text.replace("method = \"contour\"", &format!("method = \"{method}\""));
+        assert!(with.contains(&format!("method = \"{method}\"")), "{with}");
+        std::fs::write(&path, with).expect("written");
+        let target = dir.path().join("a.job");
+        compile(&path, &target);
+        let proof = verify(&target);
+        assert_eq!(proof["ok"], true, "{method} {direction} {pdof}: {proof}");
+    }
 }
 
 /// What the head of the view says of the measured part.

@@ -98,7 +98,7 @@ fn within(name: &str, all: &[[SpacePoint; 3]]) -> usize {
             Touch { stage, off: RADIUS, sigma: NOISE, is_along_z: false }
         };
         let touches: Vec<Touch> = (0..TOUCHES).map(|_| touch(&mut random)).collect();
-        let points = Points { pairs: &[], touches: &touches, part: &part, is_warped: false };
+        let points = Points { pairs: &[], touches: &touches, part: &part, warp: None };
         let found = fit(&points, &Motion::shift([0.0; 3]));
         found.free.is_empty() && is_within(&found, &truth)
     };

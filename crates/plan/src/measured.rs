@@ -18,8 +18,8 @@ use terrace_input::surface::{Joining, Surface};
 use terrace_input::texture::{Draped, Draping, Lost, LostMarks, Texture};
 pub use terrace_register::Warp;
 use terrace_register::{
-    DEVIATION_OF_LIMIT, Facets, Fit, FreeMotion, Motion, Observation, Pair, PairsFault, Points, Touch, TouchResidual,
-    fit, pairs_fault, warp,
+    DEVIATION_OF_LIMIT, Facets, Fit, FreeMotion, Motion, Observation, Pair, PairsFault, Points, Told, Touch,
+    TouchResidual, fit, pairs_fault, warp,
 };
 
 /// A part as it lies, measured.
@@ -154,6 +154,9 @@ pub fn fitted(
             Measure::Distance => touches.push(Touch { stage, off: 0.0, sigma, is_along_z: true }),
         }
     }
+    if let Some(fault) = twice(points, shown) {
+        return Err(fault.into());
+    }
     let of_pairs: Vec<&MeasuredPoint> =
         points.iter().filter(|p| matches!(p.measure, Measure::Optical { .. })).collect();
     let limit = job.placement.measured.as_ref().and_then(|measured| measured.warp).map(|limit| limit.as_mm());
@@ -175,7 +178,10 @@ pub fn fitted(
         designed.each_facet(&mut |facet| facets.push(facet.map(|at| at.map(|nm| nm / NM_PER_MM))));
     }
     let part = Facets::new(facets);
-    let mut found = fit(&Points { pairs: &held, touches: &touches, part: &part, is_warped: limit.is_some() }, &start);
+    let mut found = fit(
+        &Points { pairs: &held, touches: &touches, part: &part, warp: limit.map(|limit| limit * DEVIATION_OF_LIMIT) },
+        &start,
+    );
     if !found.free.is_empty() {
         return Err(free(&found.free, shown).into());
     }
@@ -188,6 +194,13 @@ pub fn fitted(
         let hint = "check placement.origin, which is the start, the unit of the part, and the offset of the probe";
         return Err(Diag::limit("measured-off", text).at(Place::file(shown)).hint(hint).into());
     }
+    let touched: Vec<&MeasuredPoint> =
+        points.iter().filter(|p| !matches!(p.measure, Measure::Optical { .. })).collect();
+    warnings.extend(beside(&found.touches, &touched, shown)?);
+    if pairs.len() < 3 {
+        far(&found, &start, shown)?;
+    }
+    warnings.extend(turned_round(&found, shown));
     if limit.is_none() {
         warnings.extend(noise(&found, shown));
     }
@@ -206,9 +219,14 @@ pub fn fitted(
         };
         warnings.extend(odd(&warp, &known, &points, &shown_of, shown));
         for (point, observation) in points.iter_mut().zip(&shown_of) {
-            point.left = observation.map(|o| o.height - warp.at(o.at)[0]);
+            point.left = observation.map(|o| o.height - warp.at(o.at).height);
         }
         lying.warp = Some(warp);
+    }
+    let sigmas = pairs.iter().map(|pair| pair.sigma[2]);
+    let features = points.iter().filter(|p| matches!(p.residual, Residual::Place(_)));
+    if !touches.is_empty() {
+        warnings.extend(heights_apart(features.zip(sigmas), shown));
     }
     Ok(Lying { points, ..lying })
 }
@@ -232,13 +250,15 @@ fn observations(points: &[MeasuredPoint], pairs: &[Pair], fit: &Fit, part: &Face
         let height = residual[2] - slope[0] * residual[0] - slope[1] * residual[1];
         let [sx, sy, sz] = pair.sigma;
         let sigma = (sz * sz + (slope[0] * sx).powi(2) + (slope[1] * sy).powi(2)).sqrt();
-        let [x, y, _] = fit.motion.apply(pair.part);
-        (nz >= LEAST_UP).then_some(Observation { at: [x, y], height, sigma })
+        let [x, y, z] = fit.motion.apply(pair.part);
+        let aside = fit.uncertainty.aside_row([x, y, z], slope);
+        (nz >= LEAST_UP).then_some(Observation { at: [x, y], height, sigma, aside })
     };
     let of_touch = |touch: &TouchResidual| {
-        let [.., up] = touch.normal;
+        let [nx, ny, up] = touch.normal;
         let [x, y, _] = touch.at;
-        let observation = Observation { at: [x, y], height: touch.distance / up, sigma: touch.sigma / up };
+        let aside = fit.uncertainty.aside_row(touch.at, [-nx / up, -ny / up]);
+        let observation = Observation { at: [x, y], height: touch.distance / up, sigma: touch.sigma / up, aside };
         (touch.is_on_part && up >= LEAST_UP).then_some(observation)
     };
     let mut of_pairs = pairs.iter().zip(&fit.pairs).map(of_pair);
@@ -260,7 +280,9 @@ fn correction(warp: &Warp, lying: &Lying, area: Box2) -> Correction {
     let grid = Grid { origin: area.lo, pitch: [Nm(pitch as i64); 2], count };
     let shift = lying.origin.mm();
     Correction::new(grid, |[x, y]| {
-        warp.at([x / NM_PER_MM + shift[0], y / NM_PER_MM + shift[1]]).map(|mm| mm * NM_PER_MM)
+        let Told { height, deviation, aside: [turn, x, y] } =
+            warp.at([x / NM_PER_MM + shift[0], y / NM_PER_MM + shift[1]]);
+        [height * NM_PER_MM, deviation * NM_PER_MM, turn * NM_PER_MM, x, y]
     })
 }
 
@@ -304,8 +326,152 @@ fn odd(
 /// Deviations beyond which a point is told that the others contradict.
 const ODD: f64 = 4.0;
 
+/// Features that lie all together above or below what touches say.
+fn heights_apart<'a>(features: impl Iterator<Item = (&'a PointResidual, f64)>, shown: &str) -> Option<Diag> {
+    let above = |(point, sigma): (&PointResidual, f64)| {
+        let Residual::Place([.., z]) = point.residual else { return [0.0; 2] };
+        let weight = sigma.powi(-2);
+        [weight * point.left.unwrap_or(z), weight]
+    };
+    let [sum, weight] = features.map(above).fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
+    let (mean, sigma) = (sum / weight, weight.sqrt().recip());
+    (weight > 0.0 && mean.abs() > HEIGHTS_APART * sigma).then(|| {
+        let (mean, sigma) = (mean * 1e3, sigma * 1e3);
+        let text = format!("the features lie {mean:+.1} um from the heights of the touches, known to {sigma:.1} um");
+        let hint = "the heights rest on the touches: check radius, pretravel and offset z of the probe, and the focus of \
+                    the pilot";
+        Diag::warning("measured-heights", text).at(Place::file(shown)).hint(hint)
+    })
+}
+
+/// Deviations beyond which the mean of the features is told to lie apart.
+const HEIGHTS_APART: f64 = 3.0;
+
+/// Points without partners this near to each other along x and y are of one place, mm; there they may differ by so many
+/// deviations, and by what a slope of 80 degrees makes of how far they are apart.
+const ONE_PLACE: f64 = 0.1;
+const ONE_HEIGHT: f64 = 6.0;
+const STEEPEST: f64 = 5.7;
+
+/// Two points of one place that contradict one another: one of them is dirt, or was made before something was changed.
+fn twice(points: &[MeasuredPoint], shown: &str) -> Option<Diag> {
+    let is_on_part = |p: &&MeasuredPoint| !matches!(p.measure, Measure::Optical { .. });
+    let mut all: Vec<&MeasuredPoint> = points.iter().filter(is_on_part).collect();
+    all.sort_by(|a, b| a.stage[0].total_cmp(&b.stage[0]));
+    let differ = |a: &MeasuredPoint, b: &MeasuredPoint| {
+        let [x, y, z] = [0, 1, 2].map(|k| (a.stage[k] - b.stage[k]).abs());
+        let noise = math::hypot(a.sigma_mm[0], b.sigma_mm[0]);
+        a.measure == b.measure && y <= ONE_PLACE && z > ONE_HEIGHT * noise + STEEPEST * math::hypot(x, y)
+    };
+    let found = all.iter().enumerate().find_map(|(i, a)| {
+        let near = all[i + 1..].iter().take_while(|b| b.stage[0] - a.stage[0] <= ONE_PLACE);
+        near.filter(|b| differ(a, b)).map(|b| if a.line < b.line { (*a, *b) } else { (*b, *a) }).next()
+    });
+    found.map(|(a, b)| {
+        let um = (b.stage[2] - a.stage[2]) * 1e3;
+        let text = format!("{} and {} (line {}) are of one place and differ by {um:+.1} um", a.name, b.name, b.line);
+        let hint = "take the wrong row out: the first, if there was dirt under it and the place was measured again";
+        Diag::input("measured-twice", text).at(Place::line(shown, a.line)).hint(hint)
+    })
+}
+
 /// At most one in so many touches may lie off the part.
 const MOST_OFF: usize = 3;
+
+/// Touches of which each is named, at most.
+const NAMED: usize = 5;
+
+/// Touches that do not lie on the part are told; where neighbours lie off it together, the part is not as designed there.
+///
+/// # Errors
+/// `measured-off` where a touch and its two nearest neighbours lie off the part to the same side.
+fn beside(touches: &[TouchResidual], points: &[&MeasuredPoint], shown: &str) -> Result<Option<Diag>, Diag> {
+    let off: Vec<usize> = (0..touches.len()).filter(|&i| !touches[i].is_on_part).collect();
+    if off.is_empty() {
+        return Ok(None);
+    }
+    let named = |of: &[usize]| {
+        let each: Vec<String> = of
+            .iter()
+            .take(NAMED)
+            .map(|&i| format!("{} ({:+.1} um)", points[i].name, touches[i].distance * 1e3))
+            .collect();
+        let more = if of.len() > NAMED { format!(" and {} more", of.len() - NAMED) } else { String::new() };
+        format!("{}{more}", each.join(", "))
+    };
+    let apart2 = |i: usize, k: usize| (0..3).map(|a| (touches[i].at[a] - touches[k].at[a]).powi(2)).sum::<f64>();
+    let lies_among_such = terrace_core::parallel::map(off.len(), |n| {
+        let i = off[n];
+        let mut nearest = [(f64::INFINITY, i); 2];
+        for k in (0..touches.len()).filter(|&k| k != i) {
+            let distance = apart2(i, k);
+            if distance < nearest[0].0 {
+                nearest = [(distance, k), nearest[0]];
+            } else if distance < nearest[1].0 {
+                nearest[1] = (distance, k);
+            }
+        }
+        let is_such = |k: usize| !touches[k].is_on_part && touches[k].distance * touches[i].distance > 0.0;
+        nearest.iter().all(|&(_, k)| k != i && is_such(k))
+    });
+    let together: Vec<usize> = off.iter().zip(lies_among_such).filter(|(_, is)| *is).map(|(&i, _)| i).collect();
+    if !together.is_empty() {
+        let text = format!("the part is not as designed where touches lie off it together: {}", named(&together));
+        let hint = "were it a clamp or dirt, take these rows out; if the part is so, name placement.measured.warp, large \
+                    enough";
+        return Err(Diag::limit("measured-off", text).at(Place::file(shown)).hint(hint));
+    }
+    let text = match off.len() {
+        1 => format!("a touch does not lie on the part and does not count: {}", named(&off)),
+        n => format!("{n} touches do not lie on the part and do not count: {}", named(&off)),
+    };
+    let hint =
+        "measure there again: a clamp or dirt does no harm, a dent that no other touch saw is marked out of focus";
+    Ok(Some(Diag::warning("measured-left-out", text).at(Place::file(shown)).hint(hint)))
+}
+
+/// Where touches alone say where a part lies, it lies no farther from its start than this, mm and rad.
+const FARTHEST_MM: f64 = 10.0;
+const FARTHEST_TURN: f64 = 0.175;
+
+/// A part that touches alone have found far from where the job has it.
+fn far(fit: &Fit, start: &Motion, shown: &str) -> Result<(), Diag> {
+    let centre = fit.uncertainty.centre;
+    let from = start.apply(fit.motion.back(centre));
+    let off = [0, 1, 2].map(|k| centre[k] - from[k]);
+    let length = off.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let turn = angle(&fit.motion);
+    if length <= FARTHEST_MM && turn <= FARTHEST_TURN {
+        return Ok(());
+    }
+    let [x, y, z] = off;
+    let text = format!(
+        "the touches have the part ({x:+.2}, {y:+.2}, {z:+.2}) mm and {:.2} degrees from where the job places it: without \
+         three features they are trusted to {FARTHEST_MM} mm and 10 degrees",
+        turn.to_degrees()
+    );
+    let hint = "check placement.origin and turn, and the offset and the radius of the probe";
+    Err(Diag::limit("measured-far", text).at(Place::file(shown)).hint(hint))
+}
+
+/// The angle that a motion turns by, rad.
+fn angle(motion: &Motion) -> f64 {
+    let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = motion.rows();
+    let sine = math::hypot(math::hypot(zy - yz, xz - zx), yx - xy) / 2.0;
+    math::atan2(sine, (xx + yy + zz - 1.0) / 2.0)
+}
+
+/// A part that is turned about z by more than a clamping explains.
+fn turned_round(fit: &Fit, shown: &str) -> Option<Diag> {
+    let [[xx, ..], [yx, ..], _] = fit.motion.rows();
+    let turn = math::atan2(yx, xx);
+    (turn.abs() > FARTHEST_TURN).then(|| {
+        let text = format!("the points turn the part by {:.2} degrees about z, beside placement.turn", turn.to_degrees());
+        let hint = "state about that angle as placement.turn, and look at layout.svg: features that are named the wrong way \
+                    round turn the texture";
+        Diag::warning("measured-turned", text).at(Place::file(shown)).hint(hint)
+    })
+}
 
 /// Residuals so many times larger than the stated noise are told.
 const NOISE_FACTOR: f64 = 2.0;

@@ -412,8 +412,10 @@ mod tests {
         let (measured, targets) = all.split_at(7);
         let mut step_by_step = Unknown::new(&prior(0.1), &[], measured, targets, 0.003);
         (0..measured.len()).for_each(|i| step_by_step.measure(i));
-        let shown: Vec<Observation> =
-            measured.iter().map(|s| Observation { at: [s.at[0], s.at[1]], height: 7.0, sigma: 0.003 }).collect();
+        let shown: Vec<Observation> = measured
+            .iter()
+            .map(|s| Observation { at: [s.at[0], s.at[1]], height: 7.0, sigma: 0.003, aside: [0.0; 3] })
+            .collect();
         let before = Unknown::new(&prior(0.1), &shown, &measured[..1], targets, 0.003);
         let cost = |variances: &[f64]| variances.iter().sum();
         let [a, b] = [step_by_step.known(&cost), before.known(&cost)];

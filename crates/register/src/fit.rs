@@ -116,7 +116,7 @@ fn narrowed(points: &Points<'_>, start: Motion) -> Motion {
 
 /// The motion that fits pairs best by their weights.
 pub(crate) fn refined(pairs: &[Pair]) -> Motion {
-    let points = Points { pairs, touches: &[], part: &Facets::new([]), is_warped: false };
+    let points = Points { pairs, touches: &[], part: &Facets::new([]), warp: None };
     Solver { points: &points, every: usize::MAX }.stepped(closed_form(pairs), STEPS)
 }
 
@@ -155,7 +155,7 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
         })
         .collect();
     let of_pairs = pairs.iter().zip(points.pairs).flat_map(|(r, p)| (0..3).map(|k| (r[k] / p.sigma[k]).powi(2)));
-    let counted = points.counted(spread);
+    let counted = if points.warp.is_some() { spread } else { 1.0 };
     let on_part = met.iter().zip(&touches).filter(|(_, t)| t.is_on_part);
     let of_touches = on_part.map(|(m, _)| (m.distance / m.sigma / counted).powi(2));
     let squares: Vec<f64> = of_pairs.chain(of_touches).collect();
@@ -244,7 +244,7 @@ pub(crate) mod tests {
                     Pair { part, stage: truth.apply(part), sigma }
                 })
                 .collect();
-            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), is_warped: false };
+            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), warp: None };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             let (turn, off) = apart(&found.motion, &truth, [0.0; 3]);
             assert!(turn < 1e-12 && off < 1e-9, "seed {seed}, {count} pairs: {turn} {off}");
@@ -258,7 +258,7 @@ pub(crate) mod tests {
         let on_line = |k: i32| [f64::from(k) * 40.0, f64::from(k) * 30.0, 0.0];
         let pair = |part: SpacePoint| Pair { part, stage: truth.apply(part), sigma: [0.01; 3] };
         let pairs: Vec<Pair> = (0..4).map(|k| pair(on_line(k))).collect();
-        let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), is_warped: false };
+        let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), warp: None };
         let found = fit(&points, &truth);
         assert_eq!(found.free.len(), 1);
         let [x, y, z] = found.free[0].turn;
@@ -280,7 +280,7 @@ pub(crate) mod tests {
                     Pair { part, stage, sigma: [0.01; 3] }
                 })
                 .collect();
-            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), is_warped: false };
+            let points = Points { pairs: &pairs, touches: &[], part: &Facets::new([]), warp: None };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             let scale = found.scale.expect("a scale");
             inside += usize::from((scale.excess - 2e-4).abs() < 3.0 * scale.sigma);
@@ -337,7 +337,7 @@ pub(crate) mod tests {
                     }
                 })
                 .collect();
-            let points = Points { pairs: &[], touches: &touches, part: &part, is_warped: false };
+            let points = Points { pairs: &[], touches: &touches, part: &part, warp: None };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             assert!(found.free.is_empty(), "seed {seed}: {:?}", found.free);
             // 99.73 % of an ellipsoid in six dimensions.
@@ -379,7 +379,7 @@ pub(crate) mod tests {
                 Touch { stage, off: 1.0, sigma: 0.02, is_along_z: false }
             };
             let touches: Vec<Touch> = (0..120).map(|k| touch(&mut random, k)).collect();
-            let points = Points { pairs: &[], touches: &touches, part: &part, is_warped: false };
+            let points = Points { pairs: &[], touches: &touches, part: &part, warp: None };
             let found = fit(&points, &Motion::shift([0.0; 3]));
             assert!(found.free.is_empty(), "seed {seed}: {:?}", found.free);
             let off: Vec<usize> = (0..120).filter(|&k| !found.touches[k].is_on_part).collect();
@@ -404,8 +404,7 @@ pub(crate) mod tests {
                     }
                 })
                 .collect();
-            fit(&Points { pairs: &[], touches: &touches, part, is_warped: false }, &Motion::shift([0.3, -0.2, 0.1]))
-                .free
+            fit(&Points { pairs: &[], touches: &touches, part, warp: None }, &Motion::shift([0.3, -0.2, 0.1])).free
         };
         let dome = |x: f64, y: f64| (250.0_f64.powi(2) - x * x - y * y).sqrt();
         let found = free(&field(200.0, 5.0, dome), &dome);

@@ -29,4 +29,4 @@ pub use motion::Motion;
 pub use pairs::{PairsFault, fault as pairs_fault};
 pub use points::{Points, Touch};
 pub use uncertainty::Uncertainty;
-pub use warp::{Candidate, DEVIATION_OF_LIMIT, Observation, Warp, lengths, warp};
+pub use warp::{Candidate, DEVIATION_OF_LIMIT, Observation, Told, Warp, lengths, warp};

@@ -26,7 +26,9 @@ pub fn fault(pairs: &[Pair]) -> Option<PairsFault> {
     if pairs.len() < 3 || goes_together(pairs) {
         return None;
     }
-    let exchanges = (0..pairs.len()).flat_map(|i| (0..i).map(move |k| (k, i)));
+    let suspects = suspects(pairs);
+    let exchanges =
+        (0..suspects.len()).flat_map(|n| (0..n).map(move |m| (m, n))).map(|(m, n)| (suspects[m], suspects[n]));
     let mut exchanged = exchanges.filter(|&(i, k)| {
         let mut tried = pairs.to_vec();
         (tried[i].stage, tried[k].stage) = (pairs[k].stage, pairs[i].stage);
@@ -37,7 +39,7 @@ pub fn fault(pairs: &[Pair]) -> Option<PairsFault> {
         return Some(if exchanged.next().is_none() { PairsFault::Exchanged(i, k) } else { apart(pairs) });
     }
     if pairs.len() > 3 {
-        let mut wrong = (0..pairs.len()).filter(|&i| {
+        let mut wrong = suspects.iter().copied().filter(|&i| {
             let mut others = pairs.to_vec();
             others.remove(i);
             goes_together(&others)
@@ -52,6 +54,19 @@ pub fn fault(pairs: &[Pair]) -> Option<PairsFault> {
         }
     }
     Some(apart(pairs))
+}
+
+/// Pairs that may be at fault, at most.
+const SUSPECTS: usize = 24;
+
+/// The pairs of the largest residuals, in their order.
+fn suspects(pairs: &[Pair]) -> Vec<usize> {
+    let motion = refined(pairs);
+    let mut all: Vec<usize> = (0..pairs.len()).collect();
+    all.sort_by(|&i, &k| weighted2(&pairs[k], &motion).total_cmp(&weighted2(&pairs[i], &motion)));
+    all.truncate(SUSPECTS);
+    all.sort_unstable();
+    all
 }
 
 /// The pair of the largest residual.

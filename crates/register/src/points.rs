@@ -29,15 +29,17 @@ pub struct Points<'a> {
     pub touches: &'a [Touch],
     /// The part; used where there are touches.
     pub part: &'a Facets,
-    /// Whether the part may be warped: touches then count by how far they spread, not by their noise alone, since what
-    /// they are off by is the warp, which must not shift the part aside against features.
-    pub is_warped: bool,
+    /// Standard deviation of the height of a part that may be warped, mm. Touches then count by how far they spread, and
+    /// along z all together as one of this deviation: what they are off by is the warp, which must not shift the part aside.
+    pub warp: Option<f64>,
 }
 
 impl Points<'_> {
-    /// How many times its noise a touch counts as being off, where touches spread so.
-    pub(crate) fn counted(&self, spread: f64) -> f64 {
-        if self.is_warped { spread } else { 1.0 }
+    /// How many times its noise a touch counts as being off, one of `count` that spread so.
+    pub(crate) fn counted(&self, spread: f64, touch: &Met, count: usize) -> f64 {
+        let Some(warp) = self.warp else { return 1.0 };
+        let shared = touch.normal.z * warp / touch.sigma;
+        (spread * spread + shared * shared * count as f64).sqrt()
     }
 }
 

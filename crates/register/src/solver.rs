@@ -54,8 +54,8 @@ impl Solver<'_> {
         }
         let met = self.met(motion);
         let spread = spread(&met).max(least);
-        let counted = self.points.counted(spread);
         for touch in &met {
+            let counted = self.points.counted(spread, touch, met.len());
             let weight = biweight(touch.distance / touch.sigma / spread) / (touch.sigma * counted).powi(2);
             // The part goes up where the point lies above it.
             normal.add(&(touch.arm_end - centre), &touch.normal, touch.distance, weight);
@@ -101,11 +101,13 @@ impl Solver<'_> {
             let found = motion.apply(pair.part);
             (0..3).map(|k| ((pair.stage[k] - found[k]) / pair.sigma[k]).powi(2)).sum::<f64>()
         });
-        let loss = |deviations: f64| {
-            let inside = 1.0 - (deviations / scale / TUKEY).powi(2).min(1.0);
-            TUKEY.powi(2) / 3.0 * (1.0 - inside.powi(3)) * (scale / self.points.counted(scale)).powi(2)
+        let met = self.met(motion);
+        let loss = |t: &Met| {
+            let inside = 1.0 - (t.distance / t.sigma / scale / TUKEY).powi(2).min(1.0);
+            let counted = self.points.counted(scale, t, met.len());
+            TUKEY.powi(2) / 3.0 * (1.0 - inside.powi(3)) * (scale / counted).powi(2)
         };
-        of_pairs.chain(self.met(motion).iter().map(|t| loss(t.distance / t.sigma))).sum()
+        of_pairs.chain(met.iter().map(loss)).sum()
     }
 
     /// How badly touches fit: mean of the squares, none beyond that of a tenth of the points' extent.

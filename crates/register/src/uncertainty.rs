@@ -28,6 +28,19 @@ impl Uncertainty {
         self.along(height_row(at, slope, self.centre))
     }
 
+    /// Standard deviation of what a part that lies aside changes of the height, mm, where a turn about z and shifts along
+    /// x and y change so much of it.
+    pub fn aside(&self, [turn, x, y]: [f64; 3]) -> f64 {
+        self.along([0.0, 0.0, turn, x, y, 0.0])
+    }
+
+    /// What a turn about z, rad, and shifts along x and y, mm, change of the height over a point of the stage, mm, where
+    /// the part has this slope there.
+    pub fn aside_row(&self, at: SpacePoint, slope: [f64; 2]) -> [f64; 3] {
+        let [.., turn, x, y, _] = height_row(at, slope, self.centre);
+        [turn, x, y]
+    }
+
     /// Standard deviations of the place of a point along x, y and z, mm.
     pub fn place(&self, at: SpacePoint) -> SpacePoint {
         let arm = Vector3::from(at) - Vector3::from(self.centre);

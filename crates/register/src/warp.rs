@@ -24,6 +24,19 @@ pub struct Observation {
     pub height: f64,
     /// Its standard deviation, mm.
     pub sigma: f64,
+    /// What a turn of the part about z, rad, and shifts along x and y, mm, change of it, mm.
+    pub aside: [f64; 3],
+}
+
+/// What points say of the height of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Told {
+    /// The correction, mm.
+    pub height: f64,
+    /// Its standard deviation, mm, for a part that lies where the fit has it along x and y.
+    pub deviation: f64,
+    /// What of a part that lies aside the points have seen there, as [`Observation::aside`].
+    pub aside: [f64; 3],
 }
 
 /// A length of the covariance, what it takes, and how much it counts.
@@ -47,13 +60,61 @@ pub struct Warp {
     limit: f64,
     /// How far points reach, mm.
     reach: f64,
+    plane: Plane,
 }
 
 #[derive(Clone, Debug)]
 struct Model {
     candidate: Candidate,
     cholesky: Cholesky<f64, Dyn>,
-    weights: DVector<f64>,
+    /// What the covariances of a place are multiplied with: for its height, and what is seen aside.
+    weights: DMatrix<f64>,
+}
+
+/// The height and tilt of the rigid fit, of which nothing is taken as known: a plane of a wide covariance.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    middle: [f64; 2],
+    /// Half the longest distance of points, mm.
+    half: f64,
+    /// Standard deviation of the height, and of what the tilt makes of it at that distance, mm.
+    deviation: f64,
+}
+
+impl Plane {
+    fn new(points: &[Observation], limit: f64) -> Self {
+        let (lo, hi) = span(points);
+        let half = (apart(lo, hi) / 2.0).max(1e-3);
+        Self { middle: [0, 1].map(|k| (lo[k] + hi[k]) / 2.0), half, deviation: limit.max(LEAST_SIGMA) }
+    }
+
+    fn covariance(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
+        let along = |k: usize| (a[k] - self.middle[k]) * (b[k] - self.middle[k]);
+        self.deviation * self.deviation * (1.0 + (along(0) + along(1)) / (self.half * self.half))
+    }
+}
+
+/// The covariance of heights for one length and amplitude.
+#[derive(Clone, Copy)]
+struct Covariance<'a> {
+    plane: &'a Plane,
+    length: f64,
+    amplitude: f64,
+}
+
+impl Covariance<'_> {
+    fn of(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
+        self.amplitude * self.amplitude * matern(apart(a, b), self.length) + self.plane.covariance(a, b)
+    }
+
+    fn solved(&self, points: &[Observation]) -> Option<Cholesky<f64, Dyn>> {
+        let n = points.len();
+        let matrix = DMatrix::from_fn(n, n, |i, k| {
+            let noise = if i == k { points[i].sigma.powi(2) } else { 0.0 };
+            self.of(points[i].at, points[k].at) + noise
+        });
+        Cholesky::new(matrix)
+    }
 }
 
 /// Points beyond these are put together in square cells.
@@ -69,8 +130,12 @@ const LEAST_SIGMA: f64 = 2e-4;
 const FINEST: f64 = 24.0;
 const LENGTHS: i32 = 7;
 
-/// Amplitudes that are tried, in half powers of two of the root mean square of the heights.
-const AMPLITUDES: std::ops::Range<i32> = -8..10;
+/// Amplitudes that are tried, in half powers of two of the deviation that the limit says.
+const AMPLITUDES: std::ops::Range<i32> = -16..4;
+
+/// By how much less, in logarithms, the points may be predicted by a larger amplitude that they do not contradict: two
+/// deviations.
+const NOT_CONTRADICTED: f64 = 2.0;
 
 /// Share of the logarithm of what was predicted that weighs the lengths: neighbours say much the same.
 const TEMPER: f64 = 0.12;
@@ -84,6 +149,13 @@ pub const DEVIATION_OF_LIMIT: f64 = 1.0 / 3.0;
 /// Points reach so many times as far as half of them have their nearest neighbours: some farther than the largest gap of
 /// some hundred points that lie at random, which is three times as far.
 const REACH: f64 = 4.0;
+
+/// And no farther than this share of their width across: points along a rim, or in two rows, say nothing of a bend
+/// between them.
+const REACH_ACROSS: f64 = 0.4;
+
+/// Points nearer than this share of their longest distance are one place.
+const SAME_PLACE: f64 = 0.01;
 
 /// The largest deviation, in its own units, by which a point that is left out may lie off.
 const LARGEST_LEFT_OUT: f64 = 2.5;
@@ -116,7 +188,12 @@ fn thinned(points: &[Observation]) -> Vec<Observation> {
         let n = of.len() as f64;
         let mean = |value: &dyn Fn(&Observation) -> f64| of.iter().map(value).sum::<f64>() / n;
         let noise = mean(&|p| p.sigma * p.sigma) / of.len().min(INDEPENDENT) as f64;
-        Observation { at: [mean(&|p| p.at[0]), mean(&|p| p.at[1])], height: mean(&|p| p.height), sigma: noise.sqrt() }
+        Observation {
+            at: [mean(&|p| p.at[0]), mean(&|p| p.at[1])],
+            height: mean(&|p| p.height),
+            sigma: noise.sqrt(),
+            aside: [0, 1, 2].map(|k| mean(&|p| p.aside[k])),
+        }
     };
     cells.into_values().map(together).collect()
 }
@@ -145,15 +222,6 @@ impl LeftOut {
 /// The lengths that are tried of points that lie as far apart as this at most, mm.
 pub fn lengths(longest: f64) -> impl Iterator<Item = f64> {
     (0..LENGTHS).map(move |k| longest / FINEST * f64::from(1 << k))
-}
-
-fn solved(points: &[Observation], length: f64, amplitude: f64) -> Option<Cholesky<f64, Dyn>> {
-    let n = points.len();
-    let matrix = DMatrix::from_fn(n, n, |i, k| {
-        let noise = if i == k { points[i].sigma.powi(2) } else { 0.0 };
-        amplitude * amplitude * matern(apart(points[i].at, points[k].at), length) + noise
-    });
-    Cholesky::new(matrix)
 }
 
 fn heights(points: &[Observation]) -> DVector<f64> {
@@ -187,14 +255,31 @@ fn left_out(cholesky: &Cholesky<f64, Dyn>, heights: &DVector<f64>) -> LeftOut {
 
 /// How far points reach, mm.
 fn reach(points: &[Observation]) -> f64 {
+    let (lo, hi) = span(points);
+    let same = SAME_PLACE * apart(lo, hi);
     let mut nearest: Vec<f64> = (0..points.len())
         .map(|i| {
-            let others = (0..points.len()).filter(|&k| k != i);
-            others.map(|k| apart(points[i].at, points[k].at)).fold(f64::INFINITY, f64::min)
+            let others = points.iter().map(|p| apart(points[i].at, p.at));
+            others.filter(|&distance| distance > same).fold(f64::INFINITY, f64::min)
         })
         .collect();
     let half = nearest.len() / 2;
-    REACH * *nearest.select_nth_unstable_by(half, f64::total_cmp).1
+    let gap = *nearest.select_nth_unstable_by(half, f64::total_cmp).1;
+    (REACH * gap).min(REACH_ACROSS * across(points))
+}
+
+/// The width of points across the direction along which they spread most, mm.
+fn across(points: &[Observation]) -> f64 {
+    let n = points.len() as f64;
+    let middle = [0, 1].map(|k| points.iter().map(|p| p.at[k]).sum::<f64>() / n);
+    let from = |p: &Observation| [0, 1].map(|k| p.at[k] - middle[k]);
+    let [xx, xy, yy] =
+        points.iter().map(from).fold([0.0; 3], |[xx, xy, yy], [x, y]| [xx + x * x, xy + x * y, yy + y * y]);
+    let angle = 0.5 * math::atan2(2.0 * xy, xx - yy);
+    let (cos, sin) = (math::cos(angle), math::sin(angle));
+    let aside = points.iter().map(from).map(|[x, y]| cos * y - sin * x);
+    let (lo, hi) = aside.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+    hi - lo
 }
 
 /// Fits the warp of a part that is warped by `limit`, mm, at most to what points show; None of fewer than four.
@@ -206,14 +291,20 @@ pub fn warp(points: &[Observation], limit: f64) -> Option<Warp> {
     let (lo, hi) = span(&points);
     let longest = apart(lo, hi).max(1e-3);
     let heights = heights(&points);
-    let rms = (heights.norm_squared() / heights.len() as f64).sqrt().max(LEAST_SIGMA);
+    let plane = Plane::new(&points, limit);
+    let expected = (limit * DEVIATION_OF_LIMIT).max(LEAST_SIGMA);
+    // The best score of a length, and the largest amplitude that the points do not contradict.
     let best = |length: f64| {
         let tried = AMPLITUDES.filter_map(|k| {
-            let amplitude = rms * math::exp(f64::from(k) * 0.5 * std::f64::consts::LN_2);
-            let found = left_out(&solved(&points, length, amplitude)?, &heights);
-            Some((found.score(), amplitude))
+            let amplitude = expected * math::exp(f64::from(k) * 0.5 * std::f64::consts::LN_2);
+            let covariance = Covariance { plane: &plane, length, amplitude };
+            Some((left_out(&covariance.solved(&points)?, &heights).score(), amplitude))
         });
-        tried.max_by(|a, b| a.0.total_cmp(&b.0))
+        let tried: Vec<(f64, f64)> = tried.collect();
+        let (score, most) = tried.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let is_open = |t: &&(f64, f64)| t.0 >= score - NOT_CONTRADICTED && t.1 <= expected.max(most);
+        let amplitude = tried.iter().filter(is_open).map(|t| t.1).fold(most, f64::max);
+        Some((score, amplitude))
     };
     let of_lengths: Vec<f64> = lengths(longest).collect();
     let tried = parallel::map(of_lengths.len(), |k| {
@@ -227,31 +318,35 @@ pub fn warp(points: &[Observation], limit: f64) -> Option<Warp> {
     let kept: Vec<_> = tried.into_iter().filter(|t| weight(t.0) / all >= LEAST_WEIGHT).collect();
     let all: f64 = kept.iter().map(|t| weight(t.0)).sum();
     let models = kept.into_iter().filter_map(|(score, length, amplitude)| {
-        let cholesky = solved(&points, length, amplitude)?;
-        let weights = cholesky.solve(&heights);
+        let cholesky = Covariance { plane: &plane, length, amplitude }.solved(&points)?;
+        let right =
+            DMatrix::from_fn(points.len(), 4, |i, k| if k == 0 { points[i].height } else { points[i].aside[k - 1] });
+        let weights = cholesky.solve(&right);
         Some(Model { candidate: Candidate { length, amplitude, weight: weight(score) / all }, cholesky, weights })
     });
-    let mut warp = Warp { models: models.collect(), reach: reach(&points), points, factor: 1.0, limit };
+    let mut warp = Warp { models: models.collect(), reach: reach(&points), points, factor: 1.0, limit, plane };
     let largest = warp.left_out().into_iter().map(|[error, deviation]| (error / deviation).abs()).fold(0.0, f64::max);
     warp.factor = (largest / LARGEST_LEFT_OUT).max(1.0);
     Some(warp)
 }
 
 impl Warp {
-    /// The correction at a place, table frame, and its standard deviation, mm.
-    pub fn at(&self, at: [f64; 2]) -> [f64; 2] {
+    /// What the points say of a place, table frame.
+    pub fn at(&self, at: [f64; 2]) -> Told {
+        let mut aside = [0.0; 3];
         let found = self.models.iter().map(|model| {
             let Candidate { length, amplitude, weight } = model.candidate;
-            let scale = amplitude * amplitude;
+            let covariance = Covariance { plane: &self.plane, length, amplitude };
             let n = self.points.len();
-            let row = DVector::from_iterator(n, self.points.iter().map(|p| scale * matern(apart(p.at, at), length)));
-            let mean = row.dot(&model.weights);
+            let row = DVector::from_iterator(n, self.points.iter().map(|p| covariance.of(p.at, at)));
+            let [mean, seen @ ..] = [0, 1, 2, 3].map(|k| row.dot(&model.weights.column(k)));
+            (0..3).for_each(|k| aside[k] += weight * seen[k]);
             let half = model.cholesky.l_dirty().solve_lower_triangular(&row).unwrap_or_else(|| DVector::zeros(n));
-            [weight, mean, (scale - half.norm_squared()).max(0.0)]
+            [weight, mean, (covariance.of(at, at) - half.norm_squared()).max(0.0)]
         });
-        let [mean, variance] = mixed(&found.collect::<Vec<_>>());
+        let [height, variance] = mixed(&found.collect::<Vec<_>>());
         let least = if self.reaches(at) { 0.0 } else { self.limit * DEVIATION_OF_LIMIT };
-        [mean, (self.factor * variance.sqrt()).max(least)]
+        Told { height, deviation: (self.factor * variance.sqrt()).max(least), aside }
     }
 
     /// Whether a place lies as near to a point as points say something of it.
@@ -278,7 +373,11 @@ impl Warp {
         const NET: usize = 40;
         let (lo, hi) = span(&self.points);
         let at = |i: usize, axis: usize| lo[axis] + (hi[axis] - lo[axis]) * i as f64 / (NET - 1) as f64;
-        let rows = parallel::map(NET, |row| (0..NET).map(|i| self.at([at(i, 0), at(row, 1)])).collect::<Vec<_>>());
+        let told = |i: usize, row: usize| {
+            let Told { height, deviation, .. } = self.at([at(i, 0), at(row, 1)]);
+            [height, deviation]
+        };
+        let rows = parallel::map(NET, |row| (0..NET).map(|i| told(i, row)).collect::<Vec<_>>());
         [0, 1].map(|m| {
             let all = rows.iter().flatten().map(|found| found[m]);
             all.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(v), hi.max(v)])
@@ -341,7 +440,7 @@ mod tests {
         let side = (count as f64).sqrt().ceil() as usize;
         let all = net(side).into_iter().take(count).map(|p| {
             let at = p.map(|v| v * 0.97 + random.range(-3.0, 3.0));
-            Observation { at, height: truth(at) + 0.005 * gauss(random), sigma: 0.005 }
+            Observation { at, height: truth(at) + 0.005 * gauss(random), sigma: 0.005, aside: [0.0; 3] }
         });
         all.collect()
     }
@@ -349,8 +448,11 @@ mod tests {
     /// Share of all places within three deviations, and the worst error, mm.
     fn coverage(warp: &Warp, truth: impl Fn([f64; 2]) -> f64) -> (f64, f64) {
         let net = net(46);
-        let found: Vec<(f64, f64)> =
-            net.iter().map(|&p| (warp.at(p), truth(p))).map(|([m, d], z)| ((m - z).abs(), d)).collect();
+        let found: Vec<(f64, f64)> = net
+            .iter()
+            .map(|&p| (warp.at(p), truth(p)))
+            .map(|(told, z)| ((told.height - z).abs(), told.deviation))
+            .collect();
         let inside = found.iter().filter(|(e, d)| *e <= 3.0 * d).count();
         (inside as f64 / net.len() as f64, found.iter().map(|f| f.0).fold(0.0, f64::max))
     }
@@ -364,10 +466,10 @@ mod tests {
         let (inside, worst) = coverage(&warp, truth);
         assert!(inside > 0.995 && worst < 0.03, "{inside} {worst}");
         let middle = warp.at([3.0, 5.0]);
-        assert!(middle[1] < 0.005, "{middle:?}");
-        // Far away nothing is known, and nothing is corrected.
+        assert!(middle.deviation < 0.005, "{middle:?}");
+        // Far away nothing is known.
         let far = warp.at([20_000.0, 0.0]);
-        assert!(far[0].abs() < 0.01 && far[1] >= 0.5 / 3.0, "{far:?}");
+        assert!(far.deviation >= 0.5 / 3.0, "{far:?}");
     }
 
     #[test]
@@ -385,18 +487,90 @@ mod tests {
                         at,
                         height: truth(at) - truth([170.0, 0.0]) + 0.005 * gauss(&mut random),
                         sigma: 0.005,
+                        aside: [0.0; 3],
                     }
                 })
                 .collect();
             let warp = warp(&points, 0.5).expect("a warp");
             for x in -200..=200 {
                 let at = [f64::from(x), 0.0];
-                let [height, deviation] = warp.at(at);
+                let Told { height, deviation, .. } = warp.at(at);
                 let error = height - (truth(at) - truth([170.0, 0.0]));
                 assert!(error.abs() <= 3.0 * deviation, "seed {seed}, {x}: {error} {deviation} {depth}");
             }
-            assert!(warp.at([170.0, 5.0])[1] < 0.01 && !warp.reaches([0.0, 0.0]));
+            assert!(warp.at([170.0, 5.0]).deviation < 0.01 && !warp.reaches([0.0, 0.0]));
         }
+    }
+
+    /// Points of a level part with noise, less the plane that a fit takes out of them.
+    fn noise_less_its_plane(random: &mut Random, places: &[[f64; 2]], sigma: f64) -> (Vec<Observation>, [f64; 3]) {
+        let noise: Vec<f64> = places.iter().map(|_| sigma * gauss(random)).collect();
+        let rows = DMatrix::from_fn(places.len(), 3, |i, k| if k == 0 { 1.0 } else { places[i][k - 1] });
+        let right = DVector::from_vec(noise.clone());
+        let plane = (rows.transpose() * &rows).try_inverse().expect("a plane") * rows.transpose() * right;
+        let of = |p: [f64; 2]| plane[0] + plane[1] * p[0] + plane[2] * p[1];
+        let shown = places.iter().zip(noise);
+        let points = shown.map(|(&at, z)| Observation { at, height: z - of(at), sigma, aside: [0.0; 3] });
+        (points.collect(), [plane[0], plane[1], plane[2]])
+    }
+
+    #[test]
+    fn noise_leaves_the_plane_of_a_level_part_in_doubt() {
+        for (side, sigma) in [(4, 0.005), (6, 0.02), (10, 0.005)] {
+            let (mut inside, mut all) = (0, 0);
+            for seed in 0..20 {
+                let mut random = Random::case(seed);
+                let (points, [z, x, y]) = noise_less_its_plane(&mut random, &net(side), sigma);
+                let warp = warp(&points, 0.5).expect("a warp");
+                for at in net(7) {
+                    // The part is level: the fit has put it off by minus that plane.
+                    let told = warp.at(at);
+                    let error = told.height + z + x * at[0] + y * at[1];
+                    inside += usize::from(error.abs() <= 3.0 * told.deviation);
+                    all += 1;
+                    assert!(told.deviation < 1.5 * sigma, "{side}: {told:?}");
+                }
+            }
+            assert!(inside * 100 >= all * 99, "{side}, {sigma}: {inside} of {all}");
+        }
+    }
+
+    #[test]
+    fn points_along_a_rim_say_nothing_of_what_lies_within_it() {
+        let circle =
+            |k: i32| [0, 1].map(|axis| 220.0 * math::cos(f64::from(k - 3 * axis) * std::f64::consts::TAU / 12.0));
+        let rim: Vec<[f64; 2]> = (0..12).map(circle).collect();
+        let corners = [[-220.0, -220.0], [220.0, -220.0], [220.0, 220.0], [-220.0, 220.0]];
+        let rows: Vec<[f64; 2]> =
+            (0..12).map(|k| [f64::from(k % 6) * 80.0 - 200.0, f64::from(k / 6) * 400.0 - 200.0]).collect();
+        for places in [&rim[..], &corners[..], &rows[..]] {
+            let mut random = Random::case(5);
+            let warp = warp(&noise_less_its_plane(&mut random, places, 0.005).0, 0.5).expect("a warp");
+            assert!(warp.at([0.0; 2]).deviation >= 0.5 / 3.0, "{} points: {:?}", places.len(), warp.at([0.0; 2]));
+        }
+        // Nine in a net show that it sags.
+        let sag = |[x, y]: [f64; 2]| -0.3 * (1.0 - (x * x + y * y) / 1e5);
+        for seed in 0..20 {
+            let mut random = Random::case(seed);
+            let points = measured(&mut random, sag, 9);
+            let (inside, _) = coverage(&warp(&points, 0.5).expect("a warp"), sag);
+            assert!(inside > 0.99, "seed {seed}: {inside}");
+        }
+    }
+
+    #[test]
+    fn what_lies_aside_is_seen_between_points_of_the_same_slope_and_not_on_a_ramp() {
+        // Two level areas and a ramp of 20 mm between them, on which no point lies.
+        let slope = |x: f64| if x.abs() < 10.0 { 0.8 } else { 0.0 };
+        let places: Vec<[f64; 2]> = net(8).into_iter().filter(|p| slope(p[0]) == 0.0).collect();
+        let point = |at: [f64; 2]| Observation { at, height: 0.0, sigma: 0.005, aside: [0.0, -slope(at[0]), 0.0] };
+        let level: Vec<Observation> = places.iter().map(|&at| point(at)).collect();
+        let told = warp(&level, 0.1).expect("a warp").at([0.0; 2]);
+        assert!(told.aside.iter().all(|v| v.abs() < 1e-9), "{told:?}");
+        // A slope that all points have is seen everywhere.
+        let leaning: Vec<Observation> = level.iter().map(|p| Observation { aside: [0.0, -0.3, 0.0], ..*p }).collect();
+        let told = warp(&leaning, 0.1).expect("a warp").at([0.0; 2]);
+        assert!((told.aside[1] + 0.3).abs() < 1e-3, "{told:?}");
     }
 
     #[test]

@@ -72,7 +72,7 @@ pub(crate) fn beside(part: &MeasuredPart, point: &PointResidual) -> [f64; 2] {
 /// What the warp adds to the height of a part; None where no correction reaches.
 pub(crate) fn correction(part: &MeasuredPart, at: [f64; 2]) -> Option<f64> {
     let at = at.map(|v| v * NM_PER_MM);
-    let [height, deviation] = part.correction.as_ref()?.linear(at).map(|l| l.of(at));
+    let [height, deviation, ..] = part.correction.as_ref()?.linear(at).map(|l| l.of(at));
     deviation.is_finite().then_some(height / 1e3)
 }
 

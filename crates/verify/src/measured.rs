@@ -74,6 +74,15 @@ pub(super) fn lying(
             "focus where deviations of the height are more than a quarter of the depth range: no more is kept free";
         findings.not_proved.push(NotProved { file: "program.txt".to_owned(), what: what.to_owned() });
     }
+    let taken = format!(
+        "of {} that points are on the part as named, and radius, pretravel and offset of the probe",
+        input.file.display()
+    );
+    findings.not_proved.push(NotProved { file: "manifest.json".to_owned(), what: taken });
+    if let Some(off) = manifest.placement.measured.as_ref().map(|m| m.off_part).filter(|off| *off > 0) {
+        let what = format!("that the part is as designed where {off} touches do not lie on it");
+        findings.not_proved.push(NotProved { file: "manifest.json".to_owned(), what });
+    }
     let doubt = HeightDoubt { centre, covariance, sigmas: input.sigmas, most, correction };
     let motion = Turn::rigid(pose.rows, pose.shift);
     let turn = job.placement.turn.as_rad();

@@ -1,8 +1,8 @@
 //! How a measured part is warped, by the verifier's own arithmetic.
 //!
 //! The covariances of the manifest are taken, and proved to be those that docs/reference/measured.md asks for: that each
-//! length has the amplitude for which the points predict one another best, that lengths weigh as that says, and that the
-//! deviation grows as the worst point asks. Then height and deviation follow at every node. Systems are solved by
+//! length has the largest amplitude that the points do not contradict, that lengths weigh as the best one of each says,
+//! and that the deviation grows as the worst point asks. Then height and deviation follow at every node. Systems are solved by
 //! elimination in place (L D L'), not by the compiler's library. Lengths are mm.
 
 use terrace_core::math;
@@ -14,6 +14,8 @@ pub(super) struct WarpPoint {
     pub(super) at: [f64; 2],
     pub(super) height: f64,
     pub(super) sigma: f64,
+    /// What a turn of the part about z, rad, and shifts along x and y change of the height.
+    pub(super) aside: [f64; 3],
 }
 
 /// A covariance, and its share.
@@ -24,8 +26,24 @@ pub(super) struct Covariance {
     pub(super) weight: f64,
 }
 
-/// Points of one table, and the least of them that are taken together.
-pub(super) struct WarpPoints(Vec<WarpPoint>);
+/// Points of one table, and what the part may be warped by at most.
+pub(super) struct WarpPoints {
+    points: Vec<WarpPoint>,
+    limit: f64,
+}
+
+/// A plane of which nothing is known, about the middle of points.
+#[derive(Clone, Copy)]
+struct UnknownPlane {
+    middle: [f64; 2],
+    /// Square of half the longest distance.
+    half2: f64,
+    /// Of its height, and of the height that its tilt makes of that distance.
+    variance: f64,
+}
+
+/// By how much worse the points may predict one another by an amplitude that they do not contradict.
+const NOT_CONTRADICTED: f64 = 2.0;
 
 /// Relative difference of lengths and amplitudes that are the same: places of points are known to some nm.
 const SAME: f64 = 1e-4;
@@ -36,10 +54,10 @@ const CLOSE: f64 = 0.01;
 
 impl WarpPoints {
     /// The points, in cells where there are more than 300.
-    pub(super) fn new(points: Vec<WarpPoint>) -> Self {
+    pub(super) fn new(points: Vec<WarpPoint>, limit: f64) -> Self {
         let points: Vec<WarpPoint> = points.into_iter().map(|p| WarpPoint { sigma: p.sigma.max(2e-4), ..p }).collect();
         if points.len() <= 300 {
-            return Self(points);
+            return Self { points, limit };
         }
         let [left, right, below, above] = span(&points);
         let (width, height) = (right - left, above - below);
@@ -53,29 +71,43 @@ impl WarpPoints {
             let n = group.len() as f64;
             let sum = |of: &dyn Fn(&WarpPoint) -> f64| group.iter().map(|&i| of(&points[i])).sum::<f64>() / n;
             let noise = sum(&|p| p.sigma * p.sigma) / n.min(10.0);
-            WarpPoint { at: [sum(&|p| p.at[0]), sum(&|p| p.at[1])], height: sum(&|p| p.height), sigma: noise.sqrt() }
+            WarpPoint {
+                at: [sum(&|p| p.at[0]), sum(&|p| p.at[1])],
+                height: sum(&|p| p.height),
+                sigma: noise.sqrt(),
+                aside: [sum(&|p| p.aside[0]), sum(&|p| p.aside[1]), sum(&|p| p.aside[2])],
+            }
         });
-        Self(mean.collect())
+        Self { points: mean.collect(), limit }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.0.len()
+        self.points.len()
+    }
+
+    fn plane(&self) -> UnknownPlane {
+        let [left, right, below, above] = span(&self.points);
+        let half2 = ((right - left).powi(2) + (above - below).powi(2)) / 4.0;
+        UnknownPlane {
+            middle: [(left + right) / 2.0, (below + above) / 2.0],
+            half2: half2.max(1e-6),
+            variance: self.limit.max(2e-4).powi(2),
+        }
     }
 
     /// What is wrong with the covariances and the factor that a manifest states; None if nothing is.
     pub(super) fn fault(&self, stated: &[Covariance], factor: f64) -> Option<String> {
-        if self.0.len() < 4 || stated.is_empty() {
+        if self.points.len() < 4 || stated.is_empty() {
             return Some("its covariances are missing".to_owned());
         }
-        let [left, right, below, above] = span(&self.0);
+        let [left, right, below, above] = span(&self.points);
         let longest = math::hypot(right - left, above - below).max(1e-3);
-        let squares: f64 = self.0.iter().map(|p| p.height * p.height).sum();
-        let rms = (squares / self.0.len() as f64).sqrt().max(2e-4);
-        // Of each length the best amplitude: the score of it, and its half powers of two.
+        let expected = (self.limit / 3.0).max(2e-4);
+        // Of each length the scores of half powers of two of the amplitude that the limit says.
         let best = parallel::map(7, |k| {
             let length = longest / 24.0 * 2f64.powi(k as i32);
-            let scores = (-8..10).filter_map(|half| {
-                let amplitude = rms * math::pow(2.0, f64::from(half) / 2.0);
+            let scores = (-16..4).filter_map(|half| {
+                let amplitude = expected * math::pow(2.0, f64::from(half) / 2.0);
                 Some((amplitude, self.score(length, amplitude)?))
             });
             let scores: Vec<(f64, f64)> = scores.collect();
@@ -95,16 +127,24 @@ impl WarpPoints {
             if !is_same(*length, covariance.length) {
                 return Some("a length of it is not one that is tried".to_owned());
             }
-            let score = scores.iter().find(|(amplitude, _)| is_same(*amplitude, covariance.amplitude)).map(|s| s.1);
             let top = most_of(scores);
-            if score.is_none_or(|score| score < top - CLOSE * (1.0 + top.abs())) {
-                return Some("an amplitude of it is not the best one".to_owned());
+            let close = CLOSE * (1.0 + top.abs());
+            let least = top - NOT_CONTRADICTED;
+            let score = scores.iter().find(|(amplitude, _)| is_same(*amplitude, covariance.amplitude)).map(|s| s.1);
+            // The best amplitude may be larger than what the limit says, one that is only not contradicted not.
+            let cap = |score: f64| if score >= top - close { f64::INFINITY } else { expected * (1.0 + SAME) };
+            let is_open = |&&(amplitude, score): &&(f64, f64)| score >= least + close && amplitude <= cap(score);
+            let larger = scores.iter().filter(is_open).map(|s| s.0).fold(0.0, f64::max);
+            if score.is_none_or(|score| score < least - close || covariance.amplitude > cap(score))
+                || larger > covariance.amplitude * (1.0 + SAME)
+            {
+                return Some("an amplitude of it is not the largest that the points do not contradict".to_owned());
             }
             if (raw(top) / of_counted - covariance.weight).abs() > CLOSE {
                 return Some("a weight of it is not what the points say".to_owned());
             }
         }
-        let plain = Warped::new(&self.0, stated, (1.0, f64::INFINITY))?;
+        let plain = Warped::new(self, stated, 1.0)?;
         let worst = plain.left_out().into_iter().map(|[error, sigma]| (error / sigma).abs()).fold(0.0, f64::max);
         ((worst / 2.5).max(1.0) / factor - 1.0)
             .abs()
@@ -112,15 +152,15 @@ impl WarpPoints {
             .then(|| "its factor is not what the worst point asks for".to_owned())
     }
 
-    /// The warp by covariances and a factor, of a part that may be warped by `limit`.
-    pub(super) fn warped(&self, stated: &[Covariance], factor: f64, limit: f64) -> Option<Warped<'_>> {
-        Warped::new(&self.0, stated, (factor, limit))
+    /// The warp by covariances and a factor.
+    pub(super) fn warped(&self, stated: &[Covariance], factor: f64) -> Option<Warped<'_>> {
+        Warped::new(self, stated, factor)
     }
 
     /// Logarithm of the density of the points, each by the others.
     fn score(&self, length: f64, amplitude: f64) -> Option<f64> {
-        let system = System::new(&self.0, length, amplitude)?;
-        let (solution, diagonal) = (system.solved(heights(&self.0)), system.inverse_diagonal());
+        let system = System::new(&self.points, &self.plane().with(length, amplitude))?;
+        let (solution, diagonal) = (system.solved(heights(&self.points)), system.inverse_diagonal());
         let of = |(a, d): (&f64, &f64)| {
             let (error, variance) = (a / d, 1.0 / d);
             -0.5 * (math::ln(variance) + error * error / variance)
@@ -143,25 +183,64 @@ fn square_apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
 
-/// Square of the distance that half of the points have to the nearest other at most.
+/// Square of the distance that half of the points have to the nearest other place at most: points nearer than a hundredth
+/// of their box are one.
 fn typical_gap2(points: &[WarpPoint]) -> f64 {
-    let gap2 = |(i, p): (usize, &WarpPoint)| {
-        let others = points.iter().enumerate().filter(|&(k, _)| k != i);
-        others.map(|(_, q)| square_apart(p.at, q.at)).fold(f64::INFINITY, f64::min)
+    let [left, right, below, above] = span(points);
+    let one = 1e-4 * square_apart([left, below], [right, above]);
+    let gap2 = |p: &WarpPoint| {
+        let others = points.iter().map(|q| square_apart(p.at, q.at));
+        others.filter(|&apart2| apart2 > one).fold(f64::INFINITY, f64::min)
     };
-    let mut all: Vec<f64> = points.iter().enumerate().map(gap2).collect();
+    let mut all: Vec<f64> = points.iter().map(gap2).collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Square of the least width of points between two parallel lines of which one lies along their main axis.
+fn width2(points: &[WarpPoint]) -> f64 {
+    let n = points.len() as f64;
+    let [x, y] = [0, 1].map(|k| points.iter().map(|p| p.at[k]).sum::<f64>() / n);
+    let moment = |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|p| of(p.at[0] - x, p.at[1] - y)).sum::<f64>() / n;
+    let (xx, xy, yy) = (moment(&|u, _| u * u), moment(&|u, v| u * v), moment(&|_, v| v * v));
+    // The eigenvector of the smaller eigenvalue of the moments.
+    let smaller = (xx + yy) / 2.0 - math::hypot((xx - yy) / 2.0, xy);
+    let [a, b] = [[xy, smaller - xx], [smaller - yy, xy]];
+    let [u, v] = if math::hypot(a[0], a[1]) >= math::hypot(b[0], b[1]) { a } else { b };
+    let size = math::hypot(u, v);
+    let [u, v] = if size > 0.0 { [u / size, v / size] } else { [0.0, 1.0] };
+    let along: Vec<f64> = points.iter().map(|p| u * p.at[0] + v * p.at[1]).collect();
+    let (lo, hi) = along.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &w| (lo.min(w), hi.max(w)));
+    (hi - lo).powi(2)
 }
 
 fn heights(points: &[WarpPoint]) -> Vec<f64> {
     points.iter().map(|p| p.height).collect()
 }
 
-/// The covariance of two places.
-fn covariance(a: [f64; 2], b: [f64; 2], length: f64, amplitude: f64) -> f64 {
-    let distance = math::hypot(a[0] - b[0], a[1] - b[1]) * 3f64.sqrt() / length;
-    amplitude * amplitude * (1.0 + distance) * math::exp(-distance)
+/// How heights go together: smoothly over a length, on a plane.
+#[derive(Clone, Copy)]
+struct Kernel {
+    plane: UnknownPlane,
+    length: f64,
+    amplitude: f64,
+}
+
+impl UnknownPlane {
+    fn with(self, length: f64, amplitude: f64) -> Kernel {
+        Kernel { plane: self, length, amplitude }
+    }
+}
+
+impl Kernel {
+    /// The covariance of two places.
+    fn of(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
+        let distance = math::hypot(a[0] - b[0], a[1] - b[1]) * 3f64.sqrt() / self.length;
+        let smooth = self.amplitude * self.amplitude * (1.0 + distance) * math::exp(-distance);
+        let UnknownPlane { middle: [x, y], half2, variance } = self.plane;
+        let tilt = (a[0] - x) * (b[0] - x) + (a[1] - y) * (b[1] - y);
+        smooth + variance + variance * tilt / half2
+    }
 }
 
 /// A covariance matrix of the points with their noise, as unit lower rows and a diagonal.
@@ -171,17 +250,17 @@ struct System {
 }
 
 impl System {
-    fn new(points: &[WarpPoint], length: f64, amplitude: f64) -> Option<Self> {
+    fn new(points: &[WarpPoint], kernel: &Kernel) -> Option<Self> {
         let mut rows: Vec<Vec<f64>> = Vec::with_capacity(points.len());
         let mut diagonal = Vec::with_capacity(points.len());
         for (i, p) in points.iter().enumerate() {
             // The row times the diagonal first.
-            let mut row: Vec<f64> = points[..i].iter().map(|q| covariance(p.at, q.at, length, amplitude)).collect();
+            let mut row: Vec<f64> = points[..i].iter().map(|q| kernel.of(p.at, q.at)).collect();
             for k in 0..i {
                 let known: f64 = rows[k].iter().zip(&row).map(|(a, b)| a * b).sum();
                 row[k] -= known;
             }
-            let mut pivot = amplitude * amplitude + p.sigma * p.sigma;
+            let mut pivot = kernel.of(p.at, p.at) + p.sigma * p.sigma;
             for (k, v) in row.iter_mut().enumerate() {
                 let scaled = *v / diagonal[k];
                 pivot -= *v * scaled;
@@ -241,47 +320,65 @@ impl System {
 
 /// A warp: a mixture of Gaussian processes.
 pub(super) struct Warped<'a> {
-    points: &'a [WarpPoint],
-    parts: Vec<(Covariance, System, Vec<f64>)>,
+    points: &'a WarpPoints,
+    parts: Vec<Part>,
     factor: f64,
-    /// What the part may be warped by at most, and the square of how far points reach.
-    limit: f64,
+    /// Square of how far points reach.
     reach2: f64,
 }
 
+/// One of its processes, with what the points' heights come to, and what they have seen of each motion aside.
+struct Part {
+    weight: f64,
+    kernel: Kernel,
+    system: System,
+    heights: Vec<f64>,
+    aside: [Vec<f64>; 3],
+}
+
 impl<'a> Warped<'a> {
-    fn new(points: &'a [WarpPoint], stated: &[Covariance], (factor, limit): (f64, f64)) -> Option<Self> {
+    fn new(points: &'a WarpPoints, stated: &[Covariance], factor: f64) -> Option<Self> {
+        let all = &points.points;
         let part = |c: &Covariance| {
-            let system = System::new(points, c.length, c.amplitude)?;
-            let solution = system.solved(heights(points));
-            Some((*c, system, solution))
+            let kernel = points.plane().with(c.length, c.amplitude);
+            let system = System::new(all, &kernel)?;
+            let heights = system.solved(heights(all));
+            let aside = [0, 1, 2].map(|k| system.solved(all.iter().map(|p| p.aside[k]).collect()));
+            Some(Part { weight: c.weight, kernel, system, heights, aside })
         };
         let parts = stated.iter().map(part).collect::<Option<_>>()?;
-        Some(Self { points, parts, factor, limit, reach2: 16.0 * typical_gap2(points) })
+        // Two fifths of the width of the points at most.
+        let reach2 = (16.0 * typical_gap2(all)).min(0.16 * width2(all));
+        Some(Self { points, parts, factor, reach2 })
     }
 
-    /// Height and deviation at a place.
-    pub(super) fn at(&self, at: [f64; 2]) -> [f64; 2] {
-        let each = self.parts.iter().map(|(c, system, solution)| {
-            let row: Vec<f64> = self.points.iter().map(|p| covariance(p.at, at, c.length, c.amplitude)).collect();
-            let mean: f64 = row.iter().zip(solution).map(|(a, b)| a * b).sum();
-            [c.weight, mean, system.variance(c.amplitude * c.amplitude, row)]
+    /// Height and deviation at a place, and what the points have seen there of a turn about z and shifts along x and y.
+    pub(super) fn at(&self, at: [f64; 2]) -> [f64; 5] {
+        let points = &self.points.points;
+        let mut aside = [0.0; 3];
+        let each = self.parts.iter().map(|part| {
+            let row: Vec<f64> = points.iter().map(|p| part.kernel.of(p.at, at)).collect();
+            let sum = |with: &[f64]| row.iter().zip(with).map(|(a, b)| a * b).sum::<f64>();
+            let mean = sum(&part.heights);
+            (0..3).for_each(|k| aside[k] += part.weight * sum(&part.aside[k]));
+            [part.weight, mean, part.system.variance(part.kernel.of(at, at), row)]
         });
         let [height, deviation] = self.together(&each.collect::<Vec<_>>());
         // Where no point is near, only the limit is known.
-        let is_far = self.points.iter().all(|p| square_apart(p.at, at) > self.reach2);
-        [height, if is_far { deviation.max(self.limit / 3.0) } else { deviation }]
+        let is_far = points.iter().all(|p| square_apart(p.at, at) > self.reach2);
+        let [turn, x, y] = aside;
+        [height, if is_far { deviation.max(self.points.limit / 3.0) } else { deviation }, turn, x, y]
     }
 
     /// Of each point what it is off by the others, and the deviation of that.
     fn left_out(&self) -> Vec<[f64; 2]> {
-        let diagonals: Vec<Vec<f64>> = self.parts.iter().map(|(_, system, _)| system.inverse_diagonal()).collect();
+        let diagonals: Vec<Vec<f64>> = self.parts.iter().map(|part| part.system.inverse_diagonal()).collect();
         let of = |i: usize| {
             let each = self.parts.iter().zip(&diagonals);
-            let each = each.map(|((c, _, solution), d)| [c.weight, solution[i] / d[i], 1.0 / d[i]]);
+            let each = each.map(|(part, d)| [part.weight, part.heights[i] / d[i], 1.0 / d[i]]);
             self.together(&each.collect::<Vec<_>>())
         };
-        (0..self.points.len()).map(of).collect()
+        (0..self.points.points.len()).map(of).collect()
     }
 
     /// Mean and deviation of weights, means and variances.
@@ -305,12 +402,15 @@ mod tests {
                 at: [random.range(0.0, 100.0), random.range(0.0, 100.0)],
                 height: random.range(-1.0, 1.0),
                 sigma: 0.01,
+                aside: [0.0; 3],
             })
             .collect();
-        let system = System::new(&points, 30.0, 0.5).expect("regular");
+        let points = WarpPoints::new(points, 0.5);
+        let kernel = points.plane().with(30.0, 0.5);
+        let points = points.points;
+        let system = System::new(&points, &kernel).expect("regular");
         let x = system.solved(heights(&points));
-        let entry =
-            |i: usize, k: usize| covariance(points[i].at, points[k].at, 30.0, 0.5) + if i == k { 1e-4 } else { 0.0 };
+        let entry = |i: usize, k: usize| kernel.of(points[i].at, points[k].at) + if i == k { 1e-4 } else { 0.0 };
         for i in 0..40 {
             let found: f64 = (0..40).map(|k| entry(i, k) * x[k]).sum();
             assert!((found - points[i].height).abs() < 1e-9, "{i}");

@@ -5,13 +5,17 @@
 use super::{Grid, P2};
 use crate::parallel;
 
+/// What a correction holds of a place: its height, its standard deviation, nm, and what of a part that lies aside the
+/// points have seen there (a turn about z, nm, and shifts along x and y).
+pub type Corrected = [f64; 5];
+
 /// A correction of heights. Every cell of the grid is two triangles, parted by the diagonal from its lower left corner;
-/// height and deviation are linear on each.
+/// what it holds is linear on each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correction {
     grid: Grid,
-    /// Height and standard deviation at each node, nm, row by row; a row has one node more than cells.
-    nodes: Vec<[f64; 2]>,
+    /// By node, row by row; a row has one node more than cells.
+    nodes: Vec<Corrected>,
 }
 
 /// What is linear in the plane, nm.
@@ -30,8 +34,8 @@ impl Linear {
 }
 
 impl Correction {
-    /// The height and the deviation at each node, nm, from its place, nm.
-    pub fn new(grid: Grid, of: impl Fn([f64; 2]) -> [f64; 2] + Sync) -> Self {
+    /// What is held at each node, from its place, nm.
+    pub fn new(grid: Grid, of: impl Fn([f64; 2]) -> Corrected + Sync) -> Self {
         let rows = parallel::map(grid.rows() + 1, |row| {
             let node = |column: usize| of([grid.line(0, column as i64) as f64, grid.line(1, row as i64) as f64]);
             (0..=grid.columns()).map(node).collect::<Vec<_>>()
@@ -44,8 +48,8 @@ impl Correction {
         &self.grid
     }
 
-    /// Height and deviation at each node, nm, row by row.
-    pub fn nodes(&self) -> &[[f64; 2]] {
+    /// What is held at each node, row by row.
+    pub fn nodes(&self) -> &[Corrected] {
         &self.nodes
     }
 
@@ -55,8 +59,8 @@ impl Correction {
         [(x - left as f64) / grid.pitch[0].f64(), (y - below as f64) / grid.pitch[1].f64()]
     }
 
-    /// Height and deviation on the triangle under a place; beyond the grid what is linear around it there.
-    pub fn linear(&self, at: [f64; 2]) -> [Linear; 2] {
+    /// What is held on the triangle under a place; beyond the grid what is linear around it there.
+    pub fn linear(&self, at: [f64; 2]) -> [Linear; 5] {
         let beyond = Self::cells(at, &self.grid);
         let count = [self.grid.columns(), self.grid.rows()];
         let [u, v] = [0, 1].map(|axis| beyond[axis].clamp(0.0, count[axis] as f64));
@@ -70,7 +74,7 @@ impl Correction {
         let [hx, hy] = self.grid.pitch.map(|pitch| pitch.f64());
         let corner = [self.grid.line(0, i as i64) as f64, self.grid.line(1, k as i64) as f64];
         let [du, dv] = [u - i as f64, v - k as f64];
-        [0, 1].map(|m| {
+        [0, 1, 2, 3, 4].map(|m| {
             if m == 1 && (is_beyond[0] || is_beyond[1]) {
                 return Linear { at, value: f64::INFINITY, slope: [0.0; 2] };
             }
@@ -110,19 +114,19 @@ mod tests {
     #[test]
     fn nodes_and_what_is_linear_are_found_again() {
         let grid = Grid { origin: P2::new(-500, 300), pitch: [Nm(1000), Nm(2000)], count: [4, 3] };
-        let of = |[x, y]: [f64; 2]| [0.5 * x - 0.25 * y + 7.0, 0.1 * x + 3.0 * y];
+        let of = |[x, y]: [f64; 2]| [0.5 * x - 0.25 * y + 7.0, 0.1 * x + 3.0 * y, 0.0, x, y];
         let correction = Correction::new(grid, of);
         for at in [[-500.0, 300.0], [123.0, 4567.0], [3499.0, 6299.0], [3500.0, 6300.0]] {
-            let [height, deviation] = correction.linear(at).map(|l| l.of(at));
-            let [wanted, other] = of(at);
-            assert!((height - wanted).abs() < 1e-9 && (deviation - other).abs() < 1e-9, "{at:?}");
+            let found = correction.linear(at).map(|l| l.of(at));
+            let close = |(found, wanted): (f64, f64)| (found - wanted).abs() < 1e-9;
+            assert!(found.into_iter().zip(of(at)).all(close), "{at:?}");
         }
-        let [height, deviation] = correction.linear([-900.0, 9000.0]).map(|l| l.of([-900.0, 9000.0]));
+        let [height, deviation, ..] = correction.linear([-900.0, 9000.0]).map(|l| l.of([-900.0, 9000.0]));
         assert!((height - of([-500.0, 6300.0])[0]).abs() < 1e-9 && deviation.is_infinite());
         let left = correction.linear([-900.0, 4000.0])[0];
         assert!((left.of([-700.0, 4100.0]) - of([-500.0, 4100.0])[0]).abs() < 1e-9);
         // Continuous across borders of triangles.
-        let bumpy = Correction::new(grid, |[x, y]| [(x * y).rem_euclid(97.0), 0.0]);
+        let bumpy = Correction::new(grid, |[x, y]| [(x * y).rem_euclid(97.0), 0.0, 0.0, 0.0, 0.0]);
         for at in [[500.0, 1000.0], [100.0, 1500.0], [1500.0, 2300.0], [0.0, 1300.0]] {
             let around = [[1e-6, 0.0], [-1e-6, 0.0], [0.0, 1e-6], [0.0, -1e-6]];
             for d in around {

@@ -17,7 +17,7 @@ mod turn;
 
 pub use box_mm::BoxMm;
 pub use buckets::{Buckets, counting_sort};
-pub use correction::{Correction, Linear};
+pub use correction::{Corrected, Correction, Linear};
 pub use field::{ControllerPoint, FieldPoint};
 pub use frame::{Controller, P3, P3Mm, Part, Turned, UnitVector};
 pub use grid::Grid;

@@ -110,7 +110,9 @@ mod tests {
     #[test]
     fn pieces_fill_the_facet_and_lie_on_the_correction() {
         let grid = Grid { origin: P2::new(0, 0), pitch: [Nm(3_000_000), Nm(3_000_000)], count: [20, 20] };
-        let correction = Correction::new(grid, |[x, y]| [(x * 1e-6).powi(2) * 300.0 - (y * 1e-6).powi(2) * 200.0, 0.0]);
+        let correction = Correction::new(grid, |[x, y]| {
+            [(x * 1e-6).powi(2) * 300.0 - (y * 1e-6).powi(2) * 200.0, 0.0, 0.0, 0.0, 0.0]
+        });
         let mut random = Random::case(3);
         for _ in 0..200 {
             // Beyond the grid too.
@@ -139,7 +141,7 @@ mod tests {
     #[test]
     fn an_edge_is_cut_alike_from_both_sides() {
         let grid = Grid { origin: P2::new(-10, -10), pitch: [Nm(1_234_567), Nm(1_234_567)], count: [40, 40] };
-        let correction = Correction::new(grid, |[x, y]| [x * 1e-4 + (y * 1e-6).powi(2), 0.0]);
+        let correction = Correction::new(grid, |[x, y]| [x * 1e-4 + (y * 1e-6).powi(2), 0.0, 0.0, 0.0, 0.0]);
         let mut random = Random::case(4);
         let mut at = || [random.range(0.0, 4e7), random.range(0.0, 4e7), random.range(-1e6, 1e6)];
         for _ in 0..100 {

@@ -3,11 +3,13 @@
 //! Consumes the part as it lies and how surely it lies there; promises for any box of the plane a bound of the standard
 //! deviation of the part's height in it, nm. The deviation over a facet is a norm of what is linear in the place, so it
 //! is largest in a corner: cells of a few millimetres hold the largest of what facets have in their corners, and no
-//! place is underestimated. The deviation of a correction is linear on each of its triangles, and each facet of a
-//! corrected part lies in one. Facets that are too steep to be marked do not count.
+//! place is underestimated. So it is with a correction: what it holds is linear on each of its triangles, each facet of a
+//! corrected part lies in one, and what a part that lies aside changes of the height counts by as much as the points have
+//! not seen of it. Facets that are too steep to be marked do not count.
 
 use terrace_core::geom::{Box2, Correction, Grid, NM_PER_MM, Nm, P2};
 use terrace_core::machine::Origin;
+use terrace_core::math;
 use terrace_input::surface::Surface;
 use terrace_register::Uncertainty;
 
@@ -51,7 +53,7 @@ pub struct HeightDoubt<'a> {
     pub uncertainty: &'a Uncertainty,
     /// Its placement.
     pub origin: Origin,
-    /// How it is warped: that holds what the pose is off by in height.
+    /// How it is warped: that holds what the pose is off by in height and tilt.
     pub correction: Option<&'a Correction>,
 }
 
@@ -89,7 +91,7 @@ impl HeightReserve {
         }
         let shift = doubt.origin.mm();
         let middle = [0, 1].map(|k| (facet[0][k] + facet[1][k] + facet[2][k]) / 3.0);
-        let of_correction = doubt.correction.map(|correction| correction.linear(middle)[1]);
+        let of_correction = doubt.correction.map(|correction| correction.linear(middle));
         let [columns, rows] = self.touched(lo, hi);
         for row in rows {
             for column in columns.clone() {
@@ -102,10 +104,12 @@ impl HeightReserve {
                 let deviation = |x: f64, y: f64| {
                     let z = a[2] + slope[0] * (x - a[0]) + slope[1] * (y - a[1]);
                     let at = [0, 1, 2].map(|k| [x, y, z][k] / NM_PER_MM + shift[k]);
-                    match of_correction {
-                        Some(linear) => linear.of([x, y]) / NM_PER_MM,
-                        None => doubt.uncertainty.height(at, slope),
-                    }
+                    let Some(linear) = of_correction else { return doubt.uncertainty.height(at, slope) };
+                    let [_, deviation, turn, aside @ ..] = linear.map(|l| l.of([x, y]));
+                    let seen = [turn / NM_PER_MM, aside[0], aside[1]];
+                    let row = doubt.uncertainty.aside_row(at, slope);
+                    let unseen = [0, 1, 2].map(|k| row[k] - seen[k]);
+                    math::hypot(deviation / NM_PER_MM, doubt.uncertainty.aside(unseen))
                 };
                 let [xs, ys] = ends;
                 let most = xs.iter().flat_map(|&x| ys.map(|y| deviation(x, y))).fold(0.0, f64::max);

@@ -6,6 +6,10 @@ use terrace_core::parallel;
 /// By how much a height may differ where the compiler leaves a corner on a line of the grid that it is next to, nm.
 pub(super) const CUT_NM: f64 = 4.0;
 
+/// Of a place: height and deviation, nm, and what of a part that lies aside the points have seen there, of a turn about z,
+/// nm, and of shifts along x and y.
+pub(crate) type Corrected = [f64; 5];
+
 /// Heights that are added to a part, linear on triangles: each square of four nodes has two, parted from its lower left to
 /// its upper right.
 #[derive(Clone, Debug)]
@@ -15,17 +19,17 @@ pub(crate) struct Correction {
     pitch: f64,
     /// Squares along x and y.
     count: [usize; 2],
-    /// Height and deviation of each node, nm, by row.
-    nodes: Vec<Vec<[f64; 2]>>,
+    /// What is held of each node, by row.
+    nodes: Vec<Vec<Corrected>>,
 }
 
 impl Correction {
-    /// Height and deviation of all nodes, nm, from their places, nm.
+    /// What is held of all nodes, from their places, nm.
     pub(crate) fn new(
         origin: [f64; 2],
         pitch: f64,
         count: [usize; 2],
-        of: impl Fn([f64; 2]) -> [f64; 2] + Sync,
+        of: impl Fn([f64; 2]) -> Corrected + Sync,
     ) -> Self {
         let row = |k: usize| {
             (0..=count[0]).map(|i| of([origin[0] + i as f64 * pitch, origin[1] + k as f64 * pitch])).collect()
@@ -53,24 +57,25 @@ impl Correction {
         [0, 1].map(|k| (at[k] - self.origin[k]) / self.pitch)
     }
 
-    /// Height and deviation at a place; beyond the nodes the height of the nearest of them, of which nothing is known.
-    pub(crate) fn at(&self, at: [f64; 2]) -> [f64; 2] {
+    /// What is held of a place; beyond the nodes the height of the nearest of them, of which nothing is known.
+    pub(crate) fn at(&self, at: [f64; 2]) -> Corrected {
         let squares = self.squares(at);
         let inside = [0, 1].map(|k| squares[k].clamp(0.0, self.count[k] as f64));
         let [i, k] = [0, 1].map(|along| (inside[along] as usize).min(self.count[along] - 1));
         let part = [inside[0] - i as f64, inside[1] - k as f64];
-        let [height, deviation] = self.on_triangle([i, k], part[0] >= part[1], part);
-        [height, if self.beyond(at) > 0.0 { f64::INFINITY } else { deviation }]
+        let [height, deviation, aside @ ..] = self.on_triangle([i, k], part[0] >= part[1], part);
+        let [turn, x, y] = aside;
+        [height, if self.beyond(at) > 0.0 { f64::INFINITY } else { deviation }, turn, x, y]
     }
 
-    /// Height and deviation by the plane of a triangle, at a place by its parts of the square.
-    fn on_triangle(&self, [i, k]: [usize; 2], is_right: bool, [u, v]: [f64; 2]) -> [f64; 2] {
+    /// What is held by the planes of a triangle, at a place by its parts of the square.
+    fn on_triangle(&self, [i, k]: [usize; 2], is_right: bool, [u, v]: [f64; 2]) -> Corrected {
         let corner = |di: usize, dk: usize| self.nodes[k + dk][i + di];
         let [low, high] = [corner(0, 0), corner(1, 1)];
         // Weights of the corners that a place in a triangle has.
         let (third, weights) =
             if is_right { (corner(1, 0), [1.0 - u, u - v, v]) } else { (corner(0, 1), [1.0 - v, v - u, u]) };
-        [0, 1].map(|m| weights[0] * low[m] + weights[1] * third[m] + weights[2] * high[m])
+        [0, 1, 2, 3, 4].map(|m| weights[0] * low[m] + weights[1] * third[m] + weights[2] * high[m])
     }
 
     /// Hands the parts of a facet, corners in nm, to `sink`: what of it lies over each triangle, and beyond the nodes beside
@@ -151,7 +156,7 @@ mod tests {
 
     #[test]
     fn parts_of_a_facet_fill_it_and_are_raised_by_their_triangles() {
-        let of = |[x, y]: [f64; 2]| [1e-3 * x * y / 1e6, x * 1e-3];
+        let of = |[x, y]: [f64; 2]| [1e-3 * x * y / 1e6, x * 1e-3, 0.0, 0.0, 0.0];
         // It reaches beyond the nodes on two sides.
         let correction = Correction::new([-1e6, -5e6], 2e6, [5, 12], of);
         let facet = [[-4.3e6, -2.0e6, 0.0], [13.1e6, 1.7e6, 3e6], [2.2e6, 15.9e6, -1e6]];

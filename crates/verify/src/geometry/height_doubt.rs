@@ -14,7 +14,7 @@ pub(crate) struct HeightDoubt {
     pub(crate) sigmas: f64,
     /// No more than this is kept free, nm.
     pub(crate) most: f64,
-    /// How it is warped: that holds what the pose is off by in height.
+    /// How it is warped: that holds what the pose is off by in height and tilt.
     pub(crate) correction: Option<Correction>,
 }
 
@@ -26,13 +26,18 @@ impl HeightDoubt {
 
     /// What deviations ask for there, nm.
     fn wanted(&self, at: SpacePoint, [p, q]: [f64; 2]) -> f64 {
-        if let Some(correction) = &self.correction {
-            return self.sigmas * correction.at([at[0], at[1]])[1];
-        }
         let [x, y, z] = [0, 1, 2].map(|k| at[k] - self.centre[k]);
         // A motion by w x r + s raises the part over a place by its part along (-p, -q, 1).
-        let row = [y + q * z, -x - p * z, -q * x + p * y, -p, -q, 1.0];
-        let variance: f64 = (0..6).map(|i| (0..6).map(|k| row[i] * self.covariance[i][k] * row[k]).sum::<f64>()).sum();
+        let mut row = [y + q * z, -x - p * z, -q * x + p * y, -p, -q, 1.0];
+        let mut known = 0.0;
+        if let Some(correction) = &self.correction {
+            // Tilt and height are in its own deviation, and of what lies aside counts what the points have not seen.
+            let [_, deviation, seen @ ..] = correction.at([at[0], at[1]]);
+            row = [0.0, 0.0, row[2] - seen[0], row[3] - seen[1], row[4] - seen[2], 0.0];
+            known = deviation * deviation;
+        }
+        let part = |i: usize| (0..6).map(|k| row[i] * self.covariance[i][k] * row[k]).sum::<f64>();
+        let variance = known + (0..6).map(part).sum::<f64>();
         self.sigmas * variance.max(0.0).sqrt()
     }
 }

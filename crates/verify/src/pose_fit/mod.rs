@@ -37,8 +37,9 @@ pub(super) struct PosePoints<'a> {
     pub(super) pairs: Vec<PosePair>,
     pub(super) touches: Vec<PoseTouch>,
     pub(super) part: &'a Geometry,
-    /// Whether touches count by how far they spread: the part is warped.
-    pub(super) is_warped: bool,
+    /// How far off, as one deviation, the height of a warped part may be, nm: touches count by how far they spread, and
+    /// along z no more than one that is off by that.
+    pub(super) warp: Option<f64>,
 }
 
 /// A pose against the points.
@@ -81,8 +82,9 @@ impl PosePoints<'_> {
     /// What a pose is against the points; None where they do not hold the part.
     pub(super) fn judged(&self, pose: &Pose) -> Option<JudgedPose> {
         let touches = self.met(pose);
-        let counted = if self.is_warped { spread(&touches) } else { 1.0 };
-        let weights: Vec<f64> = weights(&touches).into_iter().map(|weight| weight / counted).collect();
+        let counted = if self.warp.is_some() { spread(&touches) } else { 1.0 };
+        let by_one = touches.iter().map(|touch| self.divisor(touch, spread(&touches), touches.len()));
+        let weights: Vec<f64> = weights(&touches).into_iter().zip(by_one).map(|(weight, by)| weight / by).collect();
         let equations = self.equations(pose, &weights);
         let step = equations.step()?;
         let squares = self.squares(pose, &touches, counted);
@@ -94,10 +96,24 @@ impl PosePoints<'_> {
         Some(JudgedPose { unrest_nm: self.size(&step), touches, covariance })
     }
 
+    /// By how much less than its noise says a touch counts, one of `count` that spread so.
+    fn divisor(&self, touch: &TouchFound, spread: f64, count: usize) -> f64 {
+        let Some(warp) = self.warp else { return 1.0 };
+        // All touches share what is along z.
+        let shared = (count as f64).sqrt() * warp * touch.direction[2] / touch.sigma;
+        math::hypot(spread, shared)
+    }
+
     /// What the points say of the height of the part over the pose, mm: touches and features on what is no steeper than
     /// 45 degrees, touches no farther off than `limit`, nm.
     pub(super) fn of_height(&self, pose: &Pose, touches: &[TouchFound], limit: f64) -> Vec<WarpPoint> {
         let mm = |nm: f64| nm / NM_PER_MM;
+        let middle = self.middle();
+        // A turn about z takes a place along (-y, x); what lies aside by (dx, dy) is as much higher as the part falls there.
+        let aside = |at: SpacePoint, [nx, ny, nz]: SpacePoint| {
+            let [x, y] = [0, 1].map(|k| at[k] - middle[k]);
+            [mm((nx * -y + ny * x) / nz), nx / nz, ny / nz]
+        };
         let of_pairs = self.pairs.iter().filter_map(|pair| {
             let [x, y, z] = pose.apply(pair.part);
             // The facet nearest to the feature says how steep the part is there.
@@ -110,7 +126,8 @@ impl PosePoints<'_> {
             let height = off[2] + (nx * off[0] + ny * off[1]) / nz;
             let [sx, sy, _] = pair.sigma;
             let sigma = math::hypot(math::hypot(nx / nz * sx, ny / nz * sy), pair.sigma_z);
-            Some(WarpPoint { at: [mm(x), mm(y)], height: mm(height), sigma: mm(sigma) })
+            let aside = aside([x, y, z], [nx, ny, nz]);
+            Some(WarpPoint { at: [mm(x), mm(y)], height: mm(height), sigma: mm(sigma), aside })
         });
         let of_touches = touches.iter().filter_map(|touch| {
             let up = touch.direction[2];
@@ -120,6 +137,7 @@ impl PosePoints<'_> {
                 at: [mm(x), mm(y)],
                 height: mm(touch.distance / up),
                 sigma: mm(touch.sigma / up),
+                aside: aside(touch.foot, touch.direction),
             })
         });
         of_pairs.chain(of_touches).collect()

@@ -70,9 +70,10 @@ impl PosePoints<'_> {
                 add(at, along, pair.table[k] - at[k], 1.0 / pair.sigma[k]);
             }
         }
-        let counted = if self.is_warped { spread(touches) } else { 1.0 };
+        let spread = spread(touches);
         for (touch, weight) in touches.iter().zip(weights) {
-            add(touch.foot, touch.direction, touch.distance, weight / touch.sigma / counted);
+            let by = self.divisor(touch, spread, touches.len());
+            add(touch.foot, touch.direction, touch.distance, weight / touch.sigma / by);
         }
         sums
     }
@@ -84,10 +85,11 @@ impl PosePoints<'_> {
             let off = [0, 1, 2].map(|k| (pair.table[k] - at[k]) / pair.sigma[k]);
             dot(off, off)
         });
-        let counted = if self.is_warped { 1.0 } else { scale * scale };
-        let of_touches = self.met(pose).into_iter().map(|t| {
+        let touches = self.met(pose);
+        let of_touches = touches.iter().map(|t| {
             let inside = (1.0 - (t.distance / t.sigma / scale / CUT).powi(2)).max(0.0);
-            CUT * CUT / 3.0 * (1.0 - inside * inside * inside) * counted
+            let counted = scale / self.divisor(t, scale, touches.len());
+            CUT * CUT / 3.0 * (1.0 - inside * inside * inside) * counted * counted
         });
         of_pairs.chain(of_touches).sum()
     }
@@ -140,7 +142,7 @@ mod tests {
             PoseTouch { table, off: 0.0, sigma: 0.02 * NM_PER_MM, is_along_z: false }
         };
         let touches: Vec<PoseTouch> = (0..120).map(&mut touch).collect();
-        let points = PosePoints { pairs: Vec::new(), touches, part: &part, is_warped: false };
+        let points = PosePoints { pairs: Vec::new(), touches, part: &part, warp: None };
         let right = points.falls_elsewhere(&shifted([0.0; 3])).expect("the chip lies beside the part");
         assert!(right.abs() < 5.0, "{right}");
         let left_out = points.falls_elsewhere(&shifted([0.7, 0.6, 0.0])).expect("touches lie beside the part");

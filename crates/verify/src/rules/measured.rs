@@ -94,19 +94,13 @@ pub(crate) fn check(
         rule.broken("", PLACE, "it does not say how the part is warped");
         return None;
     };
-    let points = WarpPoints::new(all.of_height(&pose, &touches, limit));
-    let correction = warped(stated, &points, ([origin[0], origin[1]], limit / NM_PER_MM), rule)?;
+    let points = WarpPoints::new(all.of_height(&pose, &touches, limit), limit / NM_PER_MM);
+    let correction = warped(stated, &points, [origin[0], origin[1]], rule)?;
     Some(ProvedPose { beside, centre, covariance, correction: Some(correction) })
 }
 
-/// Holds the warp of the manifest against the points; returns what it adds to the part beside its placement `origin`, nm,
-/// where the part may be warped by `limit`, mm.
-fn warped(
-    stated: &WarpPlacement,
-    points: &WarpPoints,
-    (origin, limit): ([f64; 2], f64),
-    rule: &mut Rule,
-) -> Option<Correction> {
+/// Holds the warp of the manifest against the points; returns what it adds to the part beside its placement `origin`, nm.
+fn warped(stated: &WarpPlacement, points: &WarpPoints, origin: [f64; 2], rule: &mut Rule) -> Option<Correction> {
     rule.require(WARP, stated.points == points.len(), "its number of points is not that of the table");
     let figures = stated.lengths_mm.iter().zip(&stated.amplitudes_um).zip(&stated.weights);
     let all: Vec<Covariance> = figures
@@ -127,8 +121,11 @@ fn warped(
         rule.broken("", WARP, "its grid is not as fine as its lengths ask for");
         return None;
     }
-    let warp = points.warped(&all, stated.factor, limit)?;
-    let at = |p: [f64; 2]| warp.at([0, 1].map(|k| (p[k] + origin[k]) / NM_PER_MM)).map(|mm| mm * NM_PER_MM);
+    let warp = points.warped(&all, stated.factor)?;
+    let at = |p: [f64; 2]| {
+        let [height, deviation, turn, x, y] = warp.at([0, 1].map(|k| (p[k] + origin[k]) / NM_PER_MM));
+        [height * NM_PER_MM, deviation * NM_PER_MM, turn * NM_PER_MM, x, y]
+    };
     let correction = Correction::new(stated.grid_origin_nm.map(|nm| nm as f64), pitch, [columns, rows], at);
     for (of, stated) in [stated.height_um, stated.deviation_um].into_iter().enumerate() {
         let own = correction.range(of);
@@ -178,7 +175,7 @@ fn placed<'a>(points: &[MeasuredPoint], facts: &JobFacts, part: &'a Geometry, li
             Measure::Distance => touches.push(PoseTouch { table, off: 0.0, sigma, is_along_z: true }),
         }
     }
-    PosePoints { pairs, touches, part, is_warped: limit.is_some() }
+    PosePoints { pairs, touches, part, warp: limit.map(|limit| limit / 3.0) }
 }
 
 fn apart(a: SpacePoint, b: SpacePoint) -> f64 {
