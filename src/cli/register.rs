@@ -31,6 +31,8 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
         return Err(fault.at(job.place_of("placement")).hint(hint).into());
     };
     let table = job.relative(&measured.file);
+    let mut warnings = Vec::new();
+    let mut added = None;
     if let Some(log) = log {
         if table.exists() && !probe.force && !probe.add {
             let fault = Diag::input("register-exists", "the table of measured points is there already");
@@ -42,21 +44,31 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
         let is_there =
             |touch: &MeasuredPoint| points.iter().any(|p| (p.measure, p.stage) == (touch.measure, touch.stage));
         // Counted twice they would seem surer than they are.
-        if touches.iter().all(is_there) {
+        let new: Vec<MeasuredPoint> = touches.into_iter().filter(|touch| !is_there(touch)).collect();
+        if new.is_empty() {
             let fault = Diag::input("register-exists", "the table has all touches of this log already");
             let place = Place::file(table.display().to_string());
             return Err(fault.at(place).hint("leave out the log to fit the part to the table").into());
         }
-        points.extend(touches);
-        write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
+        points.extend(new);
+        // What does not fit is not added; a new table is there to be mended.
+        if !probe.add {
+            write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
+        }
+        added = Some(points);
     }
-    let points = read_table(&table).map_err(|e| job.at_keys(&e))?;
-    let mut warnings = Vec::new();
+    let points = match &added {
+        Some(points) => points.clone(),
+        None => read_table(&table).map_err(|e| job.at_keys(&e))?,
+    };
     let surface =
         plan::designed(&job, &machine, &mut warnings, &mut |_| {}, Task::silent()).map_err(|e| job.at_keys(&e))?;
     let shown = table.display().to_string();
     let lying =
         fitted(&job, &machine, &surface, &points, &shown, &mut warnings).map_err(|e| e.after(warnings.clone()))?;
+    if let (Some(log), true) = (log, probe.add) {
+        write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
+    }
     warn(args, &warnings);
     let figures = Figures::new(&lying);
     print(&if args.json { show::json(&figures.json(&lying)) } else { figures.text(&job, &lying) })

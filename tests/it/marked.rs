@@ -257,6 +257,12 @@ fn set_ups_that_are_each_measured_meet_where_they_were_cut() {
     );
     let two = number(&compile(&second, &dir.path().join("second.job")), "mark_mm");
     verify(&dir.path().join("second.job"));
+    // By the points of the first it would lie as it did before it was moved.
+    let told = |path: &Path| said(&terrace([Path::new("check"), path]));
+    assert!(!told(&second).contains("[marked-same-table]"));
+    let forgotten = "[placement.measured]\nfile = \"first.csv\"\n[[marked]]\nfolder = \"first.job\"\n";
+    let forgotten = told(&job(dir.path(), "forgotten.toml", forgotten));
+    assert!(forgotten.contains("[marked-same-table]"), "{forgotten}");
     let whole = number(&compile(&job(dir.path(), "whole.toml", ""), &dir.path().join("whole.job")), "mark_mm");
     assert!((one + two - whole).abs() < 1e-4 * whole, "{one} + {two}, {whole}");
     assert!(one > 0.4 * whole && two > 0.4 * whole);

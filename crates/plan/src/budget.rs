@@ -210,17 +210,22 @@ impl Budget {
         let increment_um = machine.increment_nm().f64() / 1e3;
         let tolerated = if self.reserve_mm > 0.0 { increment_um } else { TOLERATED * half_um };
         let Self { depth, depth_left_um: left, .. } = self;
-        if depth.sum_um <= left + tolerated {
+        // What a measured part is off by in height stays free at each mark already.
+        let is_kept = |t: &&Term| job.placement.measured.is_some() && t.cause == Cause::RegistrationZ;
+        let kept = depth.terms.iter().filter(is_kept).filter_map(|t| t.um).sum::<f64>();
+        let (sum, left) = (depth.sum_um - kept, (left - kept).max(0.0));
+        if sum <= left + tolerated {
             return None;
         }
         let place = depth.block.as_ref().map_or(String::new(), |block| format!(" of {block}"));
         let text = format!(
-            "errors may take marks{place} {:.1} um out of focus beyond their defocus, which leaves {left:.1} um of PDOF: {}",
-            depth.sum_um,
-            depth.known()
+            "errors may take marks{place} {sum:.1} um out of focus beyond their defocus, which leaves {left:.1} um of PDOF: \
+             {}{}",
+            depth.known(),
+            if kept > 0.0 { "; registration z stays free at each mark beside that" } else { "" }
         );
         let twice = if job.focus.rule == DepthRule::Range { 2.0 } else { 1.0 };
-        let reserve_um = (twice * depth.sum_um).ceil();
+        let reserve_um = (twice * sum).ceil();
         let hint = if reserve_um < job.focus.pdof.f64() / 1e3 {
             format!("focus.reserve = \"{reserve_um:.0} um\" keeps room for them")
         } else {

@@ -6,7 +6,7 @@
 use crate::measured::Lying;
 use terrace_core::diag::{Diag, Error};
 use terrace_core::geom::{Box2, NM_PER_MM, Nm, P2, SpacePoint, cos_sin};
-use terrace_core::machine::Origin;
+use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::SetupId;
 use terrace_input::fixture;
 use terrace_input::job::{FixtureFrame, FixtureInput, Job};
@@ -68,6 +68,41 @@ impl Fixture {
         });
         around.collect()
     }
+}
+
+/// Fixtures that the head never gets near: they are in another place than was meant, or in another frame.
+pub(crate) fn beyond(job: &Job, machine: &Machine, fixtures: &[Fixture], origins: &[Origin]) -> Vec<Diag> {
+    let [x, y, _] = machine.axes();
+    let around = (machine.lens.diameter.as_mm() / 2.0 + machine.stage.clearance.as_mm()) * NM_PER_MM;
+    // Where the head can be over the table.
+    let reached = [x, y].map(|(_, axis)| {
+        let ends = axis.travel_nm().map(|Nm(end)| (axis.sign() * end) as f64);
+        [ends[0].min(ends[1]) - around, ends[0].max(ends[1]) + around]
+    });
+    let is_reached = |fixture: &Fixture, origin: &Origin| {
+        let [lo, hi] = fixture.ends();
+        (0..2).all(|k| hi[k] + origin[k] as f64 >= reached[k][0] && lo[k] + origin[k] as f64 <= reached[k][1])
+    };
+    let told = fixtures.iter().enumerate().filter_map(|(i, fixture)| {
+        let there = || origins.iter().enumerate().filter(|(n, _)| fixture.is_in(SetupId(*n as u32)));
+        let (_, origin) = there().next()?;
+        if there().any(|(_, origin)| is_reached(fixture, origin)) {
+            return None;
+        }
+        let [lo, hi] = fixture.ends();
+        let at = |k: usize, v: f64| (v + origin[k] as f64) / NM_PER_MM;
+        let text = format!(
+            "the head never gets near fixture {:?}: on the table it lies from X {:.1} to {:.1} mm and Y {:.1} to {:.1} mm",
+            fixture.name,
+            at(0, lo[0]),
+            at(0, hi[0]),
+            at(1, lo[1]),
+            at(1, hi[1])
+        );
+        let hint = "frame = \"table\" if its numbers are from the table; without it they are of the part's file";
+        Some(Diag::warning("fixture-beyond", text).at(job.place_of(&format!("fixture.{i}"))).hint(hint))
+    });
+    told.collect()
 }
 
 /// The fixtures of a job beside its part; `lying` where the part was measured.

@@ -45,7 +45,7 @@ pub(crate) fn left(
     let mut strokes = Vec::new();
     for (i, input) in job.marked.iter().enumerate() {
         let before = Before { job, input, key: format!("marked.{i}") };
-        strokes.extend(before.marks(joining, surface)?);
+        strokes.extend(before.marks(joining, surface, warnings)?);
     }
     let found = texture.without(&Arc::new(Marked::new(&strokes, joining.narrow_mm * NM_PER_MM / 2.0)))?;
     let LeftOut { nm, dots } = found.left_out;
@@ -87,10 +87,11 @@ impl Before<'_> {
     }
 
     /// Its marks, on the part as designed.
-    fn marks(&self, joining: Joining, surface: &Surface) -> Result<Vec<MarkedStroke>, Error> {
+    fn marks(&self, joining: Joining, surface: &Surface, warnings: &mut Vec<Diag>) -> Result<Vec<MarkedStroke>, Error> {
         let folder = self.job.relative(&self.input.folder);
         let manifest: Manifest = Manifest::read(&folder)?;
         self.same_part(&manifest, surface)?;
+        warnings.extend(self.same_table(&manifest)?);
         if manifest.passes.len() > 1 {
             let text = "the job before has several passes, of which one cannot be gone on with";
             return Err(self.refused(Diag::input("marked-passes", text), "mark what is left pass by pass"));
@@ -160,6 +161,19 @@ impl Before<'_> {
         let text = format!("{} is a job on another part: {differs}", self.input.folder.display());
         let hint = "what is left has to be marked with the surface of the job before";
         Err(self.refused(Diag::input("marked-part", text), hint))
+    }
+
+    /// Whether both lie by the same measurement: then the part was not moved since, or not measured again.
+    fn same_table(&self, manifest: &Manifest) -> Result<Option<Diag>, Error> {
+        let Some(measured) = &self.job.placement.measured else { return Ok(None) };
+        let stated = manifest.head.inputs.iter().find(|input| input.role == "measured").map(|input| &input.blake3);
+        let bytes = diag::read_file(&self.job.relative(&measured.file), u64::MAX)?;
+        let own = blake3::hash(&bytes).to_hex().to_string();
+        Ok((stated == Some(&own)).then(|| {
+            let text = format!("the part lies by the same points as {} has it", self.input.folder.display());
+            let hint = "right if it was not moved since; if it was clamped again, measure it, into a table of its own";
+            Diag::warning("marked-same-table", text).at(self.job.place_of("placement.measured.file")).hint(hint)
+        }))
     }
 
     /// Holds its program to its manifest.

@@ -151,10 +151,20 @@ impl Follower<'_> {
         self.in_travel(line, after);
         self.axes = after;
         let ([Some(x), Some(y), Some(z)], [from_x, from_y, from_z]) = (after, from) else { return };
-        let from = [from_x.unwrap_or(x), from_y.unwrap_or(y), from_z.unwrap_or(z)];
-        let ends = [self.tip(from), self.tip([x, y, z])];
         let (tip, [body, head]) = (self.tip_cylinder(), self.others());
-        for (what, cylinder) in [("the tip", tip), ("the body of the probe", body), ("the head", head)] {
+        let mut ends = [self.tip([from_x.unwrap_or(x), from_y.unwrap_or(y), from_z.unwrap_or(z)]), self.tip([x, y, z])];
+        let mut wider = 0.0;
+        if from_x.is_none() || from_y.is_none() {
+            // From anywhere: a way along the middle of the travel, as wide as that.
+            let [[left, right], [front, back]] =
+                [&self.machine.stage.x, &self.machine.stage.y].map(|a| a.travel_nm().map(|end| end.0));
+            let corners = [self.tip([left, front, z]), self.tip([right, back, z])];
+            let middle = (corners[0][1] + corners[1][1]) / 2.0;
+            wider = (corners[1][1] - corners[0][1]).abs() / 2.0;
+            ends = corners.map(|[x, _, z]| [x, middle, z]);
+        }
+        for (what, (axis, radius, lower)) in [("the tip", tip), ("the body of the probe", body), ("the head", head)] {
+            let cylinder = (axis, radius + wider, lower);
             self.clear(line, what, cylinder, ends);
             self.clear_of_fixtures(line, what, cylinder, ends);
         }

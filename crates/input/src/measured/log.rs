@@ -3,7 +3,9 @@
 //! LinuxCNC appends one row of nine positions to the file of `(PROBEOPEN ...)` for each probe move; GRBL answers each
 //! with `[PRB:x,y,z:1]`, or `:0` where nothing was touched, among whatever else it says. Both count in mm here: the
 //! programs that terrace writes set G21. LinuxCNC counts from the zero of the program, GRBL from that of the machine,
-//! whatever G54 says; where the zero of G54 lies stands in what `$#` answers, and in status reports (WCO).
+//! whatever G54 says; where the zero of G54 lies stands in what `$#` answers, and in status reports (WCO). Offsets of G92
+//! and of tools are refused: the programs switch them off, and marks are made without them. `$#` also repeats the last
+//! touch, which does not count twice.
 
 use std::path::Path;
 
@@ -40,6 +42,7 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
         log.zero = Some([0.0; 3]);
     }
     let mut zeros = Zeros::default();
+    let mut is_repeated = false;
     for (line, row) in (1..).zip(text.lines()) {
         let row = row.trim();
         let fault = || {
@@ -49,7 +52,12 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
         };
         if is_grbl {
             zeros.take(row);
+            // The answer of `$#` ends with the length of the tool and the last touch.
+            let was_tool = std::mem::replace(&mut is_repeated, row.contains("[TLO:"));
             let Some(at) = row.find("[PRB:") else { continue };
+            if was_tool {
+                continue;
+            }
             let answer =
                 row[at + 5..].split_once(']').and_then(|(answer, _)| answer.split_once(':')).ok_or_else(fault)?;
             let position = numbers(answer.0.split(',')).filter(|n| n.len() >= 3).ok_or_else(fault)?;
@@ -70,7 +78,9 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
     if is_grbl {
         log.zero = zeros.found().map_err(|text| {
             let d = Diag::input("probe-zero", text).at(Place::file(&shown));
-            Error::from(d.hint("keep the answers of one run alone, during which no offset changes"))
+            let hint = "switch offsets off (G92.1, G49), run the program again, and keep the answers of one run alone, with \
+                        $# in it";
+            Error::from(d.hint(hint))
         })?;
     }
     if log.touched.is_empty() {
@@ -110,12 +120,14 @@ impl Zeros {
         let [g54, g92, tool] = &self.parts;
         // A log of several runs, or of one in which an offset was changed.
         let is_one = |all: &[SpacePoint]| all.windows(2).all(|w| w[0] == w[1]);
-        let mut all = self.whole.clone();
-        let last = |all: &[SpacePoint]| all.last().copied().unwrap_or_default();
-        if let Some(zero) = g54.last() {
-            let (other, tool) = (last(g92), last(tool));
-            all.push([0, 1, 2].map(|k| zero[k] + other[k] + tool[k]));
+        if let Some(offset) = g92.iter().chain(tool).find(|offset| offset.iter().any(|v| *v != 0.0)) {
+            let [x, y, z] = offset;
+            let text =
+                format!("GRBL has an offset of G92 or of a tool, ({x}, {y}, {z}) mm, which the program switches off");
+            return Err(text);
         }
+        let mut all = self.whole.clone();
+        all.extend(g54.last());
         let near = |a: &SpacePoint, b: &SpacePoint| (0..3).all(|k| (a[k] - b[k]).abs() < 1.5e-3);
         if !is_one(g54) || !is_one(g92) || !is_one(tool) || all.windows(2).any(|w| !near(&w[0], &w[1])) {
             return Err("the zero of G54 changes in the log".to_owned());
@@ -155,15 +167,31 @@ mod tests {
         let touch = "[PRB:1.5,2.25,-3.000:1]\n";
         let zero = |text: &str| read(&format!("{text}{touch}")).map(|log| log.zero);
         assert_eq!(
-            zero("[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,1.000]\n[TLO:2.000]\nok\n"),
-            Ok(Some([-10.0, 5.0, 3.0]))
+            zero("[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,0.000]\n[TLO:0.000]\nok\n"),
+            Ok(Some([-10.0, 5.0, 0.0]))
         );
+        let offset = |text: &str| zero(text).is_err_and(|e| e.contains("an offset of G92 or of a tool"));
+        assert!(offset("[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,1.000]\n[TLO:0.000]\nok\n"));
+        assert!(offset("[TLO:0.000,0.000,2.000]\n[G54:1.000,2.000,3.000]\n"));
         assert_eq!(zero("<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:-10.000,5.000,3.000>\n"), Ok(Some([-10.0, 5.0, 3.0])));
-        assert_eq!(zero("[TLO:0.000,0.000,2.000]\n[G54:1.000,2.000,3.000]\n"), Ok(Some([1.0, 2.0, 5.0])));
         let changed = Err("the zero of G54 changes in the log".to_owned());
         assert_eq!(zero("[G54:1.000,2.000,3.000]\n[G54:1.000,2.000,3.500]\n"), changed);
         assert_eq!(zero("[G54:1.000,2.000,3.000]\n<Run|WCO:0.000,2.000,3.000>\n"), changed);
         assert_eq!(read("1.5 2.25 -3 0 0 0 0 0 0\n").expect("a log").zero, Some([0.0; 3]));
+    }
+
+    #[test]
+    fn the_last_touch_that_grbl_repeats_counts_once() {
+        let settings = "[G54:0.000,0.000,0.000]\n[G92:0.000,0.000,0.000]\n[TLO:0.000]\n";
+        let text = format!(
+            "{settings}[PRB:9.000,9.000,9.000:1]\nok\n[PRB:1.000,2.000,3.000:1]\nok\n[PRB:4.000,5.000,6.000:1]\nok\n\
+             {settings}[PRB:4.000,5.000,6.000:1]\nok\n"
+        );
+        let log = read(&text).expect("a log");
+        let touched: Vec<[f64; 3]> = log.touched.iter().map(|(_, at)| *at).collect();
+        assert_eq!(touched, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        let missed = read(&format!("{settings}[PRB:0.000,0.000,0.000:0]\nok\n[PRB:1,2,3:1]\n")).expect("a log");
+        assert!(missed.missed.is_empty());
     }
 
     #[test]

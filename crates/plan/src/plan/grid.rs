@@ -160,8 +160,8 @@ fn unsure(job: &Job, kept: f64, section: P2) -> Diag {
         x,
         y
     );
-    let hint = "measure more points, at the rim too, or more closely (`terrace probe` says where); \
-                placement.measured.unsure = \"warn\" marks it as it is";
+    let hint = "measure more points, at the rim too, or more closely (`terrace probe` says where), and features where the \
+                part is steep, which hold it aside; placement.measured.unsure = \"warn\" marks it as it is";
     Diag::limit("measured-unsure", text).at(job.place_of("placement.measured")).hint(hint)
 }
 

@@ -42,7 +42,7 @@ use crate::block_map::BlockMap;
 use crate::budget::StatedErrors;
 use crate::check::{Checked, Limits};
 use crate::emit;
-use crate::fixtures::Fixture;
+use crate::fixtures::{self, Fixture};
 use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
 use crate::projection::{Footprint, Samples};
@@ -284,6 +284,7 @@ impl<'a> Draft<'a> {
         warnings.extend(self.shares.warnings(job, self.best.times.total, machine));
         warnings.extend(self.warnings.iter().cloned());
         warnings.extend(warnings::short_overlaps(split));
+        warnings.extend(fixtures::beyond(job, machine, &self.inputs.fixtures, &self.origins));
         Ok(())
     }
 }

@@ -148,6 +148,19 @@ impl<'a> Ways<'a> {
         [self.shape.body, Some(self.shape.head)].iter().flatten().all(over)
     }
 
+    /// By how much the part or a fixture stands higher than probe and head with z at its end, wherever x and y are before
+    /// the program begins: under a way along the middle of the travel, as wide as that.
+    fn entered_from_anywhere(&self, top: i64) -> f64 {
+        let [x, y, _] = self.machine.axes().map(|(_, axis)| axis.travel_nm().map(|end| end.0));
+        let at = |x: i64, y: i64| self.tip_of(Commanded([x, y, top]));
+        let [a, b] = [at(x[0], y[0]), at(x[1], y[1])];
+        let middle = (a[1] + b[1]) / 2.0;
+        let half = (b[1] - a[1]).abs() / 2.0;
+        let wide = |cylinder: Cylinder| Cylinder { radius: cylinder.radius + half, ..cylinder };
+        let all = [self.shape.tip, self.shape.body, Some(self.shape.head)].map(|cylinder| cylinder.map(wide));
+        self.entered(&all, [[a[0], middle, a[2]], [b[0], middle, b[2]]])
+    }
+
     /// From where the tip goes down to a place: nothing touches there yet.
     fn above(&self, place: &Place) -> Commanded {
         let all = [self.shape.tip, self.shape.body, Some(self.shape.head)];
@@ -195,6 +208,12 @@ impl<'a> Ways<'a> {
         let at_z = |at: Commanded, z: i64| Commanded([at[0], at[1], z]);
         let mut moves = Vec::new();
         let mut before: Option<Commanded> = None;
+        if self.entered_from_anywhere(top) > 0.0 {
+            let text = "the stage cannot rise far enough for the first move: from some places of its travel the probe or \
+                        the head would meet the part or a fixture";
+            let hint = "give the z axis more travel upwards, a shorter stylus, a smaller --search, or a lower fixture";
+            return Err(Diag::limit("probe-reach", text).hint(hint).into());
+        }
         for place in places {
             let [above, below] = [self.above(place), self.below(place)];
             let level = match before {

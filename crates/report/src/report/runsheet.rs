@@ -8,6 +8,7 @@ use terrace_core::diag;
 use terrace_core::format::Format;
 use terrace_core::geom::Nm;
 use terrace_core::machine::{FieldShape, Machine, Origin};
+use terrace_core::math;
 use terrace_core::program::{Block, BlockFigures, PassId, Pen, Program, SetupId};
 use terrace_core::units::{Angle, Length};
 use terrace_plan::budget::Budget;
@@ -173,7 +174,10 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     writeln!(out, "part turn  {} deg about z", sheet.turn_deg)?;
     if let Some(measured) = &sheet.measured {
         let MeasuredPlacement { points, worst_residual_um: worst, lean_deg: lean, .. } = measured;
-        writeln!(out, "measured   {points} points, worst residual {worst:.1} um, leaning {lean:.4} deg")?;
+        let [[x, ..], [y, ..], _] = measured.rows;
+        let turn = math::atan2(y, x).to_degrees();
+        let how = format!("leaning {lean:.4} deg, turned {turn:.4} deg beside that");
+        writeln!(out, "measured   {points} points, worst residual {worst:.1} um, {how}")?;
     }
     if let Some(table) = sheet.machine.table() {
         writeln!(out, "table      Z{:.4} mm in the table frame", table.mm())?;

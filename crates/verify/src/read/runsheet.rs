@@ -66,8 +66,8 @@ pub(crate) struct RunSheet {
     pub(crate) stage_zero: String,
     /// The turn of the part, degrees.
     pub(crate) turn: Option<f64>,
-    /// Of a measured part the number of points, the worst residual, um, and the lean, degrees.
-    pub(crate) measured: Option<[f64; 3]>,
+    /// Of a measured part the number of points, the worst residual, um, the lean and the turn about z, degrees.
+    pub(crate) measured: Option<[f64; 4]>,
     /// Who loads the blocks, in the words of the sheet, and the time of the job with it.
     pub(crate) loading: Option<String>,
     pub(crate) in_all: Option<String>,
@@ -216,8 +216,11 @@ impl<'a> SheetReader<'a> {
             ["loading", words @ ..] => set_once(&mut sheet.loading, Some(words.join(" "))),
             ["in", "all", time, ..] => set_once(&mut sheet.in_all, Some(time.trim_end_matches(';').to_owned())),
             // A line of the head that is read is known to the last word.
-            ["measured", points, "points,", "worst", "residual", worst, "um,", "leaning", lean, "deg"] => {
-                set_once(&mut sheet.measured, numbers([points, worst, lean]))
+            ["measured", points, "points,", "worst", "residual", worst, "um,", "leaning", lean, "deg,", rest @ ..]
+                if matches!(rest, ["turned", _, "deg", "beside", "that"]) =>
+            {
+                let known = numbers([points, worst, lean]).zip(rest[1].parse().ok());
+                set_once(&mut sheet.measured, known.map(|([points, worst, lean], turn)| [points, worst, lean, turn]))
             }
             ["size" | "machine" | "measured", ..] | ["part", "zero" | "laid" | "turn", ..] => {
                 Err("cannot be read".into())

@@ -16,6 +16,7 @@ use crate::read::{Fault, number};
 use terrace_core::diag;
 use terrace_core::geom::{NM_PER_MM, Nm};
 use terrace_core::machine::Machine;
+use terrace_core::math;
 use terrace_core::program::{Block, Pen};
 use terrace_core::units::Power;
 
@@ -249,10 +250,12 @@ impl SheetChecker<'_> {
         );
         let measured = self.manifest.placement.measured.as_ref();
         let is_measured = match (sheet.measured, measured) {
-            (Some([points, worst, lean]), Some(stated)) => {
+            (Some([points, worst, lean, turn]), Some(stated)) => {
+                let [[x, ..], [y, ..], _] = stated.rows;
                 points == stated.points as f64
                     && (worst - stated.worst_residual_um).abs() <= 0.051
                     && (lean - stated.lean_deg).abs() <= 0.000_051
+                    && (turn - math::atan2(y, x).to_degrees()).abs() <= 0.000_051
             }
             (found, stated) => found.is_none() && stated.is_none(),
         };
