@@ -338,6 +338,10 @@ pub enum Command {
         job: PathBuf,
         /// Log of the controller: the file that LinuxCNC has written after (PROBEOPEN ...), or what GRBL has answered.
         log: Option<PathBuf>,
+        /// A place of the part, mm before placement.turn: print where the axes stand with the focus on it, to look there
+        /// with the pilot laser.
+        #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
+        at: Option<[f64; 3]>,
         #[command(flatten)]
         probe: ProbeArgs,
     },

@@ -218,7 +218,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             orient::orient(args, job, side, *apply)?;
         }
         Command::Probe { job, output, points } => probe::probe(args, job, output.as_deref(), points)?,
-        Command::Register { job, log, probe } => register::register(args, job, log.as_deref(), probe)?,
+        Command::Register { job, log, at, probe } => register::register(args, job, (log.as_deref(), *at), probe)?,
         #[cfg(feature = "compare")]
         Command::Compare { job, systems, protection, nurbs: exact, output } => {
             if let Some(folder) = output {

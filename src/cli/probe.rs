@@ -187,13 +187,26 @@ impl Sheet<'_> {
             ["the turn about x", "the turn about y", "the turn about z", "the shift along x", "the shift along y", "z"];
         let held = |k: usize| self.found.after.motion[k] < LOOSE * self.found.before.motion[k];
         let loose: Vec<&str> = (0..6).filter(|&k| !held(k)).map(|k| NAMES[k]).collect();
-        if loose.is_empty() {
+        let may_be_warped = self.job.placement.measured.as_ref().is_some_and(|measured| measured.warp.is_some());
+        if loose.is_empty() && !may_be_warped {
             return Vec::new();
         }
+        let why = match &loose[..] {
+            [] => {
+                "the part may be warped, and what it is warped by says as much of where it lies as its form:".to_owned()
+            }
+            loose => format!("the form of the part does not hold {}:", loose.join(", ")),
+        };
         vec![
-            format!("the form of the part does not hold {}:", loose.join(", ")),
+            why,
             "measure three features of the part too, such as holes, with the pilot laser (kind optical)".to_owned(),
         ]
+    }
+
+    /// The table that the job names.
+    fn table(&self) -> String {
+        let named = self.job.placement.measured.as_ref().map(|measured| self.job.relative(&measured.file));
+        named.map_or("the table of placement.measured".to_owned(), |path| path.display().to_string())
     }
 
     fn what_to_do(&self) -> String {
@@ -226,27 +239,33 @@ impl Sheet<'_> {
                 step(&format!("terrace register {job} {LOG}"));
             }
             (Tool::Touch(_), None) => {
-                step(
-                    "touch the points of points.csv, and write stage_x, stage_y and stage_z of each touch into a table",
-                );
-                step(&format!("terrace register {job}"));
+                step("touch the points of points.csv, and write what the controller shows as z as stage_z");
+                step(&format!("save that as {}, then: terrace register {job}", self.table()));
             }
             (Tool::Sensor(_), _) => {
                 step("go to each point of points.csv, move z until the sensor shows the focus, and write z as stage_z");
-                step(&format!("terrace register {job}"));
+                step(&format!("save that as {}, then: terrace register {job}", self.table()));
             }
         }
         step(&format!("terrace compile {job}"));
         out
     }
 
-    /// The points as a table that has no measured z yet: `expected_z` is what the job says.
+    /// The points as a table of measured ones whose z is still to be filled in; what the job expects is a comment.
     fn list(&self) -> String {
-        let mut out = String::from("name,stage_x,stage_y,expected_z,part_x,part_y,part_z\n");
+        let mut out = String::from("# Fill in stage_z: what the controller shows at each point. Expected are\n");
         for point in &self.found.points {
-            let [x, y, z] = point.stage.mm();
-            let [u, v, w] = point.part_mm;
-            let _ = writeln!(out, "{},{x:.4},{y:.4},{z:.4},{u:.4},{v:.4},{w:.4}", point.name);
+            let [.., z] = point.stage.mm();
+            let _ = writeln!(out, "#   {} z {z:.4}", point.name);
+        }
+        out += "name,kind,stage_x,stage_y,stage_z,sigma_um,tip_mm\n";
+        let (kind, sigma, tip) = match self.found.tool {
+            Tool::Touch(probe) => ("touch", probe.noise.as_mm(), format!("{}", probe.radius.as_mm())),
+            Tool::Sensor(sigma) => ("distance", sigma, String::new()),
+        };
+        for point in &self.found.points {
+            let [x, y, _] = point.stage.mm();
+            let _ = writeln!(out, "{},{kind},{x:.4},{y:.4},,{},{tip}", point.name, sigma * 1e3);
         }
         out
     }

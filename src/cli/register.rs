@@ -8,21 +8,26 @@ use serde_json::{Value, json};
 use super::args::{Args, Choice, ProbeArgs};
 use super::{load, print, show, warn, write_file};
 use terrace_core::diag::{Diag, Error, Place};
-use terrace_core::geom::SpacePoint;
+use terrace_core::geom::{SpacePoint, cos_sin};
 use terrace_core::machine::Machine;
 use terrace_core::math;
 use terrace_core::progress::Task;
 use terrace_core::units::Length;
 use terrace_input::job::Job;
 use terrace_input::measured::{Measure, MeasuredPoint, read_log, read_table, written};
-use terrace_plan::measured::{Lying, PointResidual, Residual, Warp, fitted};
+use terrace_plan::measured::{Lying, PointResidual, Residual, Warp, fitted, table_from_stage};
 use terrace_plan::plan;
 
 /// Points that are listed in the text, those of the largest residuals; JSON has all.
 const LISTED: usize = 40;
 
 /// Fits the part of a job to its measured points, and prints where it lies; a log becomes its table first.
-pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &ProbeArgs) -> Result<(), Error> {
+pub(super) fn register(
+    args: &Args,
+    path: &Path,
+    (log, at): (Option<&Path>, Option<SpacePoint>),
+    probe: &ProbeArgs,
+) -> Result<(), Error> {
     let job = load(args, path, &Choice::default())?;
     let machine = job.machine().map_err(|e| job.at_keys(&e))?;
     let Some(measured) = &job.placement.measured else {
@@ -50,7 +55,11 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
             let place = Place::file(table.display().to_string());
             return Err(fault.at(place).hint("leave out the log to fit the part to the table").into());
         }
-        points.extend(new);
+        // Named as they follow one another, so that no name is there twice.
+        for touch in new {
+            let name = format!("touch {}", points.len() + 1);
+            points.push(MeasuredPoint { name, ..touch });
+        }
         // What does not fit is not added; a new table is there to be mended.
         if !probe.add {
             write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
@@ -71,7 +80,16 @@ pub(super) fn register(args: &Args, path: &Path, log: Option<&Path>, probe: &Pro
     }
     warn(args, &warnings);
     let figures = Figures::new(&lying);
-    print(&if args.json { show::json(&figures.json(&lying)) } else { figures.text(&job, &lying) })
+    let looked_at = at.map(|at| LookedAt::new(&job, &machine, &lying, at));
+    if args.json {
+        let mut json = figures.json(&lying);
+        if let Some(place) = looked_at {
+            json["at"] =
+                json!({"part_mm": place.part, "stage_mm": place.stage, "sigma_um": place.sigma.map(|mm| mm * 1e3)});
+        }
+        return print(&show::json(&json));
+    }
+    print(&(figures.text(&job, &lying) + &looked_at.map_or(String::new(), |place| place.text())))
 }
 
 /// The points of a probe's log.
@@ -102,7 +120,8 @@ fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Resu
         // The tip had touched before the controller knew: it stands that much too low.
         let table = [0, 1, 2].map(|k| signs[k] * (at[k] - zero[k]) + offset[k] + if k == 2 { pretravel } else { 0.0 });
         MeasuredPoint {
-            name: format!("touch {line}"),
+            // Named by its place in the table.
+            name: String::new(),
             line,
             measure: Measure::Touch { tip_mm: radius.as_mm() },
             stage: [0, 1, 2].map(|k| signs[k] * table[k]),
@@ -110,6 +129,39 @@ fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Resu
         }
     };
     Ok(found.touched.into_iter().map(point).collect())
+}
+
+/// Where the axes stand with the focus on a place of the part.
+struct LookedAt {
+    /// As the user has given it, mm.
+    part: SpacePoint,
+    stage: SpacePoint,
+    /// Standard deviations along x, y and z, mm.
+    sigma: SpacePoint,
+}
+
+impl LookedAt {
+    fn new(job: &Job, machine: &Machine, lying: &Lying, part: SpacePoint) -> Self {
+        let [cos, sin] = cos_sin(job.placement.turn.as_rad());
+        let [x, y, z] = part;
+        let mut table = lying.fit.motion.apply([cos * x - sin * y, sin * x + cos * y, z]);
+        let mut sigma = lying.fit.uncertainty.place(table);
+        if let Some(warp) = &lying.warp {
+            let told = warp.at([table[0], table[1]]);
+            table[2] += told.height;
+            sigma[2] = told.deviation;
+        }
+        Self { part, stage: table_from_stage(machine, table), sigma }
+    }
+
+    fn text(&self) -> String {
+        let [[px, py, pz], [x, y, z]] = [self.part, self.stage];
+        let [sx, sy, sz] = self.sigma.map(|mm| mm * 1e3);
+        format!(
+            "\nlook at       X{px} Y{py} Z{pz} mm of the part: stage_x {x:.4}  stage_y {y:.4}  stage_z {z:.4}\n              \
+             sigma {sx:.1} um, {sy:.1} um, {sz:.1} um\n"
+        )
+    }
 }
 
 /// What is told of a fit.

@@ -121,6 +121,21 @@ fn exact_features_give_the_pose_and_marks_lie_where_they_were_designed() {
 }
 
 #[test]
+fn a_place_of_the_part_is_told_as_positions_of_the_axes() {
+    let dir = folder();
+    let path = job(dir.path(), &table(&LIES), "", HATCH);
+    let part = [33.0, 17.0, form(33.0, 17.0)];
+    let at = format!("{},{},{}", part[0], part[1], part[2]);
+    let found = terrace(["register", path.to_str().expect("UTF-8"), "--at", &at, "--json"]);
+    let found: Value = serde_json::from_slice(&found.stdout).expect("JSON");
+    let told: SpacePoint = serde_json::from_value(found["at"]["stage_mm"].clone()).expect("a place");
+    let wanted = stage(LIES.of(part));
+    assert!((0..3).all(|k| (told[k] - wanted[k]).abs() < 1e-6), "{told:?} {wanted:?}");
+    let text = said(&terrace(["register", path.to_str().expect("UTF-8"), "--at", &at]));
+    assert!(text.contains(&format!("stage_x {:.4}", wanted[0])), "{text}");
+}
+
+#[test]
 fn a_part_that_lies_as_designed_is_marked_as_if_it_had_not_been_measured() {
     let dir = folder();
     let as_designed = Lies { turns: [0.0; 3], shift: [-40.0, -30.0, -2.0] };

@@ -489,7 +489,19 @@ fn what_a_probe_needs_is_asked_for() {
     refused(&other("sensor.toml", &text), &[], "output-exists");
     let points = std::fs::read_to_string(dir.path().join("sensor.probe/points.csv")).expect("a list");
     std::fs::write(dir.path().join("points.csv"), points).expect("written");
-    // A list of expected places is no table of measured ones.
+    // A list of places is no table of measured ones until their z is there.
     let out = terrace([Path::new("register"), &job]);
-    assert!(said(&out).contains("there is no column"), "{}", said(&out));
+    assert!(!out.status.success() && said(&out).contains("stage_z"), "{}", said(&out));
+    let list = std::fs::read_to_string(dir.path().join("points.csv")).expect("a list");
+    let at = |row: &str| {
+        let cells: Vec<&str> = row.split(',').collect();
+        let [x, y] = [2, 3].map(|k| cells[k].parse::<f64>().expect("a number"));
+        let table = [0, 1].map(|k| SIGNS[k] * [x, y][k]);
+        let z = SIGNS[2] * RIGID.height(table);
+        format!("{},{},{x},{y},{z:.6},{},\n", cells[0], cells[1], cells[5])
+    };
+    let rows = list.lines().map(|row| if row.starts_with('P') { at(row) } else { format!("{row}\n") });
+    std::fs::write(dir.path().join("points.csv"), rows.collect::<String>()).expect("written");
+    let out = terrace([Path::new("register"), &other("sensor.toml", &text)]);
+    assert!(out.status.success(), "{}", said(&out));
 }
