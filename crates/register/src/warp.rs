@@ -154,8 +154,9 @@ const REACH: f64 = 4.0;
 /// between them.
 const REACH_ACROSS: f64 = 0.4;
 
-/// Points nearer than this share of their longest distance are one place.
-const SAME_PLACE: f64 = 0.01;
+/// Points nearer than this share of their longest distance are one place: left out one by one they would predict one
+/// another over any length.
+const SAME_PLACE: f64 = 0.002;
 
 /// The largest deviation, in its own units, by which a point that is left out may lie off.
 const LARGEST_LEFT_OUT: f64 = 2.5;
@@ -170,20 +171,9 @@ pub(crate) fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
-/// The points, those of a cell together where there are many.
+/// The points, those of a place together, and where there are many those of a cell.
 fn thinned(points: &[Observation]) -> Vec<Observation> {
     let floored = |p: &Observation| Observation { sigma: p.sigma.max(LEAST_SIGMA), ..*p };
-    if points.len() <= MOST_POINTS {
-        return points.iter().map(floored).collect();
-    }
-    let (lo, hi) = span(points);
-    let side = ((hi[0] - lo[0]) * (hi[1] - lo[1]) / MOST_POINTS as f64).sqrt();
-    let side = side.max((hi[0] - lo[0]).max(hi[1] - lo[1]) / MOST_POINTS as f64).max(1e-6);
-    let mut cells = std::collections::BTreeMap::<[i64; 2], Vec<Observation>>::new();
-    for p in points {
-        let cell = [1, 0].map(|k| ((p.at[k] - lo[k]) / side).floor() as i64);
-        cells.entry(cell).or_default().push(floored(p));
-    }
     let together = |of: Vec<Observation>| {
         let n = of.len() as f64;
         let mean = |value: &dyn Fn(&Observation) -> f64| of.iter().map(value).sum::<f64>() / n;
@@ -195,7 +185,36 @@ fn thinned(points: &[Observation]) -> Vec<Observation> {
             aside: [0, 1, 2].map(|k| mean(&|p| p.aside[k])),
         }
     };
+    if points.len() <= MOST_POINTS {
+        let places = places(points).into_iter();
+        return places.map(|place| together(place.into_iter().map(|i| floored(&points[i])).collect())).collect();
+    }
+    let (lo, hi) = span(points);
+    let side = ((hi[0] - lo[0]) * (hi[1] - lo[1]) / MOST_POINTS as f64).sqrt();
+    let side = side.max((hi[0] - lo[0]).max(hi[1] - lo[1]) / MOST_POINTS as f64).max(1e-6);
+    let mut cells = std::collections::BTreeMap::<[i64; 2], Vec<Observation>>::new();
+    for p in points {
+        let cell = [1, 0].map(|k| ((p.at[k] - lo[k]) / side).floor() as i64);
+        cells.entry(cell).or_default().push(floored(p));
+    }
     cells.into_values().map(together).collect()
+}
+
+/// The points of each place, by their numbers: chains of points that are near to the next.
+fn places(points: &[Observation]) -> Vec<Vec<usize>> {
+    let (lo, hi) = span(points);
+    let near = SAME_PLACE * apart(lo, hi);
+    let mut place: Vec<usize> = (0..points.len()).collect();
+    for i in 0..points.len() {
+        for k in 0..i {
+            let (a, b) = (place[i].min(place[k]), place[i].max(place[k]));
+            if a != b && apart(points[i].at, points[k].at) <= near {
+                place.iter_mut().filter(|p| **p == b).for_each(|p| *p = a);
+            }
+        }
+    }
+    let firsts = (0..points.len()).filter(|&i| place[i] == i);
+    firsts.map(|i| (i..points.len()).filter(|&k| place[k] == i).collect()).collect()
 }
 
 /// The box of points.
@@ -255,12 +274,10 @@ fn left_out(cholesky: &Cholesky<f64, Dyn>, heights: &DVector<f64>) -> LeftOut {
 
 /// How far points reach, mm.
 fn reach(points: &[Observation]) -> f64 {
-    let (lo, hi) = span(points);
-    let same = SAME_PLACE * apart(lo, hi);
     let mut nearest: Vec<f64> = (0..points.len())
         .map(|i| {
-            let others = points.iter().map(|p| apart(points[i].at, p.at));
-            others.filter(|&distance| distance > same).fold(f64::INFINITY, f64::min)
+            let others = (0..points.len()).filter(|&k| k != i);
+            others.map(|k| apart(points[i].at, points[k].at)).fold(f64::INFINITY, f64::min)
         })
         .collect();
     let half = nearest.len() / 2;
@@ -532,6 +549,21 @@ mod tests {
                 }
             }
             assert!(inside * 100 >= all * 99, "{side}, {sigma}: {inside} of {all}");
+        }
+    }
+
+    #[test]
+    fn places_that_are_measured_twice_are_known_as_closely_as_their_noise_says() {
+        let truth = |[x, y]: [f64; 2]| 0.15 * math::sin(x / 120.0) * math::cos(y / 140.0);
+        for seed in 0..2 {
+            let mut random = Random::case(seed);
+            let once = measured(&mut random, truth, 49);
+            let again = once.iter().map(|p| Observation { height: truth(p.at) + 0.005 * gauss(&mut random), ..*p });
+            let twice: Vec<Observation> = once.iter().copied().chain(again).collect();
+            let [few, many] = [&once, &twice].map(|points| warp(points, 0.5).expect("a warp"));
+            let worst = |warp: &Warp| warp.ranges()[1][1];
+            assert!(worst(&many) < 1.1 * worst(&few), "seed {seed}: {} {}", worst(&many), worst(&few));
+            assert!(coverage(&many, truth).0 > 0.99, "seed {seed}");
         }
     }
 

@@ -56,18 +56,8 @@ impl WarpPoints {
     /// The points, in cells where there are more than 300.
     pub(super) fn new(points: Vec<WarpPoint>, limit: f64) -> Self {
         let points: Vec<WarpPoint> = points.into_iter().map(|p| WarpPoint { sigma: p.sigma.max(2e-4), ..p }).collect();
-        if points.len() <= 300 {
-            return Self { points, limit };
-        }
         let [left, right, below, above] = span(&points);
-        let (width, height) = (right - left, above - below);
-        let side = (width * height / 300.0).sqrt().max(width.max(height) / 300.0).max(1e-6);
-        let cell =
-            |p: &WarpPoint| [((p.at[1] - below) / side).floor() as i64, ((p.at[0] - left) / side).floor() as i64];
-        let mut order: Vec<usize> = (0..points.len()).collect();
-        order.sort_by_key(|&i| (cell(&points[i]), i));
-        let groups = order.chunk_by(|&a, &b| cell(&points[a]) == cell(&points[b]));
-        let mean = groups.map(|group| {
+        let together = |group: &[usize]| {
             let n = group.len() as f64;
             let sum = |of: &dyn Fn(&WarpPoint) -> f64| group.iter().map(|&i| of(&points[i])).sum::<f64>() / n;
             let noise = sum(&|p| p.sigma * p.sigma) / n.min(10.0);
@@ -77,8 +67,19 @@ impl WarpPoints {
                 sigma: noise.sqrt(),
                 aside: [sum(&|p| p.aside[0]), sum(&|p| p.aside[1]), sum(&|p| p.aside[2])],
             }
-        });
-        Self { points: mean.collect(), limit }
+        };
+        if points.len() <= 300 {
+            let near2 = 4e-6 * square_apart([left, below], [right, above]);
+            return Self { points: one_places(&points, near2).iter().map(|group| together(group)).collect(), limit };
+        }
+        let (width, height) = (right - left, above - below);
+        let side = (width * height / 300.0).sqrt().max(width.max(height) / 300.0).max(1e-6);
+        let cell =
+            |p: &WarpPoint| [((p.at[1] - below) / side).floor() as i64, ((p.at[0] - left) / side).floor() as i64];
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by_key(|&i| (cell(&points[i]), i));
+        let groups = order.chunk_by(|&a, &b| cell(&points[a]) == cell(&points[b]));
+        Self { points: groups.map(together).collect(), limit }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -183,16 +184,36 @@ fn square_apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
 
-/// Square of the distance that half of the points have to the nearest other place at most: points nearer than a hundredth
-/// of their box are one.
+/// Points that are one place: each is near to another of it. Grown from its first point.
+fn one_places(points: &[WarpPoint], near2: f64) -> Vec<Vec<usize>> {
+    let mut left: Vec<usize> = (0..points.len()).rev().collect();
+    let mut places = Vec::new();
+    while let Some(first) = left.pop() {
+        let mut place = vec![first];
+        let mut next = 0;
+        while next < place.len() {
+            let at = points[place[next]].at;
+            left.retain(|&i| {
+                let is_near = square_apart(points[i].at, at) <= near2;
+                if is_near {
+                    place.push(i);
+                }
+                !is_near
+            });
+            next += 1;
+        }
+        places.push(place);
+    }
+    places
+}
+
+/// Square of the distance that half of the points have to the nearest other at most.
 fn typical_gap2(points: &[WarpPoint]) -> f64 {
-    let [left, right, below, above] = span(points);
-    let one = 1e-4 * square_apart([left, below], [right, above]);
-    let gap2 = |p: &WarpPoint| {
-        let others = points.iter().map(|q| square_apart(p.at, q.at));
-        others.filter(|&apart2| apart2 > one).fold(f64::INFINITY, f64::min)
+    let gap2 = |(i, p): (usize, &WarpPoint)| {
+        let others = points.iter().enumerate().filter(|&(k, _)| k != i);
+        others.map(|(_, q)| square_apart(p.at, q.at)).fold(f64::INFINITY, f64::min)
     };
-    let mut all: Vec<f64> = points.iter().map(gap2).collect();
+    let mut all: Vec<f64> = points.iter().enumerate().map(gap2).collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 2).copied().unwrap_or(0.0)
 }
