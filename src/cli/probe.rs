@@ -239,8 +239,11 @@ impl Sheet<'_> {
                 step(&format!("terrace register {job} {LOG}"));
             }
             (Tool::Touch(_), None) => {
-                step("touch the points of points.csv, and write what the controller shows as z as stage_z");
-                step(&format!("save that as {}, then: terrace register {job}", self.table()));
+                step(&format!(
+                    "touch the points of points.csv, and write a line of each into {LOG}: what the controller shows as x, y \
+                     and z, and six zeros"
+                ));
+                step(&format!("terrace register {job} {LOG}"));
             }
             (Tool::Sensor(_), _) => {
                 step("go to each point of points.csv, move z until the sensor shows the focus, and write z as stage_z");
@@ -251,21 +254,27 @@ impl Sheet<'_> {
         out
     }
 
-    /// The points as a table of measured ones whose z is still to be filled in; what the job expects is a comment.
+    /// The points: of a sensor as a table of measured ones whose z is still to be filled in, what the job expects being a
+    /// comment. Axes do not stand at the tip of a probe, so of its points the places alone, with `expected_z`.
     fn list(&self) -> String {
+        let Tool::Sensor(sigma) = self.found.tool else {
+            let mut out = String::from("name,stage_x,stage_y,expected_z,part_x,part_y,part_z\n");
+            for point in &self.found.points {
+                let [x, y, z] = point.stage.mm();
+                let [u, v, w] = point.part_mm;
+                let _ = writeln!(out, "{},{x:.4},{y:.4},{z:.4},{u:.4},{v:.4},{w:.4}", point.name);
+            }
+            return out;
+        };
         let mut out = String::from("# Fill in stage_z: what the controller shows at each point. Expected are\n");
         for point in &self.found.points {
             let [.., z] = point.stage.mm();
             let _ = writeln!(out, "#   {} z {z:.4}", point.name);
         }
-        out += "name,kind,stage_x,stage_y,stage_z,sigma_um,tip_mm\n";
-        let (kind, sigma, tip) = match self.found.tool {
-            Tool::Touch(probe) => ("touch", probe.noise.as_mm(), format!("{}", probe.radius.as_mm())),
-            Tool::Sensor(sigma) => ("distance", sigma, String::new()),
-        };
+        out += "name,kind,stage_x,stage_y,stage_z,sigma_um\n";
         for point in &self.found.points {
             let [x, y, _] = point.stage.mm();
-            let _ = writeln!(out, "{},{kind},{x:.4},{y:.4},,{},{tip}", point.name, sigma * 1e3);
+            let _ = writeln!(out, "{},distance,{x:.4},{y:.4},,{}", point.name, sigma * 1e3);
         }
         out
     }

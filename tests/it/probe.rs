@@ -498,7 +498,7 @@ fn what_a_probe_needs_is_asked_for() {
         let [x, y] = [2, 3].map(|k| cells[k].parse::<f64>().expect("a number"));
         let table = [0, 1].map(|k| SIGNS[k] * [x, y][k]);
         let z = SIGNS[2] * RIGID.height(table);
-        format!("{},{},{x},{y},{z:.6},{},\n", cells[0], cells[1], cells[5])
+        format!("{},{},{x},{y},{z:.6},{}\n", cells[0], cells[1], cells[5])
     };
     let rows = list.lines().map(|row| if row.starts_with('P') { at(row) } else { format!("{row}\n") });
     std::fs::write(dir.path().join("points.csv"), rows.collect::<String>()).expect("written");
