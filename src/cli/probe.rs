@@ -211,6 +211,7 @@ impl Sheet<'_> {
 
     fn what_to_do(&self) -> String {
         let job = self.job.path.display();
+        let add = if self.found.earlier > 0 { " --add" } else { "" };
         let mut out = String::from("\nTO DO\n");
         let mut number = 0;
         let mut step = |text: &str| {
@@ -236,18 +237,20 @@ impl Sheet<'_> {
                 } else {
                     step(&format!("fetch {LOG}, which LinuxCNC writes beside its own settings"));
                 }
-                step(&format!("terrace register {job} {LOG}"));
+                step(&format!("terrace register {job} {LOG}{add}"));
             }
             (Tool::Touch(_), None) => {
                 step(&format!(
                     "touch the points of points.csv, and write a line of each into {LOG}: what the controller shows as x, y \
                      and z, and six zeros"
                 ));
-                step(&format!("terrace register {job} {LOG}"));
+                step(&format!("terrace register {job} {LOG}{add}"));
             }
             (Tool::Sensor(_), _) => {
                 step("go to each point of points.csv, move z until the sensor shows the focus, and write z as stage_z");
-                step(&format!("save that as {}, then: terrace register {job}", self.table()));
+                let table = self.table();
+                let how = if self.found.earlier > 0 { "add these rows to" } else { "save that as" };
+                step(&format!("{how} {table}, then: terrace register {job}"));
             }
         }
         step(&format!("terrace compile {job}"));

@@ -1,5 +1,6 @@
 //! `terrace register`: where a measured part lies, as text and as JSON; and the table of points of a probe's log.
 
+use std::collections::HashSet;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -14,8 +15,8 @@ use terrace_core::math;
 use terrace_core::progress::Task;
 use terrace_core::units::Length;
 use terrace_input::job::Job;
-use terrace_input::measured::{Measure, MeasuredPoint, read_log, read_table, written};
-use terrace_plan::measured::{Lying, PointResidual, Residual, Warp, fitted, table_from_stage};
+use terrace_input::measured::{LoggedZero, Measure, MeasuredPoint, read_log, read_table, written};
+use terrace_plan::measured::{Lying, PointResidual, Residual, Warp, fitted, stage_from_table};
 use terrace_plan::plan;
 
 /// Points that are listed in the text, those of the largest residuals; JSON has all.
@@ -45,21 +46,19 @@ pub(super) fn register(
             return Err(fault.at(Place::file(table.display().to_string())).hint(hint).into());
         }
         let mut points = if probe.add { read_table(&table).map_err(|e| job.at_keys(&e))? } else { Vec::new() };
-        let touches = of_log(args, &machine, log, probe)?;
-        let is_there =
-            |touch: &MeasuredPoint| points.iter().any(|p| (p.measure, p.stage) == (touch.measure, touch.stage));
+        let (touches, touched_by) = of_log(args, &machine, log, probe)?;
+        let there: HashSet<[u64; 3]> = points.iter().filter(|p| p.measure == touched_by).map(bits).collect();
         // Counted twice they would seem surer than they are.
-        let new: Vec<MeasuredPoint> = touches.into_iter().filter(|touch| !is_there(touch)).collect();
+        let new: Vec<MeasuredPoint> = touches.into_iter().filter(|touch| !there.contains(&bits(touch))).collect();
         if new.is_empty() {
             let fault = Diag::input("register-exists", "the table has all touches of this log already");
             let place = Place::file(table.display().to_string());
             return Err(fault.at(place).hint("leave out the log to fit the part to the table").into());
         }
         // Named as they follow one another, so that no name is there twice.
-        for touch in new {
-            let name = format!("touch {}", points.len() + 1);
-            points.push(MeasuredPoint { name, ..touch });
-        }
+        let number = |p: &MeasuredPoint| p.name.strip_prefix("touch ").and_then(|n| n.parse::<usize>().ok());
+        let first = points.iter().filter_map(number).max().unwrap_or(0) + 1;
+        points.extend((first..).zip(new).map(|(n, touch)| MeasuredPoint { name: format!("touch {n}"), ..touch }));
         // What does not fit is not added; a new table is there to be mended.
         if !probe.add {
             write_file(args, &table, written(&points).as_bytes(), &[log.to_owned(), path.to_owned()])?;
@@ -92,8 +91,18 @@ pub(super) fn register(
     print(&(figures.text(&job, &lying) + &looked_at.map_or(String::new(), |place| place.text())))
 }
 
-/// The points of a probe's log.
-fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Result<Vec<MeasuredPoint>, Error> {
+/// The bits of a position.
+fn bits(point: &MeasuredPoint) -> [u64; 3] {
+    point.stage.map(|v| (v + 0.0).to_bits())
+}
+
+/// The points of a probe's log, and how they were measured.
+fn of_log(
+    args: &Args,
+    machine: &Machine,
+    log: &Path,
+    probe: &ProbeArgs,
+) -> Result<(Vec<MeasuredPoint>, Measure), Error> {
     let stated = machine.probe;
     let [radius, noise] = [(probe.radius, stated.map(|p| p.radius)), (probe.noise, stated.map(|p| p.noise))]
         .map(|(given, stated)| given.or(stated));
@@ -107,12 +116,23 @@ fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Resu
         let place = Place::line(log.display().to_string(), *line);
         warn(args, &[Diag::warning("probe-missed", text).at(place).hint("they are left out")]);
     }
-    let Some(zero) = probe.zero.or(found.zero) else {
-        let text = "the log does not say where the zero of G54 lies, and GRBL counts touches from that of the machine";
-        let hint = "send $# in the same run and keep its answer in the log, or give --zero X,Y,Z: 0,0,0 where both are \
-                    one";
-        return Err(Diag::input("probe-zero", text).at(Place::file(log.display().to_string())).hint(hint).into());
+    let shown = log.display().to_string();
+    let zero = match (probe.zero, found.zero) {
+        (Some(zero), _) | (None, LoggedZero::At(zero)) => zero,
+        (None, unknown) => {
+            let text = match unknown {
+                LoggedZero::Unclear(why) => why,
+                _ => {
+                    "the log does not say where the zero of G54 lies, and GRBL counts touches from that of the machine"
+                        .to_owned()
+                }
+            };
+            let hint = "keep the answers of one run alone, with that to $# in it, or give --zero X,Y,Z: 0,0,0 where the \
+                        zero of G54 is the machine's";
+            return Err(Diag::input("probe-zero", text).at(Place::file(shown)).hint(hint).into());
+        }
     };
+    let measure = Measure::Touch { tip_mm: radius.as_mm() };
     let pretravel = probe.pretravel.or(stated.map(|p| p.pretravel)).map_or(0.0, Length::as_mm);
     let offset = probe.offset.or(stated.map(|p| p.offset_mm())).unwrap_or_default();
     let signs = machine.axes().map(|(_, axis)| axis.sign() as f64);
@@ -122,13 +142,13 @@ fn of_log(args: &Args, machine: &Machine, log: &Path, probe: &ProbeArgs) -> Resu
         MeasuredPoint {
             // Named by its place in the table.
             name: String::new(),
-            line,
-            measure: Measure::Touch { tip_mm: radius.as_mm() },
+            place: Place::line(shown.clone(), line),
+            measure,
             stage: [0, 1, 2].map(|k| signs[k] * table[k]),
             sigma_mm: [noise.as_mm(); 2],
         }
     };
-    Ok(found.touched.into_iter().map(point).collect())
+    Ok((found.touched.into_iter().map(point).collect(), measure))
 }
 
 /// Where the axes stand with the focus on a place of the part.
@@ -151,7 +171,7 @@ impl LookedAt {
             table[2] += told.height;
             sigma[2] = told.deviation;
         }
-        Self { part, stage: table_from_stage(machine, table), sigma }
+        Self { part, stage: stage_from_table(machine, table), sigma }
     }
 
     fn text(&self) -> String {
@@ -159,7 +179,7 @@ impl LookedAt {
         let [sx, sy, sz] = self.sigma.map(|mm| mm * 1e3);
         format!(
             "\nlook at       X{px} Y{py} Z{pz} mm of the part: stage_x {x:.4}  stage_y {y:.4}  stage_z {z:.4}\n              \
-             sigma {sx:.1} um, {sy:.1} um, {sz:.1} um\n"
+             sigma {sx:.1} um, {sy:.1} um, {sz:.1} um of the part; how closely you see the pilot comes on top\n"
         )
     }
 }

@@ -330,6 +330,13 @@ fn features_that_all_lie_above_or_below_the_touches_are_told() {
     assert!(close.contains("[measured-heights]"), "{close}");
     let loose = told(1000.0);
     assert!(!loose.contains("[measured-heights]"), "{loose}");
+    // A warp must not take up what the touches are off by.
+    let text = std::fs::read_to_string(&path).expect("a job").replace("sigmas = 0", "sigmas = 0\nwarp = \"0.9 mm\"");
+    std::fs::write(&path, text).expect("written");
+    let warped = told(20.0);
+    assert!(warped.contains("[measured-heights]"), "{warped}");
+    let loose = told(1000.0);
+    assert!(!loose.contains("[measured-heights]"), "{loose}");
 }
 
 #[test]
@@ -582,6 +589,7 @@ fn damage_to_the_warp_breaks_its_rule() {
         let proof: Value = serde_json::from_slice(&said.stdout).expect("JSON");
         let rule = proof["rules"].as_array().expect("rules").iter().find(|r| r["code"] == "measured").cloned();
         assert!(rule.expect("a rule")["violated"] != 0, "{key}: {proof}");
+        proof.to_string()
     };
     let warp: Value = serde_json::from_str::<Value>(&text).expect("JSON")["placement"]["measured"]["warp"].clone();
     let scaled = |key: &str, by: f64| {
@@ -596,6 +604,14 @@ fn damage_to_the_warp_breaks_its_rule() {
     };
     change("factor", (warp["factor"].as_f64().expect("a number") * 1.1).into());
     change("amplitudes_um", scaled("amplitudes_um", 2f64.sqrt()));
+    // The next smaller one of any length is contradicted by no point, but it is not the largest.
+    let amplitudes: Vec<f64> = serde_json::from_value(warp["amplitudes_um"].clone()).expect("numbers");
+    for i in 0..amplitudes.len() {
+        let mut smaller = amplitudes.clone();
+        smaller[i] *= 0.5f64.sqrt();
+        let said = change("amplitudes_um", smaller.into());
+        assert!(said.contains("is not the largest that the points do not contradict"), "{i}: {said}");
+    }
     change("lengths_mm", scaled("lengths_mm", 1.01));
     change("height_um", scaled("height_um", -1.0));
     change("points", 5.into());

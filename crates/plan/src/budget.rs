@@ -33,7 +33,7 @@ use terrace_core::geom::{Box2, NM_PER_MM, Nm, Turn};
 use terrace_core::machine::{Machine, Origin};
 use terrace_core::program::{Block, BlockFigures, Program};
 use terrace_core::units::{Angle, Length};
-use terrace_input::job::{DepthRule, Job};
+use terrace_input::job::{DepthRule, Job, MeasuredInput, Unsure};
 
 /// Without a reserve, what errors may take beyond PDOF before a warning says so, as a share of half the range: PDOF is
 /// not measured more closely.
@@ -211,7 +211,9 @@ impl Budget {
         let tolerated = if self.reserve_mm > 0.0 { increment_um } else { TOLERATED * half_um };
         let Self { depth, depth_left_um: left, .. } = self;
         // What a measured part is off by in height stays free at each mark already.
-        let is_kept = |t: &&Term| job.placement.measured.is_some() && t.cause == Cause::RegistrationZ;
+        let is_kept_free = |m: &MeasuredInput| m.sigmas >= SIGMAS && m.unsure == Unsure::Refuse;
+        let is_kept =
+            |t: &&Term| t.cause == Cause::RegistrationZ && job.placement.measured.as_ref().is_some_and(is_kept_free);
         let kept = depth.terms.iter().filter(is_kept).filter_map(|t| t.um).sum::<f64>();
         let (sum, left) = (depth.sum_um - kept, (left - kept).max(0.0));
         if sum <= left + tolerated {

@@ -99,7 +99,12 @@ pub(crate) fn beyond(job: &Job, machine: &Machine, fixtures: &[Fixture], origins
             at(1, lo[1]),
             at(1, hi[1])
         );
-        let hint = "frame = \"table\" if its numbers are from the table; without it they are of the part's file";
+        let hint = match job.fixtures[i].frame {
+            FixtureFrame::Table => "check its numbers: they count from the zero of the table, mm",
+            FixtureFrame::Part | FixtureFrame::SurfaceFile => {
+                "frame = \"table\" if its numbers are from the table; without it they are of the part"
+            }
+        };
         Some(Diag::warning("fixture-beyond", text).at(job.place_of(&format!("fixture.{i}"))).hint(hint))
     });
     told.collect()

@@ -7,6 +7,12 @@ use terrace_core::geom::SpacePoint;
 /// Facets whose normals differ by less belong to one smooth face: cosine of 20 degrees.
 const SMOOTH_COS: f64 = 0.94;
 
+/// Facets that are no farther than the nearest by this, mm, are as near.
+const SAME_PLACE: f64 = 1e-3;
+
+/// Facets whose upward normals rise by no more of a difference are as steep as one another.
+const SAME_STEEPNESS: f64 = 1e-6;
+
 /// The facets of a part in its frame, mm.
 #[derive(Debug)]
 pub struct Facets {
@@ -45,6 +51,17 @@ impl Facets {
     pub fn nearest(&self, p: SpacePoint) -> Option<Contact> {
         let facet = self.tree.nearest_neighbor(&p)?;
         Some(Contact { at: facet.nearest(&Vector3::from(p)).into(), normal: facet.normal, bend2: facet.bend2 })
+    }
+
+    /// The upward normal of the part at a feature: a corner or the rim of a hole is on a face and on a wall, of which the
+    /// least steep counts, and where several are, their mean. None where the part has no facet.
+    pub fn flattest(&self, p: SpacePoint) -> Option<SpacePoint> {
+        let near = self.tree.nearest_neighbor(&p)?.distance_2(&p).sqrt() + SAME_PLACE;
+        let all: Vec<SpacePoint> = self.tree.locate_within_distance(p, near * near).map(|facet| facet.normal).collect();
+        let up = all.iter().map(|n| n[2]).fold(f64::NEG_INFINITY, f64::max);
+        let flat = all.iter().filter(|n| n[2] >= up - SAME_STEEPNESS);
+        let sum: Vector3<f64> = flat.map(|n| Vector3::from(*n)).sum();
+        Some(sum.normalize().into())
     }
 }
 
@@ -141,6 +158,21 @@ impl PointDistance for Facet {
 mod tests {
     use super::*;
     use terrace_core::random::Random;
+
+    #[test]
+    fn a_feature_at_a_corner_is_of_the_least_steep_face() {
+        let top =
+            [[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0]], [[0.0; 3], [10.0, 10.0, 0.0], [0.0, 10.0, 0.0]]];
+        let walls = [[[0.0; 3], [10.0, 0.0, 0.0], [0.0, 0.0, -9.0]], [[0.0; 3], [0.0, 10.0, 0.0], [0.0, 0.0, -9.0]]];
+        let part = Facets::new(walls.into_iter().chain(top));
+        for p in [[0.0; 3], [5.0, 0.0, 0.0], [-0.5, -0.5, 0.2]] {
+            assert_eq!(part.flattest(p), Some([0.0, 0.0, 1.0]), "{p:?}");
+        }
+        // Both sides of a ridge count.
+        let ridge = [[[0.0; 3], [0.0, 10.0, 0.0], [5.0, 5.0, -1.0]], [[0.0; 3], [0.0, 10.0, 0.0], [-5.0, 5.0, -1.0]]];
+        let [x, y, z] = Facets::new(ridge).flattest([0.0, 5.0, 0.0]).expect("facets");
+        assert!(x.abs() < 1e-12 && y.abs() < 1e-12 && (z - 1.0).abs() < 1e-12);
+    }
 
     #[test]
     fn the_nearest_point_of_a_facet_is_the_least_of_many() {

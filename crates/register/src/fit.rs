@@ -54,6 +54,8 @@ pub struct Fit {
     pub uncertainty: Uncertainty,
     /// The motions that the points leave as the start had them.
     pub free: Vec<FreeMotion>,
+    /// Whether pairs hold the part without any touch.
+    pub is_held_by_pairs: bool,
     /// Of the part; None where the points do not hold it.
     pub scale: Option<Scale>,
     /// Stage position less fitted position of each pair, mm.
@@ -86,11 +88,12 @@ const TRIED_TURN: f64 = 0.07;
 pub fn fit(points: &Points<'_>, start: &Motion) -> Fit {
     let by_pairs = Solver { points, every: usize::MAX };
     let mut motion = *start;
+    let mut is_held = false;
     if points.pairs.len() >= 3 {
         motion = by_pairs.stepped(closed_form(points.pairs), STEPS);
-        let held = by_pairs.normal(&motion, 1.0).0.solved().free.is_empty();
-        motion = if held { motion } else { by_pairs.stepped(*start, STEPS) };
-        if !held && !points.touches.is_empty() {
+        is_held = by_pairs.normal(&motion, 1.0).0.solved().free.is_empty();
+        motion = if is_held { motion } else { by_pairs.stepped(*start, STEPS) };
+        if !is_held && !points.touches.is_empty() {
             motion = best_start(points, &motion);
         }
     } else if !points.touches.is_empty() {
@@ -105,7 +108,7 @@ pub fn fit(points: &Points<'_>, start: &Motion) -> Fit {
         let scale = all.scale(&motion).min(all.scale(other));
         all.robust_cost(other, scale) < all.robust_cost(&motion, scale)
     });
-    finished(&all, better.unwrap_or(motion))
+    Fit { is_held_by_pairs: is_held, ..finished(&all, better.unwrap_or(motion)) }
 }
 
 /// A fit with weights that are wide at first and narrow down.
@@ -175,6 +178,7 @@ fn finished(solver: &Solver<'_>, motion: Motion) -> Fit {
             covariance: [0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|k| solved.inverse[(i, k)] * grown)),
         },
         free: free.collect(),
+        is_held_by_pairs: false,
         scale: normal.scale(&solved),
         pairs,
         touches,

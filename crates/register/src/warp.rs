@@ -1,14 +1,14 @@
 //! How a part is warped: a smooth correction of its height from what the rigid fit leaves of the points.
 //!
-//! A Gaussian process with the Matern covariance of order 3/2 (Rasmussen and Williams 2006, eq. 4.17), zero mean, and
-//! the points' own noise. Nobody knows how smooth the warp of a part is, and few points do not tell. So seven lengths
-//! are tried; each takes the amplitude for which the points predict one another best, left out one by one (eq. 5.11),
-//! and counts by a tempered share of that: what several lengths explain about as well stays in doubt, and the doubt is
-//! part of the deviation. Where points left out lie farther off than the deviation says, it grows until they do not.
-//! Far from all points the correction goes to zero, and the deviation to the amplitude. But that was found over the gaps
-//! between points alone: a dent where none lies, or a bend between two patches that the pose has taken up, may be many
-//! times larger. So farther from all points than a few of their gaps the deviation is that of what the part may be warped
-//! by at most.
+//! A Gaussian process with the Matern covariance of order 3/2 (Rasmussen and Williams 2006, eq. 4.17), a plane of which
+//! nothing is known, and the points' own noise. Nobody knows how smooth the warp of a part is, and few points do not
+//! tell. So seven lengths are tried; each takes the largest amplitude that the points do not contradict, and counts by a
+//! tempered share of how well its best one predicts the points, left out one by one (eq. 5.11): what several lengths
+//! explain about as well stays in doubt, and the doubt is part of the deviation. Where points left out lie farther off
+//! than the deviation says, it grows until they do not. Far from all points the correction goes to the plane, and the
+//! deviation to the amplitude. But that was found over the gaps between points alone: a dent where none lies, or a bend
+//! between two patches that the pose has taken up, may be many times larger. So farther from all points than a few of
+//! their gaps the deviation is that of what the part may be warped by at most.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -54,6 +54,8 @@ pub struct Candidate {
 #[derive(Clone, Debug)]
 pub struct Warp {
     points: Vec<Observation>,
+    /// The observations that each point was put together from.
+    members: Vec<Vec<usize>>,
     models: Vec<Model>,
     factor: f64,
     /// What the part may be warped by at most, mm.
@@ -123,6 +125,9 @@ pub const MOST_POINTS: usize = 300;
 /// Points of a cell that count as independent, at most.
 const INDEPENDENT: usize = 10;
 
+/// By how many times the scatter of a place has to be larger than its noise, as variances: three deviations.
+const DISAGREE: f64 = 9.0;
+
 /// Least standard deviation of an observation, mm: closer points would make the equations singular.
 const LEAST_SIGMA: f64 = 2e-4;
 
@@ -150,8 +155,8 @@ pub const DEVIATION_OF_LIMIT: f64 = 1.0 / 3.0;
 /// some hundred points that lie at random, which is three times as far.
 const REACH: f64 = 4.0;
 
-/// And no farther than this share of their width across: points along a rim, or in two rows, say nothing of a bend
-/// between them.
+/// And no farther than this share of their least width: points along a rim, or in two rows, say nothing of a bend between
+/// them.
 const REACH_ACROSS: f64 = 0.4;
 
 /// Points nearer than this share of their longest distance are one place: left out one by one they would predict one
@@ -171,50 +176,52 @@ pub(crate) fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     math::hypot(a[0] - b[0], a[1] - b[1])
 }
 
-/// The points, those of a place together, and where there are many those of a cell.
-fn thinned(points: &[Observation]) -> Vec<Observation> {
-    let floored = |p: &Observation| Observation { sigma: p.sigma.max(LEAST_SIGMA), ..*p };
-    let together = |of: Vec<Observation>| {
-        let n = of.len() as f64;
-        let mean = |value: &dyn Fn(&Observation) -> f64| of.iter().map(value).sum::<f64>() / n;
-        let noise = mean(&|p| p.sigma * p.sigma) / of.len().min(INDEPENDENT) as f64;
-        Observation {
-            at: [mean(&|p| p.at[0]), mean(&|p| p.at[1])],
-            height: mean(&|p| p.height),
-            sigma: noise.sqrt(),
-            aside: [0, 1, 2].map(|k| mean(&|p| p.aside[k])),
-        }
-    };
-    if points.len() <= MOST_POINTS {
-        let places = places(points).into_iter();
-        return places.map(|place| together(place.into_iter().map(|i| floored(&points[i])).collect())).collect();
+/// The observations that are put together: those of a place, and where there are many those of a cell.
+fn members(points: &[Observation]) -> Vec<Vec<usize>> {
+    if points.len() <= MOST_POINTS { places(points) } else { cells(points) }
+}
+
+/// Observations as one; where those of a place disagree, they are no surer than that.
+fn together(points: &[Observation], of: &[usize], are_of_a_place: bool) -> Observation {
+    let n = of.len() as f64;
+    let mean = |value: &dyn Fn(&Observation) -> f64| of.iter().map(|&i| value(&points[i])).sum::<f64>() / n;
+    let height = mean(&|p| p.height);
+    let noise = mean(&|p| p.sigma.max(LEAST_SIGMA).powi(2)) / of.len().min(INDEPENDENT) as f64;
+    let scatter = mean(&|p| (p.height - height).powi(2)) / (n - 1.0).max(1.0);
+    let variance = if are_of_a_place && scatter > DISAGREE * noise { scatter } else { noise };
+    Observation {
+        at: [mean(&|p| p.at[0]), mean(&|p| p.at[1])],
+        height,
+        sigma: variance.sqrt(),
+        aside: [0, 1, 2].map(|k| mean(&|p| p.aside[k])),
     }
+}
+
+/// The observations of square cells.
+fn cells(points: &[Observation]) -> Vec<Vec<usize>> {
     let (lo, hi) = span(points);
     let side = ((hi[0] - lo[0]) * (hi[1] - lo[1]) / MOST_POINTS as f64).sqrt();
     let side = side.max((hi[0] - lo[0]).max(hi[1] - lo[1]) / MOST_POINTS as f64).max(1e-6);
-    let mut cells = std::collections::BTreeMap::<[i64; 2], Vec<Observation>>::new();
-    for p in points {
+    let mut cells = std::collections::BTreeMap::<[i64; 2], Vec<usize>>::new();
+    for (i, p) in points.iter().enumerate() {
         let cell = [1, 0].map(|k| ((p.at[k] - lo[k]) / side).floor() as i64);
-        cells.entry(cell).or_default().push(floored(p));
+        cells.entry(cell).or_default().push(i);
     }
-    cells.into_values().map(together).collect()
+    cells.into_values().collect()
 }
 
-/// The points of each place, by their numbers: chains of points that are near to the next.
+/// The observations of each place: each is near to the first of the place, in their order.
 fn places(points: &[Observation]) -> Vec<Vec<usize>> {
     let (lo, hi) = span(points);
     let near = SAME_PLACE * apart(lo, hi);
-    let mut place: Vec<usize> = (0..points.len()).collect();
-    for i in 0..points.len() {
-        for k in 0..i {
-            let (a, b) = (place[i].min(place[k]), place[i].max(place[k]));
-            if a != b && apart(points[i].at, points[k].at) <= near {
-                place.iter_mut().filter(|p| **p == b).for_each(|p| *p = a);
-            }
+    let mut places: Vec<Vec<usize>> = Vec::new();
+    for (i, p) in points.iter().enumerate() {
+        match places.iter_mut().find(|place| apart(points[place[0]].at, p.at) <= near) {
+            Some(place) => place.push(i),
+            None => places.push(vec![i]),
         }
     }
-    let firsts = (0..points.len()).filter(|&i| place[i] == i);
-    firsts.map(|i| (i..points.len()).filter(|&k| place[k] == i).collect()).collect()
+    places
 }
 
 /// The box of points.
@@ -282,29 +289,58 @@ fn reach(points: &[Observation]) -> f64 {
         .collect();
     let half = nearest.len() / 2;
     let gap = *nearest.select_nth_unstable_by(half, f64::total_cmp).1;
-    (REACH * gap).min(REACH_ACROSS * across(points))
+    (REACH * gap).min(REACH_ACROSS * least_width(points))
 }
 
-/// The width of points across the direction along which they spread most, mm.
-fn across(points: &[Observation]) -> f64 {
-    let n = points.len() as f64;
-    let middle = [0, 1].map(|k| points.iter().map(|p| p.at[k]).sum::<f64>() / n);
-    let from = |p: &Observation| [0, 1].map(|k| p.at[k] - middle[k]);
-    let [xx, xy, yy] =
-        points.iter().map(from).fold([0.0; 3], |[xx, xy, yy], [x, y]| [xx + x * x, xy + x * y, yy + y * y]);
-    let angle = 0.5 * math::atan2(2.0 * xy, xx - yy);
-    let (cos, sin) = (math::cos(angle), math::sin(angle));
-    let aside = points.iter().map(from).map(|[x, y]| cos * y - sin * x);
-    let (lo, hi) = aside.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
-    hi - lo
+/// The least distance of two parallel lines that have all points between them, mm: one lies along a side of the hull.
+fn least_width(points: &[Observation]) -> f64 {
+    let hull = hull(points);
+    let n = hull.len();
+    let across = |i: usize| {
+        let (a, b) = (hull[i], hull[(i + 1) % n]);
+        let length = apart(a, b).max(f64::MIN_POSITIVE);
+        hull.iter().map(|&p| turns(a, b, p) / length).fold(0.0, f64::max)
+    };
+    if n < 3 { 0.0 } else { (0..n).map(across).fold(f64::INFINITY, f64::min) }
+}
+
+/// The corners of the convex hull, counterclockwise (Andrew, Information Processing Letters 9, 1979).
+fn hull(points: &[Observation]) -> Vec<[f64; 2]> {
+    let mut sorted: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let half = |along: &mut dyn Iterator<Item = [f64; 2]>| {
+        let mut chain: Vec<[f64; 2]> = Vec::new();
+        for p in along {
+            while let [.., a, b] = chain[..] {
+                if turns(a, b, p) > 0.0 {
+                    break;
+                }
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        // Its last point is the first of the other half.
+        chain.pop();
+        chain
+    };
+    let mut hull = half(&mut sorted.iter().copied());
+    hull.extend(half(&mut sorted.iter().rev().copied()));
+    hull
+}
+
+/// Twice the area of a triangle, positive where it turns to the left.
+fn turns(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 }
 
 /// Fits the warp of a part that is warped by `limit`, mm, at most to what points show; None of fewer than four.
 pub fn warp(points: &[Observation], limit: f64) -> Option<Warp> {
-    let points = thinned(points);
-    if points.len() < 4 {
+    let members = members(points);
+    if members.len() < 4 {
         return None;
     }
+    let are_places = points.len() <= MOST_POINTS;
+    let points: Vec<Observation> = members.iter().map(|of| together(points, of, are_places)).collect();
     let (lo, hi) = span(&points);
     let longest = apart(lo, hi).max(1e-3);
     let heights = heights(&points);
@@ -341,7 +377,7 @@ pub fn warp(points: &[Observation], limit: f64) -> Option<Warp> {
         let weights = cholesky.solve(&right);
         Some(Model { candidate: Candidate { length, amplitude, weight: weight(score) / all }, cholesky, weights })
     });
-    let mut warp = Warp { models: models.collect(), reach: reach(&points), points, factor: 1.0, limit, plane };
+    let mut warp = Warp { models: models.collect(), reach: reach(&points), points, members, factor: 1.0, limit, plane };
     let largest = warp.left_out().into_iter().map(|[error, deviation]| (error / deviation).abs()).fold(0.0, f64::max);
     warp.factor = (largest / LARGEST_LEFT_OUT).max(1.0);
     Some(warp)
@@ -404,6 +440,11 @@ impl Warp {
     /// The points that it was fitted to, those of a cell together.
     pub fn points(&self) -> &[Observation] {
         &self.points
+    }
+
+    /// The observations that each of these points was put together from, by their numbers.
+    pub fn members(&self) -> &[Vec<usize>] {
+        &self.members
     }
 
     /// The lengths that count.
@@ -568,14 +609,34 @@ mod tests {
     }
 
     #[test]
+    fn a_place_is_no_surer_than_its_points_agree_and_no_longer_than_its_points_are_near_to_the_first() {
+        let point = |x: f64, height: f64| Observation { at: [x, 0.0], height, sigma: 0.001, aside: [0.0; 3] };
+        let mut points: Vec<Observation> = net(5).into_iter().map(|at| Observation { at, ..point(0.0, 0.0) }).collect();
+        points.extend([point(30.0, 0.0), point(30.2, 0.25)]);
+        let warp = warp(&points, 0.3).expect("a warp");
+        let known = warp.points().last().expect("the place that was measured twice");
+        assert_eq!(warp.members().last(), Some(&vec![25, 26]));
+        assert!((known.sigma - 0.125).abs() < 1e-9 && (known.height - 0.125).abs() < 1e-9, "{known:?}");
+        // A line of points that are each near to the next.
+        let line: Vec<Observation> = (0..251).map(|k| point(f64::from(k), 0.0)).collect();
+        let far = [Observation { at: [0.0, 545.0], ..line[0] }];
+        assert!(members(&[&line[..], &far].concat()).len() > 120);
+    }
+
+    #[test]
     fn points_along_a_rim_say_nothing_of_what_lies_within_it() {
         let circle =
             |k: i32| [0, 1].map(|axis| 220.0 * math::cos(f64::from(k - 3 * axis) * std::f64::consts::TAU / 12.0));
         let rim: Vec<[f64; 2]> = (0..12).map(circle).collect();
         let corners = [[-220.0, -220.0], [220.0, -220.0], [220.0, 220.0], [-220.0, 220.0]];
-        let rows: Vec<[f64; 2]> =
-            (0..12).map(|k| [f64::from(k % 6) * 80.0 - 200.0, f64::from(k / 6) * 400.0 - 200.0]).collect();
-        for places in [&rim[..], &corners[..], &rows[..]] {
+        // A corner that is moved by 3 mm turns the direction along which they spread most.
+        let moved = [[-220.0, -220.0], [220.0, -220.0], [223.0, 223.0], [-220.0, 220.0]];
+        let row = |count: i32, apart: f64| -> Vec<[f64; 2]> {
+            let along = |k: i32| f64::from(k % count) * 80.0 - f64::from(count - 1) * 40.0;
+            (0..2 * count).map(|k| [along(k), (f64::from(k / count) - 0.5) * apart]).collect()
+        };
+        let (long, short) = (row(6, 400.0), row(6, 300.0));
+        for places in [&rim[..], &corners[..], &moved[..], &long[..], &short[..]] {
             let mut random = Random::case(5);
             let warp = warp(&noise_less_its_plane(&mut random, places, 0.005).0, 0.5).expect("a warp");
             assert!(warp.at([0.0; 2]).deviation >= 0.5 / 3.0, "{} points: {:?}", places.len(), warp.at([0.0; 2]));
@@ -610,7 +671,7 @@ mod tests {
         let truth = |[x, y]: [f64; 2]| 1e-6 * (x * x - y * y);
         let mut random = Random::case(2);
         let mut points = measured(&mut random, truth, 2500);
-        assert!(thinned(&points).len() <= 2 * MOST_POINTS);
+        assert!(members(&points).len() <= 2 * MOST_POINTS);
         let many = warp(&points, 0.5).expect("a warp");
         assert!(coverage(&many, truth).0 > 0.99);
         points.truncate(100);

@@ -152,22 +152,38 @@ impl Follower<'_> {
         self.axes = after;
         let ([Some(x), Some(y), Some(z)], [from_x, from_y, from_z]) = (after, from) else { return };
         let (tip, [body, head]) = (self.tip_cylinder(), self.others());
-        let mut ends = [self.tip([from_x.unwrap_or(x), from_y.unwrap_or(y), from_z.unwrap_or(z)]), self.tip([x, y, z])];
-        let mut wider = 0.0;
-        if from_x.is_none() || from_y.is_none() {
-            // From anywhere: a way along the middle of the travel, as wide as that.
-            let [[left, right], [front, back]] =
-                [&self.machine.stage.x, &self.machine.stage.y].map(|a| a.travel_nm().map(|end| end.0));
-            let corners = [self.tip([left, front, z]), self.tip([right, back, z])];
-            let middle = (corners[0][1] + corners[1][1]) / 2.0;
-            wider = (corners[1][1] - corners[0][1]).abs() / 2.0;
-            ends = corners.map(|[x, _, z]| [x, middle, z]);
+        let all = [("the tip", tip), ("the body of the probe", body), ("the head", head)];
+        let ways = match (from_x, from_y) {
+            (Some(from_x), Some(from_y)) => {
+                vec![(0.0, [self.tip([from_x, from_y, from_z.unwrap_or(z)]), self.tip([x, y, z])])]
+            }
+            _ => self.ways_over_travel(z),
+        };
+        for (wider, ends) in ways {
+            for (what, (axis, radius, lower)) in all {
+                let cylinder = (axis, radius + wider, lower);
+                self.clear(line, what, cylinder, ends);
+                self.clear_of_fixtures(line, what, cylinder, ends);
+            }
+            if !self.proof.broken.is_empty() {
+                return;
+            }
         }
-        for (what, (axis, radius, lower)) in [("the tip", tip), ("the body of the probe", body), ("the head", head)] {
-            let cylinder = (axis, radius + wider, lower);
-            self.clear(line, what, cylinder, ends);
-            self.clear_of_fixtures(line, what, cylinder, ends);
-        }
+    }
+
+    /// Ways along x of at most 4 mm that cover the travel, each with half its width: a move may begin anywhere there.
+    fn ways_over_travel(&self, z: i64) -> Vec<(f64, [SpacePoint; 2])> {
+        const WIDEST: f64 = 4.0 * NM_PER_MM;
+        let [[left, right], [front, back]] =
+            [&self.machine.stage.x, &self.machine.stage.y].map(|a| a.travel_nm().map(|end| end.0));
+        let [from, to] = [self.tip([left, front, z]), self.tip([right, back, z])];
+        let width = to[1] - from[1];
+        let count = (width.abs() / WIDEST).ceil().max(1.0);
+        let way = |i: usize| {
+            let y = from[1] + width * (2 * i + 1) as f64 / (2.0 * count);
+            (width.abs() / (2.0 * count), [from, to].map(|[x, _, z]| [x, y, z]))
+        };
+        (0..count as usize).map(way).collect()
     }
 
     fn touch(&mut self, line: usize, z: i64, feed: f64) {

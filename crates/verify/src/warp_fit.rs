@@ -48,12 +48,15 @@ const NOT_CONTRADICTED: f64 = 2.0;
 /// Relative difference of lengths and amplitudes that are the same: places of points are known to some nm.
 const SAME: f64 = 1e-4;
 
-/// How far weights, scores and the factor may be from their own: they follow from heights that are known to some nm, over
+/// How far weights and the factor may be from their own: they follow from heights that are known to some nm, over
 /// deviations that may be as small as 200 nm.
 const CLOSE: f64 = 0.01;
 
+/// And scores, in logarithms.
+const CLOSE_SCORE: f64 = 0.2;
+
 impl WarpPoints {
-    /// The points, in cells where there are more than 300.
+    /// The points, features before others, in cells where there are more than 300.
     pub(super) fn new(points: Vec<WarpPoint>, limit: f64) -> Self {
         let points: Vec<WarpPoint> = points.into_iter().map(|p| WarpPoint { sigma: p.sigma.max(2e-4), ..p }).collect();
         let [left, right, below, above] = span(&points);
@@ -70,7 +73,19 @@ impl WarpPoints {
         };
         if points.len() <= 300 {
             let near2 = 4e-6 * square_apart([left, below], [right, above]);
-            return Self { points: one_places(&points, near2).iter().map(|group| together(group)).collect(), limit };
+            let one = |group: &Vec<usize>| {
+                let one = together(group);
+                // The variance of the mean by the differences of each two.
+                let n = group.len() as f64;
+                let of_two = |(i, &a): (usize, &usize)| {
+                    group[..i].iter().map(|&b| (points[a].height - points[b].height).powi(2)).sum::<f64>()
+                };
+                let differences: f64 = group.iter().enumerate().map(of_two).sum();
+                let disagreed = if n > 1.0 { differences / (n * n * (n - 1.0)) } else { 0.0 };
+                // Nothing within three deviations of the noise.
+                if disagreed > 9.0 * one.sigma * one.sigma { WarpPoint { sigma: disagreed.sqrt(), ..one } } else { one }
+            };
+            return Self { points: one_places(&points, near2).iter().map(one).collect(), limit };
         }
         let (width, height) = (right - left, above - below);
         let side = (width * height / 300.0).sqrt().max(width.max(height) / 300.0).max(1e-6);
@@ -129,7 +144,7 @@ impl WarpPoints {
                 return Some("a length of it is not one that is tried".to_owned());
             }
             let top = most_of(scores);
-            let close = CLOSE * (1.0 + top.abs());
+            let close = CLOSE_SCORE;
             let least = top - NOT_CONTRADICTED;
             let score = scores.iter().find(|(amplitude, _)| is_same(*amplitude, covariance.amplitude)).map(|s| s.1);
             // The best amplitude may be larger than what the limit says, one that is only not contradicted not.
@@ -184,25 +199,15 @@ fn square_apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
 
-/// Points that are one place: each is near to another of it. Grown from its first point.
+/// Points that are one place: the first that is left takes all that are left and near to it.
 fn one_places(points: &[WarpPoint], near2: f64) -> Vec<Vec<usize>> {
-    let mut left: Vec<usize> = (0..points.len()).rev().collect();
+    let mut left: Vec<usize> = (0..points.len()).collect();
     let mut places = Vec::new();
-    while let Some(first) = left.pop() {
-        let mut place = vec![first];
-        let mut next = 0;
-        while next < place.len() {
-            let at = points[place[next]].at;
-            left.retain(|&i| {
-                let is_near = square_apart(points[i].at, at) <= near2;
-                if is_near {
-                    place.push(i);
-                }
-                !is_near
-            });
-            next += 1;
-        }
+    while let Some(&first) = left.first() {
+        let at = points[first].at;
+        let (place, others) = left.into_iter().partition(|&i| square_apart(points[i].at, at) <= near2);
         places.push(place);
+        left = others;
     }
     places
 }
@@ -218,21 +223,28 @@ fn typical_gap2(points: &[WarpPoint]) -> f64 {
     all.get(all.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Square of the least width of points between two parallel lines of which one lies along their main axis.
+/// Square of the least width of points: of each two that have all others to their left, how far these lie at most.
 fn width2(points: &[WarpPoint]) -> f64 {
-    let n = points.len() as f64;
-    let [x, y] = [0, 1].map(|k| points.iter().map(|p| p.at[k]).sum::<f64>() / n);
-    let moment = |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|p| of(p.at[0] - x, p.at[1] - y)).sum::<f64>() / n;
-    let (xx, xy, yy) = (moment(&|u, _| u * u), moment(&|u, v| u * v), moment(&|_, v| v * v));
-    // The eigenvector of the smaller eigenvalue of the moments.
-    let smaller = (xx + yy) / 2.0 - math::hypot((xx - yy) / 2.0, xy);
-    let [a, b] = [[xy, smaller - xx], [smaller - yy, xy]];
-    let [u, v] = if math::hypot(a[0], a[1]) >= math::hypot(b[0], b[1]) { a } else { b };
-    let size = math::hypot(u, v);
-    let [u, v] = if size > 0.0 { [u / size, v / size] } else { [0.0, 1.0] };
-    let along: Vec<f64> = points.iter().map(|p| u * p.at[0] + v * p.at[1]).collect();
-    let (lo, hi) = along.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &w| (lo.min(w), hi.max(w)));
-    (hi - lo).powi(2)
+    let [left, right, below, above] = span(points);
+    let longest = math::hypot(right - left, above - below);
+    let across = |a: &WarpPoint, b: &WarpPoint| {
+        let (u, v) = (b.at[0] - a.at[0], b.at[1] - a.at[1]);
+        let length = math::hypot(u, v);
+        if length <= 1e-9 * longest {
+            return None;
+        }
+        let mut most = 0.0_f64;
+        for p in points {
+            let aside = (u * (p.at[1] - a.at[1]) - v * (p.at[0] - a.at[0])) / length;
+            if aside < -1e-9 * longest {
+                return None;
+            }
+            most = most.max(aside);
+        }
+        Some(most)
+    };
+    let all = points.iter().flat_map(|a| points.iter().filter_map(move |b| across(a, b)));
+    all.reduce(f64::min).unwrap_or(0.0).powi(2)
 }
 
 fn heights(points: &[WarpPoint]) -> Vec<f64> {

@@ -3,9 +3,9 @@
 //! LinuxCNC appends one row of nine positions to the file of `(PROBEOPEN ...)` for each probe move; GRBL answers each
 //! with `[PRB:x,y,z:1]`, or `:0` where nothing was touched, among whatever else it says. Both count in mm here: the
 //! programs that terrace writes set G21. LinuxCNC counts from the zero of the program, GRBL from that of the machine,
-//! whatever G54 says; where the zero of G54 lies stands in what `$#` answers, and in status reports (WCO). Offsets of G92
-//! and of tools are refused: the programs switch them off, and marks are made without them. `$#` also repeats the last
-//! touch, which does not count twice.
+//! whatever G54 says; where the zero of G54 lies stands in what `$#` answers. Status reports (WCO) do not say it alone: they
+//! hold the offsets of G92 and of tools, which the programs switch off, and without which marks are made. `$#` also
+//! repeats the last touch, which does not count twice.
 
 use std::path::Path;
 
@@ -21,8 +21,20 @@ pub struct MarkedLog {
     pub touched: Vec<(usize, SpacePoint)>,
     /// Lines of probe moves that touched nothing.
     pub missed: Vec<usize>,
-    /// Where the zero of programs lies in these positions, mm; None where the log does not say.
-    pub zero: Option<SpacePoint>,
+    /// Where the zero of programs lies in these positions, mm.
+    pub zero: LoggedZero,
+}
+
+/// What a log says of where the zero of programs lies.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum LoggedZero {
+    /// Nothing.
+    #[default]
+    None,
+    /// There, mm.
+    At(SpacePoint),
+    /// Several places, or one that holds other offsets: why it is not known.
+    Unclear(String),
 }
 
 /// Positions of a row of LinuxCNC: x y z a b c u v w.
@@ -39,7 +51,7 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
     // A log of GRBL holds all else that it says; one of LinuxCNC holds positions alone.
     let is_grbl = text.contains("[PRB:");
     if !is_grbl {
-        log.zero = Some([0.0; 3]);
+        log.zero = LoggedZero::At([0.0; 3]);
     }
     let mut zeros = Zeros::default();
     let mut is_repeated = false;
@@ -76,12 +88,7 @@ pub fn read_log(path: &Path) -> Result<MarkedLog, Error> {
         }
     }
     if is_grbl {
-        log.zero = zeros.found().map_err(|text| {
-            let d = Diag::input("probe-zero", text).at(Place::file(&shown));
-            let hint = "switch offsets off (G92.1, G49), run the program again, and keep the answers of one run alone, with \
-                        $# in it";
-            Error::from(d.hint(hint))
-        })?;
+        log.zero = zeros.found();
     }
     if log.touched.is_empty() {
         let text = if log.missed.is_empty() { "the log holds no point" } else { "the probe has touched nothing" };
@@ -115,24 +122,28 @@ impl Zeros {
         }));
     }
 
-    /// The one zero that it has said; None where it has said none.
-    fn found(&self) -> Result<Option<SpacePoint>, String> {
-        let [g54, g92, tool] = &self.parts;
-        // A log of several runs, or of one in which an offset was changed.
-        let is_one = |all: &[SpacePoint]| all.windows(2).all(|w| w[0] == w[1]);
-        if let Some(offset) = g92.iter().chain(tool).find(|offset| offset.iter().any(|v| *v != 0.0)) {
-            let [x, y, z] = offset;
-            let text =
-                format!("GRBL has an offset of G92 or of a tool, ({x}, {y}, {z}) mm, which the program switches off");
-            return Err(text);
-        }
-        let mut all = self.whole.clone();
-        all.extend(g54.last());
+    /// The one zero of G54 that it has said.
+    fn found(&self) -> LoggedZero {
+        let [g54, others @ ..] = &self.parts;
         let near = |a: &SpacePoint, b: &SpacePoint| (0..3).all(|k| (a[k] - b[k]).abs() < 1.5e-3);
-        if !is_one(g54) || !is_one(g92) || !is_one(tool) || all.windows(2).any(|w| !near(&w[0], &w[1])) {
-            return Err("the zero of G54 changes in the log".to_owned());
+        let is_one = |all: &[SpacePoint]| all.windows(2).all(|w| near(&w[0], &w[1]));
+        let has_offset = others.iter().flatten().flatten().any(|v| *v != 0.0);
+        let Some(zero) = g54.last() else {
+            return match self.whole[..] {
+                [] => LoggedZero::None,
+                [..] => LoggedZero::Unclear(
+                    "status reports (WCO) do not say where the zero of G54 lies: they hold offsets of G92 and of tools too"
+                        .to_owned(),
+                ),
+            };
+        };
+        if !is_one(g54) {
+            LoggedZero::Unclear("the zero of G54 changes in the log".to_owned())
+        } else if !has_offset && !self.whole.iter().all(|whole| near(whole, zero)) {
+            LoggedZero::Unclear("status reports (WCO) and $# do not have the same zero of G54".to_owned())
+        } else {
+            LoggedZero::At(*zero)
         }
-        Ok(all.last().copied())
     }
 }
 
@@ -159,25 +170,31 @@ mod tests {
         assert_eq!(read(linuxcnc).expect("a log").touched, [(1, [1.5, 2.25, -3.0]), (2, [2.5, 2.25, -3.125])]);
         let grbl = "Grbl 1.1h ['$' for help]\nok\n[PRB:1.5,2.25,-3.000:1]\nok\n[PRB:0.000,0.000,-9.000:0]\nALARM:5\n";
         let log = read(grbl).expect("a log");
-        assert_eq!((log.touched, log.missed, log.zero), (vec![(3, [1.5, 2.25, -3.0])], vec![5], None));
+        assert_eq!((log.touched, log.missed, log.zero), (vec![(3, [1.5, 2.25, -3.0])], vec![5], LoggedZero::None));
     }
 
     #[test]
     fn the_zero_of_programs_is_read_from_what_grbl_says_of_it() {
         let touch = "[PRB:1.5,2.25,-3.000:1]\n";
-        let zero = |text: &str| read(&format!("{text}{touch}")).map(|log| log.zero);
+        let zero = |text: &str| read(&format!("{text}{touch}")).expect("a log").zero;
+        let at = LoggedZero::At;
         assert_eq!(
             zero("[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,0.000]\n[TLO:0.000]\nok\n"),
-            Ok(Some([-10.0, 5.0, 0.0]))
+            at([-10.0, 5.0, 0.0])
         );
-        let offset = |text: &str| zero(text).is_err_and(|e| e.contains("an offset of G92 or of a tool"));
-        assert!(offset("[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,1.000]\n[TLO:0.000]\nok\n"));
-        assert!(offset("[TLO:0.000,0.000,2.000]\n[G54:1.000,2.000,3.000]\n"));
-        assert_eq!(zero("<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:-10.000,5.000,3.000>\n"), Ok(Some([-10.0, 5.0, 3.0])));
-        let changed = Err("the zero of G54 changes in the log".to_owned());
-        assert_eq!(zero("[G54:1.000,2.000,3.000]\n[G54:1.000,2.000,3.500]\n"), changed);
-        assert_eq!(zero("[G54:1.000,2.000,3.000]\n<Run|WCO:0.000,2.000,3.000>\n"), changed);
-        assert_eq!(read("1.5 2.25 -3 0 0 0 0 0 0\n").expect("a log").zero, Some([0.0; 3]));
+        // Touches are counted from the machine's zero, whatever other offsets are.
+        assert_eq!(
+            zero(
+                "[G54:-10.000,5.000,0.000]\n[G92:0.000,0.000,1.000]\n[TLO:0.000]\nok\n<Idle|WCO:-10.000,5.000,1.000>\n"
+            ),
+            at([-10.0, 5.0, 0.0])
+        );
+        assert_eq!(zero("[TLO:0.000,0.000,2.000]\n[G54:1.000,2.000,3.000]\n"), at([1.0, 2.0, 3.0]));
+        let is_unclear = |text: &str| matches!(zero(text), LoggedZero::Unclear(_));
+        assert!(is_unclear("[G54:1.000,2.000,3.000]\n[G54:1.000,2.000,3.500]\n"));
+        assert!(is_unclear("[G54:1.000,2.000,3.000]\n<Run|WCO:0.000,2.000,3.000>\n"));
+        assert!(is_unclear("<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:-10.000,5.000,3.000>\n"));
+        assert_eq!(read("1.5 2.25 -3 0 0 0 0 0 0\n").expect("a log").zero, at([0.0; 3]));
     }
 
     #[test]

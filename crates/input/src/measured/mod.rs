@@ -7,9 +7,10 @@
 mod log;
 mod table;
 
-pub use log::{MarkedLog, read_log};
+pub use log::{LoggedZero, MarkedLog, read_log};
 pub use table::{COLUMNS, read_table, written};
 
+use terrace_core::diag::Place;
 use terrace_core::geom::SpacePoint;
 
 /// Most points of a table, and most bytes of a file.
@@ -39,8 +40,8 @@ pub enum Measure {
 pub struct MeasuredPoint {
     /// What the user calls it; its row in the file where it has no name.
     pub name: String,
-    /// Its line in the file, from 1.
-    pub line: usize,
+    /// Its line in the file.
+    pub place: Place,
     /// How it was measured.
     pub measure: Measure,
     /// Positions of the stage's axes with the focus of the beam on the point, mm.

@@ -127,7 +127,7 @@ impl Row<'_> {
         }
     }
 
-    fn measured(&self, line: usize) -> Result<MeasuredPoint, String> {
+    fn measured(&self, shown: &str, line: usize) -> Result<MeasuredPoint, String> {
         let is_given = |name: &str| self.get(name).is_some();
         let measure = match self.get("kind") {
             Some("optical") => Measure::Optical { part: self.point("part")? },
@@ -153,7 +153,7 @@ impl Row<'_> {
         let sigma = self.noise("sigma_um")?.ok_or("sigma_um is missing: the standard deviation of the position")?;
         let name = self.get("name").map_or_else(|| format!("row {line}"), str::to_owned);
         let sigma_mm = [sigma, self.noise("sigma_z_um")?.unwrap_or(sigma)];
-        Ok(MeasuredPoint { name, line, measure, stage: self.point("stage")?, sigma_mm })
+        Ok(MeasuredPoint { name, place: Place::line(shown, line), measure, stage: self.point("stage")?, sigma_mm })
     }
 }
 
@@ -202,7 +202,7 @@ impl Table<'_> {
             self.columns = Some(Columns { separator: ',', fields: [None; COLUMNS.len()], count: 0 });
             return;
         }
-        match (Row { columns, fields }).measured(line) {
+        match (Row { columns, fields }).measured(self.shown, line) {
             Ok(point) => self.points.push(point),
             Err(text) => self.fault(text, line),
         }
@@ -271,7 +271,7 @@ mod tests {
         assert_eq!((points[1].measure, points[1].name.as_str()), (Measure::Touch { tip_mm: 1.0 }, "row 4"));
         assert_eq!(points[2].stage, [0.0, 0.0, -3.0]);
         let again = read(&written(&points)).expect("its own table");
-        let bare = |p: &MeasuredPoint| MeasuredPoint { line: 0, ..p.clone() };
+        let bare = |p: &MeasuredPoint| MeasuredPoint { place: Place::Nowhere, ..p.clone() };
         assert!(points.iter().map(bare).eq(again.iter().map(bare)), "{again:?}");
     }
 

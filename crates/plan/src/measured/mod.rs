@@ -115,10 +115,16 @@ pub fn table_from_stage(machine: &Machine, stage: SpacePoint) -> SpacePoint {
     [0, 1, 2].map(|k| signs[k] * stage[k])
 }
 
+/// Where the stage's axes stand at a point of the table frame, mm.
+pub fn stage_from_table(machine: &Machine, table: SpacePoint) -> SpacePoint {
+    // Signs are their own inverse.
+    table_from_stage(machine, table)
+}
+
 /// Fits the part of a job to the points of its table; None where it was not measured.
 ///
 /// # Errors
-/// Faults of the table; `measured-start`, `measured-apart`, `measured-free`, `measured-off`.
+/// Faults of the table, and those of [`fitted`].
 pub fn lying(
     job: &Job,
     machine: &Machine,
@@ -134,7 +140,8 @@ pub fn lying(
 /// Fits the part of a job to measured points; `shown` names their file.
 ///
 /// # Errors
-/// `measured-start`, `measured-apart`, `measured-free`, `measured-off`.
+/// `measured-start`, `measured-apart`, `measured-free`, `measured-twice`, `measured-off`, `measured-far`,
+/// `measured-warp`.
 pub fn fitted(
     job: &Job,
     machine: &Machine,
@@ -155,9 +162,6 @@ pub fn fitted(
             Measure::Touch { tip_mm } => touches.push(Touch { stage, off: tip_mm, sigma, is_along_z: false }),
             Measure::Distance => touches.push(Touch { stage, off: 0.0, sigma, is_along_z: true }),
         }
-    }
-    if let Some(fault) = faults::twice(points, shown) {
-        return Err(fault.into());
     }
     let of_pairs: Vec<&MeasuredPoint> =
         points.iter().filter(|p| matches!(p.measure, Measure::Optical { .. })).collect();
@@ -190,45 +194,47 @@ pub fn fitted(
     if let Some(limit) = limit {
         found.touches.iter_mut().for_each(|t| t.is_on_part = t.distance.abs() <= limit);
     }
+    let touched: Vec<&MeasuredPoint> =
+        points.iter().filter(|p| !matches!(p.measure, Measure::Optical { .. })).collect();
+    if let Some(fault) = faults::twice(&found.touches, &touched, shown) {
+        return Err(fault.into());
+    }
     let off = found.touches.iter().filter(|t| !t.is_on_part).count();
     if off * MOST_OFF > touches.len() {
         let text = format!("{off} of {} points do not lie on the part as it would lie", touches.len());
         let hint = "check the radius and the offset of the probe, placement.origin, which is the start, and the unit of the part";
         return Err(Diag::limit("measured-off", text).at(Place::file(shown)).hint(hint).into());
     }
-    let touched: Vec<&MeasuredPoint> =
-        points.iter().filter(|p| !matches!(p.measure, Measure::Optical { .. })).collect();
     warnings.extend(faults::beside(&found.touches, &touched, shown)?);
-    if pairs.len() < 3 {
+    if !found.is_held_by_pairs {
         faults::far(&found, &start, shown)?;
     }
-    warnings.extend(faults::turned_round(&found, shown));
+    warnings.extend(faults::turned_round(&found, job.placement.turn, shown));
     if limit.is_none() {
         warnings.extend(faults::noise(&found, shown));
     }
     warnings.extend(faults::grown(&found, designed, shown));
     let (origin, rest_nm) = placed(machine, &found.motion, shown)?;
-    let shown_of = observations(points, &pairs, &found, &part);
+    let observed = Observed::new(points, &pairs, &found, &part);
     let mut points = residuals(points, machine, &found);
     let mut lying = Lying { points: Vec::new(), rows: found.motion.rows(), fit: found, origin, rest_nm, warp: None };
     if let Some(limit) = limit {
-        let known: Vec<Observation> = shown_of.iter().flatten().copied().collect();
-        let Some(warp) = warp(&known, limit) else {
+        let Some(warp) = warp(&observed.all, limit) else {
             let fault = Diag::input("measured-warp", "fewer than four points say how the part is warped");
             let hint =
                 "touch it in more places that are not steeper than 45 degrees, or leave placement.measured.warp out";
             return Err(fault.at(Place::file(shown)).hint(hint).into());
         };
-        warnings.extend(odd(&warp, &known, &points, &shown_of, shown));
-        for (point, observation) in points.iter_mut().zip(&shown_of) {
-            point.left = observation.map(|o| o.height - warp.at(o.at).height);
+        let names: Vec<&str> = observed.of.iter().map(|&i| points[i].name.as_str()).collect();
+        warnings.extend(faults::odd(&warp, &names, shown));
+        for (&i, observation) in observed.of.iter().zip(&observed.all) {
+            points[i].left = Some(observation.height - warp.at(observation.at).height);
         }
         lying.warp = Some(warp);
-    }
-    let sigmas = pairs.iter().map(|pair| pair.sigma[2]);
-    let features = points.iter().filter(|p| matches!(p.residual, Residual::Place(_)));
-    if !touches.is_empty() {
-        warnings.extend(heights_apart(features.zip(sigmas), shown));
+        let (features, of_touches) = observed.all.split_at(observed.features);
+        warnings.extend(faults::heights_of_warped(features, terrace_register::warp(of_touches, limit).as_ref(), shown));
+    } else if !touches.is_empty() {
+        warnings.extend(faults::heights(&lying.fit.pairs, &pairs, shown));
     }
     Ok(Lying { points, ..lying })
 }
@@ -242,11 +248,31 @@ fn loosened(pair: &Pair, limit: Option<f64>) -> Pair {
 /// Touches on steeper faces say nothing of the height: cosine of 45 degrees.
 const LEAST_UP: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// What points say of the height of the part over the rigid fit: features first, then touches, as the table has them.
+struct Observed {
+    all: Vec<Observation>,
+    /// The point of the table that each is of.
+    of: Vec<usize>,
+    /// How many are of features.
+    features: usize,
+}
+
+impl Observed {
+    fn new(points: &[MeasuredPoint], pairs: &[Pair], fit: &Fit, part: &Facets) -> Self {
+        let each = observations(points, pairs, fit, part);
+        let is_feature = |i: &usize| matches!(points[*i].measure, Measure::Optical { .. });
+        let (mut of, touches): (Vec<usize>, Vec<usize>) =
+            (0..points.len()).filter(|&i| each[i].is_some()).partition(is_feature);
+        let features = of.len();
+        of.extend(touches);
+        Self { all: of.iter().filter_map(|&i| each[i]).collect(), of, features }
+    }
+}
+
 /// What each point says of the height of the part over the rigid fit, in the order of the table.
 fn observations(points: &[MeasuredPoint], pairs: &[Pair], fit: &Fit, part: &Facets) -> Vec<Option<Observation>> {
     let of_pair = |(pair, residual): (&Pair, &SpacePoint)| {
-        let contact = part.nearest(pair.part)?;
-        let [nx, ny, nz] = fit.motion.turned(contact.normal);
+        let [nx, ny, nz] = fit.motion.turned(part.flattest(pair.part)?);
         // A feature that lies aside of its place on a slope is higher or lower for that.
         let slope = [-nx / nz, -ny / nz];
         let height = residual[2] - slope[0] * residual[0] - slope[1] * residual[1];
@@ -301,53 +327,6 @@ const AROUND: i64 = 5_000_000;
 /// Nodes of a correction in the shortest length that counts, and its most cells along x or y.
 const NODES_IN_LENGTH: f64 = 8.0;
 const MOST_CELLS: f64 = 150.0;
-
-/// A point that the others contradict.
-fn odd(
-    warp: &Warp,
-    known: &[Observation],
-    points: &[PointResidual],
-    of_points: &[Option<Observation>],
-    shown: &str,
-) -> Option<Diag> {
-    // Where points were put together in cells, none can be named.
-    if warp.points().len() != known.len() {
-        return None;
-    }
-    let sizes = warp.left_out().into_iter().map(|[error, deviation]| error.abs() * warp.factor() / deviation);
-    let (worst, size) = sizes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (point, _) = points.iter().zip(of_points).filter(|(_, o)| o.is_some()).nth(worst)?;
-    (size > ODD).then(|| {
-        let off = warp.left_out()[worst][0] * 1e3;
-        let text = format!("{} lies {off:+.1} um off what the other points say, {size:.1} deviations", point.name);
-        let hint = "measure there again, and beside it: it may be a clamp or dirt, or a dent that no other point saw";
-        Diag::warning("measured-odd", text).at(Place::file(shown)).hint(hint)
-    })
-}
-
-/// Deviations beyond which a point is told that the others contradict.
-const ODD: f64 = 4.0;
-
-/// Features that lie all together above or below what touches say.
-fn heights_apart<'a>(features: impl Iterator<Item = (&'a PointResidual, f64)>, shown: &str) -> Option<Diag> {
-    let above = |(point, sigma): (&PointResidual, f64)| {
-        let Residual::Place([.., z]) = point.residual else { return [0.0; 2] };
-        let weight = sigma.powi(-2);
-        [weight * point.left.unwrap_or(z), weight]
-    };
-    let [sum, weight] = features.map(above).fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
-    let (mean, sigma) = (sum / weight, weight.sqrt().recip());
-    (weight > 0.0 && mean.abs() > HEIGHTS_APART * sigma).then(|| {
-        let (mean, sigma) = (mean * 1e3, sigma * 1e3);
-        let text = format!("the features lie {mean:+.1} um from the heights of the touches, known to {sigma:.1} um");
-        let hint = "the heights rest on the touches: check radius, pretravel and offset z of the probe, and the focus of \
-                    the pilot";
-        Diag::warning("measured-heights", text).at(Place::file(shown)).hint(hint)
-    })
-}
-
-/// Deviations beyond which the mean of the features is told to lie apart.
-const HEIGHTS_APART: f64 = 3.0;
 
 /// At most one in so many touches may lie off the part.
 const MOST_OFF: usize = 3;

@@ -19,6 +19,7 @@ mod ways;
 pub use plan::{Move, ProbePoint, Probing, Tool};
 pub use program::{LOG, program};
 
+use crate::fixtures;
 use crate::measured::{self, Lying};
 use crate::order::stops::{EFFORT, HeightOrder, Stage, tour};
 use crate::plan::Inputs;
@@ -80,6 +81,7 @@ pub fn probing(job: &Job, asked: &Asked, warnings: &mut Vec<Diag>) -> Result<Pro
             .hint("state where the part's origin lies on the table, and --search, how far off it may be")
             .into());
     };
+    warnings.extend(fixtures::beyond(&bare, &machine, &inputs.fixtures, &[origin]));
     let shape = ways::Shape::new(&machine, &asked.tool, asked.search_mm);
     let ways = ways::Ways::new(&inputs, origin, shape);
     let marked = sites::marked(&inputs.texture, &inputs.surface, job.limits.max_slope());

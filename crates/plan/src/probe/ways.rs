@@ -71,6 +71,9 @@ fn entered(facets: &Facets, cylinders: &[Option<Cylinder>], ends: [SpacePoint; 2
     cylinders.iter().flatten().map(of).fold(0.0, f64::max)
 }
 
+/// Ways side by side over the travel are no wider, nm: they reach half of that beyond it.
+const WIDEST_WAY: f64 = 10.0 * NM_PER_MM;
+
 /// Finds the ways of a probe over a part and between its fixtures.
 pub(super) struct Ways<'a> {
     /// Of the part and the fixtures.
@@ -149,16 +152,20 @@ impl<'a> Ways<'a> {
     }
 
     /// By how much the part or a fixture stands higher than probe and head with z at its end, wherever x and y are before
-    /// the program begins: under a way along the middle of the travel, as wide as that.
+    /// the program begins: under ways along the travel of x that lie side by side.
     fn entered_from_anywhere(&self, top: i64) -> f64 {
         let [x, y, _] = self.machine.axes().map(|(_, axis)| axis.travel_nm().map(|end| end.0));
         let at = |x: i64, y: i64| self.tip_of(Commanded([x, y, top]));
         let [a, b] = [at(x[0], y[0]), at(x[1], y[1])];
-        let middle = (a[1] + b[1]) / 2.0;
-        let half = (b[1] - a[1]).abs() / 2.0;
-        let wide = |cylinder: Cylinder| Cylinder { radius: cylinder.radius + half, ..cylinder };
+        let ways = ((b[1] - a[1]).abs() / WIDEST_WAY).ceil().max(1.0);
+        let step = (b[1] - a[1]) / ways;
+        let wide = |cylinder: Cylinder| Cylinder { radius: cylinder.radius + step.abs() / 2.0, ..cylinder };
         let all = [self.shape.tip, self.shape.body, Some(self.shape.head)].map(|cylinder| cylinder.map(wide));
-        self.entered(&all, [[a[0], middle, a[2]], [b[0], middle, b[2]]])
+        let of_way = |i: i32| {
+            let y = a[1] + (f64::from(i) + 0.5) * step;
+            self.entered(&all, [[a[0], y, a[2]], [b[0], y, b[2]]])
+        };
+        (0..ways as i32).map(of_way).fold(0.0, f64::max)
     }
 
     /// From where the tip goes down to a place: nothing touches there yet.

@@ -82,8 +82,9 @@ impl PosePoints<'_> {
     /// What a pose is against the points; None where they do not hold the part.
     pub(super) fn judged(&self, pose: &Pose) -> Option<JudgedPose> {
         let touches = self.met(pose);
-        let counted = if self.warp.is_some() { spread(&touches) } else { 1.0 };
-        let by_one = touches.iter().map(|touch| self.divisor(touch, spread(&touches), touches.len()));
+        let spread = spread(&touches);
+        let counted = if self.warp.is_some() { spread } else { 1.0 };
+        let by_one = touches.iter().map(|touch| self.divisor(touch, spread, touches.len()));
         let weights: Vec<f64> = weights(&touches).into_iter().zip(by_one).map(|(weight, by)| weight / by).collect();
         let equations = self.equations(pose, &weights);
         let step = equations.step()?;
@@ -116,8 +117,7 @@ impl PosePoints<'_> {
         };
         let of_pairs = self.pairs.iter().filter_map(|pair| {
             let [x, y, z] = pose.apply(pair.part);
-            // The facet nearest to the feature says how steep the part is there.
-            let facing = nearest(self.part, pair.part)?.normal;
+            let facing = flattest(self.part, pair.part)?;
             let [nx, ny, nz] = pose.rows.map(|row| dot(row, facing));
             if nz < std::f64::consts::FRAC_1_SQRT_2 {
                 return None;
@@ -294,6 +294,27 @@ fn found(part: &Geometry, pose: &Pose, touch: &PoseTouch) -> TouchFound {
     let sigma = if touch.is_along_z { touch.sigma * in_table[2].abs().max(0.1) } else { touch.sigma };
     TouchFound { distance: dot(direction, to) - touch.off, sigma, foot: pose.apply(foot), direction: in_table }
 }
+
+/// The upward normal of the facet beneath a feature: of those that are as near as the nearest, to a micrometre, the least
+/// steep one, and where several are, their mean.
+fn flattest(part: &Geometry, p: SpacePoint) -> Option<SpacePoint> {
+    let reach = nearest(part, p)?.distance + 1e-3 * NM_PER_MM;
+    let mut around = BoxNm::EMPTY;
+    around.add([p[0] - reach, p[1] - reach]);
+    around.add([p[0] + reach, p[1] + reach]);
+    let mut near: Vec<SpacePoint> = Vec::new();
+    part.facets_in(around, &mut |facet| {
+        let found = foot(facet, p).filter(|(foot, _)| length([0, 1, 2].map(|k| p[k] - foot[k])) <= reach);
+        near.extend(found.map(|(_, normal)| normal));
+    });
+    let up = near.iter().map(|n| n[2]).fold(f64::NEG_INFINITY, f64::max);
+    let flat = near.iter().filter(|n| n[2] >= up - SAME_STEEPNESS);
+    let sum = flat.fold([0.0; 3], |sum, n| [0, 1, 2].map(|k| sum[k] + n[k]));
+    Some(sum.map(|v| v / length(sum)))
+}
+
+/// Facets whose upward normals rise by no more of a difference are as steep as one another.
+const SAME_STEEPNESS: f64 = 1e-6;
 
 /// The point of a part that is nearest to another.
 struct Nearest {

@@ -97,7 +97,7 @@ impl PosePoints<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PosePoints, PoseTouch};
+    use super::super::{PosePoints, PoseTouch, flattest};
     use crate::geometry::{Geometry, MeshBuilder, Pose, Shape};
     use terrace_core::geom::NM_PER_MM;
     use terrace_core::random::Random;
@@ -121,6 +121,14 @@ mod tests {
 
     fn shifted(mm: [f64; 3]) -> Pose {
         Pose { rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: mm.map(|v| v * NM_PER_MM) }
+    }
+
+    #[test]
+    fn a_feature_at_a_corner_is_of_the_least_steep_face() {
+        let part = block();
+        for mm in [[120.0, 80.0, 0.0], [120.0, 10.0, 0.0], [120.5, 80.5, 0.5]] {
+            assert_eq!(flattest(&part, mm.map(|v| v * NM_PER_MM)), Some([0.0, 0.0, 1.0]), "{mm:?}");
+        }
     }
 
     #[test]
