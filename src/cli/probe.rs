@@ -219,10 +219,17 @@ impl Sheet<'_> {
             let _ = writeln!(out, "[ ] {number}. {text}");
         };
         let [x, y, z] = self.found.origin.mm();
-        step(&format!(
-            "clamp the part with its zero at X{x:.3} Y{y:.3} Z{z:.3} mm in the table frame, within {} mm",
-            self.found.search_mm
-        ));
+        if self.found.earlier > 0 {
+            let table = self.table();
+            step(&format!(
+                "leave the part as it lay when {table} was measured; was it moved, measure into a new table"
+            ));
+        } else {
+            step(&format!(
+                "clamp the part with its zero at X{x:.3} Y{y:.3} Z{z:.3} mm in the table frame, within {} mm",
+                self.found.search_mm
+            ));
+        }
         match (self.found.tool, self.program) {
             (Tool::Touch(_), Some(name)) => {
                 step("put the probe on, touch it by hand and see that the controller shows it");

@@ -179,7 +179,7 @@ impl LookedAt {
         let [sx, sy, sz] = self.sigma.map(|mm| mm * 1e3);
         format!(
             "\nlook at       X{px} Y{py} Z{pz} mm of the part: stage_x {x:.4}  stage_y {y:.4}  stage_z {z:.4}\n              \
-             sigma {sx:.1} um, {sy:.1} um, {sz:.1} um of the part; how closely you see the pilot comes on top\n"
+             sigma {sx:.1} um, {sy:.1} um, {sz:.1} um, without what the eye is off by\n"
         )
     }
 }

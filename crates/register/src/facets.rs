@@ -10,8 +10,9 @@ const SMOOTH_COS: f64 = 0.94;
 /// Facets that are no farther than the nearest by this, mm, are as near.
 const SAME_PLACE: f64 = 1e-3;
 
-/// Facets whose upward normals rise by no more of a difference are as steep as one another.
-const SAME_STEEPNESS: f64 = 1e-6;
+/// Facets whose upward normals rise by no more of a difference are as steep as one another: those of a chamfer, whose
+/// corners are rounded.
+const SAME_STEEPNESS: f64 = 1e-3;
 
 /// The facets of a part in its frame, mm.
 #[derive(Debug)]

@@ -147,13 +147,17 @@ impl WarpPoints {
             let close = CLOSE_SCORE;
             let least = top - NOT_CONTRADICTED;
             let score = scores.iter().find(|(amplitude, _)| is_same(*amplitude, covariance.amplitude)).map(|s| s.1);
-            // The best amplitude may be larger than what the limit says, one that is only not contradicted not.
-            let cap = |score: f64| if score >= top - close { f64::INFINITY } else { expected * (1.0 + SAME) };
-            let is_open = |&&(amplitude, score): &&(f64, f64)| score >= least + close && amplitude <= cap(score);
+            // The best amplitude may be larger than what the limit says, one that is only not contradicted not. Which of
+            // those that are about as good is the best is not asked.
+            let may_be_best = |score: f64| score >= top - close;
+            let least_best = scores.iter().filter(|s| may_be_best(s.1)).map(|s| s.0).fold(f64::INFINITY, f64::min);
+            let most = expected.max(least_best) * (1.0 + SAME);
+            let is_open = |&&(amplitude, score): &&(f64, f64)| score >= least + close && amplitude <= most;
             let larger = scores.iter().filter(is_open).map(|s| s.0).fold(0.0, f64::max);
-            if score.is_none_or(|score| score < least - close || covariance.amplitude > cap(score))
-                || larger > covariance.amplitude * (1.0 + SAME)
-            {
+            let is_allowed = |score: f64| {
+                score >= least - close && (may_be_best(score) || covariance.amplitude <= expected * (1.0 + SAME))
+            };
+            if !score.is_some_and(is_allowed) || larger > covariance.amplitude * (1.0 + SAME) {
                 return Some("an amplitude of it is not the largest that the points do not contradict".to_owned());
             }
             if (raw(top) / of_counted - covariance.weight).abs() > CLOSE {

@@ -7,9 +7,11 @@ use terrace_core::diag::{Diag, Place};
 use terrace_core::geom::SpacePoint;
 use terrace_core::math;
 use terrace_core::units::Angle;
-use terrace_input::measured::MeasuredPoint;
+use terrace_input::measured::{Measure, MeasuredPoint};
 use terrace_input::surface::Surface;
-use terrace_register::{Fit, FreeMotion, Motion, Neighbours, Observation, Pair, PairsFault, Told, TouchResidual, Warp};
+use terrace_register::{
+    Fit, FreeMotion, Motion, Neighbours, Observation, Pair, PairsFault, Told, TouchResidual, Warp, warp,
+};
 
 /// The line of a point: of the table, or of the file that it was read from.
 fn line_of(point: &MeasuredPoint, shown: &str) -> String {
@@ -39,11 +41,15 @@ pub(super) fn twice(touches: &[TouchResidual], points: &[&MeasuredPoint], shown:
         let is_one_place = x <= ONE_PLACE && y <= ONE_PLACE && points[i].measure == points[k].measure;
         is_one_place && is_one_face && (a.distance - b.distance).abs() > most
     };
-    // Of each square as large as a place the lowest touch and the highest: others lie between them.
-    let mut ends = FxHashMap::<[i64; 2], [usize; 2]>::default();
+    // Of each square as large as a place the lowest touch of a tip and the highest: others lie between them.
+    let mut ends = FxHashMap::<([i64; 2], Option<u64>), [usize; 2]>::default();
     for i in (0..touches.len()).filter(|&i| touches[i].normal[2] >= LEAST_UP) {
         let [x, y] = [0, 1].map(|axis| (points[i].stage[axis] / ONE_PLACE).floor() as i64);
-        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [x + dx, y + dy]));
+        let tip = match points[i].measure {
+            Measure::Touch { tip_mm } => Some(tip_mm.to_bits()),
+            Measure::Optical { .. } | Measure::Distance => None,
+        };
+        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| ([x + dx, y + dy], tip)));
         let known = around.filter_map(|square| ends.get(&square)).flatten();
         if let Some(&k) = known.filter(|k| differ(&i, k)).min() {
             let um = (touches[i].distance - touches[k].distance) * 1e3;
@@ -57,7 +63,7 @@ pub(super) fn twice(touches: &[TouchResidual], points: &[&MeasuredPoint], shown:
                         both are right, sigma_um is too small";
             return Some(Diag::input("measured-twice", text).at(points[k].place.clone()).hint(hint));
         }
-        let [low, high] = ends.entry([x, y]).or_insert([i, i]);
+        let [low, high] = ends.entry(([x, y], tip)).or_insert([i, i]);
         if touches[i].distance < touches[*low].distance {
             *low = i;
         }
@@ -144,6 +150,7 @@ pub(super) fn odd(warp: &Warp, names: &[&str], shown: &str) -> Option<Diag> {
     let (worst, (error, size)) = sizes.enumerate().max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let name = match &warp.members()[worst][..] {
         [one] => names[*one].to_owned(),
+        [first, _] => format!("{} with another beside it", names[*first]),
         [first, others @ ..] => format!("{} with {} others beside it", names[*first], others.len()),
         [] => return None,
     };
@@ -167,8 +174,16 @@ pub(super) fn heights(residuals: &[SpacePoint], pairs: &[Pair], shown: &str) -> 
 
 /// The same of a part that may be warped, against what touches alone say of it. What they do not know of one feature they
 /// do not know of the next, so many features are no surer than one.
-pub(super) fn heights_of_warped(features: &[Observation], by_touches: Option<&Warp>, shown: &str) -> Option<Diag> {
-    let warp = by_touches?;
+pub(super) fn heights_of_warped(
+    features: &[Observation],
+    touches: &[Observation],
+    limit: f64,
+    shown: &str,
+) -> Option<Diag> {
+    if features.is_empty() {
+        return None;
+    }
+    let warp = warp(touches, limit)?;
     let each = features.iter().map(|feature| {
         let Told { height, deviation, .. } = warp.at(feature.at);
         let weight = (feature.sigma.powi(2) + deviation.powi(2)).recip();
@@ -205,7 +220,7 @@ pub(super) fn far(fit: &Fit, start: &Motion, shown: &str) -> Result<(), Diag> {
     let [x, y, z] = off;
     let text = format!(
         "the touches have the part ({x:+.2}, {y:+.2}, {z:+.2}) mm and {:.2} degrees from where the job places it: without \
-         three features they are trusted to {FARTHEST_MM} mm and 10 degrees",
+         features that hold the part they are trusted to {FARTHEST_MM} mm and 10 degrees",
         turn.to_degrees()
     );
     let hint = "check placement.origin and turn, and the offset and the radius of the probe";
@@ -219,7 +234,9 @@ pub(super) fn turned_round(fit: &Fit, placed: Angle, shown: &str) -> Option<Diag
     (turn.abs() > FARTHEST_TURN).then(|| {
         let text =
             format!("the points turn the part by {:.2} degrees about z, beside placement.turn", turn.to_degrees());
-        let sum = placed.as_deg() + turn.to_degrees();
+        let sum = (placed.as_deg() + turn.to_degrees()).round();
+        // Neither beyond half a turn nor minus nothing.
+        let sum = sum - 360.0 * (sum / 360.0).round() + 0.0;
         let hint = format!(
             "state about {sum:.0} deg as placement.turn, and look at layout.svg: features that are named the wrong way \
              round turn the texture"
@@ -328,7 +345,6 @@ fn described(motion: &FreeMotion) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrace_input::measured::Measure;
 
     /// A touch at a place in mm, which lies so much off the part.
     fn touch(at: SpacePoint, distance: f64, normal: SpacePoint) -> (TouchResidual, MeasuredPoint) {

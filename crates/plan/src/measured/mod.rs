@@ -206,7 +206,7 @@ pub fn fitted(
         return Err(Diag::limit("measured-off", text).at(Place::file(shown)).hint(hint).into());
     }
     warnings.extend(faults::beside(&found.touches, &touched, shown)?);
-    if !found.is_held_by_pairs {
+    if !found.is_held_by_pairs && job.placement.origin.is_some() {
         faults::far(&found, &start, shown)?;
     }
     warnings.extend(faults::turned_round(&found, job.placement.turn, shown));
@@ -232,7 +232,7 @@ pub fn fitted(
         }
         lying.warp = Some(warp);
         let (features, of_touches) = observed.all.split_at(observed.features);
-        warnings.extend(faults::heights_of_warped(features, terrace_register::warp(of_touches, limit).as_ref(), shown));
+        warnings.extend(faults::heights_of_warped(features, of_touches, limit, shown));
     } else if !touches.is_empty() {
         warnings.extend(faults::heights(&lying.fit.pairs, &pairs, shown));
     }

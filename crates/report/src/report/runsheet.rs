@@ -176,7 +176,7 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         let MeasuredPlacement { points, worst_residual_um: worst, lean_deg: lean, .. } = measured;
         let [[x, ..], [y, ..], _] = measured.rows;
         let turn = math::atan2(y, x).to_degrees();
-        let how = format!("leaning {lean:.4} deg, turned {turn:.4} deg about z beside the part turn");
+        let how = format!("leaning {lean:.4} deg, turned {turn:.4} deg about z in addition to the part turn");
         writeln!(out, "measured   {points} points, worst residual {worst:.1} um, {how}")?;
     }
     if let Some(table) = sheet.machine.table() {

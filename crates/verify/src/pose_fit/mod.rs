@@ -313,8 +313,9 @@ fn flattest(part: &Geometry, p: SpacePoint) -> Option<SpacePoint> {
     Some(sum.map(|v| v / length(sum)))
 }
 
-/// Facets whose upward normals rise by no more of a difference are as steep as one another.
-const SAME_STEEPNESS: f64 = 1e-6;
+/// Facets whose upward normals rise by no more of a difference are as steep as one another: those of a chamfer, whose
+/// corners are rounded.
+const SAME_STEEPNESS: f64 = 1e-3;
 
 /// The point of a part that is nearest to another.
 struct Nearest {

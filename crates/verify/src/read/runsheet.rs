@@ -217,7 +217,10 @@ impl<'a> SheetReader<'a> {
             ["in", "all", time, ..] => set_once(&mut sheet.in_all, Some(time.trim_end_matches(';').to_owned())),
             // A line of the head that is read is known to the last word.
             ["measured", points, "points,", "worst", "residual", worst, "um,", "leaning", lean, "deg,", rest @ ..]
-                if matches!(rest, ["turned", _, "deg", "about", "z", "beside", "the", "part", "turn"]) =>
+                if matches!(
+                    rest,
+                    ["turned", _, "deg", "about", "z", "in", "addition", "to", "the", "part", "turn"]
+                ) =>
             {
                 let known = numbers([points, worst, lean]).zip(rest[1].parse().ok());
                 set_once(&mut sheet.measured, known.map(|([points, worst, lean], turn)| [points, worst, lean, turn]))
