@@ -13,6 +13,7 @@ mod closed_form;
 mod equations;
 mod facets;
 mod fit;
+mod hull;
 mod motion;
 mod neighbours;
 mod pairs;

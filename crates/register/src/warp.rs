@@ -12,6 +12,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use super::hull::least_width;
 use terrace_core::math;
 use terrace_core::parallel;
 
@@ -289,48 +290,7 @@ fn reach(points: &[Observation]) -> f64 {
         .collect();
     let half = nearest.len() / 2;
     let gap = *nearest.select_nth_unstable_by(half, f64::total_cmp).1;
-    (REACH * gap).min(REACH_ACROSS * least_width(points))
-}
-
-/// The least distance of two parallel lines that have all points between them, mm: one lies along a side of the hull.
-fn least_width(points: &[Observation]) -> f64 {
-    let hull = hull(points);
-    let n = hull.len();
-    let across = |i: usize| {
-        let (a, b) = (hull[i], hull[(i + 1) % n]);
-        let length = apart(a, b).max(f64::MIN_POSITIVE);
-        hull.iter().map(|&p| turns(a, b, p) / length).fold(0.0, f64::max)
-    };
-    if n < 3 { 0.0 } else { (0..n).map(across).fold(f64::INFINITY, f64::min) }
-}
-
-/// The corners of the convex hull, counterclockwise (Andrew, Information Processing Letters 9, 1979).
-fn hull(points: &[Observation]) -> Vec<[f64; 2]> {
-    let mut sorted: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
-    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let half = |along: &mut dyn Iterator<Item = [f64; 2]>| {
-        let mut chain: Vec<[f64; 2]> = Vec::new();
-        for p in along {
-            while let [.., a, b] = chain[..] {
-                if turns(a, b, p) > 0.0 {
-                    break;
-                }
-                chain.pop();
-            }
-            chain.push(p);
-        }
-        // Its last point is the first of the other half.
-        chain.pop();
-        chain
-    };
-    let mut hull = half(&mut sorted.iter().copied());
-    hull.extend(half(&mut sorted.iter().rev().copied()));
-    hull
-}
-
-/// Twice the area of a triangle, positive where it turns to the left.
-fn turns(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+    (REACH * gap).min(REACH_ACROSS * least_width(points.iter().map(|p| p.at).collect()))
 }
 
 /// Fits the warp of a part that is warped by `limit`, mm, at most to what points show; None of fewer than four.
