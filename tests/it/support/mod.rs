@@ -172,9 +172,13 @@ pub const ONE_FILE: &str = "[emit]\nformats = [\"linuxcnc\"]\n";
 
 /// Plans a stepped job in this process; panics with the errors where that fails.
 pub fn planned(job: &Path) -> Box<SteppedPlan> {
-    let plan = Job::load(job, &Overrides::default()).and_then(|job| plan::plan(job, &|_, _| {}));
-    match plan.unwrap_or_else(|e| panic!("{}: {e}", job.display())) {
-        Plan::Stepped(plan) => plan,
+    planning(job).unwrap_or_else(|e| panic!("{}: {e}", job.display()))
+}
+
+/// Plans a stepped job in this process.
+pub fn planning(job: &Path) -> Result<Box<SteppedPlan>, terrace_core::diag::Error> {
+    match Job::load(job, &Overrides::default()).and_then(|job| plan::plan(job, &|_, _| {}))? {
+        Plan::Stepped(plan) => Ok(plan),
         Plan::OnTheFly(_) => panic!("{} is an on-the-fly job", job.display()),
     }
 }

@@ -282,28 +282,35 @@ pub(super) fn grown(fit: &Fit, designed: &Surface, shown: &str) -> Option<Diag> 
 }
 
 /// What is said of pairs that do not go together.
-pub(super) fn apart(fault: PairsFault, points: &[&MeasuredPoint], shown: &str) -> Diag {
+pub(super) fn apart(fault: PairsFault, points: &[&MeasuredPoint], is_warped: bool, shown: &str) -> Diag {
+    let warp = if is_warped { "" } else { "; where all are right the part is warped: state placement.measured.warp" };
     let name = |i: usize| format!("{} ({})", points[i].name, line_of(points[i], shown));
     let (text, hint, at) = match fault {
         PairsFault::Wrong(i) => (
             format!("{} does not go with the other points, which go together", name(i)),
-            "measure it again, or leave it out",
+            format!("measure it again, or leave it out{warp}"),
             i,
         ),
         PairsFault::Exchanged(i, k) => (
             format!("{} and {} are exchanged: the points go together the other way round", name(i), name(k)),
-            "exchange their stage positions, and check that no other two are exchanged",
+            "exchange their stage positions, and check that no other two are exchanged".to_owned(),
             i,
         ),
         PairsFault::Mirrored => (
             "the points go together in a mirror alone".to_owned(),
             "check the signs of the axes: stage_x, stage_y and stage_z are what the controller shows, and the machine \
-             file says what each axis carries",
+             file says what each axis carries"
+                .to_owned(),
             0,
         ),
         PairsFault::Apart(i) => (
             format!("the points do not go together within their noise; {} is farthest off", name(i)),
-            "check the points, the unit of the part and sigma_um; a fourth point shows which one is wrong",
+            if points.len() > 3 {
+                format!("check the points, the unit of the part and sigma_um{warp}")
+            } else {
+                "check the points, the unit of the part and sigma_um; a fourth point shows which one is wrong"
+                    .to_owned()
+            },
             i,
         ),
     };

@@ -168,7 +168,7 @@ pub fn fitted(
     let limit = job.placement.measured.as_ref().and_then(|measured| measured.warp).map(|limit| limit.as_mm());
     let held: Vec<Pair> = pairs.iter().map(|pair| loosened(pair, limit)).collect();
     if let Some(fault) = pairs_fault(&held) {
-        return Err(faults::apart(fault, &of_pairs, shown).into());
+        return Err(faults::apart(fault, &of_pairs, limit.is_some(), shown).into());
     }
     let start = match job.placement.origin {
         Some(origin) => Motion::shift(origin.mm()),
