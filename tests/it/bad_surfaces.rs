@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::image::{self, Colour};
 use crate::support::surfaces::Random;
-use crate::support::{fixture, folder, malformed, shared};
+use crate::support::{fixture, folder, malformed, processor, shared};
 use terrace_core::diag::{Diag, Error, Kind};
 use terrace_input::surface::{Content, Options, Samples, Scale, read};
 
@@ -134,9 +134,8 @@ fn read_at(path: &Path, unit_mm: f64) -> Got {
     let unit_mm = path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("3mf")).then_some(unit_mm);
     let options = Options { unit_mm, heightmap, ..Default::default() };
     let (mut notes, mut facets) = (vec![], vec![]);
-    let start = Instant::now();
-    let result = read(path, &options, &mut notes, &mut |f| facets.push(f));
-    assert!(start.elapsed() < Duration::from_secs(5), "{} took {:?}", path.display(), start.elapsed());
+    let name = path.display().to_string();
+    let result = processor::within(5, &name, || read(path, &options, &mut notes, &mut |f| facets.push(f)));
     assert!(facets.iter().flatten().flatten().all(|v: &f64| v.abs() <= 4000.0), "{}", path.display());
     Got { result, notes, facets }
 }

@@ -10,6 +10,7 @@ pub mod lightburn;
 pub mod linuxcncrsh;
 pub mod malformed;
 pub mod nurbs;
+pub mod processor;
 pub mod seen;
 pub mod slurm;
 pub mod surfaces;
