@@ -356,6 +356,7 @@ fn proved(job: &Path, program: &str) -> ProbeProof {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn a_damaged_program_of_a_probe_or_a_clamp_in_its_way_breaks_its_proof() {
     let dir = folder();
     let job = job(dir.path(), "linuxcnc", "", 50);

@@ -110,6 +110,7 @@ fn laps_around_a_closed_line_count_its_last_part() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn the_dome_needs_more_than_a_greedy_packing_tells_and_mutants_are_refused() {
     let sound = lower_bound(&dome(), SIZE);
     assert!(sound.check());

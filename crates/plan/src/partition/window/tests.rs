@@ -69,6 +69,7 @@ fn a_slope_along_x_takes_its_levels_and_no_more() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn free_windows_need_fewer_than_sections_on_a_dome() {
     let items = sheet([225, 225], 2, |x, y| {
         let (u, v) = ((x - 225.0) / 225.0, (y - 225.0) / 225.0);
