@@ -30,13 +30,17 @@ fn json(out: &Output) -> Value {
     serde_json::from_slice(&out.stdout).expect("JSON")
 }
 
+/// Converts a file into `out.ply` of a folder, and answers with what was said of it.
+pub fn convert(file: &Path, dir: &Path, tolerance: &str) -> Value {
+    let mut command = with(python(), dir);
+    command.args(["import", "--json", "--tolerance", tolerance]).arg(file).arg("-o").arg(dir.join("out.ply"));
+    json(&command.output().expect("starts"))
+}
+
 /// Converts a file, and answers with what was said of it and its facets.
 fn import(file: &Path, dir: &Path, tolerance: &str) -> (Value, Vec<[[f64; 3]; 3]>) {
-    let ply = dir.join("out.ply");
-    let mut command = with(python(), dir);
-    command.args(["import", "--json", "--tolerance", tolerance]).arg(file).arg("-o").arg(&ply);
-    let said = json(&command.output().expect("starts"));
-    (said, facets(&ply))
+    let said = convert(file, dir, tolerance);
+    (said, facets(&dir.join("out.ply")))
 }
 
 fn facets(ply: &Path) -> Vec<[[f64; 3]; 3]> {

@@ -10,16 +10,24 @@ use terrace_core::random::Random;
 use terrace_input::surface::Surface;
 use terrace_register::{Facets, Fit, Motion, Points, Touch, fit};
 
-use crate::support::shared;
+use crate::cad::convert;
+use crate::support::{folder, shared};
 
 const TRIALS: usize = 200;
 const TOUCHES: usize = 300;
 const RADIUS: f64 = 1.0;
 const NOISE: f64 = 0.02;
 
-/// Facets, mm, turned about x and then about y by angles, deg.
+/// Facets of a mesh or of a CAD file, mm, turned about x and then about y by angles, deg.
 fn facets(path: &Path, lean: [f64; 2]) -> Vec<[SpacePoint; 3]> {
-    let part = Surface::load_mm(path).expect("a surface");
+    let dir = folder();
+    let part = if path.extension().is_some_and(|of| of == "stl") {
+        Surface::load_mm(path)
+    } else {
+        convert(path, dir.path(), "0.01 mm");
+        Surface::load_mm(&dir.path().join("out.ply"))
+    };
+    let part = part.expect("a surface");
     let [(s, c), (t, d)] = lean.map(|deg: f64| math::sin_cos(deg.to_radians()));
     let mut all = Vec::new();
     part.each_facet(&mut |facet| {
